@@ -179,6 +179,37 @@ def resistance_scale(resistance: float, load: float) -> float:
     return max(abs(resistance), MIN_RESISTANCE_RATIO * load)
 
 
+def compaction_rate(speed: float, radius: float, fed_height: float, depth: float) -> float:
+    """Compute the mean rate of compaction under a roller [1/s].
+
+        rate = |v| ln(k_out/k_in)/a,    k_out/k_in = H/(H - d),    a = sqrt(2 R d)
+
+    Density ratio and contact length are nominal: those of mix that is pressed from its height as fed to the lowest
+    generatrix without elastic recovery, and of a rigid parabola in a plane. The rate is thus an explicit function of
+    speed and geometry for every engine. Mix that an earlier pass has compacted counts as fed, so that a second pass at
+    the same height has the rate of the first.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the roller [m/s].
+    radius : float
+        Roller radius R [m].
+    fed_height : float
+        Height H of all mix below the roller at its initial density ratio [m].
+    depth : float
+        Depth d of the lowest generatrix below that height [m], less than H; 0 is the rate of a touching roller.
+
+    Examples
+    --------
+    >>> f"{compaction_rate(0.13, 0.11, 0.063, 0.003):.3f} 1/s"
+    '0.247 1/s'
+    """
+    if depth <= 0:
+        return 0.0
+    return float(-abs(speed) * np.log1p(-depth / fed_height) / np.sqrt(2 * radius * depth))
+
+
 def require_moving(speed: float) -> None:
     """Require a roller at a finite speed [m/s] other than 0."""
     require_finite(speed=speed)

@@ -165,7 +165,6 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     """
     angle = np.radians(mix.friction_angle)
     slope = float(np.sqrt(3) * np.sin(angle))
-    speed = scene.mix.reference_speed
     return Compaction(
         unloading_modulus=mix.unloading_modulus,
         poisson=mix.poisson,
@@ -174,8 +173,8 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
         critical_slope=slope,
         tensile_strength=float(mix.cohesion / np.tan(angle)),
         fed_density_ratio=scene.layer.fed_density_ratio,
-        rate_exponent=mix.rate_exponent if speed else 0.0,
-        reference_speed=speed,
+        rate_sensitivity=mix.rate_sensitivity,
+        reference_rate=mix.reference_rate,
     )
 
 
@@ -192,7 +191,7 @@ def _layer_before_pass(
     height, density_ratio = scene.lift_thickness, scene.mix.density_ratio
     if target:
         return Layer(height * density_ratio / material.fed_density_ratio, scene.layer.base), target
-    before = required_feed(height, density_ratio, material, speed)
+    before = required_feed(height, density_ratio, material, speed, radius=scene.machine.roller_radius)
     return Layer(before.height, scene.layer.base), {"indentation": before.indentation}
 
 

@@ -6,14 +6,14 @@ Each column is compressed as in an oedometer (`column_ode`). The contact extends
 height, to the rear edge, where the rebound ends and s_v = 0. This is the limit of a wide thin bonded layer without
 friction. The difference to plane strain is of second order in height over contact length; `error` does not contain it.
 F is the work retained by the layer. It depends on the lowest height alone, not on radius or profile, and on the speed
-through pc only.
+and the radius through the rate of compaction in pc only (`rolling_contact.compaction_rate`).
 
 Mass is measured by the height that grains and water fill, density ratio times height; the gap cannot be smaller.
 Several passes, and new mix on compacted mix, are columns on top of one another that share s_v and retain their state.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -36,11 +36,13 @@ from compact.engines.column.indentation_search import (
     solve_plate_density,
     solve_target,
 )
+from compact.material.cap_plasticity import CapConstants, cap_constants
 from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 
 INTEGRATION_RTOL = 1e-9  # [-], default error of a step over the size of the whole pass
+FEED_TRIALS_MAX = 20  # [-], of the rate factor of a feed; each reduces its error some thousandfold
 ERROR_RTOL_RATIO = 100.0  # [-], `rtol` of the comparison pass over `rtol`; the difference is the error estimate
 
 
@@ -126,7 +128,7 @@ def roll(
     material : Compaction
         Material law.
     speed : float
-        Speed of the roller along x [m/s], not 0; pc is multiplied by `material.rate_factor(speed)`.
+        Speed of the roller along x [m/s], not 0; it enters by its sign and by the rate of compaction in pc.
     **options
         Keywords of `roll_over`.
 
@@ -185,7 +187,9 @@ def roll_over(
     require_known("strain", strain, STRAINS)
     require_positive(rtol=rtol)
     gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
-    layer = _integrable_layer(tuple(columns), material, material.rate_factor(speed), gap, STRAINS[strain])
+    layer = _integrable_layer(tuple(columns), material, 1.0, gap, STRAINS[strain])
+    if material.rate_sensitivity:
+        layer = _rated_layer(layer, material, roller.radius, speed)
     if exit_density_ratio is None:
         result, evaluations = solve_target(layer, roller, rtol)
     else:
@@ -197,7 +201,13 @@ def roll_over(
 
 
 def required_feed(
-    height: float, exit_density_ratio: float, material: Compaction, speed: float, *, rtol: float = INTEGRATION_RTOL
+    height: float,
+    exit_density_ratio: float,
+    material: Compaction,
+    speed: float,
+    *,
+    radius: float | None = None,
+    rtol: float = INTEGRATION_RTOL,
 ) -> RequiredFeed:
     """Compute the height of fresh mix and the indentation for a product after one pass and its rebound.
 
@@ -209,23 +219,34 @@ def required_feed(
         Density ratio of the product [-].
     speed : float
         Speed of the roller [m/s].
+    radius : float, optional
+        Roller radius [m]; required for a mix with a rate sensitivity.
     rtol : float
         Error of a step over the size of the whole pass [-].
 
     Returns
     -------
     RequiredFeed
-        Both lengths are proportional to `height`.
+        Both lengths are proportional to `height` for a mix without rate sensitivity.
     """
     require_positive(height=height)
     _require_compaction(material)
-    layer = _unit_layer(material, material.rate_factor(speed))
-    result, _ = solve_plate_density(layer, exit_density_ratio, rtol)
-    rolling_contact.require_target_reached(
-        "exit_density_ratio", exit_density_ratio, result.density_ratio, TARGET_TOLERANCE * rtol
-    )
-    scale = height / result.columns[0].height
-    return RequiredFeed(height=scale, indentation=scale * result.indentation)
+    if material.rate_sensitivity and radius is None:
+        raise ValueError("`radius` must be given for a mix with a rate sensitivity, got None")
+    factor = 1.0
+    for _ in range(FEED_TRIALS_MAX):
+        result, _ = solve_plate_density(_unit_layer(material, factor), exit_density_ratio, rtol)
+        rolling_contact.require_target_reached(
+            "exit_density_ratio", exit_density_ratio, result.density_ratio, TARGET_TOLERANCE * rtol
+        )
+        scale = height / result.columns[0].height
+        feed, before = RequiredFeed(height=scale, indentation=scale * result.indentation), factor
+        if radius is not None:
+            rate = rolling_contact.compaction_rate(speed, radius, feed.height, feed.indentation)
+            factor = material.rate_factor(rate)
+        if abs(factor / before - 1) <= rtol:
+            return feed
+    raise RuntimeError(f"the rate of compaction still changes by {abs(factor / before - 1):.1e}; raise `rtol`")
 
 
 def simulate_oedometer(
@@ -238,7 +259,7 @@ def simulate_oedometer(
     pressure : array_like
         Vertical stresses s_v [Pa], shape (n,).
     rate_factor : float
-        Ratio of pc to its value at the reference speed [-].
+        Ratio of pc to its value at rest [-].
     rtol : float
         Error of a step over the size of the whole test [-].
 
@@ -291,6 +312,18 @@ def _integrable_layer(
             "the resistance by less than 1e-3"
         )
     return layer
+
+
+def _rated_layer(layer: ColumnLayer, material: Compaction, radius: float, speed: float) -> ColumnLayer:
+    """Return a layer whose pc has the factor of the rate of compaction under a roller at each indentation."""
+    fed_height = layer.unstressed_solid_height / material.fed_density_ratio
+
+    def law_at(indentation: float) -> CapConstants:
+        depth = fed_height - layer.height + indentation
+        rate = rolling_contact.compaction_rate(speed, radius, fed_height, depth)
+        return cap_constants(material, material.rate_factor(rate))
+
+    return replace(layer, law=law_at(layer.max_indentation), law_at=law_at)
 
 
 def _build_result(

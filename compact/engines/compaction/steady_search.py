@@ -94,6 +94,8 @@ class SteadySearch:
         Tolerance of the logarithm of the prescribed quantity [-].
     stretch : callable
         Function that returns a roller on its mesh stretched to a depth [m].
+    rate_factor : callable
+        Function that returns the factor of the yield pressure [-] at a depth [m].
     relaxation : Relaxation
         Slow relaxation of the bow wave; its length is found on this mesh if it is unknown.
     """
@@ -104,6 +106,7 @@ class SteadySearch:
     tolerance: float
     target_tolerance: float
     stretch: Stretch
+    rate_factor: Callable[[float], float]
     relaxation: Relaxation = field(default_factory=Relaxation)
     errors: SteadyErrors = field(init=False)
     values: FloatArray = field(init=False)  # `QUANTITIES` in the steady state
@@ -272,6 +275,7 @@ class SteadySearch:
             ratio = depth / self.rolling.mesh_depth
             if max(ratio, 1 / ratio) > STRETCHED_DEPTH:
                 self.rolling = self.stretch(self.rolling, depth)
+            self.rolling.frame.solid.rate_factor = self.rate_factor(depth)
             try:
                 return self._roll(share)
             except RuntimeError:
