@@ -42,8 +42,9 @@ def in_lifts(scene, count):
     """Return the contacts of all passes over a layer fed in equal lifts, each compacted to the density of the scene."""
     material, density_ratio = compaction_material(scene, scene_mix(scene)), scene.mix.density_ratio
     speed = scene.motion.stroke / scene.motion.duration
-    lift = required_feed(scene.product.height, density_ratio, material, speed).height / count
-    roller = Roller(scene.machine.roller_radius, indentation=lift / 100, profile="circle")  # replaced by the density
+    radius = scene.machine.roller_radius
+    lift = required_feed(scene.product.height, density_ratio, material, speed, radius=radius).height / count
+    roller = Roller(radius, indentation=lift / 100, profile="circle")  # replaced by the density
     stages = [Pass(lift if number else 0.0, exit_density_ratio=density_ratio) for number in range(count)]
     return passes(Layer(lift), roller, material, speed, stages)
 
