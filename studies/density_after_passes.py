@@ -28,8 +28,8 @@ SCENES = Path(__file__).parent / "scenes"
 HEADER = ("radius_m", "moisture", "passes", "largest_load_N", "largest_resistance_N", "density_ratio")
 PROFILE_HEADER = ("engine", "pass", "load_N/m", "resistance_N/m", "bottom_m", "top_m", "density_ratio")
 CALIBRATED = {
-    "mix.overrides.heckel_slope": 15.366e-6,
-    "layer.fed_density_ratio": 0.93444,
+    "mix.overrides.heckel_slope": 15.228e-6,
+    "layer.fed_density_ratio": 0.93430,
 }  # calibrated to 9740 N and 0.179
 
 # Options of the finite elements for the profiles; coarse, as later passes have a contact of a few millimetres and roll

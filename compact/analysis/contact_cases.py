@@ -155,20 +155,20 @@ def _linear_material(mix: Mix, relaxed: bool) -> Elastic | Viscoelastic:
 def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     """Convert the mix of a scene to its law of irreversible compaction.
 
-        M = sqrt(3) sin phi,  pt = c cot phi,  K_H isotropic = A K_H,  A = (1 + sqrt(1 + 4 M^2/9))/2
+        M = sqrt(3) sin phi,  pt = c cot phi
 
     Notes
     -----
     phi and c are the angle of internal friction and the cohesion: the critical state line equals the Mohr-Coulomb
-    limit in plane strain at constant volume. A = d s_v/d pc of confined compression converts the one-dimensional
-    Heckel slope of mix tables to the isotropic one.
+    limit in plane strain at constant volume. Confined compression follows the Heckel curve of mix tables.
     """
     angle = np.radians(mix.friction_angle)
     slope = float(np.sqrt(3) * np.sin(angle))
     return Compaction(
         unloading_modulus=mix.unloading_modulus,
         poisson=mix.poisson,
-        heckel_slope=mix.heckel_slope * (1 + float(np.sqrt(1 + 4 * slope**2 / 9))) / 2,
+        heckel_slope=mix.heckel_slope,
+        heckel_test="confined",
         loose_density_ratio=LOOSE_DENSITY_RATIO,
         critical_slope=slope,
         tensile_strength=float(mix.cohesion / np.tan(angle)),

@@ -241,7 +241,7 @@ def test_large_contact_angle_becomes_steady_and_balances():
 
 @pytest.mark.parametrize(
     ("depth", "advice"),
-    [(0.002, "reduce the depth"), (0.0055, r"feed the mix in lifts of at most 0\.044 m .*; or reduce .* 3\.52 mm")],
+    [(0.002, "reduce the depth"), (0.0055, r"feed the mix in lifts of at most 0\.044 m .*; or reduce .* 3\.46 mm")],
     ids=["2 mm", "5.5 mm"],
 )
 def test_unsteady_rolling_reports_its_last_step_and_remedies(monkeypatch, layer, roller, mix, depth, advice):

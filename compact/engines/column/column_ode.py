@@ -33,7 +33,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import DOP853
 
-from compact.material.cap_plasticity import CapConstants, hardening
+from compact.material.elliptic_cap import CapConstants, hardening
 from compact.numerics import Array, BoolArray, IntArray
 from compact.numerics.jit import compiled
 

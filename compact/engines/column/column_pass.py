@@ -16,7 +16,7 @@ import numpy as np
 
 from compact.engines.column import column_ode as ode
 from compact.engines.column.column_ode import STRESS, ColumnStack, GapShape, PathControl
-from compact.material.cap_plasticity import CapConstants, cap_constants, hardening
+from compact.material.elliptic_cap import CapConstants, cap_constants, hardening
 from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.numerics.validation import require_fields

@@ -50,11 +50,14 @@ class SolidState:
         Material state of the Gauss points.
     work : ndarray, shape (n,)
         Work of deformation since feeding, int J sigma : d strain [J/m3 of fed mix].
+    carried_pressure : ndarray, shape (n,), optional
+        Pressures that limit shear in the next increment [Pa], see `drucker_prager_cap`; the mix's own by default.
     """
 
     displacement: FloatArray
     points: cap_plasticity.MaterialPoint
     work: FloatArray
+    carried_pressure: FloatArray | None = None
 
 
 class FiniteStrainSolid:
@@ -72,6 +75,8 @@ class FiniteStrainSolid:
         True for finite strain, False for small strain.
     rate_factor : float
         Factor of the yield pressure by the speed [-].
+    travel : float
+        Travel of the roller in one increment [m], over which a shear viscosity acts.
     substeps : int
         Substeps of the stress integration in one increment.
     threads : int
@@ -86,6 +91,7 @@ class FiniteStrainSolid:
         fixed_dofs: ArrayLike = (),
         finite: bool = True,
         rate_factor: float = 1.0,
+        travel: float = np.inf,
         substeps: int = SUBSTEPS,
         threads: int = 1,
     ) -> None:
@@ -93,7 +99,7 @@ class FiniteStrainSolid:
             mesh = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
         self.basis = Basis(mesh, ElementQuadS2(), intorder=GAUSS_ORDER)
         self.material, self.rate_factor, self.substeps = material, rate_factor, substeps
-        self.finite, self.threads = finite, threads
+        self.finite, self.travel, self.threads = finite, travel, threads
         self.element_dofs = element_unknowns(self.basis)
         self.fixed_dofs = np.unique(np.asarray(fixed_dofs, dtype=int))
 
@@ -169,8 +175,9 @@ class FiniteStrainSolid:
         elements, size = self.element_dofs.shape
         forces, stiffness = np.empty((elements, size)), np.empty((elements if tangent else 0, size, size))
         multipliers = np.zeros((len(before.work), self.substeps)) if near is None else near.multipliers.copy()
-        law = cap_plasticity.cap_constants(self.material, self.rate_factor), self.finite
-        inputs = law, self._mesh, displacements, state, after, multipliers, (forces, stiffness)
+        law = cap_plasticity.cap_constants(self.material, self.rate_factor, self.travel), self.finite
+        carried = np.empty(0) if before.carried_pressure is None else np.ascontiguousarray(before.carried_pressure)
+        inputs = law, self._mesh, displacements, state, after, (multipliers, carried), (forces, stiffness)
         failed = self._integrate_blocks(elements, inputs)
         if failed >= 0:
             raise ValueError(

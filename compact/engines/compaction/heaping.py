@@ -4,13 +4,14 @@ A prescribed height prescribes the mean exit density. Mix that is not compacted 
 bow wave. The wave lengthens the contact until its pressure reaches deep enough. At a contact angle beyond a limit the
 roller pushes the mix ahead instead of compacting it, so the depth is limited by
 
-    D = int_0^H [1 - k_in/k(s)] dy,    A pc(k(s)) = s = p min(1, f(y) + f(2 H - y)),    A = [1 + sqrt(1 + 4 M^2/9)]/2
+    D = int_0^H [1 - k_in/k(s)] dy,    s = p min(1, f(y) + f(2 H - y)),    A [pc(k(s)) + pt] - pt = s
     f(y) = (2/pi) [atan b + b/(1 + b^2)],  b = L/(2 y),    L = 1.07 R sin(angle)
     p = 1.3 [1 + L/(2 H)] (2 + pi) s_u,    s_u = M (pc(k_in) + pt)/(2 sqrt 3)
 
-with y the depth below the surface and H the height of the fed layer. s is the vertical stress in an elastic half-plane
-under a uniform pressure p over the length L, with its mirror image at the rigid base. k(s) is the density ratio in
-confined compression. p is Prandtl's bearing capacity of the fresh mix, with its plane-strain shear strength s_u.
+with A = [1 + sqrt(1 + 4 M^2/9)]/2, the depth y below the surface and the height H of the fed layer. s is the vertical
+stress in an elastic half-plane under a uniform pressure p over the length L, with its mirror image at the rigid base.
+k(s) is the density ratio in confined compression. p is Prandtl's bearing capacity of the fresh mix, with its
+plane-strain shear strength s_u.
 
 This is a heuristic with two factors fitted to 47 scenes with a computed steady state: their contact angles reach 35
 degrees, the mean pressure of the wide contacts is 1.2 to 2.0 times the bearing capacity, and the largest of their
@@ -111,10 +112,10 @@ class HeapingEstimate:
 
     def _confined_density_ratio(self, stress: FloatArray) -> FloatArray:
         """Density ratio under a vertical stress [Pa] in confined compression."""
-        material = self.material
-        vertical = (1 + np.sqrt(1 + 4 * material.critical_slope**2 / 9)) / 2  # vertical stress over yield pressure
+        material, strength = self.material, self.material.tensile_strength
         ratios = np.linspace(material.loose_density_ratio, DENSEST_TABULATED, TABLE_SIZE)
-        return np.interp(stress, vertical * self.rate_factor * material.yield_pressure(ratios), ratios)
+        confined = material.confined_stress_ratio * (self.rate_factor * material.yield_pressure(ratios) + strength)
+        return np.interp(stress, confined - strength, ratios)
 
 
 def require_no_heaping(estimate: HeapingEstimate, name: str, value: float, depth: float | None) -> None:
