@@ -49,8 +49,45 @@ class Ply:
 
 
 @dataclass(frozen=True)
+class LowerLift:
+    """Lift below the fed one, of the same mix, compacted by an earlier pass and bonded to it.
+
+    Parameters
+    ----------
+    thickness : float
+        Thickness at rest [m], > 0.
+    density_ratio : float
+        Density ratio k at rest [-], 0 < k < 1; at the same time that of its preconsolidation.
+    residual_stress : bool
+        True for the lateral stress that confined compression leaves behind, False for mix without stress.
+    """
+
+    thickness: float
+    density_ratio: float
+    residual_stress: bool = True
+
+    def __post_init__(self) -> None:
+        require_positive(thickness=self.thickness, density_ratio=self.density_ratio)
+        if not self.density_ratio < 1:
+            raise ValueError(f"`density_ratio` of the lower lift must be below 1, got {self.density_ratio!r}")
+
+    def compaction_rate(self, speed: float, radius: float, fed_density_ratio: float) -> float:
+        """Compute the rate of compaction in the earlier pass [1/s], see `compaction_rate`.
+
+        Parameters
+        ----------
+        speed, radius : float
+            Speed [m/s] and radius [m] of the roller.
+        fed_density_ratio : float
+            Initial density ratio of the mix [-].
+        """
+        fed_height = self.thickness * self.density_ratio / fed_density_ratio
+        return compaction_rate(speed, radius, fed_height, fed_height - self.thickness)
+
+
+@dataclass(frozen=True)
 class Layer:
-    """Layer on a rigid base, of one material or of plies.
+    """Layer on a rigid base, of one material or of plies, or lift of mix on a lower lift.
 
         E(y, t) = c(y) E(t),  c the relative modulus of the ply at y
 
@@ -64,16 +101,19 @@ class Layer:
         Bonded or frictionless base.
     plies : tuple of Ply
         Plies from the base upwards; without plies the layer has the relative modulus 1.
+    lower_lift : LowerLift, optional
+        Lift between the layer and the base, under mix that compacts; the height does not contain it.
 
     Raises
     ------
     ValueError
-        If the thicknesses do not add up to the height.
+        If the thicknesses do not add up to the height, or a layer with a lower lift has plies.
     """
 
     height: float
     base: BaseCondition = "bonded"
     plies: tuple[Ply, ...] = ()
+    lower_lift: LowerLift | None = None
 
     def __post_init__(self) -> None:
         require_positive(height=self.height)
@@ -82,6 +122,10 @@ class Layer:
         if self.plies and abs(total - self.height) > HEIGHT_TOLERANCE * self.height:
             raise ValueError(
                 f"the thicknesses of `plies` must add up to the layer height, {self.height!r} m, got {total:.12g} m"
+            )
+        if self.plies and self.lower_lift is not None:
+            raise ValueError(
+                f"a layer with a `lower_lift` must have no `plies`, got {len(self.plies)}; plies are for linear layers"
             )
 
     @cached_property
@@ -223,6 +267,11 @@ def require_moving(speed: float) -> None:
 def require_known_case(layer: Layer, roller: Roller, speed: float) -> None:
     """Require a roller in motion [m/s] and known conditions of base, roller and gap."""
     require_moving(speed)
+    if layer.lower_lift is not None:
+        raise ValueError(
+            "a `lower_lift` must lie under mix that compacts, got one under a linear layer; use the engine column or "
+            "compaction, or give `plies`"
+        )
     require_known("base", layer.base, get_args(BaseCondition))
     require_known("rolling", roller.rolling, get_args(RollerCondition))
     require_known("profile", roller.profile, get_args(GapGeometry))

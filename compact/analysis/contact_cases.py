@@ -16,13 +16,13 @@ from compact.analysis.engines import ENGINES
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
 from compact.numerics.validation import require_finite
-from compact.rolling_contact import ContactResult, Layer, Ply, Roller
+from compact.rolling_contact import ContactResult, Layer, LowerLift, Ply, Roller
 from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene
 
 COMPACTED = (  # fields of engines with irreversible compaction only
-    "exit_density_ratio", "exit_height", "peak_density_ratio", "overdense_work", "mass_residual",
-    "yield_residual", "equilibrium_residual",
+    "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
+    "overdense_work", "mass_residual", "yield_residual", "equilibrium_residual",
 )  # fmt: skip
 COMMON = tuple(name for name in quantities.CONTACT if name not in COMPACTED)
 ERRORS = {"load": "load_error", "resistance": "resistance_error"}  # quantity -> field of its relative error
@@ -189,10 +189,14 @@ def _layer_before_pass(
     from compact.engines.column.engine import required_feed
 
     height, density_ratio = scene.lift_thickness, scene.mix.density_ratio
+    given = scene.layer.lower_lift
+    lower = None if given is None else LowerLift(given.thickness, given.density_ratio, given.residual_stress)
     if target:
-        return Layer(height * density_ratio / material.fed_density_ratio, scene.layer.base), target
-    before = required_feed(height, density_ratio, material, speed, radius=scene.machine.roller_radius)
-    return Layer(before.height, scene.layer.base), {"indentation": before.indentation}
+        fed_height = height * density_ratio / material.fed_density_ratio
+        return Layer(fed_height, scene.layer.base, lower_lift=lower), target
+    radius = scene.machine.roller_radius
+    before = required_feed(height, density_ratio, material, speed, radius=radius, lower_lift=lower)
+    return Layer(before.height, scene.layer.base, lower_lift=lower), {"indentation": before.indentation}
 
 
 @dataclass(frozen=True)
@@ -249,6 +253,8 @@ class ContactRecord:
     exit_density_ratio, exit_height, mass_residual : float or None
         Mean density ratio [-] and height [m] behind the first pass, relative residual of the mass balance [-];
         None for a linear layer.
+    lower_height, lower_density_ratio : float or None
+        Height [m] and mean density ratio [-] of the lower lift behind the first pass; None without one.
     peak_density_ratio, overdense_work, yield_residual, equilibrium_residual : float or None
         Largest density ratio, share of the plastic work beyond the measured pressure curve, largest stress beyond the
         cap over its pressure and relative residual of the forces [-]; None except for the engine "compaction".
@@ -272,6 +278,8 @@ class ContactRecord:
     iterations: int
     exit_density_ratio: float | None = None
     exit_height: float | None = None
+    lower_height: float | None = None
+    lower_density_ratio: float | None = None
     peak_density_ratio: float | None = None
     overdense_work: float | None = None
     mass_residual: float | None = None

@@ -12,6 +12,7 @@ J. C. Simo and T. J. R. Hughes, Computational Inelasticity, Springer 1998, chapt
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from compact.material.drucker_prager_cap import is_elastic_in_line, return_to_line
 from compact.material.elliptic_cap import (
@@ -33,6 +34,7 @@ __all__ = ["CapConstants", "cap_constants", "hardening", "return_map"]  # re-exp
 
 BATCH_POINTS = 20_000  # [-], points of one compiled call; some 20 ms, so that an interrupt is handled between calls
 NO_STRAIN = 1e-13  # [-], of a path that is elastic from any state; above the rounding of the strain
+CONFINED_STEPS = 200  # [-], of the compression of mix by an earlier pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +63,49 @@ def initial_state(law: Compaction, n: int) -> MaterialPoint:
     """Return n stress-free points at the initial density ratio of a law."""
     density_ratio = np.full(n, float(law.fed_density_ratio))
     return MaterialPoint(np.zeros((n, 4)), density_ratio, density_ratio.copy(), np.zeros(n))
+
+
+def compacted_state(
+    law: Compaction, density_ratio: float, rate_factor: float = 1.0, *, residual_stress: bool = True
+) -> MaterialPoint:
+    """Return one point of mix at rest that an earlier pass has compacted to a density ratio.
+
+    Confined compression from the initial density ratio, and unloading until the vertical stress vanishes, leave a
+    lateral stress. Mix without residual stress keeps the preconsolidation density ratio.
+
+    Parameters
+    ----------
+    density_ratio : float
+        Density ratio after unloading [-], above the initial one of the law.
+    rate_factor : float
+        Factor of pc at the speed of the earlier pass [-].
+    residual_stress : bool
+        True to keep the lateral stress.
+    """
+    fresh, constants = initial_state(law, 1), cap_constants(law, rate_factor)
+    fed, stiffness = float(law.fed_density_ratio), constants.K + 4 * constants.G / 3
+    if not fed < density_ratio < 1:
+        raise ValueError(
+            f"`density_ratio` of compacted mix must lie between that of the fed mix {fed:.6g} and 1, got "
+            f"{density_ratio!r}"
+        )
+
+    def strained(state, strain):
+        return integrate_points(law, state, np.array([[0.0, strain, 0.0]]), rate_factor, tangent=False)[0]
+
+    def compacted(strain):
+        state = fresh
+        for _ in range(CONFINED_STEPS):
+            state = strained(state, -strain / CONFINED_STEPS)
+        rise = -2 * state.stress[0, 1] / stiffness
+        return strained(state, brentq(lambda part: strained(state, part).stress[0, 1], 0.0, rise, xtol=NO_STRAIN))
+
+    low = float(np.log(density_ratio / fed))
+    high = low + 2 * hardening(constants, density_ratio)[0] / constants.K
+    strain = brentq(lambda part: compacted(part).density_ratio[0] - density_ratio, low, high, xtol=NO_STRAIN)
+    state = compacted(strain)
+    stress = state.stress * [1.0, 0.0, 1.0, 0.0] if residual_stress else np.zeros((1, 4))
+    return MaterialPoint(stress, state.density_ratio, state.max_density_ratio, np.zeros(1))
 
 
 def integrate_points(

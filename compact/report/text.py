@@ -226,6 +226,11 @@ def _accuracy_lines(contact: Any) -> Iterator[str]:
             f"density ratio {contact.exit_density_ratio:.4f} behind the roller, exit height "
             f"{contact.exit_height * 1e3:.2f} mm; mass-balance residual {abs(contact.mass_residual):.1e}"
         )
+    if getattr(contact, "lower_height", None) is not None:
+        yield (
+            f"lower lift behind the roller: density ratio {contact.lower_density_ratio:.4f}, height "
+            f"{contact.lower_height * 1e3:.3f} mm"
+        )
     if getattr(contact, "exceeds_full_density", False):
         yield f"over-compacted: the mix exceeds full density, density ratio {contact.peak_density_ratio:.3f} at most"
     if getattr(contact, "overdense_work", 0.0) > 0:

@@ -121,6 +121,12 @@ def _fed_mix_is_looser(fed, ratio):
         return f"must be below mix.density_ratio = {ratio:g}, got {fed:g}; give the looser state before the first pass"
 
 
+@_rule("layer.lower_lift.density_ratio", "layer.fed_density_ratio")
+def _lower_lift_is_denser_than_fed(ratio, fed):
+    if ratio is not None and ratio <= fed:
+        return f"must be above layer.fed_density_ratio = {fed:g}, got {ratio:g}; give that behind the earlier pass"
+
+
 @_rule("layer.lift_thickness", "product.height")
 def _lift_is_of_the_product(lift, height):
     if lift is not None and lift > height:

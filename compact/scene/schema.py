@@ -151,6 +151,14 @@ class Ply(Table):
     relative_modulus: float = _positive("the moduli of the ply over those of the mix")
 
 
+class LowerLift(Table):
+    """Lift of the same mix below the layer, compacted by an earlier pass and bonded to it, on the rigid base."""
+
+    thickness: float = _positive("the thickness in m")
+    density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio k of the lift")
+    residual_stress: bool = _default(True, "true if the earlier pass has left its lateral stress, false for no stress")
+
+
 Plies = Annotated[tuple[Ply, ...], Strict(False)]
 
 
@@ -162,6 +170,7 @@ class Layer(Table):
         "the compacted thickness of one lift in m; default the height of the product"
     )
     plies: Plies | None = Field(default=None, min_length=1, description="the plies from the base upwards, as tables")
+    lower_lift: LowerLift | None = None
     fed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
     passes: int = _between(1, COUNT_LIMIT, "the number of passes")
     return_stroke: Literal["fresh", "compacted"] = Field(

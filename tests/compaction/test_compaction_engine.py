@@ -420,6 +420,7 @@ def test_load_that_is_not_reached_reports_the_nearest_depth(monkeypatch):
         ({"roller": Roller(0.11, 0.02)}, "must be less than 0.006 m, got 0.02 m: it would press mix fed at 0.94"),
         ({"layer": Layer(0.1, plies=(Ply(0.1, 2.0),))}, "`plies` are for linear layers, got 1"),
         ({"exit_density_ratio": 1.0}, "`exit_density_ratio` must lie between that of the fed mix 0.94 and 1, got 1.0"),
+        ({"threads": 0}, "`threads` must be positive and finite, got 0"),
         ({"increments": 0}, "`increments` must be positive and finite, got 0"),
         ({"material": "mix"}, "`material` must be Compaction, got str; use the engine fem"),
     ],
@@ -430,8 +431,14 @@ def test_arguments_out_of_range_are_refused(layer, roller, mix, changes, message
         roll(**arguments)
 
 
+def test_two_threads_change_no_digit(coarse, layer, roller, mix):
+    rolled = roll(layer, roller, mix, 0.2, increments=4, threads=2)
+    assert (rolled.load, rolled.resistance) == (coarse.load, coarse.resistance)
+    assert np.array_equal(rolled.solution.state.points.stress, coarse.solution.state.points.stress)
+
+
 def test_start_on_another_base_is_refused(coarse, roller, mix):
-    with pytest.raises(ValueError, match="`start` must have the same `base` and `fed_layer`, got a result of others"):
+    with pytest.raises(ValueError, match="`start` must have the same `base`, `lower_lift` and `fed_layer`"):
         roll(Layer(0.1, base="slip"), roller, mix, 0.2, start=coarse)
 
 

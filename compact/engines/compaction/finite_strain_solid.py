@@ -14,8 +14,9 @@ Gradients have the components (xx, xy, yx, yy), g_ij = du_i/dx_j, along the seco
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
+from os import getpid
 from typing import cast
 
 import numpy as np
@@ -192,8 +193,8 @@ class FiniteStrainSolid:
         if self.threads == 1:
             return integrate_elements((0, elements), *inputs)
         ends = np.linspace(0, elements, self.threads + 1, dtype=int).tolist()
-        with ThreadPoolExecutor(self.threads) as executor:
-            failed = list(executor.map(lambda block: integrate_elements(block, *inputs), pairwise(ends)))
+        executor = _executor(self.threads, getpid())
+        failed = list(executor.map(lambda block: integrate_elements(block, *inputs), pairwise(ends)))
         return min((point for point in failed if point >= 0), default=-1)
 
     @cached_property
@@ -280,6 +281,12 @@ class FiniteStrainSolid:
     def _probe(self):
         """Random displacements of the free degrees of freedom, which excite all modes."""
         return np.random.default_rng(0).uniform(-1, 1, self.ordered_dofs.size)
+
+
+@cache
+def _executor(threads: int, _process: int) -> ThreadPoolExecutor:
+    """Return the executor of a process, which all increments share; one that is forked has none of its threads."""
+    return ThreadPoolExecutor(threads)
 
 
 @dataclass(frozen=True, eq=False)

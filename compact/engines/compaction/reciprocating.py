@@ -314,6 +314,8 @@ def _require_simulable(
     if depth is None:
         raise ValueError(f"`indentation` must be given for a roller of constant height, got its {roller.target[0]}")
     require_compactable(layer, roller, material, 1.0, fed_layer)
+    if layer.lower_lift is not None or (fed_layer is not None and fed_layer.lower is not None):
+        raise ValueError("a `lower_lift` is for steady rolling, got one under a stroke; use `roll`")
     if layer.base != "bonded":
         raise ValueError(f"`base` must be 'bonded', got {layer.base!r}: a frictionless base leaves the layer free")
     if not strokes.span > 0:

@@ -253,11 +253,13 @@ class SteadySearch:
         The height is that of the roller and the recovery at the exit column, which the roller has passed before; the
         density ratio of that column lags behind the depth. They differ by elastic strain and by elongation.
         """
-        rolling = self.rolling
+        rolling, frame = self.rolling, self.rolling.frame
         x, y = rolling.surface_positions.T
         passed = rolling.steps[-min(int(rolling.frame.exit_distance / rolling.frame.step) + 1, len(rolling.steps))]
-        recovery = float(np.interp(-rolling.frame.exit_distance, x, y)) - passed.bottom_height
-        return self.target.fed_ratio * rolling.frame.mesh.height / (self._height + recovery)
+        recovery = float(np.interp(-frame.exit_distance, x, y)) - passed.bottom_height
+        bottom = frame.layer_bottom(rolling.state.displacement, -frame.exit_distance)
+        height = frame.mesh.height - frame.lower_height
+        return self.target.fed_ratio * height / (self._height + recovery - bottom)
 
     def _correct(self, depth: float, jump: float, share: float) -> None:
         """Jump along the mode and roll at a corrected depth; by less if a step has no equilibrium."""
