@@ -164,7 +164,6 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     """
     angle = np.radians(mix.friction_angle)
     slope = float(np.sqrt(3) * np.sin(angle))
-    speed = scene.mix.reference_speed
     return Compaction(
         unloading_modulus=mix.unloading_modulus,
         poisson=mix.poisson,
@@ -174,8 +173,8 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
         critical_slope=slope,
         tensile_strength=float(mix.cohesion / np.tan(angle)),
         fed_density_ratio=scene.layer.fed_density_ratio,
-        rate_exponent=mix.rate_exponent if speed else 0.0,
-        reference_speed=speed,
+        rate_sensitivity=mix.rate_sensitivity,
+        reference_rate=mix.reference_rate,
     )
 
 
@@ -195,7 +194,8 @@ def _layer_before_pass(
     if target:
         fed_height = height * density_ratio / material.fed_density_ratio
         return Layer(fed_height, scene.layer.base, lower_lift=lower), target
-    before = required_feed(height, density_ratio, material, speed, lower_lift=lower)
+    radius = scene.machine.roller_radius
+    before = required_feed(height, density_ratio, material, speed, radius=radius, lower_lift=lower)
     return Layer(before.height, scene.layer.base, lower_lift=lower), {"indentation": before.indentation}
 
 

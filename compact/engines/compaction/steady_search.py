@@ -97,6 +97,8 @@ class SteadySearch:
         Function that returns a roller on its mesh stretched to a depth [m].
     relaxation : Relaxation
         Slow relaxation of the bow wave; its length is found on this mesh if it is unknown.
+    rate_factor : callable, optional
+        Function that returns the factor of the yield pressure [-] at a depth [m]; that of the mesh by default.
     """
 
     rolling: IncrementalRolling
@@ -106,6 +108,7 @@ class SteadySearch:
     target_tolerance: float
     stretch: Stretch
     relaxation: Relaxation = field(default_factory=Relaxation)
+    rate_factor: Callable[[float], float] | None = None
     errors: SteadyErrors = field(init=False)
     values: FloatArray = field(init=False)  # `QUANTITIES` in the steady state
     finds_length: bool = field(init=False)
@@ -281,6 +284,8 @@ class SteadySearch:
             ratio = depth / self.rolling.mesh_depth
             if max(ratio, 1 / ratio) > STRETCHED_DEPTH:
                 self.rolling = self.stretch(self.rolling, depth)
+            if self.rate_factor is not None:
+                self.rolling.frame.solid.rate_factor = self.rate_factor(depth)
             try:
                 return self._roll(share)
             except RuntimeError:
