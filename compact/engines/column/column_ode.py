@@ -16,8 +16,8 @@ and dp/ds_v = 3/(2g) inside the yield surface. On the shear line D = +-M (p + pt
     dp/ds_v = 1/(1 +- 2M/3),   w/ds_v = (2G/K dp/ds_v - dD/ds_v)/(+-3G + 2G N),   dV = -N w,
 
 without its viscosity, since columns have no bands of shear. The heights h_i of the columns add up to the gap under the
-roller, so that ds_v = -dgap/sum (de/ds_v) h_i. The slope of the gap under a circle is unbounded at its upright side. The
-path is therefore integrated over the tangent t of half the central angle, u = 2 R t:
+roller, so that ds_v = -dgap/sum (de/ds_v) h_i. The slope of the gap under a circle is unbounded at its upright side.
+The path is therefore integrated over the tangent t of half the central angle, u = 2 R t:
 
     q = 1/(1 + c u^2/(4 R^2)),   x = u q,   gap = u^2 q/(2R),   dx/du = q (2q - 1),   dgap/du = u q^2/R,
 
