@@ -330,6 +330,7 @@ class RollerFrame:
             fixed_dofs=_fixed_dofs(x, y, base),
             finite=finite,
             rate_factor=rate_factor,
+            travel=self.step,
         )
         surface = np.flatnonzero(y > mesh.height * (1 - SAME_PLACE))
         self.surface_nodes = surface[np.argsort(x[surface])]
