@@ -9,7 +9,7 @@ for each percentage point of moisture content, by the Heckel slope of the prior.
 
 Further passes at the same height do not replace lifts. The density by columns does not change. By finite elements the
 density decreases from the top downwards; each pass compacts the top 4 mm a little more, above a density ratio of 1, and
-the mix below not at all (`profiles`, four minutes of processor time).
+the mix below not at all (`profiles`, half a minute of processor time).
 """
 
 import itertools

@@ -28,6 +28,7 @@ COMPACTED = (  # fields of engines with irreversible compaction only
 COMMON = tuple(name for name in quantities.CONTACT if name not in COMPACTED)
 ERRORS = {"load": "load_error", "resistance": "resistance_error"}  # quantity -> field of its relative error
 SPEED_SHARES = tuple(2.0**power for power in range(-4, 2))  # [-], of the mean speed; default speeds of the contacts
+LAW_SPEED_SHARES = (1 / 16, 1.0)  # [-], of an engine whose resistance is a law of two or three contacts
 TARGETS = MappingProxyType(  # held quantity -> keyword of `Roller`
     {"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"}
 )
@@ -70,7 +71,8 @@ def contact_speeds(scene: Scene) -> tuple[float, ...]:
     """Return the speeds of the contacts of a scene [m/s], ascending."""
     if scene.contact is not None and scene.contact.speeds is not None:
         return scene.contact.speeds
-    return tuple(scene.mean_speed * share for share in SPEED_SHARES)
+    shares = LAW_SPEED_SHARES if ENGINES[scene.accuracy.engine].rate_factor_only else SPEED_SHARES
+    return tuple(scene.mean_speed * share for share in shares)
 
 
 def prescribed_target(scene: Scene) -> dict[str, float]:

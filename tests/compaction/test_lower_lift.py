@@ -98,6 +98,15 @@ def test_transfer_between_meshes_keeps_the_jump_of_density_at_the_interface():
     assert new.row_heights[: new.lower_rows].sum() == pytest.approx(0.06, rel=1e-12)
 
 
+def test_lower_lift_of_a_lower_lift_belongs_to_it():
+    lower = replace(fresh_layer(MIX, np.array([0.03])), lower=compacted_lift(LOWER, MIX))
+    fed = replace(fresh_layer(MIX, np.array([0.06])), lower=lower)
+    frame = RollerFrame(rolling_mesh(0.06, 0.02, 0.01, 0.09), MIX, "bonded", 0.02, fed_layer=fed)
+    assert frame.lower_height == pytest.approx(0.09)
+    assert frame.fed_layer.height == pytest.approx(0.06, rel=1e-12)
+    assert frame.fed_layer.lower.density_ratio == pytest.approx((0.03 * MIX.fed_density_ratio + 0.06 * 0.98) / 0.09)
+
+
 # columns in series
 
 

@@ -204,9 +204,9 @@ class RollingCase:
 
     @cached_property
     def lower(self) -> LayerState | None:
-        """Lower lift before the pass; None on the rigid base."""
+        """Lower lift before the pass, all mix below the fed layer; None on the rigid base."""
         if self.fed_layer is not None:
-            return self.fed_layer.lower
+            return None if self.fed_layer.lower is None else self.fed_layer.lower.stacked
         lift = self.layer.lower_lift
         if lift is None:
             return None

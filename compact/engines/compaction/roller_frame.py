@@ -338,12 +338,13 @@ class RollerFrame:
         self._row_layout, self.row_x, self.row_y = self._order_points_by_rows()
         self.inflow = fed_layer
         lower = lower if fed_layer is None else fed_layer.lower
+        lower = None if lower is None else lower.stacked
         self.lower_height = 0.0 if lower is None else lower.height
         self.lower_rows = int(np.sum(self.row_y < self.lower_height))
         heights = self.row_heights[self.lower_rows :]
         layer = fresh_layer(material, heights) if fed_layer is None else fed_layer.resampled(heights)
         if lower is not None:
-            layer = replace(layer, lower=lower.stacked.resampled(self.row_heights[: self.lower_rows]))
+            layer = replace(layer, lower=lower.resampled(self.row_heights[: self.lower_rows]))
         self.fed_layer = layer
         self._fed_points = layer.stacked.points
 
