@@ -31,6 +31,8 @@ WATER_DENSITY = 1000.0  # [kg/m3], density of water
 LOOSE_DENSITY_RATIO = 0.72  # [-], k0, start of Heckel's curve; a constant of the curve, not an allowed density
 HECKEL_SLOPE = 13e-6  # [1/Pa], one-dimensional K_H at moisture 0.10; fits the required pressures to rounding
 HECKEL_SLOPE_FACTORS = (0.55, 0.78, 1.0, 1.22, 1.45)  # [-], K_H over that at the moistures of the table
+AIR_PERMEABILITY = 1e-13  # [m2], intrinsic, to air, of the fed mix; unmeasured, 1e-14 of silty to 1e-12 of sandy mixes
+OCCLUSION_SATURATION = 0.90  # [-], saturation at which the paths of the air are closed
 RATE_EXPONENT = 0.018  # [-], of yield pressure over speed; 4.2 % per decade, middle of 2.5-7 % of unsaturated clay
 PUBLISHED_MOISTURE, PUBLISHED_DENSITY_RATIO = 0.10, 0.98  # [-], of the published machine
 PUBLISHED_TOLERANCE = 1e-9  # [-], of moisture and density ratio
@@ -216,6 +218,12 @@ PARAMETER_SOURCES: dict[str, ParameterSource] = {
     "effective_modulus": ParameterSource(
         "Pa", "assumed", "secant modulus of (1.5)-(1.6): relaxed_modulus", _factor(2.5)
     ),
+    "air_permeability": ParameterSource(
+        "m2", "assumed", "intrinsic, of the fed mix: silty to sandy soils at its saturation", _range(1e-14, 1e-12)
+    ),
+    "occlusion_saturation": ParameterSource(
+        "-", "analogous", "compacted soils, end of continuous air", _range(0.85, 0.95)
+    ),
 }
 PARAMETER_NAMES = tuple(PARAMETER_SOURCES)
 CALIBRATED = ("required_pressure", "plastic_modulus", "relaxed_modulus", "heckel_slope", "effective_modulus")
@@ -357,6 +365,7 @@ def _table_values(moisture: float, density_ratio: float) -> dict[str, float]:
     values["saturation"] = float(saturation(moisture, density_ratio))
     values["heckel_slope"] = HECKEL_SLOPE * np.exp(np.interp(moisture, moistures, np.log(HECKEL_SLOPE_FACTORS)))
     values["rate_exponent"] = RATE_EXPONENT
+    values["air_permeability"], values["occlusion_saturation"] = AIR_PERMEABILITY, OCCLUSION_SATURATION
     return values
 
 

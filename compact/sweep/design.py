@@ -193,6 +193,8 @@ def _sampled_names(scene: Scene, axes: Sequence[Axis], samples: Sequence[Sampled
     counted = {name for engine in engines for name in ENGINES[engine].mix_parameters}
     if scene.mix.reference_speed and any(ENGINES[engine].compacting for engine in engines):
         counted.add("rate_exponent")
+    if scene.mix.pore_air != "drained" and any(ENGINES[engine].compacting for engine in engines):
+        counted |= {"air_permeability", "occlusion_saturation"}
     given = set(scene.mix.overrides.model_dump(exclude_none=True)) | {axis.key.split(".")[-1] for axis in axes}
     names = set()
     for sample in samples:

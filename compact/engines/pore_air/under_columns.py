@@ -21,7 +21,7 @@ from compact.material.pore_air import PoreAir
 from compact.numerics import Array
 from compact.rolling_contact import GapGeometry
 
-ELEMENTS = 240  # [-], along the contact; the load changes by less than 1e-3 from 120
+ELEMENTS = 480  # [-], along the contact; the load changes by 3e-3 at most from 240
 OUTER_LENGTH = 6.0  # [-], length ahead and behind over the height as fed
 OUTER_GROWTH = 1.06  # [-], ratio of neighbouring elements there
 DRAINAGE = 3.0  # [-], leakage of a parabola with one drained end: (dp/dy)/(mean p) times the height
