@@ -10,6 +10,7 @@ over those of the curve are interpolated over the logarithm of the ratio (`Coupl
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -143,13 +144,9 @@ class AirCurve:
         permeability : float
             Intrinsic permeability to air of the fed mix [m2].
         """
-        ratio = abs(speed) / permeability
-        by_load, by_resistance = self._factors(ratio)
-        return AirForces(
-            by_load * self._interpolated(self.loads, self.skeleton_load, ratio),
-            by_resistance * self._interpolated(self.resistances, self.skeleton_load, ratio),
-            self._interpolated(self.excesses_behind, max(*self.excesses_behind, 1.0), ratio),
-        )
+        ratio = np.array([abs(speed) / permeability])
+        loads, resistances, excesses = (float(each[0]) for each in self._evaluate(ratio))
+        return AirForces(loads, resistances, excesses)
 
     def deaeration_speed(self, permeability: float, share: float = DEAERATION_SHARE) -> float | None:
         """Return the speed at which the air changes the load by a share of that of the skeleton.
@@ -167,7 +164,7 @@ class AirCurve:
             Speed [m/s]; None if the air does not reach the share.
         """
         ratios = np.geomspace(self.ratios[0], self.ratios[-1], 40 * len(self.ratios))
-        shares = np.array([self.at(ratio, 1.0).load for ratio in ratios.tolist()]) / self.skeleton_load
+        shares = self._evaluate(ratios)[0] / self.skeleton_load
         above = np.flatnonzero(shares >= share)
         if not len(above) or above[0] == 0:
             return None
@@ -186,21 +183,28 @@ class AirCurve:
         }
         return cls(**values | {"coupled": tuple(CoupledSample(**each) for each in content["coupled"])})
 
-    def _interpolated(self, values: tuple[float, ...], scale: float, ratio: float) -> float:
-        """Interpolate over the logarithm of the ratio; proportional below the curve, constant above it."""
-        least = self.ratios[0]
-        spline = PchipInterpolator(np.log(self.ratios), np.arcsinh(np.array(values) / (SCALE * scale)))
-        value = SCALE * scale * np.sinh(spline(np.log(np.clip(ratio, least, self.ratios[-1]))))
-        return float(value * min(ratio / least, 1.0))
+    @cached_property
+    def _spline(self) -> PchipInterpolator:
+        """Spline of the inverse hyperbolic sines of load, resistance and excess over the logarithm of the ratio."""
+        columns = np.array([self.loads, self.resistances, self.excesses_behind])
+        return PchipInterpolator(np.log(self.ratios), np.arcsinh(columns / self._scales).T)
 
-    def _factors(self, ratio: float) -> tuple[float, float]:
-        """Interpolate the factors of the coupled contacts, constant beyond them."""
-        if not self.coupled:
-            return 1.0, 1.0
-        known = np.log([each.ratio for each in self.coupled])
-        factors = np.array([(each.load_factor, each.resistance_factor) for each in self.coupled])
-        load, resistance = (float(np.interp(np.log(ratio), known, column)) for column in factors.T)
-        return load, resistance
+    @property
+    def _scales(self) -> Array:
+        """Values below which the spline is linear in load, resistance and excess, shape (3, 1)."""
+        return SCALE * np.array([[self.skeleton_load], [self.skeleton_load], [max(*self.excesses_behind, 1.0)]])
+
+    def _evaluate(self, ratios: Array) -> Array:
+        """Return load, resistance and excess at ratios, shape (3, n); proportional below the curve, constant above."""
+        low, high = self.ratios[0], self.ratios[-1]
+        values = self._scales * np.sinh(self._spline(np.log(np.clip(ratios, low, high))).T)
+        values = values * np.minimum(ratios / low, 1.0)
+        if self.coupled:  # constant beyond the coupled contacts
+            known = np.log([each.ratio for each in self.coupled])
+            factors = ([each.load_factor for each in self.coupled], [each.resistance_factor for each in self.coupled])
+            for row, column in zip(values, factors, strict=False):
+                row *= np.interp(np.log(ratios), known, column)
+        return np.asarray(values)
 
 
 def pore_air_of(mix: Mix, fed_density_ratio: float) -> PoreAir:

@@ -62,6 +62,12 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
     if study.held is not None:
         lines.append(held_sentence(study))
     lines += study.scene.replacements[engine]
+    air = study.contact_stage.air_forces_of(first, speed)
+    if air is not None:
+        lines.append(
+            f"without pore air, whose pressure at this deformation adds {air.load:.4g} N/m to the load and "
+            f"{air.resistance:.4g} N/m to the resistance; {air.excess_behind / 1e3:.3g} kPa remain behind the roller"
+        )
     if len(passes) > 1:
         lines += ["", "pass   load [N/m]   resistance [N/m]   exit height [mm]   density ratio"]
         lines += [_pass_line(number, each) for number, each in enumerate(passes, start=1)]
@@ -131,10 +137,14 @@ def air_sentence(study: Study) -> str:
     if not study.engine.compacting:
         return ""
     if air is None:
-        return "pore air: the fed mix is occluded, so that its permeability does not apply; load and resistance have none"
+        return (
+            "pore air: the fed mix is occluded, so that its permeability does not apply; load and resistance have none"
+        )
     load, resistance = air.shares
-    words = "drained, not part of load and resistance" if model == "drained" else f"{model}, part of load and resistance"
-    value, low, high = (f"above {MAX_SPEED:g}" if each is None else f"{each:.2g}" for each in air.deaeration_speeds)
+    words = (
+        "drained, not part of load and resistance" if model == "drained" else f"{model}, part of load and resistance"
+    )
+    value, low, high = ("no" if each is None else f"{each:.2g}" for each in air.deaeration_speeds)
     band = "" if low == high else f" ({low} to {high} m/s over the spread of the permeability)"
     sentence = (
         f"pore air: {words}; at the mean speed and {air.permeability.value:.2g} m2 it adds {load:.2g} of the load and "
@@ -143,7 +153,9 @@ def air_sentence(study: Study) -> str:
     if not air.may_crack:
         return sentence
     behind, strength = air.at_mean_speed.excess_behind / 1e3, air.tensile_strength / 1e3
-    return f"{sentence}; behind the roller {behind:.3g} kPa exceed the tensile strength {strength:.3g} kPa: it may crack"
+    return (
+        f"{sentence}; behind the roller {behind:.3g} kPa exceed the tensile strength {strength:.3g} kPa: it may crack"
+    )
 
 
 def guide_sentence(study: Study) -> str:

@@ -21,11 +21,9 @@ import numpy as np
 
 import compact
 from compact import quantities
-from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.engines import ENGINES
 from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
-from compact.analysis.pore_air import air_under, has_air, pore_air_of
-from compact.analysis.stages.contacts import Passes, roll_passes
+from compact.analysis.stages.contacts import Passes, air_forces_of, roll_passes
 from compact.analysis.study import Study
 from compact.material.mix import Mix
 from compact.quantities import Quantity
@@ -123,12 +121,10 @@ def _computed(study: Study, rank: bool, initial_guess: ContactResult | None) -> 
 
 def _with_air(scene: Scene, mix: Mix, contact: ContactResult) -> ContactResult:
     """Return a contact at the mean speed with load and resistance of its pore air; itself for drained mix."""
-    if not has_air(scene):
+    air = air_forces_of(scene, mix, contact, scene.mean_speed)
+    if air is None:
         return contact
-    layer, roller, _ = contact_inputs(scene, mix, scene.accuracy.engine, scene.mean_speed)
-    under = air_under(contact, layer, roller, pore_air_of(mix, scene.layer.fed_density_ratio))
-    load, resistance = under.forces(under.pressure(scene.mean_speed))
-    return replace(contact, load=contact.load + load, resistance=contact.resistance + resistance)
+    return replace(contact, load=contact.load + air.load, resistance=contact.resistance + air.resistance)
 
 
 def _passes(scene: Scene, mix: Mix, speed: float, initial_guess: ContactResult | None) -> Passes:

@@ -141,6 +141,29 @@ def roll_passes(
         return passes(layer, roller, material, speed, stages, engine=used.name, first=first, **numerics)
 
 
+def air_forces_of(scene: Scene, mix: Mix, contact: ContactResult, speed: float) -> AirForces | None:
+    """Compute the changes of one contact by its pore air, at its deformation without air.
+
+    Parameters
+    ----------
+    contact : ContactResult
+        First pass without air.
+    speed : float
+        Speed of the roller [m/s].
+
+    Returns
+    -------
+    AirForces or None
+        None for a scene without pressure of the air.
+    """
+    if not has_air(scene):
+        return None
+    layer, roller, _ = contact_inputs(scene, mix, scene.accuracy.engine, speed)
+    under = air_under(contact, layer, roller, pore_air_of(mix, scene.layer.fed_density_ratio))
+    pressure = under.pressure(speed)
+    return AirForces(*under.forces(pressure), under.largest_excess_behind(pressure))
+
+
 def added_mass(
     scene: Scene, mix: Mix, speed: float, held: HeldQuantity | None, count: Count = no_count
 ) -> tuple[float, float] | None:
@@ -399,6 +422,10 @@ class ContactStage:
         if self.scene.mix.pore_air == "coupled" and self.engine.name == "compaction":
             curve = curve.with_coupled(coupled_samples(contact, air, curve, contact_cases.contact_speeds(self.scene)))
         return curve
+
+    def air_forces_of(self, contact: ContactResult, speed: float) -> AirForces | None:
+        """Return the changes of a first pass by its pore air; see `air_forces_of`."""
+        return air_forces_of(self.scene, self.mix, contact, speed)
 
     def air_forces(self, speed: float) -> AirForces | None:
         """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
