@@ -71,6 +71,19 @@ class LowerLift:
         if not self.density_ratio < 1:
             raise ValueError(f"`density_ratio` of the lower lift must be below 1, got {self.density_ratio!r}")
 
+    def compaction_rate(self, speed: float, radius: float, fed_density_ratio: float) -> float:
+        """Compute the rate of compaction in the earlier pass [1/s], see `compaction_rate`.
+
+        Parameters
+        ----------
+        speed, radius : float
+            Speed [m/s] and radius [m] of the roller.
+        fed_density_ratio : float
+            Initial density ratio of the mix [-].
+        """
+        fed_height = self.thickness * self.density_ratio / fed_density_ratio
+        return compaction_rate(speed, radius, fed_height, fed_height - self.thickness)
+
 
 @dataclass(frozen=True)
 class Layer:
@@ -208,6 +221,37 @@ class PrescribedMotion(Protocol):
 def resistance_scale(resistance: float, load: float) -> float:
     """Return the force [N/m] to which relative errors of a resistance refer: its own, or a small share of the load."""
     return max(abs(resistance), MIN_RESISTANCE_RATIO * load)
+
+
+def compaction_rate(speed: float, radius: float, fed_height: float, depth: float) -> float:
+    """Compute the mean rate of compaction under a roller [1/s].
+
+        rate = |v| ln(k_out/k_in)/a,    k_out/k_in = H/(H - d),    a = sqrt(2 R d)
+
+    Density ratio and contact length are nominal: those of mix that is pressed from its height as fed to the lowest
+    generatrix without elastic recovery, and of a rigid parabola in a plane. The rate is thus an explicit function of
+    speed and geometry for every engine. Mix that an earlier pass has compacted counts as fed, so that a second pass at
+    the same height has the rate of the first.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the roller [m/s].
+    radius : float
+        Roller radius R [m].
+    fed_height : float
+        Height H of all mix below the roller at its initial density ratio [m].
+    depth : float
+        Depth d of the lowest generatrix below that height [m], less than H; 0 is the rate of a touching roller.
+
+    Examples
+    --------
+    >>> f"{compaction_rate(0.13, 0.11, 0.063, 0.003):.3f} 1/s"
+    '0.247 1/s'
+    """
+    if depth <= 0:
+        return 0.0
+    return float(-abs(speed) * np.log1p(-depth / fed_height) / np.sqrt(2 * radius * depth))
 
 
 def require_moving(speed: float) -> None:

@@ -29,6 +29,7 @@ COMPACTED = (  # fields of engines with irreversible compaction only
 COMMON = tuple(name for name in quantities.CONTACT if name not in COMPACTED)
 ERRORS = {"load": "load_error", "resistance": "resistance_error"}  # quantity -> field of its relative error
 SPEED_SHARES = tuple(2.0**power for power in range(-4, 2))  # [-], of the mean speed; default speeds of the contacts
+LAW_SPEED_SHARES = (1 / 16, 1.0)  # [-], of an engine whose resistance is a law of two or three contacts
 TARGETS = MappingProxyType(  # held quantity -> keyword of `Roller`
     {"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"}
 )
@@ -71,7 +72,8 @@ def contact_speeds(scene: Scene) -> tuple[float, ...]:
     """Return the speeds of the contacts of a scene [m/s], ascending."""
     if scene.contact is not None and scene.contact.speeds is not None:
         return scene.contact.speeds
-    return tuple(scene.mean_speed * share for share in SPEED_SHARES)
+    shares = LAW_SPEED_SHARES if ENGINES[scene.accuracy.engine].rate_factor_only else SPEED_SHARES
+    return tuple(scene.mean_speed * share for share in shares)
 
 
 def prescribed_target(scene: Scene) -> dict[str, float]:
@@ -166,7 +168,6 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     """
     angle = np.radians(mix.friction_angle)
     slope = float(np.sqrt(3) * np.sin(angle))
-    speed = scene.mix.reference_speed
     return Compaction(
         unloading_modulus=mix.unloading_modulus,
         poisson=mix.poisson,
@@ -176,8 +177,8 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
         critical_slope=slope,
         tensile_strength=float(mix.cohesion / np.tan(angle)),
         fed_density_ratio=scene.layer.fed_density_ratio,
-        rate_exponent=mix.rate_exponent if speed else 0.0,
-        reference_speed=speed,
+        rate_sensitivity=mix.rate_sensitivity,
+        reference_rate=mix.reference_rate,
     )
 
 
@@ -197,7 +198,8 @@ def _layer_before_pass(
     if target:
         fed_height = height * density_ratio / material.fed_density_ratio
         return Layer(fed_height, scene.layer.base, lower_lift=lower), target
-    before = required_feed(height, density_ratio, material, speed, lower_lift=lower)
+    radius = scene.machine.roller_radius
+    before = required_feed(height, density_ratio, material, speed, radius=radius, lower_lift=lower)
     return Layer(before.height, scene.layer.base, lower_lift=lower), {"indentation": before.indentation}
 
 

@@ -5,7 +5,8 @@ Every law has one Poisson's ratio. The laws are parameter records; the engines i
 References
 ----------
 R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671 (pressure over density); K. H. Roscoe and J. B. Burland, On the
-generalised stress-strain behaviour of wet clay, in Engineering Plasticity, CUP 1968, 535-609 (elliptic cap).
+generalised stress-strain behaviour of wet clay, in Engineering Plasticity, CUP 1968, 535-609 (elliptic cap); G. R.
+Johnson and W. H. Cook, Proc. 7th Int. Symp. on Ballistics (1983) 541-547 (strength over the logarithm of the rate).
 """
 
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_known, require_positive
 
 HECKEL_MAX_DENSITY_RATIO = 0.99  # [-], end of measured curves; beyond, pc keeps the modulus k dpc/dk of the curve
+REFERENCE_RATE = 1e-3  # [1/s], of a laboratory compression test: some 5 % of strain in a minute
 HECKEL_MIN_PRESSURE = 0.01  # [-], K_H pc below which pc departs from the curve and tends to half of this value
 
 SubcriticalSide = Literal["ellipse", "flat"]
@@ -109,7 +111,7 @@ class Compaction:
     """Irreversible compaction: an elliptic cap that hardens along Heckel's curve, elastic inside.
 
         f = q^2/M^2 + (p + pt)(p - pc) <= 0,  associated flow,  dk/k = plastic volumetric strain
-        pc(k) = ln[(1 - k0)/(1 - k)] / K_H * (speed/reference_speed)^m
+        pc(k) = ln[(1 - k0)/(1 - k)]/K_H * [1 + m ln(1 + rate/reference_rate)]
 
     p is the mean pressure and q the von Mises stress, compression positive; k is the density ratio. A Heckel curve of
     confined compression, s_v = ln[(1 - k0)/(1 - k)]/K_H, is satisfied exactly by rigid-plastic mix with
@@ -117,6 +119,8 @@ class Compaction:
         pc(k) = [s_v(k) + pt]/A - pt,    A = (1 + sqrt(1 + 4 M^2/9))/2,
 
     and elastic mix departs from it in second order of its strain.
+
+    `rate` is the mean rate of compaction under the roller, `rolling_contact.compaction_rate`.
 
     Parameters
     ----------
@@ -134,10 +138,10 @@ class Compaction:
         Isotropic tensile strength pt [Pa], >= 0.
     fed_density_ratio : float
         Initial density ratio in front of the roller [-], between k0 and 1.
-    rate_exponent : float
+    rate_sensitivity : float
         m [-], >= 0; 0 for a rate-independent mix.
-    reference_speed : float, optional
-        Roller speed for which K_H is valid [m/s], > 0; required with a rate exponent.
+    reference_rate : float
+        Rate of compaction [1/s], > 0, below which K_H is valid; well above it pc rises by 2.3 m in a decade.
     dry_side : {"ellipse", "flat"}
         Yield limit on the subcritical side, p < (pc - pt)/2: the ellipse, with dilatant flow, or flat. Flat is
         q = M (pc + pt)/2 down to p = 0, then a quarter ellipse to -pt; pc depends on the largest k so far.
@@ -153,14 +157,14 @@ class Compaction:
     critical_slope: float
     tensile_strength: float
     fed_density_ratio: float
-    rate_exponent: float = 0.0
-    reference_speed: float | None = None
+    rate_sensitivity: float = 0.0
+    reference_rate: float = REFERENCE_RATE
     dry_side: SubcriticalSide = "flat"
     heckel_test: HeckelTest = "isotropic"
 
     def __post_init__(self) -> None:
-        moduli = "unloading_modulus heckel_slope loose_density_ratio critical_slope"
-        require_fields(self, positive=moduli, nonnegative="tensile_strength rate_exponent")
+        moduli = "unloading_modulus heckel_slope loose_density_ratio critical_slope reference_rate"
+        require_fields(self, positive=moduli, nonnegative="tensile_strength rate_sensitivity")
         _require_poisson(self.poisson)
         if not self.loose_density_ratio < self.fed_density_ratio < 1:
             raise ValueError(
@@ -169,10 +173,6 @@ class Compaction:
             )
         require_known("dry_side", self.dry_side, get_args(SubcriticalSide))
         require_known("heckel_test", self.heckel_test, get_args(HeckelTest))
-        if self.rate_exponent:
-            if self.reference_speed is None:
-                raise ValueError("`reference_speed` must be set where `rate_exponent` is not 0, got None")
-            require_positive(reference_speed=self.reference_speed)
 
     @property
     def confined_stress_ratio(self) -> float:
@@ -195,7 +195,7 @@ class Compaction:
         return self.heckel_slope * self.tensile_strength * (self.confined_stress_ratio - 1)
 
     def yield_pressure(self, density_ratio: ArrayLike) -> Array:
-        """Compute the preconsolidation pressure pc(k) [Pa] at the reference speed.
+        """Compute the preconsolidation pressure pc(k) [Pa] at rest.
 
         Parameters
         ----------
@@ -216,11 +216,9 @@ class Compaction:
         level = np.expm1(2 * np.minimum(curve / HECKEL_MIN_PRESSURE - 1, 0)) * HECKEL_MIN_PRESSURE / 2
         return (np.maximum(curve, HECKEL_MIN_PRESSURE) + level) / self.isotropic_slope
 
-    def rate_factor(self, speed: float) -> float:
-        """Return the factor (|speed|/reference_speed)^m of pc at a speed [m/s]."""
-        if not self.rate_exponent or self.reference_speed is None:
-            return 1.0
-        return (abs(speed) / self.reference_speed) ** self.rate_exponent
+    def rate_factor(self, rate: float) -> float:
+        """Return the factor 1 + m ln(1 + rate/reference_rate) of pc at a rate of compaction [1/s], >= 0."""
+        return 1.0 + self.rate_sensitivity * float(np.log1p(rate / self.reference_rate))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,7 +32,7 @@ Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_en
 MixParameter = Literal[
     "required_pressure", "plastic_modulus", "relaxed_modulus", "unloading_modulus", "poisson", "instant_over_relaxed",
     "relaxation_time", "pore_air_modulus", "friction_angle", "cohesion", "steel_friction", "heckel_slope",
-    "rate_exponent", "effective_modulus", "air_permeability", "occlusion_saturation",
+    "rate_sensitivity", "reference_rate", "effective_modulus", "air_permeability", "occlusion_saturation",
 ]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
@@ -130,7 +130,10 @@ class Overrides(Table):
     cohesion: float | None = _optional("the cohesion in Pa", ge=0)
     steel_friction: float | None = _optional("the friction of mix on steel", ge=0, le=1)
     heckel_slope: float | None = _optional("the one-dimensional Heckel slope K_H in 1/Pa")
-    rate_exponent: float | None = _optional("the exponent of the yield pressure over speed", ge=0, lt=1)
+    rate_sensitivity: float | None = _optional(
+        "the increase m of the yield pressure over ln(rate of compaction), 0 for none", ge=0, le=0.1
+    )
+    reference_rate: float | None = _optional("the rate of compaction in 1/s below which the Heckel slope is valid")
     effective_modulus: float | None = _optional("the secant contact modulus E of eqs 1.5, 1.6 in Pa")
     air_permeability: float | None = _optional("the intrinsic permeability of the fed mix to air in m2")
     occlusion_saturation: float | None = _optional("the saturation above which the air is occluded", gt=0, le=1)
@@ -141,9 +144,6 @@ class Mix(Table):
 
     moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
     density_ratio: float = _between(0.90, 0.99, "the required density ratio k of the product")
-    reference_speed: float | None = _optional(
-        "the speed in m/s at which the Heckel slope was measured; default any speed"
-    )
     pore_air: PoreAirModel = _default(
         "drained", "the pore air: without pressure, at the deformation without air, or coupled with the deformation"
     )

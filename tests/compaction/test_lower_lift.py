@@ -98,6 +98,15 @@ def test_transfer_between_meshes_keeps_the_jump_of_density_at_the_interface():
     assert new.row_heights[: new.lower_rows].sum() == pytest.approx(0.06, rel=1e-12)
 
 
+def test_lower_lift_of_a_lower_lift_belongs_to_it():
+    lower = replace(fresh_layer(MIX, np.array([0.03])), lower=compacted_lift(LOWER, MIX))
+    fed = replace(fresh_layer(MIX, np.array([0.06])), lower=lower)
+    frame = RollerFrame(rolling_mesh(0.06, 0.02, 0.01, 0.09), MIX, "bonded", 0.02, fed_layer=fed)
+    assert frame.lower_height == pytest.approx(0.09)
+    assert frame.fed_layer.height == pytest.approx(0.06, rel=1e-12)
+    assert frame.fed_layer.lower.density_ratio == pytest.approx((0.03 * MIX.fed_density_ratio + 0.06 * 0.98) / 0.09)
+
+
 # columns in series
 
 
@@ -241,7 +250,8 @@ def test_scene_on_a_lower_lift_differs_by_its_settlement():
     (layer, roller, _), (lifted_layer, lifted_roller, _) = (
         contact_inputs(scene, scene_mix(scene), "column", 0.13) for scene in (rigid, lifted)
     )
-    assert lifted_layer == replace(layer, lower_lift=LOWER)
+    assert lifted_layer == replace(layer, height=lifted_layer.height, lower_lift=LOWER)
+    assert lifted_layer.height == pytest.approx(layer.height, rel=1e-6)  # the settlement adds to the rate of compaction
     assert 5e-5 < lifted_roller.indentation - roller.indentation < 1e-4
 
 

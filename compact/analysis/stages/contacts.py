@@ -66,7 +66,7 @@ def roll_scene(
         Name of the engine; that of the scene by default.
     initial_guess : ContactResult, optional
         Contact at another speed in the same direction, of another mix or depth. Engines with continuation use it on the
-        same base. If only the speed differs and the mix has no rate, it is the result.
+        same base. If only the speed differs and the mix has no rate sensitivity, it is the result.
     progress : callable, optional
         Called with lines of text by engines with continuation.
 
@@ -166,7 +166,7 @@ def air_forces_of(scene: Scene, mix: Mix, contact: ContactResult, speed: float) 
 
 def added_mass(
     scene: Scene, mix: Mix, speed: float, held: HeldQuantity | None, count: Count = no_count
-) -> tuple[float, float] | None:
+) -> tuple[float, float]:
     """Compute the added mass of one roller, see `engines.expand_resistance`.
 
     Parameters
@@ -178,19 +178,18 @@ def added_mass(
 
     Returns
     -------
-    tuple of float or None
-        Added mass per unit length [kg/m] and relaxation time [s]; None where the mass is not known.
+    tuple of float
+        Added mass per unit length [kg/m] and relaxation time [s].
 
     Notes
     -----
-    A compacting layer without rate dependence has no added mass: its state depends on the path, not on time. The added
-    mass of a roller with stick and slip is that without friction; the two differ by about a tenth.
+    A compacting layer has no added mass: its state depends on the path, and its yield pressure on the present rate of
+    compaction. The added mass of a roller with stick and slip is that without friction; they differ by about a tenth.
     """
     used = ENGINES[scene.accuracy.engine]
     layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
     if isinstance(material, Compaction):
-        mass = used.rate_added_mass if material.rate_exponent else 0.0
-        return None if mass is None else (mass, 0.0)
+        return 0.0, 0.0
     if used.torque and roller.rolling in ("free", "driven"):
         roller = replace(roller, rolling="frictionless")
     count("added mass")
@@ -220,12 +219,11 @@ def _has_same_height(guess: LayerContactResult, layer: Layer) -> bool:
 
 
 def _differs_in_speed_only(roller: Roller, material: Any, guess: LayerContactResult, speed: float) -> bool:
-    """Return True if the contact differs from the guess by its speed only, and the mix has no rate."""
+    """Return True if the contact differs from the guess by its speed only, and the mix has no rate sensitivity."""
     if speed == guess.speed or material != guess.material:
         return False
     as_found = replace(guess.roller, indentation=guess.indentation, load=None, peak_pressure=None)
-    same_rate = material.rate_factor(speed) == material.rate_factor(guess.speed)
-    return same_rate and roller in (guess.roller, as_found)
+    return not material.rate_sensitivity and roller in (guess.roller, as_found)
 
 
 @contextmanager

@@ -40,10 +40,12 @@ MIX_INPUTS = {  # engine -> parameters of the mix that it depends on
         "required_pressure", "effective_modulus", "poisson", "steel_friction", "instant_over_relaxed",
         "relaxation_time",
     ),
-    "column": ("heckel_slope", "friction_angle", "cohesion", "unloading_modulus", "poisson", "steel_friction"),
+    "column": (
+        "heckel_slope", "friction_angle", "cohesion", "unloading_modulus", "poisson", "steel_friction",
+        "rate_sensitivity",
+    ),
 }  # fmt: skip
 AIR_INPUTS = ("air_permeability", "occlusion_saturation")  # of a compacting engine with pore air
-RATE_INPUT = "rate_exponent"  # of a compacting engine whose mix has a reference speed
 MACHINE_INPUTS = (  # inputs of the machine and the motion
     "machine.roller_length", "machine.roller_friction", "machine.bearing_friction", "machine.guide_friction",
     "machine.mass", "motion.duration",
@@ -121,8 +123,6 @@ def _ranges(stages: Stages) -> dict[str, Range]:
     scene, mix, engine = stages.contacts.scene, stages.contacts.mix, stages.contacts.engine
     names = list(MIX_INPUTS[engine.name if engine.cheap else "formula"])
     new_layer = engine.cheap and engine.compacting
-    if new_layer and scene.mix.reference_speed:
-        names.append(RATE_INPUT)
     if new_layer and has_air(scene):
         names += AIR_INPUTS
     ranges = {f"mix.overrides.{name}": (*_spread(mix.parameter(name)), mix.parameter(name).unit) for name in names}

@@ -8,6 +8,7 @@ increases from zero; on the way to the lowest generatrix it decreases to zero.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -72,10 +73,14 @@ class ColumnLayer:
 
     Parameters
     ----------
+    law : CapConstants
+        Material constants; with `law_at` those at the largest indentation.
     strain_measure : int
         One of the values of STRAINS.
     lower_count : int
         Number of columns of the lower lift, from the base upwards; 0 on the rigid base.
+    law_at : callable, optional
+        Material constants at an indentation [m], for mix whose yield pressure depends on the rate of compaction.
     """
 
     law: CapConstants
@@ -83,6 +88,7 @@ class ColumnLayer:
     gap: GapShape
     strain_measure: int
     lower_count: int = 0
+    law_at: Callable[[float], CapConstants] | None = None
 
     @property
     def without_lower(self) -> "ColumnLayer":
@@ -99,6 +105,11 @@ class ColumnLayer:
     def solid_height(self) -> float:
         """Height that grains and water fill [m]."""
         return float(self.stack.density_ratio @ self.stack.height)
+
+    @property
+    def unstressed_solid_height(self) -> float:
+        """Height that grains and water fill after release of the lateral stress [m]; passes do not change it."""
+        return float(self.stack.density_ratio * np.exp(self.stack.mean_stress / self.law.K) @ self.stack.height)
 
     @property
     def max_indentation(self) -> float:
@@ -203,9 +214,10 @@ class ColumnLayer:
 
     def compute_pass(self, indentation: float, rtol: float, max_step_share: float = np.inf) -> "PassResult":
         """Compute the pass at an indentation [m] with an error of a step and a largest step over the front [-]."""
-        front = self.front(indentation)
-        control = PathControl(0.0, np.inf, self.error_scale(indentation, rtol), front * max_step_share)
-        loading, pressed, evaluations = self.integrate(front, self.initial_state, control)
+        layer = self if self.law_at is None else replace(self, law=self.law_at(indentation))
+        front = layer.front(indentation)
+        control = PathControl(0.0, np.inf, layer.error_scale(indentation, rtol), front * max_step_share)
+        loading, pressed, evaluations = layer.integrate(front, layer.initial_state, control)
         return pressed.unload(loading, indentation, control, evaluations)
 
     def unload(self, loading: Array, indentation: float, control: PathControl, evaluations: int) -> "PassResult":

@@ -6,7 +6,7 @@ Each column is compressed as in an oedometer (`column_ode`). The contact extends
 height, to the rear edge, where the rebound ends and s_v = 0. This is the limit of a wide thin bonded layer without
 friction. The difference to plane strain is of second order in height over contact length; `error` does not contain it.
 F is the work retained by the layer. It depends on the lowest height alone, not on radius or profile, and on the speed
-through pc only.
+and the radius through the rate of compaction in pc only (`rolling_contact.compaction_rate`).
 
 Mass is measured by the height that grains and water fill, density ratio times height; the gap cannot be smaller.
 Several passes, and new mix on compacted mix, are columns on top of one another that share s_v and retain their state.
@@ -14,7 +14,7 @@ So is a layer on a lower lift; its height and density after the pass do not cont
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -38,12 +38,13 @@ from compact.engines.column.indentation_search import (
     solve_plate_density,
     solve_target,
 )
-from compact.material.cap_plasticity import compacted_state
+from compact.material.cap_plasticity import CapConstants, cap_constants, compacted_state
 from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 
 INTEGRATION_RTOL = 1e-9  # [-], default error of a step over the size of the whole pass
+FEED_TRIALS_MAX = 20  # [-], of the rate factor of a feed; each reduces its error some thousandfold
 ERROR_RTOL_RATIO = 100.0  # [-], `rtol` of the comparison pass over `rtol`; the difference is the error estimate
 
 
@@ -136,7 +137,7 @@ def roll(
     material : Compaction
         Material law.
     speed : float
-        Speed of the roller along x [m/s], not 0; pc is multiplied by `material.rate_factor(speed)`.
+        Speed of the roller along x [m/s], not 0; it enters by its sign and by the rate of compaction in pc.
     **options
         Keywords of `roll_over`.
 
@@ -157,7 +158,7 @@ def roll(
     """
     require_single_bonded_layer(layer)
     _require_compaction(material)
-    lower = lower_columns(layer.lower_lift, material, material.rate_factor(speed))
+    lower = lower_columns(layer.lower_lift, material, roller.radius, speed)
     columns = (Column(layer.height, material.fed_density_ratio),)
     return roll_over(columns, roller, material, speed, lower=lower, **options)
 
@@ -200,8 +201,10 @@ def roll_over(
     require_known("strain", strain, STRAINS)
     require_positive(rtol=rtol)
     gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
-    rate_factor, stack = material.rate_factor(speed), (*lower, *columns)
-    layer = _integrable_layer(stack, material, rate_factor, gap, STRAINS[strain], len(lower))
+    stack = (*lower, *columns)
+    layer = _integrable_layer(stack, material, 1.0, gap, STRAINS[strain], len(lower))
+    if material.rate_sensitivity:
+        layer = _rated_layer(layer, material, roller.radius, speed)
     if exit_density_ratio is None:
         result, evaluations = solve_target(layer, roller, rtol)
     else:
@@ -213,7 +216,7 @@ def roll_over(
 
 
 def lower_columns(
-    lift: rolling_contact.LowerLift | None, material: Compaction, rate_factor: float
+    lift: rolling_contact.LowerLift | None, material: Compaction, radius: float | None, speed: float
 ) -> tuple[Column, ...]:
     """Return the column of a lower lift before the pass; none on the rigid base.
 
@@ -223,11 +226,15 @@ def lower_columns(
         Thickness, density ratio and residual stress.
     material : Compaction
         Material law.
-    rate_factor : float
-        Factor of pc at the speed of the earlier pass [-].
+    radius : float or None
+        Roller radius [m]; None for a mix without rate sensitivity.
+    speed : float
+        Speed of the earlier pass [m/s].
     """
     if lift is None:
         return ()
+    rate = 0.0 if radius is None else lift.compaction_rate(speed, radius, material.fed_density_ratio)
+    rate_factor = material.rate_factor(rate)
     point = compacted_state(material, lift.density_ratio, rate_factor, residual_stress=lift.residual_stress)
     return (Column(lift.thickness, lift.density_ratio, -float(point.stress[0, 0]), float(point.max_density_ratio[0])),)
 
@@ -238,6 +245,7 @@ def required_feed(
     material: Compaction,
     speed: float,
     *,
+    radius: float | None = None,
     rtol: float = INTEGRATION_RTOL,
     lower_lift: rolling_contact.LowerLift | None = None,
 ) -> RequiredFeed:
@@ -251,6 +259,8 @@ def required_feed(
         Density ratio of the product [-].
     speed : float
         Speed of the roller [m/s].
+    radius : float, optional
+        Roller radius [m]; required for a mix with a rate sensitivity.
     rtol : float
         Error of a step over the size of the whole pass [-].
     lower_lift : LowerLift, optional
@@ -259,11 +269,32 @@ def required_feed(
     Returns
     -------
     RequiredFeed
-        Both lengths are proportional to `height` on the rigid base.
+        Both lengths are proportional to `height` on the rigid base for a mix without rate sensitivity.
     """
     require_positive(height=height)
     _require_compaction(material)
-    rate_factor = material.rate_factor(speed)
+    if material.rate_sensitivity and radius is None:
+        raise ValueError("`radius` must be given for a mix with a rate sensitivity, got None")
+    factor, lower = 1.0, lower_columns(lower_lift, material, radius, speed)
+    for _ in range(FEED_TRIALS_MAX):
+        feed, before = _feed_at(height, exit_density_ratio, material, factor, rtol, lower), factor
+        if radius is not None:
+            rate = rolling_contact.compaction_rate(speed, radius, feed.height, feed.indentation)
+            factor = material.rate_factor(rate)
+        if abs(factor / before - 1) <= rtol:
+            return feed
+    raise RuntimeError(f"the rate of compaction still changes by {abs(factor / before - 1):.1e}; raise `rtol`")
+
+
+def _feed_at(
+    height: float,
+    exit_density_ratio: float,
+    material: Compaction,
+    rate_factor: float,
+    rtol: float,
+    lower: tuple[Column, ...],
+) -> RequiredFeed:
+    """Return the feed for a product [m], [-] with pc multiplied by a rate factor [-]."""
     layer = _unit_layer(material, rate_factor)
     result, _ = solve_plate_density(layer, exit_density_ratio, rtol)
     rolling_contact.require_target_reached(
@@ -271,7 +302,7 @@ def required_feed(
     )
     scale = height / result.columns[0].height
     settlement = 0.0
-    if lower := lower_columns(lower_lift, material, rate_factor):
+    if lower:
         below = _integrable_layer(lower, material, rate_factor, PLATE, STRAINS["logarithmic"])
         settlement = plate_indentation(below, result.peak_pressure, rtol)
     return RequiredFeed(height=scale, indentation=scale * result.indentation + settlement)
@@ -287,7 +318,7 @@ def simulate_oedometer(
     pressure : array_like
         Vertical stresses s_v [Pa], shape (n,).
     rate_factor : float
-        Ratio of pc to its value at the reference speed [-].
+        Ratio of pc to its value at rest [-].
     rtol : float
         Error of a step over the size of the whole test [-].
 
@@ -345,6 +376,20 @@ def _integrable_layer(
             "the resistance by less than 1e-3"
         )
     return layer
+
+
+def _rated_layer(layer: ColumnLayer, material: Compaction, radius: float, speed: float) -> ColumnLayer:
+    """Return a layer whose pc has the factor of the rate of compaction under a roller at each indentation."""
+    fed = layer.without_lower
+    fed_height = fed.unstressed_solid_height / material.fed_density_ratio
+    deepest = fed_height * (1 - material.fed_density_ratio)  # a lower lift settles too
+
+    def law_at(indentation: float) -> CapConstants:
+        depth = min(fed_height - fed.height + indentation, deepest)
+        rate = rolling_contact.compaction_rate(speed, radius, fed_height, depth)
+        return cap_constants(material, material.rate_factor(rate))
+
+    return replace(layer, law=law_at(layer.max_indentation), law_at=law_at)
 
 
 def _build_result(

@@ -36,7 +36,13 @@ from compact.engines.compaction.heaping import (
 from compact.engines.compaction.incremental_rolling import IncrementalRolling
 from compact.engines.compaction.newton import Progress
 from compact.engines.compaction.results import CompactionContactResult, build_result
-from compact.engines.compaction.roller_frame import LayerState, RollerFrame, compacted_lift, rolling_mesh
+from compact.engines.compaction.roller_frame import (
+    LayerState,
+    RollerFrame,
+    compacted_lift,
+    rate_factor_at,
+    rolling_mesh,
+)
 from compact.engines.compaction.steady_search import SteadySearch
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
@@ -135,7 +141,7 @@ def roll(
     material : Compaction
         Constitutive law.
     speed : float
-        Speed along x [m/s], not 0; it enters by its sign and `material.rate_factor`.
+        Speed along x [m/s], not 0; it enters by its sign and the rate of compaction.
     torque : float, optional
         Torque per unit length on a free or driven roller, + along its travel [N]; 0 by default for a free one.
     fed_layer : LayerState, optional
@@ -198,11 +204,14 @@ class RollingCase:
 
     @cached_property
     def lower(self) -> LayerState | None:
-        """Lower lift before the pass; None on the rigid base."""
+        """Lower lift before the pass, all mix below the fed layer; None on the rigid base."""
         if self.fed_layer is not None:
-            return self.fed_layer.lower
+            return None if self.fed_layer.lower is None else self.fed_layer.lower.stacked
         lift = self.layer.lower_lift
-        return None if lift is None else compacted_lift(lift, self.material, self.material.rate_factor(self.speed))
+        if lift is None:
+            return None
+        rate = lift.compaction_rate(self.speed, self.roller.radius, self.material.fed_density_ratio)
+        return compacted_lift(lift, self.material, self.material.rate_factor(rate))
 
     @cached_property
     def heaping(self) -> HeapingEstimate | None:
@@ -213,8 +222,13 @@ class RollingCase:
         angle = self.numerics.max_contact_angle
         if angle is None or self.numerics.strain == "small" or self.layer.base == "slip":
             return None
-        rate_factor = self.material.rate_factor(self.speed)
-        return HeapingEstimate(self.layer.height, self.roller.radius, self.material, angle, rate_factor)
+        estimate = HeapingEstimate(self.layer.height, self.roller.radius, self.material, angle)
+        deepest = min(estimate.contact_height, self.layer.height * (1 - self.material.fed_density_ratio))
+        return replace(estimate, rate_factor=self.rate_factor(deepest))
+
+    def rate_factor(self, depth: float) -> float:
+        """Return the factor of the yield pressure [-] by the rate of compaction at a depth [m]."""
+        return rate_factor_at(self.material, self.roller.radius, self.layer.height, depth, self.speed, self.fed_layer)
 
     def create_frame(self, depth: float, increments: int) -> RollerFrame:
         """Create the frame for a depth [m] with a number of elements per contact length."""
@@ -222,31 +236,29 @@ class RollingCase:
         mesh = rolling_mesh(
             self.layer.height, length, length / increments, 0.0 if self.lower is None else self.lower.height
         )
-        return self.frame_on(mesh, length, self.material, self.numerics.strain == "finite")
+        return self.frame_on(mesh, depth, self.numerics.strain == "finite")
 
-    def frame_on(self, mesh: RowMesh, contact_length: float, material: Compaction, finite: bool) -> RollerFrame:
+    def frame_on(self, mesh: RowMesh, depth: float, finite: bool) -> RollerFrame:
         """Create a frame on a mesh.
 
         Parameters
         ----------
         mesh : RowMesh
             Mesh of the fed layer.
-        contact_length : float
-            Estimated contact length [m].
-        material : Compaction
-            Constitutive law.
+        depth : float
+            Depth [m].
         finite : bool
             True for finite strain.
         """
         frame = RollerFrame(
             mesh,
-            material,
+            self.material,
             self.layer.base,
-            contact_length,
+            float(np.sqrt(2 * self.roller.radius * depth)),
             fed_layer=self.fed_layer,
             lower=self.lower,
             finite=finite,
-            rate_factor=self.material.rate_factor(self.speed),
+            rate_factor=self.rate_factor(depth),
         )
         frame.solid.threads = self.numerics.threads
         return frame
@@ -286,7 +298,7 @@ class RollingCase:
         if below:
             layer = np.maximum(layer, 0.0) + lower * (below / frame.lower_height)
         mesh = RowMesh(along * frame.mesh.x, layer)
-        rolling = self.roller_at_rest(self.frame_on(mesh, length, self.material, frame.solid.finite))
+        rolling = self.roller_at_rest(self.frame_on(mesh, depth, frame.solid.finite))
         strain = depth / old.depth / across
         displacement = state.displacement * strain * across
         points, fed, old_fed = state.points, rolling.frame.initial_state().points, frame.initial_state().points
@@ -338,6 +350,7 @@ def _search_on(case: RollingCase, target: DepthTarget, count: int, coarse: Stead
         tolerance=case.numerics.steady_tolerance * (1 if is_last else COARSE_TOLERANCE),
         target_tolerance=target.tolerance * (1 if is_last else COARSE_TARGET_TOLERANCE),
         stretch=case.stretched,
+        rate_factor=case.rate_factor,
     )
     if coarse is not None:
         search.start_from(coarse)
@@ -356,6 +369,7 @@ def _roll_from_neighbour(
         tolerance=case.numerics.steady_tolerance,
         target_tolerance=target.tolerance,
         stretch=case.stretched,
+        rate_factor=case.rate_factor,
         relaxation=relaxation,
     )
     _run(search, case)

@@ -185,7 +185,8 @@ class FiniteStrainSolid:
                 "`displacement` must not invert elements, got one in which the stress integration fails at point "
                 f"{failed}, {self.point_coordinates[failed]} m"
             )
-        end = SolidState(displacement, cap_plasticity.MaterialPoint(*after[:4]), after[4])
+        points = cap_plasticity.MaterialPoint(*after[:4])
+        end = SolidState(displacement, points, after[4], before.carried_pressure)
         return SolidIncrement(self, end, multipliers, forces, stiffness if tangent else None)
 
     def _integrate_blocks(self, elements, inputs):

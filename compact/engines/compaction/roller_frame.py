@@ -30,7 +30,7 @@ from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics.assembly import unit_moduli
-from compact.rolling_contact import BaseCondition, LowerLift
+from compact.rolling_contact import BaseCondition, LowerLift, compaction_rate
 
 GROWTH = 1.2  # [-], ratio of neighbouring elements outside the uniform zone and downwards
 LARGEST_ELEMENT = 0.4  # [-], over the layer height
@@ -259,6 +259,31 @@ def _conservative_means(values, old, new):
     return np.diff(sums, axis=0) / np.diff(ends).reshape(shape)
 
 
+def rate_factor_at(
+    material: Compaction, radius: float, height: float, depth: float, speed: float, fed_layer: LayerState | None = None
+) -> float:
+    """Compute the factor of the yield pressure by the rate of compaction, see `rolling_contact.compaction_rate` [-].
+
+    Parameters
+    ----------
+    material : Compaction
+        Constitutive law.
+    radius : float
+        Roller radius [m].
+    height, depth : float
+        Height of the layer before the pass and depth of the lowest generatrix below it [m].
+    speed : float
+        Speed of the roller [m/s].
+    fed_layer : LayerState, optional
+        Layer of an earlier pass; fresh mix by default.
+    """
+    fed_height = height
+    if fed_layer is not None:
+        fed_height *= fed_layer.density_ratio / material.fed_density_ratio
+    depth = min(depth + fed_height - height, fed_height * (1 - material.fed_density_ratio))  # a lower lift settles too
+    return material.rate_factor(compaction_rate(speed, radius, fed_height, depth))
+
+
 class RollerFrame:
     """Mesh under the roller with its inflow and the operators that convect mix through it by one step.
 
@@ -279,7 +304,7 @@ class RollerFrame:
     finite : bool
         True for finite strain, False for small strain.
     rate_factor : float
-        Factor of the yield pressure by the speed [-].
+        Factor of the yield pressure by the rate of compaction [-].
     """
 
     def __init__(
@@ -305,6 +330,7 @@ class RollerFrame:
             fixed_dofs=_fixed_dofs(x, y, base),
             finite=finite,
             rate_factor=rate_factor,
+            travel=self.step,
         )
         surface = np.flatnonzero(y > mesh.height * (1 - SAME_PLACE))
         self.surface_nodes = surface[np.argsort(x[surface])]
@@ -312,12 +338,13 @@ class RollerFrame:
         self._row_layout, self.row_x, self.row_y = self._order_points_by_rows()
         self.inflow = fed_layer
         lower = lower if fed_layer is None else fed_layer.lower
+        lower = None if lower is None else lower.stacked
         self.lower_height = 0.0 if lower is None else lower.height
         self.lower_rows = int(np.sum(self.row_y < self.lower_height))
         heights = self.row_heights[self.lower_rows :]
         layer = fresh_layer(material, heights) if fed_layer is None else fed_layer.resampled(heights)
         if lower is not None:
-            layer = replace(layer, lower=lower.stacked.resampled(self.row_heights[: self.lower_rows]))
+            layer = replace(layer, lower=lower.resampled(self.row_heights[: self.lower_rows]))
         self.fed_layer = layer
         self._fed_points = layer.stacked.points
 

@@ -25,6 +25,7 @@ from compact.engines.compaction.incremental_rolling import (
     require_low_wave,
 )
 from compact.engines.compaction.roller_frame import transfer_state
+from compact.material.laws import DruckerPragerCap
 
 FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle
 SETTLING, MEASURING = 0.8, 0.7  # [-], of the later cycles
@@ -96,6 +97,8 @@ class SteadySearch:
         Function that returns a roller on its mesh stretched to a depth [m].
     relaxation : Relaxation
         Slow relaxation of the bow wave; its length is found on this mesh if it is unknown.
+    rate_factor : callable, optional
+        Function that returns the factor of the yield pressure [-] at a depth [m]; that of the mesh by default.
     """
 
     rolling: IncrementalRolling
@@ -105,6 +108,7 @@ class SteadySearch:
     target_tolerance: float
     stretch: Stretch
     relaxation: Relaxation = field(default_factory=Relaxation)
+    rate_factor: Callable[[float], float] | None = None
     errors: SteadyErrors = field(init=False)
     values: FloatArray = field(init=False)  # `QUANTITIES` in the steady state
     finds_length: bool = field(init=False)
@@ -135,7 +139,7 @@ class SteadySearch:
             If a step has no equilibrium, or the steady state or the target is not reached.
         """
         growths, secant = 0, DepthSecant(self.target)
-        self.rolling.solver.tolerance = SETTLING_TOLERANCE
+        self.rolling.solver.tolerance = self._settling_tolerance
         self._roll(FIRST_SETTLING, DAMPING)
         for cycle in range(MAX_FIRST_CYCLES if self.finds_length else MAX_CYCLES):
             drift = self._measure(FIRST_MEASURING if cycle == 0 else MEASURING)
@@ -148,7 +152,7 @@ class SteadySearch:
                 corrected = secant.next_depth(depth, self._target_value())
                 is_met = abs(secant.last_miss) < self.target_tolerance
                 depth, is_final = depth if is_met else corrected, is_met and self.errors.total < self.tolerance
-            self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else SETTLING_TOLERANCE
+            self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else self._settling_tolerance
             self._correct(depth, jump, FINAL_SETTLING if is_final else SETTLING)
             if is_final:
                 self._advance_exactly()
@@ -167,6 +171,12 @@ class SteadySearch:
         self.rolling.solver.tolerance = ROLLING_TOLERANCE
         self.rolling.advance(self._height, damping=0.0)
         self.rolling.solver.tolerance = FINAL_TOLERANCE
+
+    @property
+    def _settling_tolerance(self) -> float:
+        """Residual of a step far from the steady state [-]; on a shear line 1e-2 leaves some per cent of the load."""
+        has_line = isinstance(self.rolling.frame.solid.material, DruckerPragerCap)
+        return FINAL_TOLERANCE if has_line else SETTLING_TOLERANCE
 
     @property
     def _height(self) -> float:
@@ -274,6 +284,8 @@ class SteadySearch:
             ratio = depth / self.rolling.mesh_depth
             if max(ratio, 1 / ratio) > STRETCHED_DEPTH:
                 self.rolling = self.stretch(self.rolling, depth)
+            if self.rate_factor is not None:
+                self.rolling.frame.solid.rate_factor = self.rate_factor(depth)
             try:
                 return self._roll(share)
             except RuntimeError:
