@@ -32,11 +32,12 @@ Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_en
 MixParameter = Literal[
     "required_pressure", "plastic_modulus", "relaxed_modulus", "unloading_modulus", "poisson", "instant_over_relaxed",
     "relaxation_time", "pore_air_modulus", "friction_angle", "cohesion", "steel_friction", "heckel_slope",
-    "rate_sensitivity", "reference_rate", "effective_modulus",
+    "rate_sensitivity", "reference_rate", "effective_modulus", "air_permeability", "occlusion_saturation",
     "cohesion_loose", "earth_pressure_coefficient", "dilatancy_angle", "shear_viscosity",
 ]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
 MixLaw = Literal["ellipse", "drucker-prager-cap"]
+PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
 COUNT_LIMIT = 1_000_000  # [-], beyond any machine; excludes typing errors such as 0xffff... from loops
 
@@ -144,6 +145,8 @@ class Overrides(Table):
     )
     reference_rate: float | None = _optional("the rate of compaction in 1/s below which the Heckel slope is valid")
     effective_modulus: float | None = _optional("the secant contact modulus E of eqs 1.5, 1.6 in Pa")
+    air_permeability: float | None = _optional("the intrinsic permeability of the fed mix to air in m2")
+    occlusion_saturation: float | None = _optional("the saturation above which the air is occluded", gt=0, le=1)
 
 
 class Mix(Table):
@@ -153,6 +156,9 @@ class Mix(Table):
     density_ratio: float = _between(0.90, 0.99, "the required density ratio k of the product")
     law: MixLaw = _default(
         "ellipse", "the yield surface of the engines that compact: an elliptic cap, or a cap with a shear line"
+    )
+    pore_air: PoreAirModel = _default(
+        "drained", "the pore air: without pressure, at the deformation without air, or coupled with the deformation"
     )
     overrides: Overrides = Overrides()
 
