@@ -13,6 +13,7 @@ import numpy as np
 
 from compact import quantities
 from compact.analysis.engines import ENGINES
+from compact.analysis.pore_air import AirForces
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
 from compact.numerics.validation import require_finite
@@ -23,6 +24,7 @@ from compact.scene.loader import Scene
 COMPACTED = (  # fields of engines with irreversible compaction only
     "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
     "overdense_work", "mass_residual", "yield_residual", "equilibrium_residual",
+    "air_load", "air_resistance", "air_excess_behind",
 )  # fmt: skip
 COMMON = tuple(name for name in quantities.CONTACT if name not in COMPACTED)
 ERRORS = {"load": "load_error", "resistance": "resistance_error"}  # quantity -> field of its relative error
@@ -260,6 +262,9 @@ class ContactRecord:
     peak_density_ratio, overdense_work, yield_residual, equilibrium_residual : float or None
         Largest density ratio, share of the plastic work beyond the measured pressure curve, largest stress beyond the
         cap over its pressure and relative residual of the forces [-]; None except for the engine "compaction".
+    air_load, air_resistance, air_excess_behind : float or None
+        Parts of load and resistance by the pore air [N/m], and its largest excess pressure behind the contact [Pa];
+        None for drained mix.
     passes : tuple of PassRecord
         All passes in order; empty for a linear layer.
     """
@@ -287,10 +292,15 @@ class ContactRecord:
     mass_residual: float | None = None
     yield_residual: float | None = None
     equilibrium_residual: float | None = None
+    air_load: float | None = None
+    air_resistance: float | None = None
+    air_excess_behind: float | None = None
     passes: tuple[PassRecord, ...] = ()
 
 
-def contact_record(engine: str, speed: float, passes: tuple[ContactResult, ...]) -> ContactRecord:
+def contact_record(
+    engine: str, speed: float, passes: tuple[ContactResult, ...], air: AirForces | None = None
+) -> ContactRecord:
     """Summarise the results of all passes at one speed; all but `passes` belongs to the first.
 
     Parameters
@@ -298,12 +308,18 @@ def contact_record(engine: str, speed: float, passes: tuple[ContactResult, ...])
     speed : float
         Speed of the roller [m/s].
     passes : tuple of ContactResult
-        Results of the passes in order, at least one.
+        Results of the passes in order, at least one, without pore air.
+    air : AirForces, optional
+        Changes of the first pass by its pore air.
     """
     first = passes[0]
     load_error, resistance_error = first.error or (None, None)
     numbers: dict[str, Any] = {name: getattr(first, name, None) for name in quantities.CONTACT}
-    numbers |= {"speed": speed, "coefficient": first.resistance / first.load}
+    if air is not None:
+        numbers["load"] += air.load
+        numbers["resistance"] += air.resistance
+        numbers |= {"air_load": air.load, "air_resistance": air.resistance, "air_excess_behind": air.excess_behind}
+    numbers |= {"speed": speed, "coefficient": numbers["resistance"] / numbers["load"]}
     compacted = passes if hasattr(first, "exit_height") else ()
     records = (PassRecord(**{name: getattr(each, name) for name in quantities.PASS}) for each in compacted)
     return ContactRecord(

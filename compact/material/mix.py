@@ -35,6 +35,8 @@ WATER_DENSITY = 1000.0  # [kg/m3], density of water
 LOOSE_DENSITY_RATIO = 0.72  # [-], k0, start of Heckel's curve; a constant of the curve, not an allowed density
 HECKEL_SLOPE = 13e-6  # [1/Pa], one-dimensional K_H/f at moisture 0.10; fits the required pressures to rounding
 HECKEL_SLOPE_FACTORS = (0.55, 0.78, 1.0, 1.22, 1.45)  # [-], K_H over that at the moistures of the table
+AIR_PERMEABILITY = 1e-13  # [m2], intrinsic, to air, of the fed mix; unmeasured, 1e-14 of silty to 1e-12 of sandy mixes
+OCCLUSION_SATURATION = 0.90  # [-], saturation at which the paths of the air are closed
 RATE_SENSITIVITY = 0.02  # [-], 4.6 % per decade; C_alpha/C_c of granular soils is .02 +- .01, of powders 0 to .05
 OPERATING_RATE = 0.2  # [1/s], of the published machine; .13 to .25 at .13 m/s, which changes f by 1 %
 PUBLISHED_MOISTURE, PUBLISHED_DENSITY_RATIO = 0.10, 0.98  # [-], of the published machine
@@ -224,6 +226,12 @@ PARAMETER_SOURCES: dict[str, ParameterSource] = {
     "effective_modulus": ParameterSource(
         "Pa", "assumed", "secant modulus of (1.5)-(1.6): relaxed_modulus", _factor(2.5)
     ),
+    "air_permeability": ParameterSource(
+        "m2", "assumed", "intrinsic, of the fed mix: silty to sandy soils at its saturation", _range(1e-14, 1e-12)
+    ),
+    "occlusion_saturation": ParameterSource(
+        "-", "analogous", "compacted soils, end of continuous air", _range(0.85, 0.95)
+    ),
 }
 PARAMETER_NAMES = tuple(PARAMETER_SOURCES)
 CALIBRATED = ("required_pressure", "plastic_modulus", "relaxed_modulus", "heckel_slope", "effective_modulus")
@@ -367,6 +375,7 @@ def _table_values(moisture: float, density_ratio: float) -> dict[str, float]:
     values["saturation"] = float(saturation(moisture, density_ratio))
     values["heckel_slope"] = HECKEL_SLOPE * np.exp(np.interp(moisture, moistures, np.log(HECKEL_SLOPE_FACTORS)))
     values |= {"rate_sensitivity": RATE_SENSITIVITY, "reference_rate": REFERENCE_RATE}
+    values |= {"air_permeability": AIR_PERMEABILITY, "occlusion_saturation": OCCLUSION_SATURATION}
     return values
 
 

@@ -186,6 +186,31 @@ def _driven_roller_has_a_torque(torque, rolling, engine):
         return f"is missing, and {words}; give the torque on one roller in N m"
 
 
+@_rule("mix.pore_air", "contact.held", "contact.load", "contact.peak_pressure")
+def _air_needs_a_held_height(pore_air, held, load, pressure):
+    if pore_air in (None, "drained"):
+        return None
+    given = {
+        f'contact.held = "{held}"': held not in (None, "height"),
+        "contact.load": load,
+        "contact.peak_pressure": pressure,
+    }
+    if found := [name for name, value in given.items() if value]:
+        return (
+            f'"{pore_air}" is computed at the height of the roller, got {" and ".join(found)}; take the key out, so '
+            'that the density or an indentation is prescribed, or choose "drained"'
+        )
+
+
+@_rule("mix.pore_air", "mix.overrides.air_permeability", into=ADVICE)
+def _permeability_is_heeded(pore_air, permeability):
+    if permeability is not None and pore_air in (None, "drained"):
+        return (
+            'mix.overrides.air_permeability enters the de-aeration speed alone; mix.pore_air = "one-way" or "coupled" '
+            "adds the pressure of the air to load and resistance"
+        )
+
+
 @_rule("contact.speeds")
 def _speeds_rise(speeds):
     if speeds is not None and not (len(speeds) and speeds[0] > 0 and all(b > a for a, b in pairwise(speeds))):

@@ -32,9 +32,10 @@ Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_en
 MixParameter = Literal[
     "required_pressure", "plastic_modulus", "relaxed_modulus", "unloading_modulus", "poisson", "instant_over_relaxed",
     "relaxation_time", "pore_air_modulus", "friction_angle", "cohesion", "steel_friction", "heckel_slope",
-    "rate_sensitivity", "reference_rate", "effective_modulus",
+    "rate_sensitivity", "reference_rate", "effective_modulus", "air_permeability", "occlusion_saturation",
 ]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
+PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
 COUNT_LIMIT = 1_000_000  # [-], beyond any machine; excludes typing errors such as 0xffff... from loops
 
@@ -134,6 +135,8 @@ class Overrides(Table):
     )
     reference_rate: float | None = _optional("the rate of compaction in 1/s below which the Heckel slope is valid")
     effective_modulus: float | None = _optional("the secant contact modulus E of eqs 1.5, 1.6 in Pa")
+    air_permeability: float | None = _optional("the intrinsic permeability of the fed mix to air in m2")
+    occlusion_saturation: float | None = _optional("the saturation above which the air is occluded", gt=0, le=1)
 
 
 class Mix(Table):
@@ -141,6 +144,9 @@ class Mix(Table):
 
     moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
     density_ratio: float = _between(0.90, 0.99, "the required density ratio k of the product")
+    pore_air: PoreAirModel = _default(
+        "drained", "the pore air: without pressure, at the deformation without air, or coupled with the deformation"
+    )
     overrides: Overrides = Overrides()
 
 

@@ -28,7 +28,6 @@ from compact.engines.compaction.finite_strain_kernels import announce_compilatio
 from compact.engines.compaction.finite_strain_solid import SolidState
 from compact.engines.compaction.heaping import (
     MAX_CONTACT_ANGLE,
-    HeapingError,
     HeapingEstimate,
     remedies,
     require_no_heaping,
@@ -48,7 +47,14 @@ from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics.validation import require_between, require_known, require_positive
-from compact.rolling_contact import HEIGHT_TOLERANCE, Layer, Roller, require_moving, require_torque_allowed
+from compact.rolling_contact import (
+    HEIGHT_TOLERANCE,
+    HeapingError,
+    Layer,
+    Roller,
+    require_moving,
+    require_torque_allowed,
+)
 
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
@@ -403,6 +409,8 @@ def _run(search: SteadySearch, case: RollingCase) -> None:
         if case.heaping is None or depth is None or case.fed_layer is not None:
             raise
         advice = remedies(case.heaping, depth, for_density=search.target.quantity == "exit_density_ratio")
+        if isinstance(error, HeapingError):
+            raise HeapingError(f"{error}; {advice}", error.heaping) from error
         raise type(error)(f"{error}; {advice}") from error
 
 
