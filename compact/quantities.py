@@ -128,6 +128,9 @@ CONTACT = {  # fields of a contact of one roller, per unit length of the roller
     "mass_residual": MASS_RESIDUAL,
     "yield_residual": Quantity("yield-condition residual", "1"),
     "equilibrium_residual": Quantity("equilibrium residual", "1"),
+    "air_load": Quantity("load by pore air", "N/m", "kN/m"),
+    "air_resistance": Quantity("rolling resistance by pore air", "N/m", "kN/m"),
+    "air_excess_behind": Quantity("largest excess pressure of pore air behind the contact", "Pa", "kPa"),
 }
 PASS = {  # fields of one pass over a compacting layer
     name: CONTACT[name]

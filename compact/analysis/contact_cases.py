@@ -13,6 +13,8 @@ import numpy as np
 
 from compact import quantities
 from compact.analysis.engines import ENGINES
+from compact.analysis.pore_air import AirForces
+from compact.material.earth_pressure import drucker_prager_cap
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
 from compact.numerics.validation import require_finite
@@ -23,6 +25,7 @@ from compact.scene.loader import Scene
 COMPACTED = (  # fields of engines with irreversible compaction only
     "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
     "overdense_work", "mass_residual", "yield_residual", "equilibrium_residual",
+    "air_load", "air_resistance", "air_excess_behind",
 )  # fmt: skip
 COMMON = tuple(name for name in quantities.CONTACT if name not in COMPACTED)
 ERRORS = {"load": "load_error", "resistance": "resistance_error"}  # quantity -> field of its relative error
@@ -162,21 +165,35 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     Notes
     -----
     phi and c are the angle of internal friction and the cohesion: the critical state line equals the Mohr-Coulomb
-    limit in plane strain at constant volume. Confined compression follows the Heckel curve of mix tables.
+    limit in plane strain at constant volume. Confined compression follows the Heckel curve of mix tables. The slopes of
+    the law "drucker-prager-cap" are those of `earth_pressure`, with the cohesion of loose mix and the earth pressure
+    coefficient at the required pressure.
     """
+    common: dict[str, Any] = {
+        "unloading_modulus": mix.unloading_modulus,
+        "poisson": mix.poisson,
+        "heckel_slope": mix.heckel_slope,
+        "loose_density_ratio": LOOSE_DENSITY_RATIO,
+        "fed_density_ratio": scene.layer.fed_density_ratio,
+        "rate_sensitivity": mix.rate_sensitivity,
+        "reference_rate": mix.reference_rate,
+    }
+    if scene.mix.law == "drucker-prager-cap":
+        return drucker_prager_cap(
+            friction_angle=mix.friction_angle,
+            cohesion=mix.cohesion_loose,
+            earth_pressure_coefficient=mix.earth_pressure_coefficient,
+            pressure=mix.required_pressure,
+            dilatancy_angle=mix.dilatancy_angle,
+            shear_viscosity=mix.shear_viscosity,
+            **common,
+        )
     angle = np.radians(mix.friction_angle)
-    slope = float(np.sqrt(3) * np.sin(angle))
     return Compaction(
-        unloading_modulus=mix.unloading_modulus,
-        poisson=mix.poisson,
-        heckel_slope=mix.heckel_slope,
+        **common,
         heckel_test="confined",
-        loose_density_ratio=LOOSE_DENSITY_RATIO,
-        critical_slope=slope,
+        critical_slope=float(np.sqrt(3) * np.sin(angle)),
         tensile_strength=float(mix.cohesion / np.tan(angle)),
-        fed_density_ratio=scene.layer.fed_density_ratio,
-        rate_sensitivity=mix.rate_sensitivity,
-        reference_rate=mix.reference_rate,
     )
 
 
@@ -260,6 +277,9 @@ class ContactRecord:
     peak_density_ratio, overdense_work, yield_residual, equilibrium_residual : float or None
         Largest density ratio, share of the plastic work beyond the measured pressure curve, largest stress beyond the
         cap over its pressure and relative residual of the forces [-]; None except for the engine "compaction".
+    air_load, air_resistance, air_excess_behind : float or None
+        Parts of load and resistance by the pore air [N/m], and its largest excess pressure behind the contact [Pa];
+        None for drained mix.
     passes : tuple of PassRecord
         All passes in order; empty for a linear layer.
     """
@@ -287,10 +307,15 @@ class ContactRecord:
     mass_residual: float | None = None
     yield_residual: float | None = None
     equilibrium_residual: float | None = None
+    air_load: float | None = None
+    air_resistance: float | None = None
+    air_excess_behind: float | None = None
     passes: tuple[PassRecord, ...] = ()
 
 
-def contact_record(engine: str, speed: float, passes: tuple[ContactResult, ...]) -> ContactRecord:
+def contact_record(
+    engine: str, speed: float, passes: tuple[ContactResult, ...], air: AirForces | None = None
+) -> ContactRecord:
     """Summarise the results of all passes at one speed; all but `passes` belongs to the first.
 
     Parameters
@@ -298,12 +323,18 @@ def contact_record(engine: str, speed: float, passes: tuple[ContactResult, ...])
     speed : float
         Speed of the roller [m/s].
     passes : tuple of ContactResult
-        Results of the passes in order, at least one.
+        Results of the passes in order, at least one, without pore air.
+    air : AirForces, optional
+        Changes of the first pass by its pore air.
     """
     first = passes[0]
     load_error, resistance_error = first.error or (None, None)
     numbers: dict[str, Any] = {name: getattr(first, name, None) for name in quantities.CONTACT}
-    numbers |= {"speed": speed, "coefficient": first.resistance / first.load}
+    if air is not None:
+        numbers["load"] += air.load
+        numbers["resistance"] += air.resistance
+        numbers |= {"air_load": air.load, "air_resistance": air.resistance, "air_excess_behind": air.excess_behind}
+    numbers |= {"speed": speed, "coefficient": numbers["resistance"] / numbers["load"]}
     compacted = passes if hasattr(first, "exit_height") else ()
     records = (PassRecord(**{name: getattr(each, name) for name in quantities.PASS}) for each in compacted)
     return ContactRecord(

@@ -55,6 +55,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "drive_resistance": _drive_resistance(study),
         "held": _held(study.held),
         "return_stroke": _return_stroke(study),
+        "pore_air": _pore_air(study),
         "steady_forces": _steady_forces(study),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
@@ -132,6 +133,26 @@ def _return_stroke(study: Study) -> dict[str, Any]:
         "second_pass_load": _number(load, "1"),
         "second_pass_resistance": _number(resistance, "1"),
         "energy": {over: _number(energy, "J") for over, energy in study.cycle_energies.items()},
+    }
+
+
+def _pore_air(study: Study) -> dict[str, Any] | None:
+    """Convert the numbers on the pore air; None where the layer has none."""
+    air = study.pore_air
+    if air is None:
+        return None
+    permeability, (value, low, high) = air.permeability, air.deaeration_speeds
+    load, resistance = air.shares
+    curve = study.air_curve
+    return {
+        "model": study.scene.mix.pore_air,
+        "air_permeability": _number(permeability.value, "m2") | {"low": permeability.low, "high": permeability.high},
+        "deaeration_speed": _number(value, "m/s") | {"low": low, "high": high},
+        "load_share": _number(load, "1"),
+        "resistance_share": _number(resistance, "1"),
+        "excess_behind": _number(air.at_mean_speed.excess_behind, "Pa"),
+        "tensile_strength": _number(air.tensile_strength, "Pa"),
+        "coupled": [asdict(each) for each in curve.coupled] if curve else [],
     }
 
 

@@ -32,7 +32,7 @@ def study_digest(study: Study) -> str:
     lines = [study.scene.title or "untitled scene", ""]
     lines += [_number_line(name, study.numbers[name]) for name in DIGEST_NUMBERS]
     lines += [*_wrapped(coverage(study.scene, study.engineering)), ""]
-    for sentence in (held_sentence(study), return_sentence(study), guide_sentence(study)):
+    for sentence in (held_sentence(study), return_sentence(study), air_sentence(study), guide_sentence(study)):
         lines += _wrapped(sentence)
     if not study.mix.density_achievable:
         lines.append(f"  {study.mix.density_achievable.reason}")
@@ -66,6 +66,12 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
     if study.held is not None:
         lines.append(held_sentence(study))
     lines += study.scene.replacements[engine]
+    air = study.contact_stage.air_forces_of(first, speed)
+    if air is not None:
+        lines.append(
+            f"without pore air, whose pressure at this deformation adds {air.load:.4g} N/m to the load and "
+            f"{air.resistance:.4g} N/m to the resistance; {air.excess_behind / 1e3:.3g} kPa remain behind the roller"
+        )
     if len(passes) > 1:
         lines += ["", "pass   load [N/m]   resistance [N/m]   exit height [mm]   density ratio"]
         lines += [_pass_line(number, each) for number, each in enumerate(passes, start=1)]
@@ -155,6 +161,39 @@ def return_sentence(study: Study) -> str:
         f"return stroke: over {study.scene.layer.return_stroke} mix; over compacted mix it requires {load:.1%} of the "
         f"load and {resistance:.1%} of the resistance; energy per cycle with {study.drive_stage.best_law}: {fresh:.4g} "
         f"J over fresh mix, {compacted:.4g} J over compacted mix"
+    )
+
+
+def air_sentence(study: Study) -> str:
+    """State the part of the pore air in load and resistance, the de-aeration speed and the tension behind the roller.
+
+    Returns
+    -------
+    str
+        One sentence without a full stop; empty for a layer without compaction.
+    """
+    air, model = study.pore_air, study.scene.mix.pore_air
+    if not study.engine.compacting:
+        return ""
+    if air is None:
+        return (
+            "pore air: the fed mix is occluded, so that its permeability does not apply; load and resistance have none"
+        )
+    load, resistance = air.shares
+    words = (
+        "drained, not part of load and resistance" if model == "drained" else f"{model}, part of load and resistance"
+    )
+    value, low, high = ("no" if each is None else f"{each:.2g}" for each in air.deaeration_speeds)
+    band = "" if low == high else f" ({low} to {high} m/s over the spread of the permeability)"
+    sentence = (
+        f"pore air: {words}; at the mean speed and {air.permeability.value:.2g} m2 it adds {load:.2g} of the load and "
+        f"{resistance:.2g} of the resistance; it adds a tenth of the load at {value} m/s{band}"
+    )
+    if not air.may_crack:
+        return sentence
+    behind, strength = air.at_mean_speed.excess_behind / 1e3, air.tensile_strength / 1e3
+    return (
+        f"{sentence}; behind the roller {behind:.3g} kPa exceed the tensile strength {strength:.3g} kPa: it may crack"
     )
 
 

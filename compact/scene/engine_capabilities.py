@@ -34,6 +34,7 @@ KINDS = {  # words for values that have no name of their own
     "layer.return_stroke": "{} mix under the return stroke",
     "machine.roller_condition": "{} roller",
     "contact.indentation": "prescribed depth of {:g} m",
+    "mix.pore_air": "{} pore air",
 }
 
 
@@ -83,6 +84,10 @@ _ONE_PASS = Limit("layer.passes", (1,), "an elastic layer keeps no trace of a pa
 _FRESH = Limit("layer.return_stroke", ("fresh",), "it compacts no mix that the return stroke could roll over")
 _RECOVERS = (_ONE_PASS, _FRESH)
 _RIGID_BASE = Limit("layer.lower_lift", (None,), "its layer does not compact, and lies on a rigid base")
+_NO_AIR = Limit("mix.pore_air", ("drained",), "its layer has no voids that close", fixed=True)
+_ONE_WAY = Limit(
+    "mix.pore_air", ("one-way", "drained"), "columns under a held height do not yield to the air", fixed=True
+)
 _ONE_MIX = Limit("layer.plies", (None,), "its layer is of one mix")
 
 LIMITS: dict[str, tuple[Limit, ...]] = {
@@ -91,6 +96,7 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
         Limit("contact.indentation", (None,), "the depth of a contact on a half-plane is not defined", late=True),
         _ONE_MODULUS,
         _RIGID_BASE,
+        _NO_AIR,
         *_RECOVERS,
     ),
     "column": (
@@ -100,6 +106,7 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
         ),
         Limit("layer.base", ("bonded",), "mix on a slipping base moves sideways, which no column does"),
         _ONE_MIX,
+        _ONE_WAY,
     ),
     "spectral": (
         Limit("machine.gap_geometry", ("circle", "parabola"), "its gap is measured on the undeformed surface"),
@@ -108,9 +115,10 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
             "its rollers have no friction or slip everywhere", smooth=("free",),
         ),
         _RIGID_BASE,
+        _NO_AIR,
         *_RECOVERS,
     ),
-    "fem": (_RIGID_BASE, *_RECOVERS),
+    "fem": (_RIGID_BASE, _NO_AIR, *_RECOVERS),
     "compaction": (_ONE_MIX,),
 }  # fmt: skip
 

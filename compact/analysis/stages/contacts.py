@@ -18,6 +18,16 @@ from compact.analysis import contact_cases
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity, contact_inputs
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
 from compact.analysis.engines import ENGINES, Engine, expand_resistance
+from compact.analysis.pore_air import (
+    AirCurve,
+    AirForces,
+    add_air_field,
+    air_curve,
+    air_under,
+    coupled_samples,
+    has_air,
+    pore_air_of,
+)
 from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
 from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
@@ -129,6 +139,29 @@ def roll_passes(
     assert isinstance(material, Compaction)  # of a compacting engine
     with _named_errors(scene, used.name, speed):
         return passes(layer, roller, material, speed, stages, engine=used.name, first=first, **numerics)
+
+
+def air_forces_of(scene: Scene, mix: Mix, contact: ContactResult, speed: float) -> AirForces | None:
+    """Compute the changes of one contact by its pore air, at its deformation without air.
+
+    Parameters
+    ----------
+    contact : ContactResult
+        First pass without air.
+    speed : float
+        Speed of the roller [m/s].
+
+    Returns
+    -------
+    AirForces or None
+        None for a scene without pressure of the air.
+    """
+    if not has_air(scene):
+        return None
+    layer, roller, _ = contact_inputs(scene, mix, scene.accuracy.engine, speed)
+    under = air_under(contact, layer, roller, pore_air_of(mix, scene.layer.fed_density_ratio))
+    pressure = under.pressure(speed)
+    return AirForces(*under.forces(pressure), under.largest_excess_behind(pressure))
 
 
 def added_mass(
@@ -360,7 +393,44 @@ class ContactStage:
         """Scalar results at each speed; empty for the formulas."""
         if self.kept:
             return self.kept.contacts
-        return [contact_cases.contact_record(self.engine.name, *each) for each in self.passes]
+        name = self.engine.name
+        return [contact_cases.contact_record(name, *each, self.air_forces(each[0])) for each in self.passes]
+
+    @cached_property
+    def air_curve(self) -> AirCurve | None:
+        """Forces of the pore air at the contact near the mean speed; None for a linear layer and occluded mix.
+
+        Raises
+        ------
+        ValueError
+            If the scene has pore air and its mix is occluded as fed.
+        """
+        if not self.engine.compacting:
+            return None
+        if self.kept:
+            return self.kept.air_curve
+        speed, contact = self.typical
+        layer, roller, _ = contact_inputs(self.scene, self.mix, self.engine.name, speed, self.held)
+        try:
+            air = pore_air_of(self.mix, self.scene.layer.fed_density_ratio)
+        except ValueError:
+            if has_air(self.scene):
+                raise
+            return None
+        curve = air_curve(air_under(contact, layer, roller, air), air.permeability, contact)
+        if self.scene.mix.pore_air == "coupled" and self.engine.name == "compaction":
+            curve = curve.with_coupled(coupled_samples(contact, air, curve, contact_cases.contact_speeds(self.scene)))
+        return curve
+
+    def air_forces_of(self, contact: ContactResult, speed: float) -> AirForces | None:
+        """Return the changes of a first pass by its pore air; see `air_forces_of`."""
+        return air_forces_of(self.scene, self.mix, contact, speed)
+
+    def air_forces(self, speed: float) -> AirForces | None:
+        """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
+        if not has_air(self.scene) or self.air_curve is None:
+            return None
+        return self.air_curve.at(speed, self.mix.air_permeability)
 
     @cached_property
     def fields(self) -> list[tuple[Any, ContactResult]]:
@@ -368,8 +438,15 @@ class ContactStage:
         found = []
         for _, result in self.first_passes:
             self.count("fields")
-            found.append((self.engine.fields(result), result))
+            found.append((self.field_mesh(result), result))
         return found
+
+    def field_mesh(self, result: ContactResult) -> Any:
+        """Return the mesh with fields of a contact, with the excess pressure of its pore air where the scene has it."""
+        mesh = self.engine.fields(result)
+        if has_air(self.scene) and self.engine.name == "compaction":
+            add_air_field(mesh, result, pore_air_of(self.mix, self.scene.layer.fed_density_ratio))
+        return mesh
 
     @cached_property
     def roller_load(self) -> float:
@@ -399,7 +476,9 @@ class ContactStage:
                 raise
             warnings.warn(f"the return stroke over compacted mix is left out: {error}", stacklevel=2)
             return None
-        return back.load / first.load, max(-back.resistance / first.resistance, 0.0)
+        air = self.air_forces(scene.mean_speed) or AirForces(0.0, 0.0, 0.0)
+        load, resistance = first.load + air.load, first.resistance + air.resistance
+        return back.load / load, max(-back.resistance / resistance, 0.0)
 
     @property
     def return_ratios(self) -> tuple[float, float]:

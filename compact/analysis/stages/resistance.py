@@ -15,6 +15,7 @@ import numpy as np
 from compact import contact, resistance
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_inputs
+from compact.analysis.pore_air import has_air, nodes_of_map
 from compact.analysis.rate_law import sample_rate_law
 from compact.analysis.stages.contacts import ContactStage, added_mass, roll_scene
 from compact.contact import DryResistance
@@ -108,7 +109,17 @@ class ResistanceStage:
         else:
             pairs = [each[:3] for each in samples]
             sampled = sample_resistance(lambda at: self._new_sample(at)[1:3], least, speed, tolerance, pairs)
+        if has_air(self.scene):
+            sampled = self._with_air(sampled)
         return self._with_added_masses(replace(sampled, return_ratio=stage.return_ratios[1]))
+
+    def _with_air(self, skeleton: ResistanceMap) -> ResistanceMap:
+        """Return the map of a skeleton with the resistance by its pore air; its contacts remain those without."""
+        speeds = nodes_of_map(skeleton.speeds)
+        found = [self.contacts.air_forces(speed) for speed in speeds.tolist()]
+        air = np.array([0.0 if each is None else each.resistance for each in found])
+        forces = skeleton(speeds) + self._roller_length * air
+        return replace(skeleton, speeds=speeds, forces=forces, contacts=skeleton.computed)
 
     def _rate_factor(self) -> Callable[[float], float]:
         """Return the factor of the yield pressure over the speed [m/s] at the depth at the mean speed.

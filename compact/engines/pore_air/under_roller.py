@@ -63,7 +63,7 @@ class RollerAir:
         mobility = np.array([[frame.to_rows(each) for each in row] for row in tensor]) * self.air.mobility(voids)
         return AirFlow(
             x=self._padded(frame.row_x, *frame.mesh.x[-1, [0, -1]]),
-            y=self._padded(frame.row_y, 0.0, frame.mesh.height),
+            y=self._padded(frame.row_y, *frame.mesh.y[[0, -1]]),
             air_volume=_on_grid(density_ratio * voids),
             mobility=_on_grid(mobility),
             drained=self._drained_surface(),
