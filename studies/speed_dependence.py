@@ -31,13 +31,15 @@ LIFT = {
 LINEAR = {
     "accuracy.engine": "spectral", "machine.roller_condition": "frictionless", "machine.gap_geometry": "circle",
 }  # fmt: skip
-LINE = {"mix.law": "drucker-prager-cap"}  # cap with a shear line, cohesion of loose mix of the prior
+# Cap with a shear line on the subcritical side, and the cohesion of loose mix [Pa] at which the lift is steady; the prior
+# of 10 kPa has no steady state. Heckel slope and initial density ratio remain those of the elliptic cap.
+LINE = {"mix.law": "drucker-prager-cap", "mix.overrides.cohesion_loose": 20e3}
 NO_RATE = ", no rate"
 CASES = {  # label -> changes of the scene
     "printed formula": {},
     "columns": COLUMNS,
     "finite elements": LIFT,
-    "finite elements, shear line": LIFT | LINE,
+    "finite elements, shear line, 20 kPa": LIFT | LINE,
     "linear layer, viscoelastic part only": LINEAR,
 }
 AIR = ", pore air"
