@@ -12,7 +12,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from compact.engines.compaction.bow_wave import QUANTITIES, BowWaveMode, Relaxation, WaveDrift, relaxation_length
+from compact.engines.compaction.bow_wave import (
+    QUANTITIES,
+    BowWaveMode,
+    Relaxation,
+    WaveDrift,
+    crossing_length,
+    relaxation_length,
+)
 from compact.engines.compaction.depth_target import DepthSecant, DepthTarget
 from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.engines.compaction.incremental_rolling import (
@@ -24,6 +31,7 @@ from compact.engines.compaction.incremental_rolling import (
     heaping_error,
     require_low_wave,
 )
+from compact.engines.compaction.newton import EquilibriumError
 from compact.engines.compaction.roller_frame import transfer_state
 
 FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle
@@ -37,11 +45,12 @@ LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps 
 SETTLING_TOLERANCE = 1e-2  # [-], residual of a step over the nodal forces; 1e-4 changes a load by 4e-5
 FINAL_TOLERANCE = 1e-3  # [-], of those near the steady state, whose scatter counts; of the last `ROLLING_TOLERANCE`
 NEAR = 4.0  # [-], estimated distance from the steady state over its tolerance
-JUMP_TRIALS = (1.0, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
-GROWTH, MAX_GROWTHS = 0.3, 3  # [-], required jump over the area, and number of successive ones with a steady state
-MAX_UNSLOWED = 2  # [-], such jumps if the growth of the wave has not slowed down
+JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
+GROWTH, MAX_GROWTHS = 0.3, 7  # [-], required jump over the area, and number of successive ones with a steady state
+MAX_UNSLOWED, SLOWING = 2, 0.8  # [-], such jumps if the growth per travel remains above that share of the first one
 FIRST_LENGTH = 5.0  # [-], relaxation length of the wave over the contact length before any is known
 LENGTH_RANGE = (2.0, 40.0)  # [-], relaxation length over the contact length
+MIN_CROSSING = 0.2  # [-], least relaxation length between waves that grow and decay, over the last length
 MIN_MODE = 0.02  # [-], least change of the wave between two settled states that define a mode, over the wave
 SIGNIFICANCE = 3.0  # [-], standard errors from which a change of the wave counts
 SAME_DEPTH = 1e-3  # [-], relative change of the depth below which settled states belong to one depth
@@ -74,6 +83,33 @@ class SteadyErrors:
     def total(self) -> float:
         """Largest sum of both of load and resistance over their scales, and of the exit density ratio [-]."""
         return float(((self.drift + self.start)[:3] / [self.load, self.resistance, 1.0]).max())
+
+
+@dataclass
+class WaveGrowth:
+    """Successive jumps by which a wave should grow by more than `GROWTH`.
+
+    Attributes
+    ----------
+    slopes : list of float
+        Growth of the wave over the travel before each of these jumps [m].
+    """
+
+    slopes: list[float] = field(default_factory=list)
+
+    def record(self, drift: WaveDrift, jump: float) -> None:
+        """Record the drift of a cycle and the jump to the steady wave [m2]."""
+        self.slopes = [*self.slopes, drift.wave_slope] if jump > GROWTH * drift.wave_area else []
+
+    @property
+    def is_unslowed(self) -> bool:
+        """Whether the wave grows as fast as before the first jump, although it is much larger."""
+        return len(self.slopes) > 1 and self.slopes[-1] > SLOWING * self.slopes[0]
+
+    @property
+    def is_endless(self) -> bool:
+        """Whether the wave has no steady state."""
+        return len(self.slopes) > MAX_GROWTHS or (len(self.slopes) > MAX_UNSLOWED and self.is_unslowed)
 
 
 @dataclass
@@ -134,15 +170,26 @@ class SteadySearch:
         RuntimeError
             If a step has no equilibrium, or the steady state or the target is not reached.
         """
-        growths, secant = 0, DepthSecant(self.target)
+        growth = WaveGrowth()
+        try:
+            self._find_steady_state(growth)
+        except EquilibriumError as error:
+            if growth.is_unslowed:
+                raise heaping_error(self.rolling, "grows without slowing down until a step fails") from error
+            raise
+
+    def _find_steady_state(self, growth: WaveGrowth) -> None:
+        """Roll in cycles until the motion is steady and the target satisfied; record the growth of the first mesh."""
+        secant = DepthSecant(self.target)
         self.rolling.solver.tolerance = SETTLING_TOLERANCE
         self._roll(FIRST_SETTLING, DAMPING)
         for cycle in range(MAX_FIRST_CYCLES if self.finds_length else MAX_CYCLES):
             drift = self._measure(FIRST_MEASURING if cycle == 0 else MEASURING)
             jump = self._estimate(drift)
-            growths = growths + 1 if self.finds_length and jump > GROWTH * drift.wave_area else 0
-            if growths > (MAX_GROWTHS if self.relaxation.length else MAX_UNSLOWED):
-                raise heaping_error(self.rolling, "grows without a steady state")
+            if self.finds_length:
+                growth.record(drift, jump)
+                if growth.is_endless:
+                    raise heaping_error(self.rolling, "grows without a steady state")
             is_near, is_final, depth = self.errors.total < NEAR * self.tolerance, False, self.depth
             if is_near:  # the depth waits for the wave, since corrections of both at once oscillate
                 corrected = secant.next_depth(depth, self._target_value())
@@ -200,6 +247,9 @@ class SteadySearch:
             found = relaxation_length(self._drifts)
             if found is not None:
                 self.relaxation = replace(self.relaxation, length=float(np.clip(found, *bounds)))
+        elif crossing_length(self._drifts) is not None:
+            known, secant = self.relaxation.length, crossing_length(self._drifts)
+            self.relaxation = replace(self.relaxation, length=float(np.clip(secant, MIN_CROSSING * known, known)))
         self._update_mode(first, before, drift)
         self._settled = copy(self.rolling)
         return drift
