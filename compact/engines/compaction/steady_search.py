@@ -242,17 +242,22 @@ class SteadySearch:
         drift = WaveDrift.of_steps(self.rolling.steps[-count - 1 :])
         first, before = (begin, None) if self._settled is None else (self._settled, self._drifts[-1])
         self._drifts.append(drift)
-        if self.finds_length:
-            bounds = np.multiply(LENGTH_RANGE, self.rolling.frame.contact_length)
-            found = relaxation_length(self._drifts)
-            if found is not None:
-                self.relaxation = replace(self.relaxation, length=float(np.clip(found, *bounds)))
-        elif crossing_length(self._drifts) is not None:
-            known, secant = self.relaxation.length, crossing_length(self._drifts)
-            self.relaxation = replace(self.relaxation, length=float(np.clip(secant, MIN_CROSSING * known, known)))
+        self._update_length()
         self._update_mode(first, before, drift)
         self._settled = copy(self.rolling)
         return drift
+
+    def _update_length(self) -> None:
+        """Fit the relaxation length, or on a finer mesh shorten it where two waves bracket the steady one."""
+        known = self.relaxation.length
+        if self.finds_length:
+            found = relaxation_length(self._drifts)
+            bounds = np.multiply(LENGTH_RANGE, self.rolling.frame.contact_length)
+        else:
+            assert known is not None  # otherwise this mesh finds it
+            found, bounds = crossing_length(self._drifts), np.array([MIN_CROSSING * known, known])
+        if found is not None:
+            self.relaxation = replace(self.relaxation, length=float(np.clip(found, *bounds)))
 
     def _update_mode(self, first: IncrementalRolling, before: WaveDrift | None, drift: WaveDrift) -> None:
         """Take the difference of two settled states of one depth as mode if the wave has changed beyond its scatter."""
