@@ -53,6 +53,7 @@ LENGTH_RANGE = (2.0, 40.0)  # [-], relaxation length over the contact length
 MIN_CROSSING = 0.2  # [-], least relaxation length between waves that grow and decay, over the last length
 MIN_MODE = 0.02  # [-], least change of the wave between two settled states that define a mode, over the wave
 SIGNIFICANCE = 3.0  # [-], standard errors from which a change of the wave counts
+WAVE_EXPONENT, LENGTH_EXPONENT = 3.4, 2.0  # [-], of area and relaxation length of the wave over the depth, roughly
 SAME_DEPTH = 1e-3  # [-], relative change of the depth below which settled states belong to one depth
 MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
 STRETCHED_DEPTH = 1.25  # [-], ratio of a depth to that of the mesh from which the mesh is stretched
@@ -145,6 +146,7 @@ class SteadySearch:
     values: FloatArray = field(init=False)  # `QUANTITIES` in the steady state
     finds_length: bool = field(init=False)
     _density_factor: float = field(default=1.0, init=False)
+    _depth_exponent: float | None = field(default=None, init=False)
     _drifts: list[WaveDrift] = field(default_factory=list, init=False)
     _settled: IncrementalRolling | None = field(default=None, init=False)
 
@@ -158,7 +160,7 @@ class SteadySearch:
         mode = coarse.relaxation.mode
         self.relaxation = replace(coarse.relaxation, mode=None if mode is None else mode.on_mesh(old, new))
         self.finds_length = self.relaxation.length is None
-        self._density_factor = coarse._density_factor
+        self._density_factor, self._depth_exponent = coarse._density_factor, coarse._depth_exponent
 
     def run(self) -> None:
         """Find the steady state; `rolling`, `depth`, `values` and `errors` then belong to it.
@@ -180,7 +182,7 @@ class SteadySearch:
 
     def _find_steady_state(self, growth: WaveGrowth) -> None:
         """Roll in cycles until the motion is steady and the target satisfied; record the growth of the first mesh."""
-        secant = DepthSecant(self.target)
+        secant = DepthSecant(self.target, self._depth_exponent)
         self.rolling.solver.tolerance = SETTLING_TOLERANCE
         self._roll(FIRST_SETTLING, DAMPING)
         for cycle in range(MAX_FIRST_CYCLES if self.finds_length else MAX_CYCLES):
@@ -193,6 +195,7 @@ class SteadySearch:
             is_near, is_final, depth = self.errors.total < NEAR * self.tolerance, False, self.depth
             if is_near:  # the depth waits for the wave, since corrections of both at once oscillate
                 corrected = secant.next_depth(depth, self._target_value())
+                self._depth_exponent = secant.slope
                 is_met = abs(secant.last_miss) < self.target_tolerance
                 depth, is_final = depth if is_met else corrected, is_met and self.errors.total < self.tolerance
             self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else SETTLING_TOLERANCE
@@ -204,7 +207,7 @@ class SteadySearch:
                     return
                 if self.target.quantity == "exit_density_ratio":
                     self._density_factor = last.exit_density_ratio / self._geometric_density_ratio()
-                    secant = DepthSecant(self.target)  # earlier values had another factor
+                    secant = DepthSecant(self.target, secant.slope)  # earlier values had another factor
         if self.errors.total < self.tolerance:
             raise RuntimeError(secant.failure())
         raise RuntimeError(self._describe_failure())
@@ -313,10 +316,14 @@ class SteadySearch:
 
     def _correct(self, depth: float, jump: float, share: float) -> None:
         """Jump along the mode and roll at a corrected depth; by less if a step has no equilibrium."""
-        if abs(np.log(depth / self.depth)) > SAME_DEPTH:
-            self._settled, self._drifts = None, []
-        before, self.depth = copy(self.rolling), depth
+        before, ratio = copy(self.rolling), depth / self.depth
         area = before.steps[-1].wave_area
+        if abs(np.log(ratio)) > SAME_DEPTH:
+            self._settled, self._drifts = None, []
+            jump += (area + jump) * (ratio**WAVE_EXPONENT - 1)
+            if self.relaxation.length is not None:
+                self.relaxation = replace(self.relaxation, length=self.relaxation.length * ratio**LENGTH_EXPONENT)
+        self.depth = depth
         largest = area * (MAX_FIRST_JUMP if self.finds_length else MAX_JUMP)
         jump = float(np.clip(jump, -largest, largest))
         for trial in JUMP_TRIALS:
@@ -324,8 +331,8 @@ class SteadySearch:
             self.rolling.remove_marks_behind()
             if self.relaxation.mode is not None and trial:
                 self.relaxation.mode.add_to(self.rolling, trial * jump)
-            ratio = depth / self.rolling.mesh_depth
-            if max(ratio, 1 / ratio) > STRETCHED_DEPTH:
+            stretching = depth / self.rolling.mesh_depth
+            if max(stretching, 1 / stretching) > STRETCHED_DEPTH:
                 self.rolling = self.stretch(self.rolling, depth)
             try:
                 return self._roll(share)
