@@ -28,6 +28,7 @@ from compact.material.cap_plasticity import MaterialPoint
 QUANTITIES = ("load", "resistance", "exit_density_ratio", "peak_pressure")  # of a `RollingStep`
 MIN_SLOPE_ERROR = 0.02  # [-], least error of a slope of the wave over the largest one in a fit
 MIN_CROSSING_CHANGE = 0.01  # [-], least change of the wave between states that bracket the steady one
+LENGTH_EXPONENT = 2.0  # [-], of the relaxation length over the depth, roughly
 PAIRS = 3  # [-], last settled states from which the relaxation length follows
 
 
@@ -105,6 +106,10 @@ class Relaxation:
 
     length: float | None = None
     mode: BowWaveMode | None = None
+
+    def at_depth(self, ratio: float) -> Self:
+        """Return the relaxation at a depth that differs by a ratio [-]."""
+        return self if self.length is None else replace(self, length=self.length * ratio**LENGTH_EXPONENT)
 
 
 @dataclass(frozen=True, eq=False)

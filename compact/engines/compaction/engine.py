@@ -320,7 +320,7 @@ def _roll_from_neighbour(
     case: RollingCase, target: DepthTarget, start: CompactionContactResult
 ) -> CompactionContactResult:
     """Solve from a neighbouring result, on its mesh stretched to the depth."""
-    depth, relaxation = target.depth_from(start), start.relaxation
+    depth = target.depth_from(start)
     search = SteadySearch(
         rolling=case.stretched(start.solution, depth),
         target=target,
@@ -328,7 +328,7 @@ def _roll_from_neighbour(
         tolerance=case.numerics.steady_tolerance,
         target_tolerance=target.tolerance,
         stretch=case.stretched,
-        relaxation=relaxation,
+        relaxation=start.relaxation,
     )
     _run(search, case)
     return _to_result(case, search, start.error_parts.mesh)

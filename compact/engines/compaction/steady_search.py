@@ -53,7 +53,7 @@ LENGTH_RANGE = (2.0, 40.0)  # [-], relaxation length over the contact length
 MIN_CROSSING = 0.2  # [-], least relaxation length between waves that grow and decay, over the last length
 MIN_MODE = 0.02  # [-], least change of the wave between two settled states that define a mode, over the wave
 SIGNIFICANCE = 3.0  # [-], standard errors from which a change of the wave counts
-WAVE_EXPONENT, LENGTH_EXPONENT = 3.4, 2.0  # [-], of area and relaxation length of the wave over the depth, roughly
+WAVE_EXPONENT = 3.4  # [-], of the area of the wave over the depth, roughly
 SAME_DEPTH = 1e-3  # [-], relative change of the depth below which settled states belong to one depth
 MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
 STRETCHED_DEPTH = 1.25  # [-], ratio of a depth to that of the mesh from which the mesh is stretched
@@ -321,8 +321,7 @@ class SteadySearch:
         if abs(np.log(ratio)) > SAME_DEPTH:
             self._settled, self._drifts = None, []
             jump += (area + jump) * (ratio**WAVE_EXPONENT - 1)
-            if self.relaxation.length is not None:
-                self.relaxation = replace(self.relaxation, length=self.relaxation.length * ratio**LENGTH_EXPONENT)
+            self.relaxation = self.relaxation.at_depth(ratio)
         self.depth = depth
         largest = area * (MAX_FIRST_JUMP if self.finds_length else MAX_JUMP)
         jump = float(np.clip(jump, -largest, largest))
