@@ -121,11 +121,16 @@ CONTACT = {  # fields of a contact of one roller, per unit length of the roller
     "work_residual": WORK_RESIDUAL,
     "exit_density_ratio": EXIT_DENSITY_RATIO,
     "exit_height": EXIT_HEIGHT,
+    "lower_height": Quantity("height of the lower lift", "m", "mm"),
+    "lower_density_ratio": Quantity("density ratio of the lower lift", "1", symbol="k"),
     "peak_density_ratio": Quantity("peak density ratio", "1", symbol="k"),
     "overdense_work": Quantity("plastic work beyond the pressure curve over all of it", "1"),
     "mass_residual": MASS_RESIDUAL,
     "yield_residual": Quantity("yield-condition residual", "1"),
     "equilibrium_residual": Quantity("equilibrium residual", "1"),
+    "air_load": Quantity("load by pore air", "N/m", "kN/m"),
+    "air_resistance": Quantity("rolling resistance by pore air", "N/m", "kN/m"),
+    "air_excess_behind": Quantity("largest excess pressure of pore air behind the contact", "Pa", "kPa"),
 }
 PASS = {  # fields of one pass over a compacting layer
     name: CONTACT[name]

@@ -49,8 +49,45 @@ class Ply:
 
 
 @dataclass(frozen=True)
+class LowerLift:
+    """Lift below the fed one, of the same mix, compacted by an earlier pass and bonded to it.
+
+    Parameters
+    ----------
+    thickness : float
+        Thickness at rest [m], > 0.
+    density_ratio : float
+        Density ratio k at rest [-], 0 < k < 1; at the same time that of its preconsolidation.
+    residual_stress : bool
+        True for the lateral stress that confined compression leaves behind, False for mix without stress.
+    """
+
+    thickness: float
+    density_ratio: float
+    residual_stress: bool = True
+
+    def __post_init__(self) -> None:
+        require_positive(thickness=self.thickness, density_ratio=self.density_ratio)
+        if not self.density_ratio < 1:
+            raise ValueError(f"`density_ratio` of the lower lift must be below 1, got {self.density_ratio!r}")
+
+    def compaction_rate(self, speed: float, radius: float, fed_density_ratio: float) -> float:
+        """Compute the rate of compaction in the earlier pass [1/s], see `compaction_rate`.
+
+        Parameters
+        ----------
+        speed, radius : float
+            Speed [m/s] and radius [m] of the roller.
+        fed_density_ratio : float
+            Initial density ratio of the mix [-].
+        """
+        fed_height = self.thickness * self.density_ratio / fed_density_ratio
+        return compaction_rate(speed, radius, fed_height, fed_height - self.thickness)
+
+
+@dataclass(frozen=True)
 class Layer:
-    """Layer on a rigid base, of one material or of plies.
+    """Layer on a rigid base, of one material or of plies, or lift of mix on a lower lift.
 
         E(y, t) = c(y) E(t),  c the relative modulus of the ply at y
 
@@ -64,16 +101,19 @@ class Layer:
         Bonded or frictionless base.
     plies : tuple of Ply
         Plies from the base upwards; without plies the layer has the relative modulus 1.
+    lower_lift : LowerLift, optional
+        Lift between the layer and the base, under mix that compacts; the height does not contain it.
 
     Raises
     ------
     ValueError
-        If the thicknesses do not add up to the height.
+        If the thicknesses do not add up to the height, or a layer with a lower lift has plies.
     """
 
     height: float
     base: BaseCondition = "bonded"
     plies: tuple[Ply, ...] = ()
+    lower_lift: LowerLift | None = None
 
     def __post_init__(self) -> None:
         require_positive(height=self.height)
@@ -82,6 +122,10 @@ class Layer:
         if self.plies and abs(total - self.height) > HEIGHT_TOLERANCE * self.height:
             raise ValueError(
                 f"the thicknesses of `plies` must add up to the layer height, {self.height!r} m, got {total:.12g} m"
+            )
+        if self.plies and self.lower_lift is not None:
+            raise ValueError(
+                f"a layer with a `lower_lift` must have no `plies`, got {len(self.plies)}; plies are for linear layers"
             )
 
     @cached_property
@@ -179,6 +223,37 @@ def resistance_scale(resistance: float, load: float) -> float:
     return max(abs(resistance), MIN_RESISTANCE_RATIO * load)
 
 
+def compaction_rate(speed: float, radius: float, fed_height: float, depth: float) -> float:
+    """Compute the mean rate of compaction under a roller [1/s].
+
+        rate = |v| ln(k_out/k_in)/a,    k_out/k_in = H/(H - d),    a = sqrt(2 R d)
+
+    Density ratio and contact length are nominal: those of mix that is pressed from its height as fed to the lowest
+    generatrix without elastic recovery, and of a rigid parabola in a plane. The rate is thus an explicit function of
+    speed and geometry for every engine. Mix that an earlier pass has compacted counts as fed, so that a second pass at
+    the same height has the rate of the first.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the roller [m/s].
+    radius : float
+        Roller radius R [m].
+    fed_height : float
+        Height H of all mix below the roller at its initial density ratio [m].
+    depth : float
+        Depth d of the lowest generatrix below that height [m], less than H; 0 is the rate of a touching roller.
+
+    Examples
+    --------
+    >>> f"{compaction_rate(0.13, 0.11, 0.063, 0.003):.3f} 1/s"
+    '0.247 1/s'
+    """
+    if depth <= 0:
+        return 0.0
+    return float(-abs(speed) * np.log1p(-depth / fed_height) / np.sqrt(2 * radius * depth))
+
+
 def require_moving(speed: float) -> None:
     """Require a roller at a finite speed [m/s] other than 0."""
     require_finite(speed=speed)
@@ -192,6 +267,11 @@ def require_moving(speed: float) -> None:
 def require_known_case(layer: Layer, roller: Roller, speed: float) -> None:
     """Require a roller in motion [m/s] and known conditions of base, roller and gap."""
     require_moving(speed)
+    if layer.lower_lift is not None:
+        raise ValueError(
+            "a `lower_lift` must lie under mix that compacts, got one under a linear layer; use the engine column or "
+            "compaction, or give `plies`"
+        )
     require_known("base", layer.base, get_args(BaseCondition))
     require_known("rolling", roller.rolling, get_args(RollerCondition))
     require_known("profile", roller.profile, get_args(GapGeometry))
@@ -240,6 +320,47 @@ def require_on_target(
     require_target_reached(name, prescribed, getattr(result, name), tolerance)
     if torque is not None:
         require_target_reached("torque", *torque, tolerance, roller.friction * result.load * roller.radius)
+
+
+@dataclass(frozen=True)
+class Heaping:
+    """Contact without a steady state: the roller pushes the mix ahead in a growing bow wave.
+
+    Parameters
+    ----------
+    depth : float or None
+        Depth of the lowest generatrix below the surface of the layer [m]; None under a load that no depth bears.
+    contact_angle : float
+        Contact angle of the leading edge at the top of the bow wave [rad]; by the estimate its limit.
+    wave_height : float or None
+        Height of the bow wave above the surface of the layer where the computation ended [m]; None for the estimate.
+    travel : float or None
+        Travel of the roller until then [m]; None for the estimate.
+    """
+
+    depth: float | None
+    contact_angle: float
+    wave_height: float | None = None
+    travel: float | None = None
+
+
+class HeapingError(RuntimeError):
+    """Fresh mix would heap up, or heaps up, in front of the roller without a steady state.
+
+    Parameters
+    ----------
+    message : str
+        Reason, with remedies.
+    heaping : Heaping
+        Numbers of the contact.
+    """
+
+    def __init__(self, message: str, heaping: Heaping) -> None:
+        super().__init__(message, heaping)
+        self.heaping = heaping
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 @dataclass(frozen=True)

@@ -126,7 +126,7 @@ def stiff_ply():
 def fully_compacted():
     scene = load_scene(SCENE)
     material = contact_cases.compaction_material(scene, Study(scene).mix)
-    fed = column.required_feed(0.22, 0.995, material, 0.2)
+    fed = column.required_feed(0.22, 0.995, material, 0.2, radius=1.0)
     roller = Roller(1.0, indentation=fed.indentation)
     found = column.roll(Layer(fed.height), roller, material, 0.2)
     return f"k {found.exit_density_ratio:.6f}", found.mass_residual

@@ -26,8 +26,8 @@ from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"
 CALIBRATED = {
-    "mix.overrides.heckel_slope": 13.995e-6,
-    "layer.fed_density_ratio": 0.93444,
+    "mix.overrides.heckel_slope": 15.228e-6,
+    "layer.fed_density_ratio": 0.93430,
 }  # calibrated to 9740 N and 0.179
 HEADER = ("stroke", "time_s", "position_m", "load_N/m", "resistance_N/m")
 SHOWN = (0.6, 1.0, 1.4)  # [-], instants of the frames over the duration of one stroke

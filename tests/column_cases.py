@@ -42,7 +42,7 @@ def rolled(material=MIX, height=FED_HEIGHT, roller=None, **options):
 
 def mix_of(moisture, density_ratio, fed, dry_side="flat"):
     """`Compaction` of the prior of a mix."""
-    known = prior(moisture, density_ratio)
+    known = prior(moisture, density_ratio, {"rate_sensitivity": 0.0})
     angle = np.radians(known.friction_angle)
     slope = np.sqrt(3) * np.sin(angle)
     return Compaction(

@@ -138,11 +138,11 @@ def test_operating_point_needs_compaction(capsys, tmp_path):
     before, after, fits = result = module.main(engines=("column",), out=tmp_path)
     (_, _, _, load, coefficient, cart, *_), (_, slope, fed, *_) = before
     assert (load, coefficient, cart) == pytest.approx((9740, 0.178961, 3562), rel=1e-4)  # eq 1.8 is fitted to it
-    assert (slope, fed) == pytest.approx((13e-6, 0.94))
+    assert (slope, fed) == pytest.approx((14.379e-6, 0.94), rel=1e-4)
     ((_, slope, fed, load, coefficient, cart, *_),) = after
     assert (load, coefficient) == pytest.approx((9740, 0.179), rel=1e-6)
     assert cart == pytest.approx(2 * 9740 * 0.179 + 0.008 * 9480, rel=1e-6)
-    assert (slope, fed) == pytest.approx((13.995e-6, 0.93444), rel=1e-4)
+    assert (slope, fed) == pytest.approx((15.228e-6, 0.93430), rel=1e-4)
     length = module.length_for(fits["column"], 13e-6)
     shorter = calibrate(
         fits["column"].scene.replaced(**{"machine.roller_length": length}), read_measurements(module.SCENES / MEASURED)
@@ -174,7 +174,9 @@ def test_lifts_share_the_resistance_of_one_pass(capsys, tmp_path):
     rows = module.main(radii=(0.11,), moistures=(0.10, 0.11), counts=(1, 3), out=tmp_path)
     module.show(rows)
     (*_, one, dense), (*_, three, denser), *wetter = rows
-    assert three == pytest.approx(one / 3, rel=2e-4)  # the resistance of a lift depends on its own reduction only
+    # the resistance of a lift depends on its reduction, and on its rate: sqrt 3 times that of the whole product
+    faster = (1 + 0.02 * np.log(1 + 3**0.5 * 125)) / (1 + 0.02 * np.log(1 + 125))
+    assert three == pytest.approx(faster * one / 3, rel=1e-3)
     assert (dense, denser) == pytest.approx((0.98, 0.98), abs=1e-6)
     assert wetter[0][4] < one  # wetter mix requires less pressure
     assert "passes" in capsys.readouterr().out
@@ -311,19 +313,22 @@ def test_constant_resistance_ranks_peak_forces_by_acceleration(capsys, tmp_path)
     module = study("rank_laws")
     laws = ["cubic", "parabolic", "reversal-2"]
     options = {"engines": ("formula", "column"), "drives": ("rigid",), "samples": 2, "out": tmp_path}
-    rows, spreads = result = module.main(**options, **{"motion.laws": laws})
+    changes = {"motion.laws": laws, "mix.overrides.rate_sensitivity": 0.0}
+    rows, spreads = result = module.main(**options, **changes)
     module.show(result)
     places = {(row[0], row[4]): row for row in rows if row[2] == "peak_force"}
     # 1000 kg times 4, 6 and 7.2 strokes over 9 s2; the friction is what either engine resists with
     for engine in ("formula", "column"):
-        by_formula = [3562 + 1000 * c * 0.4 / 9 for c in (4, 6, 7.2)]
+        friction = 3562 / {"formula": 1.0, "column": 1.1}[engine]  # the slope at rest, without its rate factor
+        by_formula = [friction + 1000 * c * 0.4 / 9 for c in (4, 6, 7.2)]
         found = [places[engine, law][5] for law in ("parabolic", "cubic", "reversal-2")]
-        assert found == pytest.approx(by_formula, rel=3e-4)
+        assert found == pytest.approx(by_formula, rel=3e-4 if engine == "formula" else 3e-3)
+        assert np.diff(found) == pytest.approx(np.diff(by_formula), rel=3e-4)
         assert [places[engine, law][3] for law in ("parabolic", "cubic", "reversal-2")] == [1, 2, 3]
     assert all(row[10] for row in places.values())  # margins of 2 %, errors of the maps of 1e-8
-    for _, _, by, _, stays, tau, least, largest, mixes in spreads:
-        assert largest > 1.1 * least
-        if by == "peak_force":  # m a + F has the order of a for every F
+    for engine, _, by, _, stays, tau, least, largest, mixes in spreads:
+        assert largest > 1.05 * least
+        if (engine, by) == ("formula", "peak_force"):  # m a + F has the order of a for every constant F
             assert (stays, tau, mixes) == (1.0, pytest.approx(1.0), 2)
     assert "stays first in 100% of 2 mixes" in capsys.readouterr().out
     assert (tmp_path / "rank_laws.png").stat().st_size > 10_000

@@ -314,7 +314,7 @@ class _FiniteElements:
         layer, roller, material = contact_inputs(scene, scene_mix(scene), "compaction", speed)
         assert isinstance(material, Compaction)  # of this engine
         target = scene.mix.density_ratio - self.excess.get(measurement, 0.0)
-        feed = required_feed(layer.height, target, material, speed)
+        feed = required_feed(layer.height, target, material, speed, radius=roller.radius)
         roller = replace(roller, indentation=layer.height * feed.indentation / feed.height)
         options = {"steady_tolerance": STEADY_TOLERANCE} | self.options
         result = compaction.roll(layer, roller, material, speed, **options)

@@ -13,20 +13,24 @@ import numpy as np
 
 from compact import quantities
 from compact.analysis.engines import ENGINES
+from compact.analysis.pore_air import AirForces
+from compact.material.earth_pressure import drucker_prager_cap
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
 from compact.numerics.validation import require_finite
-from compact.rolling_contact import ContactResult, Layer, Ply, Roller
+from compact.rolling_contact import ContactResult, Layer, LowerLift, Ply, Roller
 from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene
 
 COMPACTED = (  # fields of engines with irreversible compaction only
-    "exit_density_ratio", "exit_height", "peak_density_ratio", "overdense_work", "mass_residual",
-    "yield_residual", "equilibrium_residual",
+    "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
+    "overdense_work", "mass_residual", "yield_residual", "equilibrium_residual",
+    "air_load", "air_resistance", "air_excess_behind",
 )  # fmt: skip
 COMMON = tuple(name for name in quantities.CONTACT if name not in COMPACTED)
 ERRORS = {"load": "load_error", "resistance": "resistance_error"}  # quantity -> field of its relative error
 SPEED_SHARES = tuple(2.0**power for power in range(-4, 2))  # [-], of the mean speed; default speeds of the contacts
+LAW_SPEED_SHARES = (1 / 16, 1.0)  # [-], of an engine whose resistance is a law of two or three contacts
 TARGETS = MappingProxyType(  # held quantity -> keyword of `Roller`
     {"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"}
 )
@@ -69,7 +73,8 @@ def contact_speeds(scene: Scene) -> tuple[float, ...]:
     """Return the speeds of the contacts of a scene [m/s], ascending."""
     if scene.contact is not None and scene.contact.speeds is not None:
         return scene.contact.speeds
-    return tuple(scene.mean_speed * share for share in SPEED_SHARES)
+    shares = LAW_SPEED_SHARES if ENGINES[scene.accuracy.engine].rate_factor_only else SPEED_SHARES
+    return tuple(scene.mean_speed * share for share in shares)
 
 
 def prescribed_target(scene: Scene) -> dict[str, float]:
@@ -155,27 +160,40 @@ def _linear_material(mix: Mix, relaxed: bool) -> Elastic | Viscoelastic:
 def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     """Convert the mix of a scene to its law of irreversible compaction.
 
-        M = sqrt(3) sin phi,  pt = c cot phi,  K_H isotropic = A K_H,  A = (1 + sqrt(1 + 4 M^2/9))/2
+        M = sqrt(3) sin phi,  pt = c cot phi
 
     Notes
     -----
     phi and c are the angle of internal friction and the cohesion: the critical state line equals the Mohr-Coulomb
-    limit in plane strain at constant volume. A = d s_v/d pc of confined compression converts the one-dimensional
-    Heckel slope of mix tables to the isotropic one.
+    limit in plane strain at constant volume. Confined compression follows the Heckel curve of mix tables. The slopes of
+    the law "drucker-prager-cap" are those of `earth_pressure`, with the cohesion of loose mix and the earth pressure
+    coefficient at the required pressure.
     """
+    common: dict[str, Any] = {
+        "unloading_modulus": mix.unloading_modulus,
+        "poisson": mix.poisson,
+        "heckel_slope": mix.heckel_slope,
+        "loose_density_ratio": LOOSE_DENSITY_RATIO,
+        "fed_density_ratio": scene.layer.fed_density_ratio,
+        "rate_sensitivity": mix.rate_sensitivity,
+        "reference_rate": mix.reference_rate,
+    }
+    if scene.mix.law == "drucker-prager-cap":
+        return drucker_prager_cap(
+            friction_angle=mix.friction_angle,
+            cohesion=mix.cohesion_loose,
+            earth_pressure_coefficient=mix.earth_pressure_coefficient,
+            pressure=mix.required_pressure,
+            dilatancy_angle=mix.dilatancy_angle,
+            shear_viscosity=mix.shear_viscosity,
+            **common,
+        )
     angle = np.radians(mix.friction_angle)
-    slope = float(np.sqrt(3) * np.sin(angle))
-    speed = scene.mix.reference_speed
     return Compaction(
-        unloading_modulus=mix.unloading_modulus,
-        poisson=mix.poisson,
-        heckel_slope=mix.heckel_slope * (1 + float(np.sqrt(1 + 4 * slope**2 / 9))) / 2,
-        loose_density_ratio=LOOSE_DENSITY_RATIO,
-        critical_slope=slope,
+        **common,
+        heckel_test="confined",
+        critical_slope=float(np.sqrt(3) * np.sin(angle)),
         tensile_strength=float(mix.cohesion / np.tan(angle)),
-        fed_density_ratio=scene.layer.fed_density_ratio,
-        rate_exponent=mix.rate_exponent if speed else 0.0,
-        reference_speed=speed,
     )
 
 
@@ -190,10 +208,14 @@ def _layer_before_pass(
     from compact.engines.column.engine import required_feed
 
     height, density_ratio = scene.lift_thickness, scene.mix.density_ratio
+    given = scene.layer.lower_lift
+    lower = None if given is None else LowerLift(given.thickness, given.density_ratio, given.residual_stress)
     if target:
-        return Layer(height * density_ratio / material.fed_density_ratio, scene.layer.base), target
-    before = required_feed(height, density_ratio, material, speed)
-    return Layer(before.height, scene.layer.base), {"indentation": before.indentation}
+        fed_height = height * density_ratio / material.fed_density_ratio
+        return Layer(fed_height, scene.layer.base, lower_lift=lower), target
+    radius = scene.machine.roller_radius
+    before = required_feed(height, density_ratio, material, speed, radius=radius, lower_lift=lower)
+    return Layer(before.height, scene.layer.base, lower_lift=lower), {"indentation": before.indentation}
 
 
 @dataclass(frozen=True)
@@ -250,9 +272,14 @@ class ContactRecord:
     exit_density_ratio, exit_height, mass_residual : float or None
         Mean density ratio [-] and height [m] behind the first pass, relative residual of the mass balance [-];
         None for a linear layer.
+    lower_height, lower_density_ratio : float or None
+        Height [m] and mean density ratio [-] of the lower lift behind the first pass; None without one.
     peak_density_ratio, overdense_work, yield_residual, equilibrium_residual : float or None
         Largest density ratio, share of the plastic work beyond the measured pressure curve, largest stress beyond the
         cap over its pressure and relative residual of the forces [-]; None except for the engine "compaction".
+    air_load, air_resistance, air_excess_behind : float or None
+        Parts of load and resistance by the pore air [N/m], and its largest excess pressure behind the contact [Pa];
+        None for drained mix.
     passes : tuple of PassRecord
         All passes in order; empty for a linear layer.
     """
@@ -273,15 +300,22 @@ class ContactRecord:
     iterations: int
     exit_density_ratio: float | None = None
     exit_height: float | None = None
+    lower_height: float | None = None
+    lower_density_ratio: float | None = None
     peak_density_ratio: float | None = None
     overdense_work: float | None = None
     mass_residual: float | None = None
     yield_residual: float | None = None
     equilibrium_residual: float | None = None
+    air_load: float | None = None
+    air_resistance: float | None = None
+    air_excess_behind: float | None = None
     passes: tuple[PassRecord, ...] = ()
 
 
-def contact_record(engine: str, speed: float, passes: tuple[ContactResult, ...]) -> ContactRecord:
+def contact_record(
+    engine: str, speed: float, passes: tuple[ContactResult, ...], air: AirForces | None = None
+) -> ContactRecord:
     """Summarise the results of all passes at one speed; all but `passes` belongs to the first.
 
     Parameters
@@ -289,12 +323,18 @@ def contact_record(engine: str, speed: float, passes: tuple[ContactResult, ...])
     speed : float
         Speed of the roller [m/s].
     passes : tuple of ContactResult
-        Results of the passes in order, at least one.
+        Results of the passes in order, at least one, without pore air.
+    air : AirForces, optional
+        Changes of the first pass by its pore air.
     """
     first = passes[0]
     load_error, resistance_error = first.error or (None, None)
     numbers: dict[str, Any] = {name: getattr(first, name, None) for name in quantities.CONTACT}
-    numbers |= {"speed": speed, "coefficient": first.resistance / first.load}
+    if air is not None:
+        numbers["load"] += air.load
+        numbers["resistance"] += air.resistance
+        numbers |= {"air_load": air.load, "air_resistance": air.resistance, "air_excess_behind": air.excess_behind}
+    numbers |= {"speed": speed, "coefficient": numbers["resistance"] / numbers["load"]}
     compacted = passes if hasattr(first, "exit_height") else ()
     records = (PassRecord(**{name: getattr(each, name) for name in quantities.PASS}) for each in compacted)
     return ContactRecord(

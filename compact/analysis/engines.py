@@ -17,7 +17,10 @@ from compact.rolling_contact import ContactResult, Layer, Roller
 from compact.scene.engine_capabilities import TORQUE_ENGINES
 
 _LINEAR = ("required_pressure", "effective_modulus", "poisson", "instant_over_relaxed", "relaxation_time")
-_PLASTIC = ("heckel_slope", "unloading_modulus", "poisson", "friction_angle", "cohesion")
+_PLASTIC = ("heckel_slope", "unloading_modulus", "poisson", "friction_angle", "cohesion", "rate_sensitivity")
+
+
+_OF_ELLIPSE, _OF_LINE = ("cohesion",), ("cohesion_loose", "dilatancy_angle", "shear_viscosity")
 
 
 @dataclass(frozen=True)
@@ -63,7 +66,7 @@ class Engine:
     Parameters
     ----------
     mix_parameters : tuple of str
-        Parameters of the mix that the contact depends on, but for the rate exponent.
+        Parameters of the mix that the contact depends on.
     layered : bool
         True for a layer of finite height, whose resistance depends on the speed; False for a half-plane.
     compacting : bool
@@ -75,8 +78,6 @@ class Engine:
     rate_factor_only : bool
         True if the speed enters through `Compaction.rate_factor` alone, and contacts scatter and cost too much for a
         map without this law: ln F is then a smooth function of the logarithm of the factor.
-    rate_added_mass : float or None
-        Added mass of a compacting layer whose mix depends on the rate [kg/m]; None where it is not known.
     cheap : bool
         True if the sensitivity analysis may compute new contacts.
     tolerance_keyword : str or None
@@ -104,7 +105,6 @@ class Engine:
     continuation: bool = False
     density_target: bool = False
     rate_factor_only: bool = False
-    rate_added_mass: float | None = None
     cheap: bool = True
     tolerance_keyword: str | None = None
     optional_estimate: bool = False
@@ -112,6 +112,18 @@ class Engine:
     derivative_module: str | None = None
     points_per_task: int = 1
     low_fidelity: str | None = None
+
+    def parameters_of(self, law: str) -> tuple[str, ...]:
+        """Return the parameters of the mix with independent spreads that a contact depends on.
+
+        Parameters
+        ----------
+        law : {"ellipse", "drucker-prager-cap"}
+            Yield surface of the mix. The earth pressure coefficient follows from the friction angle.
+        """
+        if not self.compacting or law == "ellipse":
+            return self.mix_parameters
+        return (*(name for name in self.mix_parameters if name not in _OF_ELLIPSE), *_OF_LINE)
 
     @property
     def torque(self) -> bool:
@@ -156,7 +168,7 @@ ENGINES: Mapping[str, Engine] = MappingProxyType({
             "column", "compact.engines.column.engine",
             EngineCost(0.03, 0.3, continued_contact=0.03, second_pass=0.01, report=2.0, map_speeds=1),
             _PLASTIC,
-            compacting=True, rate_added_mass=0.0, points_per_task=100,
+            compacting=True, points_per_task=100,
         ),
         Engine(
             "spectral", "compact.engines.spectral.engine",

@@ -26,7 +26,7 @@ A second pass at the same height
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,7 +52,7 @@ class Pass:
     lift : float
         Thickness of fresh mix that is spread before the pass [m].
     height : float, optional
-        Height of the lowest generatrix above the base [m].
+        Height of the lowest generatrix above the rigid base [m].
     load : float, optional
         Load per unit roller length [N/m].
     exit_density_ratio : float, optional
@@ -98,7 +98,7 @@ def passes(
     Parameters
     ----------
     layer : Layer
-        Fresh mix before the first pass.
+        Fresh mix before the first pass; it may lie on a lower lift, to which densities behind a pass do not refer.
     roller : Roller
         Its target holds for passes without their own.
     speed : float
@@ -126,7 +126,7 @@ def passes(
         raise ValueError(f"several passes require a `material` Compaction, got {type(material).__name__}")
     stages = there_and_back(stages) if isinstance(stages, int) else tuple(stages)
     state: Any = None  # of the mix behind the last pass; None of fresh mix
-    lowest = None
+    lowest, lower_height = None, 0.0 if layer.lower_lift is None else layer.lower_lift.thickness
     done: list[Any] = []  # of ColumnContactResult or CompactionContactResult
     for number, stage in enumerate(stages, start=1):
         if stage.lift:
@@ -135,14 +135,14 @@ def passes(
         if number == 1 and first is not None:
             done.append(first)
         else:
-            target = _roller_of(stage, roller, layer.height, lowest, number)
+            target = _roller_of(stage, roller, layer.height + lower_height, lowest, number)
             options = numerics
             if stage.exit_density_ratio is not None:
                 options = numerics | {"exit_density_ratio": stage.exit_density_ratio}
             travel = speed if stage.forward else -speed
             done.append(ROLL_OVER[engine](state, layer, target, material, travel, **options))
-        lowest, state = layer.height - done[-1].indentation, _state_behind(done[-1])
-        layer = replace(layer, height=done[-1].exit_height)
+        lowest, state = layer.height + lower_height - done[-1].indentation, _state_behind(done[-1])
+        layer, lower_height = replace(layer, height=done[-1].exit_height), done[-1].lower_height or 0.0
     return tuple(done)
 
 
@@ -152,19 +152,27 @@ def density(result: ContactResult) -> NDArray[np.float64]:
     Returns
     -------
     NDArray, shape (rows, 3)
-        Bottom [m], top [m] and density ratio [-] of each row of mix, from the base upwards.
+        Bottom [m], top [m] and density ratio [-] of each row of mix, of a lower lift too, from the base upwards.
     """
     state = _state_behind(result)
-    if isinstance(state, tuple):
-        heights, ratios = np.array([(column.height, column.density_ratio) for column in state]).T
+    if isinstance(state, _Columns):
+        rows = (*state.lower, *state.layer)
+        heights, ratios = np.array([(column.height, column.density_ratio) for column in rows]).T
     else:
-        heights, ratios = state.heights, state.points.density_ratio
+        heights, ratios = state.stacked.heights, state.stacked.points.density_ratio
     tops = np.cumsum(heights)
     return np.column_stack([tops - heights, tops, ratios])
 
 
+class _Columns(NamedTuple):
+    """Columns of a layer and of its lower lift, from the base upwards."""
+
+    layer: tuple[Column, ...]
+    lower: tuple[Column, ...]
+
+
 def _roller_of(stage: Pass, roller: Roller, height: float, lowest: float | None, number: int) -> Roller:
-    """Return the roller of a pass; `height` of the layer, `lowest` generatrix in the pass before [m]."""
+    """Return the roller of a pass; `height` of the surface, `lowest` generatrix in the pass before [m]."""
     if stage.load is not None:
         return replace(roller, load=stage.load, indentation=None, peak_pressure=None)
     target = stage.height
@@ -179,14 +187,14 @@ def _roller_of(stage: Pass, roller: Roller, height: float, lowest: float | None,
 
 
 def _state_behind(result: Any) -> Any:
-    """Return the state of the mix behind a pass: a `LayerState` of finite elements, or a tuple of `Column`s."""
-    return result.exit if hasattr(result, "exit") else result.columns
+    """Return the state of the mix behind a pass: a `LayerState` of finite elements, or `_Columns`."""
+    return result.exit if hasattr(result, "exit") else _Columns(result.columns, result.lower_columns)
 
 
 def _covered(state: Any, lift: float, material: Compaction) -> Any:
     """Return the state with fresh mix on top."""
-    if isinstance(state, tuple):
-        return (*state, Column(lift, material.fed_density_ratio))
+    if isinstance(state, _Columns):
+        return state._replace(layer=(*state.layer, Column(lift, material.fed_density_ratio)))
     return None if state is None else state.with_lift(lift, material)
 
 
@@ -197,7 +205,7 @@ def _roll_columns(
 
     if state is None:
         return column.roll(layer, roller, material, speed, **options)
-    return column.roll_over(state, roller, material, speed, **options)
+    return column.roll_over(state.layer, roller, material, speed, lower=state.lower, **options)
 
 
 def _roll_elements(

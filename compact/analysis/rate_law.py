@@ -2,7 +2,8 @@
 
 Forces of a compacting mix are homogeneous in the stresses: with the yield pressure pc f, Young's modulus E and the
 tensile strength pt, F = f Phi(E/f, pt/f). So ln F is one smooth function of ln f, for a prescribed height, load or peak
-pressure. Two or three contacts define it over decades of the speed, since f changes by some 4 % in a decade.
+pressure. Two or three contacts define it over decades of the speed, since f changes by some 4 % in a decade. f follows
+from the rate of compaction, `rolling_contact.compaction_rate`.
 
 References
 ----------

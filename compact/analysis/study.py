@@ -19,6 +19,7 @@ from typing import Any
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
 from compact.analysis.engineering_summary import Engineering, Number
 from compact.analysis.engines import Engine
+from compact.analysis.pore_air import AirAnswer, AirCurve, AirForces, air_answer
 from compact.analysis.stages import comparison
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
 from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
@@ -41,7 +42,7 @@ from compact.machine.roller_motors import RollerMotor
 from compact.material.mix import Mix
 from compact.motion.profile import Cycle
 from compact.resistance import ResistanceMap
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import ContactResult, HeapingError
 from compact.scene.loader import Scene
 
 
@@ -89,6 +90,8 @@ class Study:
     fields: list[tuple[Any, ContactResult]] = _of("contacts.fields", "mesh with fields, and result, at each speed")
     roller_load: float = _of("contacts.roller_load", "load of one roller at the mean speed [N]")
     second_pass: tuple[float, float] | None = _of("contacts.second_pass", "load and resistance over the first pass [-]")
+    air_curve: AirCurve | None = _of("contacts.air_curve", "forces of the pore air; None for a linear layer")
+    air_forces: Callable[[float], AirForces | None] = _of("contacts.air_forces", "changes by pore air at a speed [m/s]")
     kept: KeptResults | None = _of("contacts.kept", "results of an earlier run in the directory")
 
     resistance: ResistanceMap | DryResistance = _of("resistance.resistance", "resistance of the mix to one cart [N]")
@@ -146,8 +149,16 @@ class Study:
         before = self.kept.files if self.kept else ()
         names = sorted({*before, *(file.relative_to(directory).as_posix() for file in files)})
         if self.held is not None:
-            results = KeptResults(self.contacts, self.held, self.second_pass, self.resistance_map, tuple(names))
+            results = KeptResults(
+                self.contacts, self.held, self.second_pass, self.resistance_map, self.air_curve, tuple(names)
+            )
             yield from write_results(directory, results, self.contact_stage.key)
+
+    @cached_property
+    def pore_air(self) -> AirAnswer | None:
+        """Numbers on the pore air; None for a linear layer, and for mix that is occluded as fed."""
+        curve = self.air_curve
+        return None if curve is None else air_answer(curve, self.mix, self.scene.mean_speed)
 
     @cached_property
     def sensitivities(self) -> list[Shift]:
@@ -184,15 +195,25 @@ class Study:
 
     @cached_property
     def comparison(self) -> dict[str, EngineComparison]:
+        """Results of each engine of the comparison by name, but of those in `heaping`."""
+        return {name: each for name, each in self._compared.items() if isinstance(each, EngineComparison)}
+
+    @property
+    def heaping(self) -> dict[str, HeapingError]:
+        """Engines of the comparison by which the mix heaps up in front of the roller, with the reason."""
+        return {name: each for name, each in self._compared.items() if isinstance(each, HeapingError)}
+
+    @cached_property
+    def _compared(self) -> dict[str, EngineComparison | HeapingError]:
         """Results of each engine of the comparison by name."""
         if self._answers is None:
             with self.helped(SerialExecutor()):
-                return self.comparison
+                return self._compared
         found = {}
         for name, answer in self._answers.items():
             self.count("comparison")
             found[name] = answer()
-            for words in found[name].warned:
+            for words in getattr(found[name], "warned", ()):
                 warnings.warn(f"{name}: {words}", stacklevel=2)
         return found
 

@@ -5,7 +5,8 @@ Every law has one Poisson's ratio. The laws are parameter records; the engines i
 References
 ----------
 R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671 (pressure over density); K. H. Roscoe and J. B. Burland, On the
-generalised stress-strain behaviour of wet clay, in Engineering Plasticity, CUP 1968, 535-609 (elliptic cap).
+generalised stress-strain behaviour of wet clay, in Engineering Plasticity, CUP 1968, 535-609 (elliptic cap); G. R.
+Johnson and W. H. Cook, Proc. 7th Int. Symp. on Ballistics (1983) 541-547 (strength over the logarithm of the rate).
 """
 
 from dataclasses import dataclass
@@ -18,9 +19,11 @@ from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_known, require_positive
 
 HECKEL_MAX_DENSITY_RATIO = 0.99  # [-], end of measured curves; beyond, pc keeps the modulus k dpc/dk of the curve
+REFERENCE_RATE = 1e-3  # [1/s], of a laboratory compression test: some 5 % of strain in a minute
 HECKEL_MIN_PRESSURE = 0.01  # [-], K_H pc below which pc departs from the curve and tends to half of this value
 
 SubcriticalSide = Literal["ellipse", "flat"]
+HeckelTest = Literal["isotropic", "confined"]
 
 
 def _require_poisson(poisson: float) -> None:
@@ -108,9 +111,16 @@ class Compaction:
     """Irreversible compaction: an elliptic cap that hardens along Heckel's curve, elastic inside.
 
         f = q^2/M^2 + (p + pt)(p - pc) <= 0,  associated flow,  dk/k = plastic volumetric strain
-        pc(k) = ln[(1 - k0)/(1 - k)] / K_H * (speed/reference_speed)^m
+        pc(k) = ln[(1 - k0)/(1 - k)]/K_H * [1 + m ln(1 + rate/reference_rate)]
 
-    p is the mean pressure and q the von Mises stress, compression positive; k is the density ratio.
+    p is the mean pressure and q the von Mises stress, compression positive; k is the density ratio. A Heckel curve of
+    confined compression, s_v = ln[(1 - k0)/(1 - k)]/K_H, is satisfied exactly by rigid-plastic mix with
+
+        pc(k) = [s_v(k) + pt]/A - pt,    A = (1 + sqrt(1 + 4 M^2/9))/2,
+
+    and elastic mix departs from it in second order of its strain.
+
+    `rate` is the mean rate of compaction under the roller, `rolling_contact.compaction_rate`.
 
     Parameters
     ----------
@@ -119,7 +129,7 @@ class Compaction:
     poisson : float
         Poisson's ratio nu [-], 0 <= nu < 0.5.
     heckel_slope : float
-        K_H of the isotropic curve [1/Pa], > 0; 1.10-1.19 times the one-dimensional one of mix tables.
+        K_H of the curve measured in `heckel_test` [1/Pa], > 0.
     loose_density_ratio : float
         k0, start of Heckel's curve and a constant of the curve [-], > 0.
     critical_slope : float
@@ -128,13 +138,16 @@ class Compaction:
         Isotropic tensile strength pt [Pa], >= 0.
     fed_density_ratio : float
         Initial density ratio in front of the roller [-], between k0 and 1.
-    rate_exponent : float
+    rate_sensitivity : float
         m [-], >= 0; 0 for a rate-independent mix.
-    reference_speed : float, optional
-        Roller speed for which K_H is valid [m/s], > 0; required with a rate exponent.
+    reference_rate : float
+        Rate of compaction [1/s], > 0, below which K_H is valid; well above it pc rises by 2.3 m in a decade.
     dry_side : {"ellipse", "flat"}
         Yield limit on the subcritical side, p < (pc - pt)/2: the ellipse, with dilatant flow, or flat. Flat is
         q = M (pc + pt)/2 down to p = 0, then a quarter ellipse to -pt; pc depends on the largest k so far.
+    heckel_test : {"isotropic", "confined"}
+        Test of Heckel's curve: isotropic compression, whose pressure is pc, or confined compression, whose vertical
+        stress determines pc.
     """
 
     unloading_modulus: float
@@ -144,13 +157,14 @@ class Compaction:
     critical_slope: float
     tensile_strength: float
     fed_density_ratio: float
-    rate_exponent: float = 0.0
-    reference_speed: float | None = None
+    rate_sensitivity: float = 0.0
+    reference_rate: float = REFERENCE_RATE
     dry_side: SubcriticalSide = "flat"
+    heckel_test: HeckelTest = "isotropic"
 
     def __post_init__(self) -> None:
-        moduli = "unloading_modulus heckel_slope loose_density_ratio critical_slope"
-        require_fields(self, positive=moduli, nonnegative="tensile_strength rate_exponent")
+        moduli = "unloading_modulus heckel_slope loose_density_ratio critical_slope reference_rate"
+        require_fields(self, positive=moduli, nonnegative="tensile_strength rate_sensitivity")
         _require_poisson(self.poisson)
         if not self.loose_density_ratio < self.fed_density_ratio < 1:
             raise ValueError(
@@ -158,13 +172,30 @@ class Compaction:
                 f"got {self.fed_density_ratio!r}"
             )
         require_known("dry_side", self.dry_side, get_args(SubcriticalSide))
-        if self.rate_exponent:
-            if self.reference_speed is None:
-                raise ValueError("`reference_speed` must be set where `rate_exponent` is not 0, got None")
-            require_positive(reference_speed=self.reference_speed)
+        require_known("heckel_test", self.heckel_test, get_args(HeckelTest))
+
+    @property
+    def confined_stress_ratio(self) -> float:
+        """Ratio A of s_v + pt to pc + pt in confined compression of rigid-plastic mix [-]."""
+        return float(1 + np.sqrt(1 + 4 * self.critical_slope**2 / 9)) / 2
+
+    @property
+    def isotropic_slope(self) -> float:
+        """Slope K_H of the isotropic curve [1/Pa]."""
+        return self.heckel_slope * (self.confined_stress_ratio if self.heckel_test == "confined" else 1.0)
+
+    @property
+    def isotropic_offset(self) -> float:
+        """Offset K_H pt (A - 1) by which the isotropic curve pc lies below one through the origin, over its K_H [-].
+
+        The tensile strength carries this part of the vertical stress of confined compression.
+        """
+        if self.heckel_test == "isotropic":
+            return 0.0
+        return self.heckel_slope * self.tensile_strength * (self.confined_stress_ratio - 1)
 
     def yield_pressure(self, density_ratio: ArrayLike) -> Array:
-        """Compute the preconsolidation pressure pc(k) [Pa] at the reference speed.
+        """Compute the preconsolidation pressure pc(k) [Pa] at rest.
 
         Parameters
         ----------
@@ -174,18 +205,64 @@ class Compaction:
         Notes
         -----
         Heckel's curve is used up to k = 0.99. Beyond, pc continues along the tangent of the curve over ln k, so that
-        it stays finite and k may exceed 1 outside the range of validity. Near k0 pc tends to a small positive value.
-        Both transitions are smooth.
+        it stays finite and k may exceed 1 outside the range of validity. Near k0, and where a curve of confined
+        compression lies below the stress that the tensile strength carries, pc tends to a small positive value, since
+        mix at rest bears zero stress. Both transitions are smooth.
         """
         k, k0 = np.asarray(density_ratio, dtype=float), self.loose_density_ratio
         curve = np.log((1 - k0) / (1 - np.minimum(k, HECKEL_MAX_DENSITY_RATIO)))
         stiffness = HECKEL_MAX_DENSITY_RATIO / (1 - HECKEL_MAX_DENSITY_RATIO)
-        curve = curve + stiffness * np.log(np.maximum(k / HECKEL_MAX_DENSITY_RATIO, 1))
+        curve = curve + stiffness * np.log(np.maximum(k / HECKEL_MAX_DENSITY_RATIO, 1)) - self.isotropic_offset
         level = np.expm1(2 * np.minimum(curve / HECKEL_MIN_PRESSURE - 1, 0)) * HECKEL_MIN_PRESSURE / 2
-        return (np.maximum(curve, HECKEL_MIN_PRESSURE) + level) / self.heckel_slope
+        return (np.maximum(curve, HECKEL_MIN_PRESSURE) + level) / self.isotropic_slope
 
-    def rate_factor(self, speed: float) -> float:
-        """Return the factor (|speed|/reference_speed)^m of pc at a speed [m/s]."""
-        if not self.rate_exponent or self.reference_speed is None:
-            return 1.0
-        return (abs(speed) / self.reference_speed) ** self.rate_exponent
+    def rate_factor(self, rate: float) -> float:
+        """Return the factor 1 + m ln(1 + rate/reference_rate) of pc at a rate of compaction [1/s], >= 0."""
+        return 1.0 + self.rate_sensitivity * float(np.log1p(rate / self.reference_rate))
+
+
+@dataclass(frozen=True, kw_only=True)
+class DruckerPragerCap(Compaction):
+    """Irreversible compaction: an elliptic cap with the shear line of Drucker and Prager on its subcritical side.
+
+        cap   f = q^2/Mc^2 + P (P - C) <= 0    P >= kappa C,       associated flow
+        line  f = q - M P <= 0                 0 <= P <= kappa C,  plastic potential q - N P, no hardening
+
+    P = p + pt and C = pc + pt; both meet at kappa = Mc^2/(Mc^2 + M^2). The tension cut-off is P = 0. The slope Mc of
+    the cap, `critical_slope`, determines the earth pressure in confined compression; M and N determine the angles of
+    friction and dilatancy. pc depends on the largest k so far, so that dilatant shear does not soften the cap.
+
+    Parameters
+    ----------
+    friction_slope : float
+        M of the shear line [-], 0 < M <= Mc.
+    dilatancy_slope : float
+        N of the plastic potential [-], 0 <= N <= M; 0 for shear at constant volume.
+    shear_viscosity : float
+        S of the stress S d eps_q/ds beyond the line, by the plastic shear strain over the travel s [Pa m], >= 0.
+
+    References
+    ----------
+    D. C. Drucker, R. E. Gibson and D. J. Henkel, Soil mechanics and work-hardening theories of plasticity, Trans. ASCE
+    122 (1957) 338-346; F. L. DiMaggio and I. S. Sandler, Material model for granular soils, J. Eng. Mech. Div. ASCE 97
+    (1971) 935-950.
+    """
+
+    friction_slope: float
+    dilatancy_slope: float = 0.0
+    shear_viscosity: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_fields(self, positive="friction_slope", nonnegative="dilatancy_slope shear_viscosity")
+        if self.friction_slope > self.critical_slope:
+            raise ValueError(
+                f"`friction_slope` must be at most `critical_slope` {self.critical_slope!r}, got "
+                f"{self.friction_slope!r}; a smaller earth pressure coefficient steepens the cap"
+            )
+        if self.dilatancy_slope > self.friction_slope:
+            raise ValueError(
+                f"`dilatancy_slope` must be at most `friction_slope` {self.friction_slope!r}, got "
+                f"{self.dilatancy_slope!r}"
+            )
+        require_known("dry_side", self.dry_side, ("flat",))

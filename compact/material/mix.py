@@ -6,14 +6,17 @@ published machine. Values are interpolated between the nodes of the table and ne
 
 The coordinate along k is u = -ln(1 - k), that of Heckel's curve
 
-    q = ln[(1 - k0)/(1 - k)] / K_H,    K_H = 13/MPa x factor(W),    k0 = 0.72.
+    q = f ln[(1 - k0)/(1 - k)] / K_H,    K_H = f 13/MPa x factor(W),    k0 = 0.72,
+    f = 1 + m ln(1 + OPERATING_RATE/reference rate).
 
-The required pressure is linear in u, and so is the logarithm of every power of 1 - k (pore air, plastic slope). All
-pressures and moduli scale as 1/L with the roller length L, which no source states.
+The required pressures are those of machines at work, so that K_H, the slope at rest, includes the factor f of the rate
+of compaction there. The required pressure is linear in u, and so is the logarithm of every power of 1 - k (pore air,
+plastic slope). All pressures and moduli scale as 1/L with the roller length L, which no source states.
 
 References
 ----------
-R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671.
+R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671; K. Terzaghi, R. B. Peck, G. Mesri, Soil Mechanics in Engineering
+Practice, Wiley 1996, section 16.7 (secondary compression).
 """
 
 from collections.abc import Callable, Mapping
@@ -23,15 +26,19 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compact.material.laws import REFERENCE_RATE
 from compact.numerics import Array
 from compact.numerics.validation import require_between, require_known, require_nonnegative, require_positive
 
 GRAIN_DENSITY = 2650.0  # [kg/m3], density of the solids
 WATER_DENSITY = 1000.0  # [kg/m3], density of water
 LOOSE_DENSITY_RATIO = 0.72  # [-], k0, start of Heckel's curve; a constant of the curve, not an allowed density
-HECKEL_SLOPE = 13e-6  # [1/Pa], one-dimensional K_H at moisture 0.10; fits the required pressures to rounding
+HECKEL_SLOPE = 13e-6  # [1/Pa], one-dimensional K_H/f at moisture 0.10; fits the required pressures to rounding
 HECKEL_SLOPE_FACTORS = (0.55, 0.78, 1.0, 1.22, 1.45)  # [-], K_H over that at the moistures of the table
-RATE_EXPONENT = 0.018  # [-], of yield pressure over speed; 4.2 % per decade, middle of 2.5-7 % of unsaturated clay
+AIR_PERMEABILITY = 1e-13  # [m2], intrinsic, to air, of the fed mix; unmeasured, 1e-14 of silty to 1e-12 of sandy mixes
+OCCLUSION_SATURATION = 0.90  # [-], saturation at which the paths of the air are closed
+RATE_SENSITIVITY = 0.02  # [-], 4.6 % per decade; C_alpha/C_c of granular soils is .02 +- .01, of powders 0 to .05
+OPERATING_RATE = 0.2  # [1/s], of the published machine; .13 to .25 at .13 m/s, which changes f by 1 %
 PUBLISHED_MOISTURE, PUBLISHED_DENSITY_RATIO = 0.10, 0.98  # [-], of the published machine
 PUBLISHED_TOLERANCE = 1e-9  # [-], of moisture and density ratio
 CALIBRATED_SPREAD = 1.5  # [-], factor of the spread of parameters calibrated to the published machine
@@ -211,10 +218,29 @@ PARAMETER_SOURCES: dict[str, ParameterSource] = {
     "friction_angle": ParameterSource("deg", "analogous", _TRIAXIAL, _plus_minus(5.0)),
     "cohesion": ParameterSource("Pa", "analogous", _TRIAXIAL, _factor(2.0)),
     "steel_friction": ParameterSource("-", "analogous", _TRIBOMETRY, _plus_minus(0.1)),
-    "heckel_slope": ParameterSource("1/Pa", "assumed", f"one-dimensional K_H; {_HECKEL_CURVE}", _factor(2.5)),
-    "rate_exponent": ParameterSource("-", "analogous", "relaxation of unsaturated clay", _range(0.011, 0.029)),
+    "heckel_slope": ParameterSource("1/Pa", "assumed", f"one-dimensional K_H at rest; {_HECKEL_CURVE}", _factor(2.5)),
+    "cohesion_loose": ParameterSource(
+        "Pa", "assumed", "cohesion of loose mix, that of the product without a measurement", lambda c: (c / 4, 2 * c)
+    ),
+    "earth_pressure_coefficient": ParameterSource(
+        "-", "analogous", "1 - sin(friction_angle) of normally consolidated soils (Jaky)", _plus_minus(0.05)
+    ),
+    "dilatancy_angle": ParameterSource("deg", "assumed", "loose mix shears at constant volume", _range(0.0, 5.0)),
+    "shear_viscosity": ParameterSource(
+        "Pa m", "assumed", "keeps bands of shear wider than elements; not measured", _range(0.0, 1200.0)
+    ),
+    "rate_sensitivity": ParameterSource(
+        "-", "analogous", "secondary compression of granular soils, C_alpha/C_c", _range(0.01, 0.03)
+    ),
+    "reference_rate": ParameterSource("1/s", "assumed", "laboratory compression test", _factor(10.0)),
     "effective_modulus": ParameterSource(
         "Pa", "assumed", "secant modulus of (1.5)-(1.6): relaxed_modulus", _factor(2.5)
+    ),
+    "air_permeability": ParameterSource(
+        "m2", "assumed", "intrinsic, of the fed mix: silty to sandy soils at its saturation", _range(1e-14, 1e-12)
+    ),
+    "occlusion_saturation": ParameterSource(
+        "-", "analogous", "compacted soils, end of continuous air", _range(0.85, 0.95)
     ),
 }
 PARAMETER_NAMES = tuple(PARAMETER_SOURCES)
@@ -227,6 +253,15 @@ LOGARITHMIC = (  # parameters that span decades; their logarithms are interpolat
     "pore_air_modulus",
     "cohesion",
 )
+MAY_BE_ZERO = (
+    "cohesion",
+    "cohesion_loose",
+    "steel_friction",
+    "rate_sensitivity",
+    "dilatancy_angle",
+    "shear_viscosity",
+)
+SHEAR_VISCOSITY = 600.0  # [Pa m]; adds up to 10 kPa to the shear line under the published roller
 
 
 def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] | None = None) -> Mix:
@@ -240,7 +275,8 @@ def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] 
         Density ratio k, bulk density over zero-air density [-], 0.90 to 0.99.
     overrides : mapping of str to float, optional
         Values by name that replace the prior [SI, friction_angle in degrees]; flagged "given", without spread.
-        `effective_modulus` equals `relaxed_modulus` unless it is overridden itself.
+        `effective_modulus` equals `relaxed_modulus` unless it is overridden itself, `cohesion_loose` equals `cohesion`,
+        and `earth_pressure_coefficient` follows from `friction_angle`.
 
     Examples
     --------
@@ -254,9 +290,14 @@ def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] 
     for name, value in overrides.items():
         _require_override(name, value)
     values.update(overrides)
+    if "heckel_slope" not in overrides:
+        values["heckel_slope"] *= 1 + values["rate_sensitivity"] * np.log1p(OPERATING_RATE / values["reference_rate"])
     if "relaxed_modulus" in overrides:
         overrides.setdefault("effective_modulus", values["relaxed_modulus"])
     values["effective_modulus"] = overrides.get("effective_modulus", values["relaxed_modulus"])
+    values["cohesion_loose"] = overrides.get("cohesion_loose", values["cohesion"])
+    jaky = 1 - float(np.sin(np.radians(values["friction_angle"])))
+    values["earth_pressure_coefficient"] = overrides.get("earth_pressure_coefficient", jaky)
     distance = max(abs(moisture - PUBLISHED_MOISTURE), abs(density_ratio - PUBLISHED_DENSITY_RATIO))
     published = distance < PUBLISHED_TOLERANCE
     parameters = (_parameter(name, float(values[name]), name in overrides, published) for name in PARAMETER_NAMES)
@@ -330,7 +371,7 @@ def _require_phases(moisture: ArrayLike, density_ratio: ArrayLike) -> None:
 
 def _require_override(name: str, value: float) -> None:
     require_known("mix parameter", name, PARAMETER_NAMES)
-    if name in ("cohesion", "steel_friction", "rate_exponent"):
+    if name in MAY_BE_ZERO:
         require_nonnegative(**{name: value})
     elif name == "poisson" and not 0 <= value < 0.5:
         raise ValueError(f"`poisson` must lie in [0, 0.5), got {value!r}")
@@ -348,7 +389,7 @@ def _parameter(name: str, value: float, overridden: bool, published: bool) -> Pa
 
 
 def _table_values(moisture: float, density_ratio: float) -> dict[str, float]:
-    """Return every parameter but effective_modulus at (W, k), by name."""
+    """Return every parameter but effective_modulus at (W, k), by name; `heckel_slope` without its rate factor."""
     moistures, ratios, _ = _table()
     require_between(moistures[0], moistures[-1], moisture=moisture)
     require_between(ratios[0], ratios[-1], density_ratio=density_ratio)
@@ -356,7 +397,9 @@ def _table_values(moisture: float, density_ratio: float) -> dict[str, float]:
     values["bulk_density"] = float(bulk_density(moisture, density_ratio))
     values["saturation"] = float(saturation(moisture, density_ratio))
     values["heckel_slope"] = HECKEL_SLOPE * np.exp(np.interp(moisture, moistures, np.log(HECKEL_SLOPE_FACTORS)))
-    values["rate_exponent"] = RATE_EXPONENT
+    values |= {"rate_sensitivity": RATE_SENSITIVITY, "reference_rate": REFERENCE_RATE}
+    values |= {"dilatancy_angle": 0.0, "shear_viscosity": SHEAR_VISCOSITY}
+    values |= {"air_permeability": AIR_PERMEABILITY, "occlusion_saturation": OCCLUSION_SATURATION}
     return values
 
 

@@ -96,14 +96,17 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     first, engine = passes[0], study.scene.accuracy.engine
     columns = first.x, first.pressure, first.shear_traction
     write_columns(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
+    air = study.contact_stage.air_forces_of(first, speed)
     replaced = {"replaced": list(study.scene.replacements[engine])}
-    write_json(directory / "contact.json", contact_to_json(contact_record(engine, speed, tuple(passes))) | replaced)
+    write_json(
+        directory / "contact.json", contact_to_json(contact_record(engine, speed, tuple(passes), air)) | replaced
+    )
     write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, study.exact, speed))
     if study.engine.compacting:
         list(_write_passes([(speed, passes)], directory))
         write_figure(directory / "density.png", contact_figures.draw_density(passes))
     if study.engine.fields_module:
-        list(write_fields(directory, [(study.engine.fields(first), first)]))
+        list(write_fields(directory, [(study.contact_stage.field_mesh(first), first)]))
 
 
 def write_fields(directory: Path, layers: list[tuple[Any, Any]]) -> Iterator[Path]:

@@ -18,6 +18,7 @@ from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
+from compact.rolling_contact import HeapingError
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
 FORMER_KEYS = {  # former name of a key -> its present names
@@ -54,6 +55,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "drive_resistance": _drive_resistance(study),
         "held": _held(study.held),
         "return_stroke": _return_stroke(study),
+        "pore_air": _pore_air(study),
         "steady_forces": _steady_forces(study),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
@@ -66,6 +68,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "rigid_rankings": _rankings(study.places.get("rigid", {})),
         "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.items else {},
         "comparison": _comparison(study),
+        "heaping": {name: _heaping(error) for name, error in study.heaping.items()},
         "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "evaluation_counts": dict(study.counts),
         "files": files,
@@ -133,6 +136,26 @@ def _return_stroke(study: Study) -> dict[str, Any]:
     }
 
 
+def _pore_air(study: Study) -> dict[str, Any] | None:
+    """Convert the numbers on the pore air; None where the layer has none."""
+    air = study.pore_air
+    if air is None:
+        return None
+    permeability, (value, low, high) = air.permeability, air.deaeration_speeds
+    load, resistance = air.shares
+    curve = study.air_curve
+    return {
+        "model": study.scene.mix.pore_air,
+        "air_permeability": _number(permeability.value, "m2") | {"low": permeability.low, "high": permeability.high},
+        "deaeration_speed": _number(value, "m/s") | {"low": low, "high": high},
+        "load_share": _number(load, "1"),
+        "resistance_share": _number(resistance, "1"),
+        "excess_behind": _number(air.at_mean_speed.excess_behind, "Pa"),
+        "tensile_strength": _number(air.tensile_strength, "Pa"),
+        "coupled": [asdict(each) for each in curve.coupled] if curve else [],
+    }
+
+
 def _steady_forces(study: Study) -> dict[str, Any]:
     """Convert the forces on one cart at constant mean speed."""
     force, guides = (float(each[0]) for each in (study.steady.drive_force, study.steady.guide_friction))
@@ -168,6 +191,19 @@ def _comparison(study: Study) -> dict[str, Any]:
             "evaluation_counts": dict(other.counts),
         }
         for name, other in study.comparison.items()
+    }
+
+
+def _heaping(error: HeapingError) -> dict[str, Any]:
+    """Convert an engine by which the mix has no steady state."""
+    found = error.heaping
+    return {
+        "depth": _number(found.depth, "m"),
+        "wave_height": _number(found.wave_height, "m"),
+        "travel": _number(found.travel, "m"),
+        "contact_angle": _number(found.contact_angle, "rad"),
+        "is_estimate": found.travel is None,
+        "reason": str(error),
     }
 
 

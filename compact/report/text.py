@@ -12,6 +12,7 @@ import numpy as np
 
 from compact.analysis.engineering_summary import Number, coverage
 from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.stages.comparison import resistances_without_wave
 from compact.analysis.stages.laws import COMPLIANT_DRIVES
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
@@ -19,6 +20,7 @@ from compact.machine.ranking import CRITERIA
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report import ranking_tables
 from compact.rolling_contact import ContactResult
+from compact.scene.loader import Scene
 
 TEXT_WIDTH = 116  # characters of a line
 DIGEST_CRITERIA = 2  # [-], number of criteria in the digest, the first of the scene
@@ -30,7 +32,7 @@ def study_digest(study: Study) -> str:
     lines = [study.scene.title or "untitled scene", ""]
     lines += [_number_line(name, study.numbers[name]) for name in DIGEST_NUMBERS]
     lines += [*_wrapped(coverage(study.scene, study.engineering)), ""]
-    for sentence in (held_sentence(study), return_sentence(study), guide_sentence(study)):
+    for sentence in (held_sentence(study), return_sentence(study), air_sentence(study), guide_sentence(study)):
         lines += _wrapped(sentence)
     if not study.mix.density_achievable:
         lines.append(f"  {study.mix.density_achievable.reason}")
@@ -40,6 +42,8 @@ def study_digest(study: Study) -> str:
     if study.laws_not_made:
         lines += ["", *(f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())]
     lines += ["", *_agreement_lines(study)]
+    for sentence in heaping_sentences(study):
+        lines += _wrapped(sentence)
     return "\n".join(lines)
 
 
@@ -62,6 +66,12 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
     if study.held is not None:
         lines.append(held_sentence(study))
     lines += study.scene.replacements[engine]
+    air = study.contact_stage.air_forces_of(first, speed)
+    if air is not None:
+        lines.append(
+            f"without pore air, whose pressure at this deformation adds {air.load:.4g} N/m to the load and "
+            f"{air.resistance:.4g} N/m to the resistance; {air.excess_behind / 1e3:.3g} kPa remain behind the roller"
+        )
     if len(passes) > 1:
         lines += ["", "pass   load [N/m]   resistance [N/m]   exit height [mm]   density ratio"]
         lines += [_pass_line(number, each) for number, each in enumerate(passes, start=1)]
@@ -99,6 +109,41 @@ def held_sentence(study: Study) -> str:
     return f"constant over speed: {quantity}, determined at {held.speed:.4g} m/s for {_target(study)}"
 
 
+def heaping_sentences(study: Study) -> Iterator[str]:
+    """State each engine of the comparison by which the mix heaps up in front of the roller.
+
+    Yields
+    ------
+    str
+        One sentence without a full stop.
+    """
+    for name, error in study.heaping.items():
+        found = error.heaping
+        angle = f"contact angle of {np.degrees(found.contact_angle):.3g} degrees"
+        depth = "under the prescribed load" if found.depth is None else f"at a depth of {found.depth * 1e3:.3g} mm"
+        wave = f"by an estimate before any finite elements it exceeds a {angle}"
+        if found.wave_height is not None and found.travel is not None:
+            height = f"{found.wave_height * 1e3:.3g} mm"
+            wave = f"after {found.travel:.3g} m of travel the bow wave is {height} high, a {angle}"
+        yield (
+            f"{name}: the mix heaps up in front of the roller, no steady state {depth}; {wave}; reason and remedies in "
+            "summary.json (heaping)"
+        )
+
+
+def other_resistances(scene: Scene) -> str:
+    """State the resistance of a cart at the mean speed by the engines that have one where the mix heaps up.
+
+    Returns
+    -------
+    str
+        A clause with the option that ranks the laws by such an engine.
+    """
+    found = resistances_without_wave(scene)
+    values = ", ".join(f"{force:.4g} N by {name}" for name, force in found.items())
+    return f"resistance of a cart at the mean speed, without a bow wave: {values}; --engine {[*found][-1]} ranks by it"
+
+
 def return_sentence(study: Study) -> str:
     """State the mix under the return stroke, with the energy per cycle where both states are computed.
 
@@ -116,6 +161,39 @@ def return_sentence(study: Study) -> str:
         f"return stroke: over {study.scene.layer.return_stroke} mix; over compacted mix it requires {load:.1%} of the "
         f"load and {resistance:.1%} of the resistance; energy per cycle with {study.drive_stage.best_law}: {fresh:.4g} "
         f"J over fresh mix, {compacted:.4g} J over compacted mix"
+    )
+
+
+def air_sentence(study: Study) -> str:
+    """State the part of the pore air in load and resistance, the de-aeration speed and the tension behind the roller.
+
+    Returns
+    -------
+    str
+        One sentence without a full stop; empty for a layer without compaction.
+    """
+    air, model = study.pore_air, study.scene.mix.pore_air
+    if not study.engine.compacting:
+        return ""
+    if air is None:
+        return (
+            "pore air: the fed mix is occluded, so that its permeability does not apply; load and resistance have none"
+        )
+    load, resistance = air.shares
+    words = (
+        "drained, not part of load and resistance" if model == "drained" else f"{model}, part of load and resistance"
+    )
+    value, low, high = ("no" if each is None else f"{each:.2g}" for each in air.deaeration_speeds)
+    band = "" if low == high else f" ({low} to {high} m/s over the spread of the permeability)"
+    sentence = (
+        f"pore air: {words}; at the mean speed and {air.permeability.value:.2g} m2 it adds {load:.2g} of the load and "
+        f"{resistance:.2g} of the resistance; it adds a tenth of the load at {value} m/s{band}"
+    )
+    if not air.may_crack:
+        return sentence
+    behind, strength = air.at_mean_speed.excess_behind / 1e3, air.tensile_strength / 1e3
+    return (
+        f"{sentence}; behind the roller {behind:.3g} kPa exceed the tensile strength {strength:.3g} kPa: it may crack"
     )
 
 
@@ -225,6 +303,11 @@ def _accuracy_lines(contact: Any) -> Iterator[str]:
         yield (
             f"density ratio {contact.exit_density_ratio:.4f} behind the roller, exit height "
             f"{contact.exit_height * 1e3:.2f} mm; mass-balance residual {abs(contact.mass_residual):.1e}"
+        )
+    if getattr(contact, "lower_height", None) is not None:
+        yield (
+            f"lower lift behind the roller: density ratio {contact.lower_density_ratio:.4f}, height "
+            f"{contact.lower_height * 1e3:.3f} mm"
         )
     if getattr(contact, "exceeds_full_density", False):
         yield f"over-compacted: the mix exceeds full density, density ratio {contact.peak_density_ratio:.3f} at most"

@@ -10,7 +10,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-OPTIONAL = ("machine.roller_condition", "machine.gap_geometry", "layer.plies")  # keys that a scene need not have
+OPTIONAL = (
+    "machine.roller_condition",
+    "machine.gap_geometry",
+    "layer.plies",
+    "layer.lower_lift",
+)  # keys that a scene need not have
 TORQUE_ENGINES = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
 
 NAMES = {  # of values, in the sentences about replacements
@@ -19,14 +24,17 @@ NAMES = {  # of values, in the sentences about replacements
     ("machine.gap_geometry", "deformed"): "gap on the deformed surface",
     ("layer.passes", 1): "one pass",
     ("layer.plies", None): "layer of one ply",
+    ("layer.lower_lift", None): "rigid base",
     ("contact.indentation", None): "pressure that the mix needs",
 }
 KINDS = {  # words for values that have no name of their own
     "layer.passes": "{:g} passes",
     "layer.plies": "{} plies",
+    "layer.lower_lift": "lower lift",
     "layer.return_stroke": "{} mix under the return stroke",
     "machine.roller_condition": "{} roller",
     "contact.indentation": "prescribed depth of {:g} m",
+    "mix.pore_air": "{} pore air",
 }
 
 
@@ -75,6 +83,11 @@ _ONE_MODULUS = Limit("layer.plies", (None,), "it has one modulus for the whole l
 _ONE_PASS = Limit("layer.passes", (1,), "an elastic layer keeps no trace of a pass")
 _FRESH = Limit("layer.return_stroke", ("fresh",), "it compacts no mix that the return stroke could roll over")
 _RECOVERS = (_ONE_PASS, _FRESH)
+_RIGID_BASE = Limit("layer.lower_lift", (None,), "its layer does not compact, and lies on a rigid base")
+_NO_AIR = Limit("mix.pore_air", ("drained",), "its layer has no voids that close", fixed=True)
+_ONE_WAY = Limit(
+    "mix.pore_air", ("one-way", "drained"), "columns under a held height do not yield to the air", fixed=True
+)
 _ONE_MIX = Limit("layer.plies", (None,), "its layer is of one mix")
 
 LIMITS: dict[str, tuple[Limit, ...]] = {
@@ -82,6 +95,8 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
         Limit("machine.gap_geometry", ("parabola",), "half-plane theory has no other gap", fixed=True),
         Limit("contact.indentation", (None,), "the depth of a contact on a half-plane is not defined", late=True),
         _ONE_MODULUS,
+        _RIGID_BASE,
+        _NO_AIR,
         *_RECOVERS,
     ),
     "column": (
@@ -91,6 +106,7 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
         ),
         Limit("layer.base", ("bonded",), "mix on a slipping base moves sideways, which no column does"),
         _ONE_MIX,
+        _ONE_WAY,
     ),
     "spectral": (
         Limit("machine.gap_geometry", ("circle", "parabola"), "its gap is measured on the undeformed surface"),
@@ -98,9 +114,11 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
             "machine.roller_condition", ("frictionless", "sliding", "driven"),
             "its rollers have no friction or slip everywhere", smooth=("free",),
         ),
+        _RIGID_BASE,
+        _NO_AIR,
         *_RECOVERS,
     ),
-    "fem": _RECOVERS,
+    "fem": (_RIGID_BASE, _NO_AIR, *_RECOVERS),
     "compaction": (_ONE_MIX,),
 }  # fmt: skip
 
@@ -135,6 +153,8 @@ def replaced(engine: str, limit: Limit, value: object) -> str:
 def _name(key, value):
     if isinstance(value, tuple):  # plies
         return KINDS[key].format(len(value))
+    if isinstance(value, dict):  # table of the lower lift
+        return KINDS[key]
     return NAMES.get((key, value)) or KINDS[key].format(value)
 
 

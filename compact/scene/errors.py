@@ -222,6 +222,14 @@ def shown(value: object) -> str:
 
 # --- tables and unknown keys
 
+REMOVED: dict[Key, str] = {  # keys of earlier releases without an equivalent, and the remedy
+    ("mix", "reference_speed"): (
+        "the yield pressure depends on the rate of compaction, and the Heckel slope is that at rest; take the key out, "
+        "and multiply a slope that was measured under a roller by 1 + m ln(1 + rate/reference_rate), about 1.1, with "
+        "rate = v ln(k_out/k_in)/contact length in 1/s and m, reference_rate of mix.overrides (docs/guide.md)"
+    ),
+}
+
 
 def table_of(info: FieldInfo) -> type[BaseModel] | None:
     """Return the table class of a field, or None for a field with a value."""
@@ -264,6 +272,8 @@ def _no_table(key, error):
 
 
 def _unknown(key, value, scene):
+    if key in REMOVED:
+        return f"is no longer a key, got {shown(value)}: {REMOVED[key]}"
     tables = dict(_tables(scene))
     name, here = key[-1], tables[key[:-1]].model_fields
     what = "table" if isinstance(value, dict) else "key"

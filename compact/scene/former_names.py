@@ -12,12 +12,14 @@ FORMER_KEYS: dict[Key, Key] = {
     ("layer", "lift"): ("layer", "lift_thickness"),
     ("machine", "profile"): ("machine", "gap_geometry"),
     ("machine", "rolling"): ("machine", "roller_condition"),
+    ("mix", "overrides", "rate_exponent"): ("mix", "overrides", "rate_sensitivity"),
     ("output", "wanted"): ("output", "items"),
 }
 FORMER_PLY_KEYS = {"stiffness": "relative_modulus"}  # in each table of layer.plies
 FORMER_VALUES: dict[Key, dict[str, str]] = {
     ("drive", "motor", "curve"): {"straight": "linear"},
     ("drive", "rank_by"): {"ringing": "dynamic_amplification"},  # an entry of a list
+    ("motion", "optimise", "spread"): {"rate_exponent": "rate_sensitivity"},
 }
 COMPARED = "compare"  # table of tables that repeat the tables of a scene, one for each engine
 
@@ -104,7 +106,7 @@ def _former_keys(data: dict[str, Any]) -> Iterator[tuple[Key, Key]]:
             yield former, present
     for engine in _parent(data, (COMPARED, "")):
         for former, present in FORMER_KEYS.items():
-            if len(former) == 2 and former[-1] in _parent(data, (COMPARED, engine, *former)):
+            if len(former) > 1 and former[-1] in _parent(data, (COMPARED, engine, *former)):
                 yield (COMPARED, engine, *former), (COMPARED, engine, *present)
     plies = _parent(data, ("layer", "plies")).get("plies")
     if isinstance(plies, list) and any(isinstance(ply, dict) and ply.keys() & FORMER_PLY_KEYS.keys() for ply in plies):

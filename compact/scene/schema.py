@@ -32,9 +32,12 @@ Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_en
 MixParameter = Literal[
     "required_pressure", "plastic_modulus", "relaxed_modulus", "unloading_modulus", "poisson", "instant_over_relaxed",
     "relaxation_time", "pore_air_modulus", "friction_angle", "cohesion", "steel_friction", "heckel_slope",
-    "rate_exponent", "effective_modulus",
+    "rate_sensitivity", "reference_rate", "effective_modulus", "air_permeability", "occlusion_saturation",
+    "cohesion_loose", "earth_pressure_coefficient", "dilatancy_angle", "shear_viscosity",
 ]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
+MixLaw = Literal["ellipse", "drucker-prager-cap"]
+PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
 COUNT_LIMIT = 1_000_000  # [-], beyond any machine; excludes typing errors such as 0xffff... from loops
 
@@ -129,8 +132,21 @@ class Overrides(Table):
     cohesion: float | None = _optional("the cohesion in Pa", ge=0)
     steel_friction: float | None = _optional("the friction of mix on steel", ge=0, le=1)
     heckel_slope: float | None = _optional("the one-dimensional Heckel slope K_H in 1/Pa")
-    rate_exponent: float | None = _optional("the exponent of the yield pressure over speed", ge=0, lt=1)
+    cohesion_loose: float | None = _optional("the cohesion of loose mix on the shear line in Pa", ge=0)
+    earth_pressure_coefficient: float | None = _optional(
+        "the lateral over the vertical stress of confined compression at the required pressure", gt=0, lt=1
+    )
+    dilatancy_angle: float | None = _optional("the angle of dilatancy on the shear line in degrees", ge=0, le=60)
+    shear_viscosity: float | None = _optional(
+        "the stress beyond the shear line per plastic shear strain over the travel in Pa m, 0 for none", ge=0
+    )
+    rate_sensitivity: float | None = _optional(
+        "the increase m of the yield pressure over ln(rate of compaction), 0 for none", ge=0, le=0.1
+    )
+    reference_rate: float | None = _optional("the rate of compaction in 1/s below which the Heckel slope is valid")
     effective_modulus: float | None = _optional("the secant contact modulus E of eqs 1.5, 1.6 in Pa")
+    air_permeability: float | None = _optional("the intrinsic permeability of the fed mix to air in m2")
+    occlusion_saturation: float | None = _optional("the saturation above which the air is occluded", gt=0, le=1)
 
 
 class Mix(Table):
@@ -138,8 +154,11 @@ class Mix(Table):
 
     moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
     density_ratio: float = _between(0.90, 0.99, "the required density ratio k of the product")
-    reference_speed: float | None = _optional(
-        "the speed in m/s at which the Heckel slope was measured; default any speed"
+    law: MixLaw = _default(
+        "ellipse", "the yield surface of the engines that compact: an elliptic cap, or a cap with a shear line"
+    )
+    pore_air: PoreAirModel = _default(
+        "drained", "the pore air: without pressure, at the deformation without air, or coupled with the deformation"
     )
     overrides: Overrides = Overrides()
 
@@ -149,6 +168,14 @@ class Ply(Table):
 
     thickness: float = _positive("the thickness in m")
     relative_modulus: float = _positive("the moduli of the ply over those of the mix")
+
+
+class LowerLift(Table):
+    """Lift of the same mix below the layer, compacted by an earlier pass and bonded to it, on the rigid base."""
+
+    thickness: float = _positive("the thickness in m")
+    density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio k of the lift")
+    residual_stress: bool = _default(True, "true if the earlier pass has left its lateral stress, false for no stress")
 
 
 Plies = Annotated[tuple[Ply, ...], Strict(False)]
@@ -162,6 +189,7 @@ class Layer(Table):
         "the compacted thickness of one lift in m; default the height of the product"
     )
     plies: Plies | None = Field(default=None, min_length=1, description="the plies from the base upwards, as tables")
+    lower_lift: LowerLift | None = None
     fed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
     passes: int = _between(1, COUNT_LIMIT, "the number of passes")
     return_stroke: Literal["fresh", "compacted"] = Field(

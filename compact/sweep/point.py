@@ -10,6 +10,7 @@ import platform
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
@@ -22,7 +23,7 @@ import compact
 from compact import quantities
 from compact.analysis.engines import ENGINES
 from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
-from compact.analysis.stages.contacts import Passes, roll_passes
+from compact.analysis.stages.contacts import Passes, air_forces_of, roll_passes
 from compact.analysis.study import Study
 from compact.material.mix import Mix
 from compact.quantities import Quantity
@@ -109,12 +110,21 @@ def _computed(study: Study, rank: bool, initial_guess: ContactResult | None) -> 
         contact, found = None, _of_formulas(study)
     else:
         contact, *later = _passes(scene, study.mix, speed, initial_guess)
-        found = _of_contact(scene, contact, later[-1] if later else contact)
+        last = later[-1] if later else contact
+        found = _of_contact(scene, _with_air(scene, study.mix, contact), last)
     found["power"] = found["resistance"] * speed
     if rank:
         for by, (best, *_) in study.rankings.items():
             found |= {by: best.value, f"best_law_by_{by}": best.run.name}
     return {name: value if isinstance(value, str) else float(value) for name, value in found.items()}, contact
+
+
+def _with_air(scene: Scene, mix: Mix, contact: ContactResult) -> ContactResult:
+    """Return a contact at the mean speed with load and resistance of its pore air; itself for drained mix."""
+    air = air_forces_of(scene, mix, contact, scene.mean_speed)
+    if air is None:
+        return contact
+    return replace(contact, load=contact.load + air.load, resistance=contact.resistance + air.resistance)
 
 
 def _passes(scene: Scene, mix: Mix, speed: float, initial_guess: ContactResult | None) -> Passes:

@@ -156,7 +156,7 @@ def test_published_scene_of_all_engines_differs_only_in_compared_keys():
     for table in ("machine", "product", "mix", "layer", "motion", "cam"):
         assert getattr(every, table) == getattr(published, table)
     assert every.with_engine("spectral").machine.roller_condition == "frictionless"
-    assert every.with_engine("column").mix.overrides.heckel_slope == pytest.approx(13.995e-6)
+    assert every.with_engine("column").mix.overrides.heckel_slope == pytest.approx(15.228e-6)
 
 
 def test_interrupted_run_leaves_complete_files_and_no_process(tmp_path):

@@ -157,8 +157,8 @@ def test_fields_are_written_as_a_series_over_the_speeds(tmp_path):
         assert area @ layer.cell_data["dissipation"][0] / speed == pytest.approx(rolled.resistance, rel=1e-2)
 
 
-@pytest.mark.parametrize(("reference", "count"), [(None, 1), (0.1, 3)])
-def test_compaction_continues_from_the_previous_speed_under_a_rate_effect(monkeypatch, reference, count):
+@pytest.mark.parametrize(("sensitivity", "count"), [(0.0, 1), (0.02, 3)])
+def test_compaction_continues_from_the_previous_speed_under_a_rate_effect(monkeypatch, sensitivity, count):
     starts = []
 
     def rolled(layer, roller, material, speed, start=None):
@@ -169,8 +169,8 @@ def test_compaction_continues_from_the_previous_speed_under_a_rate_effect(monkey
         return CompactionContactResult(**values, x=line, pressure=line, shear_traction=line)
 
     monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
-    given = {"contact.indentation": 0.003, "contact.speeds": [0.05, 0.1, 0.2], "mix.reference_speed": reference}
-    given["accuracy.engine"] = "compaction"
+    given = {"contact.indentation": 0.003, "contact.speeds": [0.05, 0.1, 0.2]}
+    given |= {"accuracy.engine": "compaction", "mix.overrides.rate_sensitivity": sensitivity}
     passed = study(**given).passes
     assert [rolled.speed for _, (rolled,) in passed] == [0.05, 0.1, 0.2]
     assert starts == [None, *(rolled for _, (rolled,) in passed)][:count]
@@ -194,7 +194,7 @@ def test_initial_guess_supplies_the_layer_where_elastic_recovery_depends_on_spee
         return CompactionContactResult(**values, layer=layer, speed=speed, x=line, pressure=line, shear_traction=line)
 
     monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
-    given = {"mix.reference_speed": 0.2}
+    given = {"mix.overrides.rate_sensitivity": 0.02}
     case = study(**given)
     last = contact_stage.roll_scene(case.scene, case.mix, 0.2, "compaction")
     assert contact_cases.contact_inputs(case.scene, case.mix, "compaction", 0.05)[0] != last.layer
@@ -304,16 +304,23 @@ def test_compaction_material_has_mohr_coulomb_strength_and_the_heckel_slope():
     assert material.critical_slope == pytest.approx(np.sqrt(3) / 2)
     assert material.tensile_strength == pytest.approx(10e3 * np.sqrt(3))
     stiff = replace(material, unloading_modulus=4e9, fed_density_ratio=0.9)  # negligible elastic strain
-    pressure = np.array([150e3, 250e3])
+    pressure = np.array([130e3, 220e3])
     loosening = -np.log(1 - simulate_oedometer(stiff, pressure).density_ratio)
     assert np.diff(loosening) / np.diff(pressure) == pytest.approx(case.mix.heckel_slope, rel=1e-3)
 
 
-@pytest.mark.parametrize(("reference", "ratio"), [(None, 1.0), (0.2, 10**0.018)])
-def test_rate_effect_requires_a_reference_speed(reference, ratio):
-    case = study(**{"mix.reference_speed": reference})
+@pytest.mark.parametrize(
+    ("changes", "factor"),
+    [
+        ({}, 1 + 0.02 * np.log(2001)),
+        ({"mix.overrides.rate_sensitivity": 0.0}, 1.0),
+        ({"mix.overrides.rate_sensitivity": 0.03, "mix.overrides.reference_rate": 1e-2}, 1 + 0.03 * np.log(201)),
+    ],
+)
+def test_yield_pressure_depends_on_the_rate_by_default(changes, factor):
+    case = study(**changes)
     material = contact_cases.compaction_material(case.scene, case.mix)
-    assert material.rate_factor(2.0) == pytest.approx(ratio)
+    assert material.rate_factor(2.0) == pytest.approx(factor, rel=1e-14)
 
 
 def test_prescribed_load_acts_on_a_layer_of_the_nominal_height():

@@ -23,7 +23,7 @@ from compact.engines.compaction.results import (
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
-from compact.rolling_contact import Layer, Ply, Roller
+from compact.rolling_contact import Layer, Ply, Roller, compaction_rate
 
 HEIGHT = 0.22 * 0.98 / 0.94
 THIN = Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94, dry_side="ellipse")
@@ -241,7 +241,7 @@ def test_large_contact_angle_becomes_steady_and_balances():
 
 @pytest.mark.parametrize(
     ("depth", "advice"),
-    [(0.002, "reduce the depth"), (0.0055, r"feed the mix in lifts of at most 0\.044 m .*; or reduce .* 3\.52 mm")],
+    [(0.002, "reduce the depth"), (0.0055, r"feed the mix in lifts of at most 0\.044 m .*; or reduce .* 3\.46 mm")],
     ids=["2 mm", "5.5 mm"],
 )
 def test_unsteady_rolling_reports_its_last_step_and_remedies(monkeypatch, layer, roller, mix, depth, advice):
@@ -321,10 +321,14 @@ def test_speed_has_no_effect_without_rate_effect(thin):
     assert (faster.load, faster.resistance) == pytest.approx((thin.load, thin.resistance), rel=1e-9)
 
 
-def test_rate_effect_of_five_percent_per_decade(thin):
-    mix = replace(THIN, rate_exponent=np.log10(1.05), reference_speed=0.2)
-    faster = roll_thin(10, mix, speed=2.0)
-    assert 1.03 < faster.load / thin.load < 1.055
+def test_rate_effect_is_that_of_the_yield_pressure(thin):
+    rated, roller = replace(THIN, rate_sensitivity=0.02), wide_roller(10)
+    factor = rated.rate_factor(compaction_rate(2.0, roller.radius, HEIGHT, DEPTH))
+    faster = roll_thin(10, rated, speed=2.0)
+    stronger = roll_thin(10, replace(THIN, heckel_slope=THIN.heckel_slope / factor))
+    assert (faster.load, faster.resistance) == pytest.approx((stronger.load, stronger.resistance), rel=1e-9)
+    assert 1.05 < factor < 1.08
+    assert faster.load / thin.load == pytest.approx(factor**0.95, rel=5e-3)
 
 
 @pytest.mark.slow
@@ -335,10 +339,27 @@ def test_speed_has_no_effect_from_a_neighbour(fine, layer, roller, mix):
     assert faster.resistance == pytest.approx(fine.resistance, rel=2e-3)
 
 
-def test_rate_effect_of_five_percent_per_decade_from_a_neighbour(rolled, layer, roller, mix):
-    rated = replace(mix, rate_exponent=np.log10(1.05), reference_speed=0.2)
+def test_rate_effect_from_a_neighbour(rolled, layer, roller, mix):
+    rated = replace(mix, rate_sensitivity=0.02)
+    factor = rated.rate_factor(compaction_rate(2.0, roller.radius, layer.height, roller.indentation))
     faster = roll(layer, roller, rated, 2.0, start=rolled)
-    assert 1.03 < faster.load / rolled.load < 1.055
+    assert faster.load / rolled.load == pytest.approx(factor**0.95, rel=1e-2)
+
+
+@pytest.mark.parametrize("target", ["load", "peak_pressure", "exit_density_ratio"])
+def test_rate_factor_is_that_of_the_depth_of_a_target(target):
+    """The factor changes with the depth during the search, and belongs to the depth that is found."""
+    rated, roller = replace(THIN, rate_sensitivity=0.1), wide_roller(10)
+    options = {"strain": "small", "increments": 4}
+    value = {"load": 4e5, "peak_pressure": 2e5, "exit_density_ratio": 0.965}[target]
+    if target == "exit_density_ratio":
+        options |= {target: value}
+    else:
+        roller = replace(roller, indentation=None, **{target: value})
+    found = roll(Layer(HEIGHT), roller, rated, 0.2, **options)
+    rate = compaction_rate(0.2, roller.radius, HEIGHT, found.indentation)
+    assert found.solution.frame.solid.rate_factor == pytest.approx(rated.rate_factor(rate), rel=1e-14)
+    assert abs(rate / compaction_rate(0.2, roller.radius, HEIGHT, DEPTH) - 1) > 0.02
 
 
 @pytest.mark.parametrize("increments", [4, pytest.param(12, marks=pytest.mark.slow)])
@@ -399,6 +420,7 @@ def test_load_that_is_not_reached_reports_the_nearest_depth(monkeypatch):
         ({"roller": Roller(0.11, 0.02)}, "must be less than 0.006 m, got 0.02 m: it would press mix fed at 0.94"),
         ({"layer": Layer(0.1, plies=(Ply(0.1, 2.0),))}, "`plies` are for linear layers, got 1"),
         ({"exit_density_ratio": 1.0}, "`exit_density_ratio` must lie between that of the fed mix 0.94 and 1, got 1.0"),
+        ({"threads": 0}, "`threads` must be positive and finite, got 0"),
         ({"increments": 0}, "`increments` must be positive and finite, got 0"),
         ({"material": "mix"}, "`material` must be Compaction, got str; use the engine fem"),
     ],
@@ -409,8 +431,14 @@ def test_arguments_out_of_range_are_refused(layer, roller, mix, changes, message
         roll(**arguments)
 
 
+def test_two_threads_change_no_digit(coarse, layer, roller, mix):
+    rolled = roll(layer, roller, mix, 0.2, increments=4, threads=2)
+    assert (rolled.load, rolled.resistance) == (coarse.load, coarse.resistance)
+    assert np.array_equal(rolled.solution.state.points.stress, coarse.solution.state.points.stress)
+
+
 def test_start_on_another_base_is_refused(coarse, roller, mix):
-    with pytest.raises(ValueError, match="`start` must have the same `base` and `fed_layer`, got a result of others"):
+    with pytest.raises(ValueError, match="`start` must have the same `base`, `lower_lift` and `fed_layer`"):
         roll(Layer(0.1, base="slip"), roller, mix, 0.2, start=coarse)
 
 

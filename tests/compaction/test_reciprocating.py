@@ -273,7 +273,7 @@ def test_mix_without_rate_effect_depends_on_the_path_alone():
 
 
 def test_rate_effect_agrees_with_columns():
-    rated = replace(THIN, rate_exponent=0.025, reference_speed=0.2)
+    rated = replace(THIN, rate_sensitivity=0.03)
     slow, fast = (
         simulate_thin(law("constant-velocity", WIDE_LENGTH, WIDE_LENGTH / speed), rated) for speed in (0.2, 2.0)
     )

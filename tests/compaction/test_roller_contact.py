@@ -103,7 +103,7 @@ def roll_unyielding(profile, torque, count):
     """Incremental rolling over `count` elements per length sqrt(2 R depth)."""
     length = np.sqrt(2 * R * SHALLOW)
     mesh = rolling_mesh(H, length, length / count)
-    frame = RollerFrame(mesh, UNYIELDING, "bonded", length, finite=False, substeps=1)
+    frame = RollerFrame(mesh, UNYIELDING, "bonded", length, finite=False)
     rolling = IncrementalRolling(frame, R, profile=profile, friction=FRICTION, torque=torque)
     for bottom_height in H - SHALLOW * np.minimum(np.arange(1, 6 * count) / count, 1):
         rolling.advance(bottom_height, damping=0.0)

@@ -81,7 +81,7 @@ def test_source_files_contain_indirect_imports_of_the_package():
     from compact.engines.column import column_ode
 
     files = {path.rpartition("compact/")[2] for path in source_files(column_ode.__name__)}
-    assert {"engines/column/column_ode.py", "material/cap_plasticity.py", "material/laws.py"} <= files
+    assert {"engines/column/column_ode.py", "material/elliptic_cap.py", "material/laws.py"} <= files
 
 
 def test_function_counts_as_compiled_while_its_cache_is_up_to_date(sample):

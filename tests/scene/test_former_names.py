@@ -91,3 +91,20 @@ def test_a_former_choice_of_a_list_is_renamed(tmp_path):
     text = SMALL.replace('rank_by = ["peak_force", "peak_power"]', 'rank_by = ["peak_force", "ringing"]')
     with pytest.warns(DeprecationWarning, match=r'"ringing" of `drive.rank_by` is now "dynamic_amplification"'):
         assert parse_scene(text).drive.rank_by == ("peak_force", "dynamic_amplification")
+
+
+def test_rate_exponent_is_the_rate_sensitivity():
+    former = SMALL.replace("[mix.overrides]", "[mix.overrides]\nrate_exponent = 0.018", 1)
+    former += "\n[compare.column.mix.overrides]\nrate_exponent = 0.02\n"
+    with pytest.warns(DeprecationWarning, match="rate_sensitivity`; the former name is accepted for one release"):
+        scene = parse_scene(former)
+    assert scene.mix.overrides.rate_sensitivity == 0.018
+    assert scene.with_engine("column").mix.overrides.rate_sensitivity == 0.02
+
+
+def test_reference_speed_is_refused_with_its_remedy():
+    words = r"mix.reference_speed: is no longer a key, got 0.13: .*take the key out, and multiply a slope .* about 1.1"
+    with pytest.raises(SceneError, match=words):
+        parse_scene(SMALL.replace("moisture = ", "reference_speed = 0.13\nmoisture = ", 1))
+    with pytest.raises(SceneError, match=words):
+        parse_scene(SMALL).replaced(**{"mix.reference_speed": 0.13})

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 from sampling import examples
 
 from compact.scene.loader import LAW_NAMES, Scene, SceneError, load_scene, parse_scene, starter_scene
-from compact.scene.schema import BeltTable, EndSpringTable, Hydraulics, Motor, Optimise
+from compact.scene.schema import BeltTable, EndSpringTable, Hydraulics, LowerLift, Motor, Optimise
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 PUBLISHED = (SCENES / "loveikin-2015.toml").read_text("utf-8")
@@ -100,8 +100,8 @@ def test_the_starter_shows_every_key_there_is():
     tables = [field.annotation for field in Scene.model_fields.values()]
     known = {key for table in tables for part in getattr(table, "__args__", (table,)) for key in fields_of(part)}
     beside = {"formula", "column", "spectral", "fem", "compaction"}
-    assert known - keys == {"overrides", "motor", "optimise", "end_springs", "hydraulics"} | beside
-    shown = (Motor, BeltTable, Optimise, EndSpringTable, Hydraulics)
+    assert known - keys == {"overrides", "motor", "optimise", "end_springs", "hydraulics", "lower_lift"} | beside
+    shown = (Motor, BeltTable, Optimise, EndSpringTable, Hydraulics, LowerLift)
     assert {key for table in shown for key in table.model_fields} - keys == {"belt", "method"}  # method: deprecated
 
 
@@ -1290,3 +1290,60 @@ def test_reading_a_scene_loads_no_heavy_library():
     )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
+
+
+LOWER_LIFT = "\n[layer.lower_lift]\nthickness = 0.06\ndensity_ratio = 0.98\n"
+
+
+def test_lower_lift_is_read_for_engines_that_compact():
+    scene = parse_scene(with_plies("", "column") + LOWER_LIFT)
+    assert scene.layer.lower_lift.model_dump() == {"thickness": 0.06, "density_ratio": 0.98, "residual_stress": True}
+
+
+@pytest.mark.parametrize(
+    ("engine", "table", "message"),
+    [
+        ("fem", LOWER_LIFT, 'layer.lower_lift: the engine "fem" takes no lower lift, as its layer does not compact'),
+        ("spectral", LOWER_LIFT, 'the engine "spectral" takes no lower lift'),
+        ("formula", LOWER_LIFT, 'take the key out, or choose accuracy.engine = "column" or "compaction"'),
+        ("column", LOWER_LIFT.replace("0.98", "0.9"), "density_ratio: must be above layer.fed_density_ratio = 0.94"),
+        ("column", LOWER_LIFT.replace("0.06", "-0.06"), "layer.lower_lift.thickness: must be positive, got -0.06"),
+        ("column", LOWER_LIFT.replace("0.06", "60"), "thickness: 60 m is far outside the plausible 0.005 to 2 m"),
+        ("column", LOWER_LIFT + "residual_stress = 1\n", "layer.lower_lift.residual_stress: must be true or false"),
+        ("column", LOWER_LIFT.replace("density_ratio = 0.98", ""), "layer.lower_lift.density_ratio: is missing"),
+    ],
+)
+def test_impossible_lower_lifts_are_refused(engine, table, message):
+    with pytest.raises(SceneError, match=re.escape(message)):
+        parse_scene(with_plies("", engine) + table)
+
+
+# the law of the mix
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"mix.overrides.friction_angle": 46.0},
+            r"coefficient: must be between 0\.2\d+ and 0\.\d+ .* 46 ",
+        ),
+        ({"mix.overrides.earth_pressure_coefficient": 0.3}, "must be between .* got 0.3: below, mix in confined"),
+        ({"mix.overrides.dilatancy_angle": 36.0}, "`dilatancy_angle` must lie between 0 and `friction_angle`"),
+    ],
+    ids=["friction 45", "K0 0.3", "dilatancy"],
+)
+def test_drucker_prager_cap_refuses_angles_without_a_cap(published, changes, words):
+    with pytest.raises(SceneError, match=words):
+        published.replaced(**{"mix.law": "drucker-prager-cap"} | changes)
+    published.replaced(**changes)  # no limits of the ellipse
+
+
+def test_drucker_prager_cap_of_the_prior_is_accepted(published):
+    from compact.analysis.contact_cases import compaction_material, scene_mix
+
+    scene = published.replaced(**{"mix.law": "drucker-prager-cap", "mix.overrides.cohesion_loose": 5e3})
+    law = compaction_material(scene, scene_mix(scene))
+    assert law.tensile_strength == pytest.approx(5e3 / math.tan(math.radians(35)))
+    assert law.shear_viscosity == 600.0
+    assert law.dilatancy_slope == 0.0

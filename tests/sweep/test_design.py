@@ -41,7 +41,8 @@ def test_points_vary_fastest_along_the_last_axis():
 def test_sample_covers_the_spread_and_stays_inside():
     scene = PRIOR.replaced(**{"accuracy.engine": "column", "mix.moisture": 0.09})
     design = vary.design(scene, [vary.read_design("mix.overrides=~64")])
-    assert design.names == ("unloading_modulus", "poisson", "friction_angle", "cohesion", "heckel_slope")
+    names = ("unloading_modulus", "poisson", "friction_angle", "cohesion", "heckel_slope", "rate_sensitivity")
+    assert design.names == names
     slope = mix.prior(0.09, 0.98).parameter("heckel_slope")
     drawn = [vary.scene_at(scene, *design.point(index)) for index in range(64)]
     values = np.array([values["heckel_slope"] for _, values in drawn])

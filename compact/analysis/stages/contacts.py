@@ -18,12 +18,22 @@ from compact.analysis import contact_cases
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity, contact_inputs
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
 from compact.analysis.engines import ENGINES, Engine, expand_resistance
+from compact.analysis.pore_air import (
+    AirCurve,
+    AirForces,
+    add_air_field,
+    air_curve,
+    air_under,
+    coupled_samples,
+    has_air,
+    pore_air_of,
+)
 from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
 from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
 from compact.material.mix import Mix
 from compact.numerics.validation import NotFiniteError
-from compact.rolling_contact import ContactResult, Layer, LayerContactResult, Roller
+from compact.rolling_contact import ContactResult, HeapingError, Layer, LayerContactResult, Roller
 from compact.scene.loader import Scene
 
 SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, by the elastic recovery, is smaller
@@ -56,7 +66,7 @@ def roll_scene(
         Name of the engine; that of the scene by default.
     initial_guess : ContactResult, optional
         Contact at another speed in the same direction, of another mix or depth. Engines with continuation use it on the
-        same base. If only the speed differs and the mix has no rate, it is the result.
+        same base. If only the speed differs and the mix has no rate sensitivity, it is the result.
     progress : callable, optional
         Called with lines of text by engines with continuation.
 
@@ -131,9 +141,32 @@ def roll_passes(
         return passes(layer, roller, material, speed, stages, engine=used.name, first=first, **numerics)
 
 
+def air_forces_of(scene: Scene, mix: Mix, contact: ContactResult, speed: float) -> AirForces | None:
+    """Compute the changes of one contact by its pore air, at its deformation without air.
+
+    Parameters
+    ----------
+    contact : ContactResult
+        First pass without air.
+    speed : float
+        Speed of the roller [m/s].
+
+    Returns
+    -------
+    AirForces or None
+        None for a scene without pressure of the air.
+    """
+    if not has_air(scene):
+        return None
+    layer, roller, _ = contact_inputs(scene, mix, scene.accuracy.engine, speed)
+    under = air_under(contact, layer, roller, pore_air_of(mix, scene.layer.fed_density_ratio))
+    pressure = under.pressure(speed)
+    return AirForces(*under.forces(pressure), under.largest_excess_behind(pressure))
+
+
 def added_mass(
     scene: Scene, mix: Mix, speed: float, held: HeldQuantity | None, count: Count = no_count
-) -> tuple[float, float] | None:
+) -> tuple[float, float]:
     """Compute the added mass of one roller, see `engines.expand_resistance`.
 
     Parameters
@@ -145,19 +178,18 @@ def added_mass(
 
     Returns
     -------
-    tuple of float or None
-        Added mass per unit length [kg/m] and relaxation time [s]; None where the mass is not known.
+    tuple of float
+        Added mass per unit length [kg/m] and relaxation time [s].
 
     Notes
     -----
-    A compacting layer without rate dependence has no added mass: its state depends on the path, not on time. The added
-    mass of a roller with stick and slip is that without friction; the two differ by about a tenth.
+    A compacting layer has no added mass: its state depends on the path, and its yield pressure on the present rate of
+    compaction. The added mass of a roller with stick and slip is that without friction; they differ by about a tenth.
     """
     used = ENGINES[scene.accuracy.engine]
     layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
     if isinstance(material, Compaction):
-        mass = used.rate_added_mass if material.rate_exponent else 0.0
-        return None if mass is None else (mass, 0.0)
+        return 0.0, 0.0
     if used.torque and roller.rolling in ("free", "driven"):
         roller = replace(roller, rolling="frictionless")
     count("added mass")
@@ -187,12 +219,11 @@ def _has_same_height(guess: LayerContactResult, layer: Layer) -> bool:
 
 
 def _differs_in_speed_only(roller: Roller, material: Any, guess: LayerContactResult, speed: float) -> bool:
-    """Return True if the contact differs from the guess by its speed only, and the mix has no rate."""
+    """Return True if the contact differs from the guess by its speed only, and the mix has no rate sensitivity."""
     if speed == guess.speed or material != guess.material:
         return False
     as_found = replace(guess.roller, indentation=guess.indentation, load=None, peak_pressure=None)
-    same_rate = material.rate_factor(speed) == material.rate_factor(guess.speed)
-    return same_rate and roller in (guess.roller, as_found)
+    return not material.rate_sensitivity and roller in (guess.roller, as_found)
 
 
 @contextmanager
@@ -209,10 +240,11 @@ def _named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
             raise
         load, length = scene.target["load"], scene.machine.roller_length
         raise ValueError(f"{error} (contact.load = {load:g} N over roller_length = {length:g} m)") from error
+    except HeapingError as error:
+        hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same'
+        raise HeapingError(f"{case}: {error}{hint}", error.heaping) from error
     except RuntimeError as error:
-        is_estimate = type(error).__name__ == "HeapingError"  # of "compaction", whose module need not be imported
-        hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same' if is_estimate else ""
-        raise RuntimeError(f"{case}: {error}{hint}") from error
+        raise RuntimeError(f"{case}: {error}") from error
 
 
 def _engine_options(
@@ -361,7 +393,44 @@ class ContactStage:
         """Scalar results at each speed; empty for the formulas."""
         if self.kept:
             return self.kept.contacts
-        return [contact_cases.contact_record(self.engine.name, *each) for each in self.passes]
+        name = self.engine.name
+        return [contact_cases.contact_record(name, *each, self.air_forces(each[0])) for each in self.passes]
+
+    @cached_property
+    def air_curve(self) -> AirCurve | None:
+        """Forces of the pore air at the contact near the mean speed; None for a linear layer and occluded mix.
+
+        Raises
+        ------
+        ValueError
+            If the scene has pore air and its mix is occluded as fed.
+        """
+        if not self.engine.compacting:
+            return None
+        if self.kept:
+            return self.kept.air_curve
+        speed, contact = self.typical
+        layer, roller, _ = contact_inputs(self.scene, self.mix, self.engine.name, speed, self.held)
+        try:
+            air = pore_air_of(self.mix, self.scene.layer.fed_density_ratio)
+        except ValueError:
+            if has_air(self.scene):
+                raise
+            return None
+        curve = air_curve(air_under(contact, layer, roller, air), air.permeability, contact)
+        if self.scene.mix.pore_air == "coupled" and self.engine.name == "compaction":
+            curve = curve.with_coupled(coupled_samples(contact, air, curve, contact_cases.contact_speeds(self.scene)))
+        return curve
+
+    def air_forces_of(self, contact: ContactResult, speed: float) -> AirForces | None:
+        """Return the changes of a first pass by its pore air; see `air_forces_of`."""
+        return air_forces_of(self.scene, self.mix, contact, speed)
+
+    def air_forces(self, speed: float) -> AirForces | None:
+        """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
+        if not has_air(self.scene) or self.air_curve is None:
+            return None
+        return self.air_curve.at(speed, self.mix.air_permeability)
 
     @cached_property
     def fields(self) -> list[tuple[Any, ContactResult]]:
@@ -369,8 +438,15 @@ class ContactStage:
         found = []
         for _, result in self.first_passes:
             self.count("fields")
-            found.append((self.engine.fields(result), result))
+            found.append((self.field_mesh(result), result))
         return found
+
+    def field_mesh(self, result: ContactResult) -> Any:
+        """Return the mesh with fields of a contact, with the excess pressure of its pore air where the scene has it."""
+        mesh = self.engine.fields(result)
+        if has_air(self.scene) and self.engine.name == "compaction":
+            add_air_field(mesh, result, pore_air_of(self.mix, self.scene.layer.fed_density_ratio))
+        return mesh
 
     @cached_property
     def roller_load(self) -> float:
@@ -400,7 +476,9 @@ class ContactStage:
                 raise
             warnings.warn(f"the return stroke over compacted mix is left out: {error}", stacklevel=2)
             return None
-        return back.load / first.load, max(-back.resistance / first.resistance, 0.0)
+        air = self.air_forces(scene.mean_speed) or AirForces(0.0, 0.0, 0.0)
+        load, resistance = first.load + air.load, first.resistance + air.resistance
+        return back.load / load, max(-back.resistance / resistance, 0.0)
 
     @property
     def return_ratios(self) -> tuple[float, float]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from compact import resistance
 from compact.analysis import contact_cases
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity
+from compact.analysis.pore_air import AirCurve
 from compact.files import write_json
 from compact.material.mix import Mix
 from compact.resistance import ResistanceMap
@@ -39,12 +40,15 @@ class KeptResults:
     ----------
     second_pass : tuple of float or None
         Load and resistance of a second pass over those of the first [-].
+    air_curve : AirCurve or None
+        Forces of the pore air over speed/permeability.
     """
 
     contacts: list[ContactRecord]
     held: HeldQuantity
     second_pass: tuple[float, float] | None
     resistance_map: ResistanceMap
+    air_curve: AirCurve | None = None
     files: tuple[str, ...] = ()
 
 
@@ -79,6 +83,7 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
             HeldQuantity(**more["held"]),
             more["second_pass"] and tuple(more["second_pass"]),
             resistance.load_resistance_map(directory / MAP_FILE, key),
+            more["air"] and AirCurve.from_json(more["air"]),
             tuple(name for name in content["files"] if (directory / name).is_file()),
         )  # fmt: skip
     except (OSError, ValueError, KeyError, TypeError):  # no file, or a file of another form
@@ -93,7 +98,10 @@ def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[P
     write_json(path, {
         "key": key,
         "contacts": [contact_cases.contact_to_json(contact) for contact in results.contacts],
-        "more": {"held": asdict(results.held), "second_pass": results.second_pass},
+        "more": {
+            "held": asdict(results.held), "second_pass": results.second_pass,
+            "air": results.air_curve and asdict(results.air_curve),
+        },
         "files": [name for name in results.files if name.startswith(KEPT_FILES)],
     })  # fmt: skip
     yield directory / MAP_FILE

@@ -14,14 +14,16 @@ import numpy as np
 
 from compact import contact, resistance
 from compact.analysis import machine_models
-from compact.analysis.contact_cases import compaction_material
+from compact.analysis.contact_cases import contact_inputs
+from compact.analysis.pore_air import has_air, nodes_of_map
 from compact.analysis.rate_law import sample_rate_law
 from compact.analysis.stages.contacts import ContactStage, added_mass, roll_scene
 from compact.contact import DryResistance
 from compact.machine.cart import Balance, Cart, MotionResistance
 from compact.machine.rigid_drive import steady_balance
+from compact.material.laws import Compaction
 from compact.resistance import ForceSample, ResistanceMap, sample_resistance
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import ContactResult, compaction_rate
 
 LEAST_SPEED_SHARE = 1 / 50  # [-], of the largest speed; least speed of the samples
 
@@ -103,12 +105,33 @@ class ResistanceStage:
         least = min(LEAST_SPEED_SHARE * speed, min(each.speed for each in samples))
         tolerance = self.scene.accuracy.tolerance
         if stage.engine.rate_factor_only:
-            rate_factor = compaction_material(self.scene, self.mix).rate_factor
-            sampled = sample_rate_law(self._new_sample, rate_factor, least, speed, tolerance, samples)
+            sampled = sample_rate_law(self._new_sample, self._rate_factor(), least, speed, tolerance, samples)
         else:
             pairs = [each[:3] for each in samples]
             sampled = sample_resistance(lambda at: self._new_sample(at)[1:3], least, speed, tolerance, pairs)
+        if has_air(self.scene):
+            sampled = self._with_air(sampled)
         return self._with_added_masses(replace(sampled, return_ratio=stage.return_ratios[1]))
+
+    def _with_air(self, skeleton: ResistanceMap) -> ResistanceMap:
+        """Return the map of a skeleton with the resistance by its pore air; its contacts remain those without."""
+        speeds = nodes_of_map(skeleton.speeds)
+        found = [self.contacts.air_forces(speed) for speed in speeds.tolist()]
+        air = np.array([0.0 if each is None else each.resistance for each in found])
+        forces = skeleton(speeds) + self._roller_length * air
+        return replace(skeleton, speeds=speeds, forces=forces, contacts=skeleton.computed)
+
+    def _rate_factor(self) -> Callable[[float], float]:
+        """Return the factor of the yield pressure over the speed [m/s] at the depth at the mean speed.
+
+        Under a constant load or pressure the depth changes with the speed; the factor there is a smooth function of it.
+        """
+        stage, mean = self.contacts, self.scene.mean_speed
+        layer, roller, material = contact_inputs(self.scene, self.mix, stage.engine.name, mean, stage.held)
+        assert isinstance(material, Compaction)  # of an engine with `rate_factor_only`
+        depth = roller.indentation or min(stage.records, key=lambda each: abs(np.log(each.speed / mean))).indentation
+        rate = compaction_rate(1.0, roller.radius, layer.height, float(depth or 0.0))
+        return lambda speed: material.rate_factor(rate * abs(speed))
 
     @property
     def _roller_length(self) -> float:
@@ -144,15 +167,12 @@ class ResistanceStage:
         return ForceSample(speed, self._roller_length * result.resistance, error, self.contacts.engine.noise(result))
 
     def _with_added_masses(self, sampled: ResistanceMap) -> ResistanceMap:
-        """Return the map with the added mass at its speeds; without it where the engine does not have it."""
+        """Return the map with the added mass at its speeds; without it where the engine does not find it."""
         stage = self.contacts
         try:
             found = [added_mass(self.scene, self.mix, float(at), stage.held, stage.count) for at in sampled.speeds]
         except RuntimeError as error:
             warnings.warn(f"acceleration is left out of the resistance: {error}", stacklevel=2)
             return sampled
-        known = [each for each in found if each is not None]
-        if len(known) < len(found):
-            return sampled
-        masses, times = np.array(known).T
+        masses, times = np.array(found).T
         return replace(sampled, added_masses=self._roller_length * masses, relaxation_time=float(times.max()))

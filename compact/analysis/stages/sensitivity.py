@@ -21,6 +21,7 @@ from compact import drive
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_speeds
 from compact.analysis.engines import ENGINES
+from compact.analysis.pore_air import AirForces, has_air
 from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.stages.drives import Stages, build_stages
 from compact.contact import DryResistance
@@ -39,9 +40,12 @@ MIX_INPUTS = {  # engine -> parameters of the mix that it depends on
         "required_pressure", "effective_modulus", "poisson", "steel_friction", "instant_over_relaxed",
         "relaxation_time",
     ),
-    "column": ("heckel_slope", "friction_angle", "cohesion", "unloading_modulus", "poisson", "steel_friction"),
+    "column": (
+        "heckel_slope", "friction_angle", "cohesion", "unloading_modulus", "poisson", "steel_friction",
+        "rate_sensitivity",
+    ),
 }  # fmt: skip
-RATE_INPUT = "rate_exponent"  # of a compacting engine whose mix has a reference speed
+AIR_INPUTS = ("air_permeability", "occlusion_saturation")  # of a compacting engine with pore air
 MACHINE_INPUTS = (  # inputs of the machine and the motion
     "machine.roller_length", "machine.roller_friction", "machine.bearing_friction", "machine.guide_friction",
     "machine.mass", "motion.duration",
@@ -119,8 +123,10 @@ def _ranges(stages: Stages) -> dict[str, Range]:
     scene, mix, engine = stages.contacts.scene, stages.contacts.mix, stages.contacts.engine
     names = list(MIX_INPUTS[engine.name if engine.cheap else "formula"])
     new_layer = engine.cheap and engine.compacting
-    if new_layer and scene.mix.reference_speed:
-        names.append(RATE_INPUT)
+    if scene.mix.law == "drucker-prager-cap":
+        names = ["cohesion_loose" if name == "cohesion" else name for name in names]
+    if new_layer and has_air(scene):
+        names += AIR_INPUTS
     ranges = {f"mix.overrides.{name}": (*_spread(mix.parameter(name)), mix.parameter(name).unit) for name in names}
     if new_layer:
         before = scene.layer.fed_density_ratio
@@ -209,9 +215,12 @@ def _new_contacts(stages: Stages, largest_speed: float) -> tuple[float, Resistan
     contacts, scene = stages.contacts, stages.contacts.scene
     speeds = [speed for speed in contact_speeds(scene) if speed < largest_speed] + [largest_speed]
     rolled = [roll_scene(scene, contacts.mix, speed, held=contacts.held) for speed in speeds]
+    air = [contacts.air_forces(speed) or AirForces(0.0, 0.0, 0.0) for speed in speeds]
     length = scene.machine.roller_length
-    load = length * np.interp(np.log(scene.mean_speed), np.log(speeds), [each.load for each in rolled])
-    forces = scene.machine.rollers * length * np.array([each.resistance for each in rolled])
+    loads = [each.load + more.load for each, more in zip(rolled, air, strict=True)]
+    load = length * np.interp(np.log(scene.mean_speed), np.log(speeds), loads)
+    resistances = [each.resistance + more.resistance for each, more in zip(rolled, air, strict=True)]
+    forces = scene.machine.rollers * length * np.array(resistances)
     return float(load), ResistanceMap(np.array(speeds), forces, error=np.nan, return_ratio=contacts.return_ratios[1])
 
 

@@ -11,9 +11,13 @@ g = 3/2 + 2G/K,
 
     dp/ds_v = (3/2)(h - 2G b Q)/B,   w/ds_v = (3/2)(P + 2G Q/K)/B,   B = g h + 2G b^2,
 
-and dp/ds_v = 3/(2g) inside the yield surface. The heights h_i of the columns add up to the gap under the roller, so
-that ds_v = -dgap/sum (de/ds_v) h_i. The slope of the gap under a circle is unbounded at its upright side. The path is
-therefore integrated over the tangent t of half the central angle, u = 2 R t:
+and dp/ds_v = 3/(2g) inside the yield surface. On the shear line D = +-M (p + pt) of `drucker_prager_cap` in its place
+
+    dp/ds_v = 1/(1 +- 2M/3),   w/ds_v = (2G/K dp/ds_v - dD/ds_v)/(+-3G + 2G N),   dV = -N w,
+
+without its viscosity, since columns have no bands of shear. The heights h_i of the columns add up to the gap under the
+roller, so that ds_v = -dgap/sum (de/ds_v) h_i. The slope of the gap under a circle is unbounded at its upright side.
+The path is therefore integrated over the tangent t of half the central angle, u = 2 R t:
 
     q = 1/(1 + c u^2/(4 R^2)),   x = u q,   gap = u^2 q/(2R),   dx/du = q (2q - 1),   dgap/du = u q^2/R,
 
@@ -33,7 +37,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import DOP853
 
-from compact.material.cap_plasticity import CapConstants, hardening
+from compact.material.elliptic_cap import CapConstants, hardening
 from compact.numerics import Array, BoolArray, IntArray
 from compact.numerics.jit import compiled
 
@@ -47,6 +51,7 @@ STEP_FACTOR_MIN, STEP_FACTOR_MAX = 0.2, 10.0  # [-], bounds of the change from o
 RELAXATION_INTERVALS = 16  # [-], trapezoids of `stiffness_ratio`, graded towards low density where pc varies fast
 EVENT_ITERATIONS_MAX = 60  # [-], of regula falsi on one step; 5 are usual
 EVENT_TOLERANCE = 1e-4  # [-], residual of the stress at an event over the error scale of s_v
+CORNER_SIDE = 1 - 1e-12  # [-], p + pt over that of the corner, below which mix is on the shear line
 EVENT_ROUNDING = 1e-14  # [-], smallest residual at an event over s_v itself
 
 # Indices of the state vector y; from COLUMN_STATE on, p and V of each column
@@ -380,9 +385,14 @@ def _stress_rates(law, measure, k0, k_max, stress, p, V, yielding):
         H = 0.0
     elif measure == MASS_TRUE:
         H *= k / k0
+    if law.line and p + law.pt < _corner_pressure(law, pc) * CORNER_SIDE:
+        sign = 1.0 if stress > p else -1.0
+        dp = 1 / (1 + sign * law.friction / 1.5)
+        w = (ratio * dp - 1.5 * (1 - dp)) / (law.G * (3 * sign + 2 * law.dilatancy))
+        return dp, -law.dilatancy * w, sign * w
     a, c, p0 = _yield_surface(law, pc)
     P, Q = p - c, 1.5 * (stress - p) / law.M**2
-    if law.flat and p <= c:
+    if law.flat and not law.line and p <= c:
         P = min(p - p0, 0.0)
         if p0 > -law.pt:
             P *= (a / (p0 + law.pt)) ** 2
@@ -407,6 +417,12 @@ def _yield_surface(law, pc):
 
 
 @compiled
+def _corner_pressure(law, pc):
+    """Return p + pt at the corner of cap and shear line."""
+    return (pc + law.pt) / (1 + (law.friction / law.M) ** 2)
+
+
+@compiled
 def _yield_stress(law, measure, stack, y, i, direction):
     """Vertical stress at which column i yields in loading (direction 1) or unloading (-1)."""
     p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
@@ -415,6 +431,12 @@ def _yield_stress(law, measure, stack, y, i, direction):
     oedometric = law.K + 4 * law.G / 3
     D, dp, dD = 1.5 * (y[STRESS] - p), direction * law.K / oedometric, direction * 2 * law.G / oedometric
     cap = _ellipse_crossing(p - c, D / law.M, 1.0, dp, dD / law.M, a)
+    if law.line:  # the elastic range is the intersection of the ellipse and both lines
+        for sign in (1.0, -1.0):
+            distance, approach = law.friction * (p + law.pt) - sign * D, sign * dD - law.friction * dp
+            if approach > 0:
+                cap = min(cap, max(distance / approach, 0.0))
+        return y[STRESS] + direction * cap
     if not law.flat or p + cap * dp >= c:
         return y[STRESS] + direction * cap
     if p0 > -law.pt:
@@ -430,10 +452,15 @@ def _yield_stress(law, measure, stack, y, i, direction):
 
 @compiled
 def _critical_stress(law, measure, stack, y, i, direction):
-    """Vertical stress at which loading leaves the flat subcritical side, where D and pc are constant and dp = ds_v."""
+    """Vertical stress at which loading leaves the flat subcritical side or the shear line, where pc is constant."""
     p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
     k = _density_ratio(measure, stack.density_ratio[i], V)
-    _, c, _ = _yield_surface(law, hardening(law, max(k, stack.max_density_ratio[i]))[0])
+    pc, _ = hardening(law, max(k, stack.max_density_ratio[i]))
+    _, c, _ = _yield_surface(law, pc)
+    if law.line:
+        distance = _corner_pressure(law, pc) - (p + law.pt)
+        rises = direction > 0 and y[STRESS] > p and distance > 0
+        return y[STRESS] + distance * (1 + law.friction / 1.5) if rises else direction * np.inf
     return y[STRESS] + c - p if law.flat and direction > 0 and p < c else direction * np.inf
 
 

@@ -8,6 +8,7 @@ increases from zero; on the way to the lowest generatrix it decreases to zero.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from compact.engines.column import column_ode as ode
 from compact.engines.column.column_ode import STRESS, ColumnStack, GapShape, PathControl
-from compact.material.cap_plasticity import CapConstants, cap_constants, hardening
+from compact.material.elliptic_cap import CapConstants, cap_constants, hardening
 from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.numerics.validation import require_fields
@@ -72,24 +73,43 @@ class ColumnLayer:
 
     Parameters
     ----------
+    law : CapConstants
+        Material constants; with `law_at` those at the largest indentation.
     strain_measure : int
         One of the values of STRAINS.
+    lower_count : int
+        Number of columns of the lower lift, from the base upwards; 0 on the rigid base.
+    law_at : callable, optional
+        Material constants at an indentation [m], for mix whose yield pressure depends on the rate of compaction.
     """
 
     law: CapConstants
     stack: ColumnStack
     gap: GapShape
     strain_measure: int
+    lower_count: int = 0
+    law_at: Callable[[float], CapConstants] | None = None
+
+    @property
+    def without_lower(self) -> "ColumnLayer":
+        """Columns without those of the lower lift."""
+        rows = (values[self.lower_count :] for values in self.stack)
+        return replace(self, stack=ColumnStack(*rows), lower_count=0)
 
     @cached_property
     def height(self) -> float:
-        """Height of the layer [m]."""
+        """Height of the layer with the lower lift [m]."""
         return float(self.stack.height.sum())
 
     @cached_property
     def solid_height(self) -> float:
         """Height that grains and water fill [m]."""
         return float(self.stack.density_ratio @ self.stack.height)
+
+    @property
+    def unstressed_solid_height(self) -> float:
+        """Height that grains and water fill after release of the lateral stress [m]; passes do not change it."""
+        return float(self.stack.density_ratio * np.exp(self.stack.mean_stress / self.law.K) @ self.stack.height)
 
     @property
     def max_indentation(self) -> float:
@@ -194,9 +214,10 @@ class ColumnLayer:
 
     def compute_pass(self, indentation: float, rtol: float, max_step_share: float = np.inf) -> "PassResult":
         """Compute the pass at an indentation [m] with an error of a step and a largest step over the front [-]."""
-        front = self.front(indentation)
-        control = PathControl(0.0, np.inf, self.error_scale(indentation, rtol), front * max_step_share)
-        loading, pressed, evaluations = self.integrate(front, self.initial_state, control)
+        layer = self if self.law_at is None else replace(self, law=self.law_at(indentation))
+        front = layer.front(indentation)
+        control = PathControl(0.0, np.inf, layer.error_scale(indentation, rtol), front * max_step_share)
+        loading, pressed, evaluations = layer.integrate(front, layer.initial_state, control)
         return pressed.unload(loading, indentation, control, evaluations)
 
     def unload(self, loading: Array, indentation: float, control: PathControl, evaluations: int) -> "PassResult":
@@ -259,14 +280,14 @@ class PassResult:
 
     @property
     def density_ratio(self) -> float:
-        """Density ratio after the rebound [-], mean over the height."""
-        y = self.unloading[-1, 1:]
-        heights = self.layer.heights(y)
-        return float(self.layer.density_ratios(y) @ heights / heights.sum())
+        """Density ratio after the rebound [-], mean over the height without the lower lift."""
+        y, layer = self.unloading[-1, 1:], slice(self.layer.lower_count, None)
+        heights = self.layer.heights(y)[layer]
+        return float(self.layer.density_ratios(y)[layer] @ heights / heights.sum())
 
     @property
     def columns(self) -> tuple[Column, ...]:
-        """Columns after the pass, from the base upwards."""
+        """Columns after the pass with those of the lower lift, from the base upwards."""
         y, layer = self.unloading[-1, 1:], self.layer
         lateral_stress = 1.5 * y[ode.COLUMN_STATE :: 2]
         rows = (layer.heights(y), layer.density_ratios(y), lateral_stress, layer.stack.max_density_ratio)
@@ -282,10 +303,15 @@ class PassResult:
 
 
 def column_layer(
-    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapShape, strain_measure: int
+    columns: tuple[Column, ...],
+    material: Compaction,
+    rate_factor: float,
+    gap: GapShape,
+    strain_measure: int,
+    lower_count: int = 0,
 ) -> ColumnLayer:
     """Build the `ColumnLayer` of columns at rest, from the base upwards, with pc multiplied by a rate factor [-]."""
     rows = [(each.height, each.density_ratio, each.lateral_stress, each.max_density_ratio) for each in columns]
     height, density_ratio, lateral_stress, max_density_ratio = np.array(rows, dtype=float).T.copy()
     stack = ColumnStack(height, density_ratio, lateral_stress / 1.5, max_density_ratio)
-    return ColumnLayer(cap_constants(material, rate_factor), stack, gap, strain_measure)
+    return ColumnLayer(cap_constants(material, rate_factor), stack, gap, strain_measure, lower_count)

@@ -6,14 +6,15 @@ Each column is compressed as in an oedometer (`column_ode`). The contact extends
 height, to the rear edge, where the rebound ends and s_v = 0. This is the limit of a wide thin bonded layer without
 friction. The difference to plane strain is of second order in height over contact length; `error` does not contain it.
 F is the work retained by the layer. It depends on the lowest height alone, not on radius or profile, and on the speed
-through pc only.
+and the radius through the rate of compaction in pc only (`rolling_contact.compaction_rate`).
 
 Mass is measured by the height that grains and water fill, density ratio times height; the gap cannot be smaller.
 Several passes, and new mix on compacted mix, are columns on top of one another that share s_v and retain their state.
+So is a layer on a lower lift; its height and density after the pass do not contain those of the lower lift.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -32,15 +33,18 @@ from compact.engines.column.column_pass import (
 )
 from compact.engines.column.indentation_search import (
     TARGET_TOLERANCE,
+    plate_indentation,
     solve_exit_density,
     solve_plate_density,
     solve_target,
 )
+from compact.material.cap_plasticity import CapConstants, cap_constants, compacted_state
 from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 
 INTEGRATION_RTOL = 1e-9  # [-], default error of a step over the size of the whole pass
+FEED_TRIALS_MAX = 20  # [-], of the rate factor of a feed; each reduces its error some thousandfold
 ERROR_RTOL_RATIO = 100.0  # [-], `rtol` of the comparison pass over `rtol`; the difference is the error estimate
 
 
@@ -56,6 +60,10 @@ class ColumnContactResult(rolling_contact.ContactResult):
         Height [m] and density ratio [-], mean over the height, after the rebound.
     columns : tuple of Column
         Columns after the pass, from the base upwards: the input of the next pass.
+    lower_columns : tuple of Column
+        Columns of the lower lift after the pass; empty on the rigid base.
+    lower_height, lower_density_ratio : float or None
+        Height [m] and density ratio [-] of the lower lift after the pass; None without one.
     plastic_work : float
         Part of the resistance dissipated by plastic flow [N/m]; the rest remains as elastic energy.
     mass_residual : float
@@ -72,6 +80,9 @@ class ColumnContactResult(rolling_contact.ContactResult):
     exit_height: float
     exit_density_ratio: float
     columns: tuple[Column, ...]
+    lower_columns: tuple[Column, ...]
+    lower_height: float | None
+    lower_density_ratio: float | None
     plastic_work: float
     mass_residual: float
     evaluations: int
@@ -119,14 +130,14 @@ def roll(
     Parameters
     ----------
     layer : Layer
-        Layer of fresh mix, bonded, without plies.
+        Layer of fresh mix, bonded, without plies; it may lie on a lower lift.
     roller : Roller
         Roller of any profile; "deformed" is the circle, since columns move vertically. It prescribes an indentation,
         load or peak pressure. "frictionless" and "free" rollers are equivalent.
     material : Compaction
         Material law.
     speed : float
-        Speed of the roller along x [m/s], not 0; pc is multiplied by `material.rate_factor(speed)`.
+        Speed of the roller along x [m/s], not 0; it enters by its sign and by the rate of compaction in pc.
     **options
         Keywords of `roll_over`.
 
@@ -147,7 +158,9 @@ def roll(
     """
     require_single_bonded_layer(layer)
     _require_compaction(material)
-    return roll_over((Column(layer.height, material.fed_density_ratio),), roller, material, speed, **options)
+    lower = lower_columns(layer.lower_lift, material, roller.radius, speed)
+    columns = (Column(layer.height, material.fed_density_ratio),)
+    return roll_over(columns, roller, material, speed, lower=lower, **options)
 
 
 def roll_over(
@@ -159,6 +172,7 @@ def roll_over(
     exit_density_ratio: float | None = None,
     strain: Literal["logarithmic", "small", "mass-true"] = "logarithmic",
     rtol: float = INTEGRATION_RTOL,
+    lower: Sequence[Column] = (),
 ) -> ColumnContactResult:
     """Compute one pass over columns on top of one another.
 
@@ -175,6 +189,8 @@ def roll_over(
         to the heights before the pass.
     rtol : float
         Error of a step over the size of the whole pass [-].
+    lower : sequence of Column
+        Columns of a lower lift below the others; heights and density ratios of the result refer to the others.
 
     Raises
     ------
@@ -185,7 +201,10 @@ def roll_over(
     require_known("strain", strain, STRAINS)
     require_positive(rtol=rtol)
     gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
-    layer = _integrable_layer(tuple(columns), material, material.rate_factor(speed), gap, STRAINS[strain])
+    stack = (*lower, *columns)
+    layer = _integrable_layer(stack, material, 1.0, gap, STRAINS[strain], len(lower))
+    if material.rate_sensitivity:
+        layer = _rated_layer(layer, material, roller.radius, speed)
     if exit_density_ratio is None:
         result, evaluations = solve_target(layer, roller, rtol)
     else:
@@ -196,8 +215,39 @@ def roll_over(
     return rolled
 
 
+def lower_columns(
+    lift: rolling_contact.LowerLift | None, material: Compaction, radius: float | None, speed: float
+) -> tuple[Column, ...]:
+    """Return the column of a lower lift before the pass; none on the rigid base.
+
+    Parameters
+    ----------
+    lift : LowerLift or None
+        Thickness, density ratio and residual stress.
+    material : Compaction
+        Material law.
+    radius : float or None
+        Roller radius [m]; None for a mix without rate sensitivity.
+    speed : float
+        Speed of the earlier pass [m/s].
+    """
+    if lift is None:
+        return ()
+    rate = 0.0 if radius is None else lift.compaction_rate(speed, radius, material.fed_density_ratio)
+    rate_factor = material.rate_factor(rate)
+    point = compacted_state(material, lift.density_ratio, rate_factor, residual_stress=lift.residual_stress)
+    return (Column(lift.thickness, lift.density_ratio, -float(point.stress[0, 0]), float(point.max_density_ratio[0])),)
+
+
 def required_feed(
-    height: float, exit_density_ratio: float, material: Compaction, speed: float, *, rtol: float = INTEGRATION_RTOL
+    height: float,
+    exit_density_ratio: float,
+    material: Compaction,
+    speed: float,
+    *,
+    radius: float | None = None,
+    rtol: float = INTEGRATION_RTOL,
+    lower_lift: rolling_contact.LowerLift | None = None,
 ) -> RequiredFeed:
     """Compute the height of fresh mix and the indentation for a product after one pass and its rebound.
 
@@ -209,23 +259,53 @@ def required_feed(
         Density ratio of the product [-].
     speed : float
         Speed of the roller [m/s].
+    radius : float, optional
+        Roller radius [m]; required for a mix with a rate sensitivity.
     rtol : float
         Error of a step over the size of the whole pass [-].
+    lower_lift : LowerLift, optional
+        Lift below, whose settlement adds to the indentation.
 
     Returns
     -------
     RequiredFeed
-        Both lengths are proportional to `height`.
+        Both lengths are proportional to `height` on the rigid base for a mix without rate sensitivity.
     """
     require_positive(height=height)
     _require_compaction(material)
-    layer = _unit_layer(material, material.rate_factor(speed))
+    if material.rate_sensitivity and radius is None:
+        raise ValueError("`radius` must be given for a mix with a rate sensitivity, got None")
+    factor, lower = 1.0, lower_columns(lower_lift, material, radius, speed)
+    for _ in range(FEED_TRIALS_MAX):
+        feed, before = _feed_at(height, exit_density_ratio, material, factor, rtol, lower), factor
+        if radius is not None:
+            rate = rolling_contact.compaction_rate(speed, radius, feed.height, feed.indentation)
+            factor = material.rate_factor(rate)
+        if abs(factor / before - 1) <= rtol:
+            return feed
+    raise RuntimeError(f"the rate of compaction still changes by {abs(factor / before - 1):.1e}; raise `rtol`")
+
+
+def _feed_at(
+    height: float,
+    exit_density_ratio: float,
+    material: Compaction,
+    rate_factor: float,
+    rtol: float,
+    lower: tuple[Column, ...],
+) -> RequiredFeed:
+    """Return the feed for a product [m], [-] with pc multiplied by a rate factor [-]."""
+    layer = _unit_layer(material, rate_factor)
     result, _ = solve_plate_density(layer, exit_density_ratio, rtol)
     rolling_contact.require_target_reached(
         "exit_density_ratio", exit_density_ratio, result.density_ratio, TARGET_TOLERANCE * rtol
     )
     scale = height / result.columns[0].height
-    return RequiredFeed(height=scale, indentation=scale * result.indentation)
+    settlement = 0.0
+    if lower:
+        below = _integrable_layer(lower, material, rate_factor, PLATE, STRAINS["logarithmic"])
+        settlement = plate_indentation(below, result.peak_pressure, rtol)
+    return RequiredFeed(height=scale, indentation=scale * result.indentation + settlement)
 
 
 def simulate_oedometer(
@@ -238,7 +318,7 @@ def simulate_oedometer(
     pressure : array_like
         Vertical stresses s_v [Pa], shape (n,).
     rate_factor : float
-        Ratio of pc to its value at the reference speed [-].
+        Ratio of pc to its value at rest [-].
     rtol : float
         Error of a step over the size of the whole test [-].
 
@@ -279,10 +359,15 @@ def _unit_layer(material: Compaction, rate_factor: float) -> ColumnLayer:
 
 
 def _integrable_layer(
-    columns: tuple[Column, ...], material: Compaction, rate_factor: float, gap: GapShape, strain_measure: int
+    columns: tuple[Column, ...],
+    material: Compaction,
+    rate_factor: float,
+    gap: GapShape,
+    strain_measure: int,
+    lower_count: int = 0,
 ) -> ColumnLayer:
     """Build the `ColumnLayer`; raise ValueError if its equation is too stiff for an explicit method."""
-    layer = column_layer(columns, material, rate_factor, gap, strain_measure)
+    layer = column_layer(columns, material, rate_factor, gap, strain_measure, lower_count)
     if not layer.stiffness_ratio < STIFFNESS_RATIO_MAX:
         limit = material.unloading_modulus * STIFFNESS_RATIO_MAX / layer.stiffness_ratio
         raise ValueError(
@@ -291,6 +376,20 @@ def _integrable_layer(
             "the resistance by less than 1e-3"
         )
     return layer
+
+
+def _rated_layer(layer: ColumnLayer, material: Compaction, radius: float, speed: float) -> ColumnLayer:
+    """Return a layer whose pc has the factor of the rate of compaction under a roller at each indentation."""
+    fed = layer.without_lower
+    fed_height = fed.unstressed_solid_height / material.fed_density_ratio
+    deepest = fed_height * (1 - material.fed_density_ratio)  # a lower lift settles too
+
+    def law_at(indentation: float) -> CapConstants:
+        depth = min(fed_height - fed.height + indentation, deepest)
+        rate = rolling_contact.compaction_rate(speed, radius, fed_height, depth)
+        return cap_constants(material, material.rate_factor(rate))
+
+    return replace(layer, law=law_at(layer.max_indentation), law_at=law_at)
 
 
 def _build_result(
@@ -304,6 +403,9 @@ def _build_result(
     ascending = slice(None, None, int(direction))
     load, resistance, (plastic, elastic) = result.load, result.resistance, result.work
     scale = rolling_contact.resistance_scale(resistance, load)
+    count = result.layer.lower_count
+    lower, columns = result.columns[:count], result.columns[count:]
+    lower_height = sum(column.height for column in lower)
     return ColumnContactResult(
         load=load,
         resistance=float(direction * resistance),
@@ -316,9 +418,12 @@ def _build_result(
         work_residual=abs(resistance - plastic - elastic) / scale,
         peak_pressure=result.peak_pressure,
         indentation=float(result.indentation),
-        exit_height=sum(column.height for column in result.columns),
+        exit_height=sum(column.height for column in columns),
         exit_density_ratio=result.density_ratio,
-        columns=result.columns,
+        columns=columns,
+        lower_columns=lower,
+        lower_height=lower_height if lower else None,
+        lower_density_ratio=sum(each.density_ratio * each.height for each in lower) / lower_height if lower else None,
         plastic_work=plastic,
         mass_residual=result.mass_residual,
         evaluations=result.evaluations + coarse.evaluations + evaluations,

@@ -15,6 +15,7 @@ from scipy.optimize import brentq
 
 from compact.engines.column.column_ode import STRESS, PathControl
 from compact.engines.column.column_pass import PLATE, SAMPLED_STEP_SHARE, ColumnLayer, PassResult
+from compact.numerics import Array
 from compact.quantities import CONTACT
 from compact.rolling_contact import Roller
 
@@ -136,11 +137,8 @@ def solve_target(layer: ColumnLayer, roller: Roller, rtol: float) -> tuple[PassR
 
 def _solve_peak_pressure(layer: ColumnLayer, pressure: float, rtol: float) -> tuple[PassResult, int]:
     """Pass with a peak pressure [Pa]; the first guess is the depth at which a plate reaches this stress."""
-    limit, plate = layer.max_indentation, replace(layer, gap=PLATE)
-    control = PathControl(0.0, float(pressure), layer.error_scale(limit, rtol), np.inf)
-    path, _, spent = plate.integrate(limit, layer.initial_state, control)
-    if path[-1, 1 + STRESS] < pressure:
-        _raise_unreachable(layer, "peak_pressure", pressure, path[-1, 1 + STRESS])
+    path, spent = _plate_path(layer, pressure, rtol)
+    limit = layer.max_indentation
 
     def residual(result: PassResult) -> float:
         return result.peak_pressure / pressure - 1
@@ -150,6 +148,21 @@ def _solve_peak_pressure(layer: ColumnLayer, pressure: float, rtol: float) -> tu
     if result is None:
         _raise_unreachable(layer, "peak_pressure", pressure, path[-1, 1 + STRESS])
     return result, spent + evaluations
+
+
+def _plate_path(layer: ColumnLayer, pressure: float, rtol: float) -> tuple[Array, int]:
+    """Path of a plate from the largest indentation outwards to a stress [Pa], and number of evaluations."""
+    limit, plate = layer.max_indentation, replace(layer, gap=PLATE)
+    control = PathControl(0.0, float(pressure), layer.error_scale(limit, rtol), np.inf)
+    path, _, spent = plate.integrate(limit, layer.initial_state, control)
+    if path[-1, 1 + STRESS] < pressure:
+        _raise_unreachable(layer, "peak_pressure", pressure, path[-1, 1 + STRESS])
+    return path, spent
+
+
+def plate_indentation(layer: ColumnLayer, pressure: float, rtol: float) -> float:
+    """Compute the indentation of a plate [m] at which the columns reach a stress [Pa]."""
+    return float(layer.max_indentation - _plate_path(layer, pressure, rtol)[0][-1, 0])
 
 
 def _sampled_pass(layer: ColumnLayer, rtol: float) -> Callable[[float, float], PassResult]:
@@ -185,6 +198,10 @@ def solve_exit_density(layer: ColumnLayer, density_ratio: float, rtol: float) ->
     def residual(result: PassResult) -> float:
         return result.density_ratio / density_ratio - 1
 
+    if layer.lower_count:  # columns in series share the vertical stress, so that the peak pressure is that without
+        plate, spent = solve_plate_density(layer.without_lower, density_ratio, rtol)
+        loaded, evaluations = _solve_peak_pressure(layer, plate.peak_pressure, rtol)
+        return loaded, spent + plate.evaluations + evaluations
     plate, spent = solve_plate_density(layer, density_ratio, rtol)
     search = IndentationSearch(
         _sampled_pass(layer, rtol), residual, layer.max_indentation, rtol, first_tolerance=LIKELY_TOLERANCE

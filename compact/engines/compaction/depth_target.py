@@ -43,6 +43,8 @@ class DepthTarget:
         Mean exit density ratio that is prescribed instead [-].
     fed_layer : LayerState or None
         Layer of an earlier pass.
+    lower : LayerState, optional
+        Lower lift before the pass.
     """
 
     def __init__(
@@ -52,10 +54,13 @@ class DepthTarget:
         material: Compaction,
         exit_density_ratio: float | None,
         fed_layer: LayerState | None,
+        lower: LayerState | None = None,
     ) -> None:
         self.height, self.roller, self.material = layer.height, roller, material
         self.fed_ratio = material.fed_density_ratio if fed_layer is None else fed_layer.density_ratio
         self.max_depth = MAX_DEPTH_SHARE * layer.height * (1 - self.fed_ratio)
+        if lower is not None:
+            self.max_depth += MAX_DEPTH_SHARE * lower.height * max(1 - lower.density_ratio, 0.0)
         self.densest = self.fed_ratio if fed_layer is None else float(fed_layer.points.density_ratio.max())
         self.quantity, self.value = roller.target
         if exit_density_ratio is not None:

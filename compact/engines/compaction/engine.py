@@ -28,7 +28,6 @@ from compact.engines.compaction.finite_strain_kernels import announce_compilatio
 from compact.engines.compaction.finite_strain_solid import SolidState
 from compact.engines.compaction.heaping import (
     MAX_CONTACT_ANGLE,
-    HeapingError,
     HeapingEstimate,
     remedies,
     require_no_heaping,
@@ -36,13 +35,26 @@ from compact.engines.compaction.heaping import (
 from compact.engines.compaction.incremental_rolling import IncrementalRolling
 from compact.engines.compaction.newton import Progress
 from compact.engines.compaction.results import CompactionContactResult, build_result
-from compact.engines.compaction.roller_frame import LayerState, RollerFrame, rolling_mesh
+from compact.engines.compaction.roller_frame import (
+    LayerState,
+    RollerFrame,
+    compacted_lift,
+    rate_factor_at,
+    rolling_mesh,
+)
 from compact.engines.compaction.steady_search import SteadySearch
 from compact.material import cap_plasticity
-from compact.material.laws import Compaction
+from compact.material.laws import Compaction, DruckerPragerCap
 from compact.mesh import RowMesh
 from compact.numerics.validation import require_between, require_known, require_positive
-from compact.rolling_contact import HEIGHT_TOLERANCE, Layer, Roller, require_moving, require_torque_allowed
+from compact.rolling_contact import (
+    HEIGHT_TOLERANCE,
+    HeapingError,
+    Layer,
+    Roller,
+    require_moving,
+    require_torque_allowed,
+)
 
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
@@ -64,6 +76,7 @@ class RollingOptions(TypedDict, total=False):
     increments: int
     steady_tolerance: float
     max_contact_angle: float | None
+    threads: int
     progress: Progress | None
 
 
@@ -83,6 +96,8 @@ class RollingNumerics:
     max_contact_angle : float or None
         Contact angle at which a bow wave counts as unbounded [rad], up to pi/2. Depths and loads in fresh mix that
         require more are refused, and incremental rolling ends there. None omits both.
+    threads : int
+        Threads that share the elements; the number changes no digit. Two idle cores save a fifth of the time.
     progress : callable, optional
         Called with a line of text after each step.
 
@@ -96,11 +111,12 @@ class RollingNumerics:
     increments: int = INCREMENTS
     steady_tolerance: float = STEADY_TOLERANCE
     max_contact_angle: float | None = MAX_CONTACT_ANGLE
+    threads: int = 1
     progress: Progress | None = None
 
     def __post_init__(self) -> None:
         require_known("strain", self.strain, ("finite", "small"))
-        require_positive(increments=self.increments, steady_tolerance=self.steady_tolerance)
+        require_positive(increments=self.increments, steady_tolerance=self.steady_tolerance, threads=self.threads)
         if self.max_contact_angle is not None:
             require_positive(max_contact_angle=self.max_contact_angle)
             require_between(0.0, np.pi / 2, max_contact_angle=self.max_contact_angle)
@@ -123,18 +139,20 @@ def roll(
     Parameters
     ----------
     layer : Layer
-        Layer with the height of the fed mix.
+        Layer with the height of the fed mix; it may lie on a lower lift. Density ratio and height of the exit refer to
+        the layer alone.
     roller : Roller
         Roller of any profile; "circle" and "parabola" have vertical pressure. A sliding roller has the traction f p on
         the mix along the travel in the whole contact; a free or driven one sticks and slips.
     material : Compaction
         Constitutive law.
     speed : float
-        Speed along x [m/s], not 0; it enters by its sign and `material.rate_factor`.
+        Speed along x [m/s], not 0; it enters by its sign and the rate of compaction.
     torque : float, optional
         Torque per unit length on a free or driven roller, + along its travel [N]; 0 by default for a free one.
     fed_layer : LayerState, optional
-        Layer of an earlier pass, its `exit`; by default mix without stress at `material.fed_density_ratio`.
+        Layer of an earlier pass, its `exit`, with its own lower lift; by default mix without stress at
+        `material.fed_density_ratio`, on the lower lift of `layer`.
     start : CompactionContactResult, optional
         Result of a neighbouring case on the same base and fed layer, used as initial guess if its depth is near; its
         mesh and the error of the mesh are then used too.
@@ -160,9 +178,9 @@ def roll(
     require_compactable(layer, roller, material, speed, fed_layer, exit_density_ratio)
     require_torque_allowed(roller, torque)
     case = RollingCase(layer, roller, material, speed, torque, fed_layer, numerics)
-    target = DepthTarget(layer, roller, material, exit_density_ratio, fed_layer)
+    target = DepthTarget(layer, roller, material, exit_density_ratio, fed_layer, case.lower)
     announce_compilation(numerics.progress)
-    if case.heaping is not None and fed_layer is None:
+    if case.heaping is not None and fed_layer is None and not isinstance(material, DruckerPragerCap):
         require_no_heaping(case.heaping, target.quantity, target.value, target.required_depth)
     with threadpool_limits(1):
         if start is None or not _is_neighbour(case, target, start):
@@ -191,41 +209,66 @@ class RollingCase:
     numerics: RollingNumerics
 
     @cached_property
-    def heaping(self) -> HeapingEstimate | None:
-        """Estimate of the largest depth; None if it does not apply.
+    def lower(self) -> LayerState | None:
+        """Lower lift before the pass, all mix below the fed layer; None on the rigid base."""
+        if self.fed_layer is not None:
+            return None if self.fed_layer.lower is None else self.fed_layer.lower.stacked
+        lift = self.layer.lower_lift
+        if lift is None:
+            return None
+        rate = lift.compaction_rate(self.speed, self.roller.radius, self.material.fed_density_ratio)
+        return compacted_lift(lift, self.material, self.material.rate_factor(rate))
 
+    @cached_property
+    def heaping(self) -> HeapingEstimate | None:
+        """Estimate of the largest depth; None if it does not apply. It regards a lower lift as rigid.
+
+        It is fitted to the elliptic cap: with a shear line only its contact angle limits the wave.
         Small strain causes no bow wave, and mix on a frictionless base may elongate instead of being compacted.
         """
         angle = self.numerics.max_contact_angle
         if angle is None or self.numerics.strain == "small" or self.layer.base == "slip":
             return None
-        rate_factor = self.material.rate_factor(self.speed)
-        return HeapingEstimate(self.layer.height, self.roller.radius, self.material, angle, rate_factor)
+        estimate = HeapingEstimate(self.layer.height, self.roller.radius, self.material, angle)
+        deepest = min(estimate.contact_height, self.layer.height * (1 - self.material.fed_density_ratio))
+        return replace(estimate, rate_factor=self.rate_factor(deepest))
+
+    def rate_factor(self, depth: float) -> float:
+        """Return the factor of the yield pressure [-] by the rate of compaction at a depth [m]."""
+        return rate_factor_at(self.material, self.roller.radius, self.layer.height, depth, self.speed, self.fed_layer)
 
     def create_frame(self, depth: float, increments: int) -> RollerFrame:
         """Create the frame for a depth [m] with a number of elements per contact length."""
         length = np.sqrt(2 * self.roller.radius * depth)
-        mesh = rolling_mesh(self.layer.height, length, length / increments)
-        return self.frame_on(mesh, length, self.material, self.numerics.strain == "finite")
+        mesh = rolling_mesh(
+            self.layer.height, length, length / increments, 0.0 if self.lower is None else self.lower.height
+        )
+        return self.frame_on(mesh, depth, self.numerics.strain == "finite")
 
-    def frame_on(self, mesh: RowMesh, contact_length: float, material: Compaction, finite: bool) -> RollerFrame:
+    def frame_on(self, mesh: RowMesh, depth: float, finite: bool) -> RollerFrame:
         """Create a frame on a mesh.
 
         Parameters
         ----------
         mesh : RowMesh
             Mesh of the fed layer.
-        contact_length : float
-            Estimated contact length [m].
-        material : Compaction
-            Constitutive law.
+        depth : float
+            Depth [m].
         finite : bool
             True for finite strain.
         """
-        rate_factor, base = self.material.rate_factor(self.speed), self.layer.base
-        return RollerFrame(
-            mesh, material, base, contact_length, fed_layer=self.fed_layer, finite=finite, rate_factor=rate_factor
+        frame = RollerFrame(
+            mesh,
+            self.material,
+            self.layer.base,
+            float(np.sqrt(2 * self.roller.radius * depth)),
+            fed_layer=self.fed_layer,
+            lower=self.lower,
+            finite=finite,
+            rate_factor=self.rate_factor(depth),
         )
+        frame.solid.threads = self.numerics.threads
+        return frame
 
     def roller_at_rest(self, frame: RollerFrame) -> IncrementalRolling:
         """Create the roller above the fed layer of a frame."""
@@ -256,9 +299,13 @@ class RollingCase:
         """
         frame, state = old.frame, old.state
         length = float(np.sqrt(2 * self.roller.radius * depth))
-        along, across = length / frame.contact_length, self.layer.height / frame.mesh.height
-        mesh = RowMesh(along * frame.mesh.x, across * frame.mesh.y)
-        rolling = self.roller_at_rest(self.frame_on(mesh, length, self.material, frame.solid.finite))
+        below = 0.0 if self.lower is None else self.lower.height  # each lift is stretched by itself
+        along, across = length / frame.contact_length, self.layer.height / (frame.mesh.height - frame.lower_height)
+        layer, lower = across * (frame.mesh.y - frame.lower_height), np.minimum(frame.mesh.y, frame.lower_height)
+        if below:
+            layer = np.maximum(layer, 0.0) + lower * (below / frame.lower_height)
+        mesh = RowMesh(along * frame.mesh.x, layer)
+        rolling = self.roller_at_rest(self.frame_on(mesh, depth, frame.solid.finite))
         strain = depth / old.depth / across
         displacement = state.displacement * strain * across
         points, fed, old_fed = state.points, rolling.frame.initial_state().points, frame.initial_state().points
@@ -310,6 +357,7 @@ def _search_on(case: RollingCase, target: DepthTarget, count: int, coarse: Stead
         tolerance=case.numerics.steady_tolerance * (1 if is_last else COARSE_TOLERANCE),
         target_tolerance=target.tolerance * (1 if is_last else COARSE_TARGET_TOLERANCE),
         stretch=case.stretched,
+        rate_factor=case.rate_factor,
     )
     if coarse is not None:
         search.start_from(coarse)
@@ -328,6 +376,7 @@ def _roll_from_neighbour(
         tolerance=case.numerics.steady_tolerance,
         target_tolerance=target.tolerance,
         stretch=case.stretched,
+        rate_factor=case.rate_factor,
         relaxation=start.relaxation,
     )
     _run(search, case)
@@ -337,8 +386,9 @@ def _roll_from_neighbour(
 def _is_neighbour(case: RollingCase, target: DepthTarget, start: CompactionContactResult) -> bool:
     """Return whether a result is near enough to start from; raise if its layer is another one."""
     frame = start.solution.frame
-    if case.fed_layer is not frame.inflow or (case.layer.base == "slip") != frame.has_frictionless_base:
-        raise ValueError("`start` must have the same `base` and `fed_layer`, got a result of others")
+    same_base = (case.layer.base == "slip") == frame.has_frictionless_base
+    if case.fed_layer is not frame.inflow or not same_base or case.layer.lower_lift != start.layer.lower_lift:
+        raise ValueError("`start` must have the same `base`, `lower_lift` and `fed_layer`, got a result of others")
     ratio = target.depth_from(start) / start.indentation
     return max(ratio, 1 / ratio) <= NEIGHBOUR_DEPTH
 
@@ -360,6 +410,8 @@ def _run(search: SteadySearch, case: RollingCase) -> None:
         if case.heaping is None or depth is None or case.fed_layer is not None:
             raise
         advice = remedies(case.heaping, depth, for_density=search.target.quantity == "exit_density_ratio")
+        if isinstance(error, HeapingError):
+            raise HeapingError(f"{error}; {advice}", error.heaping) from error
         raise type(error)(f"{error}; {advice}") from error
 
 
@@ -392,6 +444,8 @@ def require_compactable(
     require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
     if fed_layer is not None and abs(fed_layer.height / layer.height - 1) > HEIGHT_TOLERANCE:
         raise ValueError(f"`layer` must be as high as `fed_layer`, {fed_layer.height!r} m, got {layer.height!r} m")
+    if fed_layer is not None and layer.lower_lift is not None and fed_layer.lower is None:
+        raise ValueError("`fed_layer` on a `lower_lift` must have a state `lower` of it, got None")
     fed_ratio = material.fed_density_ratio if fed_layer is None else fed_layer.density_ratio
     if exit_density_ratio is not None and not fed_ratio < exit_density_ratio < 1:
         raise ValueError(
@@ -399,17 +453,18 @@ def require_compactable(
             f"{exit_density_ratio!r}"
         )
     if roller.indentation is not None:
-        _require_indentation(roller.indentation, layer.height, roller, fed_ratio)
+        lower = (layer.lower_lift and layer.lower_lift.thickness) if fed_layer is None else fed_layer.lower
+        _require_indentation(roller.indentation, layer.height, roller, fed_ratio, has_lower=bool(lower))
 
 
-def _require_indentation(depth: float, height: float, roller: Roller, fed_ratio: float) -> None:
+def _require_indentation(depth: float, height: float, roller: Roller, fed_ratio: float, *, has_lower: bool) -> None:
     if roller.profile != "parabola" and depth >= roller.radius:
         raise ValueError(
             f"`indentation` must be less than the roller's `radius` {roller.radius!r} m, or its axle would be below "
             f"the mix in front, got {depth!r} m"
         )
     full = height * (1 - fed_ratio)
-    if depth >= full:
+    if depth >= full and not has_lower:  # the depth includes the settlement of a lower lift
         raise ValueError(
             f"`indentation` must be less than {full:.6g} m, got {depth!r} m: it would press mix fed at {fed_ratio:.6g} "
             f"and {height!r} m beyond full density"

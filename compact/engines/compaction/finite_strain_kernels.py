@@ -135,7 +135,13 @@ def strain_derivatives(before: Gradient, after: Gradient, finite: bool, derivati
 
 @compiled
 def integrate_interval(
-    law: tuple, values: Values, before: Gradient, after: Gradient, multipliers: Array, path_derivatives: Array
+    law: tuple,
+    values: Values,
+    before: Gradient,
+    after: Gradient,
+    multipliers: Array,
+    carried: float,
+    path_derivatives: Array,
 ) -> tuple:
     """Integrate the constitutive law at one point between two displacement gradients.
 
@@ -147,7 +153,7 @@ def integrate_interval(
         Values before the increment.
     before, after : tuple of float
         Displacement gradients [-].
-    multipliers, path_derivatives : ndarray
+    multipliers, carried, path_derivatives
         As of `integrate_path`; derivatives in the unrotated frame.
 
     Returns
@@ -165,7 +171,9 @@ def integrate_interval(
     """
     constants, finite = law
     valid, strain, volume, c, s = strain_increment(before, after, finite)
-    converged, end, plastic_work, work = integrate_path(constants, values, strain, multipliers, path_derivatives)
+    converged, end, plastic_work, work = integrate_path(
+        constants, values, strain, multipliers, carried, path_derivatives
+    )
     xx, yy, xy = _rotate(end[0], end[1], end[3], c, s)
     rotated = (xx, yy, end[2], xy, end[4], end[5])
     return valid and converged, rotated, plastic_work, volume * work, (c, s)
@@ -219,7 +227,7 @@ def integrate_elements(
     displacements: tuple,
     before: tuple,
     after: tuple,
-    multipliers: Array,
+    guesses: tuple,
     results: tuple,
 ) -> int:
     """Integrate an increment in a range of elements.
@@ -236,8 +244,9 @@ def integrate_elements(
         Displacements of the nodes before and after, shape (N, 2) [m].
     before, after : tuple of ndarray
         Stress (n, 4), density ratio, largest density ratio, plastic work and work (n,) of the points; `after` output.
-    multipliers : ndarray, shape (n, substeps)
-        Initial guesses of the return mappings, 0 for none; replaced by the solutions.
+    guesses : tuple of ndarray
+        Initial guesses of the return mappings, shape (n, substeps), 0 for none, replaced by the solutions; and carried
+        pressures of the points [Pa], shape (n,), or (0,) for none.
     results : tuple of ndarray
         Output: internal forces of the elements, shape (elements, 16) [N/m], and their derivative by the displacement,
         shape (elements, 16, 16) [N/m2], or (0, 16, 16) without derivative.
@@ -248,6 +257,7 @@ def integrate_elements(
         First point where an element inverts or the return mapping does not converge, or -1.
     """
     forces, stiffness = results
+    multipliers, carried = guesses
     nodes, shape_gradients, areas = mesh
     stress, density_ratio, max_density_ratio, plastic_work, work = before
     tangent = len(stiffness) > 0
@@ -263,7 +273,7 @@ def integrate_elements(
             new = _gradient(displacements[1], nodes[element], shapes)
             values = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], max_density_ratio[i])
             good, values, dissipated, done, frame = integrate_interval(
-                law, values, old, new, multipliers[i], path_derivatives
+                law, values, old, new, multipliers[i], carried[i] if len(carried) else np.nan, path_derivatives
             )
             if not good:
                 return i

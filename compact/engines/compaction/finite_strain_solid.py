@@ -14,8 +14,9 @@ Gradients have the components (xx, xy, yx, yy), g_ij = du_i/dx_j, along the seco
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
+from os import getpid
 from typing import cast
 
 import numpy as np
@@ -50,11 +51,14 @@ class SolidState:
         Material state of the Gauss points.
     work : ndarray, shape (n,)
         Work of deformation since feeding, int J sigma : d strain [J/m3 of fed mix].
+    carried_pressure : ndarray, shape (n,), optional
+        Pressures that limit shear in the next increment [Pa], see `drucker_prager_cap`; the mix's own by default.
     """
 
     displacement: FloatArray
     points: cap_plasticity.MaterialPoint
     work: FloatArray
+    carried_pressure: FloatArray | None = None
 
 
 class FiniteStrainSolid:
@@ -72,6 +76,8 @@ class FiniteStrainSolid:
         True for finite strain, False for small strain.
     rate_factor : float
         Factor of the yield pressure by the speed [-].
+    travel : float
+        Travel of the roller in one increment [m], over which a shear viscosity acts.
     substeps : int
         Substeps of the stress integration in one increment.
     threads : int
@@ -86,6 +92,7 @@ class FiniteStrainSolid:
         fixed_dofs: ArrayLike = (),
         finite: bool = True,
         rate_factor: float = 1.0,
+        travel: float = np.inf,
         substeps: int = SUBSTEPS,
         threads: int = 1,
     ) -> None:
@@ -93,7 +100,7 @@ class FiniteStrainSolid:
             mesh = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
         self.basis = Basis(mesh, ElementQuadS2(), intorder=GAUSS_ORDER)
         self.material, self.rate_factor, self.substeps = material, rate_factor, substeps
-        self.finite, self.threads = finite, threads
+        self.finite, self.travel, self.threads = finite, travel, threads
         self.element_dofs = element_unknowns(self.basis)
         self.fixed_dofs = np.unique(np.asarray(fixed_dofs, dtype=int))
 
@@ -169,15 +176,17 @@ class FiniteStrainSolid:
         elements, size = self.element_dofs.shape
         forces, stiffness = np.empty((elements, size)), np.empty((elements if tangent else 0, size, size))
         multipliers = np.zeros((len(before.work), self.substeps)) if near is None else near.multipliers.copy()
-        law = cap_plasticity.cap_constants(self.material, self.rate_factor), self.finite
-        inputs = law, self._mesh, displacements, state, after, multipliers, (forces, stiffness)
+        law = cap_plasticity.cap_constants(self.material, self.rate_factor, self.travel), self.finite
+        carried = np.empty(0) if before.carried_pressure is None else np.ascontiguousarray(before.carried_pressure)
+        inputs = law, self._mesh, displacements, state, after, (multipliers, carried), (forces, stiffness)
         failed = self._integrate_blocks(elements, inputs)
         if failed >= 0:
             raise ValueError(
                 "`displacement` must not invert elements, got one in which the stress integration fails at point "
                 f"{failed}, {self.point_coordinates[failed]} m"
             )
-        end = SolidState(displacement, cap_plasticity.MaterialPoint(*after[:4]), after[4])
+        points = cap_plasticity.MaterialPoint(*after[:4])
+        end = SolidState(displacement, points, after[4], before.carried_pressure)
         return SolidIncrement(self, end, multipliers, forces, stiffness if tangent else None)
 
     def _integrate_blocks(self, elements, inputs):
@@ -185,8 +194,8 @@ class FiniteStrainSolid:
         if self.threads == 1:
             return integrate_elements((0, elements), *inputs)
         ends = np.linspace(0, elements, self.threads + 1, dtype=int).tolist()
-        with ThreadPoolExecutor(self.threads) as executor:
-            failed = list(executor.map(lambda block: integrate_elements(block, *inputs), pairwise(ends)))
+        executor = _executor(self.threads, getpid())
+        failed = list(executor.map(lambda block: integrate_elements(block, *inputs), pairwise(ends)))
         return min((point for point in failed if point >= 0), default=-1)
 
     @cached_property
@@ -273,6 +282,12 @@ class FiniteStrainSolid:
     def _probe(self):
         """Random displacements of the free degrees of freedom, which excite all modes."""
         return np.random.default_rng(0).uniform(-1, 1, self.ordered_dofs.size)
+
+
+@cache
+def _executor(threads: int, _process: int) -> ThreadPoolExecutor:
+    """Return the executor of a process, which all increments share; one that is forked has none of its threads."""
+    return ThreadPoolExecutor(threads)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,13 +4,14 @@ A prescribed height prescribes the mean exit density. Mix that is not compacted 
 bow wave. The wave lengthens the contact until its pressure reaches deep enough. At a contact angle beyond a limit the
 roller pushes the mix ahead instead of compacting it, so the depth is limited by
 
-    D = int_0^H [1 - k_in/k(s)] dy,    A pc(k(s)) = s = p min(1, f(y) + f(2 H - y)),    A = [1 + sqrt(1 + 4 M^2/9)]/2
+    D = int_0^H [1 - k_in/k(s)] dy,    s = p min(1, f(y) + f(2 H - y)),    A [pc(k(s)) + pt] - pt = s
     f(y) = (2/pi) [atan b + b/(1 + b^2)],  b = L/(2 y),    L = 1.07 R sin(angle)
     p = 1.3 [1 + L/(2 H)] (2 + pi) s_u,    s_u = M (pc(k_in) + pt)/(2 sqrt 3)
 
-with y the depth below the surface and H the height of the fed layer. s is the vertical stress in an elastic half-plane
-under a uniform pressure p over the length L, with its mirror image at the rigid base. k(s) is the density ratio in
-confined compression. p is Prandtl's bearing capacity of the fresh mix, with its plane-strain shear strength s_u.
+with A = [1 + sqrt(1 + 4 M^2/9)]/2, the depth y below the surface and the height H of the fed layer. s is the vertical
+stress in an elastic half-plane under a uniform pressure p over the length L, with its mirror image at the rigid base.
+k(s) is the density ratio in confined compression. p is Prandtl's bearing capacity of the fresh mix, with its
+plane-strain shear strength s_u.
 
 This is a heuristic with two factors fitted to 47 scenes with a computed steady state: their contact angles reach 35
 degrees, the mean pressure of the wide contacts is 1.2 to 2.0 times the bearing capacity, and the largest of their
@@ -28,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.material.laws import Compaction
+from compact.rolling_contact import Heaping, HeapingError
 
 FloatArray = NDArray[np.float64]
 MAX_CONTACT_ANGLE = np.pi / 4  # [rad], beyond which a roller pushes the mix ahead
@@ -41,10 +43,6 @@ REMEDY_TRIALS = 200  # [-], parts of a layer, depth or density range that are tr
 DENSEST_TABULATED = 1.3  # [-], density ratio up to which confined compression is tabulated
 TABLE_SIZE = 3000  # [-], points of that table
 INTEGRATION_ROWS = 200  # [-], of the integral over the height
-
-
-class HeapingError(RuntimeError):
-    """Fresh mix would heap up, or heaps up, in front of the roller without a steady state."""
 
 
 @dataclass(frozen=True)
@@ -111,10 +109,10 @@ class HeapingEstimate:
 
     def _confined_density_ratio(self, stress: FloatArray) -> FloatArray:
         """Density ratio under a vertical stress [Pa] in confined compression."""
-        material = self.material
-        vertical = (1 + np.sqrt(1 + 4 * material.critical_slope**2 / 9)) / 2  # vertical stress over yield pressure
+        material, strength = self.material, self.material.tensile_strength
         ratios = np.linspace(material.loose_density_ratio, DENSEST_TABULATED, TABLE_SIZE)
-        return np.interp(stress, vertical * self.rate_factor * material.yield_pressure(ratios), ratios)
+        confined = material.confined_stress_ratio * (self.rate_factor * material.yield_pressure(ratios) + strength)
+        return np.interp(stress, confined - strength, ratios)
 
 
 def require_no_heaping(estimate: HeapingEstimate, name: str, value: float, depth: float | None) -> None:
@@ -142,14 +140,17 @@ def require_no_heaping(estimate: HeapingEstimate, name: str, value: float, depth
         raise HeapingError(
             f"`load` must be at most about {estimate.max_load:.0f} N/m, the bearing capacity over {contact} before the "
             f"mix heaps up in front of the roller (an estimate), got {value:.0f} N/m; reduce the load or use a larger "
-            "roller"
+            "roller",
+            Heaping(None, estimate.contact_angle),
         )
     if depth is None or depth <= min(estimate.max_depth, estimate.contact_height):
         return
+    heaping = Heaping(depth, estimate.contact_angle)
     if depth > estimate.contact_height:
         raise HeapingError(
             f"`{name}` requires a depth of {_millimetres(depth)}, at which the contact angle exceeds {angle} and the "
-            f"roller pushes the mix ahead; stay below {_millimetres(estimate.contact_height)} or use a larger roller"
+            f"roller pushes the mix ahead; stay below {_millimetres(estimate.contact_height)} or use a larger roller",
+            heaping,
         )
     limit = _millimetres(estimate.max_depth)
     rule = f"`indentation` must be at most about {limit}, got {_millimetres(depth)}"
@@ -158,7 +159,8 @@ def require_no_heaping(estimate: HeapingEstimate, name: str, value: float, depth
     raise HeapingError(
         f"{rule}: the bearing capacity is about {estimate.bearing_pressure / 1e3:.3g} kPa over {contact} which "
         "compacts the voids no further, and the rest heaps up in front of the roller (an estimate); "
-        + remedies(estimate, depth, for_density=name == "exit_density_ratio")
+        + remedies(estimate, depth, for_density=name == "exit_density_ratio"),
+        heaping,
     )
 
 

@@ -4,6 +4,13 @@ Before a step all mix is convected towards the rear by one element (`RollerFrame
 brought into equilibrium. The prediction of a step is the displacement change of the last one, seen from the roller.
 Artificial damping of departures from the prediction stabilises a bow wave in plastic flow; it is 0 in steady motion.
 The tractions of the roller are multipliers and move with it. `steady_search` decides how far to roll.
+
+The shear line of a `DruckerPragerCap` has no associated flow, so that increments on it need not converge. The pressure
+that limits shear in a step is therefore carried over from the same place in the last steps (`drucker_prager_cap`),
+
+    p' <- p' + (p - p')/2,
+
+half of the change at a time, since p' would oscillate from step to step. In steady motion p' = p.
 """
 
 from dataclasses import dataclass, replace
@@ -11,11 +18,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from compact.engines.compaction.finite_strain_solid import FloatArray, SolidState
-from compact.engines.compaction.heaping import HeapingError
 from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver, Progress
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
 from compact.engines.compaction.roller_frame import RollerFrame
-from compact.rolling_contact import GapGeometry
+from compact.material.laws import DruckerPragerCap
+from compact.rolling_contact import GapGeometry, Heaping, HeapingError
 
 PENALTY = 0.15  # [-], normal penalty over unloading modulus/step
 PENALTY_ROWS = 20  # [-], layer height over the largest length that limits the penalty
@@ -24,6 +31,7 @@ DAMPING = 0.02  # [-], share of the elastic stiffness; without it a high bow wav
 FINAL_DAMPING_RATIO = 0.25  # [-], of the damping once the roller is at its height
 MAX_HALVINGS = 3  # [-], halvings of a step that has no equilibrium
 ROLLING_TOLERANCE = 1e-4  # [-], residual of a step over the nodal forces
+CARRIED_SHARE = 0.5  # [-], of the change of the carried pressure in a step; with 1 it oscillates
 
 
 @dataclass(frozen=True)
@@ -96,6 +104,8 @@ class IncrementalRolling:
         All steps.
     displacement_change : ndarray, shape (N, 2)
         Displacement change of the last step seen from the roller [m].
+    carried_pressure : ndarray, shape (n,), or None
+        Carried pressure of the next step [Pa]; None for that of the present state, and for mix without a shear line.
     """
 
     def __init__(
@@ -121,6 +131,7 @@ class IncrementalRolling:
         self.solver = IncrementSolver(frame.solid, nodes, ROLLING_TOLERANCE)
         self.state = frame.initial_state()
         self.displacement_change = np.zeros_like(self.state.displacement)
+        self.carried_pressure: FloatArray | None = None
         self.steps: tuple[RollingStep, ...] = ()
         self.contact: ContactForces = self.surface.normal_contact(self.state.displacement[nodes])
 
@@ -153,7 +164,7 @@ class IncrementalRolling:
         RuntimeError
             If the step has no equilibrium; the message contains the last step.
         """
-        convected = self.frame.convect(self.state)
+        convected = replace(self.frame.convect(self.state), carried_pressure=self._pressure_of_last_step())
         prediction = self._predict(convected.displacement)
         surface = self._surface_before_step(self.surface, convected).moved_to(bottom_height)
         try:
@@ -198,6 +209,7 @@ class IncrementalRolling:
             Change of the displacement [m]; the prediction of the next step follows it.
         """
         self.state, self.surface = state, self.surface.with_multipliers(tractions)
+        self.carried_pressure = None
         self.solver.solve_tangent = None
         if displacement is not None:
             change = displacement - self.frame.convect_displacement(displacement)
@@ -227,6 +239,12 @@ class IncrementalRolling:
     def surface_shear(self) -> FloatArray:
         """Shear traction on the deformed surface [Pa], + along the travel, shape (n,)."""
         return self._surface_traction(self.contact.shear)
+
+    def _pressure_of_last_step(self) -> FloatArray | None:
+        """Return the carried pressure of a step, if the mix has a shear line [Pa]."""
+        if not isinstance(self.frame.solid.material, DruckerPragerCap):
+            return None
+        return _mean_pressure(self.state) if self.carried_pressure is None else self.carried_pressure
 
     def _predict(self, convected: FloatArray) -> FloatArray:
         """Predict the displacement with the change of the last step."""
@@ -271,6 +289,9 @@ class IncrementalRolling:
 
     def _accept(self, equilibrium: Equilibrium, bottom_height: float) -> RollingStep:
         self.state, self.contact = equilibrium.state, equilibrium.contact
+        if self.state.carried_pressure is not None:
+            before = self.state.carried_pressure
+            self.carried_pressure = before + CARRIED_SHARE * (_mean_pressure(self.state) - before)
         self.surface = self.surface.with_multipliers(self.contact).moved_to(bottom_height)
         travel = self.steps[-1].travel if self.steps else 0.0
         load, resistance = self.load_and_resistance()
@@ -312,6 +333,11 @@ class IncrementalRolling:
         return traction / np.hypot(*(np.gradient(part, x) for part in self.surface_positions.T))
 
 
+def _mean_pressure(state: SolidState) -> FloatArray:
+    """Return the mean pressures of the Gauss points [Pa], shape (n,)."""
+    return np.asarray(-state.points.stress[:, :3].mean(axis=1))
+
+
 def require_low_wave(rolling: IncrementalRolling) -> None:
     """Require a bow wave below the height of the largest contact angle.
 
@@ -341,9 +367,12 @@ def heaping_error(rolling: IncrementalRolling, wave: str) -> HeapingError:
         Clause about the bow wave.
     """
     step = rolling.steps[-1]
+    edge = np.clip((rolling.depth + step.bow_wave) / rolling.surface.radius, 0.0, 2.0)
+    heaping = Heaping(rolling.depth, float(np.arccos(1 - edge)), step.bow_wave, step.travel)
     return HeapingError(
         f"the mix heaps up in front of the roller at depth {1e3 * rolling.depth:.4g} mm: after {step.travel:.3g} m of "
-        f"travel the bow wave {wave}; {describe_step(step)}"
+        f"travel the bow wave {wave}; {describe_step(step)}",
+        heaping,
     )
 
 

@@ -4,8 +4,8 @@
 
 The mesh covers the stroke and a length beyond its ends, and the roller moves over it. No state is convected, so that
 the return stroke needs no special treatment. The multiplier tractions move along the surface with the roller by whole
-elements. Mix without rate effect depends on the path alone; with it, the yield pressure follows the mean |v| of each
-step. Nothing changes while the roller is at rest.
+elements. Mix without rate effect depends on the path alone; with it, the yield pressure follows the rate of compaction
+at the mean |v| of each step. Nothing changes while the roller is at rest.
 
 Steps are half elements, the spacing of the Gauss points. After a
 reversal they begin with 1/16 of an element. The error estimate is the change from steps twice as long on the same mesh.
@@ -237,11 +237,11 @@ class _StrokeProgram:
         strokes = self.case.strokes
         times, positions = strokes.steps(stroke, self.case.element, every)
         speeds = np.diff(positions) / np.diff(times)
-        rate_factors = [self.case.material.rate_factor(speed) for speed in speeds]
         frames_at = strokes.nearest(stroke, times, instants)
         is_new = roller is None or self.lift_thickness > 0
         if is_new:
-            roller = self._create_roller(history, positions[0], rate_factors[0], every)
+            roller = self._create_roller(history, positions[0], float(speeds[0]), every)
+        rate_factors = [roller.rate_factor(speed) for speed in speeds.tolist()]
         if roller.is_set_valued:
             if is_new:
                 history.steps.append((stroke, times[0], roller.roller_state))
@@ -256,7 +256,7 @@ class _StrokeProgram:
         history.exit_layers.append(roller.middle_layer)
         return roller
 
-    def _create_roller(self, history, position, rate_factor, every):
+    def _create_roller(self, history, position, speed, every):
         """Create the roller on the last layer with its lift, on the first layer, or in steady motion."""
         fed_layer = self.fed_layer
         if history.exit_layers:
@@ -270,7 +270,7 @@ class _StrokeProgram:
         if self.start is not None and not history.exit_layers:
             roller.initialise_from(self.start.solution)
         else:
-            roller.press(height - self.case.roller.indentation, rate_factor, every)
+            roller.press(height - self.case.roller.indentation, speed, every)
         return roller
 
 
@@ -314,6 +314,8 @@ def _require_simulable(
     if depth is None:
         raise ValueError(f"`indentation` must be given for a roller of constant height, got its {roller.target[0]}")
     require_compactable(layer, roller, material, 1.0, fed_layer)
+    if layer.lower_lift is not None or (fed_layer is not None and fed_layer.lower is not None):
+        raise ValueError("a `lower_lift` is for steady rolling, got one under a stroke; use `roll`")
     if layer.base != "bonded":
         raise ValueError(f"`base` must be 'bonded', got {layer.base!r}: a frictionless base leaves the layer free")
     if not strokes.span > 0:

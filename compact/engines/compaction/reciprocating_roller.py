@@ -16,7 +16,7 @@ from compact.engines.compaction.incremental_rolling import PENALTY, PENALTY_REDU
 from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver
 from compact.engines.compaction.results import exit_layer, state_mesh
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
-from compact.engines.compaction.roller_frame import LayerState, RollerFrame, stroke_mesh, transfer_state
+from compact.engines.compaction.roller_frame import LayerState, RollerFrame, rate_factor_at, stroke_mesh, transfer_state
 from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, Strokes
 from compact.material.laws import Compaction
 from compact.rolling_contact import Roller
@@ -167,20 +167,27 @@ class ReciprocatingRoller:
         self.surface = surface.begin_increment(self._surface_displacement())
         self.contact = self.surface.contact_forces(self._surface_displacement())
 
-    def press(self, bottom_height: float, rate_factor: float, every: int = 1) -> None:
+    def rate_factor(self, speed: float, bottom_height: float | None = None) -> float:
+        """Return the factor of the yield pressure [-] at a speed [m/s] and a height [m], the present one by default."""
+        frame, height = self.frame, self.frame.mesh.height
+        depth = height - (self.surface.bottom_height if bottom_height is None else bottom_height)
+        return rate_factor_at(frame.solid.material, self.surface.radius, height, depth, speed, frame.inflow)
+
+    def press(self, bottom_height: float, speed: float, every: int = 1) -> None:
         """Press the roller down.
 
         Parameters
         ----------
         bottom_height : float
             Final height of the lowest generatrix [m].
-        rate_factor : float
-            Factor of the yield pressure by the speed [-].
+        speed : float
+            Speed of the stroke that follows [m/s].
         every : int
             1 for all steps, 2 for every second step.
         """
+        factor = self.rate_factor(speed, bottom_height)
         for height in np.linspace(self.surface.bottom_height, bottom_height, PRESSING_STEPS + 1)[every::every]:
-            self.move_to(self.surface.position, height, rate_factor)
+            self.move_to(self.surface.position, height, factor)
 
     def move_to(self, x: float, bottom_height: float, rate_factor: float) -> None:
         """Move the roller by one step.
@@ -190,7 +197,7 @@ class ReciprocatingRoller:
         x, bottom_height : float
             Position and height of the lowest generatrix after the step [m].
         rate_factor : float
-            Factor of the yield pressure by the speed [-].
+            Factor of the yield pressure by the rate of compaction [-].
         """
         self._step(x, bottom_height, rate_factor, np.sign(x - self.surface.position))
 

@@ -42,9 +42,9 @@ class CompactionContactResult(ContactResult):
     creep : float or None
         Creepage, angular speed x radius/speed - 1, of a roller that sticks and slips [-], else None.
     exit : LayerState
-        Exit state by rows from the base up, for the next pass.
+        Exit state by rows from the base up, for the next pass, with the lower lift behind the roller.
     exit_height : float
-        Height of the layer behind the roller [m].
+        Height of the layer behind the roller [m], without a lower lift.
     exit_density_ratio : float
         Mean density ratio over the exit height [-].
     elastic_recovery : float
@@ -52,9 +52,11 @@ class CompactionContactResult(ContactResult):
     bow_wave : float
         Rise of the surface ahead of the roller above the fed layer [m].
     peak_density_ratio : float
-        Largest density ratio [-].
+        Largest density ratio of the layer [-].
+    lower_height, lower_density_ratio : float or None
+        Height [m] and mean density ratio [-] of the lower lift behind the roller; None without one.
     mass_residual, equilibrium_residual : float
-        Relative residuals of mass and nodal forces [-].
+        Relative residuals of mass, the larger one of both lifts, and of nodal forces [-].
     yield_residual : float
         Largest stress beyond the cap over its pressure [-].
     overdense_work : float
@@ -78,6 +80,8 @@ class CompactionContactResult(ContactResult):
     elastic_recovery: float = 0.0
     bow_wave: float = 0.0
     peak_density_ratio: float = 0.0
+    lower_height: float | None = None
+    lower_density_ratio: float | None = None
     mass_residual: float = 0.0
     equilibrium_residual: float = 0.0
     yield_residual: float = 0.0
@@ -125,7 +129,7 @@ def build_result(
     x, pressure, shear = _contact_tractions(solution)
     _require_grip(solution)
     exit_state, length_ratio = exit_layer(frame, state, frame.exit_column)
-    solid = frame.solid.material
+    solid, lower = frame.solid.material, exit_state.lower
     return CompactionContactResult(
         load=last.load,
         resistance=direction * last.resistance,
@@ -136,15 +140,21 @@ def build_result(
         shear_traction=shear if direction > 0 else -shear[::-1],
         work_residual=work_residual(solution),
         peak_pressure=float(pressure.max()),
-        indentation=layer.height - last.bottom_height,
+        indentation=frame.mesh.height - last.bottom_height,
         creep=solution.contact.creepage,
         exit=exit_state,
         exit_height=exit_state.height,
         exit_density_ratio=exit_state.density_ratio,
-        elastic_recovery=exit_state.height - last.bottom_height,
-        bow_wave=float(max(solution.surface_positions[:, 1].max() - layer.height, 0.0)),
-        peak_density_ratio=float(state.points.density_ratio.max()),
-        mass_residual=abs(exit_state.solid_height(solid) * length_ratio / frame.fed_layer.solid_height(solid) - 1),
+        elastic_recovery=exit_state.stacked.height - last.bottom_height,
+        bow_wave=float(max(solution.surface_positions[:, 1].max() - frame.mesh.height, 0.0)),
+        peak_density_ratio=float(frame.to_rows(state.points.density_ratio)[frame.lower_rows :].max()),
+        lower_height=None if lower is None else lower.height,
+        lower_density_ratio=None if lower is None else lower.density_ratio,
+        mass_residual=max(
+            abs(after.solid_height(solid) * length_ratio / before.solid_height(solid) - 1)
+            for after, before in ((exit_state, frame.fed_layer), (lower, frame.fed_layer.lower))
+            if after is not None and before is not None
+        ),
         equilibrium_residual=last.residual,
         yield_residual=_yield_residual(frame.solid, state.points),
         overdense_work=_overdense_work(solution),
@@ -252,7 +262,7 @@ def exit_layer(frame: RollerFrame, state: SolidState, column: int) -> tuple[Laye
     Returns
     -------
     layer : LayerState
-        Layer at rest.
+        Layer at rest, with its lower lift.
     length_ratio : float
         Its length over that as fed [-].
 
@@ -271,7 +281,7 @@ def exit_layer(frame: RollerFrame, state: SolidState, column: int) -> tuple[Laye
     area = frame.row_heights * frame.to_rows(_volume_ratio(frame.solid, state.displacement))[:, column]
     mean = area @ stretch / area.sum() if frame.has_frictionless_base else 0.0
     rest, volume = relax_rows(frame.solid, points, mean - stretch)
-    return LayerState(area * volume * np.exp(-mean), rest), float(np.exp(mean))
+    return LayerState(area * volume * np.exp(-mean), rest).split(frame.lower_rows), float(np.exp(mean))
 
 
 def relax_rows(

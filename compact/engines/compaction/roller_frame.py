@@ -11,7 +11,7 @@ Behind it the stress itself is interpolated, since interpolated displacements of
 spurious stresses. The fed mix enters at the front end, and the mix leaves at the rear end with its displacement.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,7 +22,6 @@ from scipy.sparse import csr_matrix
 from compact.engines.compaction.finite_strain_solid import (
     POINT_FIELDS,
     STRAIN_FROM_GRADIENT,
-    SUBSTEPS,
     FiniteStrainSolid,
     FloatArray,
     SolidState,
@@ -31,7 +30,7 @@ from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics.assembly import unit_moduli
-from compact.rolling_contact import BaseCondition
+from compact.rolling_contact import BaseCondition, LowerLift, compaction_rate
 
 GROWTH = 1.2  # [-], ratio of neighbouring elements outside the uniform zone and downwards
 LARGEST_ELEMENT = 0.4  # [-], over the layer height
@@ -44,7 +43,7 @@ SAME_PLACE = 1e-9  # [-], over a length of the mesh; closer coordinates are equa
 SAME_SOURCE = 1e-12  # [-], over x; closer source points are equal
 
 
-def rolling_mesh(height: float, contact_length: float, step: float) -> RowMesh:
+def rolling_mesh(height: float, contact_length: float, step: float, lower_height: float = 0.0) -> RowMesh:
     """Mesh a layer under a roller at x = 0, uniform near it.
 
     Parameters
@@ -55,6 +54,8 @@ def rolling_mesh(height: float, contact_length: float, step: float) -> RowMesh:
         Estimated contact length [m].
     step : float
         Length of the elements in the uniform zone [m].
+    lower_height : float
+        Height of the lower lift [m]; the layer lies on it.
 
     Returns
     -------
@@ -62,7 +63,7 @@ def rolling_mesh(height: float, contact_length: float, step: float) -> RowMesh:
     """
     behind = int(np.ceil(UNIFORM_BEHIND * contact_length / step))
     ahead = int(np.ceil(UNIFORM_AHEAD * contact_length / step))
-    return _mesh_uniform_between(height, -behind, ahead, step)
+    return _mesh_uniform_between(height, -behind, ahead, step, lower_height)
 
 
 def stroke_mesh(height: float, contact_length: float, step: float, count: int) -> RowMesh:
@@ -83,14 +84,18 @@ def stroke_mesh(height: float, contact_length: float, step: float, count: int) -
     return _mesh_uniform_between(height, -ahead, count + ahead, step)
 
 
-def _mesh_uniform_between(height: float, first: int, last: int, step: float) -> RowMesh:
+def _mesh_uniform_between(height: float, first: int, last: int, step: float, lower_height: float = 0.0) -> RowMesh:
     """Mesh with elements of one step between two multiples of it, which grow outwards and downwards."""
-    outward = _growing_distances(OUTER_LENGTH * height, step, height)
+    outward = _growing_distances(OUTER_LENGTH * (height + lower_height), step, height)
     x = np.concatenate([first * step - outward[::-1], np.arange(first, last + 1) * step, last * step + outward])
     depth = _growing_distances(height, min(step, height / TOP_ROWS), height)
     depth *= height / depth[-1]
     y = np.concatenate([height - depth[::-1], [height]])
     y[0] = 0.0
+    if lower_height:
+        below = _growing_distances(lower_height, min(GROWTH * (y[1] - y[0]), lower_height), lower_height)
+        lower = lower_height * (1 - below[::-1] / below[-1])
+        y = np.concatenate([lower, lower_height + y])
     return RowMesh(np.tile(x, (len(y), 1)), y)
 
 
@@ -115,15 +120,41 @@ class LayerState:
         Heights of the rows [m].
     points : MaterialPoint
         Mean states of the rows, without stress on horizontal planes.
+    lower : LayerState, optional
+        Lift below, bonded to the layer; None on the rigid base.
     """
 
     heights: FloatArray
     points: cap_plasticity.MaterialPoint
+    lower: "LayerState | None" = None
 
     @property
     def height(self) -> float:
-        """Height of the layer [m]."""
+        """Height of the layer [m], without a lower lift."""
         return float(self.heights.sum())
+
+    @property
+    def stacked(self) -> "LayerState":
+        """Rows of the lower lift and of the layer, as one layer on the rigid base."""
+        if self.lower is None:
+            return self
+        below = self.lower.stacked
+        rows = (np.concatenate([getattr(below.points, name), getattr(self.points, name)]) for name in POINT_FIELDS)
+        return LayerState(np.concatenate([below.heights, self.heights]), cap_plasticity.MaterialPoint(*rows))
+
+    def split(self, count: int) -> "LayerState":
+        """Return the layer with its lowest rows, a number of them, as lower lift; the inverse of `stacked`."""
+        if not count:
+            return self
+        parts = (
+            LayerState(
+                self.heights[rows],
+                cap_plasticity.MaterialPoint(*(getattr(self.points, name)[rows] for name in POINT_FIELDS)),
+            )
+            for rows in (slice(count, None), slice(count))
+        )
+        layer, lower = parts
+        return replace(layer, lower=lower)
 
     @property
     def y(self) -> FloatArray:
@@ -160,8 +191,8 @@ class LayerState:
             Constitutive law with the fed density ratio.
         """
         lift = cap_plasticity.initial_state(material, 1)
-        stacked = (np.concatenate([getattr(self.points, name), getattr(lift, name)]) for name in POINT_FIELDS)
-        return LayerState(np.append(self.heights, lift_thickness), cap_plasticity.MaterialPoint(*stacked))
+        covered = LayerState(np.array([lift_thickness]), lift, replace(self, lower=None)).stacked
+        return replace(covered, lower=self.lower)
 
     def resampled(self, heights: FloatArray) -> "LayerState":
         """Return the layer by rows of other heights [m]; the sums over the height are conserved."""
@@ -169,7 +200,7 @@ class LayerState:
             _conservative_means(getattr(self.points, name), self.heights, heights) for name in POINT_FIELDS
         )
         densest = np.maximum(densest, k)  # the preconsolidation density ratio is at least the density ratio
-        return LayerState(heights, cap_plasticity.MaterialPoint(stress, k, densest, work))
+        return LayerState(heights, cap_plasticity.MaterialPoint(stress, k, densest, work), self.lower)
 
 
 def fresh_layer(material: Compaction, heights: FloatArray) -> LayerState:
@@ -187,6 +218,24 @@ def fresh_layer(material: Compaction, heights: FloatArray) -> LayerState:
     LayerState
     """
     return LayerState(heights, cap_plasticity.initial_state(material, len(heights)))
+
+
+def compacted_lift(lift: LowerLift, material: Compaction, rate_factor: float = 1.0) -> LayerState:
+    """Return the state of a lower lift before the pass, in one row.
+
+    Parameters
+    ----------
+    lift : LowerLift
+        Thickness, density ratio and residual stress.
+    material : Compaction
+        Constitutive law.
+    rate_factor : float
+        Factor of the yield pressure by the speed of the earlier pass [-].
+    """
+    points = cap_plasticity.compacted_state(
+        material, lift.density_ratio, rate_factor, residual_stress=lift.residual_stress
+    )
+    return LayerState(np.array([lift.thickness]), points)
 
 
 def _conservative_means(values, old, new):
@@ -210,6 +259,31 @@ def _conservative_means(values, old, new):
     return np.diff(sums, axis=0) / np.diff(ends).reshape(shape)
 
 
+def rate_factor_at(
+    material: Compaction, radius: float, height: float, depth: float, speed: float, fed_layer: LayerState | None = None
+) -> float:
+    """Compute the factor of the yield pressure by the rate of compaction, see `rolling_contact.compaction_rate` [-].
+
+    Parameters
+    ----------
+    material : Compaction
+        Constitutive law.
+    radius : float
+        Roller radius [m].
+    height, depth : float
+        Height of the layer before the pass and depth of the lowest generatrix below it [m].
+    speed : float
+        Speed of the roller [m/s].
+    fed_layer : LayerState, optional
+        Layer of an earlier pass; fresh mix by default.
+    """
+    fed_height = height
+    if fed_layer is not None:
+        fed_height *= fed_layer.density_ratio / material.fed_density_ratio
+    depth = min(depth + fed_height - height, fed_height * (1 - material.fed_density_ratio))  # a lower lift settles too
+    return material.rate_factor(compaction_rate(speed, radius, fed_height, depth))
+
+
 class RollerFrame:
     """Mesh under the roller with its inflow and the operators that convect mix through it by one step.
 
@@ -224,13 +298,13 @@ class RollerFrame:
     contact_length : float
         Estimated contact length [m].
     fed_layer : LayerState, optional
-        Layer of an earlier pass; fresh mix by default.
+        Layer of an earlier pass with its lower lift; fresh mix by default.
+    lower : LayerState, optional
+        Lower lift under fresh mix; none by default.
     finite : bool
         True for finite strain, False for small strain.
     rate_factor : float
-        Factor of the yield pressure by the speed [-].
-    substeps : int
-        Substeps of the stress integration in one increment.
+        Factor of the yield pressure by the rate of compaction [-].
     """
 
     def __init__(
@@ -241,9 +315,9 @@ class RollerFrame:
         contact_length: float,
         *,
         fed_layer: LayerState | None = None,
+        lower: LayerState | None = None,
         finite: bool = True,
         rate_factor: float = 1.0,
-        substeps: int = SUBSTEPS,
     ) -> None:
         self.mesh, self.contact_length = mesh, contact_length
         self.step = float(np.diff(mesh.x[-1]).min())
@@ -256,16 +330,23 @@ class RollerFrame:
             fixed_dofs=_fixed_dofs(x, y, base),
             finite=finite,
             rate_factor=rate_factor,
-            substeps=substeps,
+            travel=self.step,
         )
         surface = np.flatnonzero(y > mesh.height * (1 - SAME_PLACE))
         self.surface_nodes = surface[np.argsort(x[surface])]
         self._node_convection = self._node_convection_matrix()
         self._row_layout, self.row_x, self.row_y = self._order_points_by_rows()
         self.inflow = fed_layer
-        self.fed_layer = (
-            fresh_layer(material, self.row_heights) if fed_layer is None else fed_layer.resampled(self.row_heights)
-        )
+        lower = lower if fed_layer is None else fed_layer.lower
+        lower = None if lower is None else lower.stacked
+        self.lower_height = 0.0 if lower is None else lower.height
+        self.lower_rows = int(np.sum(self.row_y < self.lower_height))
+        heights = self.row_heights[self.lower_rows :]
+        layer = fresh_layer(material, heights) if fed_layer is None else fed_layer.resampled(heights)
+        if lower is not None:
+            layer = replace(layer, lower=lower.resampled(self.row_heights[: self.lower_rows]))
+        self.fed_layer = layer
+        self._fed_points = layer.stacked.points
 
     @property
     def surface_weights(self) -> FloatArray:
@@ -288,20 +369,20 @@ class RollerFrame:
 
     @property
     def row_heights(self) -> FloatArray:
-        """Heights of the fed layer that the rows of Gauss points represent [m]."""
+        """Heights of the fed mix that the rows of Gauss points represent, from the rigid base up [m]."""
         return np.repeat(np.diff(self.mesh.y) / 2, 2)
 
     def initial_state(self) -> SolidState:
         """Return the state of the fed layer before the roller arrives."""
         points = cap_plasticity.MaterialPoint(
-            *(self._uniform_along_rows(getattr(self.fed_layer.points, name)) for name in POINT_FIELDS)
+            *(self._uniform_along_rows(getattr(self._fed_points, name)) for name in POINT_FIELDS)
         )
         return SolidState(np.zeros_like(self.nodes), points, np.zeros(len(self.solid.point_areas)))
 
     def convect(self, state: SolidState) -> SolidState:
         """Return the state after all mix has moved by one step towards -x."""
         displacement = self.convect_displacement(state.displacement)
-        fed = self.fed_layer.points
+        fed = self._fed_points
         stress = self._convect_points(state.points.stress, fed.stress)
         smeared = self._convect_points(self._elastic_stress(state.displacement), 0.0)
         ahead = (self.solid.point_coordinates[:, :1] > 0).astype(float)
@@ -349,17 +430,41 @@ class RollerFrame:
         return SolidState(displacement, points, uniform(state.work))
 
     def exit_density_ratio(self, density_ratio: FloatArray) -> float:
-        """Return the mean density ratio over the height at the exit column [-].
+        """Return the mean density ratio over the height of the fed layer at the exit column [-].
 
-        It is the fed mass over the sum of fed mass/k.
+        It is the fed mass over the sum of fed mass/k; the lower lift does not count.
 
         Parameters
         ----------
         density_ratio : ndarray, shape (n,)
             Density ratio of the Gauss points [-].
         """
-        mass = self.row_heights * self.fed_layer.points.density_ratio
-        return float(mass.sum() / np.sum(mass / self.to_rows(density_ratio)[:, self.exit_column]))
+        mass = self.fed_layer.heights * self.fed_layer.points.density_ratio
+        exit_ratios = self.to_rows(density_ratio)[self.lower_rows :, self.exit_column]
+        return float(mass.sum() / np.sum(mass / exit_ratios))
+
+    def layer_bottom(self, displacement: FloatArray, x: float) -> float:
+        """Return the height of the bottom of the fed layer above the rigid base at a position, at rest in x [m].
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (N, 2)
+            Displacement of the nodes [m].
+        x : float
+            Current position [m].
+        """
+        if not self.lower_rows:
+            return 0.0
+        nodes = self._interface_nodes
+        current = self.nodes[nodes] + displacement[nodes]
+        return float(np.interp(x, *current.T))
+
+    @cached_property
+    def _interface_nodes(self):
+        """Nodes between lower lift and layer, along x."""
+        x, y = self.nodes.T
+        nodes = np.flatnonzero(np.abs(y - self.lower_height) < SAME_PLACE * self.mesh.height)
+        return nodes[np.argsort(x[nodes])]
 
     def _uniform_along_rows(self, profile):
         """Values of the Gauss points from a profile over the rows."""
@@ -423,7 +528,7 @@ def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> Sol
     state : SolidState
         State on the old mesh.
     old, new : RollerFrame
-        Frames of the same fed layer.
+        Frames of the same fed layer and lower lift.
 
     Returns
     -------
@@ -436,10 +541,16 @@ def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> Sol
     displacement[x > high] = 0.0
     fixed = new.solid.fixed_dofs
     displacement.ravel()[fixed[fixed % 2 == 1]] = 0.0
-    position = np.clip(new.solid.point_coordinates, [old.row_x[0], old.row_y[0]], [old.row_x[-1], old.row_y[-1]])
+    position, is_lower = new.solid.point_coordinates, new.solid.point_coordinates[:, 1] < new.lower_height
 
     def interpolate(values):
-        return RegularGridInterpolator((old.row_y, old.row_x), old.to_rows(values))(position[:, ::-1])
+        rows, found = old.to_rows(values), np.empty((len(position), *values.shape[1:]))
+        for part, inside in ((slice(old.lower_rows, None), ~is_lower), (slice(old.lower_rows), is_lower)):
+            if inside.any():  # each lift from its own rows, since the density jumps in between
+                y = old.row_y[part]
+                clipped = np.clip(position[inside], [old.row_x[0], y[0]], [old.row_x[-1], y[-1]])
+                found[inside] = RegularGridInterpolator((y, old.row_x), rows[part])(clipped[:, ::-1])
+        return found
 
     points = cap_plasticity.MaterialPoint(*(interpolate(getattr(state.points, name)) for name in POINT_FIELDS))
     return SolidState(displacement, points, interpolate(state.work))

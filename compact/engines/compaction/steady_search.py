@@ -33,6 +33,7 @@ from compact.engines.compaction.incremental_rolling import (
 )
 from compact.engines.compaction.newton import EquilibriumError
 from compact.engines.compaction.roller_frame import transfer_state
+from compact.material.laws import DruckerPragerCap
 
 FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle
 SETTLING, MEASURING = 0.8, 0.7  # [-], of the later cycles
@@ -133,6 +134,8 @@ class SteadySearch:
         Function that returns a roller on its mesh stretched to a depth [m].
     relaxation : Relaxation
         Slow relaxation of the bow wave; its length is found on this mesh if it is unknown.
+    rate_factor : callable, optional
+        Function that returns the factor of the yield pressure [-] at a depth [m]; that of the mesh by default.
     """
 
     rolling: IncrementalRolling
@@ -142,6 +145,7 @@ class SteadySearch:
     target_tolerance: float
     stretch: Stretch
     relaxation: Relaxation = field(default_factory=Relaxation)
+    rate_factor: Callable[[float], float] | None = None
     errors: SteadyErrors = field(init=False)
     values: FloatArray = field(init=False)  # `QUANTITIES` in the steady state
     finds_length: bool = field(init=False)
@@ -183,7 +187,7 @@ class SteadySearch:
     def _find_steady_state(self, growth: WaveGrowth) -> None:
         """Roll in cycles until the motion is steady and the target satisfied; record the growth of the first mesh."""
         secant = DepthSecant(self.target, self._depth_exponent)
-        self.rolling.solver.tolerance = SETTLING_TOLERANCE
+        self.rolling.solver.tolerance = self._settling_tolerance
         self._roll(FIRST_SETTLING, DAMPING)
         for cycle in range(MAX_FIRST_CYCLES if self.finds_length else MAX_CYCLES):
             drift = self._measure(FIRST_MEASURING if cycle == 0 else MEASURING)
@@ -198,7 +202,7 @@ class SteadySearch:
                 self._depth_exponent = secant.slope
                 is_met = abs(secant.last_miss) < self.target_tolerance
                 depth, is_final = depth if is_met else corrected, is_met and self.errors.total < self.tolerance
-            self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else SETTLING_TOLERANCE
+            self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else self._settling_tolerance
             self._correct(depth, jump, FINAL_SETTLING if is_final else SETTLING)
             if is_final:
                 self._advance_exactly()
@@ -217,6 +221,12 @@ class SteadySearch:
         self.rolling.solver.tolerance = ROLLING_TOLERANCE
         self.rolling.advance(self._height, damping=0.0)
         self.rolling.solver.tolerance = FINAL_TOLERANCE
+
+    @property
+    def _settling_tolerance(self) -> float:
+        """Residual of a step far from the steady state [-]; on a shear line 1e-2 leaves some per cent of the load."""
+        has_line = isinstance(self.rolling.frame.solid.material, DruckerPragerCap)
+        return FINAL_TOLERANCE if has_line else SETTLING_TOLERANCE
 
     @property
     def _height(self) -> float:
@@ -308,11 +318,13 @@ class SteadySearch:
         The height is that of the roller and the recovery at the exit column, which the roller has passed before; the
         density ratio of that column lags behind the depth. They differ by elastic strain and by elongation.
         """
-        rolling = self.rolling
+        rolling, frame = self.rolling, self.rolling.frame
         x, y = rolling.surface_positions.T
         passed = rolling.steps[-min(int(rolling.frame.exit_distance / rolling.frame.step) + 1, len(rolling.steps))]
-        recovery = float(np.interp(-rolling.frame.exit_distance, x, y)) - passed.bottom_height
-        return self.target.fed_ratio * rolling.frame.mesh.height / (self._height + recovery)
+        recovery = float(np.interp(-frame.exit_distance, x, y)) - passed.bottom_height
+        bottom = frame.layer_bottom(rolling.state.displacement, -frame.exit_distance)
+        height = frame.mesh.height - frame.lower_height
+        return self.target.fed_ratio * height / (self._height + recovery - bottom)
 
     def _correct(self, depth: float, jump: float, share: float) -> None:
         """Jump along the mode and roll at a corrected depth; by less if a step has no equilibrium."""
@@ -333,6 +345,8 @@ class SteadySearch:
             stretching = depth / self.rolling.mesh_depth
             if max(stretching, 1 / stretching) > STRETCHED_DEPTH:
                 self.rolling = self.stretch(self.rolling, depth)
+            if self.rate_factor is not None:
+                self.rolling.frame.solid.rate_factor = self.rate_factor(depth)
             try:
                 return self._roll(share)
             except RuntimeError:

@@ -1,0 +1,343 @@
+"""Forces of the pore air in a contact over the speed, from its pressure at the deformation without air.
+
+At one deformation the pressure depends on speed over permeability alone. One curve of load and resistance over this
+ratio, from some tens of solutions, thus serves all speeds and all permeabilities: an `AirCurve`. The scene key
+`mix.pore_air` decides whether its forces belong to load and resistance.
+
+A coupled contact, whose skeleton yields to the air, is solved for some ratios only. Its changes of load and resistance
+over those of the curve are interpolated over the logarithm of the ratio (`CoupledSample`).
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from compact.analysis.engines import ENGINES
+from compact.engines.pore_air.steady_flow import AirPressure
+from compact.material.mix import Mix, Parameter
+from compact.material.pore_air import PoreAir, water_volume
+from compact.numerics import Array
+from compact.rolling_contact import ContactResult, Layer, Roller
+from compact.scene.loader import Scene
+
+RATIOS = np.geomspace(1e9, 1e17, 25)  # [1/(m s)], speed over permeability: from drained to undrained
+SCALE = 1e-9  # [-], forces over those of the skeleton below which the curve is linear
+MAP_NODES = 25  # [-], speeds of a map with air
+DEAERATION_SHARE = 0.1  # [-], load of the air over that of the skeleton at the de-aeration speed
+
+
+class AirUnderRoller(Protocol):
+    """Pore air under a roller at the deformation of one contact."""
+
+    def pressure(self, speed: float, start: AirPressure | None = None) -> AirPressure:
+        """Return the pressure at a speed [m/s]."""
+
+    def forces(self, pressure: AirPressure) -> tuple[float, float]:
+        """Return load and resistance [N/m]."""
+
+    def largest_excess_behind(self, pressure: AirPressure) -> float:
+        """Return the largest excess pressure behind the contact [Pa]."""
+
+
+@dataclass(frozen=True)
+class AirForces:
+    """Changes of a contact by its pore air at one speed.
+
+    Parameters
+    ----------
+    load, resistance : float
+        Changes of load and resistance of the roller per unit length, in the direction of the travel [N/m].
+    excess_behind : float
+        Largest excess pressure behind the contact [Pa], a tensile stress of the skeleton.
+    """
+
+    load: float
+    resistance: float
+    excess_behind: float
+
+
+@dataclass(frozen=True)
+class AirAnswer:
+    """Numbers on the pore air of a scene.
+
+    Parameters
+    ----------
+    permeability : Parameter
+        Intrinsic permeability of the fed mix to air with its spread [m2].
+    deaeration_speeds : tuple of float or None
+        Speed at which the air changes the load by `DEAERATION_SHARE` [m/s], at the value, the low and the high end of
+        the permeability; None if the air does not change it by as much.
+    at_mean_speed : AirForces
+        Changes of the contact at the mean speed per unit length, whether the scene counts them or not.
+    shares : (float, float)
+        Changes of load and resistance over those without air [-].
+    tensile_strength : float
+        Isotropic tensile strength of the mix [Pa], which the pressure behind the contact may exceed.
+    """
+
+    permeability: Parameter
+    deaeration_speeds: tuple[float | None, float | None, float | None]
+    at_mean_speed: AirForces
+    shares: tuple[float, float]
+    tensile_strength: float
+
+    @property
+    def may_crack(self) -> bool:
+        """True if the excess pressure behind the contact exceeds the tensile strength."""
+        return self.at_mean_speed.excess_behind > self.tensile_strength
+
+
+@dataclass(frozen=True)
+class CoupledSample:
+    """Coupled contact over the curve at the deformation without air.
+
+    Parameters
+    ----------
+    ratio : float
+        Speed over permeability [1/(m s)].
+    load_factor, resistance_factor : float
+        Changes of load and resistance over those of the curve [-].
+    """
+
+    ratio: float
+    load_factor: float
+    resistance_factor: float
+
+
+@dataclass(frozen=True)
+class AirCurve:
+    """Forces of the air over speed/permeability at the deformation of one contact, per unit length of the roller.
+
+    Parameters
+    ----------
+    skeleton_load, skeleton_resistance : float
+        Load and resistance of the contact without air [N/m].
+    ratios : tuple of float
+        Speed over permeability [1/(m s)], ascending.
+    loads, resistances : tuple of float
+        Load and resistance by the air [N/m].
+    excesses_behind : tuple of float
+        Largest excess pressures behind the contact [Pa].
+    coupled : tuple of CoupledSample
+        Coupled contacts, by which the forces are corrected; empty without a correction.
+    """
+
+    skeleton_load: float
+    skeleton_resistance: float
+    ratios: tuple[float, ...]
+    loads: tuple[float, ...]
+    resistances: tuple[float, ...]
+    excesses_behind: tuple[float, ...]
+    coupled: tuple[CoupledSample, ...] = ()
+
+    def at(self, speed: float, permeability: float) -> AirForces:
+        """Interpolate the forces.
+
+        Parameters
+        ----------
+        speed : float
+            Speed of the roller [m/s].
+        permeability : float
+            Intrinsic permeability to air of the fed mix [m2].
+        """
+        ratio = np.array([abs(speed) / permeability])
+        loads, resistances, excesses = (float(each[0]) for each in self._evaluate(ratio))
+        return AirForces(loads, resistances, excesses)
+
+    def deaeration_speed(self, permeability: float, share: float = DEAERATION_SHARE) -> float | None:
+        """Return the speed at which the air changes the load by a share of that of the skeleton.
+
+        Parameters
+        ----------
+        permeability : float
+            Intrinsic permeability to air of the fed mix [m2].
+        share : float
+            Share of the load [-].
+
+        Returns
+        -------
+        float or None
+            Speed [m/s]; None if the air does not reach the share.
+        """
+        ratios = np.geomspace(self.ratios[0], self.ratios[-1], 40 * len(self.ratios))
+        shares = self._evaluate(ratios)[0] / self.skeleton_load
+        above = np.flatnonzero(shares >= share)
+        if not len(above) or above[0] == 0:
+            return None
+        ends = slice(above[0] - 1, above[0] + 1)
+        return float(permeability * np.exp(np.interp(share, shares[ends], np.log(ratios[ends]))))
+
+    def with_coupled(self, samples: Iterable[CoupledSample]) -> "AirCurve":
+        """Return the curve corrected by coupled contacts."""
+        return replace(self, coupled=tuple(sorted(samples, key=lambda each: each.ratio)))
+
+    @classmethod
+    def from_json(cls, content: dict[str, Any]) -> "AirCurve":
+        """Read a curve back from the form of `dataclasses.asdict`."""
+        values: dict[str, Any] = {
+            name: tuple(each) if isinstance(each, list) else each for name, each in content.items()
+        }
+        return cls(**values | {"coupled": tuple(CoupledSample(**each) for each in content["coupled"])})
+
+    @cached_property
+    def _spline(self) -> PchipInterpolator:
+        """Spline of the inverse hyperbolic sines of load, resistance and excess over the logarithm of the ratio."""
+        columns = np.array([self.loads, self.resistances, self.excesses_behind])
+        return PchipInterpolator(np.log(self.ratios), np.arcsinh(columns / self._scales).T)
+
+    @property
+    def _scales(self) -> Array:
+        """Values below which the spline is linear in load, resistance and excess, shape (3, 1)."""
+        return SCALE * np.array([[self.skeleton_load], [self.skeleton_load], [max(*self.excesses_behind, 1.0)]])
+
+    def _evaluate(self, ratios: Array) -> Array:
+        """Return load, resistance and excess at ratios, shape (3, n); proportional below the curve, constant above."""
+        low, high = self.ratios[0], self.ratios[-1]
+        values = self._scales * np.sinh(self._spline(np.log(np.clip(ratios, low, high))).T)
+        values = values * np.minimum(ratios / low, 1.0)
+        if self.coupled:  # constant beyond the coupled contacts
+            known = np.log([each.ratio for each in self.coupled])
+            factors = ([each.load_factor for each in self.coupled], [each.resistance_factor for each in self.coupled])
+            for row, column in zip(values, factors, strict=False):
+                row *= np.interp(np.log(ratios), known, column)
+        return np.asarray(values)
+
+
+def pore_air_of(mix: Mix, fed_density_ratio: float) -> PoreAir:
+    """Return the pore air of a mix; raise ValueError if the fed mix is occluded."""
+    return PoreAir(mix.air_permeability, water_volume(mix.moisture), fed_density_ratio, mix.occlusion_saturation)
+
+
+def air_under(result: Any, layer: Layer, roller: Roller, air: PoreAir) -> AirUnderRoller:
+    """Return the pore air in a contact by columns or by finite elements with irreversible compaction.
+
+    Parameters
+    ----------
+    result : ColumnContactResult or CompactionContactResult
+        Contact without air.
+    layer : Layer
+        Layer as fed.
+    roller : Roller
+        Roller.
+    air : PoreAir
+        Pore air with its permeability.
+    """
+    if hasattr(result, "solution"):
+        from compact.engines.pore_air.under_roller import RollerAir
+
+        return RollerAir(result.solution, air)
+    from compact.engines.pore_air.under_columns import ColumnAir
+
+    edges = sorted((abs(result.leading), -abs(result.trailing)))
+    return ColumnAir(
+        air, layer.height, result.exit_height, result.indentation, edges[1], edges[0], roller.radius, roller.profile
+    )
+
+
+def air_curve(under: AirUnderRoller, permeability: float, contact: ContactResult) -> AirCurve:
+    """Compute the curve of a contact.
+
+    Parameters
+    ----------
+    under : AirUnderRoller
+        Pore air of the contact.
+    permeability : float
+        Its permeability [m2].
+    contact : ContactResult
+        Contact without air.
+    """
+    rows = list(_solutions(under, permeability))
+    loads, resistances, excesses = (tuple(column) for column in np.array(rows).T.tolist())
+    return AirCurve(contact.load, abs(contact.resistance), tuple(RATIOS.tolist()), loads, resistances, excesses)
+
+
+def _solutions(under: AirUnderRoller, permeability: float) -> Iterator[tuple[float, float, float]]:
+    """Yield load, resistance and excess pressure behind the contact at each of `RATIOS`."""
+    start = None
+    for ratio in RATIOS.tolist():
+        start = under.pressure(ratio * permeability, start)
+        yield (*under.forces(start), under.largest_excess_behind(start))
+
+
+def air_answer(curve: AirCurve, mix: Mix, mean_speed: float) -> AirAnswer:
+    """Evaluate a curve for a mix at the mean speed of a pass [m/s]."""
+    permeability = mix.parameter("air_permeability")
+    ends = permeability.value, permeability.low, permeability.high
+    found = curve.at(mean_speed, permeability.value)
+    value, low, high = (curve.deaeration_speed(each) for each in ends)
+    return AirAnswer(
+        permeability,
+        (value, low, high),
+        found,
+        (found.load / curve.skeleton_load, found.resistance / curve.skeleton_resistance),
+        float(mix.cohesion / np.tan(np.radians(mix.friction_angle))),
+    )
+
+
+def has_air(scene: Scene) -> bool:
+    """Return True if load and resistance of a scene contain pore air."""
+    return ENGINES[scene.accuracy.engine].compacting and scene.mix.pore_air != "drained"
+
+
+def nodes_of_map(speeds: Array) -> Array:
+    """Return the speeds of a map with air [m/s]: those of the skeleton, and more between them by equal ratios."""
+    return np.unique(np.concatenate([speeds, np.geomspace(speeds[0], speeds[-1], MAP_NODES)[1:-1]]))
+
+
+def coupled_samples(contact: Any, air: PoreAir, curve: AirCurve, speeds: Iterable[float]) -> Iterator[CoupledSample]:
+    """Yield coupled contacts at ascending speeds, each from the one before.
+
+    Parameters
+    ----------
+    contact : CompactionContactResult
+        Contact without air.
+    air : PoreAir
+        Pore air.
+    curve : AirCurve
+        Curve at the deformation without air.
+    speeds : iterable of float
+        Speeds [m/s], ascending.
+
+    Raises
+    ------
+    RuntimeError
+        If a coupled contact does not become steady, with the speed.
+    """
+    from compact.engines.pore_air.coupled_rolling import CoupledContact, roll_coupled
+
+    start: CoupledContact | None = None
+    for speed in speeds:
+        try:
+            start = roll_coupled(contact, air, speed, start=start)
+        except RuntimeError as error:
+            raise RuntimeError(
+                f"the contact coupled with its pore air has no steady state at {speed:.4g} m/s: {error}; roll slower, "
+                'or choose mix.pore_air = "one-way"'
+            ) from error
+        alone = curve.at(speed, air.permeability)
+        load, resistance = start.load - contact.load, abs(start.resistance) - abs(contact.resistance)
+        yield CoupledSample(abs(speed) / air.permeability, load / alone.load, resistance / alone.resistance)
+
+
+def add_air_field(mesh: Any, result: Any, air: PoreAir) -> None:
+    """Add the excess pressure of the air at the deformation without air to a mesh with fields, as cell data.
+
+    Parameters
+    ----------
+    mesh : meshio.Mesh
+        Mesh of `compaction.results.field_mesh`.
+    result : CompactionContactResult
+        Its contact.
+    air : PoreAir
+        Pore air.
+    """
+    from compact.engines.pore_air.under_roller import RollerAir
+
+    under = RollerAir(result.solution, air)
+    points = under.at_points(under.pressure(result.speed))
+    elements = sum(len(block.data) for block in mesh.cells)
+    mesh.cell_data["air_pressure"] = [points.reshape(elements, -1).mean(axis=1)]

@@ -1,0 +1,212 @@
+"""Rolling over compacting mix coupled with its pore air at the held height of the roller.
+
+The excess pressure p - p0 of the air acts as an external load on the skeleton, int (p - p0) J F^-T grad N dV on each
+node. After each step of travel the pressure is solved for the deformed layer; half of its change is applied in the next
+step. The steady state is that of `steady_search`, so that the contact pressure is the total stress on the roller.
+Friction of a turning roller is limited by the total pressure.
+"""
+
+from copy import copy
+from dataclasses import dataclass, replace
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from compact.engines.compaction.bow_wave import Relaxation
+from compact.engines.compaction.depth_target import DepthTarget
+from compact.engines.compaction.engine import STEADY_TOLERANCE
+from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, SolidIncrement, SolidState
+from compact.engines.compaction.incremental_rolling import DAMPING, IncrementalRolling, RollingStep
+from compact.engines.compaction.newton import IncrementSolver
+from compact.engines.compaction.results import CompactionContactResult
+from compact.engines.compaction.steady_search import SteadySearch
+from compact.engines.pore_air.steady_flow import AirPressure
+from compact.engines.pore_air.under_roller import RollerAir
+from compact.material.pore_air import PoreAir
+from compact.numerics import Array
+
+RELAXATION = 0.5  # [-], share of the change of the pressure that the next step applies
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledContact:
+    """Steady contact coupled with the pore air, per unit roller length.
+
+    Parameters
+    ----------
+    load, resistance : float
+        Total forces on the roller, those of skeleton and air [N/m].
+    air_load, air_resistance : float
+        Parts by the pressure of the air on the roller [N/m].
+    largest_excess_behind : float
+        Largest excess pressure behind the contact [Pa].
+    exit_density_ratio : float
+        Mean density ratio behind the roller [-].
+    error : float
+        Estimated distance of load, resistance and exit density ratio from the steady state [-].
+    pressure : AirPressure
+        Pressure of the air.
+    rolling : IncrementalRolling
+        Steady solution.
+    relaxation : Relaxation
+        Slow relaxation of the bow wave of the solution.
+    """
+
+    load: float
+    resistance: float
+    air_load: float
+    air_resistance: float
+    largest_excess_behind: float
+    exit_density_ratio: float
+    error: float
+    pressure: AirPressure
+    rolling: IncrementalRolling
+    relaxation: Relaxation
+
+
+def roll_coupled(
+    contact: CompactionContactResult,
+    air: PoreAir,
+    speed: float,
+    *,
+    start: CoupledContact | None = None,
+    steady_tolerance: float = STEADY_TOLERANCE,
+) -> CoupledContact:
+    """Compute the steady contact with its pore air at the height of a contact without.
+
+    Parameters
+    ----------
+    contact : CompactionContactResult
+        Contact without air; its yield pressure, hence the speed of its rate factor, is kept.
+    air : PoreAir
+        Pore air with its permeability.
+    speed : float
+        Speed of the roller at which the air flows [m/s], not 0.
+    start : CoupledContact, optional
+        Coupled contact of the same skeleton at a lower speed or a higher permeability, as initial guess.
+    steady_tolerance : float
+        Relative tolerance of the steady state [-].
+
+    Returns
+    -------
+    CoupledContact
+
+    Raises
+    ------
+    HeapingError
+        If the bow wave grows without a steady state.
+    RuntimeError
+        If no equilibrium is found or the motion does not become steady.
+    """
+    depth = contact.indentation
+    roller = replace(contact.roller, indentation=depth, load=None, peak_pressure=None)
+    frame = contact.solution.frame
+    target = DepthTarget(contact.layer, roller, contact.material, None, frame.inflow)
+    search = SteadySearch(
+        rolling=CoupledRolling(contact.solution if start is None else start.rolling, air, abs(speed)),
+        target=target,
+        depth=depth,
+        tolerance=steady_tolerance,
+        target_tolerance=target.tolerance,
+        stretch=_keep_mesh,
+        relaxation=contact.relaxation if start is None else start.relaxation,
+    )
+    with threadpool_limits(1):
+        search.run()
+    rolling = search.rolling
+    assert isinstance(rolling, CoupledRolling)  # copies of it
+    step, of_air = rolling.steps[-1], RollerAir(rolling, air)
+    pressure = of_air.pressure(speed)
+    load, resistance = of_air.forces(pressure)
+    direction = float(np.sign(speed))
+    return CoupledContact(
+        load=step.load,
+        resistance=direction * step.resistance,
+        air_load=load,
+        air_resistance=direction * resistance,
+        largest_excess_behind=of_air.largest_excess_behind(pressure),
+        exit_density_ratio=step.exit_density_ratio,
+        error=search.errors.total,
+        pressure=pressure,
+        rolling=rolling,
+        relaxation=search.relaxation,
+    )
+
+
+class CoupledRolling(IncrementalRolling):
+    """Incremental rolling that solves for the pressure of the air after each step.
+
+    Parameters
+    ----------
+    other : IncrementalRolling
+        Steady solution from which it continues.
+    air : PoreAir
+        Pore air with its permeability.
+    speed : float
+        Speed of the roller [m/s], > 0.
+
+    Attributes
+    ----------
+    excess : ndarray, shape (n,)
+        Excess pressure that the next step applies at the Gauss points [Pa].
+    """
+
+    def __init__(self, other: IncrementalRolling, air: PoreAir, speed: float) -> None:
+        self.__dict__.update(other.__dict__)
+        self.frame = copy(other.frame)
+        self.frame.solid = AirLoadedSolid(other.frame.solid)
+        self.solver = IncrementSolver(self.frame.solid, self.frame.surface_nodes, other.solver.tolerance)
+        self.air, self.speed = air, speed
+        if not isinstance(other, CoupledRolling):
+            self.excess = np.zeros(len(self.frame.solid.point_areas))
+
+    def advance(self, bottom_height: float, damping: float = DAMPING) -> RollingStep:
+        """Roll by one element under the present pressure of the air, and solve for the next one; see the base class."""
+        solid = self.frame.solid
+        assert isinstance(solid, AirLoadedSolid)
+        solid.set_excess(self.excess, self.state.displacement)
+        step = super().advance(bottom_height, damping)
+        of_air = RollerAir(self, self.air)
+        self.excess = self.excess + RELAXATION * (of_air.at_points(of_air.pressure(self.speed)) - self.excess)
+        return step
+
+
+class AirLoadedSolid(FiniteStrainSolid):
+    """Finite elements of a layer whose internal forces are those of the total stress.
+
+    Parameters
+    ----------
+    solid : FiniteStrainSolid
+        Finite elements of the skeleton.
+    """
+
+    def __init__(self, solid: FiniteStrainSolid) -> None:
+        self.__dict__.update(solid.__dict__)
+        self.air_forces = np.zeros(self.element_dofs.shape)
+
+    def set_excess(self, excess: Array, displacement: Array) -> None:
+        """Set the excess pressure of the air at the Gauss points [Pa], shape (n,), on a displacement [m]."""
+        xx, xy, yx, yy = (self.displacement_gradient(displacement) + np.array([1.0, 0, 0, 1.0])).T
+        # J F^-T of the points, by the components of the force and of the gradient
+        cofactor = np.array([[yy, -yx], [-xy, xx]]).transpose(2, 0, 1) if self.finite else np.eye(2)[None]
+        weighted = (excess * self.point_areas)[:, None, None] * cofactor
+        gradients = self.shape_gradients
+        weighted = weighted.reshape(*gradients.shape[:2], 2, 2)
+        self.air_forces = np.einsum("epij,epaj->eai", weighted, gradients).reshape(self.element_dofs.shape)
+
+    def increment(
+        self,
+        before: SolidState,
+        displacement: Array,
+        tangent: bool = True,
+        near: SolidIncrement | None = None,
+    ) -> SolidIncrement:
+        """Integrate the stresses from a state to a displacement; see the base class."""
+        found = super().increment(before, displacement, tangent, near)
+        return replace(found, element_forces=found.element_forces - self.air_forces)
+
+
+def _keep_mesh(rolling: IncrementalRolling, depth: float) -> IncrementalRolling:
+    """Return the roller; the depth is held, so that its mesh is never stretched."""
+    del depth
+    return rolling

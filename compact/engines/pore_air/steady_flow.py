@@ -1,0 +1,308 @@
+"""Steady pressure of pore air in the frame of the roller, by scikit-fem's forms.
+
+    -v d(a p)/dx = div(K grad p^2/2) - s (p^2 - p0^2)/2
+
+a is the volume of the air over that of the fed mix, p the absolute pressure, K the tensor permeability/viscosity in the
+fed configuration, through which the mix moves by -v; s is the leakage of a column through its surface. Boundaries: p =
+p0 on drained nodes; no flow elsewhere; at the rear end the air leaves with the mix. The pressure depends on v/K alone.
+
+The fluxes are interpolated from their values at the nodes (group formulation): a p is linear in each element, and so is
+p^2/2. The operators are thus constant, and a p remains constant along x without drainage (Boyle's law at every node).
+The streamline-upwind Petrov-Galerkin method stabilises the convection along x. Across x the convection is lumped, so
+that thin drained layers along the surface do not oscillate. Both are of second order. Newton's method solves for p; its
+steps are cut where they would leave p > 0 or raise the residual.
+
+References
+----------
+A. N. Brooks and T. J. R. Hughes, Comput. Methods Appl. Mech. Eng. 32 (1982) 199 (streamline upwinding); C. A. J.
+Fletcher, Comput. Methods Appl. Mech. Eng. 37 (1983) 225 (group formulation).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.linalg import solve_banded
+from scipy.sparse import csr_array
+from skfem import Basis, BilinearForm, ElementLineP1, ElementQuad1, Mesh, MeshLine, MeshQuad
+from skfem.helpers import dot, grad, mul
+from threadpoolctl import threadpool_limits
+
+from compact.numerics import Array, BoolArray
+from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+
+RESIDUAL_TOLERANCE = 1e-10  # [-], residual of a node over the sum of its fluxes
+MAX_ITERATIONS = 60  # [-], Newton iterations; 3 to 12 are usual
+MIN_PRESSURE_SHARE = 0.2  # [-], least pressure after a step over that before
+MAX_STEP_CUTS = 12  # [-], halvings of a step
+SMALL_PECLET = 1e-3  # [-], element Peclet number below which coth Pe - 1/Pe is Pe/3
+LARGE_PECLET = 1e9  # [-], bound of the element Peclet number where the mix is impermeable
+GAUSS = 0.5 + np.array([-1.0, 1.0]) / np.sqrt(12)  # [-], points of order 3 on the unit interval
+WEIGHTS = np.full(2, 0.5)  # [-], of the two points of Gauss, and of the two ends of an interval
+
+
+@dataclass(frozen=True, eq=False)
+class AirFlow:
+    """Flow of pore air through fed mix that moves towards -x, on a grid of the fed configuration.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Positions of the nodes along the travel [m], ascending.
+    y : ndarray, shape (m,)
+        Heights of the nodes [m], ascending; one height for columns with the mean pressure of the height.
+    air_volume : ndarray, shape (n, m)
+        Volume of the air over that of the fed mix a [-], > 0.
+    mobility : ndarray, shape (2, 2, n, m)
+        Permeability over viscosity in the fed configuration K [m2/(Pa s)]; of columns K_xx is used.
+    drained : ndarray of bool, shape (n, m)
+        Nodes with the pressure of the surroundings, in addition to those ahead, where the mix enters.
+    ambient_pressure : float
+        Absolute pressure of the surroundings p0 [Pa].
+    leakage : ndarray, shape (n, m), optional
+        Leakage s to the surroundings [1/(Pa s)]; none by default.
+
+    Raises
+    ------
+    ValueError
+        If an array is out of its range.
+    """
+
+    x: Array
+    y: Array
+    air_volume: Array
+    mobility: Array
+    drained: BoolArray
+    ambient_pressure: float
+    leakage: Array | None = None
+
+    def __post_init__(self) -> None:
+        require_positive(air_volume=self.air_volume, ambient_pressure=self.ambient_pressure)
+        require_finite(mobility=self.mobility)
+        if self.leakage is not None:
+            require_nonnegative(leakage=self.leakage)
+
+    def solve(self, speed: float, start: "AirPressure | None" = None) -> "AirPressure":
+        """Solve for the pressure at a speed of the roller.
+
+        Parameters
+        ----------
+        speed : float
+            Speed [m/s], > 0.
+        start : AirPressure, optional
+            Initial guess, such as the pressure at another speed; by default the pressure of the surroundings.
+
+        Returns
+        -------
+        AirPressure
+
+        Raises
+        ------
+        RuntimeError
+            If Newton's method does not converge.
+        """
+        require_positive(speed=speed)
+        operators = _Operators(self, speed)
+        excess = np.zeros(self.air_volume.size) if start is None else start.excess.ravel()
+        trial, sizes = operators.evaluate(np.where(operators.fixed, 0.0, excess)), []
+        with threadpool_limits(1):  # threads slow down systems of this size
+            for iteration in range(MAX_ITERATIONS):
+                sizes.append(trial.size)
+                if trial.size <= RESIDUAL_TOLERANCE:
+                    found = trial.excess.reshape(self.air_volume.shape)
+                    return AirPressure(self, speed, found, iteration, trial.fluxes)
+                trial = operators.step(trial)
+        raise RuntimeError(
+            f"the pressure of the air at {speed:.4g} m/s did not converge: residual {min(sizes):.1e} of the fluxes "
+            f"after {MAX_ITERATIONS} iterations, tolerance {RESIDUAL_TOLERANCE:.0e}; use a lower speed or a larger "
+            "`air_permeability`"
+        )
+
+    @cached_property
+    def basis(self) -> Basis:
+        """Linear elements; Gauss points along x, nodes across it, so that the convection is lumped across."""
+        if len(self.y) == 1:
+            return Basis(MeshLine(self.x), ElementLineP1(), quadrature=(GAUSS[None], WEIGHTS))
+        across, along = np.meshgrid([0.0, 1.0], GAUSS)  # the first direction of an element of `init_tensor` is y
+        points = np.array([across.ravel(), along.ravel()])
+        return Basis(self.mesh, ElementQuad1(), quadrature=(points, np.outer(WEIGHTS, WEIGHTS).ravel()))
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """Mesh of the grid; node i, j has the number i m + j."""
+        return MeshLine(self.x) if len(self.y) == 1 else MeshQuad.init_tensor(self.x, self.y)
+
+    @cached_property
+    def fixed(self) -> BoolArray:
+        """Drained nodes and those ahead, shape (n m,)."""
+        fixed = self.drained.copy()
+        fixed[-1] = True
+        return fixed.ravel()
+
+    @cached_property
+    def diffusion(self) -> csr_array:
+        """Matrix of the flow by p^2/2 [m2/(Pa s)], shape (n m, n m)."""
+        dimension = self.mesh.dim()
+        tensor = np.array([
+            [self.basis.interpolate(self.mobility[i, j].ravel()) for j in range(dimension)] for i in range(dimension)
+        ])  # fmt: skip
+
+        @BilinearForm
+        def flow(u: Any, w: Any, _: Any) -> Any:
+            return dot(mul(tensor, grad(u)), grad(w))
+
+        return csr_array(flow.assemble(self.basis))
+
+    def leaking(self, speed: float) -> csr_array:
+        """Return the matrix of the leakage by p^2/2 at a speed [m/s], shape (n m, n m)."""
+        assert self.leakage is not None  # called with a leakage only
+        rate, delay = self.basis.interpolate(self.leakage.ravel()), self._delays(speed)
+
+        @BilinearForm
+        def leak(u: Any, w: Any, _: Any) -> Any:
+            return rate * u * (w - speed * delay * grad(w)[0])
+
+        return csr_array(leak.assemble(self.basis))
+
+    def convection(self, speed: float) -> csr_array:
+        """Return the matrix of the convection of a p at a speed [m/s], upwinded along x, shape (n m, n m)."""
+        delay = self._delays(speed)
+
+        @BilinearForm
+        def convect(m: Any, w: Any, _: Any) -> Any:
+            return -speed * (w - speed * delay * grad(w)[0]) * grad(m)[0]
+
+        return csr_array(convect.assemble(self.basis))
+
+    def _delays(self, speed: float) -> Array:
+        """Return the time by which the test functions of each element are shifted upstream [s], shape (elements, 1).
+
+        The residual of linear elements lacks the flow, so that the shift is bounded by the times of diffusion in the
+        element along x and y; its error is then of second order.
+        """
+        rates = [self.mobility[i, i] * self.ambient_pressure / self.air_volume for i in range(self.mesh.dim())]
+        along, *across = (_element_means(rate) for rate in rates)  # diffusivities of the pressure [m2/s]
+        lengths, heights = np.diff(self.x)[:, None], np.diff(self.y)
+        diffusion = np.maximum(along, np.finfo(float).tiny * speed)
+        peclet = np.minimum(speed * lengths / (2 * diffusion), LARGE_PECLET)
+        safe = np.maximum(peclet, SMALL_PECLET)
+        share = np.where(peclet < SMALL_PECLET, peclet / 3, 1 / np.tanh(safe) - 1 / safe)
+        times = lengths / (2 * speed) * share
+        for rate in across:
+            times = times / np.hypot(1.0, times * 12 * rate / heights**2)
+        return times.reshape(-1, 1)  # element i, j has the number i (m - 1) + j
+
+
+def _element_means(values: Array) -> Array:
+    """Return the means of nodal values over the elements of a grid, of columns over their elements along x."""
+    means = (values[:-1] + values[1:]) / 2
+    return means if means.shape[1] == 1 else (means[:, :-1] + means[:, 1:]) / 2
+
+
+@dataclass(frozen=True, eq=False)
+class AirPressure:
+    """Pressure of the air at one speed.
+
+    Parameters
+    ----------
+    flow : AirFlow
+        Flow of which it is the solution.
+    speed : float
+        Speed of the roller [m/s].
+    excess : ndarray, shape (n, m)
+        Pressure above that of the surroundings at the nodes [Pa].
+    iterations : int
+        Newton iterations.
+    fluxes : ndarray, shape (n m,)
+        Air that enters at the nodes, pressure times volume per time [Pa m2/s]; 0 but for drained nodes.
+    """
+
+    flow: AirFlow
+    speed: float
+    excess: Array
+    iterations: int
+    fluxes: Array
+
+    @property
+    def pressure(self) -> Array:
+        """Absolute pressure [Pa], shape (n, m)."""
+        return self.flow.ambient_pressure + self.excess
+
+    @property
+    def inflow(self) -> float:
+        """Air that enters with the fed mix, pressure times volume per time [Pa m2/s]; of columns [Pa m/s]."""
+        return self._convected(-1)
+
+    @property
+    def drained(self) -> float:
+        """Air that leaves through drained nodes, pressure times volume per time, as `inflow`."""
+        return float(-self.fluxes[self.flow.fixed].sum())
+
+    @property
+    def mass_residual(self) -> float:
+        """Air that enters less that which leaves, over the former [-]; leakage of columns counts as a residual."""
+        return (self.inflow - self._convected(0) - self.drained) / self.inflow
+
+    def _convected(self, column: int) -> float:
+        air = self.flow.air_volume[column] * self.pressure[column]
+        height = np.trapezoid(air, self.flow.y) if len(self.flow.y) > 1 else air[0]
+        return float(self.speed * height)
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Excess pressure with the fluxes of the nodes, and the largest residual over the sum of the fluxes."""
+
+    excess: Array
+    fluxes: Array
+    size: float
+
+
+class _Operators:
+    """Discrete equation at one speed: convection @ (a p) + diffusion @ (p^2 - p0^2)/2 = 0 on free nodes."""
+
+    def __init__(self, flow: AirFlow, speed: float) -> None:
+        self.volume, self.ambient = flow.air_volume.ravel(), flow.ambient_pressure
+        self.fixed, self.width = flow.fixed, len(flow.y) + 1
+        self.convection, self.diffusion = flow.convection(speed), flow.diffusion
+        if flow.leakage is not None:
+            self.diffusion = self.diffusion + flow.leaking(speed)
+        self.magnitudes = abs(self.convection), abs(self.diffusion)
+        self.bands = tuple(_band(matrix, self.width) for matrix in (self.convection, self.diffusion))
+
+    def evaluate(self, excess: Array) -> _Trial:
+        """Evaluate the fluxes of an excess pressure."""
+        p = self.ambient + excess
+        potential = excess * (p + self.ambient) / 2  # (p^2 - p0^2)/2
+        fluxes = self.convection @ (self.volume * p) + self.diffusion @ potential
+        scale = self.magnitudes[0] @ (self.volume * p) + self.magnitudes[1] @ abs(potential)
+        return _Trial(excess, fluxes, float(np.where(self.fixed, 0.0, abs(fluxes) / scale).max()))
+
+    def step(self, trial: _Trial) -> _Trial:
+        """Return the trial after a step of Newton's method."""
+        p = self.ambient + trial.excess
+        band = self.bands[0] * self.volume + self.bands[1] * p
+        column = np.arange(len(p))
+        for offset in range(-self.width, self.width + 1):  # rows of fixed nodes
+            row = column + offset
+            inside = (row >= 0) & (row < len(column))
+            inside[inside] = self.fixed[row[inside]]
+            band[self.width + offset, inside] = float(offset == 0)
+        change = solve_banded((self.width, self.width), band, np.where(self.fixed, 0.0, -trial.fluxes))
+        length = 1.0
+        for _ in range(MAX_STEP_CUTS):
+            lowest = MIN_PRESSURE_SHARE * p - self.ambient
+            candidate = self.evaluate(np.maximum(trial.excess + length * change, lowest))
+            if candidate.size < trial.size:
+                break
+            length /= 2
+        return candidate
+
+
+def _band(matrix: csr_array, width: int) -> Array:
+    """Return the diagonals of a matrix as rows, as `solve_banded` requires."""
+    entries = matrix.tocoo()
+    band = np.zeros((2 * width + 1, matrix.shape[0]))
+    np.add.at(band, (width + entries.row - entries.col, entries.col), entries.data)
+    return band

@@ -1,0 +1,280 @@
+"""Return mapping to an elliptic cap and the shear line of Drucker and Prager, with their corner and the apex.
+
+    cap   (P - a)^2 + (q/Mc)^2 <= a^2    P >= a,   associated,       dV = 2 lc (P - a),  de = 2 lc q/Mc^2
+    line  q <= M P                       P >= 0,   potential q - N P,  dV = -N ls,       de = ls
+    cut   P >= 0
+
+with P = p + pt and a = (pc + pt)/2. The steady rolling of `incremental_rolling` replaces the line by q <= M (p' + pt),
+with the pressure p' of the same place in the last step (carried pressure). Flow with N = 0 is then associated and every
+increment convex; in steady motion p' = p, and the law is the same. Both are q <= m P + b, with m = M, b = 0 or m = 0,
+b = M (p' + pt). A viscous stress n ls may exceed the line, up to the top Mc a of the cap where P < a.
+
+Backward Euler from the trial state (P_tr, q_tr), with V and e the increments of plastic volume and shear strain:
+
+    line    ls = (q_tr - m P_tr - b)/(3 G + K m N + n),  P = P_tr + K N ls,  q = q_tr - 3 G ls
+    apex    P = 0,  q = b + n ls                  where P of the line is negative
+    cap     the root of `elliptic_cap`            where line and apex lie outside the cap
+    corner  both surfaces                         where the cap violates the line
+
+The corner has one root, V of P_tr - K V = P(a(k exp V), b + n ls), the intersection of cap and line; ls follows from
+the flow of both, and with viscosity a second root n ls.
+
+References
+----------
+J. C. Simo, J. G. Kennedy and S. Govindjee, Non-smooth multisurface plasticity and viscoplasticity, Int. J. Numer.
+Methods Eng. 26 (1988) 2161-2185 (Koiter's conditions at a corner).
+"""
+
+import numpy as np
+
+from compact.material.elliptic_cap import (
+    MAX_ITERATIONS,
+    NO_SLOPES,
+    CapConstants,
+    hardening,
+    pressure_rise,
+    return_to_curve,
+    yield_surface,
+)
+from compact.numerics.jit import compiled
+
+ROUNDING = 4e-15  # [-], of stresses over a; a state on a surface is inside
+CORNER_TOLERANCE = 2e-16  # [-], relative change of an unknown of the corner at convergence
+LARGEST_OVERSTRESS = 1 - 1e-9  # [-], viscous stress over that at which the line touches the top of the cap
+
+
+@compiled
+def is_elastic_in_line(law: CapConstants, p: float, q: float, densest: float, carried: float) -> bool:
+    """Return True if a trial state does not yield.
+
+    Parameters
+    ----------
+    p, q : float
+        Trial mean pressure and von Mises stress [Pa].
+    densest : float
+        Largest density ratio so far [-].
+    carried : float
+        Pressure p' that limits shear [Pa], NaN for p itself.
+    """
+    a, slope, limit = _surfaces(law, densest, carried)
+    P = p + law.pt
+    if P < 0 or q > slope * P + limit + ROUNDING * a:
+        return False
+    if a >= P:
+        return q <= law.M * a
+    return (q / law.M) ** 2 + (P - a) ** 2 <= (a * (1 + ROUNDING)) ** 2
+
+
+@compiled
+def return_to_line(
+    law: CapConstants, p: float, q: float, k: float, densest: float, guess: float, carried: float, share: float
+) -> tuple:
+    """Map a trial state back to cap, line, corner or apex.
+
+    Parameters
+    ----------
+    p, q, k, densest, guess
+        As of `elliptic_cap.return_map`.
+    carried : float
+        Pressure p' that limits shear [Pa], NaN for p itself.
+    share : float
+        Share of the increment in the path of `law.viscosity` [-].
+
+    Returns
+    -------
+    tuple
+        As of `elliptic_cap.return_map`.
+    """
+    if is_elastic_in_line(law, p, q, densest, carried):
+        return 0, p, 1.0, k, densest, 0.0, 0.0, NO_SLOPES
+    a, slope, limit = _surfaces(law, densest, carried)
+    viscosity, P, G3 = law.viscosity / share, p + law.pt, 3 * law.G
+    D = G3 + law.K * slope * law.dilatancy + viscosity
+    shear = max((q - slope * P - limit) / D, 0.0)
+    end, top = P + law.K * law.dilatancy * shear, law.M * a
+    if a >= P and slope == 0 and limit >= top:
+        return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
+    if end < 0:
+        return _return_to_apex(law, p, q, k, densest, limit, viscosity)
+    if end <= a and q - G3 * shear > top:
+        return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
+    end_q = q - G3 * shear
+    if end <= a or (end_q / law.M) ** 2 + (end - a) ** 2 <= (a * (1 + ROUNDING)) ** 2:
+        by_p, by_q = (-slope / D, 1 / D) if shear > 0 else (0.0, 0.0)
+        N = law.dilatancy
+        derivatives = (-N * by_p, -N * by_q, -G3 * by_p, 1 - G3 * by_q, 0.0, 0.0)
+        return _result(law, (p, q, k, densest), (-N * shear, end - law.pt, end_q), derivatives, False)
+    if a < P:
+        found = return_to_curve(law, yield_surface(law, p, densest), p, q, k, densest, guess)
+        if q * found[2] <= slope * (found[1] + law.pt) + limit + ROUNDING * a:
+            return found
+    return _return_to_corner(law, p, q, k, densest, slope, limit, viscosity)
+
+
+@compiled
+def _surfaces(law, densest, carried):
+    """Return a of the cap, and slope and intercept of the line."""
+    a = (hardening(law, densest)[0] + law.pt) / 2
+    if np.isnan(carried):
+        return a, law.friction, 0.0
+    return a, 0.0, law.friction * max(carried + law.pt, 0.0)
+
+
+@compiled
+def _result(law, trial, solution, derivatives, hardens):
+    """Return the results of `return_map` for V, p and q and their derivatives.
+
+    `derivatives` are those of V and q by trial pressure and von Mises stress, and by the logarithm of the density ratio
+    that determines pc.
+    """
+    _, q_trial, k, densest = trial
+    V, p, q = solution
+    V_p, V_q, q_p, q_q, V_x, q_x = derivatives
+    scale, by_s, inverse = 1.0, 0.0, 0.0
+    if q_trial > 0:
+        scale, by_s, inverse = q / q_trial, 1.5 / q_trial, 1 / q_trial
+    work = p * V + q * (q_trial - q) / (3 * law.G)
+    k *= np.exp(V)
+    scale_s = (q_q - scale) * inverse * by_s
+    if hardens:
+        slopes = (V_p, V_q * by_s, V_x, 0.0, q_p * inverse, scale_s, q_x * inverse, 0.0)
+    else:
+        slopes = (V_p, V_q * by_s, 0.0, V_x, q_p * inverse, scale_s, 0.0, q_x * inverse)
+    return 0, p, scale, k, max(k, densest), work, 0.0, slopes
+
+
+@compiled
+def _return_to_apex(law, p, q, k, densest, limit, viscosity):
+    """Return the results at the tension cut-off P = 0."""
+    G3 = 3 * law.G
+    shear, by_q = max((q - limit) / (G3 + viscosity), 0.0), 0.0
+    if shear > 0:
+        by_q = 1 / (G3 + viscosity)
+    derivatives = (1 / law.K, 0.0, 0.0, 1 - G3 * by_q, 0.0, 0.0)
+    return _result(law, (p, q, k, densest), ((p + law.pt) / law.K, -law.pt, q - G3 * shear), derivatives, False)
+
+
+@compiled
+def _return_to_top(law, p, q, k, densest, slope, limit, viscosity):
+    """Return the results below the top q = Mc a of the cap, which bounds the viscous stress and the line where P < a.
+
+    At the top the shear of the line is that of its viscous stress; the rest flows on the cap, without dilatancy.
+    """
+    pc, H = hardening(law, densest)
+    top, top_x, N = law.M * (pc + law.pt) / 2, law.M * H / 2, law.dilatancy
+    D, shear, by_p, by_x, q_q = viscosity + law.K * slope * N, 0.0, 0.0, 0.0, 0.0
+    if D > 0 and q > top > limit + slope * (p + law.pt):
+        shear, by_p, by_x = (top - limit - slope * (p + law.pt)) / D, -slope / D, top_x / D
+    if q <= top:
+        top, top_x, q_q = q, 0.0, 1.0
+    V, V_p, V_x = -N * shear, -N * by_p, -N * by_x
+    if p - law.K * V < -law.pt:
+        V, V_p, V_x = (p + law.pt) / law.K, 1 / law.K, 0.0
+    return _result(law, (p, q, k, densest), (V, p - law.K * V, top), (V_p, 0.0, 0.0, q_q, V_x, top_x), False)
+
+
+@compiled
+def _return_to_corner(law, p, q, k, densest, slope, limit, viscosity):
+    """Return the results at the intersection of cap and line."""
+    P, onset = p + law.pt, np.log(densest / k)
+    trial = (P, q, densest, onset, slope)
+    overstress, low, high = 0.0, 0.0, np.inf
+    V, shear, a, h, converged = _corner(law, trial, limit)
+    if viscosity > 0:
+        largest = LARGEST_OVERSTRESS * max(law.M * a - slope * a - limit, 0.0)
+        high = min(viscosity * shear, largest)
+        before, excess, overstress = 0.0, -viscosity * shear, high
+        for _ in range(MAX_ITERATIONS):  # regula falsi on the viscous stress
+            V, shear, a, h, converged = _corner(law, trial, limit + overstress)
+            residual = overstress - viscosity * shear
+            if overstress == largest and residual < 0:
+                return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
+            if not converged or abs(residual) <= CORNER_TOLERANCE * a or high - low <= CORNER_TOLERANCE * a:
+                break
+            if residual > 0:
+                high = overstress
+            else:
+                low = overstress
+            secant = overstress - residual * (overstress - before) / (residual - excess)
+            before, excess = overstress, residual
+            overstress = secant if low < secant < high else (low + high) / 2
+    end = P - law.K * V
+    end_q = slope * end + limit + overstress
+    hardens = onset < V
+    rate = h if hardens else hardening(law, densest)[1] / 2
+    derivatives = _corner_slopes(law, (q, V, shear, a, h), end, end_q, slope, viscosity, rate)
+    result = _result(law, (p, q, k, densest), (V, end - law.pt, end_q), derivatives, hardens)
+    return (0 if converged else MAX_ITERATIONS + 1, *result[1:])
+
+
+@compiled
+def _corner(law, trial, limit):
+    """Return V, shear of the line, a, da/dV and convergence at the corner of the cap and a line with an intercept."""
+    P_trial, q_trial, densest, onset, slope = trial
+    a_before = (hardening(law, densest)[0] + law.pt) / 2
+    a, h, V = a_before, 0.0, (P_trial - _intersection(law, a_before, slope, limit)[0]) / law.K
+    converged = True
+    if onset < V:
+        low, high = onset, V
+        for iteration in range(MAX_ITERATIONS):
+            rise, H = pressure_rise(law, densest, V - onset)
+            a, h = a_before + rise / 2, H / 2
+            P, by_a = _intersection(law, a, slope, limit)
+            residual = P_trial - law.K * V - P
+            if residual < 0:
+                high = V
+            else:
+                low = V
+            change = residual / (law.K + h * by_a)
+            next_V = V + change if low < V + change < high else (low + high) / 2
+            converged = iteration < MAX_ITERATIONS - 1
+            if abs(next_V - V) <= CORNER_TOLERANCE * abs(V) or high - low <= CORNER_TOLERANCE * abs(V):
+                break
+            V = next_V
+    P = P_trial - law.K * V
+    q, y = slope * P + limit, P - a
+    ratio = 3 * law.G * q / (y * law.M**2)
+    shear = (q_trial - q - ratio * V) / (3 * law.G + ratio * law.dilatancy)
+    return V, shear, a, h, converged
+
+
+@compiled
+def _intersection(law, a, slope, limit):
+    """Return P where the line meets the supercritical side of the cap, and dP/da; the nearest point without one."""
+    M2 = law.M**2
+    square, half = 1 + slope * slope / M2, a - slope * limit / M2
+    root = np.sqrt(max(half * half - square * limit * limit / M2, 0.0))
+    return (half + root) / square, (1 + (half / root if root > 0 else 0.0)) / square
+
+
+@compiled
+def _corner_slopes(law, solution, P, q, slope, viscosity, rate):
+    """Return the derivatives for `_result` by the implicit derivatives of yield limit and shear flow.
+
+    They are y^2 + (q/Mc)^2 = a^2 and q + 3 G ls + 3 G q (V + N ls)/(y Mc^2) = q_tr with y = P_tr - K V - a.
+    """
+    _, V, shear, a, h = solution
+    K, M2, N, G3 = law.K, law.M**2, law.dilatancy, 3 * law.G
+    y = P - a
+    flow, weight = V + N * shear, G3 / (y * M2)
+    y_V = -K - h
+    q_V, q_l = -slope * K, viscosity
+    # residuals by V and ls
+    f_V, f_l = 2 * y * y_V + 2 * q * q_V / M2 - 2 * a * h, 2 * q * q_l / M2
+    g_V = q_V + weight * (q_V * flow + q - q * flow * y_V / y)
+    g_l = q_l + G3 + weight * (q_l * flow + q * N)
+    determinant = f_V * g_l - f_l * g_V
+    # by the trial pressure, the trial shear stress, and the density ratio that determines pc
+    f_p, g_p = 2 * y + 2 * q * slope / M2, slope + weight * (slope * flow - q * flow / y)
+    f_x, g_x = -2 * rate * (y + a), weight * q * flow * rate / y
+    V_p, l_p = (-f_p * g_l + f_l * g_p) / determinant, (-f_V * g_p + g_V * f_p) / determinant
+    V_q, l_q = -f_l / determinant, f_V / determinant
+    V_x, l_x = (-f_x * g_l + f_l * g_x) / determinant, (-f_V * g_x + g_V * f_x) / determinant
+    return (
+        V_p,
+        V_q,
+        slope + q_V * V_p + q_l * l_p,
+        q_V * V_q + q_l * l_q,
+        V_x,
+        q_V * V_x + q_l * l_x,
+    )

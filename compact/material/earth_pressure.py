@@ -1,0 +1,158 @@
+"""Slopes of the Drucker-Prager cap from the angles of friction and dilatancy and the earth pressure coefficient.
+
+In plane strain the plastic flow leaves no strain across the plane. With s = sin phi, the Mohr-Coulomb limit is met by
+
+    N = 3 sin psi/sqrt(3 + sin^2 psi),    M = s/[sqrt((1 - N^2/9)/3) + N s/9]
+
+exactly for psi = 0, where M = sqrt(3) s, and psi = phi, where M = N. In confined compression associated flow on a cap
+of slope Mc ends at the stress ratio eta = q/P of Mc^2 = eta^2 + 3 eta. All stresses are shifted by pt, so that a
+coefficient K0 = s_h/s_v belongs to one vertical stress s_v:
+
+    K0' = (K0 s_v + pt)/(s_v + pt),    eta = 3 (1 - K0')/(1 + 2 K0')
+
+Mix in confined compression must flow on the cap, K0' > (3 - M)/(3 + 2 M), and the cap must be as steep as the line,
+Mc >= M.
+
+References
+----------
+D. C. Drucker and W. Prager, Soil mechanics and plastic analysis or limit design, Q. Appl. Math. 10 (1952) 157-165;
+J. Jaky, A nyugalmi nyomas tenyezoje, J. Soc. Hungarian Architects and Engineers 78 (1944) 355-358 (K0 = 1 - sin phi).
+"""
+
+import numpy as np
+
+from compact.material.laws import DruckerPragerCap
+from compact.numerics.validation import require_positive
+
+
+def matched_slopes(friction_angle: float, dilatancy_angle: float = 0.0) -> tuple[float, float]:
+    """Return the slopes of the shear line and of its plastic potential.
+
+    Parameters
+    ----------
+    friction_angle, dilatancy_angle : float
+        Angles phi and psi in plane strain [deg], 0 <= psi <= phi < 90, phi > 0.
+
+    Returns
+    -------
+    M, N : float
+        Slopes [-].
+
+    Examples
+    --------
+    >>> M, N = matched_slopes(35.0, 35.0)
+    >>> f"{M:.4f} {N:.4f}"
+    '0.9431 0.9431'
+    """
+    if not 0 < friction_angle < 90:
+        raise ValueError(
+            f"`friction_angle` must lie between 0 and 90 degrees for a shear line, got {friction_angle!r}; mix without "
+            'friction requires the law "ellipse" and its cohesion'
+        )
+    if not 0 <= dilatancy_angle <= friction_angle:
+        raise ValueError(
+            f"`dilatancy_angle` must lie between 0 and `friction_angle` {friction_angle!r} degrees, got "
+            f"{dilatancy_angle!r}"
+        )
+    s, t = np.sin(np.radians([friction_angle, dilatancy_angle]))
+    N = 3 * t / np.sqrt(3 + t * t)
+    return float(s / (np.sqrt((1 - N * N / 9) / 3) + N * s / 9)), float(N)
+
+
+def cap_slope(earth_pressure_coefficient: float, pressure: float, tensile_strength: float) -> float:
+    """Return the slope Mc of the cap.
+
+    Parameters
+    ----------
+    earth_pressure_coefficient : float
+        K0 = s_h/s_v of confined compression [-], 0 < K0 < 1.
+    pressure : float
+        Vertical stress at which it holds [Pa].
+    tensile_strength : float
+        Isotropic tensile strength pt [Pa].
+
+    Examples
+    --------
+    >>> f"{cap_slope(0.4264, 200e3, 14281.0):.3f}"
+    '1.786'
+    """
+    ratio = _stress_ratio(earth_pressure_coefficient, pressure, tensile_strength)
+    return float(np.sqrt(ratio * ratio + 3 * ratio))
+
+
+def earth_pressure_bounds(friction_slope: float, pressure: float, tensile_strength: float) -> tuple[float, float]:
+    """Return the earth pressure coefficients between which a cap fits a shear line.
+
+    Parameters
+    ----------
+    friction_slope : float
+        Slope M of the line [-].
+    pressure, tensile_strength : float
+        As of `cap_slope`.
+
+    Returns
+    -------
+    low, high : float
+        K0 at which mix in confined compression slides on the line too, and K0 at which Mc = M [-].
+    """
+    flattest = (-3 + np.sqrt(9 + 4 * friction_slope**2)) / 2
+    shift = tensile_strength / pressure
+    low, high = ((3 - ratio) / (3 + 2 * ratio) * (1 + shift) - shift for ratio in (friction_slope, flattest))
+    return float(low), float(high)
+
+
+def drucker_prager_cap(
+    *,
+    friction_angle: float,
+    cohesion: float,
+    earth_pressure_coefficient: float,
+    pressure: float,
+    dilatancy_angle: float = 0.0,
+    **others: float | None,
+) -> DruckerPragerCap:
+    """Return the law of angles, cohesion and earth pressure whose confined compression follows a Heckel curve.
+
+    Parameters
+    ----------
+    friction_angle, dilatancy_angle : float
+        Angles in plane strain [deg].
+    cohesion : float
+        Cohesion [Pa].
+    earth_pressure_coefficient : float
+        K0 of confined compression [-].
+    pressure : float
+        Vertical stress at which K0 holds [Pa].
+    **others
+        Further parameters of `DruckerPragerCap`; `heckel_slope` is that of confined compression.
+
+    Raises
+    ------
+    ValueError
+        If no cap has the coefficient; the message names the bounds.
+    """
+    require_positive(pressure=pressure)
+    M, N = matched_slopes(friction_angle, dilatancy_angle)
+    strength = float(cohesion / np.tan(np.radians(friction_angle)))
+    low, high = earth_pressure_bounds(M, pressure, strength)
+    if not low < earth_pressure_coefficient <= high:
+        raise ValueError(
+            f"`earth_pressure_coefficient` must lie between {low:.4f} and {high:.4f} for a friction angle of "
+            f"{friction_angle:g} degrees at {pressure / 1e3:.4g} kPa, got {earth_pressure_coefficient:.4f}: below, mix "
+            "in confined compression would slide along the shear line; above, the cap would be flatter than the line; "
+            "give `mix.overrides.earth_pressure_coefficient` or another `friction_angle`"
+        )
+    return DruckerPragerCap(
+        critical_slope=cap_slope(earth_pressure_coefficient, pressure, strength),
+        tensile_strength=strength,
+        heckel_test="confined",
+        friction_slope=M,
+        dilatancy_slope=N,
+        **others,  # type: ignore[arg-type]
+    )
+
+
+def _stress_ratio(coefficient: float, pressure: float, tensile_strength: float) -> float:
+    """Return eta = q/P of confined compression."""
+    require_positive(earth_pressure_coefficient=coefficient, pressure=pressure)
+    shifted = (coefficient * pressure + tensile_strength) / (pressure + tensile_strength)
+    return 3 * (1 - shifted) / (1 + 2 * shifted)

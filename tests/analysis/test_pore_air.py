@@ -1,0 +1,203 @@
+"""Pore air of a scene: its curve, load, resistance, map, summary, and refusals."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compact.analysis.pore_air import AirCurve, CoupledSample, air_answer, pore_air_of
+from compact.analysis.study import Study
+from compact.report import text
+from compact.report.summary import study_summary
+from compact.scene.errors import SceneError
+from compact.scene.loader import load_scene
+from compact.sweep.point import headline
+
+SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+LIFT = {
+    "accuracy.engine": "column", "layer.lift_thickness": 0.06, "layer.fed_density_ratio": 0.936, "output.items": (),
+    "mix.overrides.heckel_slope": 1.487e-5,
+}  # fmt: skip
+RATIOS = np.geomspace(1e9, 1e17, 25)
+
+
+def lift(**changes):
+    return load_scene(SCENES / "loveikin-2015.toml", **LIFT | changes)
+
+
+@pytest.fixture(scope="module")
+def drained():
+    return Study(lift())
+
+
+@pytest.fixture(scope="module")
+def one_way():
+    return Study(lift(**{"mix.pore_air": "one-way"}))
+
+
+@pytest.fixture
+def curve():
+    """Load that grows to the undrained 1000 N/m, over 500 N/m of skeleton."""
+    loads = 1000 * RATIOS / (RATIOS + 1e13)
+    return AirCurve(500.0, 50.0, tuple(RATIOS), tuple(loads), tuple(loads / 10), tuple(loads))
+
+
+def test_curve_interpolates_over_the_ratio_and_is_proportional_below(curve):
+    for ratio in (3e9, 1e12, 2.5e13, 4e16):
+        assert curve.at(ratio * 1e-13, 1e-13).load == pytest.approx(1000 * ratio / (ratio + 1e13), rel=3e-3)
+    assert curve.at(1e-6, 1e-13).load == pytest.approx(curve.at(1e-5, 1e-13).load / 10)
+    assert curve.at(-0.2, 1e-13).load == curve.at(0.2, 1e-13).load
+    assert curve.at(1e9, 1e-13).load == pytest.approx(1000, rel=1e-3)
+
+
+def test_deaeration_speed_is_proportional_to_the_permeability(curve):
+    speed = 1e-13 * 1e13 / 19  # 50 of 1000 N/m
+    assert curve.deaeration_speed(1e-13) == pytest.approx(speed, rel=3e-3)
+    assert curve.deaeration_speed(1e-12) == pytest.approx(10 * speed, rel=3e-3)
+    assert curve.deaeration_speed(1e-13, share=3.0) is None
+
+
+def test_coupled_contacts_correct_the_curve(curve):
+    corrected = curve.with_coupled([CoupledSample(1e14, 3.0, 8.0), CoupledSample(1e12, 2.0, 4.0)])
+    alone, coupled = curve.at(1.0, 1e-13), corrected.at(1.0, 1e-13)  # half-way between both samples
+    assert coupled.load == pytest.approx(2.5 * alone.load)
+    assert coupled.resistance == pytest.approx(6.0 * alone.resistance)
+    assert corrected.at(1e-4, 1e-13).load == pytest.approx(2.0 * curve.at(1e-4, 1e-13).load)
+
+
+def test_curve_survives_its_file(curve):
+    stored = json.loads(json.dumps(asdict(curve.with_coupled([CoupledSample(1e14, 3.0, 8.0)]))))
+    assert AirCurve.from_json(stored) == curve.with_coupled([CoupledSample(1e14, 3.0, 8.0)])
+
+
+def test_drained_mix_has_no_air_in_its_forces_but_a_deaeration_speed(drained):
+    assert {each.air_load for each in drained.contacts} == {None}
+    value, low, high = drained.pore_air.deaeration_speeds
+    assert low == pytest.approx(value / 10)
+    assert high == pytest.approx(value * 10)
+    content = study_summary(drained, [])["pore_air"]
+    assert content["model"] == "drained"
+    assert content["deaeration_speed"] == {"value": value, "unit": "m/s", "low": low, "high": high}
+    assert "it adds a tenth of the load at" in text.air_sentence(drained)
+
+
+def test_air_increases_load_and_resistance_with_the_speed(drained, one_way):
+    for without, with_air in zip(drained.contacts, one_way.contacts, strict=True):
+        assert with_air.load == pytest.approx(without.load + with_air.air_load)
+        assert with_air.resistance == pytest.approx(without.resistance + with_air.air_resistance)
+        assert with_air.coefficient == pytest.approx(with_air.resistance / with_air.load)
+    assert np.all(np.diff([each.load for each in one_way.contacts]) > 0)
+
+
+def test_map_has_the_resistance_of_the_contacts(one_way):
+    forces = one_way.resistance_map(np.array([each.speed for each in one_way.contacts]))
+    machine = one_way.scene.machine
+    expected = [machine.rollers * machine.roller_length * each.resistance for each in one_way.contacts]
+    np.testing.assert_allclose(forces, expected, rtol=2e-3)
+    assert one_way.roller_load == pytest.approx(machine.roller_length * one_way.contacts[4].load, rel=1e-9)
+
+
+def test_map_costs_no_contact_more(drained, one_way):
+    assert drained.resistance_map.engine_error == one_way.resistance_map.engine_error
+    assert drained.counts["resistance"] == one_way.counts["resistance"]
+
+
+def test_drives_contain_the_air(drained, one_way):
+    first = [study.places["rigid"]["peak_force"][0].value for study in (drained, one_way)]
+    assert first[1] > 1.02 * first[0]
+
+
+@pytest.mark.slow
+def test_sensitivities_contain_the_air(drained, one_way):
+    names = [shift.name for shift in one_way.sensitivities]
+    assert "mix.overrides.air_permeability" in names
+    assert "mix.overrides.air_permeability" not in [shift.name for shift in drained.sensitivities]
+
+
+def test_point_of_a_sweep_contains_the_air(drained, one_way):
+    without, _ = headline(lift())
+    found, _ = headline(lift(**{"mix.pore_air": "one-way", "mix.overrides.air_permeability": 1e-13}))
+    machine = one_way.scene.machine
+    at_mean = one_way.contacts[4]
+    assert found["load"] == pytest.approx(machine.roller_length * at_mean.load, rel=2e-3)
+    assert without["load"] == pytest.approx(machine.roller_length * drained.contacts[4].load, rel=1e-6)
+
+
+def test_tension_behind_the_roller_is_compared_with_the_strength(one_way):
+    answer = one_way.pore_air
+    assert answer.may_crack == (answer.at_mean_speed.excess_behind > answer.tensile_strength)
+    tight = air_answer(one_way.air_curve, one_way.mix, 1e-6)
+    assert not tight.may_crack
+
+
+def test_results_of_an_earlier_run_contain_the_curve(tmp_path):
+    scene = lift(**{"mix.pore_air": "one-way"})
+    first = Study(scene, directory=tmp_path)
+    list(first.keep(tmp_path, []))
+    again = Study(scene, directory=tmp_path)
+    assert again.kept is not None
+    assert again.air_curve == first.air_curve
+    assert again.counts["rolled"] == 0
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"contact.load": 9740.0}, "is computed at the height of the roller"),
+    ({"contact.held": "load"}, 'contact.held = "load"'),
+    ({"mix.overrides.air_permeability": 0.0}, "must be positive"),
+    ({"mix.overrides.air_permeability": 1e-3}, "far outside the plausible"),
+    ({"mix.overrides.occlusion_saturation": 1.2}, "at most 1"),
+    ({"mix.pore_air": "wet"}, "one-way"),
+])  # fmt: skip
+def test_scenes_that_contradict_the_air_are_refused(changes, message):
+    with pytest.raises(SceneError, match=message):
+        lift(**{"mix.pore_air": "one-way"} | changes)
+
+
+def test_mix_that_is_occluded_as_fed_is_refused_with_the_bound():
+    scene = lift(**{"mix.pore_air": "one-way", "mix.overrides.occlusion_saturation": 0.75})
+    with pytest.raises(ValueError, match="must exceed the saturation of the fed mix"):
+        Study(scene).contacts  # noqa: B018
+    dry = Study(lift(**{"mix.overrides.occlusion_saturation": 0.75}))
+    assert dry.pore_air is None
+    assert "occluded" in text.air_sentence(dry)
+
+
+def test_linear_layers_have_no_air_and_say_so():
+    scene = lift(**{"mix.pore_air": "one-way", "accuracy.engine": "spectral"})
+    assert any("drained pore air" in sentence for sentence in scene.replacements["spectral"])
+    assert Study(scene).pore_air is None
+
+
+def test_permeability_without_its_use_is_advised():
+    assert any(
+        "de-aeration speed alone" in advice for advice in lift(**{"mix.overrides.air_permeability": 1e-13}).advice
+    )
+
+
+def test_pore_air_of_a_mix_has_its_parameters(one_way):
+    air = pore_air_of(one_way.mix, 0.936)
+    assert (air.permeability, air.occlusion_saturation) == (1e-13, 0.90)
+    assert one_way.mix.parameter("air_permeability").at(0.25) == pytest.approx(10**-13.5)
+
+
+COARSE = LIFT | {"accuracy.engine": "compaction", "mix.overrides.air_permeability": 1e-12, "contact.speeds": (0.1, 0.2)}
+
+
+@pytest.mark.slow
+def test_finite_elements_have_the_field_of_the_air_and_the_coupled_forces():
+    studies = {
+        model: Study(load_scene(SCENES / "loveikin-2015.toml", **COARSE | {"mix.pore_air": model}))
+        for model in ("drained", "one-way", "coupled")
+    }
+    drained, one_way, coupled = (studies[model].contacts[-1] for model in studies)
+    assert 0.002 < one_way.air_load / drained.load < 0.1
+    assert coupled.air_resistance > 1.5 * one_way.air_resistance
+    mesh, result = studies["one-way"].fields[-1]
+    (pressure,) = mesh.cell_data["air_pressure"]
+    assert len(pressure) == len(mesh.cells[0].data)
+    assert one_way.air_excess_behind < 1.2 * pressure.max() < 101325
+    assert "air_pressure" not in studies["drained"].fields[-1][0].cell_data
+    assert result.load == drained.load
+    assert len(study_summary(studies["coupled"], [])["pore_air"]["coupled"]) == 2

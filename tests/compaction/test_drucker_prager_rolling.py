@@ -1,0 +1,108 @@
+"""Rolling over mix with a shear line: carried pressure, steady state, viscosity, the default law unchanged."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compact.engines.compaction.engine import RollingCase, RollingNumerics, roll
+from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
+from compact.engines.compaction.incremental_rolling import FINAL_DAMPING_RATIO
+from compact.material import cap_plasticity
+from compact.material.earth_pressure import drucker_prager_cap
+from compact.mesh import RowMesh
+from compact.rolling_contact import Layer, Roller
+
+DEPTH = 0.003
+LENGTH = 1.164  # m, of the roller of the table
+
+
+def law(fed=0.9, **other):
+    others = {
+        "friction_angle": 35.0,
+        "cohesion": 10e3,
+        "earth_pressure_coefficient": 1 - np.sin(np.radians(35)),
+        "pressure": 200e3,
+        "unloading_modulus": 120e6,
+        "poisson": 0.3,
+        "heckel_slope": 14.96e-6,
+        "loose_density_ratio": 0.72,
+        "fed_density_ratio": fed,
+    }
+    return drucker_prager_cap(**others | other)
+
+
+def marched(mix, increments, travel, height=None):
+    """Roller after incremental rolling of the published lift at a residual of 1e-3."""
+    height = 0.06 * 0.98 / mix.fed_density_ratio if height is None else height
+    roller = Roller(0.11, DEPTH, 0.35, "free", "deformed")
+    case = RollingCase(Layer(height), roller, mix, 0.133, None, None, RollingNumerics())
+    rolling = case.roller_at_rest(case.create_frame(DEPTH, increments))
+    rolling.solver.tolerance = 1e-3
+    for share in np.linspace(0, 1, 2 * increments + 1)[1:]:
+        rolling.advance(height - share * DEPTH)
+    while rolling.steps[-1].travel < travel:
+        rolling.advance(height - DEPTH, FINAL_DAMPING_RATIO * 0.02)
+    return rolling
+
+
+@pytest.fixture(scope="module")
+def loose():
+    """Mix fed at 0.90 after 0.5 m."""
+    return marched(law(), 4, 0.5)
+
+
+def test_carried_pressure_is_that_of_the_mix_in_steady_motion(loose):
+    """The two-surface law is then satisfied: no point exceeds q = M P."""
+    points, mix = loose.state.points, loose.frame.solid.material
+    p = -points.stress[:, :3].mean(axis=1)
+    deviator = points.stress + p[:, None] * [1, 1, 1, 0]
+    q = np.sqrt(1.5 * (deviator**2) @ [1, 1, 1, 2])
+    near = np.abs(loose.frame.solid.point_coordinates[:, 0]) < loose.frame.contact_length
+    assert np.abs(loose.carried_pressure - p)[near].max() < 100.0  # Pa; the peak pressure is 250 kPa
+    excess = (q - mix.friction_slope * (p + mix.tensile_strength))[near]
+    assert excess.max() < 100.0
+    assert (excess > -100.0).sum() > 30  # mix slides on the line
+
+
+def test_coefficient_of_loose_mix_is_that_of_the_table(loose):
+    """Fed at 0.90 the K0 cap and the line have 0.127 on 6 increments; 4 have some 0.02 less."""
+    step = loose.steps[-1]
+    assert step.resistance / step.load == pytest.approx(0.115, abs=0.006)
+    assert step.bow_wave < 0.3e-3
+    assert abs(step.load / loose.steps[-30].load - 1) < 2e-3
+
+
+@pytest.mark.slow
+def test_steady_state_by_search_is_that_of_marching():
+    mix = law()
+    found = roll(Layer(0.06 * 0.98 / 0.9), Roller(0.11, DEPTH, 0.35, "free", "deformed"), mix, 0.133, increments=6)
+    step = marched(mix, 6, 0.8).steps[-1]
+    assert found.load == pytest.approx(step.load, rel=0.02)
+    assert found.resistance == pytest.approx(step.resistance, rel=0.01)
+    assert found.load * LENGTH == pytest.approx(4885, rel=0.02)
+    assert found.resistance * LENGTH == pytest.approx(618, rel=0.02)
+
+
+def test_direct_and_carried_line_agree_in_a_confined_test():
+    """Plane compression of one element: with its own pressure carried the forces are those of the two-surface law."""
+    mix = law()
+    mesh = RowMesh(np.tile([0.0, 1.0], (2, 1)), np.array([0.0, 1.0]))
+    solid = FiniteStrainSolid(mesh, mix, finite=False)
+    state = solid.undeformed_state()
+    points = cap_plasticity.MaterialPoint(
+        np.tile([-40e3, -20e3, -25e3, 0.0], (4, 1)), *(np.full(4, value) for value in (0.9, 0.95, 0.0))
+    )
+    state = replace(state, points=points)
+    x, y = solid.basis.doflocs
+    moved = np.column_stack([-4e-4 * x, 2e-4 * y])
+    direct = solid.increment(state, moved)
+    carried = replace(state, carried_pressure=-direct.after.points.stress[:, :3].mean(axis=1))
+    forces = solid.increment(carried, moved).internal_forces
+    assert forces == pytest.approx(direct.internal_forces, abs=2e-3 * np.abs(direct.internal_forces).max())
+
+
+def test_viscosity_raises_the_forces(loose):
+    step = marched(law(shear_viscosity=3000.0), 4, 0.15).steps[-1]
+    plain = loose.steps[round(step.travel / loose.frame.step) - 1]
+    assert 1.01 < step.load / plain.load < 1.2

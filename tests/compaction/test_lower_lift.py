@@ -1,0 +1,294 @@
+"""Lower lift below the fed one: columns in series, the rigid base as limit, chain of passes, balances, refusals."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compact import fem
+from compact.analysis.contact_cases import (
+    contact_from_json,
+    contact_inputs,
+    contact_record,
+    contact_to_json,
+    scene_mix,
+)
+from compact.analysis.multipass import Pass, density, passes
+from compact.engines.column import engine as column
+from compact.engines.compaction.engine import roll
+from compact.engines.compaction.roller_frame import (
+    RollerFrame,
+    compacted_lift,
+    fresh_layer,
+    rolling_mesh,
+    transfer_state,
+)
+from compact.engines.spectral import engine as spectral
+from compact.material.cap_plasticity import compacted_state
+from compact.material.laws import Compaction, Elastic
+from compact.motion.profile import law
+from compact.rolling_contact import Layer, LowerLift, Ply, Roller
+from compact.scene.loader import load_scene
+
+SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015.toml"
+SLOPE = float(np.sqrt(3) * np.sin(np.radians(35)))
+ISOTROPIC = 14.96e-6 * (1 + np.sqrt(1 + 4 * SLOPE**2 / 9)) / 2
+# the published lift, as in test_steady_search
+LIFT, ROLLER = Layer(0.06 * 0.98 / 0.93576), Roller(0.11, 0.003, 0.35, "free", "deformed")
+MIX = Compaction(120e6, 0.3, ISOTROPIC, 0.72, SLOPE, 10e3 / np.tan(np.radians(35)), 0.93576)
+CIRCLE = replace(ROLLER, profile="circle")
+LOWER = LowerLift(0.06, 0.98)
+ON_LIFT = replace(LIFT, lower_lift=LOWER)
+HEIGHT, THIN = 0.1147, Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94, dry_side="ellipse")
+
+
+@pytest.fixture(scope="module")
+def on_lift():
+    """Published lift on a compacted lift, on 4 increments."""
+    return roll(ON_LIFT, ROLLER, MIX, 0.13, increments=4)
+
+
+@pytest.fixture(scope="module")
+def on_base():
+    """Published lift on the rigid base, on 4 increments."""
+    return roll(LIFT, ROLLER, MIX, 0.13, increments=4)
+
+
+# state of the lower lift before the pass
+
+
+@pytest.mark.parametrize("ratio", [0.95, 0.98])
+def test_residual_stress_is_that_of_a_column_after_its_pass(ratio):
+    feed = column.required_feed(0.06, ratio, MIX, 0.13)
+    rolled = column.roll(Layer(feed.height), replace(CIRCLE, indentation=feed.indentation), MIX, 0.13)
+    point, expected = compacted_state(MIX, ratio), rolled.columns[0]
+    assert point.density_ratio[0] == pytest.approx(ratio, abs=1e-12)
+    assert -point.stress[0, [0, 2]] == pytest.approx(expected.lateral_stress, rel=1e-4)
+    assert point.max_density_ratio[0] == pytest.approx(expected.max_density_ratio, abs=1e-9)
+
+
+def test_lower_lift_without_residual_stress_keeps_its_preconsolidation():
+    points = compacted_lift(replace(LOWER, residual_stress=False), MIX).points
+    assert not points.stress.any()
+    assert points.max_density_ratio[0] == pytest.approx(0.98, abs=1e-12)
+
+
+def test_rows_of_both_lifts_are_stacked_and_split():
+    lower = compacted_lift(LOWER, MIX)
+    layer = replace(fresh_layer(MIX, np.full(3, 0.02)), lower=lower)
+    assert layer.height == pytest.approx(0.06)
+    assert layer.stacked.points.density_ratio == pytest.approx([0.98, *[MIX.fed_density_ratio] * 3])
+    again = layer.stacked.split(1)
+    assert np.array_equal(again.heights, layer.heights)
+    assert np.array_equal(again.lower.points.stress, lower.points.stress)
+    covered = layer.with_lift(0.05, MIX)
+    assert covered.lower is lower
+    assert covered.heights == pytest.approx([0.02, 0.02, 0.02, 0.05])
+
+
+def test_transfer_between_meshes_keeps_the_jump_of_density_at_the_interface():
+    lower = compacted_lift(LOWER, MIX)
+    old, new = (
+        RollerFrame(rolling_mesh(0.06, 0.02, step, 0.06), MIX, "bonded", 0.02, lower=lower) for step in (0.01, 0.004)
+    )
+    ratios = new.to_rows(transfer_state(old.initial_state(), old, new).points.density_ratio)
+    assert ratios[: new.lower_rows] == pytest.approx(0.98, rel=1e-12)
+    assert ratios[new.lower_rows :] == pytest.approx(MIX.fed_density_ratio, rel=1e-12)
+    assert new.row_heights[: new.lower_rows].sum() == pytest.approx(0.06, rel=1e-12)
+
+
+def test_lower_lift_of_a_lower_lift_belongs_to_it():
+    lower = replace(fresh_layer(MIX, np.array([0.03])), lower=compacted_lift(LOWER, MIX))
+    fed = replace(fresh_layer(MIX, np.array([0.06])), lower=lower)
+    frame = RollerFrame(rolling_mesh(0.06, 0.02, 0.01, 0.09), MIX, "bonded", 0.02, fed_layer=fed)
+    assert frame.lower_height == pytest.approx(0.09)
+    assert frame.fed_layer.height == pytest.approx(0.06, rel=1e-12)
+    assert frame.fed_layer.lower.density_ratio == pytest.approx((0.03 * MIX.fed_density_ratio + 0.06 * 0.98) / 0.09)
+
+
+# columns in series
+
+
+def test_column_on_an_elastic_lower_lift_settles_by_its_oedometric_strain():
+    """Columns share the vertical stress: resistance and exit density are those of the rigid base."""
+    feeds = [column.required_feed(0.06, 0.98, MIX, 0.13, lower_lift=lower) for lower in (None, LOWER)]
+    rigid, lifted = (
+        column.roll(Layer(feed.height, lower_lift=lower), replace(CIRCLE, indentation=feed.indentation), MIX, 0.13)
+        for feed, lower in zip(feeds, (None, LOWER), strict=True)
+    )
+    modulus = 120e6 * 0.7 / (1.3 * 0.4)
+    settlement = 0.06 * (1 - np.exp(-rigid.peak_pressure / modulus))
+    assert feeds[1].height == feeds[0].height
+    assert feeds[1].indentation - feeds[0].indentation == pytest.approx(settlement, rel=1e-6)
+    assert lifted.peak_pressure == pytest.approx(rigid.peak_pressure, rel=1e-8)
+    assert lifted.exit_density_ratio == pytest.approx(0.98, abs=1e-10)
+    assert lifted.exit_height == pytest.approx(0.06, rel=1e-9)
+    assert lifted.resistance == pytest.approx(rigid.resistance, rel=1e-8)
+    assert lifted.load > 1.04 * rigid.load  # a longer contact, in front and behind
+    assert (lifted.lower_height, lifted.lower_density_ratio) == pytest.approx((0.06, 0.98), rel=1e-12)
+
+
+def test_column_reaches_an_exit_density_that_yields_the_lower_lift_too():
+    layer = replace(LIFT, lower_lift=LowerLift(0.06, 0.95))
+    rolled = column.roll(layer, CIRCLE, MIX, 0.13, exit_density_ratio=0.97)
+    assert rolled.exit_density_ratio == pytest.approx(0.97, abs=1e-8)
+    assert rolled.lower_density_ratio == pytest.approx(0.97, abs=1e-4)  # nearly the same path to the same stress
+    assert rolled.mass_residual < 1e-12
+
+
+@pytest.mark.parametrize("ratio", [0.98, 0.95], ids=["elastic", "yielding"])
+def test_thin_layers_tend_to_columns_in_series(ratio):
+    """Contact length ten times both heights together, small strain; P .1 %, F .3 % beside the error of columns."""
+    layer = Layer(HEIGHT, lower_lift=LowerLift(HEIGHT, ratio))
+    roller = Roller((20 * HEIGHT) ** 2 / (2 * 0.036 * HEIGHT), 0.036 * HEIGHT)
+    columns = column.roll(layer, roller, THIN, 0.2, strain="small")
+    rolled = roll(layer, roller, THIN, 0.2, strain="small", increments=12)
+    assert rolled.load == pytest.approx(columns.load, rel=3e-3)
+    assert rolled.resistance == pytest.approx(columns.resistance, rel=3e-3)
+    assert rolled.exit_density_ratio == pytest.approx(columns.exit_density_ratio, abs=2e-4)
+    assert rolled.lower_density_ratio == pytest.approx(columns.lower_density_ratio, abs=2e-4)
+    assert rolled.lower_height == pytest.approx(columns.lower_height, rel=2e-4)
+
+
+# limits of the published lift
+
+
+@pytest.mark.slow
+def test_difference_from_the_rigid_base_is_inverse_to_the_modulus():
+    """The lower lift stays elastic, so that it tends to the rigid base as the modulus grows."""
+    changes = []
+    for modulus in (120e6, 360e6):
+        mix = replace(MIX, unloading_modulus=modulus)
+        rigid, lifted = (roll(layer, ROLLER, mix, 0.13, increments=4) for layer in (LIFT, ON_LIFT))
+        changes.append([lifted.load / rigid.load - 1, lifted.resistance / rigid.resistance - 1])
+    assert np.divide(*changes) == pytest.approx(3, rel=0.1)
+    assert changes[1] == pytest.approx([0, 0], abs=8e-3)
+
+
+@pytest.mark.slow
+def test_thinner_lower_lifts_tend_to_the_rigid_base(on_base, on_lift):
+    lifts = [
+        roll(replace(LIFT, lower_lift=replace(LOWER, thickness=thickness)), ROLLER, MIX, 0.13, increments=4)
+        for thickness in (0.002, 0.12)
+    ]
+    losses = [1 - rolled.resistance / on_base.resistance for rolled in (lifts[0], on_lift, lifts[1])]
+    assert 0 < losses[0] < 2e-3
+    assert losses[0] < losses[1] < losses[2] < 2 * losses[1]
+
+
+def test_lower_lift_takes_some_of_the_depth(on_base, on_lift):
+    assert 0.005 < 1 - on_lift.load / on_base.load < 0.02
+    assert 0.01 < 1 - on_lift.resistance / on_base.resistance < 0.03
+    assert on_lift.exit_density_ratio < on_base.exit_density_ratio
+    assert on_lift.lower_density_ratio == pytest.approx(0.98, abs=1e-9)  # elastic
+    assert on_lift.lower_height == pytest.approx(0.06, rel=1e-5)
+    assert on_lift.indentation == pytest.approx(0.003, rel=1e-12)
+
+
+def test_mass_of_both_lifts_and_work_balance(on_lift):
+    assert on_lift.mass_residual < 3e-4
+    assert on_lift.work_residual < 0.02
+
+
+@pytest.mark.slow
+def test_exit_density_refers_to_the_fed_lift(on_lift):
+    rolled = roll(ON_LIFT, ROLLER, MIX, 0.13, increments=4, exit_density_ratio=0.98, start=on_lift)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, rel=1e-3)
+    assert rolled.indentation > on_lift.indentation
+
+
+@pytest.mark.slow
+def test_neighbour_on_a_lower_lift_equals_a_solution_from_scratch(on_lift):
+    layer = replace(ON_LIFT, height=1.03 * LIFT.height)
+    deeper = replace(ROLLER, indentation=0.00312)
+    found = [roll(layer, deeper, MIX, 0.13, increments=4, start=start) for start in (on_lift, None)]
+    assert found[0].load == pytest.approx(found[1].load, rel=3e-3)
+    assert found[0].resistance == pytest.approx(found[1].resistance, rel=3e-3)
+
+
+# chain of passes
+
+
+@pytest.mark.slow
+def test_exit_of_a_first_pass_as_lower_lift_equals_its_description(on_base):
+    """The density of the first pass varies over the height; its mean determines load and resistance within .2 %."""
+    fed = replace(fresh_layer(MIX, np.array([LIFT.height])), lower=on_base.exit)
+    described = LowerLift(on_base.exit_height, on_base.exit_density_ratio)
+    chained = roll(LIFT, ROLLER, MIX, 0.13, increments=4, fed_layer=fed)
+    rolled = roll(replace(LIFT, lower_lift=described), ROLLER, MIX, 0.13, increments=4)
+    assert chained.load == pytest.approx(rolled.load, rel=2e-3)
+    assert chained.resistance == pytest.approx(rolled.resistance, rel=2e-3)
+    assert chained.exit.lower.density_ratio == pytest.approx(on_base.exit_density_ratio, abs=1e-4)
+
+
+def test_second_pass_by_columns_at_the_same_height_has_no_resistance():
+    done = passes(ON_LIFT, CIRCLE, MIX, 0.13, (Pass(), Pass(forward=False)))
+    assert abs(done[1].resistance) < 1e-9 * done[0].resistance
+    assert done[1].peak_pressure == pytest.approx(done[0].peak_pressure, rel=1e-8)
+    assert done[1].lower_height == pytest.approx(done[0].lower_height, rel=1e-9)
+    rows = density(done[1])
+    assert rows[:, 2] == pytest.approx([done[0].lower_density_ratio, done[0].exit_density_ratio])
+    assert rows[-1, 1] == pytest.approx(done[0].lower_height + done[0].exit_height)
+
+
+@pytest.mark.slow
+def test_second_pass_by_finite_elements_carries_both_lifts():
+    first, second = passes(ON_LIFT, ROLLER, MIX, 0.13, (Pass(), Pass(forward=False)), engine="compaction", increments=4)
+    lowest = LIFT.height + LOWER.thickness - first.indentation
+    assert second.exit.lower.height + second.exit_height - second.elastic_recovery == pytest.approx(lowest, rel=1e-9)
+    assert abs(second.resistance) < 0.1 * first.resistance
+    assert len(density(second)) == len(second.exit.heights) + len(second.exit.lower.heights)
+
+
+# scenes, records and refusals
+
+
+def test_scene_on_a_lower_lift_differs_by_its_settlement():
+    rigid = load_scene(SCENE, **{"layer.lift_thickness": 0.06, "accuracy.engine": "column"})
+    lifted = rigid.replaced(**{"layer.lower_lift": {"thickness": 0.06, "density_ratio": 0.98}})
+    (layer, roller, _), (lifted_layer, lifted_roller, _) = (
+        contact_inputs(scene, scene_mix(scene), "column", 0.13) for scene in (rigid, lifted)
+    )
+    assert lifted_layer == replace(layer, height=lifted_layer.height, lower_lift=LOWER)
+    assert lifted_layer.height == pytest.approx(layer.height, rel=1e-6)  # the settlement adds to the rate of compaction
+    assert 5e-5 < lifted_roller.indentation - roller.indentation < 1e-4
+
+
+def test_record_holds_the_lower_lift():
+    rolled = column.roll(ON_LIFT, CIRCLE, MIX, 0.13)
+    record = contact_record("column", 0.13, (rolled,))
+    content = contact_to_json(record)
+    assert content["lower_density_ratio"] == {"value": rolled.lower_density_ratio, "unit": "1"}
+    assert contact_from_json(content) == record
+    on_base = contact_to_json(contact_record("column", 0.13, (column.roll(LIFT, CIRCLE, MIX, 0.13),)))
+    assert "lower_height" not in on_base
+
+
+@pytest.mark.parametrize(
+    ("compute", "message"),
+    [
+        (lambda: LowerLift(0.06, 1.0), "`density_ratio` of the lower lift must be below 1, got 1.0"),
+        (lambda: LowerLift(0.0, 0.98), "`thickness` must be positive and finite, got 0.0"),
+        (lambda: Layer(0.06, plies=(Ply(0.06, 1.0),), lower_lift=LOWER), "with a `lower_lift` must have no `plies`"),
+        (
+            lambda: roll(replace(LIFT, lower_lift=LowerLift(0.06, 0.9)), ROLLER, MIX, 0.13),
+            "`density_ratio` of compacted mix must lie between that of the fed mix 0.93576 and 1, got 0.9",
+        ),
+        (
+            lambda: roll(ON_LIFT, ROLLER, MIX, 0.13, fed_layer=fresh_layer(MIX, np.array([LIFT.height]))),
+            "`fed_layer` on a `lower_lift` must have a state `lower` of it, got None",
+        ),
+        (
+            lambda: spectral.roll(ON_LIFT, replace(CIRCLE, rolling="frictionless"), Elastic(1e6, 0.3), 0.13),
+            "a `lower_lift` must lie under mix that compacts, got one under a linear layer",
+        ),
+        (
+            lambda: fem.travel(ON_LIFT, ROLLER, MIX, law("cubic", 0.1, 1.0)),
+            "a `lower_lift` is for steady rolling, got one under a stroke; use `roll`",
+        ),
+    ],
+)
+def test_impossible_lower_lifts_are_refused(compute, message):
+    with pytest.raises(ValueError, match=message):
+        compute()

@@ -1,0 +1,358 @@
+"""Drucker-Prager cap at a point: closed forms, Koiter's conditions, tangents, order, carried pressure, refusals."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from compact.material import cap_plasticity
+from compact.material.drucker_prager_cap import is_elastic_in_line, return_to_line
+from compact.material.earth_pressure import cap_slope, drucker_prager_cap, earth_pressure_bounds, matched_slopes
+from compact.material.laws import DruckerPragerCap
+
+PRESSURE = 200e3  # Pa, at which K0 holds
+HECKEL_SLOPE = 14e-6
+DENSE = 0.94
+ROUNDING = 1e-12
+
+
+def law(friction_angle=35.0, dilatancy_angle=0.0, cohesion=10e3, coefficient=None, **other):
+    """The law of angles with Jaky's coefficient."""
+    others = {
+        "unloading_modulus": 120e6,
+        "poisson": 0.3,
+        "heckel_slope": HECKEL_SLOPE,
+        "loose_density_ratio": 0.72,
+        "fed_density_ratio": 0.9,
+    }
+    return drucker_prager_cap(
+        friction_angle=friction_angle,
+        dilatancy_angle=dilatancy_angle,
+        cohesion=cohesion,
+        earth_pressure_coefficient=1 - np.sin(np.radians(friction_angle)) if coefficient is None else coefficient,
+        pressure=PRESSURE,
+        **others | other,
+    )
+
+
+def walked(mix, steps, state=None):
+    """State of one point after strain increments (xx, yy, 2 xy), compression positive."""
+    state = cap_plasticity.initial_state(mix, 1) if state is None else state
+    for strain in -np.atleast_2d(np.asarray(steps, dtype=float)):
+        state, _ = cap_plasticity.integrate_points(mix, state, strain[None], tangent=False)
+    return state
+
+
+def invariants(stress):
+    """Mean pressure and von Mises stress of stresses of shape (n, 4)."""
+    p = -stress[:, :3].mean(axis=1)
+    s = stress + p[:, None] * [1, 1, 1, 0]
+    return p, np.sqrt(1.5 * (s * s) @ [1, 1, 1, 2])
+
+
+# (a) closed forms
+
+
+@pytest.mark.parametrize(("friction_angle", "slope"), [(28, 1.4715), (35, 1.786), (38, 1.9274)])
+def test_cap_slope_has_the_published_values(friction_angle, slope):
+    strength = 10e3 / np.tan(np.radians(friction_angle))
+    coefficient = 1 - np.sin(np.radians(friction_angle))
+    assert cap_slope(coefficient, PRESSURE, strength) == pytest.approx(slope, abs=5e-4)
+
+
+def test_bounds_of_the_earth_pressure_are_those_of_the_line():
+    found = [earth_pressure_bounds(matched_slopes(angle)[0], PRESSURE, 0.0) for angle in (28, 35, 38, 40, 45)]
+    assert [low for low, _ in found] == pytest.approx([0.473, 0.402, 0.377, 0.361, 0.326], abs=5e-4)
+    assert [high for _, high in found][:3] == pytest.approx([0.819, 0.751, 0.723], abs=5e-4)
+
+
+def oedometer(mix, stress, steps=3000):
+    """Vertical stress, K0 and density ratio of confined compression that passes a stress."""
+    state, rows = cap_plasticity.initial_state(mix, 1), []
+    while not rows or rows[-1][0] < stress:
+        state, _ = cap_plasticity.integrate_points(mix, state, np.array([[0, -0.1 / steps, 0]]), tangent=False)
+        rows.append((-state.stress[0, 1], state.stress[0, 0] / state.stress[0, 1], state.density_ratio[0]))
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("modulus", [60e6, 120e6])
+@pytest.mark.parametrize(("friction_angle", "tolerance"), [(28, 2e-5), (35, 1e-6), (38, 1e-6)])
+def test_confined_compression_follows_heckel_and_the_earth_pressure(friction_angle, tolerance, modulus):
+    """Elasticity departs in second order: at 28 degrees 7e-6 for 120 MPa at 200 kPa, as K0 differs from nu/(1 - nu)."""
+    path = oedometer(law(friction_angle, unloading_modulus=modulus), PRESSURE)
+    stress, coefficient, k = path[path[:, 2] > 0.91].T
+    heckel = np.log(0.28 / (1 - k)) / HECKEL_SLOPE
+    below = stress < 170e3
+    assert np.abs(stress / heckel - 1)[below].max() < tolerance
+    assert coefficient[-1] == pytest.approx(1 - np.sin(np.radians(friction_angle)), abs=0.005)
+
+
+def test_error_of_confined_compression_is_of_second_order_in_the_elastic_strain():
+    moduli = np.array([60e6, 120e6, 240e6])
+    errors = []
+    for modulus in moduli:
+        stress, _, k = oedometer(law(28, unloading_modulus=modulus), 150e3)[-1]
+        errors.append(abs(stress / (np.log(0.28 / (1 - k)) / HECKEL_SLOPE) - 1))
+    assert np.polyfit(np.log(moduli), np.log(errors), 1)[0] == pytest.approx(-2, abs=0.15)
+
+
+def biaxial_failure(mix, pressure):
+    """Principal stresses, shifted by pt, of plane compression at a lateral pressure."""
+    state = replace(
+        cap_plasticity.initial_state(mix, 1),
+        stress=-pressure * np.array([[1.0, 1, 1, 0]]),
+        max_density_ratio=np.array([0.985]),  # a large cap, so that mix fails on the line
+    )
+    for _ in range(40):
+        strain = np.array([1e-6, -2e-4, 0.0])
+        for _ in range(60):
+            new, slope = cap_plasticity.integrate_points(mix, state, strain[None])
+            excess = new.stress[0, 0] + pressure
+            if abs(excess) < 1e-9 * pressure:
+                break
+            strain[0] -= excess / slope[0, 0, 0] if slope[0, 0, 0] > 1e3 else -1e-5
+        state = new
+    return -state.stress[0, [0, 1]] + mix.tensile_strength
+
+
+@pytest.mark.parametrize("friction_angle", [20.0, 30.0, 35.0])
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_biaxial_test_mobilises_the_friction_angle(friction_angle, share):
+    mix = law(friction_angle, share * friction_angle, coefficient=0.6)
+    lateral, vertical = biaxial_failure(mix, 10e3)
+    angle = np.degrees(np.arcsin((vertical - lateral) / (vertical + lateral)))
+    assert angle == pytest.approx(friction_angle, abs=0.001)
+
+
+def test_shear_below_the_corner_leaves_the_density():
+    mix = law()
+    state = replace(
+        cap_plasticity.initial_state(mix, 1),
+        stress=-5e3 * np.array([[1.0, 1, 1, 0]]), max_density_ratio=np.array([DENSE]),
+    )  # fmt: skip
+    end = walked(mix, [(0, 0, 1e-3)] * 20, state)
+    (p,), (q,) = invariants(end.stress)
+    assert p == pytest.approx(5e3, rel=1e-9)
+    assert q == pytest.approx(mix.friction_slope * (5e3 + mix.tensile_strength), rel=1e-12)
+    assert end.density_ratio[0] == 0.9
+
+
+def test_dilatant_shear_does_not_soften_the_cap():
+    mix = law(dilatancy_angle=10.0)
+    start = walked(mix, [(0, 1e-3, 0)] * 20)
+    end = walked(mix, [(-1e-3, 0.5e-3, 1e-3)] * 20, start)
+    assert end.density_ratio < start.density_ratio
+    assert end.max_density_ratio == start.max_density_ratio
+
+
+# (b) Koiter's conditions
+
+
+def random_steps(mix, count, seed=0):
+    """Trial states around the surfaces and their returns: rows P, q, V, e, a and trial P, q over a of the trial."""
+    random = np.random.default_rng(seed)
+    constants = cap_plasticity.cap_constants(mix, 1.0)
+    k = random.uniform(0.85, 0.985, count)
+    densest = np.maximum(k, np.where(random.random(count) < 0.5, k, random.uniform(0.85, 0.985, count)))
+    a = (mix.yield_pressure(densest) + mix.tensile_strength) / 2
+    size = 10 ** random.uniform(-3, 1.5, count)
+    P, q = a * (random.uniform(-0.5, 2.2, count) + size * random.normal(size=count)), a * size * random.random(count)
+    q += a * random.uniform(0, 2, count)
+    rows = []
+    for trial in zip(P - mix.tensile_strength, q, k, densest, strict=True):
+        iterations, p, scale, after, largest, work, _, _ = return_to_line(constants, *trial, 0.0, np.nan, 1.0)
+        assert iterations < 100
+        pc = cap_plasticity.hardening(constants, largest)[0]
+        rows.append((p + constants.pt, scale * trial[1], np.log(after / trial[2]), pc + constants.pt, work))
+    end, end_q, V, C, work = np.array(rows).T
+    return constants, (P, q), (end, end_q, V, C, work), a
+
+
+@pytest.mark.parametrize("dilatancy_angle", [0.0, 12.0])
+def test_random_steps_satisfy_koiters_conditions(dilatancy_angle):
+    mix = law(dilatancy_angle=dilatancy_angle)
+    law_, (P_tr, q_tr), (P, q, V, C, work), a = random_steps(mix, 10_000)
+    M, N, cap = law_.friction, law_.dilatancy, law_.M
+    e = (q_tr - q) / (3 * law_.G)
+    size = np.hypot(P_tr, q_tr) + a  # of stresses; strains are compared times the moduli
+    kappa = cap**2 / (cap**2 + M**2)
+    assert np.abs(P_tr - P - law_.K * V).max() < ROUNDING * size.max()
+    assert (P_tr - P - law_.K * V) / size == pytest.approx(0, abs=ROUNDING)
+    # yield limits
+    f_cap = (q**2 / cap**2 + P * (P - C)) / C**2
+    f_line = (q - M * P) / C
+    right = kappa * C * (1 - ROUNDING) <= P
+    assert P.min() >= 0
+    assert f_line.max() < ROUNDING
+    assert f_cap[right].max() < ROUNDING
+    # multipliers
+    on_cap = right & (f_cap > -ROUNDING)
+    on_line = np.abs(f_line) < ROUNDING
+    apex = ROUNDING * C > P
+    corner = on_cap & on_line
+    flow = 2 * P - C
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = 2 * q / cap**2 / flow
+    line = np.where(corner, (e - ratio * V) / (1 + N * ratio), np.where(on_line, e, 0.0))
+    cap_multiplier = np.where(corner | on_cap, (V + N * line) / flow, 0.0)
+    cut = np.where(apex, -V - N * line, 0.0)
+    for multiplier, scale in ((line, law_.G), (cap_multiplier * C, law_.K), (cut, law_.K)):
+        assert (multiplier * scale / size).min() > -ROUNDING
+    # flow of the active surfaces only
+    volume = cap_multiplier * flow - N * line - cut
+    shear = np.where(on_cap, cap_multiplier * 2 * q / cap**2, 0.0) + line
+    assert (law_.K * np.abs(V - volume) / size).max() < ROUNDING
+    assert (law_.G * np.abs(e - shear) / size).max() < ROUNDING
+    assert (work >= -ROUNDING * size).all()
+    # every part of the surface is met
+    elastic = (V == 0) & (e == 0)
+    counts = [np.sum(part & ~elastic) for part in (on_cap & ~corner, corner, on_line & ~corner & ~apex, apex)]
+    assert min(counts) > 300, counts
+
+
+def test_limit_of_the_elastic_range_is_that_of_the_return():
+    mix = law()
+    constants, (P, q), (end, end_q, V, _, _), a = random_steps(mix, 2000, seed=4)
+    rng = np.random.default_rng(1)
+    for i in rng.integers(0, 2000, 300):
+        densest = float(brentq(lambda k, i=i: (mix.yield_pressure(k) + mix.tensile_strength) / 2 - a[i], 0.73, 0.9999))
+        inside = is_elastic_in_line(constants, P[i] - mix.tensile_strength, q[i], densest, np.nan)
+        assert inside == (V[i] == 0 and end_q[i] == q[i] and end[i] == P[i]) or abs(V[i]) < 1e-14
+
+
+def test_carried_pressure_at_the_solution_gives_the_same_stress():
+    """Where p' is the pressure after the step, both forms of the line are one law without dilatancy."""
+    mix = law()
+    constants = cap_plasticity.cap_constants(mix, 1.0)
+    random = np.random.default_rng(3)
+    for _ in range(500):
+        k = random.uniform(0.9, 0.98)
+        C = mix.yield_pressure(k) + mix.tensile_strength
+        trial = (C * random.uniform(0.02, 1.3) - mix.tensile_strength, C * random.uniform(0.1, 3), k, k)
+        direct = return_to_line(constants, *trial, 0.0, np.nan, 1.0)
+        carried = return_to_line(constants, *trial, 0.0, direct[1], 1.0)
+        assert carried[1] == pytest.approx(direct[1], abs=1e-9 * C)
+        assert carried[2] * trial[1] == pytest.approx(direct[2] * trial[1], abs=1e-9 * C)
+        assert carried[3] == pytest.approx(direct[3], rel=1e-9)
+
+
+# (c) tangents and order
+
+
+def admissible(mix, count, seed):
+    """Random admissible states."""
+    random = np.random.default_rng(seed)
+    state = cap_plasticity.initial_state(mix, count)
+    for _ in range(4):
+        strain = random.normal(size=(count, 3)) * 8e-3 - [5e-3, 5e-3, 0]
+        state, _ = cap_plasticity.integrate_points(mix, state, strain, tangent=False)
+    return state, random
+
+
+@pytest.mark.parametrize("viscosity", [0.0, 4000.0])
+@pytest.mark.parametrize("dilatancy_angle", [0.0, 12.0])
+@pytest.mark.parametrize("is_carried", [False, True])
+def test_tangents_are_the_derivatives(dilatancy_angle, is_carried, viscosity):
+    """Central differences of one step from random states on cap, corner, line and apex."""
+    mix = law(dilatancy_angle=dilatancy_angle, shear_viscosity=viscosity)
+    constants = cap_plasticity.cap_constants(mix, 1.0, travel=1e-3)
+    state, random = admissible(mix, 400, 5)
+    unit, size, worst, kinds = constants.K + 4 * constants.G / 3, 3e-8, 0.0, set()
+    for i in range(400):
+        before = (*state.stress[i], state.density_ratio[i], state.max_density_ratio[i])
+        strain = random.normal(size=3) * 10 ** random.uniform(-4, -2)
+        carried = -state.stress[i, :3].mean() * random.uniform(0.5, 1.5) if is_carried else np.nan
+
+        def step(e, before=before, carried=carried):
+            derivatives = np.zeros((6, 3))
+            good, after, _, _ = cap_plasticity.integrate_point(
+                constants, before, tuple(e), 0.0, 1.0, carried, derivatives
+            )
+            assert good
+            return np.array(after[:4]), derivatives
+
+        middle, slopes = step(strain)
+        ahead = np.array([step(strain + e)[0] for e in size * np.eye(3)]).T
+        back = np.array([step(strain - e)[0] for e in size * np.eye(3)]).T
+        kink = np.abs(ahead + back - 2 * middle[:, None]).max()
+        if kink < 1e-6 * size * unit:
+            worst = max(worst, np.abs((ahead - back) / (2 * size) - slopes[:4]).max() / unit)
+            kinds.add(bool(np.abs(slopes[:4]).max() > 0.9 * unit))
+    assert worst < 1e-7
+    assert kinds == {True, False}
+
+
+def test_error_is_of_first_order_in_the_step():
+    """Backward Euler along a path over cap, corner and line; the apex is left out."""
+    mix = law()
+    path = np.array([(0, 0.03, 0.0), (-0.004, 0.006, 0.01), (0.001, 0.01, -0.01)])
+
+    def end(steps):
+        state = walked(mix, np.repeat(path / steps, steps, axis=0))
+        return np.append(state.stress[0] / 1e5, state.density_ratio[0])
+
+    results = [end(steps) for steps in (50, 100, 200, 400, 800)]
+    changes = [np.abs(fine - coarse).max() for coarse, fine in pairwise(results)]
+    assert np.polyfit(np.arange(4), np.log2(changes), 1)[0] == pytest.approx(-1, abs=0.1)
+
+
+def test_viscous_stress_is_proportional_to_the_shear_over_the_travel():
+    """Simple shear on the line: q - M P = S times the plastic shear strain over the travel."""
+    mix = law(shear_viscosity=600.0)
+    state = -5e3 * np.array([1.0, 1, 1, 0])
+    for travel in (1e-3, 1e-2):
+        constants = cap_plasticity.cap_constants(mix, 1.0, travel=travel)
+        before = (*state, 0.9, DENSE)
+        for _ in range(30):
+            good, before, _, _ = cap_plasticity.integrate_point(
+                constants, before, (0.0, 0.0, 1e-3), 0.0, 1.0, np.nan, np.empty((6, 0))
+            )
+            assert good
+        (p,), (q,) = invariants(np.array([before[:4]]))
+        excess = q - mix.friction_slope * (p + mix.tensile_strength)
+        assert excess == pytest.approx(600.0 * 1e-3 / np.sqrt(3) / travel, rel=1e-9)
+
+
+@pytest.mark.parametrize("dilatancy_angle", [0.0, 12.0])
+@pytest.mark.parametrize("viscosity", [0.0, 600.0])
+def test_every_increment_converges(dilatancy_angle, viscosity):
+    mix = law(dilatancy_angle=dilatancy_angle, shear_viscosity=viscosity)
+    for largest in (1e-6, 1e-3, 0.05, 0.5):
+        random, state = np.random.default_rng(2), cap_plasticity.initial_state(mix, 2000)
+        for _ in range(5):
+            strain = random.normal(size=(2000, 3)) * largest * random.random((2000, 1))
+            state, slopes = cap_plasticity.integrate_points(mix, state, strain)
+            assert np.isfinite(slopes).all()
+            assert np.isfinite(state.stress).all()
+
+
+# (d) refusals
+
+
+def test_steep_cap_is_refused_with_its_bound():
+    with pytest.raises(ValueError, match=r"must lie between 0\.\d+ and 0\.\d+ for a friction angle of 45 degrees"):
+        law(45.0, cohesion=0.0)
+
+
+def test_cap_flatter_than_the_line_is_refused():
+    with pytest.raises(ValueError, match=r"`earth_pressure_coefficient` must lie between .* got 0.8500"):
+        law(coefficient=0.85)
+
+
+@pytest.mark.parametrize(("angles", "message"), [((0.0, 0.0), "friction_angle"), ((30.0, 31.0), "dilatancy_angle")])
+def test_angles_out_of_range_are_refused(angles, message):
+    with pytest.raises(ValueError, match=message):
+        matched_slopes(*angles)
+
+
+def test_slopes_out_of_order_are_refused():
+    mix = law()
+    with pytest.raises(ValueError, match="`friction_slope` must be at most"):
+        replace(mix, friction_slope=2.0)
+    with pytest.raises(ValueError, match="`dilatancy_slope` must be at most"):
+        replace(mix, dilatancy_slope=1.1)
+    with pytest.raises(ValueError, match="dry_side"):
+        replace(mix, dry_side="ellipse")
+    assert isinstance(mix, DruckerPragerCap)

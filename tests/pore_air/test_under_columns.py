@@ -1,0 +1,75 @@
+"""Pore air on confined columns: limits, elements, and finite elements over a wide thin layer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compact.engines.column import engine as column
+from compact.engines.compaction.engine import roll
+from compact.engines.pore_air import under_columns
+from compact.engines.pore_air.under_columns import ColumnAir
+from compact.engines.pore_air.under_roller import RollerAir
+from compact.material.laws import Compaction
+from compact.material.pore_air import PoreAir, water_volume
+from compact.rolling_contact import Layer, Roller
+
+MIX = Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
+LAYER = Layer(0.05)
+ROLLER = Roller((8 * 0.05) ** 2 / 0.003, 0.0015, profile="circle")
+
+
+def columns(permeability, occlusion=None, roller=ROLLER):
+    found = column.roll(LAYER, roller, MIX, 0.2)
+    air = PoreAir(permeability, water_volume(0.10), 0.94, occlusion)
+    under = ColumnAir(
+        air, LAYER.height, found.exit_height, found.indentation, found.leading, found.trailing, roller.radius,
+        roller.profile,
+    )  # fmt: skip
+    return under, found
+
+
+def test_without_drainage_load_and_resistance_are_those_of_boyles_law():
+    under, found = columns(1e-22)
+    load, resistance = under.forces(under.pressure(0.2))
+    x = np.linspace(found.trailing, found.leading, 20001)
+    heights = under.heights(x)
+    initial = 1 / 0.94 - 1
+    excess = under.air.ambient_pressure * (initial / (heights / LAYER.height / 0.94 - 1) - 1)
+    assert load == pytest.approx(np.trapezoid(excess, x), rel=2e-4)
+    assert resistance == pytest.approx(np.trapezoid(excess, heights), rel=2e-3)
+
+
+@pytest.mark.parametrize("profile", ["circle", "parabola"])
+def test_heights_are_those_of_the_gap(profile):
+    under, found = columns(1e-13, roller=replace(ROLLER, profile=profile))
+    at = under.heights(np.array([found.leading, 0.0, found.trailing]))
+    np.testing.assert_allclose(at, [LAYER.height, LAYER.height - 0.0015, found.exit_height], rtol=1e-6)
+
+
+def test_with_full_drainage_there_is_no_air():
+    under, found = columns(1e-2)
+    load, resistance = under.forces(under.pressure(1e-3))
+    assert abs(load) < 1e-9 * found.load
+    assert abs(resistance) < 1e-9 * found.resistance
+
+
+@pytest.mark.parametrize("permeability", [1e-12, 1e-14])
+def test_elements_along_the_contact_are_fine_enough(permeability, monkeypatch):
+    def forces():
+        under, _ = columns(permeability, 0.90)
+        return np.array(under.forces(under.pressure(0.2)))
+
+    fine = forces()
+    monkeypatch.setattr(under_columns, "ELEMENTS", 240)
+    np.testing.assert_allclose(forces(), fine, rtol=3e-3)
+
+
+@pytest.mark.slow
+def test_columns_and_finite_elements_agree_over_a_wide_thin_layer():
+    contact = roll(LAYER, ROLLER, MIX, 0.2, increments=12)
+    for permeability, tolerance in ((1e-12, 0.2), (1e-13, 0.15), (1e-15, 0.04)):
+        under, _ = columns(permeability)
+        by_elements = RollerAir(contact.solution, under.air)
+        load, _ = under.forces(under.pressure(0.2))
+        assert by_elements.forces(by_elements.pressure(0.2))[0] == pytest.approx(load, rel=tolerance)

@@ -1,0 +1,108 @@
+"""Pore air under a roller on compacting mix: limits, balances, hard cases, and the coupled contact."""
+
+import numpy as np
+import pytest
+
+from compact.engines.compaction.engine import roll
+from compact.engines.pore_air.coupled_rolling import roll_coupled
+from compact.engines.pore_air.under_roller import RollerAir
+from compact.material.laws import Compaction
+from compact.material.pore_air import PoreAir, water_volume
+from compact.rolling_contact import Layer, Roller
+
+WATER = water_volume(0.10)
+
+
+def pore_air(permeability, occlusion=None, fed=0.94):
+    return PoreAir(permeability, WATER, fed, occlusion)
+
+
+def test_without_drainage_boyles_law_holds_at_every_point(contact):
+    under = RollerAir(contact.solution, pore_air(1e-25))
+    excess = under.at_points(under.pressure(1.0))
+    volume = under.flow.air_volume[1:-1, 1:-1]
+    initial = under.flow.air_volume[-1, 1:-1]
+    boyle = under.air.ambient_pressure * (initial / volume - 1)
+    np.testing.assert_allclose(excess, contact.solution.frame.to_points(boyle.T), atol=1e-6 * 101325)
+    assert excess.max() > 101325
+
+
+def test_with_full_drainage_there_is_no_air(contact):
+    under = RollerAir(contact.solution, pore_air(1e-3))
+    load, resistance = under.forces(under.pressure(1e-3))
+    assert abs(load) < 1e-9 * contact.load
+    assert abs(resistance) < 1e-9 * contact.resistance
+
+
+def test_load_and_resistance_increase_with_speed_and_density(contact):
+    under = RollerAir(contact.solution, pore_air(1e-13))
+    forces = np.array([under.forces(under.pressure(speed)) for speed in (0.01, 0.1, 1.0)])
+    assert np.all(np.diff(forces, axis=0) > 0)
+    assert 0.002 < forces[1, 0] / contact.load < 0.2
+    assert forces[1, 1] / contact.resistance == pytest.approx(forces[1, 0] / contact.load, rel=0.35)
+
+
+def test_pressure_behind_the_contact_is_less_than_below_it(contact):
+    under = RollerAir(contact.solution, pore_air(1e-13))
+    pressure = under.pressure(0.2)
+    assert 0 < under.largest_excess_behind(pressure) < pressure.excess.max()
+
+
+@pytest.mark.parametrize("occlusion", [None, 0.95, 0.90, 0.85, 0.76])
+def test_hard_cases_converge_with_their_mass(contact, occlusion):
+    """Permeability over eight decades, speeds from 1e-4 to 10 m/s, saturation through occlusion."""
+    air = 0.10  # moisture, whose fed saturation is 0.767
+    fed = 0.94 if occlusion != 0.76 else 0.935
+    for permeability in (1e-17, 1e-15, 1e-13, 1e-11, 1e-9):
+        under = RollerAir(contact.solution, PoreAir(permeability, water_volume(air), fed, occlusion))
+        for speed in (1e-4, 1e-2, 1.0, 10.0):
+            found = under.pressure(speed)
+            assert abs(found.mass_residual) < 1e-6
+            assert found.pressure.min() > 0.3 * 101325
+            assert found.pressure.max() < 8 * 101325
+            assert found.iterations < 15
+
+
+def test_coupled_contact_without_air_is_the_contact(contact):
+    coupled = roll_coupled(contact, pore_air(1e-6), 0.01)
+    assert coupled.load == pytest.approx(contact.load, rel=4e-3)
+    assert coupled.resistance == pytest.approx(contact.resistance, rel=4e-3)
+    assert abs(coupled.air_load) < 1e-5 * contact.load
+
+
+def work_residual(rolling, excess=0.0):
+    """Work of the roller less that of skeleton and air, over the former."""
+    frame, after = rolling.frame, rolling.state.displacement
+    skeleton = frame.row_heights @ frame.to_rows(rolling.state.work)[:, frame.exit_column]
+    ratios = []
+    for displacement in (after, frame.convect_displacement(after)):
+        xx, xy, yx, yy = (frame.solid.displacement_gradient(displacement) + np.array([1.0, 0, 0, 1.0])).T
+        ratios.append(xx * yy - xy * yx)
+    air = -np.sum(excess * (ratios[0] - ratios[1]) * frame.solid.point_areas) / frame.step
+    resistance = rolling.steps[-1].resistance
+    return 1 - (skeleton + air) / resistance, air / resistance
+
+
+@pytest.mark.slow
+def test_work_of_the_coupled_contact_is_that_of_skeleton_and_air(contact):
+    fine = roll(contact.layer, contact.roller, contact.material, 0.2, increments=8)
+    coupled = roll_coupled(fine, pore_air(1e-13), 0.2)
+    residual, share = work_residual(coupled.rolling, coupled.rolling.excess)
+    assert share > 0.02
+    assert abs(residual) < 0.02
+
+
+@pytest.mark.slow
+def test_one_way_and_coupled_agree_over_a_wide_thin_layer():
+    """Columns do not move sideways, and without a bow wave the skeleton hardly changes."""
+    mix = Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
+    height, depth = 0.05, 0.0015
+    roller = Roller((8 * height) ** 2 / (2 * depth), depth, profile="deformed")
+    contact = roll(Layer(height), roller, mix, 0.2, increments=12)
+    air = pore_air(1e-12)
+    under = RollerAir(contact.solution, air)
+    load, resistance = under.forces(under.pressure(0.2))
+    coupled = roll_coupled(contact, air, 0.2)
+    assert load > 0.03 * contact.load
+    assert coupled.load - contact.load == pytest.approx(load, rel=0.1)
+    assert coupled.resistance - contact.resistance == pytest.approx(resistance, rel=0.1)
