@@ -53,6 +53,7 @@ FIRST_LENGTH = 5.0  # [-], relaxation length of the wave over the contact length
 LENGTH_RANGE = (2.0, 40.0)  # [-], relaxation length over the contact length
 MIN_CROSSING = 0.2  # [-], least relaxation length between waves that grow and decay, over the last length
 MIN_MODE = 0.02  # [-], least change of the wave between two settled states that define a mode, over the wave
+MIN_WAVE = 0.03  # [-], least area of a wave over depth and contact length whose mode counts; lower ones are scatter
 SIGNIFICANCE = 3.0  # [-], standard errors from which a change of the wave counts
 WAVE_EXPONENT = 3.4  # [-], of the area of the wave over the depth, roughly
 SAME_DEPTH = 1e-3  # [-], relative change of the depth below which settled states belong to one depth
@@ -274,7 +275,8 @@ class SteadySearch:
 
     def _update_mode(self, first: IncrementalRolling, before: WaveDrift | None, drift: WaveDrift) -> None:
         """Take the difference of two settled states of one depth as mode if the wave has changed beyond its scatter."""
-        if before is None and self.relaxation.mode is not None:
+        is_low = drift.wave_area < MIN_WAVE * self.depth * self.rolling.frame.contact_length
+        if is_low or (before is None and self.relaxation.mode is not None):
             return
         change = self.rolling.steps[-1].wave_area - first.steps[-1].wave_area
         if abs(change) < max(MIN_MODE * drift.wave_area, SIGNIFICANCE * drift.wave_error * drift.travel):
