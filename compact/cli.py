@@ -166,6 +166,7 @@ def run(
     from compact.report import text
     from compact.report import writer as report
     from compact.report.progress import Progress
+    from compact.rolling_contact import HeapingError
 
     progress = Progress(quiet=quiet)
     directory = out or default_directory(scene)
@@ -177,8 +178,11 @@ def run(
     progress.total = study.plan.total_cost
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
     helpers = ProcessExecutor(min(cores(), len(others))) if others else None
-    with progress:
-        report.write_study(study, directory, force, helpers)
+    try:
+        with progress:
+            report.write_study(study, directory, force, helpers)
+    except HeapingError as error:
+        raise HeapingError(f"{error}; {text.other_resistances(study.scene)}", error.heaping) from error
     if not quiet:
         print(text.study_digest(study))
         print(f"\nresults: {directory}")

@@ -323,6 +323,47 @@ def require_on_target(
 
 
 @dataclass(frozen=True)
+class Heaping:
+    """Contact without a steady state: the roller pushes the mix ahead in a growing bow wave.
+
+    Parameters
+    ----------
+    depth : float or None
+        Depth of the lowest generatrix below the surface of the layer [m]; None under a load that no depth bears.
+    contact_angle : float
+        Contact angle of the leading edge at the top of the bow wave [rad]; by the estimate its limit.
+    wave_height : float or None
+        Height of the bow wave above the surface of the layer where the computation ended [m]; None for the estimate.
+    travel : float or None
+        Travel of the roller until then [m]; None for the estimate.
+    """
+
+    depth: float | None
+    contact_angle: float
+    wave_height: float | None = None
+    travel: float | None = None
+
+
+class HeapingError(RuntimeError):
+    """Fresh mix would heap up, or heaps up, in front of the roller without a steady state.
+
+    Parameters
+    ----------
+    message : str
+        Reason, with remedies.
+    heaping : Heaping
+        Numbers of the contact.
+    """
+
+    def __init__(self, message: str, heaping: Heaping) -> None:
+        super().__init__(message, heaping)
+        self.heaping = heaping
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+@dataclass(frozen=True)
 class ContactResult:
     """Steady contact of a roller with a layer, per unit roller length.
 

@@ -143,13 +143,13 @@ def test_operating_point_needs_compaction(capsys, tmp_path):
     assert (load, coefficient) == pytest.approx((9740, 0.179), rel=1e-6)
     assert cart == pytest.approx(2 * 9740 * 0.179 + 0.008 * 9480, rel=1e-6)
     assert (slope, fed) == pytest.approx((15.228e-6, 0.93430), rel=1e-4)
-    length = module.length_for(fits["column"], 13e-6)
+    length = module.length_for(fits["column"], module.PRIOR_SLOPE.value)
     shorter = calibrate(
         fits["column"].scene.replaced(**{"machine.roller_length": length}), read_measurements(module.SCENES / MEASURED)
     )
-    assert shorter.heckel_slope == pytest.approx(13e-6, rel=0.02)  # log-linear interpolation between two lengths
+    assert shorter.heckel_slope == pytest.approx(14.379e-6, rel=0.02)  # log-linear interpolation between two lengths
     module.show(result)
-    assert "K_H 13 1/MPa of the prior requires a roller of 1.07 m" in capsys.readouterr().out
+    assert "K_H 14.4 1/MPa of the prior requires a roller of 1.09 m" in capsys.readouterr().out
     assert (tmp_path / "operating_point.png").stat().st_size > 10_000
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from compact import quantities
 from compact.analysis.engines import ENGINES
 from compact.analysis.pore_air import AirForces
+from compact.material.earth_pressure import drucker_prager_cap
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
 from compact.numerics.validation import require_finite
@@ -164,21 +165,35 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     Notes
     -----
     phi and c are the angle of internal friction and the cohesion: the critical state line equals the Mohr-Coulomb
-    limit in plane strain at constant volume. Confined compression follows the Heckel curve of mix tables.
+    limit in plane strain at constant volume. Confined compression follows the Heckel curve of mix tables. The slopes of
+    the law "drucker-prager-cap" are those of `earth_pressure`, with the cohesion of loose mix and the earth pressure
+    coefficient at the required pressure.
     """
+    common: dict[str, Any] = {
+        "unloading_modulus": mix.unloading_modulus,
+        "poisson": mix.poisson,
+        "heckel_slope": mix.heckel_slope,
+        "loose_density_ratio": LOOSE_DENSITY_RATIO,
+        "fed_density_ratio": scene.layer.fed_density_ratio,
+        "rate_sensitivity": mix.rate_sensitivity,
+        "reference_rate": mix.reference_rate,
+    }
+    if scene.mix.law == "drucker-prager-cap":
+        return drucker_prager_cap(
+            friction_angle=mix.friction_angle,
+            cohesion=mix.cohesion_loose,
+            earth_pressure_coefficient=mix.earth_pressure_coefficient,
+            pressure=mix.required_pressure,
+            dilatancy_angle=mix.dilatancy_angle,
+            shear_viscosity=mix.shear_viscosity,
+            **common,
+        )
     angle = np.radians(mix.friction_angle)
-    slope = float(np.sqrt(3) * np.sin(angle))
     return Compaction(
-        unloading_modulus=mix.unloading_modulus,
-        poisson=mix.poisson,
-        heckel_slope=mix.heckel_slope,
+        **common,
         heckel_test="confined",
-        loose_density_ratio=LOOSE_DENSITY_RATIO,
-        critical_slope=slope,
+        critical_slope=float(np.sqrt(3) * np.sin(angle)),
         tensile_strength=float(mix.cohesion / np.tan(angle)),
-        fed_density_ratio=scene.layer.fed_density_ratio,
-        rate_sensitivity=mix.rate_sensitivity,
-        reference_rate=mix.reference_rate,
     )
 
 

@@ -20,6 +20,9 @@ _LINEAR = ("required_pressure", "effective_modulus", "poisson", "instant_over_re
 _PLASTIC = ("heckel_slope", "unloading_modulus", "poisson", "friction_angle", "cohesion", "rate_sensitivity")
 
 
+_OF_ELLIPSE, _OF_LINE = ("cohesion",), ("cohesion_loose", "dilatancy_angle", "shear_viscosity")
+
+
 @dataclass(frozen=True)
 class EngineCost:
     """Processor time of the stages of a study by one engine; only the ratios matter.
@@ -109,6 +112,18 @@ class Engine:
     derivative_module: str | None = None
     points_per_task: int = 1
     low_fidelity: str | None = None
+
+    def parameters_of(self, law: str) -> tuple[str, ...]:
+        """Return the parameters of the mix with independent spreads that a contact depends on.
+
+        Parameters
+        ----------
+        law : {"ellipse", "drucker-prager-cap"}
+            Yield surface of the mix. The earth pressure coefficient follows from the friction angle.
+        """
+        if not self.compacting or law == "ellipse":
+            return self.mix_parameters
+        return (*(name for name in self.mix_parameters if name not in _OF_ELLIPSE), *_OF_LINE)
 
     @property
     def torque(self) -> bool:

@@ -42,7 +42,7 @@ from compact.machine.roller_motors import RollerMotor
 from compact.material.mix import Mix
 from compact.motion.profile import Cycle
 from compact.resistance import ResistanceMap
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import ContactResult, HeapingError
 from compact.scene.loader import Scene
 
 
@@ -195,15 +195,25 @@ class Study:
 
     @cached_property
     def comparison(self) -> dict[str, EngineComparison]:
+        """Results of each engine of the comparison by name, but of those in `heaping`."""
+        return {name: each for name, each in self._compared.items() if isinstance(each, EngineComparison)}
+
+    @property
+    def heaping(self) -> dict[str, HeapingError]:
+        """Engines of the comparison by which the mix heaps up in front of the roller, with the reason."""
+        return {name: each for name, each in self._compared.items() if isinstance(each, HeapingError)}
+
+    @cached_property
+    def _compared(self) -> dict[str, EngineComparison | HeapingError]:
         """Results of each engine of the comparison by name."""
         if self._answers is None:
             with self.helped(SerialExecutor()):
-                return self.comparison
+                return self._compared
         found = {}
         for name, answer in self._answers.items():
             self.count("comparison")
             found[name] = answer()
-            for words in found[name].warned:
+            for words in getattr(found[name], "warned", ()):
                 warnings.warn(f"{name}: {words}", stacklevel=2)
         return found
 

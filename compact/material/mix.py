@@ -219,6 +219,16 @@ PARAMETER_SOURCES: dict[str, ParameterSource] = {
     "cohesion": ParameterSource("Pa", "analogous", _TRIAXIAL, _factor(2.0)),
     "steel_friction": ParameterSource("-", "analogous", _TRIBOMETRY, _plus_minus(0.1)),
     "heckel_slope": ParameterSource("1/Pa", "assumed", f"one-dimensional K_H at rest; {_HECKEL_CURVE}", _factor(2.5)),
+    "cohesion_loose": ParameterSource(
+        "Pa", "assumed", "cohesion of loose mix, that of the product without a measurement", lambda c: (c / 4, 2 * c)
+    ),
+    "earth_pressure_coefficient": ParameterSource(
+        "-", "analogous", "1 - sin(friction_angle) of normally consolidated soils (Jaky)", _plus_minus(0.05)
+    ),
+    "dilatancy_angle": ParameterSource("deg", "assumed", "loose mix shears at constant volume", _range(0.0, 5.0)),
+    "shear_viscosity": ParameterSource(
+        "Pa m", "assumed", "keeps bands of shear wider than elements; not measured", _range(0.0, 1200.0)
+    ),
     "rate_sensitivity": ParameterSource(
         "-", "analogous", "secondary compression of granular soils, C_alpha/C_c", _range(0.01, 0.03)
     ),
@@ -243,6 +253,15 @@ LOGARITHMIC = (  # parameters that span decades; their logarithms are interpolat
     "pore_air_modulus",
     "cohesion",
 )
+MAY_BE_ZERO = (
+    "cohesion",
+    "cohesion_loose",
+    "steel_friction",
+    "rate_sensitivity",
+    "dilatancy_angle",
+    "shear_viscosity",
+)
+SHEAR_VISCOSITY = 600.0  # [Pa m]; adds up to 10 kPa to the shear line under the published roller
 
 
 def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] | None = None) -> Mix:
@@ -256,7 +275,8 @@ def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] 
         Density ratio k, bulk density over zero-air density [-], 0.90 to 0.99.
     overrides : mapping of str to float, optional
         Values by name that replace the prior [SI, friction_angle in degrees]; flagged "given", without spread.
-        `effective_modulus` equals `relaxed_modulus` unless it is overridden itself.
+        `effective_modulus` equals `relaxed_modulus` unless it is overridden itself, `cohesion_loose` equals `cohesion`,
+        and `earth_pressure_coefficient` follows from `friction_angle`.
 
     Examples
     --------
@@ -275,6 +295,9 @@ def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] 
     if "relaxed_modulus" in overrides:
         overrides.setdefault("effective_modulus", values["relaxed_modulus"])
     values["effective_modulus"] = overrides.get("effective_modulus", values["relaxed_modulus"])
+    values["cohesion_loose"] = overrides.get("cohesion_loose", values["cohesion"])
+    jaky = 1 - float(np.sin(np.radians(values["friction_angle"])))
+    values["earth_pressure_coefficient"] = overrides.get("earth_pressure_coefficient", jaky)
     distance = max(abs(moisture - PUBLISHED_MOISTURE), abs(density_ratio - PUBLISHED_DENSITY_RATIO))
     published = distance < PUBLISHED_TOLERANCE
     parameters = (_parameter(name, float(values[name]), name in overrides, published) for name in PARAMETER_NAMES)
@@ -348,7 +371,7 @@ def _require_phases(moisture: ArrayLike, density_ratio: ArrayLike) -> None:
 
 def _require_override(name: str, value: float) -> None:
     require_known("mix parameter", name, PARAMETER_NAMES)
-    if name in ("cohesion", "steel_friction", "rate_sensitivity"):
+    if name in MAY_BE_ZERO:
         require_nonnegative(**{name: value})
     elif name == "poisson" and not 0 <= value < 0.5:
         raise ValueError(f"`poisson` must lie in [0, 0.5), got {value!r}")
@@ -375,6 +398,7 @@ def _table_values(moisture: float, density_ratio: float) -> dict[str, float]:
     values["saturation"] = float(saturation(moisture, density_ratio))
     values["heckel_slope"] = HECKEL_SLOPE * np.exp(np.interp(moisture, moistures, np.log(HECKEL_SLOPE_FACTORS)))
     values |= {"rate_sensitivity": RATE_SENSITIVITY, "reference_rate": REFERENCE_RATE}
+    values |= {"dilatancy_angle": 0.0, "shear_viscosity": SHEAR_VISCOSITY}
     values |= {"air_permeability": AIR_PERMEABILITY, "occlusion_saturation": OCCLUSION_SATURATION}
     return values
 

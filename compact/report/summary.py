@@ -18,6 +18,7 @@ from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
+from compact.rolling_contact import HeapingError
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
 FORMER_KEYS = {  # former name of a key -> its present names
@@ -67,6 +68,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "rigid_rankings": _rankings(study.places.get("rigid", {})),
         "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.items else {},
         "comparison": _comparison(study),
+        "heaping": {name: _heaping(error) for name, error in study.heaping.items()},
         "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "evaluation_counts": dict(study.counts),
         "files": files,
@@ -189,6 +191,19 @@ def _comparison(study: Study) -> dict[str, Any]:
             "evaluation_counts": dict(other.counts),
         }
         for name, other in study.comparison.items()
+    }
+
+
+def _heaping(error: HeapingError) -> dict[str, Any]:
+    """Convert an engine by which the mix has no steady state."""
+    found = error.heaping
+    return {
+        "depth": _number(found.depth, "m"),
+        "wave_height": _number(found.wave_height, "m"),
+        "travel": _number(found.travel, "m"),
+        "contact_angle": _number(found.contact_angle, "rad"),
+        "is_estimate": found.travel is None,
+        "reason": str(error),
     }
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from compact.analysis.engineering_summary import Number, coverage
 from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.stages.comparison import resistances_without_wave
 from compact.analysis.stages.laws import COMPLIANT_DRIVES
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
@@ -19,6 +20,7 @@ from compact.machine.ranking import CRITERIA
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report import ranking_tables
 from compact.rolling_contact import ContactResult
+from compact.scene.loader import Scene
 
 TEXT_WIDTH = 116  # characters of a line
 DIGEST_CRITERIA = 2  # [-], number of criteria in the digest, the first of the scene
@@ -40,6 +42,8 @@ def study_digest(study: Study) -> str:
     if study.laws_not_made:
         lines += ["", *(f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())]
     lines += ["", *_agreement_lines(study)]
+    for sentence in heaping_sentences(study):
+        lines += _wrapped(sentence)
     return "\n".join(lines)
 
 
@@ -103,6 +107,41 @@ def held_sentence(study: Study) -> str:
         "peak_pressure": f"the peak pressure, {held.value / 1e3:.4g} kPa",
     }[held.name]
     return f"constant over speed: {quantity}, determined at {held.speed:.4g} m/s for {_target(study)}"
+
+
+def heaping_sentences(study: Study) -> Iterator[str]:
+    """State each engine of the comparison by which the mix heaps up in front of the roller.
+
+    Yields
+    ------
+    str
+        One sentence without a full stop.
+    """
+    for name, error in study.heaping.items():
+        found = error.heaping
+        angle = f"contact angle of {np.degrees(found.contact_angle):.3g} degrees"
+        depth = "under the prescribed load" if found.depth is None else f"at a depth of {found.depth * 1e3:.3g} mm"
+        wave = f"by an estimate before any finite elements it exceeds a {angle}"
+        if found.wave_height is not None and found.travel is not None:
+            height = f"{found.wave_height * 1e3:.3g} mm"
+            wave = f"after {found.travel:.3g} m of travel the bow wave is {height} high, a {angle}"
+        yield (
+            f"{name}: the mix heaps up in front of the roller, no steady state {depth}; {wave}; reason and remedies in "
+            "summary.json (heaping)"
+        )
+
+
+def other_resistances(scene: Scene) -> str:
+    """State the resistance of a cart at the mean speed by the engines that have one where the mix heaps up.
+
+    Returns
+    -------
+    str
+        A clause with the option that ranks the laws by such an engine.
+    """
+    found = resistances_without_wave(scene)
+    values = ", ".join(f"{force:.4g} N by {name}" for name, force in found.items())
+    return f"resistance of a cart at the mean speed, without a bow wave: {values}; --engine {[*found][-1]} ranks by it"
 
 
 def return_sentence(study: Study) -> str:

@@ -5,12 +5,15 @@ None. It is evaluated if none of its keys has been refused, and reported at its 
 optional key is None.
 """
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
+from compact.material.earth_pressure import earth_pressure_bounds, matched_slopes
+from compact.material.mix import prior
 from compact.scene.engine_capabilities import TORQUE_ENGINES, refusals
 from compact.scene.errors import Key, Mistake, Source
 
@@ -125,6 +128,27 @@ def _fed_mix_is_looser(fed, ratio):
 def _lower_lift_is_denser_than_fed(ratio, fed):
     if ratio is not None and ratio <= fed:
         return f"must be above layer.fed_density_ratio = {fed:g}, got {ratio:g}; give that behind the earlier pass"
+
+
+@_rule("mix.overrides.earth_pressure_coefficient", "mix.law", "mix.moisture", "mix.density_ratio", "mix.overrides")
+def _cap_has_the_earth_pressure(_, law, moisture, density_ratio, overrides):
+    if law != "drucker-prager-cap":
+        return None
+    given = {name: value for name, value in (overrides or {}).items() if value is not None}
+    try:
+        mix = prior(moisture, density_ratio, given)
+        slope, _ = matched_slopes(mix.friction_angle, mix.dilatancy_angle)
+    except ValueError as error:
+        return str(error)
+    strength = mix.cohesion_loose / math.tan(math.radians(mix.friction_angle))
+    low, high = earth_pressure_bounds(slope, mix.required_pressure, strength)
+    if not low < mix.earth_pressure_coefficient <= high:
+        return (
+            f"must be between {low:.4f} and {high:.4f} for a friction angle of {mix.friction_angle:g} degrees, got "
+            f"{mix.earth_pressure_coefficient:.4g}: below, mix in confined compression would slide along the shear "
+            "line; above, the cap would be flatter than the line; change it or mix.overrides.friction_angle"
+        )
+    return None
 
 
 @_rule("layer.lift_thickness", "product.height")

@@ -23,6 +23,7 @@ from compact.scene.schema import Overrides
 
 REFUSED = 10.0  # [-], factor outside the range beyond which a value is refused
 WIDENED = 3.0  # [-], factor by which the spread of the prior is widened; mixes of other grading than the table's
+SMALLEST = 1e-3  # [-], least plausible value over the largest where none is plausible too
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,7 @@ def of_mix(name: str) -> Range:
     known = [prior(*node).parameter(name) for node in product(*table_nodes())]
     low, high = min(each.low for each in known), max(each.high for each in known)
     unit = {"-": "1"}.get(known[0].unit, known[0].unit)
+    low = low or SMALLEST * high  # a spread from none
     return Range(low / WIDENED, high * WIDENED, unit, "the prior over all moistures and densities, threefold wider")
 
 

@@ -33,8 +33,10 @@ MixParameter = Literal[
     "required_pressure", "plastic_modulus", "relaxed_modulus", "unloading_modulus", "poisson", "instant_over_relaxed",
     "relaxation_time", "pore_air_modulus", "friction_angle", "cohesion", "steel_friction", "heckel_slope",
     "rate_sensitivity", "reference_rate", "effective_modulus", "air_permeability", "occlusion_saturation",
+    "cohesion_loose", "earth_pressure_coefficient", "dilatancy_angle", "shear_viscosity",
 ]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
+MixLaw = Literal["ellipse", "drucker-prager-cap"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
 COUNT_LIMIT = 1_000_000  # [-], beyond any machine; excludes typing errors such as 0xffff... from loops
@@ -130,6 +132,14 @@ class Overrides(Table):
     cohesion: float | None = _optional("the cohesion in Pa", ge=0)
     steel_friction: float | None = _optional("the friction of mix on steel", ge=0, le=1)
     heckel_slope: float | None = _optional("the one-dimensional Heckel slope K_H in 1/Pa")
+    cohesion_loose: float | None = _optional("the cohesion of loose mix on the shear line in Pa", ge=0)
+    earth_pressure_coefficient: float | None = _optional(
+        "the lateral over the vertical stress of confined compression at the required pressure", gt=0, lt=1
+    )
+    dilatancy_angle: float | None = _optional("the angle of dilatancy on the shear line in degrees", ge=0, le=60)
+    shear_viscosity: float | None = _optional(
+        "the stress beyond the shear line per plastic shear strain over the travel in Pa m, 0 for none", ge=0
+    )
     rate_sensitivity: float | None = _optional(
         "the increase m of the yield pressure over ln(rate of compaction), 0 for none", ge=0, le=0.1
     )
@@ -144,6 +154,9 @@ class Mix(Table):
 
     moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
     density_ratio: float = _between(0.90, 0.99, "the required density ratio k of the product")
+    law: MixLaw = _default(
+        "ellipse", "the yield surface of the engines that compact: an elliptic cap, or a cap with a shear line"
+    )
     pore_air: PoreAirModel = _default(
         "drained", "the pore air: without pressure, at the deformation without air, or coupled with the deformation"
     )

@@ -190,7 +190,7 @@ def varied_engines(scene: Scene, axes: Sequence[Axis]) -> tuple[str, ...]:
 def _sampled_names(scene: Scene, axes: Sequence[Axis], samples: Sequence[Sampled]) -> tuple[str, ...]:
     """Return the parameters of the mix to be sampled, in the order of the table."""
     engines = varied_engines(scene, axes)
-    counted = {name for engine in engines for name in ENGINES[engine].mix_parameters}
+    counted = {name for engine in engines for name in ENGINES[engine].parameters_of(scene.mix.law)}
     if scene.mix.pore_air != "drained" and any(ENGINES[engine].compacting for engine in engines):
         counted |= {"air_permeability", "occlusion_saturation"}
     given = set(scene.mix.overrides.model_dump(exclude_none=True)) | {axis.key.split(".")[-1] for axis in axes}

@@ -1,5 +1,6 @@
 """Estimate of the largest depth in fresh mix: confined compression, scaling, and remedies that satisfy it."""
 
+import pickle
 import re
 from dataclasses import replace
 from types import SimpleNamespace
@@ -157,7 +158,8 @@ def test_denser_feed_of_the_remedy_is_accepted():
 def rolling_with(bow_wave, max_wave_height=0.032, depth=0.01):
     """Incremental rolling at one depth with a bow wave [m]."""
     step = SimpleNamespace(travel=0.05, load=1e4, resistance=3e3, bow_wave=bow_wave)
-    return SimpleNamespace(steps=(step,), max_wave_height=max_wave_height, depth=depth)
+    surface = SimpleNamespace(radius=0.11)
+    return SimpleNamespace(steps=(step,), max_wave_height=max_wave_height, depth=depth, surface=surface)
 
 
 def test_bow_wave_of_the_largest_contact_angle_ends_rolling():
@@ -165,8 +167,13 @@ def test_bow_wave_of_the_largest_contact_angle_ends_rolling():
         "the mix heaps up in front of the roller at depth 10 mm: after 0.05 m of travel the bow wave exceeds 22 mm, at "
         "which the contact angle is too large; load 10000 N/m, resistance 3000 N/m, bow wave 23 mm"
     )
-    with pytest.raises(HeapingError, match=f"^{message}$"):
+    with pytest.raises(HeapingError, match=f"^{message}$") as raised:
         require_low_wave(rolling_with(0.023))
+    heaping = raised.value.heaping
+    assert (heaping.depth, heaping.wave_height, heaping.travel) == (0.01, 0.023, 0.05)
+    assert heaping.contact_angle == pytest.approx(np.arccos(1 - 0.033 / 0.11))
+    copy = pickle.loads(pickle.dumps(raised.value))
+    assert (str(copy), copy.heaping) == (str(raised.value), heaping)
 
 
 def test_lower_bow_wave_is_accepted():

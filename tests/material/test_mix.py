@@ -158,7 +158,7 @@ def test_values_are_monotone_between_nodes(grid, name):
 def test_spread_contains_the_value(moisture, density_ratio, name):
     parameter = mix.prior(moisture, density_ratio).parameter(name)
     rounding = 4e-16 * parameter.value  # of the interpolation, at an end of the spread
-    assert 0 < parameter.low <= parameter.value + rounding
+    assert 0 <= parameter.low <= parameter.value + rounding
     assert parameter.value - rounding <= parameter.high
 
 

@@ -1316,3 +1316,34 @@ def test_lower_lift_is_read_for_engines_that_compact():
 def test_impossible_lower_lifts_are_refused(engine, table, message):
     with pytest.raises(SceneError, match=re.escape(message)):
         parse_scene(with_plies("", engine) + table)
+
+
+# the law of the mix
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (
+            {"mix.overrides.friction_angle": 46.0},
+            r"coefficient: must be between 0\.2\d+ and 0\.\d+ .* 46 ",
+        ),
+        ({"mix.overrides.earth_pressure_coefficient": 0.3}, "must be between .* got 0.3: below, mix in confined"),
+        ({"mix.overrides.dilatancy_angle": 36.0}, "`dilatancy_angle` must lie between 0 and `friction_angle`"),
+    ],
+    ids=["friction 45", "K0 0.3", "dilatancy"],
+)
+def test_drucker_prager_cap_refuses_angles_without_a_cap(published, changes, words):
+    with pytest.raises(SceneError, match=words):
+        published.replaced(**{"mix.law": "drucker-prager-cap"} | changes)
+    published.replaced(**changes)  # no limits of the ellipse
+
+
+def test_drucker_prager_cap_of_the_prior_is_accepted(published):
+    from compact.analysis.contact_cases import compaction_material, scene_mix
+
+    scene = published.replaced(**{"mix.law": "drucker-prager-cap", "mix.overrides.cohesion_loose": 5e3})
+    law = compaction_material(scene, scene_mix(scene))
+    assert law.tensile_strength == pytest.approx(5e3 / math.tan(math.radians(35)))
+    assert law.shear_viscosity == 600.0
+    assert law.dilatancy_slope == 0.0

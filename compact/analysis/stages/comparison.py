@@ -3,12 +3,14 @@
 import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity
 from compact.analysis.ranking_uncertainty import Agreement, Place, agreement
 from compact.analysis.stages.drives import KnownLaws, build_stages
+from compact.rolling_contact import HeapingError
 from compact.scene.loader import Scene
 
 DIRECTORY = "comparison"  # under the results; kept results of the engines of the comparison
@@ -46,21 +48,43 @@ class EngineComparison:
     warned: tuple[str, ...]
 
 
-def run_engine_alternative(scene: Scene, laws: KnownLaws, directory: Path | None) -> EngineComparison:
-    """Compute contacts, resistance and places of a scene with the engine of the comparison."""
+def run_engine_alternative(scene: Scene, laws: KnownLaws, directory: Path | None) -> EngineComparison | HeapingError:
+    """Compute contacts, resistance and places of a scene with the engine of the comparison.
+
+    Returns
+    -------
+    EngineComparison or HeapingError
+        The error where the mix heaps up in front of the roller: it has no steady state, which is an answer too.
+    """
     counts = Counter[str]()
     stages = build_stages(scene, count=lambda stage: counts.update([stage]), directory=directory, known_laws=laws)
     contacts, resistance = stages.contacts, stages.resistance
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         warnings.simplefilter("error", RuntimeWarning)  # an invalid operation of numpy yields no valid result
-        places = stages.drive.places
+        try:
+            places = stages.drive.places
+        except HeapingError as error:
+            return error
         # the second pass of a comparison is required by its own return stroke only
         second_pass = contacts.second_pass if scene.layer.return_stroke == "compacted" else None
     return EngineComparison(
         contacts.records, contacts.held, second_pass, resistance.resistance, resistance.error,
         contacts.roller_load, places, contacts.key, counts, tuple(dict.fromkeys(str(each.message) for each in warned)),
     )  # fmt: skip
+
+
+def resistances_without_wave(scene: Scene) -> dict[str, float]:
+    """Compute the resistance of a cart at the mean speed [N] by formula and by columns, which have no bow wave.
+
+    Columns are absent where they do not cover the scene.
+    """
+    formula = build_stages(scene.with_engine("formula")).contacts.engineering.roller_resistance
+    found = {"formula": scene.machine.rollers * float(formula)}
+    with suppress(ValueError, RuntimeError):
+        rolled = build_stages(scene.with_engine("column")).contacts.reference[0]
+        found["column"] = scene.machine.rollers * scene.machine.roller_length * float(rolled.resistance)
+    return found
 
 
 @dataclass(frozen=True)

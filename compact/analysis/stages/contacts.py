@@ -33,7 +33,7 @@ from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
 from compact.material.mix import Mix
 from compact.numerics.validation import NotFiniteError
-from compact.rolling_contact import ContactResult, Layer, LayerContactResult, Roller
+from compact.rolling_contact import ContactResult, HeapingError, Layer, LayerContactResult, Roller
 from compact.scene.loader import Scene
 
 SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, by the elastic recovery, is smaller
@@ -240,10 +240,11 @@ def _named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
             raise
         load, length = scene.target["load"], scene.machine.roller_length
         raise ValueError(f"{error} (contact.load = {load:g} N over roller_length = {length:g} m)") from error
+    except HeapingError as error:
+        hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same'
+        raise HeapingError(f"{case}: {error}{hint}", error.heaping) from error
     except RuntimeError as error:
-        is_estimate = type(error).__name__ == "HeapingError"  # of "compaction", whose module need not be imported
-        hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same' if is_estimate else ""
-        raise RuntimeError(f"{case}: {error}{hint}") from error
+        raise RuntimeError(f"{case}: {error}") from error
 
 
 def _engine_options(

@@ -123,6 +123,8 @@ def _ranges(stages: Stages) -> dict[str, Range]:
     scene, mix, engine = stages.contacts.scene, stages.contacts.mix, stages.contacts.engine
     names = list(MIX_INPUTS[engine.name if engine.cheap else "formula"])
     new_layer = engine.cheap and engine.compacting
+    if scene.mix.law == "drucker-prager-cap":
+        names = ["cohesion_loose" if name == "cohesion" else name for name in names]
     if new_layer and has_air(scene):
         names += AIR_INPUTS
     ranges = {f"mix.overrides.{name}": (*_spread(mix.parameter(name)), mix.parameter(name).unit) for name in names}

@@ -28,7 +28,6 @@ from compact.engines.compaction.finite_strain_kernels import announce_compilatio
 from compact.engines.compaction.finite_strain_solid import SolidState
 from compact.engines.compaction.heaping import (
     MAX_CONTACT_ANGLE,
-    HeapingError,
     HeapingEstimate,
     remedies,
     require_no_heaping,
@@ -45,10 +44,17 @@ from compact.engines.compaction.roller_frame import (
 )
 from compact.engines.compaction.steady_search import SteadySearch
 from compact.material import cap_plasticity
-from compact.material.laws import Compaction
+from compact.material.laws import Compaction, DruckerPragerCap
 from compact.mesh import RowMesh
 from compact.numerics.validation import require_between, require_known, require_positive
-from compact.rolling_contact import HEIGHT_TOLERANCE, Layer, Roller, require_moving, require_torque_allowed
+from compact.rolling_contact import (
+    HEIGHT_TOLERANCE,
+    HeapingError,
+    Layer,
+    Roller,
+    require_moving,
+    require_torque_allowed,
+)
 
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
@@ -174,7 +180,7 @@ def roll(
     case = RollingCase(layer, roller, material, speed, torque, fed_layer, numerics)
     target = DepthTarget(layer, roller, material, exit_density_ratio, fed_layer, case.lower)
     announce_compilation(numerics.progress)
-    if case.heaping is not None and fed_layer is None:
+    if case.heaping is not None and fed_layer is None and not isinstance(material, DruckerPragerCap):
         require_no_heaping(case.heaping, target.quantity, target.value, target.required_depth)
     with threadpool_limits(1):
         if start is None or not _is_neighbour(case, target, start):
@@ -217,6 +223,7 @@ class RollingCase:
     def heaping(self) -> HeapingEstimate | None:
         """Estimate of the largest depth; None if it does not apply. It regards a lower lift as rigid.
 
+        It is fitted to the elliptic cap: with a shear line only its contact angle limits the wave.
         Small strain causes no bow wave, and mix on a frictionless base may elongate instead of being compacted.
         """
         angle = self.numerics.max_contact_angle
@@ -403,6 +410,8 @@ def _run(search: SteadySearch, case: RollingCase) -> None:
         if case.heaping is None or depth is None or case.fed_layer is not None:
             raise
         advice = remedies(case.heaping, depth, for_density=search.target.quantity == "exit_density_ratio")
+        if isinstance(error, HeapingError):
+            raise HeapingError(f"{error}; {advice}", error.heaping) from error
         raise type(error)(f"{error}; {advice}") from error
 
 

@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.material.laws import Compaction
+from compact.rolling_contact import Heaping, HeapingError
 
 FloatArray = NDArray[np.float64]
 MAX_CONTACT_ANGLE = np.pi / 4  # [rad], beyond which a roller pushes the mix ahead
@@ -42,10 +43,6 @@ REMEDY_TRIALS = 200  # [-], parts of a layer, depth or density range that are tr
 DENSEST_TABULATED = 1.3  # [-], density ratio up to which confined compression is tabulated
 TABLE_SIZE = 3000  # [-], points of that table
 INTEGRATION_ROWS = 200  # [-], of the integral over the height
-
-
-class HeapingError(RuntimeError):
-    """Fresh mix would heap up, or heaps up, in front of the roller without a steady state."""
 
 
 @dataclass(frozen=True)
@@ -143,14 +140,17 @@ def require_no_heaping(estimate: HeapingEstimate, name: str, value: float, depth
         raise HeapingError(
             f"`load` must be at most about {estimate.max_load:.0f} N/m, the bearing capacity over {contact} before the "
             f"mix heaps up in front of the roller (an estimate), got {value:.0f} N/m; reduce the load or use a larger "
-            "roller"
+            "roller",
+            Heaping(None, estimate.contact_angle),
         )
     if depth is None or depth <= min(estimate.max_depth, estimate.contact_height):
         return
+    heaping = Heaping(depth, estimate.contact_angle)
     if depth > estimate.contact_height:
         raise HeapingError(
             f"`{name}` requires a depth of {_millimetres(depth)}, at which the contact angle exceeds {angle} and the "
-            f"roller pushes the mix ahead; stay below {_millimetres(estimate.contact_height)} or use a larger roller"
+            f"roller pushes the mix ahead; stay below {_millimetres(estimate.contact_height)} or use a larger roller",
+            heaping,
         )
     limit = _millimetres(estimate.max_depth)
     rule = f"`indentation` must be at most about {limit}, got {_millimetres(depth)}"
@@ -159,7 +159,8 @@ def require_no_heaping(estimate: HeapingEstimate, name: str, value: float, depth
     raise HeapingError(
         f"{rule}: the bearing capacity is about {estimate.bearing_pressure / 1e3:.3g} kPa over {contact} which "
         "compacts the voids no further, and the rest heaps up in front of the roller (an estimate); "
-        + remedies(estimate, depth, for_density=name == "exit_density_ratio")
+        + remedies(estimate, depth, for_density=name == "exit_density_ratio"),
+        heaping,
     )
 
 

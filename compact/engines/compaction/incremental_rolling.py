@@ -18,12 +18,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from compact.engines.compaction.finite_strain_solid import FloatArray, SolidState
-from compact.engines.compaction.heaping import HeapingError
 from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver, Progress
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
 from compact.engines.compaction.roller_frame import RollerFrame
 from compact.material.laws import DruckerPragerCap
-from compact.rolling_contact import GapGeometry
+from compact.rolling_contact import GapGeometry, Heaping, HeapingError
 
 PENALTY = 0.15  # [-], normal penalty over unloading modulus/step
 PENALTY_ROWS = 20  # [-], layer height over the largest length that limits the penalty
@@ -368,9 +367,12 @@ def heaping_error(rolling: IncrementalRolling, wave: str) -> HeapingError:
         Clause about the bow wave.
     """
     step = rolling.steps[-1]
+    edge = np.clip((rolling.depth + step.bow_wave) / rolling.surface.radius, 0.0, 2.0)
+    heaping = Heaping(rolling.depth, float(np.arccos(1 - edge)), step.bow_wave, step.travel)
     return HeapingError(
         f"the mix heaps up in front of the roller at depth {1e3 * rolling.depth:.4g} mm: after {step.travel:.3g} m of "
-        f"travel the bow wave {wave}; {describe_step(step)}"
+        f"travel the bow wave {wave}; {describe_step(step)}",
+        heaping,
     )
 
 

@@ -17,8 +17,9 @@ from compact.machine.roller_motors import RollerMotor
 from compact.motion.profile import EndCondition
 from compact.report.number_format import ZERO_SHARE, format_column, format_number, format_percent, format_quantity
 from compact.report.page.answer import methods, term_of
-from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table, embed_figures
+from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table, as_sentence, embed_figures
 from compact.report.ranking_tables import comparison_places
+from compact.report.text import heaping_sentences
 from compact.scene.loader import Scene
 
 ASSUMED_SIGNS = ("assumed", "guess", "changed by the caller")  # first words of a clause of a remark
@@ -57,6 +58,7 @@ def ranking_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     blocks: list[Block] = [*embed_figures(pictures, RANKING_FIGURES)]
     if study.agreements:
         blocks.append(_agreement_table(study.agreements))
+    blocks += [Paragraph(as_sentence(sentence)) for sentence in heaping_sentences(study)]
     for kind, orders in study.places.items():
         blocks += [_ranking_table(kind, by, order, comparison_places(study, kind, by)) for by, order in orders.items()]
     lead = f"{len(study.cycles)} laws by {', '.join(term_of(by) for by in study.rankings)}."

@@ -1,0 +1,61 @@
+"""Mix that heaps up in front of the roller as an answer: of an engine of the comparison, and of that of the scene."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compact import cli
+from compact.analysis.stages.comparison import resistances_without_wave
+from compact.analysis.study import Study
+from compact.engines.compaction import engine as compaction
+from compact.report import text
+from compact.report import writer as report
+from compact.rolling_contact import Heaping, HeapingError
+from compact.scene.loader import load_scene
+
+SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"  # 0.22 m in one pass, which heaps up
+COMPARED = {"accuracy.engine": "column", "compare": {"compaction": {}}, "output.items": [], "motion.laws": ["cubic"]}
+
+
+def test_an_engine_of_the_comparison_that_heaps_up_is_an_answer(tmp_path):
+    case = Study(load_scene(SMALL, **COMPARED))
+    summary = report.write_study(case, tmp_path / "out")
+    stored = json.loads((tmp_path / "out" / "summary.json").read_text())["heaping"]["compaction"]
+    assert stored["depth"] == {"value": pytest.approx(9.37e-3, rel=1e-2), "unit": "m"}
+    assert stored["contact_angle"] == {"value": pytest.approx(np.pi / 4), "unit": "rad"}
+    assert (stored["travel"]["value"], stored["is_estimate"]) == (None, True)
+    assert "feed the mix in lifts of at most" in stored["reason"]
+    assert list(summary["comparison"]) == ["formula"]
+    assert summary["steady_forces"]["resistance"]["value"] > 3e3  # of the columns, which lead
+    digest = " ".join(text.study_digest(case).split())
+    assert "compaction: the mix heaps up in front of the roller, no steady state at a depth of 9.37 mm;" in digest
+
+
+def test_the_wave_that_was_computed_is_stated(monkeypatch):
+    def heap(*_, **__):
+        raise HeapingError("the wave grows", Heaping(0.0052, 0.71, 0.0213, 0.314))
+
+    monkeypatch.setattr(compaction, "roll", heap)
+    case = Study(load_scene(SMALL, **COMPARED))
+    (sentence,) = text.heaping_sentences(case)
+    assert sentence.startswith(
+        "compaction: the mix heaps up in front of the roller, no steady state at a depth of 5.2 mm; after 0.314 m of "
+        "travel the bow wave is 21.3 mm high, a contact angle of 40.7 degrees;"
+    )
+
+
+def test_a_scene_led_by_an_engine_that_heaps_up_has_no_result(tmp_path, monkeypatch, capsys):
+    out = tmp_path / "out"
+    monkeypatch.setattr(sys, "argv", ["compact", "run", str(SMALL), "--engine", "compaction", "--out", str(out)])
+    with pytest.raises(SystemExit) as code:
+        cli.main()
+    assert code.value.code == cli.NO_RESULT
+    message = capsys.readouterr().err
+    resistances = resistances_without_wave(load_scene(SMALL, **{"accuracy.engine": "compaction"}))
+    assert "heaps up in front of the roller (an estimate)" in message
+    assert f"{resistances['formula']:.4g} N by formula, {resistances['column']:.4g} N by column" in message
+    assert "--engine column ranks by it" in message
+    assert not (out / "summary.json").exists()
