@@ -273,6 +273,39 @@ def cam(
 
 
 @app.command
+def material(
+    scene: ScenePath,
+    /,
+    *,
+    out: Path | None = None,
+    changes: Changes = (),
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Apply the tests of a laboratory to the mix of a scene: oedometer, isotropic, biaxial, shear, unconfined strength.
+
+    Parameters
+    ----------
+    out
+        folder of material.csv, material.json and material.png; default out/NAME-material, NAME as in `compact run`
+    """
+    from compact.analysis.contact_cases import compaction_material, scene_mix
+    from compact.analysis.material_tests import LaboratoryProgramme
+    from compact.files import claimed_directory
+    from compact.report.material_writer import material_digest, write_material_tests
+
+    given = _scene(scene, quiet, changes)
+    mix = scene_mix(given)
+    programme = LaboratoryProgramme(compaction_material(given, mix), given.mix.density_ratio, mix.required_pressure)
+    place = out or default_directory(scene, "material")
+    with claimed_directory(place, given.hash, force) as directory:
+        write_material_tests(programme, given.mix.law, directory)
+    if not quiet:
+        print(material_digest(programme, given.mix.law))
+        print(f"\nresults: {place}")
+
+
+@app.command
 def calibrate(
     scene: ScenePath,
     measured: Path,

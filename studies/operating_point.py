@@ -26,14 +26,16 @@ from compact.analysis.contact_cases import scene_mix
 from compact.analysis.engineering_summary import engineering
 from compact.analysis.engines import ENGINES
 from compact.analysis.stages.contacts import roll_scene
+from compact.material.mix import prior
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
 from compact.scene.plant_data import read_measurements
 
 SCENES = Path(__file__).parent / "scenes"
 PRINTED_LOAD, PRINTED_FORCE = 9740.0, 3562.0  # [N]; Loveikin and Pochka 2015
-# Ranges of the prior: Heckel slope in confined compression [1/Pa], initial density ratio [-]
-SLOPES, INITIAL_RATIOS = (13e-6 / 1.5, 13e-6 * 1.5), (0.93, 0.955)
+# Prior: Heckel slope in confined compression at rest [1/Pa], with its range, and range of the initial density ratio [-]
+PRIOR_SLOPE = prior(0.10, 0.98).parameter("heckel_slope")
+SLOPES, INITIAL_RATIOS = (PRIOR_SLOPE.low, PRIOR_SLOPE.high), (0.93, 0.955)
 CALIBRATED = ", calibrated"
 NAMES = {"column": "column model", "fem": "linear layer", "compaction": "finite elements"}
 REFIT_LABELS = {  # changed quantity -> label of the calibration repeated with it
@@ -41,6 +43,7 @@ REFIT_LABELS = {  # changed quantity -> label of the calibration repeated with i
     "resistance_coefficient": "coefficient {:g}",
 }
 LIFTS = {"layer.lift_thickness": 0.06}  # [m], compacted at a time; assumed, no source states it
+MORE_COLOURS = ("black", "0.6")  # of curves beyond the palette
 COARSE = 4  # [-], elements per contact length of the further variants, of which only the change is of interest
 # Variants of the finite elements: changes of the scene, other coefficient, elements per contact length. The first one
 # is the initial guess of the others.
@@ -161,7 +164,7 @@ def _draw(contacts, fits):
     figure = Figure(figsize=(10.4, 5.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     names = list(dict.fromkeys(name.removesuffix(CALIBRATED) for name in contacts))
-    colours = dict(zip(names, itertools.cycle(PALETTE)))
+    colours = dict(zip(names, itertools.cycle((*PALETTE, *MORE_COLOURS))))
     for name, rolled in contacts.items():
         plain, fitted = name.removesuffix(CALIBRATED), name.endswith(CALIBRATED)
         label = _label(plain) if fitted else f"{_label(plain)}, not calibrated"
@@ -209,8 +212,9 @@ def show(result):
     low, high = (1e6 * slope for slope in SLOPES)
     print(f"prior: K_H {low:.1f} to {high:.1f} 1/MPa, initial density ratio {INITIAL_RATIOS[0]} to {INITIAL_RATIOS[1]}")
     for name, fit in fits.items():
-        length = length_for(fit, 13e-6)
-        print(f"\n{name}; K_H 13 1/MPa of the prior requires a roller of {length:.2f} m\n{calibration_digest(fit)}")
+        length, slope = length_for(fit, PRIOR_SLOPE.value), 1e6 * PRIOR_SLOPE.value
+        print(f"\n{name}; K_H {slope:.3g} 1/MPa of the prior requires a roller of {length:.2f} m")
+        print(calibration_digest(fit))
 
 
 if __name__ == "__main__":
