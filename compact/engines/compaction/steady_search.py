@@ -106,12 +106,12 @@ class WaveGrowth:
 
     @property
     def is_unslowed(self) -> bool:
-        """Whether the wave grows as fast as before the first jump, although it is much larger."""
+        """True if the wave grows as fast as before the first jump, although it is much larger."""
         return len(self.slopes) > 1 and self.slopes[-1] > SLOWING * self.slopes[0]
 
     @property
     def is_endless(self) -> bool:
-        """Whether the wave has no steady state."""
+        """True if the wave has no steady state."""
         return len(self.slopes) > MAX_GROWTHS or (len(self.slopes) > MAX_UNSLOWED and self.is_unslowed)
 
 
