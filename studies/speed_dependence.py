@@ -31,8 +31,8 @@ LIFT = {
 LINEAR = {
     "accuracy.engine": "spectral", "machine.roller_condition": "frictionless", "machine.gap_geometry": "circle",
 }  # fmt: skip
-# Cap with a shear line on the subcritical side and a cohesion of loose mix [Pa] at which the lift is steady; with that of
-# the prior no steady state is found. Heckel slope and initial density ratio remain those of the elliptic cap.
+# Cap with a shear line on the subcritical side and a cohesion of loose mix [Pa] at which the lift is steady; with that
+# of the prior no steady state is found. Heckel slope and initial density ratio remain those of the elliptic cap.
 LINE = {"mix.law": "drucker-prager-cap", "mix.overrides.cohesion_loose": 20e3}
 ELEMENTS, RATE, NO_RATE, AIR = "finite elements", " with rate", " without rate", " with rate and pore air"
 CASES = {  # label -> changes of the scene

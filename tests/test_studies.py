@@ -36,6 +36,7 @@ def test_every_study_has_a_test():
         "motor_and_flywheel",
         "optimal_laws",
         "reversal",
+        "speed_dependence",
         "return_stroke",
         "moisture_density",
         "hard_cases",
