@@ -39,6 +39,7 @@ def test_every_study_has_a_test():
         "return_stroke",
         "moisture_density",
         "hard_cases",
+        "pore_air",
         "rank_laws",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
