@@ -437,3 +437,31 @@ def test_viscoelastic_layer_of_the_study_is_that_of_the_scene():
     for by in module.SHOWN:
         found = {row[4]: row[5] for row in rows if row[2] == by}
         assert found == {place.run.name: pytest.approx(place.value, rel=1e-9) for place in scene.rankings[by]}
+
+
+def test_resistance_over_speed_of_the_machine_meets_the_formula_at_the_mean_speed(capsys, tmp_path):
+    module = study("speed_dependence")
+    cases, speeds = [case for case in module.CASES if "finite" not in case], np.geomspace(0.0133, 1.333, 5)
+    curves = {each.name: each for each in module.main(cases=cases, speeds=speeds, out=tmp_path)}
+    module.show(list(curves.values()))
+    printed, columns, linear = (curves[case].forces for case in cases)
+    assert printed == pytest.approx(2 * 9740 * 0.178961, rel=1e-4)
+    assert columns[2] == pytest.approx(printed[2], rel=2e-3)  # both at 9740 N and 0.179
+    assert np.diff(np.log(columns)) / np.log10(speeds[1] / speeds[0]) == pytest.approx(0.039, abs=2e-3)
+    assert linear.max() < 0.2 * printed[0]
+    assert (tmp_path / "speed_dependence.csv").read_text().count("\n") == 1 + 3 * 5
+    assert (tmp_path / "speed_dependence.png").stat().st_size > 10_000
+    assert "viscoelastic part only" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_pore_air_adds_to_the_finite_elements_over_speed():
+    module = study("speed_dependence")
+    coarse = {"accuracy.tolerance": 0.02}
+    with_rate, still, with_air = module.main(cases=["finite elements"], speeds=np.array([0.02, 0.45]), changes=coarse)
+    assert still.forces == pytest.approx(3505, rel=2e-2)
+    assert np.log(with_rate.forces[1] / with_rate.forces[0]) / np.log10(22.5) == pytest.approx(0.052, abs=8e-3)
+    assert (with_rate.forces < with_air.low).all()
+    assert (with_air.low < with_air.forces).all()
+    assert (with_air.forces < with_air.high).all()
+    assert with_air.high[1] / with_rate.forces[1] == pytest.approx(1.35, abs=0.05)

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compact.engines.compaction.bow_wave import QUANTITIES, BowWaveMode, WaveDrift, relaxation_length
+from compact.engines.compaction.bow_wave import QUANTITIES, BowWaveMode, WaveDrift, crossing_length, relaxation_length
 from compact.engines.compaction.engine import mesh_cascade, roll
 from compact.engines.compaction.incremental_rolling import RollingStep
+from compact.engines.compaction.steady_search import WaveGrowth
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
@@ -46,6 +47,28 @@ def test_relaxation_length_follows_from_two_settled_states():
     drifts = [WaveDrift.of_steps(decay(start)) for start in (0.05, 0.1, 0.2)]
     assert relaxation_length(drifts) == pytest.approx(0.24, rel=0.03)
     assert relaxation_length(drifts[:1]) is None
+
+
+def test_waves_on_both_sides_of_the_steady_one_bracket_it():
+    above, below = (
+        WaveDrift.of_steps([step(s, area + slope * s) for s in np.linspace(0, 0.02, 8)])
+        for area, slope in ((1.2e-4, -2e-4), (0.9e-4, 1e-4))
+    )
+    assert crossing_length([above, below]) == pytest.approx(0.08)
+    assert crossing_length([below]) is crossing_length([below, below]) is None
+
+
+def test_wave_that_doubles_at_an_unchanged_rate_has_no_steady_state():
+    drift = WaveDrift.of_steps([step(s, 1e-4 + 5e-4 * s) for s in np.linspace(0, 0.02, 8)])
+    growth = WaveGrowth()
+    for _ in range(2):
+        growth.record(drift, drift.wave_area)
+    assert growth.is_unslowed
+    assert not growth.is_endless
+    growth.record(drift, drift.wave_area)
+    assert growth.is_endless
+    growth.record(drift, 0.1 * drift.wave_area)
+    assert not growth.is_unslowed
 
 
 @pytest.mark.parametrize(

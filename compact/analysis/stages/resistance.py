@@ -105,7 +105,7 @@ class ResistanceStage:
         least = min(LEAST_SPEED_SHARE * speed, min(each.speed for each in samples))
         tolerance = self.scene.accuracy.tolerance
         if stage.engine.rate_factor_only:
-            sampled = sample_rate_law(self._new_sample, self._rate_factor(), least, speed, tolerance, samples)
+            sampled = sample_rate_law(self._new_sample, self.rate_factor(), least, speed, tolerance, samples)
         else:
             pairs = [each[:3] for each in samples]
             sampled = sample_resistance(lambda at: self._new_sample(at)[1:3], least, speed, tolerance, pairs)
@@ -121,7 +121,7 @@ class ResistanceStage:
         forces = skeleton(speeds) + self._roller_length * air
         return replace(skeleton, speeds=speeds, forces=forces, contacts=skeleton.computed)
 
-    def _rate_factor(self) -> Callable[[float], float]:
+    def rate_factor(self) -> Callable[[float], float]:
         """Return the factor of the yield pressure over the speed [m/s] at the depth at the mean speed.
 
         Under a constant load or pressure the depth changes with the speed; the factor there is a smooth function of it.

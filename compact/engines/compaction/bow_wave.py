@@ -26,6 +26,9 @@ from compact.engines.compaction.roller_frame import transfer_state
 from compact.material.cap_plasticity import MaterialPoint
 
 QUANTITIES = ("load", "resistance", "exit_density_ratio", "peak_pressure")  # of a `RollingStep`
+MIN_SLOPE_ERROR = 0.02  # [-], least error of a slope of the wave over the largest one in a fit
+MIN_CROSSING_CHANGE = 0.01  # [-], least change of the wave between states that bracket the steady one
+LENGTH_EXPONENT = 2.0  # [-], of the relaxation length over the depth, roughly
 PAIRS = 3  # [-], last settled states from which the relaxation length follows
 
 
@@ -104,6 +107,10 @@ class Relaxation:
     length: float | None = None
     mode: BowWaveMode | None = None
 
+    def at_depth(self, ratio: float) -> Self:
+        """Return the relaxation at a depth that differs by a ratio [-]."""
+        return self if self.length is None else replace(self, length=self.length * ratio**LENGTH_EXPONENT)
+
 
 @dataclass(frozen=True, eq=False)
 class WaveDrift:
@@ -146,7 +153,28 @@ def relaxation_length(drifts: Sequence[WaveDrift]) -> float | None:
     drifts : sequence of WaveDrift
         Drifts at successive settled states.
     """
-    area, slope = np.array([(drift.wave_area, drift.wave_slope) for drift in drifts[-PAIRS:]]).T
-    spread = np.sum((area - area.mean()) ** 2)
-    decay = -np.sum((area - area.mean()) * (slope - slope.mean())) / spread if spread > 0 else 0.0
+    if len(drifts) < 2:
+        return None
+    area, slope, error = np.array([(d.wave_area, d.wave_slope, d.wave_error) for d in drifts[-PAIRS:]]).T
+    weights = 1 / (error**2 + (MIN_SLOPE_ERROR * np.abs(slope).max()) ** 2)
+    from_mean = area - np.average(area, weights=weights)
+    spread = np.sum(weights * from_mean**2)
+    decay = -np.sum(weights * from_mean * slope) / spread if spread > 0 else 0.0
     return float(1 / decay) if decay > 0 else None
+
+
+def crossing_length(drifts: Sequence[WaveDrift]) -> float | None:
+    """Return the relaxation length [m] from two settled states on both sides of the steady wave, None without them.
+
+    Parameters
+    ----------
+    drifts : sequence of WaveDrift
+        Drifts at successive settled states.
+    """
+    if len(drifts) < 2 or drifts[-1].wave_slope * drifts[-2].wave_slope >= 0:
+        return None
+    before, last = drifts[-2:]
+    if abs(last.wave_area - before.wave_area) < MIN_CROSSING_CHANGE * last.wave_area:
+        return None
+    secant = (last.wave_area - before.wave_area) / (before.wave_slope - last.wave_slope)
+    return secant if secant > 0 else None

@@ -5,6 +5,7 @@ it, for the quantity extrapolated to the steady state.
 """
 
 from dataclasses import dataclass, field
+from typing import cast
 
 import numpy as np
 
@@ -27,7 +28,7 @@ EXPONENTS = {  # [-], first, least and largest exponent of a quantity over the d
     "load": (1.2, 0.3, 3.0), "peak_pressure": (1.0, 0.3, 3.0), "exit_density_ratio": (1.0, 0.7, 1.4),
 }  # fmt: skip
 CROSSING_SHARE = 0.5  # [-], of a correction after one that was too large
-MIN_SECANT = 3e-3  # [-], least difference of logarithms of depths for a secant; closer ones scatter
+MIN_SECANT = 0.04  # [-], least difference of logarithms of depths for a secant; values of closer ones scatter
 UNITS = {"load": " N/m", "peak_pressure": " Pa"}
 
 
@@ -151,9 +152,12 @@ class DepthSecant:
     ----------
     target : DepthTarget
         Prescribed quantity.
+    slope : float, optional
+        Exponent of the quantity over the depth [-], from another mesh; replaced by the secant of distant depths.
     """
 
     target: DepthTarget
+    slope: float | None = None
     _logs: list[float] = field(default_factory=list, init=False)
     _misses: list[float] = field(default_factory=list, init=False)
 
@@ -179,15 +183,19 @@ class DepthSecant:
             raise RuntimeError(self.failure())
         crossed = len(self._misses) > 1 and self._misses[-1] * self._misses[-2] < 0
         share = CROSSING_SHARE if crossed else 1.0  # the quantity scatters with the elements
-        factor = float(np.exp(-share * self.last_miss / self._slope()))
+        self._update_slope()
+        factor = float(np.exp(-share * self.last_miss / cast(float, self.slope)))
         return min(depth * float(np.clip(factor, 1 / MAX_DEPTH_FACTOR, MAX_DEPTH_FACTOR)), target.max_depth)
 
-    def _slope(self) -> float:
-        """Return the slope of the misses over the logarithm of the depth, within bounds."""
+    def _update_slope(self) -> None:
+        """Take the secant to the last depth that is distant enough, within bounds."""
         first, low, high = EXPONENTS[self.target.quantity]
-        if len(self._logs) == 1 or abs(self._logs[-1] - self._logs[-2]) < MIN_SECANT:
-            return first
-        return float(np.clip((self._misses[-1] - self._misses[-2]) / (self._logs[-1] - self._logs[-2]), low, high))
+        self.slope = first if self.slope is None else self.slope
+        distant = np.flatnonzero(np.abs(np.array(self._logs) - self._logs[-1]) > MIN_SECANT)
+        if len(distant):
+            other = distant[-1]
+            secant = (self._misses[-1] - self._misses[other]) / (self._logs[-1] - self._logs[other])
+            self.slope = float(np.clip(secant, low, high))
 
     def failure(self) -> str:
         """Return the message for a target that no depth satisfies."""

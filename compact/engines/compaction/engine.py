@@ -368,7 +368,7 @@ def _roll_from_neighbour(
     case: RollingCase, target: DepthTarget, start: CompactionContactResult
 ) -> CompactionContactResult:
     """Solve from a neighbouring result, on its mesh stretched to the depth."""
-    depth, relaxation = target.depth_from(start), start.relaxation
+    depth = target.depth_from(start)
     search = SteadySearch(
         rolling=case.stretched(start.solution, depth),
         target=target,
@@ -377,7 +377,7 @@ def _roll_from_neighbour(
         target_tolerance=target.tolerance,
         stretch=case.stretched,
         rate_factor=case.rate_factor,
-        relaxation=relaxation,
+        relaxation=start.relaxation,
     )
     _run(search, case)
     return _to_result(case, search, start.error_parts.mesh)

@@ -285,7 +285,7 @@ class IncrementalRolling:
         depth, reached = 1e3 * (self.frame.mesh.height - bottom_height), "no step converged before"
         if self.steps:
             reached = f"last step: travel {self.steps[-1].travel:.3g} m, {describe_step(self.steps[-1])}"
-        raise RuntimeError(f"step {len(self.steps) + 1} of rolling at depth {depth:.4g} mm: {reason}; {reached}")
+        raise EquilibriumError(f"step {len(self.steps) + 1} of rolling at depth {depth:.4g} mm: {reason}; {reached}")
 
     def _accept(self, equilibrium: Equilibrium, bottom_height: float) -> RollingStep:
         self.state, self.contact = equilibrium.state, equilibrium.contact

@@ -12,7 +12,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from compact.engines.compaction.bow_wave import QUANTITIES, BowWaveMode, Relaxation, WaveDrift, relaxation_length
+from compact.engines.compaction.bow_wave import (
+    QUANTITIES,
+    BowWaveMode,
+    Relaxation,
+    WaveDrift,
+    crossing_length,
+    relaxation_length,
+)
 from compact.engines.compaction.depth_target import DepthSecant, DepthTarget
 from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.engines.compaction.incremental_rolling import (
@@ -24,6 +31,7 @@ from compact.engines.compaction.incremental_rolling import (
     heaping_error,
     require_low_wave,
 )
+from compact.engines.compaction.newton import EquilibriumError
 from compact.engines.compaction.roller_frame import transfer_state
 from compact.material.laws import DruckerPragerCap
 
@@ -38,13 +46,16 @@ LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps 
 SETTLING_TOLERANCE = 1e-2  # [-], residual of a step over the nodal forces; 1e-4 changes a load by 4e-5
 FINAL_TOLERANCE = 1e-3  # [-], of those near the steady state, whose scatter counts; of the last `ROLLING_TOLERANCE`
 NEAR = 4.0  # [-], estimated distance from the steady state over its tolerance
-JUMP_TRIALS = (1.0, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
-GROWTH, MAX_GROWTHS = 0.3, 3  # [-], required jump over the area, and number of successive ones with a steady state
-MAX_UNSLOWED = 2  # [-], such jumps if the growth of the wave has not slowed down
+JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
+GROWTH, MAX_GROWTHS = 0.3, 7  # [-], required jump over the area, and number of successive ones with a steady state
+MAX_UNSLOWED, SLOWING = 2, 0.8  # [-], such jumps if the growth per travel remains above that share of the first one
 FIRST_LENGTH = 5.0  # [-], relaxation length of the wave over the contact length before any is known
 LENGTH_RANGE = (2.0, 40.0)  # [-], relaxation length over the contact length
+MIN_CROSSING = 0.2  # [-], least relaxation length between waves that grow and decay, over the last length
 MIN_MODE = 0.02  # [-], least change of the wave between two settled states that define a mode, over the wave
+MIN_WAVE = 0.03  # [-], least area of a wave over depth and contact length whose mode counts; lower ones are scatter
 SIGNIFICANCE = 3.0  # [-], standard errors from which a change of the wave counts
+WAVE_EXPONENT = 3.4  # [-], of the area of the wave over the depth, roughly
 SAME_DEPTH = 1e-3  # [-], relative change of the depth below which settled states belong to one depth
 MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
 STRETCHED_DEPTH = 1.25  # [-], ratio of a depth to that of the mesh from which the mesh is stretched
@@ -75,6 +86,33 @@ class SteadyErrors:
     def total(self) -> float:
         """Largest sum of both of load and resistance over their scales, and of the exit density ratio [-]."""
         return float(((self.drift + self.start)[:3] / [self.load, self.resistance, 1.0]).max())
+
+
+@dataclass
+class WaveGrowth:
+    """Successive jumps by which a wave should grow by more than `GROWTH`.
+
+    Attributes
+    ----------
+    slopes : list of float
+        Growth of the wave over the travel before each of these jumps [m].
+    """
+
+    slopes: list[float] = field(default_factory=list)
+
+    def record(self, drift: WaveDrift, jump: float) -> None:
+        """Record the drift of a cycle and the jump to the steady wave [m2]."""
+        self.slopes = [*self.slopes, drift.wave_slope] if jump > GROWTH * drift.wave_area else []
+
+    @property
+    def is_unslowed(self) -> bool:
+        """True if the wave grows as fast as before the first jump, although it is much larger."""
+        return len(self.slopes) > 1 and self.slopes[-1] > SLOWING * self.slopes[0]
+
+    @property
+    def is_endless(self) -> bool:
+        """True if the wave has no steady state."""
+        return len(self.slopes) > MAX_GROWTHS or (len(self.slopes) > MAX_UNSLOWED and self.is_unslowed)
 
 
 @dataclass
@@ -113,6 +151,7 @@ class SteadySearch:
     values: FloatArray = field(init=False)  # `QUANTITIES` in the steady state
     finds_length: bool = field(init=False)
     _density_factor: float = field(default=1.0, init=False)
+    _depth_exponent: float | None = field(default=None, init=False)
     _drifts: list[WaveDrift] = field(default_factory=list, init=False)
     _settled: IncrementalRolling | None = field(default=None, init=False)
 
@@ -126,7 +165,7 @@ class SteadySearch:
         mode = coarse.relaxation.mode
         self.relaxation = replace(coarse.relaxation, mode=None if mode is None else mode.on_mesh(old, new))
         self.finds_length = self.relaxation.length is None
-        self._density_factor = coarse._density_factor
+        self._density_factor, self._depth_exponent = coarse._density_factor, coarse._depth_exponent
 
     def run(self) -> None:
         """Find the steady state; `rolling`, `depth`, `values` and `errors` then belong to it.
@@ -138,18 +177,30 @@ class SteadySearch:
         RuntimeError
             If a step has no equilibrium, or the steady state or the target is not reached.
         """
-        growths, secant = 0, DepthSecant(self.target)
+        growth = WaveGrowth()
+        try:
+            self._find_steady_state(growth)
+        except EquilibriumError as error:
+            if growth.is_unslowed:
+                raise heaping_error(self.rolling, "grows without slowing down until a step fails") from error
+            raise
+
+    def _find_steady_state(self, growth: WaveGrowth) -> None:
+        """Roll in cycles until the motion is steady and the target satisfied; record the growth of the first mesh."""
+        secant = DepthSecant(self.target, self._depth_exponent)
         self.rolling.solver.tolerance = self._settling_tolerance
         self._roll(FIRST_SETTLING, DAMPING)
         for cycle in range(MAX_FIRST_CYCLES if self.finds_length else MAX_CYCLES):
             drift = self._measure(FIRST_MEASURING if cycle == 0 else MEASURING)
             jump = self._estimate(drift)
-            growths = growths + 1 if self.finds_length and jump > GROWTH * drift.wave_area else 0
-            if growths > (MAX_GROWTHS if self.relaxation.length else MAX_UNSLOWED):
-                raise heaping_error(self.rolling, "grows without a steady state")
+            if self.finds_length:
+                growth.record(drift, jump)
+                if growth.is_endless:
+                    raise heaping_error(self.rolling, "grows without a steady state")
             is_near, is_final, depth = self.errors.total < NEAR * self.tolerance, False, self.depth
             if is_near:  # the depth waits for the wave, since corrections of both at once oscillate
                 corrected = secant.next_depth(depth, self._target_value())
+                self._depth_exponent = secant.slope
                 is_met = abs(secant.last_miss) < self.target_tolerance
                 depth, is_final = depth if is_met else corrected, is_met and self.errors.total < self.tolerance
             self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else self._settling_tolerance
@@ -161,7 +212,7 @@ class SteadySearch:
                     return
                 if self.target.quantity == "exit_density_ratio":
                     self._density_factor = last.exit_density_ratio / self._geometric_density_ratio()
-                    secant = DepthSecant(self.target)  # earlier values had another factor
+                    secant = DepthSecant(self.target, secant.slope)  # earlier values had another factor
         if self.errors.total < self.tolerance:
             raise RuntimeError(secant.failure())
         raise RuntimeError(self._describe_failure())
@@ -205,18 +256,27 @@ class SteadySearch:
         drift = WaveDrift.of_steps(self.rolling.steps[-count - 1 :])
         first, before = (begin, None) if self._settled is None else (self._settled, self._drifts[-1])
         self._drifts.append(drift)
-        if self.finds_length:
-            bounds = np.multiply(LENGTH_RANGE, self.rolling.frame.contact_length)
-            found = relaxation_length(self._drifts)
-            if found is not None:
-                self.relaxation = replace(self.relaxation, length=float(np.clip(found, *bounds)))
+        self._update_length()
         self._update_mode(first, before, drift)
         self._settled = copy(self.rolling)
         return drift
 
+    def _update_length(self) -> None:
+        """Fit the relaxation length, or on a finer mesh shorten it where two waves bracket the steady one."""
+        known = self.relaxation.length
+        if self.finds_length:
+            found = relaxation_length(self._drifts)
+            bounds = np.multiply(LENGTH_RANGE, self.rolling.frame.contact_length)
+        else:
+            assert known is not None  # otherwise this mesh finds it
+            found, bounds = crossing_length(self._drifts), np.array([MIN_CROSSING * known, known])
+        if found is not None:
+            self.relaxation = replace(self.relaxation, length=float(np.clip(found, *bounds)))
+
     def _update_mode(self, first: IncrementalRolling, before: WaveDrift | None, drift: WaveDrift) -> None:
         """Take the difference of two settled states of one depth as mode if the wave has changed beyond its scatter."""
-        if before is None and self.relaxation.mode is not None:
+        is_low = drift.wave_area < MIN_WAVE * self.depth * self.rolling.frame.contact_length
+        if is_low or (before is None and self.relaxation.mode is not None):
             return
         change = self.rolling.steps[-1].wave_area - first.steps[-1].wave_area
         if abs(change) < max(MIN_MODE * drift.wave_area, SIGNIFICANCE * drift.wave_error * drift.travel):
@@ -270,10 +330,13 @@ class SteadySearch:
 
     def _correct(self, depth: float, jump: float, share: float) -> None:
         """Jump along the mode and roll at a corrected depth; by less if a step has no equilibrium."""
-        if abs(np.log(depth / self.depth)) > SAME_DEPTH:
-            self._settled, self._drifts = None, []
-        before, self.depth = copy(self.rolling), depth
+        before, ratio = copy(self.rolling), depth / self.depth
         area = before.steps[-1].wave_area
+        if abs(np.log(ratio)) > SAME_DEPTH:
+            self._settled, self._drifts = None, []
+            jump += (area + jump) * (ratio**WAVE_EXPONENT - 1)
+            self.relaxation = self.relaxation.at_depth(ratio)
+        self.depth = depth
         largest = area * (MAX_FIRST_JUMP if self.finds_length else MAX_JUMP)
         jump = float(np.clip(jump, -largest, largest))
         for trial in JUMP_TRIALS:
@@ -281,8 +344,8 @@ class SteadySearch:
             self.rolling.remove_marks_behind()
             if self.relaxation.mode is not None and trial:
                 self.relaxation.mode.add_to(self.rolling, trial * jump)
-            ratio = depth / self.rolling.mesh_depth
-            if max(ratio, 1 / ratio) > STRETCHED_DEPTH:
+            stretching = depth / self.rolling.mesh_depth
+            if max(stretching, 1 / stretching) > STRETCHED_DEPTH:
                 self.rolling = self.stretch(self.rolling, depth)
             if self.rate_factor is not None:
                 self.rolling.frame.solid.rate_factor = self.rate_factor(depth)
