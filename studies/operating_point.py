@@ -57,7 +57,7 @@ VARIANTS = {
 }
 HEADER = (
     "engine", "K_H_1/Pa", "initial_density_ratio", "load_N", "coefficient", "cart_force_N",
-    "capture_angle_rad", "length_m", "peak_pressure_Pa", "bow_wave_m",
+    "capture_angle_rad", "length_m", "peak_pressure_Pa", "bow_wave_m", "indentation_m",
 )  # fmt: skip
 
 
@@ -67,7 +67,7 @@ def of_formulas(scene):
     force = _cart_force(scene, results.roller_force, results.resistance_coefficient)
     return (
         "1.5-1.8", np.nan, np.nan, results.roller_force, results.resistance_coefficient, force,
-        results.capture_angle, results.contact_length, results.pressure, np.nan,
+        results.capture_angle, results.contact_length, results.pressure, np.nan, np.nan,
     )  # fmt: skip
 
 
@@ -79,7 +79,7 @@ def of_contact(engine, scene, rolled):
         engine, scene_mix(scene).heckel_slope if compacting else np.nan,
         scene.layer.fed_density_ratio if compacting else np.nan, load, coefficient,
         _cart_force(scene, load, coefficient), float(np.arcsin(rolled.leading / scene.machine.roller_radius)),
-        rolled.leading - rolled.trailing, rolled.peak_pressure, getattr(rolled, "bow_wave", np.nan),
+        rolled.leading - rolled.trailing, rolled.peak_pressure, getattr(rolled, "bow_wave", np.nan), rolled.indentation,
     )  # fmt: skip
 
 
@@ -204,10 +204,11 @@ def show(result):
     before, after, fits = result
     for title, rows in (("prior", before), ("calibrated", after)):
         print(f"{title:<44}{'K_H 1/MPa':>10}{'k init.':>8}{'load N':>9}{'coeff':>8}{'cart N':>8}{'angle':>8}"
-              f"{'length mm':>10}{'peak kPa':>9}{'bow mm':>8}")  # fmt: skip
-        for name, slope, initial_ratio, load, coefficient, force, angle, length, peak, bow in rows:
+              f"{'length mm':>10}{'peak kPa':>9}{'bow mm':>8}{'depth mm':>9}")  # fmt: skip
+        for name, slope, initial_ratio, load, coefficient, force, angle, length, peak, bow, depth in rows:
             print(f"  {name:<42}{slope * 1e6:>10.3f}{initial_ratio:>8.4f}{load:>9.0f}{coefficient:>8.4f}{force:>8.0f}"
-                  f"{np.degrees(angle):>7.1f}°{length * 1e3:>10.2f}{peak / 1e3:>9.1f}{bow * 1e3:>8.2f}")  # fmt: skip
+                  f"{np.degrees(angle):>7.1f}°{length * 1e3:>10.2f}{peak / 1e3:>9.1f}{bow * 1e3:>8.2f}"
+                  f"{depth * 1e3:>9.2f}")  # fmt: skip
     print(f"{'printed':<62}{PRINTED_LOAD:>9.0f}{'':>8}{PRINTED_FORCE:>8.0f}")
     low, high = (1e6 * slope for slope in SLOPES)
     print(f"prior: K_H {low:.1f} to {high:.1f} 1/MPa, initial density ratio {INITIAL_RATIOS[0]} to {INITIAL_RATIOS[1]}")

@@ -27,6 +27,7 @@ from compact.rolling_contact import Layer, Roller
 RADIUS, DEPTH, LIFT, LENGTH = 0.11, 0.003, 0.06, 1.164  # [m], roller, depth, compacted lift, roller length
 FED, EXIT = 0.935763, 0.98  # [-], density ratios of the published lift
 ANGLE, COHESION, PRESSURE = 35.0, 10e3, 200e3  # [deg], [Pa], [Pa] at which K0 holds
+LARGEST_WAVE = 0.02  # [m], of the bow wave, beyond which a pass ends
 TOLERANCE = 1e-3  # [-], residual of a step
 STEADY_FORCES, STEADY_WAVE, STEADY_SPAN = 5e-3, 2e-2, 2.0  # [-], of a steady pass; span in contact lengths
 COMMON = {"unloading_modulus": 120e6, "poisson": 0.3, "heckel_slope": 14.96e-6, "loose_density_ratio": 0.72}
@@ -111,7 +112,7 @@ def roll_on(case: Case, increments: int, coarse: IncrementalRolling | None) -> t
     else:
         rolling.initialise_from(coarse, transfer_state(coarse.state, coarse.frame, rolling.frame))
         end = rolling.steps[-1].travel + case.finer
-    while rolling.steps[-1].travel < end and rolling.steps[-1].bow_wave < 0.02:
+    while rolling.steps[-1].travel < end and rolling.steps[-1].bow_wave < LARGEST_WAVE:
         rolling.advance(height - DEPTH, FINAL_DAMPING_RATIO * DAMPING)
     steps = rolling.steps[-max(int(STEADY_SPAN * increments), 2) :]
     table = np.array([[step.load, step.resistance, step.bow_wave] for step in steps])
@@ -141,6 +142,8 @@ def main(increments: Sequence[int] = (6, 12), names: Sequence[str] = (), out: Pa
                     break
                 found.append(result)
                 print(row(result), flush=True)
+                if result.bow_wave >= LARGEST_WAVE:
+                    break
     path = Path(out) / "strength-of-loose-mix.csv"
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("w", newline="", encoding="utf-8") as file:

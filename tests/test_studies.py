@@ -36,6 +36,7 @@ def test_every_study_has_a_test():
         "motor_and_flywheel",
         "optimal_laws",
         "reversal",
+        "speed_dependence",
         "return_stroke",
         "moisture_density",
         "hard_cases",
@@ -473,8 +474,8 @@ def test_resistance_over_speed_of_the_machine_meets_the_formula_at_the_mean_spee
 @pytest.mark.slow
 def test_pore_air_adds_to_the_finite_elements_over_speed():
     module = study("speed_dependence")
-    coarse = {"accuracy.tolerance": 0.02}
-    with_rate, still, with_air = module.main(cases=["finite elements"], speeds=np.array([0.02, 0.45]), changes=coarse)
+    options = {"speeds": np.array([0.02, 0.45]), "changes": {"accuracy.tolerance": 0.02}}
+    with_rate, still, with_air = module.main(cases=["finite elements with rate"], **options)
     assert still.forces == pytest.approx(3505, rel=2e-2)
     assert np.log(with_rate.forces[1] / with_rate.forces[0]) / np.log10(22.5) == pytest.approx(0.052, abs=8e-3)
     assert (with_rate.forces < with_air.low).all()
