@@ -255,6 +255,7 @@ FIELD = {  # fields in the layer and on its surface
     "dissipation": Quantity("dissipation", "W/m3", "kW/m³"),
     "density_ratio": Quantity("density ratio", "1", symbol="k"),
     "plastic_work": Quantity("plastic work", "J/m3", "kJ/m³"),
+    "air_pressure": Quantity("excess pressure of pore air", "Pa", "kPa"),
 }
 INPUT = {  # inputs that sweeps and sensitivities vary
     "moisture": Quantity("moisture content", "1", symbol="W"),

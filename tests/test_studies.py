@@ -40,6 +40,7 @@ def test_every_study_has_a_test():
         "return_stroke",
         "moisture_density",
         "hard_cases",
+        "pore_air",
         "rank_laws",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
@@ -101,6 +102,22 @@ def test_compaction_is_compared_with_an_older_version_and_between_two_starts(cap
     assert high == pytest.approx((load, resistance), rel=2e-3)
     assert rows[0][4] == pytest.approx(starts[0][0], rel=1e-9)
     assert "difference of both starts" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_pore_air_of_the_lift_depends_on_speed_over_permeability_and_raises_the_bow_wave(capsys):
+    module = study("pore_air")
+    case = module.rolled(increments=4)
+    found = module.one_way(case, None)
+    assert found[0, -1] == pytest.approx(np.array([0.098, 0.10]), rel=0.03)  # 1e-12 m2 at 2.1 m/s
+    same = module.one_way(case, None, permeabilities=(1e-13,), speeds=(0.21,))
+    assert same[0, 0] == pytest.approx(found[0, -1], rel=1e-6)
+    module.show_one_way("columns", module.columns(), (0.90,))
+    assert "a tenth of the load at" in capsys.readouterr().out
+    rows = list(module.coupled(case, (7e10, 5e11)))
+    for _, alone, changes, wave, _ in rows:
+        assert changes[1] > 3 * alone[1]
+        assert wave > case[3].bow_wave
 
 
 def test_formula_ranking_scales_the_resistance_with_the_mix():

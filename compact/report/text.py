@@ -190,6 +190,10 @@ def air_sentence(study: Study) -> str:
         f"pore air: {words}; at the mean speed and {air.permeability.value:.2g} m2 it adds {load:.2g} of the load and "
         f"{resistance:.2g} of the resistance; it adds a tenth of the load at {value} m/s{band}"
     )
+    if study.engine.name == "compaction" and model != "coupled":
+        sentence += (
+            ", at the deformation without air; where a bow wave exists, coupled contacts have several times as much"
+        )
     if not air.may_crack:
         return sentence
     behind, strength = air.at_mean_speed.excess_behind / 1e3, air.tensile_strength / 1e3

@@ -14,7 +14,6 @@ from threadpoolctl import threadpool_limits
 
 from compact.engines.compaction.bow_wave import Relaxation
 from compact.engines.compaction.depth_target import DepthTarget
-from compact.engines.compaction.engine import STEADY_TOLERANCE
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, SolidIncrement, SolidState
 from compact.engines.compaction.incremental_rolling import DAMPING, IncrementalRolling, RollingStep
 from compact.engines.compaction.newton import IncrementSolver
@@ -25,6 +24,7 @@ from compact.engines.pore_air.under_roller import RollerAir
 from compact.material.pore_air import PoreAir
 from compact.numerics import Array
 
+COUPLED_TOLERANCE = 1e-2  # [-], distance to the steady state; the air changes load and resistance by tens of per cent
 RELAXATION = 0.5  # [-], share of the change of the pressure that the next step applies
 
 
@@ -70,7 +70,7 @@ def roll_coupled(
     speed: float,
     *,
     start: CoupledContact | None = None,
-    steady_tolerance: float = STEADY_TOLERANCE,
+    steady_tolerance: float = COUPLED_TOLERANCE,
 ) -> CoupledContact:
     """Compute the steady contact with its pore air at the height of a contact without.
 
