@@ -8,9 +8,11 @@ import pytest
 from compact.engines.compaction.engine import RollingCase, RollingNumerics, roll
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
 from compact.engines.compaction.incremental_rolling import FINAL_DAMPING_RATIO
+from compact.engines.compaction.reciprocating import simulate_reciprocating
 from compact.material import cap_plasticity
 from compact.material.earth_pressure import drucker_prager_cap
 from compact.mesh import RowMesh
+from compact.motion.profile import law as profile_law
 from compact.rolling_contact import Layer, Roller
 
 DEPTH = 0.003
@@ -106,3 +108,17 @@ def test_viscosity_raises_the_forces(loose):
     step = marched(law(shear_viscosity=3000.0), 4, 0.15).steps[-1]
     plain = loose.steps[round(step.travel / loose.frame.step) - 1]
     assert 1.01 < step.load / plain.load < 1.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("changes", [{}, {"cohesion": 20e3}], ids=str)
+def test_reciprocating_strokes_balance_their_work(changes):
+    """Both surfaces are satisfied in every step; a step without equilibrium iterates the carried pressure."""
+    mix = law(**changes)
+    cycle = profile_law("quintic", 0.12, 3.0).cycle()
+    roller = Roller(0.11, DEPTH, profile="deformed")
+    found = simulate_reciprocating(Layer(0.06 * 0.98 / 0.9), roller, mix, cycle, increments=4, estimate=False)
+    assert found.input_work[-1] == pytest.approx(found.stored_work[-1], rel=0.02)
+    assert found.resistance.max() > 400.0
+    returning = found.position[-1] < 0.2 * found.position.max()
+    assert returning

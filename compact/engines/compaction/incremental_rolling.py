@@ -244,7 +244,7 @@ class IncrementalRolling:
         """Return the carried pressure of a step, if the mix has a shear line [Pa]."""
         if not isinstance(self.frame.solid.material, DruckerPragerCap):
             return None
-        return _mean_pressure(self.state) if self.carried_pressure is None else self.carried_pressure
+        return mean_pressure(self.state) if self.carried_pressure is None else self.carried_pressure
 
     def _predict(self, convected: FloatArray) -> FloatArray:
         """Predict the displacement with the change of the last step."""
@@ -291,7 +291,7 @@ class IncrementalRolling:
         self.state, self.contact = equilibrium.state, equilibrium.contact
         if self.state.carried_pressure is not None:
             before = self.state.carried_pressure
-            self.carried_pressure = before + CARRIED_SHARE * (_mean_pressure(self.state) - before)
+            self.carried_pressure = before + CARRIED_SHARE * (mean_pressure(self.state) - before)
         self.surface = self.surface.with_multipliers(self.contact).moved_to(bottom_height)
         travel = self.steps[-1].travel if self.steps else 0.0
         load, resistance = self.load_and_resistance()
@@ -333,7 +333,7 @@ class IncrementalRolling:
         return traction / np.hypot(*(np.gradient(part, x) for part in self.surface_positions.T))
 
 
-def _mean_pressure(state: SolidState) -> FloatArray:
+def mean_pressure(state: SolidState) -> FloatArray:
     """Return the mean pressures of the Gauss points [Pa], shape (n,)."""
     return np.asarray(-state.points.stress[:, :3].mean(axis=1))
 

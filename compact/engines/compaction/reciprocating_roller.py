@@ -2,6 +2,9 @@
 
 Each step is an increment in equilibrium of the whole layer. The multiplier tractions move along the surface with the
 roller, and the prediction of a step is the displacement change of the step one element before.
+
+A step on the shear line of a `DruckerPragerCap` that has no equilibrium is solved with a carried pressure
+(`drucker_prager_cap`), first that before the step, then half-way to that after it, until both agree.
 """
 
 from dataclasses import dataclass, replace
@@ -12,13 +15,20 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from compact.engines.compaction.finite_strain_solid import FloatArray
-from compact.engines.compaction.incremental_rolling import PENALTY, PENALTY_REDUCTION, PENALTY_ROWS, IncrementalRolling
+from compact.engines.compaction.incremental_rolling import (
+    CARRIED_SHARE,
+    PENALTY,
+    PENALTY_REDUCTION,
+    PENALTY_ROWS,
+    IncrementalRolling,
+    mean_pressure,
+)
 from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver
 from compact.engines.compaction.results import exit_layer, state_mesh
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
 from compact.engines.compaction.roller_frame import LayerState, RollerFrame, rate_factor_at, stroke_mesh, transfer_state
 from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, Strokes
-from compact.material.laws import Compaction
+from compact.material.laws import Compaction, DruckerPragerCap
 from compact.rolling_contact import Roller
 
 if TYPE_CHECKING:
@@ -28,6 +38,8 @@ PRESSING_STEPS = 6  # [-], steps in which the roller is pressed to its depth
 STEP_TOLERANCE = 1e-4  # [-], residual of a step over the nodal forces
 MULTIPLIER_TOLERANCE = 0.01  # [-], change of a multiplier in an augmentation over the largest pressure
 MAX_AUGMENTATIONS = 10  # [-], in a step; one in ten steps on thick layers ends with more, which the next steps reduce
+MAX_CARRYING = 30  # [-], solutions of a step with a carried pressure; the differences halve
+CARRIED_TOLERANCE = 0.01  # [-], mean of |p - p'| over the mean pressure of the contact
 STEPS_PER_ELEMENT = round(1 / STEP_LENGTH)  # [-], steps with stored changes for the prediction
 
 
@@ -215,6 +227,7 @@ class ReciprocatingRoller:
         surface = self._surface_along(sign).with_multipliers(tractions)
         surface = surface.begin_increment(self._surface_displacement()).moved_to(bottom_height, x)
         self.frame.solid.rate_factor = rate_factor
+        self.frame.solid.travel = abs(travel) or self.element
         equilibrium = self._solve_augmented(surface, self.state.displacement + prediction)
         contact, change = equilibrium.contact, equilibrium.state.displacement - self.state.displacement
         self._require_grip(surface, contact)
@@ -285,6 +298,8 @@ class ReciprocatingRoller:
             self.solver.solve_tangent = None
         try:
             soft = replace(surface, penalty=PENALTY_REDUCTION * surface.penalty)
+            if isinstance(self.frame.solid.material, DruckerPragerCap):
+                return self._solve_carrying(surface)
             return self.solver.solve(self.state, soft, self.state.displacement)
         except EquilibriumError as reason:
             load, resistance = self.surface.load_and_resistance(self.contact)
@@ -293,6 +308,19 @@ class ReciprocatingRoller:
                 f"{surface.bottom_height:.6g} m: {reason}; last step: load {load:.6g} N/m, resistance "
                 f"{resistance:.6g} N/m"
             ) from reason
+
+    def _solve_carrying(self, surface: RollerSurface) -> Equilibrium:
+        """Solve a step with the carried pressure that equals the pressure after it."""
+        carried, guess, iterations = mean_pressure(self.state), self.state.displacement, 0
+        for _ in range(MAX_CARRYING):
+            found = self.solver.solve(replace(self.state, carried_pressure=carried), surface, guess)
+            after = mean_pressure(found.state)
+            guess, iterations = found.state.displacement, iterations + found.iterations
+            if np.abs(after - carried).mean() < CARRIED_TOLERANCE * np.abs(after).mean():
+                state = replace(found.state, carried_pressure=None)
+                return replace(found, state=state, iterations=iterations)
+            carried = carried + CARRIED_SHARE * (after - carried)
+        raise EquilibriumError(f"no equilibrium: the pressure on the shear line changes after {MAX_CARRYING} solutions")
 
     def _require_grip(self, surface: RollerSurface, contact: ContactForces) -> None:
         """Require a torque within the friction limit; the creepage of a skidding roller is undetermined."""
