@@ -338,6 +338,9 @@ def _require_no_target(scene: Scene) -> None:
     words = "a calibration compacts the product to its density; delete {:g} from the scene"
     if mistakes := [f"contact.{name}: {words.format(value)}" for name, value in scene.target.items()]:
         raise SceneError(mistakes)
+    if scene.mix.pore_air != "drained":
+        words = "a calibration has contacts without pore air; delete the key, and give forces of slow rolling"
+        raise SceneError([f'mix.pore_air: {words}, got "{scene.mix.pore_air}"'])
 
 
 def calibration_digest(calibration: Calibration) -> str:

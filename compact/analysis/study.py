@@ -29,6 +29,7 @@ from compact.analysis.stages.costs import WorkPlan
 from compact.analysis.stages.drives import DriveStage, build_stages
 from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.stages.laws import LawStage, PrescribedLaws
+from compact.analysis.stages.model_spread import ModelSpread
 from compact.analysis.stages.resistance import ResistanceStage
 from compact.analysis.stages.sensitivity import Shift, sensitivities
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
@@ -91,6 +92,7 @@ class Study:
     roller_load: float = _of("contacts.roller_load", "load of one roller at the mean speed [N]")
     second_pass: tuple[float, float] | None = _of("contacts.second_pass", "load and resistance over the first pass [-]")
     air_curve: AirCurve | None = _of("contacts.air_curve", "forces of the pore air; None for a linear layer")
+    model_spread: ModelSpread | None = _of("contacts.model_spread", "other laws of the mix; None where not required")
     air_forces: Callable[[float], AirForces | None] = _of("contacts.air_forces", "changes by pore air at a speed [m/s]")
     kept: KeptResults | None = _of("contacts.kept", "results of an earlier run in the directory")
 
@@ -150,7 +152,13 @@ class Study:
         names = sorted({*before, *(file.relative_to(directory).as_posix() for file in files)})
         if self.held is not None:
             results = KeptResults(
-                self.contacts, self.held, self.second_pass, self.resistance_map, self.air_curve, tuple(names)
+                self.contacts,
+                self.held,
+                self.second_pass,
+                self.resistance_map,
+                self.air_curve,
+                self.model_spread,
+                tuple(names),
             )
             yield from write_results(directory, results, self.contact_stage.key)
 

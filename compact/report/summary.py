@@ -15,6 +15,7 @@ from typing import Any
 from compact import quantities
 from compact.analysis.contact_cases import HeldQuantity, contact_to_json
 from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.stages.model_spread import ModelSpread
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
@@ -56,6 +57,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "held": _held(study.held),
         "return_stroke": _return_stroke(study),
         "pore_air": _pore_air(study),
+        "model_spread": _model_spread(study.model_spread),
         "steady_forces": _steady_forces(study),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
@@ -153,6 +155,22 @@ def _pore_air(study: Study) -> dict[str, Any] | None:
         "excess_behind": _number(air.at_mean_speed.excess_behind, "Pa"),
         "tensile_strength": _number(air.tensile_strength, "Pa"),
         "coupled": [asdict(each) for each in curve.coupled] if curve else [],
+    }
+
+
+def _model_spread(spread: ModelSpread | None) -> dict[str, Any] | None:
+    """Convert the contacts by the other laws of the mix; None where they are not required."""
+    if spread is None:
+        return None
+    bands = {"load": spread.load, "resistance": spread.resistance}
+    return {
+        **{name: {"low": low, "high": high, "unit": "1"} for name, (low, high) in bands.items()},
+        "variants": [
+            asdict(each)
+            | {name: _number(getattr(each, name), "1") for name in bands}
+            | {"cohesion_loose": _number(each.cohesion_loose, "Pa")}
+            for each in spread.variants
+        ],
     }
 
 

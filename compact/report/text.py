@@ -14,6 +14,7 @@ from compact.analysis.engineering_summary import Number, coverage
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages.comparison import resistances_without_wave
 from compact.analysis.stages.laws import COMPLIANT_DRIVES
+from compact.analysis.stages.model_spread import LawVariant
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
@@ -32,8 +33,8 @@ def study_digest(study: Study) -> str:
     lines = [study.scene.title or "untitled scene", ""]
     lines += [_number_line(name, study.numbers[name]) for name in DIGEST_NUMBERS]
     lines += [*_wrapped(coverage(study.scene, study.engineering)), ""]
-    for sentence in (held_sentence(study), return_sentence(study), air_sentence(study), guide_sentence(study)):
-        lines += _wrapped(sentence)
+    for state in (held_sentence, return_sentence, air_sentence, spread_sentence, guide_sentence):
+        lines += _wrapped(state(study))
     if not study.mix.density_achievable:
         lines.append(f"  {study.mix.density_achievable.reason}")
     for sentence in chain(*study.scene.replacements.values()):
@@ -199,6 +200,45 @@ def air_sentence(study: Study) -> str:
     return (
         f"{sentence}; behind the roller {behind:.3g} kPa exceed the tensile strength {strength:.3g} kPa: it may crack"
     )
+
+
+def spread_sentence(study: Study) -> str:
+    """State the spread of load and resistance over the laws of the mix.
+
+    Returns
+    -------
+    str
+        One sentence without a full stop; empty for an engine without compaction.
+    """
+    if not study.engine.compacting:
+        return ""
+    spread = study.model_spread
+    if spread is None:
+        return 'spread over the laws of the mix: not computed; add "model_spread" to output.items'
+    bands = " and ".join(
+        f"{name} {low:.2f} to {high:.2f} times"
+        for name, (low, high) in zip(("load", "resistance"), (spread.load, spread.resistance), strict=True)
+    )
+    heaped = [each for each in spread.variants if each.heaping is not None]
+    failed = [each for each in spread.variants if each.load is None and each.heaping is None]
+    sentence = f"spread over the laws of the mix: {bands} those above"
+    if study.engine.name == "column":
+        sentence += "; confined compression has no bow wave, on which the laws differ most"
+    if heaped:
+        sentence += f"; no steady state, the mix heaps up: {_names(heaped)}"
+    return sentence + (f"; no solution: {_names(failed)}" if failed else "")
+
+
+def _names(variants: list[LawVariant]) -> str:
+    """Name the laws of some variants with their cohesion of loose mix and the wave, if it was computed."""
+    found = []
+    for each in variants:
+        words = each.law if each.cohesion_loose is None else f"{each.law} at {each.cohesion_loose / 1e3:.3g} kPa"
+        heaping = each.heaping
+        if heaping is not None and heaping.wave_height is not None and heaping.travel is not None:
+            words += f" (wave {heaping.wave_height * 1e3:.3g} mm after {heaping.travel:.2g} m)"
+        found.append(words)
+    return ", ".join(found)
 
 
 def guide_sentence(study: Study) -> str:

@@ -339,6 +339,15 @@ def _fields_wanted_are_computed(wanted, engine):
         )
 
 
+@_rule("output.items", "accuracy.engine")
+def _model_spread_wanted_has_a_law(wanted, engine):
+    if "model_spread" in wanted and engine not in ("column", "compaction"):
+        return (
+            f'holds "model_spread", the spread over the laws of the mix, which accuracy.engine = "{engine}" does not '
+            'have; take it out, or choose "column" or "compaction"'
+        )
+
+
 @_rule("compare", "accuracy.engine")
 def _compared_engines_are_others(compare, engine):
     if engine in (compare or {}):

@@ -22,7 +22,7 @@ Law = Literal[
 ]  # fmt: skip
 LAW_NAMES: tuple[str, ...] = get_args(Law)
 
-OutputItem = Literal["tables", "figures", "cams", "reactions", "crank", "fields", "report"]
+OutputItem = Literal["tables", "figures", "cams", "reactions", "crank", "fields", "model_spread", "report"]
 # The keys of `machine.ranking.CRITERIA`, repeated for the same reason
 RankBy = Literal[
     "peak_force", "peak_power", "rms_force", "rms_power", "mean_force", "mean_power", "energy", "drawn_energy",

@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compact.analysis.calibration import calibrate
 from compact.analysis.pore_air import AirCurve, CoupledSample, air_answer, pore_air_of
 from compact.analysis.study import Study
 from compact.report import text
 from compact.report.summary import study_summary
 from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
+from compact.scene.plant_data import read_measurements
 from compact.sweep.point import headline
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -180,6 +182,11 @@ def test_pore_air_of_a_mix_has_its_parameters(one_way):
     air = pore_air_of(one_way.mix, 0.936)
     assert (air.permeability, air.occlusion_saturation) == (1e-13, 0.90)
     assert one_way.mix.parameter("air_permeability").at(0.25) == pytest.approx(10**-13.5)
+
+
+def test_calibration_has_no_air():
+    with pytest.raises(SceneError, match="without pore air"):
+        calibrate(lift(**{"mix.pore_air": "one-way"}), read_measurements(SCENES / "loveikin-2015-measured.toml"))
 
 
 @pytest.mark.slow

@@ -1,5 +1,7 @@
 """Pore air under a roller on compacting mix: limits, balances, hard cases, and the coupled contact."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from compact.engines.pore_air.coupled_rolling import roll_coupled
 from compact.engines.pore_air.under_roller import RollerAir
 from compact.material.laws import Compaction
 from compact.material.pore_air import PoreAir, water_volume
-from compact.rolling_contact import Layer, Roller
+from compact.rolling_contact import Layer, LowerLift, Roller
 
 WATER = water_volume(0.10)
 
@@ -81,6 +83,25 @@ def work_residual(rolling, excess=0.0):
     air = -np.sum(excess * (ratios[0] - ratios[1]) * frame.solid.point_areas) / frame.step
     resistance = rolling.steps[-1].resistance
     return 1 - (skeleton + air) / resistance, air / resistance
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("profile", ["deformed", "circle", "parabola"])
+def test_air_below_a_lower_lift_and_every_profile_in_either_direction(contact, profile):
+    """Boyle's law in the rows of both lifts, and forces of either direction alike."""
+    roller, layer = replace(contact.roller, profile=profile), Layer(0.06, lower_lift=LowerLift(0.05, 0.97))
+    forces = []
+    for speed in (0.2, -0.2):
+        found = roll(layer, roller, contact.material, speed, increments=4)
+        under = RollerAir(found.solution, pore_air(1e-13))
+        forces.append(under.forces(under.pressure(speed)))
+        undrained = RollerAir(found.solution, pore_air(1e-25))
+        pressure = undrained.pressure(speed)
+        boyle = pressure.flow.air_volume[-1] / pressure.flow.air_volume * 101325
+        np.testing.assert_allclose(pressure.pressure[:, :-1], boyle[:, :-1], rtol=1e-6)
+    assert pressure.flow.air_volume[-1].min() < 0.04 < 0.05 < pressure.flow.air_volume[-1].max()
+    np.testing.assert_allclose(forces[0], forces[1], rtol=1e-9)
+    assert forces[0][0] > 0.01 * found.load
 
 
 @pytest.mark.slow

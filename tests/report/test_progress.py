@@ -135,6 +135,7 @@ def test_every_stage_of_a_study_has_a_cost():
         "driven",
         "report",
         "comparison",
+        "model spread",
     } | set(stage_costs.OTHERS)
     assert all(study.plan.cost(stage) >= 0 for stage in study.plan.planned)
     assert study.plan.total_cost > 10 * study.plan.cost("rolled")

@@ -628,8 +628,8 @@ BROKEN = [
         "unknown output",
         '"figures", "cams"',
         '"figure", "cams"',
-        "output.items[1]: must be one of tables, figures, cams, reactions, crank, fields, report, got 'figure'; "
-        "did you mean 'figures'?",
+        "output.items[1]: must be one of tables, figures, cams, reactions, crank, fields, model_spread, report, got "
+        "'figure'; did you mean 'figures'?",
     ),
     refused(
         "law outside a list",

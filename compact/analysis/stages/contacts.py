@@ -29,6 +29,7 @@ from compact.analysis.pore_air import (
     pore_air_of,
 )
 from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
+from compact.analysis.stages.model_spread import ModelSpread, model_spread
 from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
 from compact.material.mix import Mix
@@ -421,6 +422,16 @@ class ContactStage:
         if self.scene.mix.pore_air == "coupled" and self.engine.name == "compaction":
             curve = curve.with_coupled(coupled_samples(contact, air, curve, contact_cases.contact_speeds(self.scene)))
         return curve
+
+    @cached_property
+    def model_spread(self) -> ModelSpread | None:
+        """Contacts by the other laws of the mix; None for a scene without the output "model_spread"."""
+        if "model_spread" not in self.scene.output.items or self.held is None:
+            return None
+        if self.kept and self.kept.model_spread:
+            return self.kept.model_spread
+        self.count("model spread")
+        return model_spread(self.scene, self.mix, self.held)
 
     def air_forces_of(self, contact: ContactResult, speed: float) -> AirForces | None:
         """Return the changes of a first pass by its pore air; see `air_forces_of`."""

@@ -23,6 +23,7 @@ OTHERS = {  # that depend neither on the engine nor on the drive
     "contact": 0.01, "kept": 0.01, "laws": 0.003, "cams": 0.0, "cams measured": 0.02, "crank": 0.03, "fields": 0.09,
     "figures": 0.35, "rankings": 0.3, "passage": 0.3, "run-up": 0.3,
 }  # fmt: skip
+SPREAD_CONTACTS = 5  # contacts that a spread over the laws of the mix costs
 OPTIMAL_LAW = 2.0  # one optimal law
 WAIT_SHARE = 0.3  # [-], of the work of another process that this one waits for
 COUNTED_LATER = ("resistance", "added mass", "kept", "second pass", "passage", "run-up", "driven")  # number not known
@@ -64,6 +65,7 @@ class WorkPlan:
             "contact": 1, "rankings": 1, "laws": self._laws, "runs": laws * (1 + layered), "rolled": rolled,
             "fields": rolled * fields, "figures": figures * bool({"figures", "report"} & items) + fields,
             "cams": cams, "cams measured": cams, "crank": (len(CRANK_ANGLES) + 1) * ("crank" in items),
+            "model spread": int("model_spread" in items and not self.counts["kept"]),
             "comparison": len(self.scene.compared_engines), "report": int("report" in items),
         })  # fmt: skip
         for stage in COUNTED_LATER:
@@ -125,7 +127,8 @@ class WorkPlan:
         cost = self.engine.cost
         by_engine = {
             "rolled": cost.contact, "resistance": cost.continued_contact, "added mass": cost.added_mass,
-            "driven": cost.torque, "report": cost.report, "second pass": cost.second_pass,
+            "model spread": SPREAD_CONTACTS * cost.contact, "driven": cost.torque,
+            "report": cost.report, "second pass": cost.second_pass,
         }  # fmt: skip
         found = by_engine[stage] if stage in by_engine else OTHERS[stage]
         if scene.compare and stage in ("rolled", "resistance"):

@@ -15,6 +15,7 @@ from compact import resistance
 from compact.analysis import contact_cases
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity
 from compact.analysis.pore_air import AirCurve
+from compact.analysis.stages.model_spread import ModelSpread
 from compact.files import write_json
 from compact.material.mix import Mix
 from compact.resistance import ResistanceMap
@@ -42,6 +43,8 @@ class KeptResults:
         Load and resistance of a second pass over those of the first [-].
     air_curve : AirCurve or None
         Forces of the pore air over speed/permeability.
+    model_spread : ModelSpread or None
+        Contacts by the other laws of the mix.
     """
 
     contacts: list[ContactRecord]
@@ -49,6 +52,7 @@ class KeptResults:
     second_pass: tuple[float, float] | None
     resistance_map: ResistanceMap
     air_curve: AirCurve | None = None
+    model_spread: ModelSpread | None = None
     files: tuple[str, ...] = ()
 
 
@@ -84,6 +88,7 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
             more["second_pass"] and tuple(more["second_pass"]),
             resistance.load_resistance_map(directory / MAP_FILE, key),
             more["air"] and AirCurve.from_json(more["air"]),
+            more["model_spread"] and ModelSpread.from_json(more["model_spread"]),
             tuple(name for name in content["files"] if (directory / name).is_file()),
         )  # fmt: skip
     except (OSError, ValueError, KeyError, TypeError):  # no file, or a file of another form
@@ -101,6 +106,7 @@ def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[P
         "more": {
             "held": asdict(results.held), "second_pass": results.second_pass,
             "air": results.air_curve and asdict(results.air_curve),
+            "model_spread": results.model_spread and results.model_spread.to_json(),
         },
         "files": [name for name in results.files if name.startswith(KEPT_FILES)],
     })  # fmt: skip

@@ -186,17 +186,16 @@ class SteadySearch:
             raise
 
     def _find_steady_state(self, growth: WaveGrowth) -> None:
-        """Roll in cycles until the motion is steady and the target satisfied; record the growth of the first mesh."""
+        """Roll in cycles until the motion is steady and the target satisfied; record the growth of the wave."""
         secant = DepthSecant(self.target, self._depth_exponent)
         self.rolling.solver.tolerance = self._settling_tolerance
         self._roll(FIRST_SETTLING, DAMPING)
         for cycle in range(MAX_FIRST_CYCLES if self.finds_length else MAX_CYCLES):
             drift = self._measure(FIRST_MEASURING if cycle == 0 else MEASURING)
             jump = self._estimate(drift)
-            if self.finds_length:
-                growth.record(drift, jump)
-                if growth.is_endless:
-                    raise heaping_error(self.rolling, "grows without a steady state")
+            growth.record(drift, jump)
+            if growth.is_endless:
+                raise heaping_error(self.rolling, "grows without a steady state")
             is_near, is_final, depth = self.errors.total < NEAR * self.tolerance, False, self.depth
             if is_near:  # the depth waits for the wave, since corrections of both at once oscillate
                 corrected = secant.next_depth(depth, self._target_value())

@@ -55,7 +55,7 @@ class RollerAir:
         gradient = frame.solid.displacement_gradient(rolling.state.displacement)
         xx, xy, yx, yy = (gradient + np.array([1.0, 0, 0, 1.0])).T
         volume_ratio = xx * yy - xy * yx
-        density_ratio = np.broadcast_to(frame.fed_layer.points.density_ratio[:, None], frame.to_rows(xx).shape)
+        density_ratio = np.broadcast_to(frame.fed_layer.stacked.points.density_ratio[:, None], frame.to_rows(xx).shape)
         voids = self.air.bounded(frame.to_rows(volume_ratio) / density_ratio - 1)
         # J C^-1 with C = F'F, the permeability of the fed configuration over that of the mix
         tensor = np.array([[xy * xy + yy * yy, -xx * xy - yx * yy], [-xx * xy - yx * yy, xx * xx + yx * yx]])

@@ -15,7 +15,7 @@ from compact.analysis.stages.sensitivity import Shift
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.report.number_format import format_percent, format_quantity
-from compact.report.text import air_sentence, guide_sentence, return_sentence
+from compact.report.text import air_sentence, guide_sentence, return_sentence, spread_sentence
 
 ANSWER_CRITERIA = 2  # [-], number of criteria in the answer; the tables have the others
 CONTACT_MODELS = {
@@ -57,6 +57,7 @@ def answer(study: Study, checks: Sequence[BalanceCheck]) -> dict[str, Any]:
         "guide_sentence": guide_sentence(study),
         "return_sentence": return_sentence(study),
         "air_sentence": air_sentence(study),
+        "spread_sentence": spread_sentence(study),
         "unreachable": "" if reach else reach.reason,
         "engine": study.engine,
         "resistance_map": study.resistance_map if study.layered else None,

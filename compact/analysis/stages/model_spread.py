@@ -1,0 +1,144 @@
+"""Spread of load and resistance over the laws of the mix, a model error apart from discretisation and input spread.
+
+The yield surface of loose mix decides how high a bow wave the roller pushes ahead, and no publication states it. The
+contact at the mean speed is computed again by the other law of `[mix]`, and by "drucker-prager-cap" over the spread of
+the cohesion of loose mix, at the same held quantity. Ratios to the law of the scene on the same mesh leave the
+discretisation error out; a coarse mesh is sufficient for them.
+
+A law by which the mix heaps up in front of the roller has no ratio, but the height of the wave and the travel.
+"""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Self
+
+from compact.analysis.contact_cases import HeldQuantity, contact_inputs, scene_mix
+from compact.analysis.engines import ENGINES
+from compact.material.mix import Mix
+from compact.rolling_contact import ContactResult, Heaping, HeapingError
+from compact.scene.loader import Scene
+
+INCREMENTS = 7  # [-], elements per contact length of the engine "compaction"; the ratios change by some per cent
+STEADY_TOLERANCE = 1e-2  # [-], the waves of loose mix scatter by as much
+LINE = "drucker-prager-cap"
+
+
+@dataclass(frozen=True)
+class LawVariant:
+    """Contact of one roller by one law of the mix.
+
+    Parameters
+    ----------
+    law : {"ellipse", "drucker-prager-cap"}
+        Yield surface.
+    cohesion_loose : float or None
+        Cohesion of loose mix [Pa]; None for the ellipse, whose subcritical side follows from the cap.
+    load, resistance : float or None
+        Ratios to the law of the scene [-]; None without a steady state.
+    heaping : Heaping or None
+        Numbers of a bow wave without a steady state.
+    reason : str
+        Reason without a steady state, in words.
+    """
+
+    law: str
+    cohesion_loose: float | None
+    load: float | None = None
+    resistance: float | None = None
+    heaping: Heaping | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class ModelSpread:
+    """Contacts by other laws of the mix.
+
+    Parameters
+    ----------
+    variants : tuple of LawVariant
+        Other laws and cohesions.
+    """
+
+    variants: tuple[LawVariant, ...]
+
+    @property
+    def load(self) -> tuple[float, float]:
+        """Least and largest load over that of the scene [-]."""
+        return self._band("load")
+
+    @property
+    def resistance(self) -> tuple[float, float]:
+        """Least and largest resistance over that of the scene [-]."""
+        return self._band("resistance")
+
+    def _band(self, name: str) -> tuple[float, float]:
+        ratios = [1.0, *(ratio for each in self.variants if (ratio := getattr(each, name)) is not None)]
+        return min(ratios), max(ratios)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of a JSON file."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, content: dict[str, Any]) -> Self:
+        """Return the spread of a JSON file."""
+        variants = (
+            LawVariant(**each | {"heaping": each["heaping"] and Heaping(**each["heaping"])})
+            for each in content["variants"]
+        )
+        return cls(tuple(variants))
+
+
+def model_spread(scene: Scene, mix: Mix, held: HeldQuantity) -> ModelSpread:
+    """Compute the contact at the mean speed by the other laws of the mix.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with a compacting engine.
+    mix : Mix
+        Mix of the scene.
+    held : HeldQuantity
+        Quantity that all laws hold, at its value in the scene.
+
+    Raises
+    ------
+    RuntimeError
+        If the contact by the law of the scene has no steady state on the mesh of the ratios.
+    """
+    own = _roll(scene, mix, held)
+    return ModelSpread(tuple(_variant(each, own, held) for each in _other_laws(scene, mix)))
+
+
+def _other_laws(scene: Scene, mix: Mix) -> Iterator[Scene]:
+    """Return the scene with every other law, of the shear line with the ends of the spread of its cohesion."""
+    if scene.mix.law == LINE:
+        yield scene.replaced(**{"mix.law": "ellipse"})
+    spread = mix.parameter("cohesion_loose")
+    for cohesion in dict.fromkeys((spread.low, spread.value, spread.high)):
+        if scene.mix.law != LINE or cohesion != spread.value:
+            yield scene.replaced(**{"mix.law": LINE, "mix.overrides.cohesion_loose": cohesion})
+
+
+def _variant(scene: Scene, own: ContactResult, held: HeldQuantity) -> LawVariant:
+    """Compute the contact by the law of a changed scene."""
+    mix = scene_mix(scene)
+    variant = LawVariant(scene.mix.law, mix.cohesion_loose if scene.mix.law == LINE else None)
+    try:
+        rolled = _roll(scene, mix, held)
+    except HeapingError as error:
+        return replace(variant, heaping=error.heaping, reason=str(error))
+    except (ValueError, RuntimeError) as error:
+        return replace(variant, reason=str(error))
+    return replace(variant, load=rolled.load / own.load, resistance=rolled.resistance / own.resistance)
+
+
+def _roll(scene: Scene, mix: Mix, held: HeldQuantity) -> ContactResult:
+    engine = ENGINES[scene.accuracy.engine]
+    layer, roller, material = contact_inputs(scene, mix, engine.name, scene.mean_speed, held)
+    options: dict[str, Any] = {}
+    if engine.continuation:
+        options = {"increments": INCREMENTS, "steady_tolerance": STEADY_TOLERANCE}
+    if engine.torque and scene.machine.roller_torque is not None:
+        options["torque"] = scene.machine.roller_torque / scene.machine.roller_length
+    return engine.roll(layer, roller, material, scene.mean_speed, **options)

@@ -1,0 +1,85 @@
+"""Spread over the laws of the mix: ratios by columns, laws by which the mix heaps up, and their way to the output."""
+
+from pathlib import Path
+
+import pytest
+
+from compact.analysis.contact_cases import scene_mix
+from compact.analysis.stages import model_spread as stage
+from compact.analysis.stages.model_spread import LawVariant, ModelSpread, model_spread
+from compact.analysis.study import Study
+from compact.report.summary import study_summary
+from compact.report.text import spread_sentence
+from compact.rolling_contact import Heaping, HeapingError
+from compact.scene.errors import SceneError
+from compact.scene.loader import load_scene
+
+SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+HEAPED = Heaping(0.003, 0.43, 0.0072, 0.54)
+
+
+def scene(**changes):
+    return load_scene(SMALL, **{"accuracy.engine": "column", "output.items": ["model_spread"]} | changes)
+
+
+def test_laws_of_columns_differ_by_elastic_strain_alone():
+    """Both laws satisfy Heckel's curve in confined compression."""
+    study = Study(scene())
+    spread = study.model_spread
+    cohesion = study.mix.parameter("cohesion_loose")
+    assert [each.law for each in spread.variants] == ["drucker-prager-cap"] * 3
+    assert [each.cohesion_loose for each in spread.variants] == pytest.approx(
+        [cohesion.low, cohesion.value, cohesion.high]
+    )
+    assert spread.load == pytest.approx((1.0, 1.0), abs=0.02)
+    assert spread.resistance == pytest.approx((1.0, 1.0), abs=0.02)
+
+
+def test_law_of_the_scene_is_not_among_the_others():
+    study = Study(scene(**{"mix.law": "drucker-prager-cap"}))
+    laws = [(each.law, each.cohesion_loose) for each in study.model_spread.variants]
+    assert [law for law, _ in laws] == ["ellipse", "drucker-prager-cap", "drucker-prager-cap"]
+    assert study.mix.cohesion_loose not in [cohesion for _, cohesion in laws]
+
+
+def test_mix_that_heaps_up_by_a_law_is_an_answer(monkeypatch):
+    study, roll = Study(scene()), stage._roll
+
+    def heaping(case, mix, held):
+        if case.mix.law == "drucker-prager-cap" and mix.cohesion_loose < 15e3:
+            raise HeapingError("the mix heaps up", HEAPED)
+        return roll(case, mix, held)
+
+    monkeypatch.setattr(stage, "_roll", heaping)
+    assert [each.heaping for each in study.model_spread.variants] == [HEAPED, HEAPED, None]
+    assert "heaps up: drucker-prager-cap at 2.5 kPa (wave 7.2 mm after 0.54 m)" in spread_sentence(study)
+    numbers = study_summary(study, [])["model_spread"]
+    assert numbers["variants"][0]["heaping"]["wave_height"] == 0.0072
+    assert numbers["variants"][0]["load"] == {"value": None, "unit": "1"}
+    assert numbers["load"]["high"] >= 1
+
+
+def test_spread_survives_a_file():
+    spread = ModelSpread((LawVariant("ellipse", None, 1.1, 0.9), LawVariant("drucker-prager-cap", 5e3, heaping=HEAPED)))
+    assert ModelSpread.from_json(spread.to_json()) == spread
+    assert spread.load == (1.0, 1.1)
+    assert spread.resistance == (0.9, 1.0)
+
+
+def test_spread_is_computed_where_it_is_required():
+    study = Study(scene(**{"output.items": []}))
+    assert study.model_spread is None
+    assert "not computed" in spread_sentence(study)
+    with pytest.raises(SceneError, match=r'holds "model_spread".* choose "column" or "compaction"'):
+        scene(**{"accuracy.engine": "spectral"})
+
+
+@pytest.mark.slow
+def test_cohesion_of_loose_mix_halves_the_resistance_of_a_lift():
+    """The published lift: with 20 kPa there is almost no bow wave, with the ellipse it is 4 mm high."""
+    lift = scene(**{"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "layer.fed_density_ratio": 0.93576})
+    lift = lift.replaced(**{"mix.overrides.cohesion_loose": 20e3})
+    spread = model_spread(lift, scene_mix(lift), Study(lift).held)
+    assert len(spread.variants) == 1
+    assert spread.load[0] == pytest.approx(0.80, abs=0.03)
+    assert spread.resistance[0] == pytest.approx(0.57, abs=0.03)
