@@ -104,6 +104,7 @@ def test_direct_and_carried_line_agree_in_a_confined_test():
     assert forces == pytest.approx(direct.internal_forces, abs=2e-3 * np.abs(direct.internal_forces).max())
 
 
+@pytest.mark.slow
 def test_viscosity_raises_the_forces(loose):
     step = marched(law(shear_viscosity=3000.0), 4, 0.15).steps[-1]
     plain = loose.steps[round(step.travel / loose.frame.step) - 1]

@@ -55,6 +55,13 @@ def test_sample_covers_the_spread_and_stays_inside():
     assert poisson.mean() == pytest.approx(mix.prior(0.09, 0.98).poisson, abs=0.002)
 
 
+def test_sample_of_a_shear_line_has_the_strength_of_loose_mix():
+    scene = PRIOR.replaced(**{"accuracy.engine": "column", "mix.law": "drucker-prager-cap"})
+    names = vary.design(scene, [vary.read_design("mix.overrides=~8")]).names
+    assert {"cohesion_loose", "dilatancy_angle", "shear_viscosity"} <= set(names)
+    assert not {"cohesion", "earth_pressure_coefficient"} & set(names)
+
+
 def test_sample_follows_the_spread_of_each_mix():
     design = vary.design(
         PRIOR, [vary.read_design("mix.moisture=0.08,0.12"), vary.read_design("mix.overrides.required_pressure=~2")]
