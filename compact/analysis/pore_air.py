@@ -11,18 +11,20 @@ over those of the curve are interpolated over the logarithm of the ratio (`Coupl
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from compact.analysis.engines import ENGINES
-from compact.engines.pore_air.steady_flow import AirPressure
 from compact.material.mix import Mix, Parameter
 from compact.material.pore_air import PoreAir, water_volume
 from compact.numerics import Array
 from compact.rolling_contact import ContactResult, Layer, Roller
 from compact.scene.loader import Scene
+
+if TYPE_CHECKING:  # scikit-fem is imported where a pressure is computed
+    from compact.engines.pore_air.steady_flow import AirPressure
 
 RATIOS = np.geomspace(1e9, 1e17, 25)  # [1/(m s)], speed over permeability: from drained to undrained
 SCALE = 1e-9  # [-], forces over those of the skeleton below which the curve is linear
@@ -33,13 +35,13 @@ DEAERATION_SHARE = 0.1  # [-], load of the air over that of the skeleton at the 
 class AirUnderRoller(Protocol):
     """Pore air under a roller at the deformation of one contact."""
 
-    def pressure(self, speed: float, start: AirPressure | None = None) -> AirPressure:
+    def pressure(self, speed: float, start: "AirPressure | None" = None) -> "AirPressure":
         """Return the pressure at a speed [m/s]."""
 
-    def forces(self, pressure: AirPressure) -> tuple[float, float]:
+    def forces(self, pressure: "AirPressure") -> tuple[float, float]:
         """Return load and resistance [N/m]."""
 
-    def largest_excess_behind(self, pressure: AirPressure) -> float:
+    def largest_excess_behind(self, pressure: "AirPressure") -> float:
         """Return the largest excess pressure behind the contact [Pa]."""
 
 

@@ -187,8 +187,8 @@ def air_sentence(study: Study) -> str:
     value, low, high = ("no" if each is None else f"{each:.2g}" for each in air.deaeration_speeds)
     band = "" if low == high else f" ({low} to {high} m/s over the spread of the permeability)"
     sentence = (
-        f"pore air: {words}; at the mean speed and {air.permeability.value:.2g} m2 it adds {load:.2g} of the load and "
-        f"{resistance:.2g} of the resistance; it adds a tenth of the load at {value} m/s{band}"
+        f"pore air: {words}; at the mean speed and {air.permeability.value:.2g} m2 it adds {100 * load:.2g} % to the "
+        f"load and {100 * resistance:.2g} % to the resistance; it adds a tenth of the load at {value} m/s{band}"
     )
     if study.engine.name == "compaction" and model != "coupled":
         sentence += (
@@ -197,9 +197,8 @@ def air_sentence(study: Study) -> str:
     if not air.may_crack:
         return sentence
     behind, strength = air.at_mean_speed.excess_behind / 1e3, air.tensile_strength / 1e3
-    return (
-        f"{sentence}; behind the roller {behind:.3g} kPa exceed the tensile strength {strength:.3g} kPa: it may crack"
-    )
+    exceeded = f"behind the roller {behind:.3g} kPa exceed the tensile strength {strength:.3g} kPa"
+    return f"{sentence}; {exceeded}, so that the surface may crack"
 
 
 def spread_sentence(study: Study) -> str:

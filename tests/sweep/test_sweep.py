@@ -333,7 +333,7 @@ def test_heckel_slope_explains_the_resistance_of_columns(tmp_path):
     assert found.first_low[names.index("heckel_slope")] > 0.7
     assert np.abs(np.delete(found.total, names.index("heckel_slope"))).max() < 0.05
     sweep_writer.write_sweep_report(tmp_path, table, indices)
-    assert (tmp_path / "sobol.csv").read_text().count("\n") == 1 + 4 * 5
+    assert (tmp_path / "sobol.csv").read_text().count("\n") == 1 + 4 * 6
     assert (tmp_path / "sobol.png").stat().st_size > 10_000
 
 
