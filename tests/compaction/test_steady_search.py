@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from compact.engines.compaction.bow_wave import QUANTITIES, BowWaveMode, WaveDrift, crossing_length, relaxation_length
+from compact.engines.compaction.depth_target import DepthSecant, DepthTarget
 from compact.engines.compaction.engine import mesh_cascade, roll
 from compact.engines.compaction.incremental_rolling import RollingStep
 from compact.engines.compaction.steady_search import WaveGrowth
@@ -178,3 +179,16 @@ def test_error_has_three_parts(layer, roller, mix):
 def test_one_mesh_has_no_error_estimate(coarse):
     assert coarse.error is None
     assert coarse.error_parts.mesh is None
+
+
+def test_secant_uses_distant_depths_alone(layer, roller, mix):
+    """Values of depths that differ by less than 4 % scatter too much for a slope."""
+    target = DepthTarget(layer, replace(roller, indentation=None, load=1000.0), mix, None, None)
+    secant = DepthSecant(target)
+    assert not secant.is_started
+    assert secant.next_depth(0.0020, 900.0) == pytest.approx(0.0020 * (1000 / 900) ** (1 / 1.2))
+    secant.next_depth(0.0021, 930.0)
+    assert secant.slope == pytest.approx(np.log(930 / 900) / np.log(21 / 20))
+    secant.next_depth(0.00211, 900.0)
+    assert secant.slope == pytest.approx(np.log(1.0) / np.log(0.0021 / 0.002), abs=0.35)
+    assert "not reached after 3 depths from 2 to 2.11 mm" in secant.failure()

@@ -162,6 +162,11 @@ class DepthSecant:
     _misses: list[float] = field(default_factory=list, init=False)
 
     @property
+    def is_started(self) -> bool:
+        """True if a depth has been recorded."""
+        return bool(self._misses)
+
+    @property
     def last_miss(self) -> float:
         """Last logarithm of the quantity over the target [-]; 0 for a prescribed depth."""
         return self._misses[-1] if self._misses else 0.0

@@ -212,9 +212,8 @@ class SteadySearch:
                 if self.target.quantity == "exit_density_ratio":
                     self._density_factor = last.exit_density_ratio / self._geometric_density_ratio()
                     secant = DepthSecant(self.target, secant.slope)  # earlier values had another factor
-        if self.errors.total < self.tolerance:
-            raise RuntimeError(secant.failure())
-        raise RuntimeError(self._describe_failure())
+        is_steady = self.errors.total < self.tolerance
+        raise RuntimeError(secant.failure() if is_steady and secant.is_started else self._describe_failure())
 
     def _advance_exactly(self) -> None:
         """Make a step without damping to the full tolerance."""
