@@ -8,6 +8,8 @@ import pytest
 
 from compact.analysis.calibration import calibrate
 from compact.analysis.study import Study
+from compact.engines.compaction.engine import roll
+from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
 from compact.scene.plant_data import read_measurements
 
@@ -37,6 +39,7 @@ def test_every_study_has_a_test():
         "optimal_laws",
         "reversal",
         "speed_dependence",
+        "strength_of_loose_mix",
         "return_stroke",
         "moisture_density",
         "hard_cases",
@@ -44,6 +47,21 @@ def test_every_study_has_a_test():
         "rank_laws",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
+
+
+@pytest.mark.slow
+def test_strength_of_loose_mix_decides_the_resistance(tmp_path):
+    """Marching without jumps agrees with the steady search; mix with a shear line and 20 kPa has almost no bow wave."""
+    module = study("strength_of_loose_mix")
+    ellipse, line = module.main(increments=(4,), names=("ellipse", "line, c 20 kPa"), out=tmp_path)
+    roller = Roller(module.RADIUS, module.DEPTH, 0.35, "free", "deformed")
+    layer = Layer(module.LIFT * module.EXIT / module.FED)
+    for found, material in ((ellipse, module.ellipse()), (line, module.line(cohesion=20e3))):
+        steady = roll(layer, roller, material, 0.133, increments=4)
+        assert found.load == pytest.approx(module.LENGTH * steady.load, rel=0.02)
+        assert found.resistance == pytest.approx(module.LENGTH * steady.resistance, rel=0.02)
+    assert line.resistance / ellipse.resistance == pytest.approx(0.61, abs=0.03)
+    assert line.bow_wave < 0.1 * ellipse.bow_wave
 
 
 @pytest.mark.slow
