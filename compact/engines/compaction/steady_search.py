@@ -49,6 +49,9 @@ NEAR = 4.0  # [-], estimated distance from the steady state over its tolerance
 JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
 GROWTH, MAX_GROWTHS = 0.3, 7  # [-], required jump over the area, and number of successive ones with a steady state
 MAX_UNSLOWED, SLOWING = 2, 0.8  # [-], such jumps if the growth per travel remains above that share of the first one
+LINE_JUMP = (
+    0.0  # [-], share of a jump of mix with a shear line on all but the first mesh; jumps excite other modes there
+)
 FIRST_LENGTH = 5.0  # [-], relaxation length of the wave over the contact length before any is known
 LENGTH_RANGE = (2.0, 40.0)  # [-], relaxation length over the contact length
 MIN_CROSSING = 0.2  # [-], least relaxation length between waves that grow and decay, over the last length
@@ -190,7 +193,7 @@ class SteadySearch:
         secant = DepthSecant(self.target, self._depth_exponent)
         self.rolling.solver.tolerance = self._settling_tolerance
         self._roll(FIRST_SETTLING, DAMPING)
-        for cycle in range(MAX_FIRST_CYCLES if self.finds_length else MAX_CYCLES):
+        for cycle in range(MAX_FIRST_CYCLES if self._fits_length else MAX_CYCLES):
             drift = self._measure(FIRST_MEASURING if cycle == 0 else MEASURING)
             jump = self._estimate(drift)
             growth.record(drift, jump)
@@ -203,7 +206,7 @@ class SteadySearch:
                 is_met = abs(secant.last_miss) < self.target_tolerance
                 depth, is_final = depth if is_met else corrected, is_met and self.errors.total < self.tolerance
             self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else self._settling_tolerance
-            self._correct(depth, jump, FINAL_SETTLING if is_final else SETTLING)
+            self._correct(depth, self._jump_share * jump, FINAL_SETTLING if is_final else SETTLING)
             if is_final:
                 self._advance_exactly()
                 last = self.rolling.steps[-1]
@@ -222,10 +225,24 @@ class SteadySearch:
         self.rolling.solver.tolerance = FINAL_TOLERANCE
 
     @property
+    def _has_line(self) -> bool:
+        """True for mix with a shear line, whose wave differs much from mesh to mesh."""
+        return isinstance(self.rolling.frame.solid.material, DruckerPragerCap)
+
+    @property
+    def _fits_length(self) -> bool:
+        """True if the relaxation length is fitted on this mesh, which may take more cycles."""
+        return self.finds_length or self._has_line
+
+    @property
+    def _jump_share(self) -> float:
+        """Share of a jump that is made [-]; on finer meshes jumps of mix with a shear line excite other modes."""
+        return LINE_JUMP if self._has_line and not self.finds_length else 1.0
+
+    @property
     def _settling_tolerance(self) -> float:
         """Residual of a step far from the steady state [-]; on a shear line 1e-2 leaves some per cent of the load."""
-        has_line = isinstance(self.rolling.frame.solid.material, DruckerPragerCap)
-        return FINAL_TOLERANCE if has_line else SETTLING_TOLERANCE
+        return FINAL_TOLERANCE if self._has_line else SETTLING_TOLERANCE
 
     @property
     def _height(self) -> float:
@@ -262,7 +279,7 @@ class SteadySearch:
     def _update_length(self) -> None:
         """Fit the relaxation length, or on a finer mesh shorten it where two waves bracket the steady one."""
         known = self.relaxation.length
-        if self.finds_length:
+        if self._fits_length:
             found = relaxation_length(self._drifts)
             bounds = np.multiply(LENGTH_RANGE, self.rolling.frame.contact_length)
         else:
