@@ -49,9 +49,6 @@ NEAR = 4.0  # [-], estimated distance from the steady state over its tolerance
 JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
 GROWTH, MAX_GROWTHS = 0.3, 7  # [-], required jump over the area, and number of successive ones with a steady state
 MAX_UNSLOWED, SLOWING = 2, 0.8  # [-], such jumps if the growth per travel remains above that share of the first one
-LINE_JUMP = (
-    0.0  # [-], share of a jump of mix with a shear line on all but the first mesh; jumps excite other modes there
-)
 FIRST_LENGTH = 5.0  # [-], relaxation length of the wave over the contact length before any is known
 LENGTH_RANGE = (2.0, 40.0)  # [-], relaxation length over the contact length
 MIN_CROSSING = 0.2  # [-], least relaxation length between waves that grow and decay, over the last length
@@ -206,7 +203,7 @@ class SteadySearch:
                 is_met = abs(secant.last_miss) < self.target_tolerance
                 depth, is_final = depth if is_met else corrected, is_met and self.errors.total < self.tolerance
             self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else self._settling_tolerance
-            self._correct(depth, self._jump_share * jump, FINAL_SETTLING if is_final else SETTLING)
+            self._correct(depth, jump if self._makes_jumps else 0.0, FINAL_SETTLING if is_final else SETTLING)
             if is_final:
                 self._advance_exactly()
                 last = self.rolling.steps[-1]
@@ -235,9 +232,9 @@ class SteadySearch:
         return self.finds_length or self._has_line
 
     @property
-    def _jump_share(self) -> float:
-        """Share of a jump that is made [-]; on finer meshes jumps of mix with a shear line excite other modes."""
-        return LINE_JUMP if self._has_line and not self.finds_length else 1.0
+    def _makes_jumps(self) -> bool:
+        """True if the wave jumps; on finer meshes jumps of mix with a shear line excite other modes."""
+        return self.finds_length or not self._has_line
 
     @property
     def _settling_tolerance(self) -> float:
