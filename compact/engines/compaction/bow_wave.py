@@ -15,6 +15,7 @@ The next steps restore equilibrium and yield, and remove what is not part of the
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Self
 
 import numpy as np
@@ -29,6 +30,7 @@ QUANTITIES = ("load", "resistance", "exit_density_ratio", "peak_pressure")  # of
 MIN_SLOPE_ERROR = 0.02  # [-], least error of a slope of the wave over the largest one in a fit
 MIN_CROSSING_CHANGE = 0.01  # [-], least change of the wave between states that bracket the steady one
 LENGTH_EXPONENT = 2.0  # [-], of the relaxation length over the depth, roughly
+CROSSING_STATES = 3  # [-], successive settled states that show an oscillation
 PAIRS = 3  # [-], last settled states from which the relaxation length follows
 
 
@@ -102,14 +104,19 @@ class Relaxation:
         Relaxation length [m], None if unknown.
     mode : BowWaveMode or None
         Slow mode on the present mesh, None if unknown.
+    first_length : float or None
+        Relaxation length on the first mesh [m]; a finer mesh may shorten `length` where its wave oscillates.
     """
 
     length: float | None = None
     mode: BowWaveMode | None = None
+    first_length: float | None = None
 
     def at_depth(self, ratio: float) -> Self:
         """Return the relaxation at a depth that differs by a ratio [-]."""
-        return self if self.length is None else replace(self, length=self.length * ratio**LENGTH_EXPONENT)
+        factor = ratio**LENGTH_EXPONENT
+        lengths = (None if length is None else length * factor for length in (self.length, self.first_length))
+        return replace(self, **dict(zip(("length", "first_length"), lengths, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,14 +171,19 @@ def relaxation_length(drifts: Sequence[WaveDrift]) -> float | None:
 
 
 def crossing_length(drifts: Sequence[WaveDrift]) -> float | None:
-    """Return the relaxation length [m] from two settled states on both sides of the steady wave, None without them.
+    """Return the relaxation length [m] from the last of three waves that oscillate about the steady one, else None.
+
+    The first drift on a mesh contains the transient of the transfer; one change of sign is no oscillation.
 
     Parameters
     ----------
     drifts : sequence of WaveDrift
         Drifts at successive settled states.
     """
-    if len(drifts) < 2 or drifts[-1].wave_slope * drifts[-2].wave_slope >= 0:
+    if len(drifts) < CROSSING_STATES:
+        return None
+    slopes = [drift.wave_slope for drift in drifts[-CROSSING_STATES:]]
+    if any(a * b >= 0 for a, b in pairwise(slopes)):
         return None
     before, last = drifts[-2:]
     if abs(last.wave_area - before.wave_area) < MIN_CROSSING_CHANGE * last.wave_area:

@@ -163,7 +163,8 @@ class SteadySearch:
         old, new = coarse.rolling, self.rolling
         new.initialise_from(old, transfer_state(old.state, old.frame, new.frame))
         mode = coarse.relaxation.mode
-        self.relaxation = replace(coarse.relaxation, mode=None if mode is None else mode.on_mesh(old, new))
+        first = coarse.relaxation.first_length
+        self.relaxation = Relaxation(first, None if mode is None else mode.on_mesh(old, new), first)
         self.finds_length = self.relaxation.length is None
         self._density_factor, self._depth_exponent = coarse._density_factor, coarse._depth_exponent
 
@@ -283,7 +284,9 @@ class SteadySearch:
             assert known is not None  # otherwise this mesh finds it
             found, bounds = crossing_length(self._drifts), np.array([MIN_CROSSING * known, known])
         if found is not None:
-            self.relaxation = replace(self.relaxation, length=float(np.clip(found, *bounds)))
+            length = float(np.clip(found, *bounds))
+            first = length if self.finds_length else self.relaxation.first_length
+            self.relaxation = replace(self.relaxation, length=length, first_length=first)
 
     def _update_mode(self, first: IncrementalRolling, before: WaveDrift | None, drift: WaveDrift) -> None:
         """Take the difference of two settled states of one depth as mode if the wave has changed beyond its scatter."""
