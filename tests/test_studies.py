@@ -345,8 +345,11 @@ def test_optimal_laws_reduce_power_at_both_ends_of_the_spread(capsys, tmp_path):
     assert (tmp_path / "optimal_laws.png").stat().st_size > 10_000
 
 
-def test_constant_resistance_ranks_peak_forces_by_acceleration(capsys, tmp_path):
+def test_constant_resistance_ranks_peak_forces_by_acceleration(capsys, monkeypatch, tmp_path):
+    """The columns are fitted to the published point without a rate of compaction, so that both resist with 3562 N."""
     module = study("rank_laws")
+    fitted = {"mix.overrides.heckel_slope": 13.881e-6, "layer.fed_density_ratio": 0.93432}
+    monkeypatch.setitem(module.ENGINES, "column", fitted)
     laws = ["cubic", "parabolic", "reversal-2"]
     options = {"engines": ("formula", "column"), "drives": ("rigid",), "samples": 2, "out": tmp_path}
     changes = {"motion.laws": laws, "mix.overrides.rate_sensitivity": 0.0}
@@ -354,17 +357,16 @@ def test_constant_resistance_ranks_peak_forces_by_acceleration(capsys, tmp_path)
     module.show(result)
     places = {(row[0], row[4]): row for row in rows if row[2] == "peak_force"}
     # 1000 kg times 4, 6 and 7.2 strokes over 9 s2; the friction is what either engine resists with
+    by_formula = [3562 + 1000 * c * 0.4 / 9 for c in (4, 6, 7.2)]
     for engine in ("formula", "column"):
-        friction = 3562 / {"formula": 1.0, "column": 1.1}[engine]  # the slope at rest, without its rate factor
-        by_formula = [friction + 1000 * c * 0.4 / 9 for c in (4, 6, 7.2)]
         found = [places[engine, law][5] for law in ("parabolic", "cubic", "reversal-2")]
-        assert found == pytest.approx(by_formula, rel=3e-4 if engine == "formula" else 3e-3)
-        assert np.diff(found) == pytest.approx(np.diff(by_formula), rel=3e-4)
+        assert found == pytest.approx(by_formula, rel=3e-4)
         assert [places[engine, law][3] for law in ("parabolic", "cubic", "reversal-2")] == [1, 2, 3]
     assert all(row[10] for row in places.values())  # margins of 2 %, errors of the maps of 1e-8
     for engine, _, by, _, stays, tau, least, largest, mixes in spreads:
-        assert largest > 1.05 * least
-        if (engine, by) == ("formula", "peak_force"):  # m a + F has the order of a for every constant F
+        assert largest > 1.1 * least
+        # m a + F has the order of a for every constant F; the samples of columns vary the rate sensitivity
+        if (engine, by) == ("formula", "peak_force"):
             assert (stays, tau, mixes) == (1.0, pytest.approx(1.0), 2)
     assert "stays first in 100% of 2 mixes" in capsys.readouterr().out
     assert (tmp_path / "rank_laws.png").stat().st_size > 10_000
