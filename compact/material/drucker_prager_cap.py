@@ -211,13 +211,14 @@ def _return_to_corner(law, p, q, k, densest, slope, limit, viscosity):
 def _corner(law, trial, limit):
     """Return V, shear of the line, a, da/dV and convergence at the corner of the cap and a line with an intercept."""
     P_trial, q_trial, densest, onset, slope = trial
-    a_before = (hardening(law, densest)[0] + law.pt) / 2
+    pc = hardening(law, densest)[0]
+    a_before = (pc + law.pt) / 2
     a, h, V = a_before, 0.0, (P_trial - _intersection(law, a_before, slope, limit)[0]) / law.K
     converged = True
     if onset < V:
         low, high = onset, V
         for iteration in range(MAX_ITERATIONS):
-            rise, H = pressure_rise(law, densest, V - onset)
+            rise, H = pressure_rise(law, densest, V - onset, pc)
             a, h = a_before + rise / 2, H / 2
             P, by_a = _intersection(law, a, slope, limit)
             residual = P_trial - law.K * V - P
