@@ -447,6 +447,47 @@ def check(*, markdown: bool = False) -> int:
     return SUCCESS
 
 
+@app.command
+def validate(
+    names: Annotated[tuple[str, ...], Parameter(name="CASE", negative="")] = (),
+    /,
+    *,
+    out: Path | None = None,
+    markdown: bool = False,
+    quiet: Quiet = False,
+) -> int:
+    """Compute the cases that others measured or computed, and print ours, theirs and the verdict; exit 1 if ours moves.
+
+    Parameters
+    ----------
+    names
+        names of cases, all by default, or folders with a case of a plant
+    out
+        folder for the page, the table and the figures
+    markdown
+        print the page docs/validation.md
+    """
+    from compact.report import validation_writer
+    from compact.report.progress import Progress
+    from compact.validation.registry import evaluate_case, select_cases
+
+    cases = select_cases(names)
+    total = sum(case.seconds for case in cases)
+    results = []
+    with Progress(total=total, quiet=quiet) as progress:
+        for case in cases:
+            progress.begin(case.name, case.seconds)
+            results.append(evaluate_case(case))
+    if out is not None:
+        written = validation_writer.write_validation(out, results)
+    if not quiet:
+        print(validation_writer.markdown_page(results) if markdown else validation_writer.text_table(results))
+    if out is not None and not quiet:
+        print("\n".join(f"  {path}" for path in written))
+    moved = sum(len(result.moved) for result in results)
+    return _print_error(f"{moved} computed numbers have moved from the recorded ones", NO_RESULT) if moved else SUCCESS
+
+
 def _study(
     path: Path,
     quiet: bool,

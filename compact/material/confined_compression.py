@@ -9,8 +9,8 @@ strain dV = dk/k and elastic strains dp/K and dq/(3 G) requires
 
     (tan t - 2 M/3)/M = 2/3 dp/dV/K - dq/dV/(3 G)
 
-Rigid-plastic mix flows at t0, where s_v is largest. Elastic mix deviates by an angle d of first order in its strain, and
-s_v by second order. A Heckel curve s_v(k) is satisfied by
+Rigid-plastic mix flows at t0, where s_v is largest. Elastic mix deviates by an angle d of first order in its elastic
+strain, and s_v by second order. A Heckel curve s_v(k) is satisfied by
 
     a = (s_v + pt)/(1 + S) (1 + g),    g = (1 + S)/(1 + S cos d) - 1
 

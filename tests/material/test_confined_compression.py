@@ -30,9 +30,7 @@ def ellipse(friction_angle, modulus=120e6, **other):
 
 def constants(law):
     K, G = law.unloading_modulus / (3 - 6 * law.poisson), law.unloading_modulus / (2 + 2 * law.poisson)
-    return ConfinedMix(
-        K, G, law.critical_slope, law.tensile_strength, law.heckel_slope, law.loose_density_ratio, 0.99
-    )
+    return ConfinedMix(K, G, law.critical_slope, law.tensile_strength, law.heckel_slope, law.loose_density_ratio, 0.99)
 
 
 def angle_by_time_steps(law):
