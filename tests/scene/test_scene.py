@@ -718,7 +718,7 @@ BROKEN = [
         "key like no other",
         "height = 0.22",
         "height = 0.22\nzzz = 1",
-        "product.zzz: unknown key in [product], got 1; take it out, or choose from height, width",
+        "product.zzz: unknown key in [product], got 1; take it out, or choose from height, width, mould_speed",
         at="zzz",
     ),
     refused(
