@@ -32,6 +32,7 @@ from compact.analysis.stages.laws import LawStage, PrescribedLaws
 from compact.analysis.stages.model_spread import ModelSpread
 from compact.analysis.stages.resistance import ResistanceStage
 from compact.analysis.stages.sensitivity import Shift, sensitivities
+from compact.analysis.stages.work_balance import WorkBalance, work_balance
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
 from compact.cams.profile import Cam, LeastBreadth
 from compact.contact import DryResistance
@@ -172,6 +173,11 @@ class Study:
     def sensitivities(self) -> list[Shift]:
         """Sensitivity of the least peaks to each input, with a rigid drive."""
         return sensitivities(self.stages)
+
+    @cached_property
+    def work_balance(self) -> WorkBalance:
+        """Balances of work and mix under the first law."""
+        return work_balance(self.stages)
 
     @cached_property
     def checks(self) -> list[BalanceCheck]:

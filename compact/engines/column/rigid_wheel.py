@@ -184,7 +184,8 @@ class WheelContact:
             found = np.sum([self._integrate(start, end, count) for start, end in pieces], axis=0)
             change = float(np.abs(found - before)[:2].max()) / float(np.abs(found[:2]).max())
             if change <= INTEGRATION_RTOL or count >= INTERVALS_MAX:
-                return _Forces(*found.tolist(), change)
+                load, drawbar, torque, work = found.tolist()
+                return _Forces(load, drawbar, torque, work, change)
             count, before = 2 * count, found
 
     def _pieces(self) -> list[tuple[float, float]]:
