@@ -197,14 +197,15 @@ def _return_to_corner(law, p, q, k, densest, slope, limit, viscosity):
 def _corner(law, trial, limit, viscosity):
     """Return V, shear of the line, a, da/dV and convergence at the corner of the cap and a line with an intercept."""
     P_trial, _, densest, onset, slope = trial
-    a_before = (hardening(law, densest)[0] + law.pt) / 2
+    pc = hardening(law, densest)[0]
+    a_before = (pc + law.pt) / 2
     V = (P_trial - _intersection(law, a_before, slope, limit)[0]) / law.K
     low, high, tolerance = -np.inf, np.inf, CORNER_TOLERANCE * (abs(P_trial) + a_before) / law.K
     shear, a, h = 0.0, a_before, 0.0
     for _ in range(MAX_ITERATIONS):
         a, h = a_before, 0.0
         if onset < V:
-            rise, H = pressure_rise(law, densest, V - onset)
+            rise, H = pressure_rise(law, densest, V - onset, pc)
             a, h = a_before + rise / 2, H / 2
         y = P_trial - law.K * V - a
         if y > 0:

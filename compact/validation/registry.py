@@ -13,10 +13,14 @@ import numpy as np
 from compact.numerics.validation import require_known
 from compact.validation.case import Comparison, Evaluation, ValidationCase, read_rows
 from compact.validation.half_plane import PA6
+from compact.validation.plate_wheel import CMU_WHEEL
+from compact.validation.terramechanics import BEKKER, WONG_REECE
 
 RECORDED = "recorded.csv"
 RECORDED_HEADER = ("case", "key", "ours", "theirs", "verdict")
-CASES: Mapping[str, ValidationCase] = MappingProxyType({each.name: each for each in (PA6,)})
+CASES: Mapping[str, ValidationCase] = MappingProxyType(
+    {each.name: each for each in (CMU_WHEEL, PA6, BEKKER, WONG_REECE)}
+)
 
 
 @dataclass(frozen=True, eq=False)
