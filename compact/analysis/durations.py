@@ -131,7 +131,7 @@ def require_durations(scene: Scene, durations: Sequence[float]) -> None:
     ValueError
         If the drive determines the duration itself.
     """
-    if scene.drive.kind == "motor":
+    if durations and scene.drive.kind == "motor":
         raise ValueError(
             'drive.kind = "motor" determines the duration of a pass by the speed of the motor; --over duration is for '
             "other drives, such as --set drive.kind=rigid without [drive.motor], or vary drive.motor.gear_ratio by "
