@@ -29,10 +29,18 @@ FOLLOWERS = ("pointed", "roller", "flat")
 
 
 class PrescribedLaws:
-    """Motion laws that the scene names, tables of the user last."""
+    """Motion laws that the scene names, tables of the user last.
 
-    def __init__(self, scene: Scene, count: Count) -> None:
+    Parameters
+    ----------
+    shortest : float, optional
+        Shortest duration of a pass for which the resistance is required [s]; that of the scene by default.
+    """
+
+    def __init__(self, scene: Scene, count: Count, shortest: float | None = None) -> None:
         self.scene, self.count = scene, count
+        duration = scene.motion.duration
+        self.speed_ratio = duration / min(duration, shortest or duration, *scene.motion.other_durations)
 
     @cached_property
     def cycles(self) -> dict[str, Cycle]:
@@ -55,8 +63,7 @@ class PrescribedLaws:
         if machine_models.crank(self.scene):
             crank_law = law("crank", motion.stroke, motion.duration, rod_length=motion.rod_length)
             speeds.append(crank_law.peaks().velocity)
-        shortest = min((motion.duration, *motion.other_durations))
-        return float(max(speeds)) * self.overshoot * motion.duration / shortest
+        return float(max(speeds)) * self.overshoot * self.speed_ratio
 
     def _jump_factor(self, cycle: Cycle) -> float:
         """Return the factor of the speed behind a spring: a velocity jump at a reversal is twice the velocity."""
