@@ -149,6 +149,7 @@ def run(
     out: Path | None = None,
     engine: Engine = None,
     tolerance: float | None = None,
+    over: str | None = None,
     changes: Changes = (),
     force: Force = False,
     quiet: Quiet = False,
@@ -161,7 +162,10 @@ def run(
         folder of the results; default out/NAME, with the name of the scene file or of the folder of a scene.toml
     tolerance
         relative error tolerance that replaces the tolerance of the scene
+    over
+        duration=LOW:HIGH:N, durations of a pass in s at which the laws are ranked again, with their crossovers
     """
+    from compact.analysis.durations import read_durations
     from compact.analysis.worker_pool import ProcessExecutor, cores
     from compact.report import text
     from compact.report import writer as report
@@ -173,7 +177,7 @@ def run(
     study = _study(
         scene, quiet, {"accuracy.engine": engine, "accuracy.tolerance": tolerance}, changes, directory=directory,
         step=lambda stage: progress.begin(stage, study.plan.cost(stage), total=study.plan.total_cost),
-        progress=progress.report,
+        progress=progress.report, durations=() if over is None else read_durations(over),
     )  # fmt: skip
     progress.total = study.plan.total_cost
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
@@ -496,11 +500,12 @@ def _study(
     step: Callable[[str], None] = lambda _: None,
     directory: Path | None = None,
     progress: Callable[[str], None] | None = None,
+    durations: Sequence[float] = (),
 ) -> "Study":
     """Load a scene file with some of its keys replaced, and return its study."""
     from compact.analysis.study import Study
 
-    return Study(_scene(path, quiet, changes, replacements), step, directory, progress)
+    return Study(_scene(path, quiet, changes, replacements), step, directory, progress, durations)
 
 
 def _scene(
