@@ -76,7 +76,7 @@ class CompressionPath:
 
     def at(self, density_ratio: ArrayLike, name: str = "axial_stress") -> Array:
         """Interpolate a stress [Pa] at density ratios [-] within the path."""
-        return np.interp(density_ratio, self.density_ratio, getattr(self, name))
+        return np.interp(np.asarray(density_ratio, dtype=float), self.density_ratio, getattr(self, name))
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,8 @@ class DensityCap:
     def __post_init__(self) -> None:
         columns = ("density_ratio", "yield_pressure", "cohesion", "friction_angle", "eccentricity")
         _require_columns(self, columns, ascending=columns[:2])
-        columns = ("elastic_density_ratio", "youngs_modulus", "poisson")
-        _require_columns(self, columns, ascending=columns[:1])
+        elastic = ("elastic_density_ratio", "youngs_modulus", "poisson")
+        _require_columns(self, elastic, ascending=elastic[:1])
         if max(self.poisson) >= 0.5:
             raise ValueError(f"`poisson` must be below 0.5, got {max(self.poisson)!r}")
 

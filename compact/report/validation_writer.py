@@ -28,7 +28,7 @@ def text_table(results: Sequence[CaseResult]) -> str:
         lines.append("-" * TABLE_WIDTH)
         for each in result.comparisons:
             lines.append(_line(*_cells(each)))
-            lines += _wrapped("; ".join(_reasons(each)))
+            lines += _wrapped("; ".join(filter(None, (_bracket(each), *_reasons(each)))))
             if each in result.moved:
                 lines += _wrapped(_movement(result, each))
         for remark in result.evaluation.remarks:
@@ -122,6 +122,8 @@ def _is_prose(part: str) -> bool:
 def _cells_with_remarks(each: Comparison, remarks: dict[str, int]) -> tuple[str, ...]:
     """Format the cells of one comparison, with the numbers of its remarks behind the verdict."""
     *cells, verdict = _cells(each)
+    if each.bracket is not None:
+        cells[2] = f"{each.ours:.4g} ({each.bracket[0]:.4g} to {each.bracket[1]:.4g})"
     places = sorted(remarks.setdefault(text, len(remarks) + 1) for text in _reasons(each))
     return (*cells, f"{verdict} ({', '.join(map(str, places))})" if places else verdict)
 
@@ -152,6 +154,13 @@ def _reasons(each: Comparison) -> list[str]:
     explanation = each.explanation if each.verdict == "explained" else ""
     basis = "" if each.basis == PREDICTED else each.basis
     return [text for text in (basis, explanation, each.note) if text]
+
+
+def _bracket(each: Comparison) -> str:
+    """Return the range of ours in words; empty without one."""
+    if each.bracket is None:
+        return ""
+    return f"ours from {each.bracket[0]:.4g} to {each.bracket[1]:.4g} {each.unit}"
 
 
 def _movement(result: CaseResult, each: Comparison) -> str:

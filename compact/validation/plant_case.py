@@ -188,7 +188,8 @@ def read_trials(path: Path, expected: Mapping[str, float], scene: Scene) -> tupl
     """
     reader = csv.reader(_text(path).splitlines(), skipinitialspace=True)
     names: list[str] = []
-    trials, seen = [], {}
+    trials: list[Trial] = []
+    seen: dict[Any, int] = {}
     for cells in reader:
         line = reader.line_num
         if not any(cell.strip() for cell in cells) or cells[0].lstrip().startswith("#"):

@@ -65,8 +65,11 @@ def read_oedometer(name: str) -> Oedometer:
         read_rows("sand_oedometers.csv", test=name, phase=phase) for phase in ("loading", "unloading")
     )
     columns = "axial_stress_kPa", "axial_strain_percent"
-    arrays = [numbers(rows, column) for rows in (loading, unloading) for column in columns]
-    return Oedometer(name, *arrays, density_ratio=1 / (1 + float(loading[0]["void_ratio"])))
+    stress, strain, released_stress, released_strain = (
+        numbers(rows, column) for rows in (loading, unloading) for column in columns
+    )
+    ratio = 1 / (1 + float(loading[0]["void_ratio"]))
+    return Oedometer(name, stress, strain, released_stress, released_strain, ratio)
 
 
 def power_law(test: Oedometer) -> Array:
