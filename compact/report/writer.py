@@ -99,7 +99,7 @@ def _draw(study: Study) -> dict[str, bytes]:
 
 def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
     """List the figures of a study: function and results by name."""
-    from compact.report.figures import contact, duration, motion, ranking
+    from compact.report.figures import answer, contact, duration, motion, ranking
 
     items, places = study.scene.output.items, study.places[study.scene.drive.kind]
     found: dict[str, tuple[Any, ...]] = {
@@ -124,6 +124,13 @@ def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
         found["engines"] = (ranking.draw_engines, study.places_by_engine)
     if study.over_durations is not None:
         found["duration"] = (duration.draw_durations, study.over_durations, study.scene.motion.duration)
+    if "report" in items and study.verdicts:
+        best = study.best_laws
+        speeds = {law: study.cycles[law].forward.peaks().velocity for law in best}
+        forces: dict[str, Any] = {study.scene.accuracy.engine: study.resistance}
+        forces |= {name: other.resistance for name, other in study.comparison.items()}
+        found["models"] = (answer.draw_models, study.models, forces, speeds)
+        found["best_cycles"] = (answer.draw_best_cycles, {law: study.runs[law] for law in best})
     comparisons = {by: ranking_tables.comparison_places(study, study.scene.drive.kind, by) for by in places}
     found["ranking"] = (ranking.draw_rankings, places, comparisons)
     return found
