@@ -149,6 +149,7 @@ def run(
     out: Path | None = None,
     engine: Engine = None,
     tolerance: float | None = None,
+    over: str | None = None,
     changes: Changes = (),
     force: Force = False,
     quiet: Quiet = False,
@@ -161,7 +162,10 @@ def run(
         folder of the results; default out/NAME, with the name of the scene file or of the folder of a scene.toml
     tolerance
         relative error tolerance that replaces the tolerance of the scene
+    over
+        duration=LOW:HIGH:N, durations of a pass in s at which the laws are ranked again, with their crossovers
     """
+    from compact.analysis.durations import read_durations
     from compact.analysis.worker_pool import ProcessExecutor, cores
     from compact.report import text
     from compact.report import writer as report
@@ -173,7 +177,7 @@ def run(
     study = _study(
         scene, quiet, {"accuracy.engine": engine, "accuracy.tolerance": tolerance}, changes, directory=directory,
         step=lambda stage: progress.begin(stage, study.plan.cost(stage), total=study.plan.total_cost),
-        progress=progress.report,
+        progress=progress.report, durations=() if over is None else read_durations(over),
     )  # fmt: skip
     progress.total = study.plan.total_cost
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
@@ -481,6 +485,47 @@ def check(*, markdown: bool = False) -> int:
     return SUCCESS
 
 
+@app.command
+def validate(
+    names: Annotated[tuple[str, ...], Parameter(name="CASE", negative="")] = (),
+    /,
+    *,
+    out: Path | None = None,
+    markdown: bool = False,
+    quiet: Quiet = False,
+) -> int:
+    """Compute the cases that others measured or computed, and print ours, theirs and the verdict; exit 1 if ours moves.
+
+    Parameters
+    ----------
+    names
+        names of cases, all by default; or folders of a plant with one TOML, a scene with [case], and one CSV
+    out
+        folder for the page, the table and the figures
+    markdown
+        print the page docs/validation.md
+    """
+    from compact.report import validation_writer
+    from compact.report.progress import Progress
+    from compact.validation.registry import evaluate_case, select_cases
+
+    cases = select_cases(names)
+    total = sum(case.seconds for case in cases)
+    results = []
+    with Progress(total=total, quiet=quiet) as progress:
+        for case in cases:
+            progress.begin(case.name, case.seconds)
+            results.append(evaluate_case(case))
+    if out is not None:
+        written = validation_writer.write_validation(out, results)
+    if not quiet:
+        print(validation_writer.markdown_page(results) if markdown else validation_writer.text_table(results))
+    if out is not None and not quiet:
+        print("\n".join(f"  {path}" for path in written))
+    moved = sum(len(result.moved) for result in results)
+    return _print_error(f"{moved} computed numbers have moved from the recorded ones", NO_RESULT) if moved else SUCCESS
+
+
 def _study(
     path: Path,
     quiet: bool,
@@ -489,11 +534,12 @@ def _study(
     step: Callable[[str], None] = lambda _: None,
     directory: Path | None = None,
     progress: Callable[[str], None] | None = None,
+    durations: Sequence[float] = (),
 ) -> "Study":
     """Load a scene file with some of its keys replaced, and return its study."""
     from compact.analysis.study import Study
 
-    return Study(_scene(path, quiet, changes, replacements), step, directory, progress)
+    return Study(_scene(path, quiet, changes, replacements), step, directory, progress, durations)
 
 
 def _scene(

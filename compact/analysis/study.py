@@ -9,7 +9,7 @@ first used, and the runs of each stage are counted. `report.writer` writes the r
 
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property, partial
 from operator import attrgetter
@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
+from compact.analysis.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.engineering_summary import Engineering, Number
 from compact.analysis.engines import Engine
 from compact.analysis.pore_air import AirAnswer, AirCurve, AirForces, air_answer
@@ -32,6 +33,7 @@ from compact.analysis.stages.laws import LawStage, PrescribedLaws
 from compact.analysis.stages.model_spread import ModelSpread
 from compact.analysis.stages.resistance import ResistanceStage
 from compact.analysis.stages.sensitivity import Shift, sensitivities
+from compact.analysis.stages.work_balance import WorkBalance, work_balance
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
 from compact.cams.profile import Cam, LeastBreadth
 from compact.contact import DryResistance
@@ -65,6 +67,8 @@ class Study:
         Results of an earlier run, whose contacts and resistance map are used if they have the same key.
     progress : callable, optional
         Called with lines of text by engines with continuation.
+    durations : sequence of float
+        Durations of a pass at which the laws are ranked again [s], ascending.
 
     Attributes
     ----------
@@ -118,14 +122,21 @@ class Study:
     turns: dict[str, CrankshaftRevolution] = _of("drive.turns", "turn of the crankshaft by number of carts")
 
     def __init__(
-        self, scene: Scene, step: Count = no_count, directory: Path | None = None, progress: Progress | None = None
+        self,
+        scene: Scene,
+        step: Count = no_count,
+        directory: Path | None = None,
+        progress: Progress | None = None,
+        durations: Sequence[float] = (),
     ) -> None:
-        self.scene, self.counts = scene, Counter[str]()
+        require_durations(scene, durations)
+        self.scene, self.counts, self.durations = scene, Counter[str](), tuple(durations)
         self._step, self._directory = step, directory
         self._answers: dict[str, Any] | None = None
         self._background: BackgroundTasks | None = None
         self.mix: Mix = scene_mix(scene)
-        self.stages = build_stages(scene, self.mix, self.count, directory, progress)
+        shortest = min(self.durations, default=None)
+        self.stages = build_stages(scene, self.mix, self.count, directory, progress, shortest=shortest)
 
     def count(self, stage: str) -> None:
         """Count one run of a stage."""
@@ -137,7 +148,7 @@ class Study:
     @property
     def plan(self) -> WorkPlan:
         """Expected work of all results that the scene requires."""
-        return WorkPlan(self.scene, self.mix, self.counts, len(self.law_stage.left_out))
+        return WorkPlan(self.scene, self.mix, self.counts, len(self.law_stage.left_out), len(self.durations))
 
     def standing(self, directory: Path, *prefixes: str) -> list[Path]:
         """Return the valid files of an earlier run with any of the prefixes; none if a prefix has no file."""
@@ -172,6 +183,16 @@ class Study:
     def sensitivities(self) -> list[Shift]:
         """Sensitivity of the least peaks to each input, with a rigid drive."""
         return sensitivities(self.stages)
+
+    @cached_property
+    def work_balance(self) -> WorkBalance:
+        """Balances of work and mix under the first law."""
+        return work_balance(self.stages)
+
+    @cached_property
+    def over_durations(self) -> DurationStudy | None:
+        """Ranking over the duration; None without durations."""
+        return over_durations(self.stages, self.durations) if self.durations else None
 
     @cached_property
     def checks(self) -> list[BalanceCheck]:

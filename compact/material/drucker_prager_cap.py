@@ -16,8 +16,12 @@ Backward Euler from the trial state (P_tr, q_tr), with V and e the increments of
     cap     the root of `elliptic_cap`            where line and apex lie outside the cap
     corner  both surfaces                         where the cap violates the line
 
-The corner has one root, V of P_tr - K V = P(a(k exp V), b + n ls), the intersection of cap and line; ls follows from
-the flow of both, and with viscosity a second root n ls.
+The corner has one root V. With P = P_tr - K V and q of the cap, the flow of both surfaces determines ls,
+
+    y = P - a(k exp V),  q^2 = Mc^2 (a^2 - y^2),  ls = (q_tr - q - w V)/(3 G + w N),  w = 3 G q/(y Mc^2)
+
+and the line requires q = m P + b + n ls. q^2 of the cap less that of the line increases with V; Newton's method on it
+is safeguarded by bisection.
 
 References
 ----------
@@ -39,8 +43,8 @@ from compact.material.elliptic_cap import (
 from compact.numerics.jit import compiled
 
 ROUNDING = 4e-15  # [-], of stresses over a; a state on a surface is inside
-CORNER_TOLERANCE = 2e-16  # [-], relative change of an unknown of the corner at convergence
-LARGEST_OVERSTRESS = 1 - 1e-9  # [-], viscous stress over that at which the line touches the top of the cap
+CORNER_TOLERANCE = 4e-16  # [-], change of the pressure of the corner over trial pressure and a at convergence
+TOP_DISTANCE = 4e-5  # [-], pressure of a viscous corner above a, over a, below which it counts as top of the cap
 
 
 @compiled
@@ -177,29 +181,11 @@ def _return_to_top(law, p, q, k, densest, slope, limit, viscosity):
 def _return_to_corner(law, p, q, k, densest, slope, limit, viscosity):
     """Return the results at the intersection of cap and line."""
     P, onset = p + law.pt, np.log(densest / k)
-    trial = (P, q, densest, onset, slope)
-    overstress, low, high = 0.0, 0.0, np.inf
-    V, shear, a, h, converged = _corner(law, trial, limit)
-    if viscosity > 0:
-        largest = LARGEST_OVERSTRESS * max(law.M * a - slope * a - limit, 0.0)
-        high = min(viscosity * shear, largest)
-        before, excess, overstress = 0.0, -viscosity * shear, high
-        for _ in range(MAX_ITERATIONS):  # regula falsi on the viscous stress
-            V, shear, a, h, converged = _corner(law, trial, limit + overstress)
-            residual = overstress - viscosity * shear
-            if overstress == largest and residual < 0:
-                return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
-            if not converged or abs(residual) <= CORNER_TOLERANCE * a or high - low <= CORNER_TOLERANCE * a:
-                break
-            if residual > 0:
-                high = overstress
-            else:
-                low = overstress
-            secant = overstress - residual * (overstress - before) / (residual - excess)
-            before, excess = overstress, residual
-            overstress = secant if low < secant < high else (low + high) / 2
+    V, shear, a, h, converged = _corner(law, (P, q, densest, onset, slope), limit, viscosity)
     end = P - law.K * V
-    end_q = slope * end + limit + overstress
+    if viscosity > 0 and end - a < TOP_DISTANCE * a:
+        return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
+    end_q = slope * end + limit + viscosity * shear
     hardens = onset < V
     rate = h if hardens else hardening(law, densest)[1] / 2
     derivatives = _corner_slopes(law, (q, V, shear, a, h), end, end_q, slope, viscosity, rate)
@@ -208,34 +194,55 @@ def _return_to_corner(law, p, q, k, densest, slope, limit, viscosity):
 
 
 @compiled
-def _corner(law, trial, limit):
+def _corner(law, trial, limit, viscosity):
     """Return V, shear of the line, a, da/dV and convergence at the corner of the cap and a line with an intercept."""
-    P_trial, q_trial, densest, onset, slope = trial
-    a_before = (hardening(law, densest)[0] + law.pt) / 2
-    a, h, V = a_before, 0.0, (P_trial - _intersection(law, a_before, slope, limit)[0]) / law.K
-    converged = True
-    if onset < V:
-        low, high = onset, V
-        for iteration in range(MAX_ITERATIONS):
-            rise, H = pressure_rise(law, densest, V - onset)
+    P_trial, _, densest, onset, slope = trial
+    pc = hardening(law, densest)[0]
+    a_before = (pc + law.pt) / 2
+    V = (P_trial - _intersection(law, a_before, slope, limit)[0]) / law.K
+    low, high, tolerance = -np.inf, np.inf, CORNER_TOLERANCE * (abs(P_trial) + a_before) / law.K
+    shear, a, h = 0.0, a_before, 0.0
+    for _ in range(MAX_ITERATIONS):
+        a, h = a_before, 0.0
+        if onset < V:
+            rise, H = pressure_rise(law, densest, V - onset, pc)
             a, h = a_before + rise / 2, H / 2
-            P, by_a = _intersection(law, a, slope, limit)
-            residual = P_trial - law.K * V - P
-            if residual < 0:
-                high = V
-            else:
-                low = V
-            change = residual / (law.K + h * by_a)
-            next_V = V + change if low < V + change < high else (low + high) / 2
-            converged = iteration < MAX_ITERATIONS - 1
-            if abs(next_V - V) <= CORNER_TOLERANCE * abs(V) or high - low <= CORNER_TOLERANCE * abs(V):
-                break
-            V = next_V
-    P = P_trial - law.K * V
-    q, y = slope * P + limit, P - a
-    ratio = 3 * law.G * q / (y * law.M**2)
-    shear = (q_trial - q - ratio * V) / (3 * law.G + ratio * law.dilatancy)
-    return V, shear, a, h, converged
+        y = P_trial - law.K * V - a
+        if y > 0:
+            shear, residual, by_V = _corner_residual(law, trial, (V, y, a, h), limit, viscosity)
+            change = -residual / by_V
+        else:
+            residual, change = -y, (y - a / 2) / (law.K + h)
+        if (y > 0 and abs(change) <= tolerance) or high - low <= tolerance:
+            return V, shear, a, h, True
+        if residual > 0:
+            high = V
+        else:
+            low = V
+        next_V = V + change
+        V = next_V if low < next_V < high else (low + high) / 2
+    return V, shear, a, h, False
+
+
+@compiled
+def _corner_residual(law, trial, solution, limit, viscosity):
+    """Return the shear of the line and q^2 of the cap over that of the line with its derivative by V; both increase."""
+    P_trial, q_trial, _, _, slope = trial
+    V, y, a, h = solution
+    M2, G3, N, y_V = law.M**2, 3 * law.G, law.dilatancy, -law.K - h
+    q_square, q_square_V = M2 * (a - y) * (a + y), 2 * M2 * (a * h - y * y_V)
+    q = np.sqrt(max(q_square, 0.0))
+    ratio = G3 * q / (y * M2)
+    shear = (q_trial - q - ratio * V) / (G3 + ratio * N)
+    line = slope * (P_trial - law.K * V) + limit
+    by_V = -slope * law.K
+    if viscosity > 0 and shear > 0:
+        line += viscosity * shear
+        if q > 0:
+            q_V = q_square_V / (2 * q)
+            ratio_V = ratio * (q_V / q - y_V / y)
+            by_V -= viscosity * (q_V + ratio_V * (V + N * shear) + ratio) / (G3 + ratio * N)
+    return shear, q_square - line * line, q_square_V - 2 * line * by_V
 
 
 @compiled

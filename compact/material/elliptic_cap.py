@@ -53,6 +53,10 @@ class CapConstants(NamedTuple):
         Isotropic slope K_H of Heckel's curve over the rate factor [1/Pa].
     offset, porosity : float
         Offset of the curve, and largest 1 - k at which pc follows it [-].
+    bias : float
+        `Compaction.tensile_offset` [-].
+    elastic : tuple of float
+        Coefficients of g, `Compaction.elastic_polynomial` [-].
     flat : bool
         True for a flat subcritical side.
     line : bool
@@ -70,6 +74,8 @@ class CapConstants(NamedTuple):
     slope: float
     offset: float
     porosity: float
+    bias: float
+    elastic: tuple[float, float, float]
     loose: float
     flat: bool
     line: bool
@@ -98,6 +104,8 @@ def cap_constants(law: Compaction, rate_factor: float, travel: float = np.inf) -
         slope=float(law.isotropic_slope / rate_factor),
         offset=offset,
         porosity=float((1 - law.loose_density_ratio) * np.exp(-HECKEL_MIN_PRESSURE - offset)),
+        bias=float(law.tensile_offset),
+        elastic=law.elastic_polynomial,
         loose=float(law.loose_density_ratio),
         flat=law.dry_side == "flat",
         line=line is not None,
@@ -110,16 +118,26 @@ def cap_constants(law: Compaction, rate_factor: float, travel: float = np.inf) -
 @compiled
 def hardening(law: CapConstants, k: float) -> tuple[float, float]:
     """Evaluate pc and dpc/dV [Pa] of one point at a density ratio [-], as `Compaction.yield_pressure`."""
-    if k >= HECKEL_MAX_DENSITY_RATIO:
-        stiffness = HECKEL_MAX_DENSITY_RATIO / (1 - HECKEL_MAX_DENSITY_RATIO)
-        xi = np.log((1 - law.loose) / (1 - HECKEL_MAX_DENSITY_RATIO)) + stiffness * np.log(k / HECKEL_MAX_DENSITY_RATIO)
-        return (xi - law.offset) / law.slope, stiffness / law.slope
-    xi = np.log((1 - law.loose) / (1 - k)) - law.offset
-    rise = k / (1 - k) / law.slope
+    inside = min(k, HECKEL_MAX_DENSITY_RATIO)
+    x = inside / (1 - inside)
+    gain, gain_x = _elastic_gain(law, x)
+    curve = np.log((1 - law.loose) / (1 - inside))
+    xi = curve - law.offset + (curve + law.bias) * gain
+    stiffness = x * (1 + gain) + (curve + law.bias) * gain_x * x * (1 + x)
+    if k > HECKEL_MAX_DENSITY_RATIO:
+        xi += stiffness * np.log(k / HECKEL_MAX_DENSITY_RATIO)
+    rise = stiffness / law.slope
     if xi >= HECKEL_MIN_PRESSURE:
         return xi / law.slope, rise
     fading = np.exp(2 * (xi - HECKEL_MIN_PRESSURE) / HECKEL_MIN_PRESSURE)
     return HECKEL_MIN_PRESSURE * (1 + fading) / 2 / law.slope, rise * fading
+
+
+@compiled
+def _elastic_gain(law, x):
+    """Return g and dg/dx at x = k/(1 - k), by which elastic strain of confined compression raises pc + pt."""
+    c0, c1, c2 = law.elastic
+    return x * x * (c0 + x * (c1 + x * c2)), x * (2 * c0 + x * (3 * c1 + x * 4 * c2))
 
 
 @compiled
@@ -256,7 +274,7 @@ def _evaluate(law, trial, x):
     V = A / law.K * (x * outer)
     rise, H = 0.0, 0.0
     if not law.flat or onset < V:
-        rise, H = pressure_rise(law, densest, V - onset)
+        rise, H = pressure_rise(law, densest, V - onset, 2 * a_before - law.pt)
     a, h = a_before + rise / 2, H / 2
     y, dy = A * outer - rise / 2, -law.K - h
     ry = r * y
@@ -269,16 +287,21 @@ def _evaluate(law, trial, x):
 
 
 @compiled
-def pressure_rise(law: CapConstants, k: float, V: float) -> tuple[float, float]:
-    """Return pc(k exp V) - pc(k) and the final H, without cancellation on Heckel's curve."""
+def pressure_rise(law: CapConstants, k: float, V: float, pc: float) -> tuple[float, float]:
+    """Return pc(k exp V) - pc(k) and the final H, without cancellation on Heckel's curve; `pc` is that at k."""
     gain = k * np.expm1(V)
     low_k, high_k = min(k, k + gain), max(k, k + gain)
     if high_k <= HECKEL_MAX_DENSITY_RATIO and 1 - low_k < law.porosity:
-        return -np.log1p(-gain / (1 - k)) / law.slope, (k + gain) / (1 - k - gain) / law.slope
-    pc, H = hardening(law, k + gain)
+        x, rise = (k + gain) / (1 - k - gain), -np.log1p(-gain / (1 - k))
+        before, _ = _elastic_gain(law, k / (1 - k))
+        after, after_x = _elastic_gain(law, x)
+        curve = (pc * law.slope + law.offset + law.bias) / (1 + before)  # ln[(1 - k0)/(1 - k)] + bias
+        total = rise * (1 + after) + curve * (after - before)
+        return total / law.slope, (x * (1 + after) + (curve + rise) * after_x * x * (1 + x)) / law.slope
+    pc_end, H = hardening(law, k + gain)
     if low_k >= HECKEL_MAX_DENSITY_RATIO:
         return H * V, H
-    return pc - hardening(law, k)[0], H
+    return pc_end - pc, H
 
 
 @compiled

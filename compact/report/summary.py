@@ -16,9 +16,11 @@ from compact import quantities
 from compact.analysis.contact_cases import HeldQuantity, contact_to_json
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages.model_spread import ModelSpread
+from compact.analysis.stages.work_balance import WorkBalance
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
+from compact.report.duration_tables import duration_numbers
 from compact.rolling_contact import HeapingError
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
@@ -34,6 +36,11 @@ FORMER_KEYS = {  # former name of a key -> its present names
     "swaps": ("discordant_pairs",),
 }
 PACKAGES = ("compact", "numpy", "scipy")  # whose versions are recorded
+WORK_BALANCE_UNITS = {
+    "pass_work": "J/m3", "confined_work": "J/m3", "work_ratio": "1", "loose_work": "J/m3", "cycle_work": "J",
+    "pressed_volume": "m3", "carried_volume": "m3", "feed_ratio": "1", "strokes_on_section": "1",
+    "throughput_work": "J/m3", "explained_share": "1",
+}  # fmt: skip
 HELD_KEYS = {"height": ("indentation", "m"), "load": ("load", "N/m"), "peak_pressure": ("peak_pressure", "Pa")}
 
 
@@ -59,6 +66,8 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "pore_air": _pore_air(study),
         "model_spread": _model_spread(study.model_spread),
         "steady_forces": _steady_forces(study),
+        "over_durations": duration_numbers(study.over_durations),
+        "work_balance": _work_balance(study.work_balance),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"density_achievable": reach.possible, "reason": reach.reason},
@@ -179,6 +188,13 @@ def _steady_forces(study: Study) -> dict[str, Any]:
     force, guides = (float(each[0]) for each in (study.steady.drive_force, study.steady.guide_friction))
     forces = {"drive_force": force, "resistance": force - guides, "guide_friction": guides}
     return {name: _number(value, "N") for name, value in forces.items()}
+
+
+def _work_balance(balance: WorkBalance) -> dict[str, Any]:
+    """Convert the balances of work and mix; those of the throughput are None without the speed of the mould."""
+    return {"law": balance.law} | {
+        name: _number(getattr(balance, name), unit) for name, unit in WORK_BALANCE_UNITS.items()
+    }
 
 
 def _run_numbers(study: Study, run: Any) -> dict[str, Any]:

@@ -20,6 +20,8 @@ from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report import ranking_tables
+from compact.report.duration_tables import duration_sentence
+from compact.report.machine_text import work_sentence, work_warnings
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 
@@ -35,11 +37,15 @@ def study_digest(study: Study) -> str:
     lines += [*_wrapped(coverage(study.scene, study.engineering)), ""]
     for state in (held_sentence, return_sentence, air_sentence, spread_sentence, guide_sentence):
         lines += _wrapped(state(study))
+    for sentence in (work_sentence(study), *work_warnings(study.work_balance)):
+        lines += _wrapped(sentence)
     if not study.mix.density_achievable:
         lines.append(f"  {study.mix.density_achievable.reason}")
     for sentence in chain(*study.scene.replacements.values()):
         lines += _wrapped(sentence)
     lines += _ranking_lines(study)
+    if study.over_durations is not None:
+        lines += ["", *_wrapped(duration_sentence(study.over_durations))]
     if study.laws_not_made:
         lines += ["", *(f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())]
     lines += ["", *_agreement_lines(study)]

@@ -144,9 +144,11 @@ def _cap_has_the_earth_pressure(_, law, moisture, density_ratio, overrides):
     low, high = earth_pressure_bounds(slope, mix.required_pressure, strength)
     if not low < mix.earth_pressure_coefficient <= high:
         return (
-            f"must be between {low:.4f} and {high:.4f} for a friction angle of {mix.friction_angle:g} degrees, got "
+            f"must be between {low:.4f} and {high:.4f} for a friction angle of {mix.friction_angle:g} degrees and a "
+            f"cohesion of {mix.cohesion_loose / 1e3:g} kPa at {mix.required_pressure / 1e3:.4g} kPa, got "
             f"{mix.earth_pressure_coefficient:.4g}: below, mix in confined compression would slide along the shear "
-            "line; above, the cap would be flatter than the line; change it or mix.overrides.friction_angle"
+            "line; above, the cap would be flatter than the line; change it, mix.overrides.friction_angle or "
+            "mix.overrides.cohesion_loose"
         )
     return None
 

@@ -117,6 +117,7 @@ class Product(Table):
 
     height: float = _positive("the height h0 of the product in m")
     width: float = _positive("the width B of the product, along the travel, in m")
+    mould_speed: float | None = _optional("the speed of the mould, across the travel, in m/s")
 
 
 class Overrides(Table):

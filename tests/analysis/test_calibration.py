@@ -366,7 +366,7 @@ def test_command_writes_and_prints_the_fit(tmp_path, monkeypatch, capsys):
     assert exit_code.value.code == 0
     written = json.loads(out.read_text())
     assert written["heckel_slope"] == pytest.approx(15.228e-6, rel=1e-4)
-    assert "--set layer.fed_density_ratio=0.934304" in capsys.readouterr().out
+    assert "--set layer.fed_density_ratio=0.934303" in capsys.readouterr().out
 
 
 @pytest.mark.slow

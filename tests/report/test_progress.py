@@ -134,6 +134,7 @@ def test_every_stage_of_a_study_has_a_cost():
         "second pass",
         "driven",
         "report",
+        "durations",
         "comparison",
         "model spread",
     } | set(stage_costs.OTHERS)

@@ -718,7 +718,7 @@ BROKEN = [
         "key like no other",
         "height = 0.22",
         "height = 0.22\nzzz = 1",
-        "product.zzz: unknown key in [product], got 1; take it out, or choose from height, width",
+        "product.zzz: unknown key in [product], got 1; take it out, or choose from height, width, mould_speed",
         at="zzz",
     ),
     refused(
@@ -1328,10 +1328,14 @@ def test_impossible_lower_lifts_are_refused(engine, table, message):
             {"mix.overrides.friction_angle": 46.0},
             r"coefficient: must be between 0\.2\d+ and 0\.\d+ .* 46 ",
         ),
+        (
+            {"mix.overrides.friction_angle": 45.0, "mix.overrides.cohesion_loose": 0.0},
+            "45 degrees and a cohesion of 0 kPa at 2.* kPa, got 0.2929: .*friction_angle or .*cohesion_loose",
+        ),
         ({"mix.overrides.earth_pressure_coefficient": 0.3}, "must be between .* got 0.3: below, mix in confined"),
         ({"mix.overrides.dilatancy_angle": 36.0}, "`dilatancy_angle` must lie between 0 and `friction_angle`"),
     ],
-    ids=["friction 45", "K0 0.3", "dilatancy"],
+    ids=["friction 46", "friction 45", "K0 0.3", "dilatancy"],
 )
 def test_drucker_prager_cap_refuses_angles_without_a_cap(published, changes, words):
     with pytest.raises(SceneError, match=words):

@@ -37,12 +37,15 @@ class WorkPlan:
     ----------
     laws_not_made : int
         Number of optimal laws that have been left out so far.
+    durations : int
+        Number of durations at which the laws are ranked again.
     """
 
     scene: Scene
     mix: Mix
     counts: Counter[str]
     laws_not_made: int = 0
+    durations: int = 0
 
     @property
     def engine(self) -> Engine:
@@ -67,6 +70,7 @@ class WorkPlan:
             "cams": cams, "cams measured": cams, "crank": (len(CRANK_ANGLES) + 1) * ("crank" in items),
             "model spread": int("model_spread" in items and not self.counts["kept"]),
             "comparison": len(self.scene.compared_engines), "report": int("report" in items),
+            "durations": self.durations,
         })  # fmt: skip
         for stage in COUNTED_LATER:
             planned[stage] = self.counts[stage]
@@ -122,8 +126,9 @@ class WorkPlan:
             others = [scene.with_engine(name) for name in scene.compared_engines]
             costs = [WorkPlan(other, scene_mix(other), Counter()).contact_cost for other in others]
             return WAIT_SHARE * sum(costs) / len(costs)
-        if stage == "runs":
-            return RUN[scene.drive.kind] + RUN_OVER_A_LAYER[scene.drive.kind] * self.engine.layered
+        if stage in ("runs", "durations"):
+            one = RUN[scene.drive.kind] + RUN_OVER_A_LAYER[scene.drive.kind] * self.engine.layered
+            return one * (self._laws if stage == "durations" else 1)
         cost = self.engine.cost
         by_engine = {
             "rolled": cost.contact, "resistance": cost.continued_contact, "added mass": cost.added_mass,

@@ -181,15 +181,18 @@ def build_stages(
     directory: Path | None = None,
     progress: Progress | None = None,
     known_laws: KnownLaws | None = None,
+    shortest: float | None = None,
 ) -> Stages:
     """Build the stages of a scene; nothing is computed yet.
 
     Parameters
     ----------
+    shortest : float, optional
+        Shortest duration of a pass for which the resistance is required [s]; that of the scene by default.
     progress : callable, optional
         Called with lines of text by engines with continuation.
     """
-    prescribed = PrescribedLaws(scene, count)
+    prescribed = PrescribedLaws(scene, count, shortest)
     if known_laws:
         prescribed.cycles = dict(known_laws[0])
     contacts = ContactStage(scene, mix or scene_mix(scene), count, directory, progress)

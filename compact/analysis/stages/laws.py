@@ -28,10 +28,17 @@ FOLLOWERS = ("pointed", "roller", "flat")
 
 
 class PrescribedLaws:
-    """Motion laws that the scene names, tables of the user last."""
+    """Motion laws that the scene names, tables of the user last.
 
-    def __init__(self, scene: Scene, count: Count) -> None:
+    Parameters
+    ----------
+    shortest : float, optional
+        Shortest duration of a pass for which the resistance is required [s]; that of the scene by default.
+    """
+
+    def __init__(self, scene: Scene, count: Count, shortest: float | None = None) -> None:
         self.scene, self.count = scene, count
+        self.speed_ratio = max(1.0, scene.motion.duration / (shortest or scene.motion.duration))
 
     @cached_property
     def cycles(self) -> dict[str, Cycle]:
@@ -54,7 +61,7 @@ class PrescribedLaws:
         if machine_models.crank(self.scene):
             crank_law = law("crank", motion.stroke, motion.duration, rod_length=motion.rod_length)
             speeds.append(crank_law.peaks().velocity)
-        return float(max(speeds)) * self.overshoot
+        return float(max(speeds)) * self.overshoot * self.speed_ratio
 
     def _jump_factor(self, cycle: Cycle) -> float:
         """Return the factor of the speed behind a spring: a velocity jump at a reversal is twice the velocity."""

@@ -1,0 +1,159 @@
+"""Balances of work and mix that a designer can check: specific work of the drive, and mix fed against mix carried away.
+
+A pass over fresh mix presses the strips of all rollers, n s L, from the initial density ratio to that of the product:
+
+    work of a pass        F/(n L h)                        over the volume of product that it presses
+    confined compression  k int s_v(k') dk'/k'^2           of the same volume of the same mix, without lateral strain
+    mix pressed           n s L h                          in a stroke over fresh mix, as product
+    mix carried away      v_mould (T + dwell) B h0         in the same time, by the mould
+    work at throughput    work of a cycle over the mix carried away in a cycle
+
+F is the resistance of the mix to one cart at its mean speed, h the lift thickness, s_v the vertical stress of Heckel's
+curve at rest. A pass requires at least the confined work of its mix; a linear layer requires less, as it recovers. If
+the rollers press more fresh mix than the mould carries away, the forces are those of a pass over fresh mix, not of the
+forming process at this throughput, where all passes together compress the mix from its loose state once.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import quad
+
+from compact.analysis.stages.drives import Stages
+from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
+from compact.material.mix import LOOSE_DENSITY_RATIO
+
+FEED_TOLERANCE = 0.1  # [-], of the mix pressed over the mix carried away; feeders are adjusted no better
+WORK_TOLERANCE = 0.1  # [-], of the work of a pass below that of confined compression; elastic recovery returns a part
+
+
+@dataclass(frozen=True)
+class WorkBalance:
+    """Specific work and mix of one cart under the first law.
+
+    Parameters
+    ----------
+    law : str
+        Name of the first law by the first criterion.
+    density_ratios : tuple of float
+        Initial density ratio and that behind the pass [-].
+    pass_work : float
+        Work of one pass over fresh mix, over the volume of product [J/m3].
+    confined_work : float
+        Work of confined compression between the density ratios, over the volume of product [J/m3].
+    loose_work : float
+        Work of confined compression from the loose state, the start of Heckel's curve [J/m3].
+    cycle_work : float
+        Work of the resistance of the mix in a cycle [J].
+    pressed_volume : float
+        Product that the rollers press from fresh mix in a stroke [m3].
+    fresh_strokes : int
+        Strokes over fresh mix in a cycle, 1 or 2.
+    carried_volume : float or None
+        Product that the mould carries away in the time of a stroke [m3]; None without `product.mould_speed`.
+    strokes_on_section : float or None
+        Strokes during which a section of the product is under the rollers [-]; None likewise.
+    """
+
+    law: str
+    density_ratios: tuple[float, float]
+    pass_work: float
+    confined_work: float
+    loose_work: float
+    cycle_work: float
+    pressed_volume: float
+    fresh_strokes: int
+    carried_volume: float | None = None
+    strokes_on_section: float | None = None
+
+    @property
+    def work_ratio(self) -> float | None:
+        """Work of a pass over that of confined compression [-]; None for a pass without compaction."""
+        return self.pass_work / self.confined_work if self.confined_work > 0 else None
+
+    @property
+    def recovers(self) -> bool:
+        """True if a pass requires less work than the confined compression of its mix."""
+        return self.work_ratio is not None and self.work_ratio < 1 - WORK_TOLERANCE
+
+    @property
+    def throughput_work(self) -> float | None:
+        """Work of a cycle over the product that the mould carries away in it [J/m3]; None without its speed."""
+        return None if self.carried_volume is None else self.cycle_work / (2 * self.carried_volume)
+
+    @property
+    def feed_ratio(self) -> float | None:
+        """Mix pressed over mix carried away in a cycle [-]; None without the speed of the mould."""
+        if self.carried_volume is None:
+            return None
+        return self.fresh_strokes * self.pressed_volume / (2 * self.carried_volume)
+
+    @property
+    def explained_share(self) -> float | None:
+        """Share of the work at throughput that confined compression from the loose state requires [-], or None."""
+        return None if self.throughput_work is None else self.loose_work / self.throughput_work
+
+    @property
+    def fits(self) -> bool | None:
+        """True if the mix pressed is the mix carried away, within FEED_TOLERANCE; None without the mould's speed."""
+        return None if self.feed_ratio is None else abs(self.feed_ratio - 1) <= FEED_TOLERANCE
+
+
+def work_balance(stages: Stages) -> WorkBalance:
+    """Balance work and mix of a cycle under the first law by the first criterion."""
+    contacts, scene = stages.contacts, stages.contacts.scene
+    machine, motion, product = scene.machine, scene.motion, scene.product
+    run = stages.drive.runs[stages.drive.best_law]
+    area = machine.rollers * machine.roller_length
+    resistance = float(np.ravel(stages.resistance.resistance(np.array([scene.mean_speed]), np.zeros(1)))[0])
+    before, behind = scene.layer.fed_density_ratio, _density_behind(stages)
+    carried = strokes = None
+    if product.mould_speed is not None:
+        advance = product.mould_speed * (motion.duration + motion.dwell)
+        carried, strokes = advance * product.width * product.height, machine.roller_length / advance
+    return WorkBalance(
+        law=run.name,
+        density_ratios=(before, behind),
+        pass_work=resistance / (area * scene.lift_thickness),
+        confined_work=confined_work(before, behind, contacts.mix.heckel_slope),
+        loose_work=confined_work(LOOSE_DENSITY_RATIO, behind, contacts.mix.heckel_slope),
+        cycle_work=float(np.sum(run.weights * run.state.resistance * run.state.velocity)),
+        pressed_volume=area * motion.stroke * scene.lift_thickness,
+        fresh_strokes=2 if scene.layer.return_stroke == "fresh" else 1,
+        carried_volume=carried,
+        strokes_on_section=strokes,
+    )
+
+
+def confined_work(before: float, behind: float, heckel_slope: float) -> float:
+    """Compute the work of confined compression over the compacted volume [J/m3].
+
+        w = k int s_v(k') dk'/k'^2,   s_v = ln[(1 - k0)/(1 - k')]/K_H
+
+    Parameters
+    ----------
+    before, behind : float
+        Density ratios [-].
+    heckel_slope : float
+        K_H [1/Pa].
+
+    Examples
+    --------
+    >>> f"{confined_work(0.936, 0.98, 14.4e-6) / 1e3:.2f} kJ/m3"
+    '6.33 kJ/m3'
+    """
+    work, _ = quad(lambda k: np.log((1 - LOOSE_DENSITY_RATIO) / (1 - k)) / k**2, before, behind, epsrel=1e-10)
+    return behind * work / heckel_slope
+
+
+def _density_behind(stages: Stages) -> float:
+    """Density ratio behind the first pass at the mean speed, at most the end of measured curves [-].
+
+    It is that of the product for an engine without compaction.
+    """
+    contacts, scene = stages.contacts, stages.contacts.scene
+    if not contacts.engine.compacting:
+        return scene.mix.density_ratio
+    nearest = min(contacts.records, key=lambda each: abs(np.log(each.speed / scene.mean_speed)))
+    found = float(nearest.exit_density_ratio or scene.mix.density_ratio)
+    return min(max(found, scene.layer.fed_density_ratio), HECKEL_MAX_DENSITY_RATIO)

@@ -1,0 +1,61 @@
+"""Sentences on the machine that terminal and page share: balances of work and mix."""
+
+from compact.analysis.stages.work_balance import WorkBalance
+from compact.analysis.study import Study
+
+
+def work_sentence(study: Study) -> str:
+    """State the work of a pass and of confined compression, and the mix pressed against the mix carried away.
+
+    Returns
+    -------
+    str
+        One sentence without a full stop.
+    """
+    balance = study.work_balance
+    before, behind = balance.density_ratios
+    sentence = (
+        f"specific work of a pass over fresh mix: {_kilojoules(balance.pass_work)} of product; confined compression "
+        f"from {before:.4g} to {behind:.4g} takes {_kilojoules(balance.confined_work)}"
+    )
+    litres = f"{1e3 * balance.pressed_volume:.3g} l of product"
+    if balance.carried_volume is None:
+        return f"{sentence}; a stroke presses {litres}, without product.mould_speed not compared with the throughput"
+    return (
+        f"{sentence}; a stroke over fresh mix presses {litres}, the mould carries {1e3 * balance.carried_volume:.3g} l "
+        f"away in that time; at this throughput the resistance takes {_kilojoules(balance.throughput_work)} of product"
+    )
+
+
+def work_warnings(balance: WorkBalance) -> list[str]:
+    """State the balances that do not fit.
+
+    Returns
+    -------
+    list of str
+        Sentences without full stops.
+    """
+    found = []
+    if balance.recovers and balance.work_ratio is not None:
+        found.append(
+            f"the work of a pass is {balance.work_ratio:.2g} of that of confined compression: the engine has the "
+            "viscoelastic part only; its forces are not for sizing"
+        )
+    ratio, share = balance.feed_ratio, balance.explained_share
+    if balance.fits is False and ratio is not None and share is not None:
+        if ratio > 1:
+            found.append(
+                f"mix fed and throughput do not fit: every stroke presses fresh mix, {ratio:.3g} times the mix that "
+                "the mould carries away; the forces are those of a pass over fresh mix, and confined compression from "
+                f"the loose state is {100 * share:.2g} % of their work at this throughput"
+            )
+        else:
+            found.append(
+                f"mix fed and throughput do not fit: the rollers press {ratio:.2g} of the mix that the mould carries "
+                "away, so that the rest remains uncompacted; a slower mould or shorter strokes would fit"
+            )
+    return found
+
+
+def _kilojoules(work: float | None) -> str:
+    return "–" if work is None else f"{work / 1e3:.3g} kJ/m³"

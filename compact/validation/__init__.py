@@ -1,0 +1,1 @@
+"""Validation: results of the engines held to measurements, programs and models of others."""

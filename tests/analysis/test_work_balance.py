@@ -1,0 +1,139 @@
+"""Balances of work and mix: closed forms, columns as an independent integration, and the published throughput."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compact.analysis.material_tests import oedometer
+from compact.analysis.stages.work_balance import WorkBalance, confined_work
+from compact.analysis.study import Study
+from compact.material.laws import Compaction
+from compact.report.machine_text import work_sentence, work_warnings
+from compact.report.summary import study_summary
+from compact.scene.errors import SceneError
+from compact.scene.loader import load_scene
+
+SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+PRINTED = {"motion.duration": 0.4 / 0.45, "product.mould_speed": 1.1 / 60}  # .45 m/s, 1 to 1.15 m/min
+LINEAR = {
+    "accuracy.engine": "spectral", "machine.roller_condition": "frictionless", "machine.gap_geometry": "circle",
+    "contact.speeds": [0.05, 0.3], "accuracy.tolerance": 0.05,
+}  # fmt: skip
+
+
+def study(**changes):
+    return Study(load_scene(SMALL, **changes))
+
+
+def test_confined_work_is_the_integral_in_closed_form():
+    """int ln(c/(1-k))/k2 dk = [-ln(c/(1-k))/k] + int dk/(k (1-k)) by parts, with c = 1 - k0."""
+    a, b, c, slope = 0.936, 0.98, 0.28, 14.4e-6
+
+    def primitive(k):
+        return -np.log(c / (1 - k)) / k + np.log(k / (1 - k))
+
+    assert confined_work(a, b, slope) == pytest.approx(b * (primitive(b) - primitive(a)) / slope, rel=1e-9)
+
+
+def test_confined_work_is_that_of_the_oedometer_of_stiff_mix():
+    material = Compaction(
+        unloading_modulus=1e11, poisson=0.3, heckel_slope=14.4e-6, loose_density_ratio=0.72, critical_slope=1.0,
+        tensile_strength=14e3, fed_density_ratio=0.936, heckel_test="confined",
+    )  # fmt: skip
+    test = oedometer(material, 183e3)
+    end = int(test.axial_stress.argmax()) + 1
+    # of the volume before: dw = s_v d(e_v) V, V = exp(-e_v); over the volume at the end
+    work = np.trapezoid(test.axial_stress[:end] * np.exp(-test.axial_strain[:end]), test.axial_strain[:end])
+    behind = test.density_ratio[end - 1]
+    assert confined_work(0.936, behind, 14.4e-6) == pytest.approx(work * behind / 0.936, rel=0.01)
+
+
+def test_pass_of_columns_takes_the_work_of_confined_compression():
+    """Columns without a rate: the work of the resistance is that of compression, less the elastic recovery."""
+    balance = study(**{"accuracy.engine": "column", "mix.overrides.rate_sensitivity": 0.0}).work_balance
+    assert balance.work_ratio == pytest.approx(1.0, abs=0.02)
+    assert not balance.recovers
+
+
+def test_rate_raises_the_work_of_a_pass_by_its_factor():
+    columns = {"accuracy.engine": "column", "mix.overrides.heckel_slope": 15.228e-6}
+    still, rated = (study(**columns | {"mix.overrides.rate_sensitivity": m}).work_balance for m in (0.0, 0.02))
+    assert rated.pass_work / still.pass_work == pytest.approx(1.1, abs=0.015)
+
+
+def test_published_throughput_takes_fifty_times_the_work_of_a_pass():
+    """3486 N by 0.4 m a stroke are 320 to 370 kJ/m3 of the 15 to 17 mm that the mould advances."""
+    balance = study(**PRINTED).work_balance
+    assert 1e3 * balance.carried_volume == pytest.approx(4.17, abs=0.01)
+    assert balance.throughput_work == pytest.approx(3486 * 0.4 / balance.carried_volume, rel=0.001)
+    assert 320e3 < balance.throughput_work < 370e3
+    assert balance.strokes_on_section == pytest.approx(71.4, abs=0.1)
+    assert balance.feed_ratio == pytest.approx(balance.strokes_on_section * 2 * 0.4 / 1.164)
+    assert balance.explained_share == pytest.approx(0.05, abs=0.003)
+    assert balance.fits is False
+
+
+def test_ratios_of_work_do_not_depend_on_the_roller_length():
+    """Mix pressed and resistance are in proportion to the length; columns keep their pressure."""
+    column = PRINTED | {"accuracy.engine": "column"}
+    long, short = (study(**column | {"machine.roller_length": each}).work_balance for each in (1.164, 0.5))
+    assert short.pass_work == pytest.approx(long.pass_work, rel=1e-9)
+    assert short.throughput_work == pytest.approx(long.throughput_work * 0.5 / 1.164, rel=1e-6)
+
+
+def test_speed_of_the_mould_at_which_mix_and_throughput_fit():
+    """L/v strokes of T each over the strips n s/B of the product: at v = n s L/(B T) they press it once."""
+    speed = 2 * 0.4 * 1.164 / (1.164 * 60.0)
+    fitting = study(**{"product.mould_speed": speed, "motion.duration": 60.0}).work_balance
+    assert fitting.feed_ratio == pytest.approx(1.0, rel=1e-12)
+    assert fitting.fits
+    assert work_warnings(fitting) == []
+    fast = study(**{"product.mould_speed": 3 * speed, "motion.duration": 60.0}).work_balance
+    assert fast.feed_ratio == pytest.approx(1 / 3, rel=1e-12)
+    assert "the rest remains uncompacted" in work_warnings(fast)[0]
+
+
+def test_return_over_compacted_mix_presses_half_the_mix():
+    columns = PRINTED | {"accuracy.engine": "column"}
+    fresh, compacted = (
+        study(**columns | {"layer.return_stroke": each}).work_balance for each in ("fresh", "compacted")
+    )
+    assert compacted.feed_ratio == pytest.approx(fresh.feed_ratio / 2)
+    assert compacted.cycle_work < 0.6 * fresh.cycle_work
+
+
+def test_linear_layer_is_reported_as_not_for_sizing():
+    linear = study(**LINEAR)
+    assert linear.work_balance.work_ratio < 0.3
+    assert "not for sizing" in work_warnings(linear.work_balance)[0]
+    assert "takes 5.87 kJ/m³" in work_sentence(linear)
+
+
+def test_warnings_and_numbers_reach_the_summary():
+    written = study_summary(study(**PRINTED), [])["work_balance"]
+    assert written["pass_work"] == {"value": pytest.approx(6807, abs=1), "unit": "J/m3"}
+    assert written["feed_ratio"]["value"] == pytest.approx(49.1, abs=0.1)
+    without = study_summary(study(), [])["work_balance"]
+    assert without["throughput_work"] == {"value": None, "unit": "J/m3"}
+    assert "product.mould_speed" in work_sentence(study())
+
+
+def test_balance_without_mould_speed_has_no_throughput():
+    bare = WorkBalance("cubic", (0.94, 0.98), 6e3, 6e3, 17e3, 2800.0, 0.2, 2)
+    assert (bare.throughput_work, bare.feed_ratio, bare.explained_share, bare.fits) == (None, None, None, None)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (1.15, "was 1.15 m/min = 0.0191667 m/s meant?"),
+        (0.0, "must be positive"),
+        (-0.02, "must be positive"),
+        ("fast", "must be a number"),
+    ],
+)
+def test_speed_of_the_mould_is_validated(value, words):
+    with pytest.raises(SceneError, match=r"product\.mould_speed") as error:
+        load_scene(SMALL, **{"product.mould_speed": value})
+    assert words in str(error.value)
