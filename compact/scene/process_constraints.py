@@ -57,6 +57,12 @@ def _mould_moves_by_less_than_the_roller(speed, length, duration, dwell):
     return None
 
 
+@_rule("process.mould_speed", "product.mould_speed")
+def _mould_has_one_speed(speed, of_product):
+    if None not in (speed, of_product) and speed != of_product:
+        return f"must be product.mould_speed = {of_product:g} m/s, got {speed:g}; take product.mould_speed out"
+
+
 @_rule("process.fill_height", "process.fill_density_ratio")
 def _fill_has_height_and_density(height, ratio):
     if (height is None) != (ratio is None):

@@ -36,6 +36,7 @@ def test_the_sample_scene_is_valid_and_advises_a_third_roller():
             {"process.mould_speed": 1e-5, "unusual": ["process.mould_speed"]},
             "process.mould_speed: must be at least 0.0001309 m/s, for 10000 strokes on a section",
         ),
+        ({"product.mould_speed": 0.02}, "process.mould_speed: must be product.mould_speed = 0.02 m/s, got 0.0175"),
         ({"process.mould_speed": 17.5}, "was 17.5 mm/s = 0.0175 m/s meant?"),
         (
             {"process.fill_height": 0.2},
