@@ -350,6 +350,40 @@ def material(
 
 
 @app.command
+def process(
+    scene: ScenePath,
+    /,
+    *,
+    out: Path | None = None,
+    changes: Changes = (),
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compute the forming process: strokes over a moving mould with feed before each; load, density and mix balance.
+
+    The scene requires a table [process].
+
+    Parameters
+    ----------
+    out
+        folder of process.json, tables, figures and fields; default out/NAME-process, NAME as in `compact run`
+    """
+    from compact.analysis.process import ProcessStudy
+    from compact.files import claimed_directory
+    from compact.report.process_writer import process_digest, write_process
+    from compact.report.progress import spinning
+
+    given = _scene(scene, quiet, changes)
+    study = ProcessStudy(given)
+    place = out or default_directory(scene, "process")
+    with claimed_directory(place, given.hash, force) as directory, spinning("strokes of the process", quiet=quiet):
+        write_process(study, directory)
+    if not quiet:
+        print(process_digest(study))
+        print(f"\nresults: {place}")
+
+
+@app.command
 def calibrate(
     scene: ScenePath,
     measured: Path,

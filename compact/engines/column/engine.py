@@ -384,6 +384,12 @@ def _integrable_layer(
 ) -> ColumnLayer:
     """Build the `ColumnLayer`; raise ValueError if its equation is too stiff for an explicit method."""
     layer = column_layer(columns, material, rate_factor, gap, strain_measure, lower_count)
+    require_integrable(layer, material)
+    return layer
+
+
+def require_integrable(layer: ColumnLayer, material: Compaction) -> None:
+    """Raise ValueError if the equation of a layer is too stiff for an explicit method."""
     if not layer.stiffness_ratio < STIFFNESS_RATIO_MAX:
         limit = material.unloading_modulus * STIFFNESS_RATIO_MAX / layer.stiffness_ratio
         raise ValueError(
@@ -391,7 +397,6 @@ def _integrable_layer(
             f"{material.unloading_modulus!r}: the mix is nearly rigid-plastic; use a tenth of the limit, which changes "
             "the resistance by less than 1e-3"
         )
-    return layer
 
 
 def _rated_layer(layer: ColumnLayer, material: Compaction, radius: float, speed: float) -> ColumnLayer:
