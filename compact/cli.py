@@ -257,9 +257,9 @@ def _roll_on_terrain(
     quiet: bool,
 ) -> None:
     """Compute the roller of a scene on terrain, and write its files."""
-    from compact.analysis.terrain_contact import roll_on_terrain
+    from compact.analysis.contact_cases import roll_on_terrain
     from compact.files import claimed_directory
-    from compact.report.terrain_writer import terrain_digest, write_terrain_contact
+    from compact.report.contact_tables import terrain_digest, write_terrain_contact
 
     if material is None:
         raise ValueError(f"--slip {slip:g} needs --material, the terrain under the wheel")

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compact.analysis.contact_cases import roll_on_terrain
 from compact.analysis.engines import ENGINES
-from compact.analysis.terrain_contact import build_terrain, published_terrains, read_terrain, roll_on_terrain
 from compact.cli import roll
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
+from compact.scene.terrain_data import build_terrain, published_terrains, read_terrain
 
 SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
 OWN = """[terrain]

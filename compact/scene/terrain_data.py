@@ -1,6 +1,4 @@
-"""Wheel of a scene on terrain: published soils and own constants, one contact, and drawbar over slip.
-
-`data/terrains.csv` is the registry of published soils. Own constants are a table of a TOML file:
+"""Terrain under a wheel: published soils by name, and own constants from the table [terrain] of a TOML file.
 
     [terrain]
     law = "bekker"                 # bekker, reece, power, johanson or table
@@ -10,20 +8,19 @@
     cohesion = 1040.0              # Pa; these three together, or none for a wheel without shear
     friction_angle = 28.0          # degrees
     shear_displacement = 0.02      # m
+
+`data/terrains.csv` is the registry of published soils.
 """
 
 import csv
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from compact.analysis.engines import ENGINES
-from compact.engines.column.rigid_wheel import WheelContactResult
 from compact.material.pressure_sinkage import (
     JohansonLaw,
     PeakAngle,
@@ -35,11 +32,8 @@ from compact.material.pressure_sinkage import (
     bekker,
     reece,
 )
-from compact.numerics import Array
 from compact.numerics.validation import require_known
-from compact.rolling_contact import Layer, Roller
 from compact.scene.errors import key_lines, syntax_sentence
-from compact.scene.loader import Scene
 
 LAW_KEYS: Mapping[str, tuple[str, ...]] = {
     "bekker": ("cohesive_modulus", "frictional_modulus", "exponent"),
@@ -50,39 +44,6 @@ LAW_KEYS: Mapping[str, tuple[str, ...]] = {
 }
 SHEAR_KEYS, PEAK_KEYS, FURTHER_KEYS = ("cohesion", "friction_angle", "shear_displacement"), ("c1", "c2"), ("source",)
 REBOUND = "rebound_modulus"
-SLIPS = np.array([-0.9, -0.7, -0.5, -0.3, -0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.9])
-TARGETS = {"load": "contact.load", "indentation": "contact.indentation", "peak_pressure": "contact.peak_pressure"}
-
-
-@dataclass(frozen=True, eq=False)
-class TerrainContact:
-    """Wheel of a scene on terrain.
-
-    Parameters
-    ----------
-    name : str
-        Name of the soil, or of the file with its constants.
-    source : str
-        Origin of the constants; empty if not stated.
-    radius, width : float
-        Wheel [m].
-    result : WheelContactResult
-        Contact per unit width.
-    slip_curve : ndarray, shape (n, 4)
-        Slip [-], drawbar [N], torque [N m] and sinkage [m] of the wheel at the same load; empty without shear.
-    """
-
-    name: str
-    source: str
-    radius: float
-    width: float
-    result: WheelContactResult
-    slip_curve: Array
-
-    @property
-    def contact_length(self) -> float:
-        """Length of the contact along the travel [m]."""
-        return self.result.leading - self.result.trailing
 
 
 def published_terrains() -> dict[str, dict[str, Any]]:
@@ -124,7 +85,7 @@ def read_terrain(name: str) -> tuple[dict[str, Any], str]:
 def _require_keys(table: Mapping[str, Any], file: str, lines: Mapping[tuple[str, ...], int]) -> None:
     """Require the keys of the law and complete groups of the others."""
     first = f"{file}:{lines.get(('terrain',), 1)}: [terrain]"
-    law = table.get("law")
+    law = str(table.get("law"))
     if law not in LAW_KEYS:
         place = f"{file}:{lines.get(('terrain', 'law'), 1)}: [terrain]"
         raise ValueError(f"{place} `law` must be one of {', '.join(LAW_KEYS)}, got {law!r}")
@@ -154,10 +115,11 @@ def build_terrain(constants: Mapping[str, Any], width: float) -> Terrain:
     width : float
         Width of the wheel [m], Bekker's b.
     """
-    values = [constants[key] for key in LAW_KEYS[constants["law"]]]
+    values: list[Any] = [constants[key] for key in LAW_KEYS[constants["law"]]]
     law: PressureLaw
     if constants["law"] in ("bekker", "reece"):
-        law = (bekker if constants["law"] == "bekker" else reece)(*values, width)
+        cohesive, frictional, exponent = values
+        law = (bekker if constants["law"] == "bekker" else reece)(cohesive, frictional, exponent, width)
     elif constants["law"] == "table":
         law = TabulatedLaw(*(tuple(float(each) for each in column) for column in values))
     else:
@@ -165,45 +127,3 @@ def build_terrain(constants: Mapping[str, Any], width: float) -> Terrain:
     shear = ShearStrength(*(constants[key] for key in SHEAR_KEYS)) if SHEAR_KEYS[0] in constants else None
     peak = PeakAngle(*(constants[key] for key in PEAK_KEYS)) if PEAK_KEYS[0] in constants else None
     return Terrain(law, shear, peak, constants.get(REBOUND, np.inf))
-
-
-def roll_on_terrain(scene: Scene, material: str, slip: float | None = None) -> TerrainContact:
-    """Compute the wheel of a scene on terrain by the engine "column".
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene with a prescribed load, indentation or peak pressure; the wheel is its roller.
-    material : str
-        Name of a published soil, or a TOML file with a table [terrain].
-    slip : float, optional
-        Slip [-]; without one, the torque is that of the scene, 0 by default.
-    """
-    constants, name = read_terrain(material)
-    machine, target = scene.machine, dict(scene.target)
-    if not target:
-        raise ValueError(
-            f"{scene.file}: a wheel on terrain needs one of {', '.join(TARGETS.values())}; such as --set "
-            "contact.load=500 in N"
-        )
-    width = machine.roller_length
-    if "load" in target:
-        target["load"] /= width
-    terrain = build_terrain(constants, width)
-    layer, roller = Layer(scene.lift_thickness), Roller(machine.roller_radius, profile="circle", **target)
-    column = ENGINES["column"].roll
-    motion: dict[str, float] = {} if slip is None else {"slip": slip}
-    if slip is None and machine.roller_torque:
-        motion["torque"] = machine.roller_torque / width
-    found = column(layer, roller, terrain, scene.mean_speed, **motion)
-    assert isinstance(found, WheelContactResult)  # on terrain
-    held = Roller(machine.roller_radius, profile="circle", load=found.load)
-    rows = []
-    for each in SLIPS.tolist() if terrain.shear else ():
-        try:
-            wheel = column(layer, held, terrain, scene.mean_speed, slip=each)
-        except ValueError:  # no contact of the model with this skid
-            continue
-        assert isinstance(wheel, WheelContactResult)
-        rows.append((each, wheel.drawbar * width, wheel.torque * width, wheel.indentation))
-    return TerrainContact(name, constants.get("source", ""), machine.roller_radius, width, found, np.array(rows))
