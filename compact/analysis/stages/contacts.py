@@ -34,7 +34,7 @@ from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
 from compact.material.mix import Mix
 from compact.numerics.validation import NotFiniteError
-from compact.rolling_contact import ContactResult, HeapingError, Layer, LayerContactResult, Roller
+from compact.rolling_contact import ContactResult, HeapingError, Layer, LayerContactResult, Roller, UnsteadyError
 from compact.scene.loader import Scene
 
 SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, by the elastic recovery, is smaller
@@ -244,6 +244,8 @@ def _named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
     except HeapingError as error:
         hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same'
         raise HeapingError(f"{case}: {error}{hint}", error.heaping) from error
+    except UnsteadyError as error:
+        raise UnsteadyError(f"{case}: {error}", error.unsteady) from error
     except RuntimeError as error:
         raise RuntimeError(f"{case}: {error}") from error
 
