@@ -30,6 +30,7 @@ def test_every_study_has_a_test():
         "speed_against_plain",
         "speed_against_error",
         "compaction_baseline",
+        "duration",
         "formula_ranking",
         "formula_against_fem",
         "operating_point",
@@ -62,6 +63,20 @@ def test_strength_of_loose_mix_decides_the_resistance(tmp_path):
         assert found.resistance == pytest.approx(module.LENGTH * steady.resistance, rel=0.02)
     assert line.resistance / ellipse.resistance == pytest.approx(0.61, abs=0.03)
     assert line.bow_wave < 0.1 * ellipse.bow_wave
+
+
+def test_duration_has_the_first_laws_of_every_model(capsys, tmp_path):
+    """Columns without air cross where the formula does, but for the rate of compaction."""
+    module = study("duration")
+    laws = {"motion.laws": ["parabolic", "cubic", "combined-2", "reversal-4-free-acceleration"]}
+    answers = module.main(cases=("formula", "columns"), over="duration=0.3:3:3", changes=laws, out=tmp_path)
+    module.show(answers)
+    formula, columns = (each.segments["peak_power"] for each in answers)
+    assert [law for law, *_ in formula] == [law for law, *_ in columns] == laws["motion.laws"][1:]
+    assert formula[0][2] == pytest.approx(0.847, abs=1e-3)
+    assert columns[0][2] == pytest.approx(formula[0][2], rel=0.03)
+    assert "| formula | peak drive force | parabolic, 3740 N" in capsys.readouterr().out
+    assert (tmp_path / "duration.csv").read_text().count("\n") == 1 + len(module.rows(answers))
 
 
 @pytest.mark.slow
@@ -470,7 +485,9 @@ def test_every_row_of_the_table_of_best_laws_is_that_of_the_study(engine):
 def test_viscoelastic_layer_of_the_study_is_that_of_the_scene():
     module = study("rank_laws")
     rows, _ = module.main(engines=("fem",), drives=("elastic",), samples=2)
-    scene = Study(load_scene(module.SCENES / "loveikin-2015-engines.toml", compare=None))
+    changes = {"accuracy.engine": "fem", "layer.lift_thickness": None, "motion.duration": 3.0}
+    changes |= {"compare": None, "motion.other_durations": None}
+    scene = Study(load_scene(module.SCENES / "loveikin-2015-engines.toml", **changes))
     for by in module.SHOWN:
         found = {row[4]: row[5] for row in rows if row[2] == by}
         assert found == {place.run.name: pytest.approx(place.value, rel=1e-9) for place in scene.rankings[by]}

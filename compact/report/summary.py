@@ -20,6 +20,7 @@ from compact.analysis.stages.work_balance import WorkBalance
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
+from compact.report.duration_tables import duration_numbers
 from compact.rolling_contact import HeapingError, UnsteadyError
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
@@ -65,6 +66,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "pore_air": _pore_air(study),
         "model_spread": _model_spread(study.model_spread),
         "steady_forces": _steady_forces(study),
+        "over_durations": duration_numbers(study.over_durations),
         "work_balance": _work_balance(study.work_balance),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},

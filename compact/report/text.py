@@ -20,6 +20,7 @@ from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report import ranking_tables
+from compact.report.duration_tables import duration_sentence
 from compact.report.machine_text import work_sentence, work_warnings
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
@@ -43,6 +44,8 @@ def study_digest(study: Study) -> str:
     for sentence in chain(*study.scene.replacements.values()):
         lines += _wrapped(sentence)
     lines += _ranking_lines(study)
+    if study.over_durations is not None:
+        lines += ["", *_wrapped(duration_sentence(study.over_durations))]
     if study.laws_not_made:
         lines += ["", *(f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())]
     lines += ["", *_agreement_lines(study)]
