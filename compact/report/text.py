@@ -19,9 +19,9 @@ from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
-from compact.report import answer_text
 from compact.report.duration_tables import duration_sentence
 from compact.report.machine_text import work_sentence, work_warnings
+from compact.report.page import answer_text
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 
@@ -53,7 +53,8 @@ def study_digest(study: Study) -> str:
     sentences = [
         *answer_text.duration_lines(study), answer_text.stiffness_sentence(study),
         answer_text.measurement_sentence(study), spread_sentence(study), held_sentence(study), return_sentence(study),
-        air_sentence(study), guide_sentence(study).partition("; for comparison")[0], work_sentence(study), *work_warnings(study.work_balance),
+        air_sentence(study), guide_sentence(study).partition("; for comparison")[0],
+        work_sentence(study), *work_warnings(study.work_balance),
         coverage(study.scene, study.engineering), study.mix.density_achievable.reason,
         *chain(*study.scene.replacements.values()), *heaping_sentences(study),
         *(f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items()),
