@@ -465,7 +465,7 @@ def validate(
     Parameters
     ----------
     names
-        names of cases, all by default, or folders with a case of a plant
+        names of cases, all by default; or folders of a plant with one TOML, a scene with [case], and one CSV
     out
         folder for the page, the table and the figures
     markdown

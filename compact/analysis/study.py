@@ -30,9 +30,11 @@ from compact.analysis.stages.costs import WorkPlan
 from compact.analysis.stages.drives import DriveStage, build_stages
 from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.stages.laws import LawStage, PrescribedLaws
-from compact.analysis.stages.model_spread import ModelSpread
+from compact.analysis.stages.model_spread import ModelSpread, contact_by_law, scenes_of_laws, spread_of
 from compact.analysis.stages.resistance import ResistanceStage
 from compact.analysis.stages.sensitivity import Shift, sensitivities
+from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
+from compact.analysis.stages.verdict import SIZING_PEAKS, ModelAnswer, Verdict, model_answers, verdict
 from compact.analysis.stages.work_balance import WorkBalance, work_balance
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
 from compact.cams.profile import Cam, LeastBreadth
@@ -96,7 +98,6 @@ class Study:
     roller_load: float = _of("contacts.roller_load", "load of one roller at the mean speed [N]")
     second_pass: tuple[float, float] | None = _of("contacts.second_pass", "load and resistance over the first pass [-]")
     air_curve: AirCurve | None = _of("contacts.air_curve", "forces of the pore air; None for a linear layer")
-    model_spread: ModelSpread | None = _of("contacts.model_spread", "other laws of the mix; None where not required")
     air_forces: Callable[[float], AirForces | None] = _of("contacts.air_forces", "changes by pore air at a speed [m/s]")
     kept: KeptResults | None = _of("contacts.kept", "results of an earlier run in the directory")
 
@@ -134,6 +135,7 @@ class Study:
         self._step, self._directory = step, directory
         self._answers: dict[str, Any] | None = None
         self._background: BackgroundTasks | None = None
+        self._contacts_by_law: list[Callable[[], Any]] = []
         self.mix: Mix = scene_mix(scene)
         shortest = min(self.durations, default=None)
         self.stages = build_stages(scene, self.mix, self.count, directory, progress, shortest=shortest)
@@ -168,7 +170,7 @@ class Study:
                 self.second_pass,
                 self.resistance_map,
                 self.air_curve,
-                self.model_spread,
+                None if self._contacts_by_law and "model_spread" not in self.__dict__ else self.model_spread,
                 tuple(names),
             )
             yield from write_results(directory, results, self.contact_stage.key)
@@ -183,6 +185,41 @@ class Study:
     def sensitivities(self) -> list[Shift]:
         """Sensitivity of the least peaks to each input, with a rigid drive."""
         return sensitivities(self.stages)
+
+    @cached_property
+    def models(self) -> list[ModelAnswer]:
+        """Answers of the engine of the scene, first, and of the engines of the comparison."""
+        spread = self.model_spread
+        return model_answers(self.stages, self.comparison, spread.resistance if spread else None)
+
+    @cached_property
+    def uncertainty(self) -> RankingUncertainty | None:
+        """Effect of every source of uncertainty on the recommended laws; None without the output "report"."""
+        if "report" not in self.scene.output.items:
+            return None
+        motion, kind = self.scene.motion, self.scene.drive.kind
+        found = {by: verdict(self.models, motion.duration, kind, by) for by in SIZING_PEAKS}
+        known = {by: each for by, each in found.items() if each is not None}
+        self.count("uncertainty")
+        return ranking_uncertainty(self.stages, self.models, known, self.models[0].spread)
+
+    @cached_property
+    def verdicts(self) -> dict[tuple[float, str, str], Verdict]:
+        """Verdicts by duration [s], drive and criterion; absent where no law has a finite value.
+
+        Those of the duration and drive of the scene include the spread of the mix and of its laws.
+        """
+        motion, kind = self.scene.motion, self.scene.drive.kind
+        found = {}
+        for duration, places in self.models[0].places.items():
+            for drive in places:
+                for by in SIZING_PEAKS:
+                    own = (duration, drive) == (motion.duration, kind)
+                    firsts = self.uncertainty.first_laws(by) if own and self.uncertainty else ()
+                    each = verdict(self.models, duration, drive, by, firsts)
+                    if each is not None:
+                        found[duration, drive, by] = each
+        return found
 
     @cached_property
     def work_balance(self) -> WorkBalance:
@@ -221,6 +258,24 @@ class Study:
                 yield
             finally:
                 self._background = None
+
+    def begin_model_spread(self) -> None:
+        """Start the contacts by the other laws of the mix in the executor of `helped`."""
+        contacts = self.contact_stage
+        if not contacts.requires_model_spread or not self._background or (self.kept and self.kept.model_spread):
+            return
+        assert contacts.held is not None  # of a compacting engine
+        work = partial(contact_by_law, contacts.held)
+        scenes = enumerate(scenes_of_laws(self.scene, self.mix))
+        self._contacts_by_law = [self._background.submit(f"law {number}", work, each) for number, each in scenes]
+
+    @cached_property
+    def model_spread(self) -> ModelSpread | None:
+        """Contacts by the other laws of the mix; None where they are not required."""
+        if not self._contacts_by_law:
+            return self.contact_stage.model_spread
+        self.count("model spread")
+        return spread_of([answer() for answer in self._contacts_by_law])
 
     @cached_property
     def comparison(self) -> dict[str, EngineComparison]:

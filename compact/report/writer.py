@@ -35,6 +35,7 @@ def write_study(
     items = study.scene.output.items
     with claimed_directory(directory, study.scene.hash, force) as place, study.helped(executor or SerialExecutor()):
         files = list(contact_tables.write_contact_tables(study, place)) if study.layered else []
+        study.begin_model_spread()
         kept = list(study.keep(place, files)) if study.layered else []
         for item, write in WRITERS.items():
             if item in items:

@@ -243,6 +243,15 @@ def _speeds_rise(speeds):
         return f"must be positive and rise one by one, got {list(speeds)}; give speeds such as [0.05, 0.1, 0.2]"
 
 
+@_rule("motion.other_durations", "motion.duration")
+def _durations_are_positive_and_differ(others, duration):
+    if others and not (all(each > 0 for each in others) and len({*others, duration}) == len(others) + 1):
+        return (
+            f"must be positive, differ from one another and from motion.duration = {duration:g} s, got {list(others)}; "
+            "give times of one pass such as [1.0, 3.0]"
+        )
+
+
 @_rule("motion.optimise", "cam")
 def _bounds_of_a_cam_have_a_cam(optimise, cam):
     if optimise and cam is None:

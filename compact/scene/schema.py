@@ -22,7 +22,9 @@ Law = Literal[
 ]  # fmt: skip
 LAW_NAMES: tuple[str, ...] = get_args(Law)
 
-OutputItem = Literal["tables", "figures", "cams", "reactions", "crank", "fields", "model_spread", "report"]
+OutputItem = Literal[
+    "tables", "figures", "cams", "reactions", "crank", "fields", "model_spread", "roller_motors", "report"
+]
 # The keys of `machine.ranking.CRITERIA`, repeated for the same reason
 RankBy = Literal[
     "peak_force", "peak_power", "rms_force", "rms_power", "mean_force", "mean_power", "energy", "drawn_energy",
@@ -243,6 +245,7 @@ class Motion(Table):
     acceleration_weight: float = _nonnegative("the weight of the acceleration term in the complex law")
     dwell: float = _nonnegative("the dwell at each end in s")
     rod_length: float | None = _optional("the length of the connecting rod in m")
+    other_durations: Numbers = _default((), "further times of one pass in s, over which the laws are ranked as well")
     tables: Names = _default((), "CSV files of own laws, relative to the scene file")
     optimise: Optimise | None = None
 

@@ -100,22 +100,23 @@ def _evaluate() -> Evaluation:
                 comparisons.append(Comparison(
                     f"sinkage_plate_{diameter}", f"sinkage without slip, from {diameter} mm plates", "mm",
                     float(values[:, 0].mean()), float(sinkage.mean()), SINKAGE_EXPECTED, HEIGHT_ERROR,
+                    bracket=(float(values[:, 0].min()), float(values[:, 0].max())),
                 ))  # fmt: skip
             comparisons.append(Comparison(
                 "sinkage_range", "sinkage without slip, nearest of the nine plates' range", "mm",
                 _nearest(low[0], high[0], sinkage.mean()), float(sinkage.mean()), 0.0, HEIGHT_ERROR,
-                note=f"predictions from {low[0]:.1f} to {high[0]:.1f} mm",
+                bracket=(float(low[0]), float(high[0])),
             ))  # fmt: skip
         else:
             comparisons.append(Comparison(
                 f"{key}_sinkage", f"sinkage at {name}, mean of nine plates", "mm", float(every[:, 0].mean()),
                 float(sinkage.mean()), SINKAGE_EXPECTED, HEIGHT_ERROR, note=SINKAGE_REASON,
+                bracket=(float(low[0]), float(high[0])),
             ))  # fmt: skip
         comparisons.append(Comparison(
             f"{key}_drawbar", f"drawbar at {name}, mean of nine plates", "N", float(every[:, 1].mean()),
             float(drawbar.mean()), FORCE_EXPECTED, FORCE_ERROR, basis=f"fitted: {SHEAR_BASIS}",
-            note=f"predictions from {low[1]:.2f} to {high[1]:.2f} N"
-            + ("" if slip < -0.1 else f"; {DRAWBAR_REASON}"),
+            note="" if slip < -0.1 else DRAWBAR_REASON, bracket=(float(low[1]), float(high[1])),
         ))  # fmt: skip
     return Evaluation(tuple(comparisons), _panels(np.array(sorted(table))), (_remark(groups),))
 

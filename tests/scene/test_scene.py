@@ -89,9 +89,9 @@ def test_every_value_of_a_study_scene_states_its_origin(name):
     assert [line for line in values if not re.search(r"# .*(published|assumed|calibrated)", line)] == []
 
 
-def test_the_starter_is_valid_and_uses_the_formula_engine():
+def test_the_starter_is_valid_and_led_by_columns():
     scene = parse_scene(starter_scene(), "new.toml")
-    assert scene.accuracy.engine == "formula"
+    assert scene.accuracy.engine == "column"
     assert scene.advice == ()
 
 
@@ -628,7 +628,8 @@ BROKEN = [
         "unknown output",
         '"figures", "cams"',
         '"figure", "cams"',
-        "output.items[1]: must be one of tables, figures, cams, reactions, crank, fields, model_spread, report, got "
+        "output.items[1]: must be one of tables, figures, cams, reactions, crank, fields, model_spread, "
+        "roller_motors, report, got "
         "'figure'; did you mean 'figures'?",
     ),
     refused(

@@ -1,6 +1,8 @@
 """Validation cases: no value of ours moves from the recorded one, and every verdict is the recorded one."""
 
 import dataclasses
+from collections import Counter
+from pathlib import Path
 
 import pytest
 
@@ -56,6 +58,16 @@ def test_a_value_moves_beyond_its_tolerance():
 def test_an_unknown_case_is_refused_with_the_names():
     with pytest.raises(ValueError, match="contact-pa6"):
         select_cases(["contact"])
+
+
+def test_the_page_of_the_documents_has_the_recorded_verdicts():
+    page = (Path(__file__).parents[2] / "docs" / "validation.md").read_text("utf-8")
+    recorded = Counter(row["verdict"] for row in read_rows(RECORDED))
+    total = f"{recorded.total()} numbers of {len(CASES)} cases: "
+    assert total + ", ".join(f"{recorded[verdict]} {verdict}" for verdict in validation_writer.VERDICTS) in page
+    for name in CASES:
+        assert f"### {name}\n" in page
+        assert (Path(__file__).parents[2] / "docs" / "validation" / f"{name}.png").exists()
 
 
 def test_the_page_has_a_section_and_a_figure_of_each_case(tmp_path):

@@ -34,6 +34,8 @@ class EngineComparison:
         Relative error estimate of the resistance [-].
     roller_load : float
         Load of one roller [N].
+    places_over : dict
+        Places by each other duration of a pass [s].
     """
 
     contacts: list[ContactRecord]
@@ -43,6 +45,7 @@ class EngineComparison:
     error: float | None
     roller_load: float
     places: Places
+    places_over: dict[float, Places]
     key: str
     counts: Counter[str]
     warned: tuple[str, ...]
@@ -64,13 +67,15 @@ def run_engine_alternative(scene: Scene, laws: KnownLaws, directory: Path | None
         warnings.simplefilter("error", RuntimeWarning)  # an invalid operation of numpy yields no valid result
         try:
             places = stages.drive.places
+            places_over = {duration: each.places for duration, each in stages.drive.other_durations.items()}
         except HeapingError as error:
             return error
         # the second pass of a comparison is required by its own return stroke only
         second_pass = contacts.second_pass if scene.layer.return_stroke == "compacted" else None
     return EngineComparison(
         contacts.records, contacts.held, second_pass, resistance.resistance, resistance.error,
-        contacts.roller_load, places, contacts.key, counts, tuple(dict.fromkeys(str(each.message) for each in warned)),
+        contacts.roller_load, places, places_over, contacts.key, counts,
+        tuple(dict.fromkeys(str(each.message) for each in warned)),
     )  # fmt: skip
 
 

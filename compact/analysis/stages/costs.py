@@ -21,7 +21,7 @@ RUN_OVER_A_LAYER = {"rigid": 0.014, "crank": 0.014, "hydraulic": 0.014, "elastic
 TORQUES = 3  # usual number of torques of a driven roller at each speed
 OTHERS = {  # that depend neither on the engine nor on the drive
     "contact": 0.01, "kept": 0.01, "laws": 0.003, "cams": 0.0, "cams measured": 0.02, "crank": 0.03, "fields": 0.09,
-    "figures": 0.35, "rankings": 0.3, "passage": 0.3, "run-up": 0.3,
+    "figures": 0.35, "rankings": 0.3, "passage": 0.3, "run-up": 0.3, "uncertainty": 4.0,
 }  # fmt: skip
 SPREAD_CONTACTS = 5  # contacts that a spread over the laws of the mix costs
 OPTIMAL_LAW = 2.0  # one optimal law
@@ -70,6 +70,7 @@ class WorkPlan:
             "cams": cams, "cams measured": cams, "crank": (len(CRANK_ANGLES) + 1) * ("crank" in items),
             "model spread": int("model_spread" in items and not self.counts["kept"]),
             "comparison": len(self.scene.compared_engines), "report": int("report" in items),
+            "uncertainty": int("report" in items),
             "durations": self.durations,
         })  # fmt: skip
         for stage in COUNTED_LATER:
@@ -115,7 +116,9 @@ class WorkPlan:
             usual["resistance"] = cost.map_speeds
         if cost.added_mass and not self.counts["runs"]:
             usual["added mass"] = rolled + max(usual["resistance"], self.counts["resistance"])
-        if cost.torque and "cams" in self.scene.output.items and not self.counts["rankings"]:
+        items = self.scene.output.items
+        sampled = "roller_motors" in items if self.engine.compacting else "cams" in items
+        if cost.torque and sampled and not self.counts["rankings"]:
             usual["driven"] = TORQUES * rolled
         return usual
 
@@ -130,9 +133,10 @@ class WorkPlan:
             one = RUN[scene.drive.kind] + RUN_OVER_A_LAYER[scene.drive.kind] * self.engine.layered
             return one * (self._laws if stage == "durations" else 1)
         cost = self.engine.cost
+        spread = SPREAD_CONTACTS * cost.contact * (WAIT_SHARE if scene.compare else 1.0)
         by_engine = {
             "rolled": cost.contact, "resistance": cost.continued_contact, "added mass": cost.added_mass,
-            "model spread": SPREAD_CONTACTS * cost.contact, "driven": cost.torque,
+            "model spread": spread, "driven": cost.torque,
             "report": cost.report, "second pass": cost.second_pass,
         }  # fmt: skip
         found = by_engine[stage] if stage in by_engine else OTHERS[stage]

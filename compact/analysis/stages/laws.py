@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -38,7 +39,8 @@ class PrescribedLaws:
 
     def __init__(self, scene: Scene, count: Count, shortest: float | None = None) -> None:
         self.scene, self.count = scene, count
-        self.speed_ratio = max(1.0, scene.motion.duration / (shortest or scene.motion.duration))
+        duration = scene.motion.duration
+        self.speed_ratio = duration / min(duration, shortest or duration, *scene.motion.other_durations)
 
     @cached_property
     def cycles(self) -> dict[str, Cycle]:
@@ -55,7 +57,7 @@ class PrescribedLaws:
         return OVERSHOOT if self.scene.drive.kind in COMPLIANT_DRIVES else 1.0
 
     def largest_speed(self) -> float:
-        """Return the largest speed of the cart under any law, and under the crank of the machine [m/s]."""
+        """Return the largest speed of the cart under any law, the crank and each duration of a pass [m/s]."""
         motion = self.scene.motion
         speeds = [cycle.forward.peaks().velocity * self._jump_factor(cycle) for cycle in self.cycles.values()]
         if machine_models.crank(self.scene):
@@ -115,6 +117,13 @@ class LawStage:
                 continue
             cycles[forward.name] = forward.cycle(dwell, dwell)
         return cycles
+
+    def cycles_over(self, duration: float) -> dict[str, Cycle]:
+        """Return all laws over another duration of a pass [s]; each keeps its shape."""
+        return {
+            name: replace(cycle.forward, duration=duration).cycle(cycle.far_dwell, cycle.near_dwell)
+            for name, cycle in self.cycles.items()
+        }
 
     @property
     def not_made(self) -> dict[str, str]:

@@ -8,7 +8,7 @@ discretisation error out; a coarse mesh is sufficient for them.
 A law by which the mix heaps up in front of the roller has no ratio, but the height of the wave and the travel.
 """
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
 
@@ -106,22 +106,29 @@ def model_spread(scene: Scene, mix: Mix, held: HeldQuantity) -> ModelSpread:
     RuntimeError
         If the contact by the law of the scene has no steady state on the mesh of the ratios.
     """
-    own = _roll(scene, mix, held)
-    return ModelSpread(tuple(_variant(each, own, held) for each in _other_laws(scene, mix)))
+    return spread_of([contact_by_law(held, each) for each in scenes_of_laws(scene, mix)])
 
 
-def _other_laws(scene: Scene, mix: Mix) -> Iterator[Scene]:
-    """Return the scene with every other law, of the shear line with the ends of the spread of its cohesion."""
+def scenes_of_laws(scene: Scene, mix: Mix) -> tuple[Scene, ...]:
+    """Return the scene and the scene with every other law, of the shear line with the ends of its cohesion."""
+    found = [scene]
     if scene.mix.law == LINE:
-        yield scene.replaced(**{"mix.law": "ellipse"})
+        found.append(scene.replaced(**{"mix.law": "ellipse"}))
     spread = mix.parameter("cohesion_loose")
     for cohesion in dict.fromkeys((spread.low, spread.value, spread.high)):
         if scene.mix.law != LINE or cohesion != spread.value:
-            yield scene.replaced(**{"mix.law": LINE, "mix.overrides.cohesion_loose": cohesion})
+            found.append(scene.replaced(**{"mix.law": LINE, "mix.overrides.cohesion_loose": cohesion}))
+    return tuple(found)
 
 
-def _variant(scene: Scene, own: ContactResult, held: HeldQuantity) -> LawVariant:
-    """Compute the contact by the law of a changed scene."""
+def contact_by_law(held: HeldQuantity, scene: Scene) -> LawVariant:
+    """Compute the contact by the law of a scene.
+
+    Returns
+    -------
+    LawVariant
+        With load and resistance of one roller in N/m.
+    """
     mix = scene_mix(scene)
     variant = LawVariant(scene.mix.law, mix.cohesion_loose if scene.mix.law == LINE else None)
     try:
@@ -130,7 +137,25 @@ def _variant(scene: Scene, own: ContactResult, held: HeldQuantity) -> LawVariant
         return replace(variant, heaping=error.heaping, reason=str(error))
     except (ValueError, RuntimeError) as error:
         return replace(variant, reason=str(error))
-    return replace(variant, load=rolled.load / own.load, resistance=rolled.resistance / own.resistance)
+    return replace(variant, load=rolled.load, resistance=rolled.resistance)
+
+
+def spread_of(contacts: Sequence[LawVariant]) -> ModelSpread:
+    """Refer the contacts of `contact_by_law` to the first, by the law of the scene.
+
+    Raises
+    ------
+    RuntimeError
+        If the first has no steady state.
+    """
+    own, *others = contacts
+    if own.load is None or own.resistance is None:
+        raise RuntimeError(own.reason)
+    return ModelSpread(tuple(
+        each if each.load is None or each.resistance is None
+        else replace(each, load=each.load / own.load, resistance=each.resistance / own.resistance)
+        for each in others
+    ))  # fmt: skip
 
 
 def _roll(scene: Scene, mix: Mix, held: HeldQuantity) -> ContactResult:
