@@ -83,12 +83,12 @@ class ShaftRequirement:
     @property
     def driving_share(self) -> float:
         """Share of the cycle in which the shaft drives the carts, to 1 % [-]."""
-        return self._mean(1.0 * (self.torque > ROUNDING_SHARE * self.peak_torque))
+        return self._mean((self.torque > ROUNDING_SHARE * self.peak_torque).astype(float))
 
     @property
     def braking_share(self) -> float:
         """Share of the cycle in which the carts drive the shaft, to 1 % [-]."""
-        return self._mean(1.0 * (self.torque < -ROUNDING_SHARE * self.peak_torque))
+        return self._mean((self.torque < -ROUNDING_SHARE * self.peak_torque).astype(float))
 
     @property
     def largest_inertia(self) -> float:

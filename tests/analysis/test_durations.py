@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from compact import cli
-from compact.analysis import durations
-from compact.analysis.durations import DurationStudy, over_durations, read_durations
+from compact.analysis.sizing import durations
+from compact.analysis.sizing.durations import DurationStudy, over_durations, read_durations
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.study import Study
 from compact.report import writer as report

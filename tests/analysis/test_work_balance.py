@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from compact.analysis.material_tests import oedometer
-from compact.analysis.stages.work_balance import WorkBalance, confined_work
+from compact.analysis.sizing.work_balance import WorkBalance, confined_work
 from compact.analysis.study import Study
 from compact.material.laws import Compaction
 from compact.report.machine_text import work_sentence, work_warnings

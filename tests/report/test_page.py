@@ -32,7 +32,20 @@ from compact.scene.schema import RankBy
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 LARGEST = 5_000_000  # bytes of a page
-SECTIONS = ["ranking", "contact", "laws", "forces", "work", "cams", "sensitivity", "scene", "mix", "checks", "versions"]
+SECTIONS = [
+    "ranking",
+    "contact",
+    "laws",
+    "forces",
+    "motor",
+    "work",
+    "cams",
+    "sensitivity",
+    "scene",
+    "mix",
+    "checks",
+    "versions",
+]
 
 
 def scene(name="small", **changes):

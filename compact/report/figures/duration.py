@@ -8,7 +8,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 
-from compact.analysis.durations import DurationStudy
+from compact.analysis.sizing.durations import DurationStudy
 from compact.quantities import CRITERIA
 from compact.report.figures.style import law_style, panels
 

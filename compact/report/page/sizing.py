@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from compact.analysis.durations import DurationStudy
+from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.study import Study
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, Ranked
 from compact.report.duration_tables import duration_sentence
