@@ -199,6 +199,8 @@ def roll(
     *,
     speed: float | None = None,
     engine: Engine = None,
+    material: str | None = None,
+    slip: float | None = None,
     out: Path | None = None,
     changes: Changes = (),
     force: Force = False,
@@ -210,6 +212,11 @@ def roll(
     ----------
     speed
         speed of the cart in m/s; default its mean speed
+    material
+        terrain in place of the mix, by the engine column: a published soil such as dry-sand-lll, or a TOML file with a
+        table [terrain]; needs contact.load or another target
+    slip
+        slip of the roller on terrain, above 0 driven, below 0 braked or towed; default that of the torque, free
     out
         folder of the results; default out/NAME-ENGINE, NAME as in `compact run`
     """
@@ -218,6 +225,9 @@ def roll(
     from compact.report.progress import Progress
     from compact.scene.plausible_ranges import check_speed
 
+    if material is not None or slip is not None:
+        _roll_on_terrain(scene, engine, material, slip, out, changes=changes, force=force, quiet=quiet)
+        return
     progress = Progress(quiet=quiet)
     study = _study(scene, quiet, {"accuracy.engine": engine}, changes, progress=progress.report)
     if speed is not None:
@@ -233,6 +243,36 @@ def roll(
     if not quiet:
         print(text.contact_digest(study, speed, passes))
         print(f"\nresults: {directory}")
+
+
+def _roll_on_terrain(
+    path: Path,
+    engine: str | None,
+    material: str | None,
+    slip: float | None,
+    out: Path | None,
+    *,
+    changes: Sequence[str],
+    force: bool,
+    quiet: bool,
+) -> None:
+    """Compute the roller of a scene on terrain, and write its files."""
+    from compact.analysis.contact_cases import roll_on_terrain
+    from compact.files import claimed_directory
+    from compact.report.contact_tables import terrain_digest, write_terrain_contact
+
+    if material is None:
+        raise ValueError(f"--slip {slip:g} needs --material, the terrain under the wheel")
+    if engine not in (None, "column"):
+        raise ValueError(f"--material needs the engine column, got {engine}")
+    given = _scene(path, True, changes, {"accuracy.engine": "column"})
+    contact = roll_on_terrain(given, material, slip)
+    place = out or default_directory(path, "terrain")
+    with claimed_directory(place, given.hash, force) as directory:
+        write_terrain_contact(directory, contact)
+    if not quiet:
+        print(terrain_digest(contact))
+        print(f"\nresults: {place}")
 
 
 @app.command
@@ -306,6 +346,40 @@ def material(
         write_material_tests(programme, given.mix.law, directory)
     if not quiet:
         print(material_digest(programme, given.mix.law))
+        print(f"\nresults: {place}")
+
+
+@app.command
+def process(
+    scene: ScenePath,
+    /,
+    *,
+    out: Path | None = None,
+    changes: Changes = (),
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compute the forming process: strokes over a moving mould with feed before each; load, density and mix balance.
+
+    The scene requires a table [process].
+
+    Parameters
+    ----------
+    out
+        folder of process.json, tables, figures and fields; default out/NAME-process, NAME as in `compact run`
+    """
+    from compact.analysis.process import ProcessStudy
+    from compact.files import claimed_directory
+    from compact.report.process_writer import process_digest, write_process
+    from compact.report.progress import spinning
+
+    given = _scene(scene, quiet, changes)
+    study = ProcessStudy(given)
+    place = out or default_directory(scene, "process")
+    with claimed_directory(place, given.hash, force) as directory, spinning("strokes of the process", quiet=quiet):
+        write_process(study, directory)
+    if not quiet:
+        print(process_digest(study))
         print(f"\nresults: {place}")
 
 

@@ -242,6 +242,18 @@ def _permeability_is_heeded(pore_air, permeability):
         )
 
 
+@_rule("mix.pore_air", "layer.passes", "layer.return_stroke", into=ADVICE)
+def _later_passes_have_no_air(pore_air, passes, return_stroke):
+    later = [f"layer.passes = {passes:g}"] if passes is not None and passes > 1 else []
+    if return_stroke == "compacted":
+        later.append('layer.return_stroke = "compacted"')
+    if later and pore_air not in (None, "drained"):
+        return (
+            f'"{pore_air}" belongs to the first pass over fed mix alone: with {" and ".join(later)} later passes have '
+            'the forces of drained mix, which are too small; set "drained" to compute all passes alike'
+        )
+
+
 @_rule("contact.speeds")
 def _speeds_rise(speeds):
     if speeds is not None and not (len(speeds) and speeds[0] > 0 and all(b > a for a, b in pairwise(speeds))):

@@ -23,6 +23,7 @@ from compact.scene.constraints import ADVICE, RULES, Rule, catalogue_exists, sen
 from compact.scene.engine_capabilities import LIMITS, adapt, replaced
 from compact.scene.errors import Mistake, SceneError, Source
 from compact.scene.former_names import current_key, current_path, current_tables, current_value
+from compact.scene.process_constraints import PROCESS_ADVICE, PROCESS_RULES
 from compact.scene.schema import LAW_NAMES, Names, Table
 
 __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change", "starter_scene"]
@@ -41,6 +42,8 @@ class Scene(Table):
     drive: schema.Drive
     cam: schema.Cam | None = None
     contact: schema.Contact | None = None
+    process: schema.Process | None = None
+    sleeve: schema.Sleeve | None = None
     accuracy: schema.Accuracy
     compare: schema.Compare | None = None
     output: schema.Output
@@ -118,7 +121,7 @@ class Scene(Table):
     @property
     def advice(self) -> tuple[str, ...]:
         """Sentences on values that are valid but outside the rules of thumb."""
-        found = sentences((*ADVICE, *plausible_ranges.ADVICE), self.model_dump(exclude_none=True))
+        found = sentences((*ADVICE, *PROCESS_ADVICE, *plausible_ranges.ADVICE), self.model_dump(exclude_none=True))
         return tuple(f"{self._source.place(mistake.key)}: {mistake}" for mistake in found)
 
     @property
@@ -267,7 +270,8 @@ def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, objec
 
 
 def _rules(source: Source) -> tuple[Rule, ...]:
-    return (*RULES, *plausible_ranges.REFUSALS, tables_exist(source), catalogue_exists(source))
+    own = tables_exist(source), catalogue_exists(source)
+    return (*RULES, *PROCESS_RULES, *plausible_ranges.REFUSALS, *own)
 
 
 def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:

@@ -136,9 +136,26 @@ def test_every_stage_of_a_study_has_a_cost():
         "durations",
         "comparison",
         "model spread",
+        "coupled",
     } | set(stage_costs.OTHERS)
     assert all(study.plan.cost(stage) >= 0 for stage in study.plan.planned)
     assert study.plan.total_cost > 3 * study.plan.cost("rolled")
+
+
+def test_plan_counts_the_contacts_coupled_with_their_pore_air():
+    """One at each speed of the scene, none by the other models of the air, by columns, and with kept results."""
+    lift = {"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "contact.indentation": 0.003}
+    scene = load_scene(SCENES / "loveikin-2015.toml", **lift | {"contact.speeds": [0.1, 0.2, 0.4]})
+    plans = {air: Study(scene.replaced(**{"mix.pore_air": air})).plan for air in ("drained", "one-way", "coupled")}
+    assert [plan.planned["coupled"] for plan in plans.values()] == [0, 0, 3]
+    assert plans["coupled"].total_cost - plans["one-way"].total_cost == pytest.approx(
+        3 * plans["coupled"].cost("coupled")
+    )
+    columns = scene.replaced(**{"accuracy.engine": "column", "mix.pore_air": "coupled"})
+    assert Study(columns).plan.planned["coupled"] == 0
+    kept = Study(scene.replaced(**{"mix.pore_air": "coupled"}))
+    kept.counts["kept"] = 1
+    assert kept.plan.planned["coupled"] == 0
 
 
 def test_whole_cost_at_the_end_is_that_of_the_stages():
