@@ -20,8 +20,8 @@ from compact.analysis.stages.model_spread import ModelSpread
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
-from compact.report.duration_tables import duration_numbers
-from compact.report.sizing_tables import sizing_numbers
+from compact.report.sizing.duration_tables import duration_numbers
+from compact.report.sizing.machine_tables import sizing_numbers
 from compact.rolling_contact import HeapingError
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning

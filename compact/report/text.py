@@ -20,8 +20,8 @@ from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report import ranking_tables
-from compact.report.duration_tables import duration_sentence
-from compact.report.machine_text import bearing_sentence, motor_sentence, work_sentence, work_warnings
+from compact.report.sizing.duration_tables import duration_sentence
+from compact.report.sizing.sentences import bearing_sentence, motor_sentence, work_sentence, work_warnings
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 

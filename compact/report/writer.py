@@ -9,7 +9,9 @@ import numpy as np
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.files import claimed_directory, render_png, write_bytes, write_json
-from compact.report import contact_tables, drive_tables, duration_tables, machine_tables, ranking_tables, sizing_tables
+from compact.report import contact_tables, drive_tables, machine_tables, ranking_tables
+from compact.report.sizing import duration_tables
+from compact.report.sizing import machine_tables as sizing_tables
 from compact.report.summary import study_summary, versions
 
 

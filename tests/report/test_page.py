@@ -200,7 +200,7 @@ def test_figures_of_the_page_are_those_of_the_files(tmp_path):
     text = (tmp_path / "out" / "report.html").read_text("utf-8")
     for drawn in (tmp_path / "out").glob("*.png"):
         assert b64encode(drawn.read_bytes()).decode() in text
-    assert study.counts["figures"] == 3
+    assert study.counts["figures"] == 4 == study.plan.planned["figures"]
 
 
 @pytest.mark.parametrize(("pixels", "wide"), [(600, False), (1700, True)])
