@@ -49,7 +49,7 @@ from compact.machine.roller_motors import RollerMotor
 from compact.material.mix import Mix
 from compact.motion.profile import Cycle
 from compact.resistance import ResistanceMap
-from compact.rolling_contact import ContactResult, HeapingError
+from compact.rolling_contact import ContactResult, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
 
@@ -287,7 +287,7 @@ class Study:
 
     @cached_property
     def comparison(self) -> dict[str, EngineComparison]:
-        """Results of each engine of the comparison by name, but of those in `heaping`."""
+        """Results of each engine of the comparison by name, but of those in `heaping` and `unsteady`."""
         return {name: each for name, each in self._compared.items() if isinstance(each, EngineComparison)}
 
     @property
@@ -295,8 +295,13 @@ class Study:
         """Engines of the comparison by which the mix heaps up in front of the roller, with the reason."""
         return {name: each for name, each in self._compared.items() if isinstance(each, HeapingError)}
 
+    @property
+    def unsteady(self) -> dict[str, UnsteadyError]:
+        """Engines of the comparison by which the motion does not become steady, with the reason."""
+        return {name: each for name, each in self._compared.items() if isinstance(each, UnsteadyError)}
+
     @cached_property
-    def _compared(self) -> dict[str, EngineComparison | HeapingError]:
+    def _compared(self) -> dict[str, EngineComparison | HeapingError | UnsteadyError]:
         """Results of each engine of the comparison by name."""
         if self._answers is None:
             with self.helped(SerialExecutor()):

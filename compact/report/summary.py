@@ -22,7 +22,7 @@ from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
 from compact.report.sizing.duration_tables import duration_numbers
 from compact.report.sizing.machine_tables import sizing_numbers
-from compact.rolling_contact import HeapingError
+from compact.rolling_contact import HeapingError, UnsteadyError
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
 FORMER_KEYS = {  # former name of a key -> its present names
@@ -82,6 +82,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.items else {},
         "comparison": _comparison(study),
         "heaping": {name: _heaping(error) for name, error in study.heaping.items()},
+        "unsteady": {name: _unsteady(error) for name, error in study.unsteady.items()},
         "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "evaluation_counts": dict(study.counts),
         "files": files,
@@ -239,6 +240,20 @@ def _heaping(error: HeapingError) -> dict[str, Any]:
         "travel": _number(found.travel, "m"),
         "contact_angle": _number(found.contact_angle, "rad"),
         "is_estimate": found.travel is None,
+        "reason": str(error),
+    }
+
+
+def _unsteady(error: UnsteadyError) -> dict[str, Any]:
+    """Convert an engine by which the motion does not become steady."""
+    found = error.unsteady
+    return {
+        "depth": _number(found.depth, "m"),
+        "wave_height": _number(found.wave_height, "m"),
+        "travel": _number(found.travel, "m"),
+        "distance": _number(found.distance, "-"),
+        "load": _number(found.load, "N/m"),
+        "resistance": _number(found.resistance, "N/m"),
         "reason": str(error),
     }
 

@@ -118,7 +118,7 @@ def held_sentence(study: Study) -> str:
 
 
 def heaping_sentences(study: Study) -> Iterator[str]:
-    """State each engine of the comparison by which the mix heaps up in front of the roller.
+    """State each engine of the comparison without a steady state: the mix heaps up, or the motion is not steady.
 
     Yields
     ------
@@ -136,6 +136,14 @@ def heaping_sentences(study: Study) -> Iterator[str]:
         yield (
             f"{name}: the mix heaps up in front of the roller, no steady state {depth}; {wave}; reason and remedies in "
             "summary.json (heaping)"
+        )
+    for name, unsteady in study.unsteady.items():
+        contact = unsteady.unsteady
+        yield (
+            f"{name}: not steady at a depth of {contact.depth * 1e3:.3g} mm after {contact.travel:.3g} m of travel, "
+            f"estimated distance {100 * contact.distance:.2g} %; load {contact.load:.4g} N/m, resistance "
+            f"{contact.resistance:.4g} N/m, bow wave {contact.wave_height * 1e3:.3g} mm; reason and remedies in "
+            "summary.json (unsteady)"
         )
 
 
