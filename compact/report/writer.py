@@ -102,7 +102,7 @@ def _draw(study: Study) -> dict[str, bytes]:
 
 def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
     """List the figures of a study: function and results by name."""
-    from compact.report.figures import contact, duration, motion, ranking, shaft
+    from compact.report.figures import contact, motion, ranking, sizing
 
     items, places = study.scene.output.items, study.places[study.scene.drive.kind]
     found: dict[str, tuple[Any, ...]] = {
@@ -127,9 +127,9 @@ def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
         found["engines"] = (ranking.draw_engines, study.places_by_engine)
     first = study.machine_sizing.first
     if first is not None and first.requirement is not None:
-        found["shaft"] = (shaft.draw_shaft_torque, first, study.machine_sizing.rule)
+        found["shaft"] = (sizing.draw_shaft_torque, first, study.machine_sizing.rule)
     if study.over_durations is not None:
-        found["duration"] = (duration.draw_durations, study.over_durations, study.scene.motion.duration)
+        found["duration"] = (sizing.draw_durations, study.over_durations, study.scene.motion.duration)
     comparisons = {by: ranking_tables.comparison_places(study, study.scene.drive.kind, by) for by in places}
     found["ranking"] = (ranking.draw_rankings, places, comparisons)
     return found

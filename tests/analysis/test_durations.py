@@ -14,7 +14,7 @@ from compact.analysis.sizing.durations import DurationStudy, over_durations, rea
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.study import Study
 from compact.report import writer as report
-from compact.report.figures.duration import draw_durations
+from compact.report.figures.sizing import draw_durations
 from compact.report.page.sizing import duration_section
 from compact.report.sizing.duration_tables import duration_sentence
 from compact.scene.errors import SceneError

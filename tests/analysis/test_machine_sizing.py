@@ -11,7 +11,7 @@ import pytest
 from compact.analysis.machine_models import catalogue
 from compact.analysis.study import Study
 from compact.report import writer as report
-from compact.report.figures.shaft import draw_shaft_torque
+from compact.report.figures.sizing import draw_shaft_torque
 from compact.report.page.motor import motor_section
 from compact.report.sizing.machine_tables import sizing_numbers
 from compact.report.sizing.sentences import bearing_sentence, motor_sentence
