@@ -19,9 +19,9 @@ from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
-from compact.report.duration_tables import duration_sentence
-from compact.report.machine_text import work_sentence, work_warnings
 from compact.report.page import answer_text
+from compact.report.sizing.duration_tables import duration_sentence
+from compact.report.sizing.sentences import bearing_sentence, motor_sentence, work_sentence, work_warnings
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 
@@ -42,7 +42,7 @@ def study_digest(study: Study) -> str:
     Returns
     -------
     str
-        At most DIGEST_LINES lines of TEXT_WIDTH characters for a study without warnings.
+        At most DIGEST_LINES lines of TEXT_WIDTH characters; the last one counts the sentences that do not fit.
     """
     lines = [study.scene.title or "untitled scene"]
     for each in answer_text.recommendations(study):
@@ -50,19 +50,27 @@ def study_digest(study: Study) -> str:
     lines += ["", *_model_lines(study), ""] if study.verdicts else [""]
     if not study.layered:
         lines.append(_number_line(DIGEST_NUMBER, study.numbers[DIGEST_NUMBER]))
-    sentences = [
-        *answer_text.duration_lines(study), answer_text.stiffness_sentence(study),
-        answer_text.measurement_sentence(study), spread_sentence(study), held_sentence(study), return_sentence(study),
-        air_sentence(study), guide_sentence(study).partition("; for comparison")[0],
-        work_sentence(study), *work_warnings(study.work_balance),
-        coverage(study.scene, study.engineering), study.mix.density_achievable.reason,
-        *chain(*study.scene.replacements.values()), *heaping_sentences(study),
-        *(f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items()),
-        "" if study.over_durations is None else duration_sentence(study.over_durations), *_best_lines(study),
-    ]  # fmt: skip
-    for sentence in sentences:
-        lines += _wrapped(sentence)
+    waiting = [found for sentence in _digest_sentences(study) if (found := _wrapped(sentence))]
+    while waiting and len(lines) + len(waiting[0]) < DIGEST_LINES:
+        lines += waiting.pop(0)
+    if waiting:
+        lines.append(f"  {len(waiting)} more in report.html and summary.json")
     return "\n".join(lines)
+
+
+def _digest_sentences(study: Study) -> Iterator[str]:
+    """List the sentences of the digest, the most important first; some are empty."""
+    yield from answer_text.duration_lines(study)
+    yield from (answer_text.stiffness_sentence(study), answer_text.measurement_sentence(study), spread_sentence(study))
+    yield from (motor_sentence(study.machine_sizing), *work_warnings(study.work_balance))
+    yield from heaping_sentences(study)
+    yield from (f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())
+    yield from (study.mix.density_achievable.reason, held_sentence(study), return_sentence(study), air_sentence(study))
+    yield "" if study.over_durations is None else duration_sentence(study.over_durations)
+    yield from _best_lines(study)
+    yield guide_sentence(study).partition("; for comparison")[0]
+    yield from (coverage(study.scene, study.engineering), bearing_sentence(study.machine_sizing), work_sentence(study))
+    yield from chain(*study.scene.replacements.values())
 
 
 def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) -> str:

@@ -50,8 +50,7 @@ class Recommendation(NamedTuple):
         least = f"least {self.term}: {self.law}, {self.peak}"
         if self.part:
             return f"{least}, {self.part}; {self.agreement}"
-        device = "motor" if "power" in self.term else "drive"
-        size = f"; choose a {device} for {self.required}, a margin of {self.margin}"
+        size = f"; the drive must deliver {self.required}, a margin of {self.margin}"
         return f"{least}; {self.agreement}{size if self.required else ''}"
 
 
