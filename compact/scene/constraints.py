@@ -45,6 +45,7 @@ class Rule:
 
 RULES: list[Rule] = []
 ADVICE: list[Rule] = []
+Broken = Callable[..., str | None]
 
 
 def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[Mistake] = ()) -> list[Mistake]:
@@ -66,8 +67,8 @@ def tables_exist(source: Source) -> Rule:
     return Rule(("motion.tables",), lambda tables: _missing(tables or (), source.folder))
 
 
-def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Callable[..., str | None]], Callable[..., str | None]]:
-    def enter(broken):
+def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Broken], Broken]:
+    def enter(broken: Broken) -> Broken:
         into.append(Rule(keys, broken))
         return broken
 
