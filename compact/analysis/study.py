@@ -16,11 +16,14 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from compact.analysis import machine_models
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
-from compact.analysis.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.engineering_summary import Engineering, Number
 from compact.analysis.engines import Engine
 from compact.analysis.pore_air import AirAnswer, AirCurve, AirForces, air_answer
+from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
+from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
+from compact.analysis.sizing.work_balance import WorkBalance, work_balance
 from compact.analysis.stages import comparison
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
 from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
@@ -35,7 +38,6 @@ from compact.analysis.stages.resistance import ResistanceStage
 from compact.analysis.stages.sensitivity import Shift, sensitivities
 from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
 from compact.analysis.stages.verdict import SIZING_PEAKS, ModelAnswer, Verdict, model_answers, verdict
-from compact.analysis.stages.work_balance import WorkBalance, work_balance
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
 from compact.cams.profile import Cam, LeastBreadth
 from compact.contact import DryResistance
@@ -47,7 +49,7 @@ from compact.machine.roller_motors import RollerMotor
 from compact.material.mix import Mix
 from compact.motion.profile import Cycle
 from compact.resistance import ResistanceMap
-from compact.rolling_contact import ContactResult, HeapingError
+from compact.rolling_contact import ContactResult, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
 
@@ -131,6 +133,7 @@ class Study:
         durations: Sequence[float] = (),
     ) -> None:
         require_durations(scene, durations)
+        machine_models.catalogue(scene)  # mistakes in it are reported before anything is computed
         self.scene, self.counts, self.durations = scene, Counter[str](), tuple(durations)
         self._step, self._directory = step, directory
         self._answers: dict[str, Any] | None = None
@@ -222,6 +225,11 @@ class Study:
         return found
 
     @cached_property
+    def machine_sizing(self) -> MachineSizing:
+        """Motor, guide wheels and bearings."""
+        return machine_sizing(self.stages)
+
+    @cached_property
     def work_balance(self) -> WorkBalance:
         """Balances of work and mix under the first law."""
         return work_balance(self.stages)
@@ -279,7 +287,7 @@ class Study:
 
     @cached_property
     def comparison(self) -> dict[str, EngineComparison]:
-        """Results of each engine of the comparison by name, but of those in `heaping`."""
+        """Results of each engine of the comparison by name, but of those in `heaping` and `unsteady`."""
         return {name: each for name, each in self._compared.items() if isinstance(each, EngineComparison)}
 
     @property
@@ -287,8 +295,13 @@ class Study:
         """Engines of the comparison by which the mix heaps up in front of the roller, with the reason."""
         return {name: each for name, each in self._compared.items() if isinstance(each, HeapingError)}
 
+    @property
+    def unsteady(self) -> dict[str, UnsteadyError]:
+        """Engines of the comparison by which the motion does not become steady, with the reason."""
+        return {name: each for name, each in self._compared.items() if isinstance(each, UnsteadyError)}
+
     @cached_property
-    def _compared(self) -> dict[str, EngineComparison | HeapingError]:
+    def _compared(self) -> dict[str, EngineComparison | HeapingError | UnsteadyError]:
         """Results of each engine of the comparison by name."""
         if self._answers is None:
             with self.helped(SerialExecutor()):

@@ -20,8 +20,8 @@ from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report import ranking_tables
-from compact.report.duration_tables import duration_sentence
-from compact.report.machine_text import work_sentence, work_warnings
+from compact.report.sizing.duration_tables import duration_sentence
+from compact.report.sizing.sentences import bearing_sentence, motor_sentence, work_sentence, work_warnings
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 
@@ -37,7 +37,8 @@ def study_digest(study: Study) -> str:
     lines += [*_wrapped(coverage(study.scene, study.engineering)), ""]
     for state in (held_sentence, return_sentence, air_sentence, spread_sentence, guide_sentence):
         lines += _wrapped(state(study))
-    for sentence in (work_sentence(study), *work_warnings(study.work_balance)):
+    sizing = (motor_sentence(study.machine_sizing), bearing_sentence(study.machine_sizing))
+    for sentence in (work_sentence(study), *work_warnings(study.work_balance), *sizing):
         lines += _wrapped(sentence)
     if not study.mix.density_achievable:
         lines.append(f"  {study.mix.density_achievable.reason}")
@@ -117,7 +118,7 @@ def held_sentence(study: Study) -> str:
 
 
 def heaping_sentences(study: Study) -> Iterator[str]:
-    """State each engine of the comparison by which the mix heaps up in front of the roller.
+    """State each engine of the comparison without a steady state: the mix heaps up, or the motion is not steady.
 
     Yields
     ------
@@ -135,6 +136,14 @@ def heaping_sentences(study: Study) -> Iterator[str]:
         yield (
             f"{name}: the mix heaps up in front of the roller, no steady state {depth}; {wave}; reason and remedies in "
             "summary.json (heaping)"
+        )
+    for name, unsteady in study.unsteady.items():
+        contact = unsteady.unsteady
+        yield (
+            f"{name}: not steady at a depth of {contact.depth * 1e3:.3g} mm after {contact.travel:.3g} m of travel, "
+            f"estimated distance {100 * contact.distance:.2g} %; load {contact.load:.4g} N/m, resistance "
+            f"{contact.resistance:.4g} N/m, bow wave {contact.wave_height * 1e3:.3g} mm; reason and remedies in "
+            "summary.json (unsteady)"
         )
 
 

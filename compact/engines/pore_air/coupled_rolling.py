@@ -18,7 +18,7 @@ from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, So
 from compact.engines.compaction.incremental_rolling import DAMPING, IncrementalRolling, RollingStep
 from compact.engines.compaction.newton import IncrementSolver
 from compact.engines.compaction.results import CompactionContactResult
-from compact.engines.compaction.steady_search import SteadySearch
+from compact.engines.compaction.shear_line_search import search_class
 from compact.engines.pore_air.steady_flow import AirPressure
 from compact.engines.pore_air.under_roller import RollerAir
 from compact.material.pore_air import PoreAir
@@ -102,7 +102,7 @@ def roll_coupled(
     roller = replace(contact.roller, indentation=depth, load=None, peak_pressure=None)
     frame = contact.solution.frame
     target = DepthTarget(contact.layer, roller, contact.material, None, frame.inflow)
-    search = SteadySearch(
+    search = search_class(contact.material)(
         rolling=CoupledRolling(contact.solution if start is None else start.rolling, air, abs(speed)),
         target=target,
         depth=depth,
