@@ -354,6 +354,8 @@ def process(
     scene: ScenePath,
     /,
     *,
+    quick: bool = False,
+    deep: bool = False,
     out: Path | None = None,
     changes: Changes = (),
     force: Force = False,
@@ -365,18 +367,23 @@ def process(
 
     Parameters
     ----------
+    quick
+        lumped lifts in two dimensions too, of one thickness and on one mesh: some minutes
+    deep
+        lumped lifts of three thicknesses and on three meshes, with errors: a quarter of an hour
     out
         folder of process.json, tables, figures and fields; default out/NAME-process, NAME as in `compact run`
     """
     from compact.analysis.process import ProcessStudy
     from compact.files import claimed_directory
     from compact.report.process_writer import process_digest, write_process
-    from compact.report.progress import spinning
+    from compact.report.progress import Progress
 
-    given = _scene(scene, quiet, changes)
-    study = ProcessStudy(given)
+    given, progress = _scene(scene, quiet, changes), Progress(quiet=quiet)
+    study = ProcessStudy(given, "deep" if deep else "quick" if quick else "columns", progress.report)
     place = out or default_directory(scene, "process")
-    with claimed_directory(place, given.hash, force) as directory, spinning("strokes of the process", quiet=quiet):
+    with claimed_directory(place, given.hash, force) as directory, progress:
+        progress.begin("strokes of the process")
         write_process(study, directory)
     if not quiet:
         print(process_digest(study))
