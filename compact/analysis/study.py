@@ -16,11 +16,14 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from compact.analysis import machine_models
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
-from compact.analysis.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.engineering_summary import Engineering, Number
 from compact.analysis.engines import Engine
 from compact.analysis.pore_air import AirAnswer, AirCurve, AirForces, air_answer
+from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
+from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
+from compact.analysis.sizing.work_balance import WorkBalance, work_balance
 from compact.analysis.stages import comparison
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
 from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
@@ -35,7 +38,6 @@ from compact.analysis.stages.resistance import ResistanceStage
 from compact.analysis.stages.sensitivity import Shift, sensitivities
 from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
 from compact.analysis.stages.verdict import SIZING_PEAKS, ModelAnswer, Verdict, model_answers, verdict
-from compact.analysis.stages.work_balance import WorkBalance, work_balance
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
 from compact.cams.profile import Cam, LeastBreadth
 from compact.contact import DryResistance
@@ -131,6 +133,7 @@ class Study:
         durations: Sequence[float] = (),
     ) -> None:
         require_durations(scene, durations)
+        machine_models.catalogue(scene)  # mistakes in it are reported before anything is computed
         self.scene, self.counts, self.durations = scene, Counter[str](), tuple(durations)
         self._step, self._directory = step, directory
         self._answers: dict[str, Any] | None = None
@@ -220,6 +223,11 @@ class Study:
                     if each is not None:
                         found[duration, drive, by] = each
         return found
+
+    @cached_property
+    def machine_sizing(self) -> MachineSizing:
+        """Motor, guide wheels and bearings."""
+        return machine_sizing(self.stages)
 
     @cached_property
     def work_balance(self) -> WorkBalance:

@@ -20,8 +20,8 @@ from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report import ranking_tables
-from compact.report.duration_tables import duration_sentence
-from compact.report.machine_text import work_sentence, work_warnings
+from compact.report.sizing.duration_tables import duration_sentence
+from compact.report.sizing.sentences import bearing_sentence, motor_sentence, work_sentence, work_warnings
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 
@@ -37,7 +37,8 @@ def study_digest(study: Study) -> str:
     lines += [*_wrapped(coverage(study.scene, study.engineering)), ""]
     for state in (held_sentence, return_sentence, air_sentence, spread_sentence, guide_sentence):
         lines += _wrapped(state(study))
-    for sentence in (work_sentence(study), *work_warnings(study.work_balance)):
+    sizing = (motor_sentence(study.machine_sizing), bearing_sentence(study.machine_sizing))
+    for sentence in (work_sentence(study), *work_warnings(study.work_balance), *sizing):
         lines += _wrapped(sentence)
     if not study.mix.density_achievable:
         lines.append(f"  {study.mix.density_achievable.reason}")

@@ -66,6 +66,11 @@ def tables_exist(source: Source) -> Rule:
     return Rule(("motion.tables",), lambda tables: _missing(tables or (), source.folder))
 
 
+def catalogue_exists(source: Source) -> Rule:
+    """Return the rule that the file of `drive.catalogue` is below the folder of the scene."""
+    return Rule(("drive.catalogue.file",), lambda file: None if file is None else _missing((file,), source.folder))
+
+
 def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Callable[..., str | None]], Callable[..., str | None]]:
     def enter(broken):
         into.append(Rule(keys, broken))
@@ -319,6 +324,16 @@ _rule("drive.kind", "drive.motor")(partial(_table_belongs_to_its_drive, "motor",
 _rule("drive.kind", "drive.hydraulics")(
     partial(_table_belongs_to_its_drive, "hydraulic", "hydraulics", "cylinders, pump and oil")
 )
+
+
+@_rule("drive.catalogue", "drive.kind")
+def _catalogue_belongs_to_a_shaft(catalogue, kind):
+    if catalogue is not None and kind == "hydraulic":
+        return (
+            'is for a drive with a shaft, got drive.kind = "hydraulic"; take the table [drive.catalogue] out, or '
+            "choose another kind"
+        )
+    return None
 
 
 @_rule("drive.end_springs.length", "motion.stroke")

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from compact import cli
-from compact.analysis import durations
-from compact.analysis.durations import DurationStudy, over_durations, read_durations
+from compact.analysis.sizing import durations
+from compact.analysis.sizing.durations import DurationStudy, over_durations, read_durations
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.study import Study
 from compact.report import writer as report
-from compact.report.duration_tables import duration_sentence
-from compact.report.figures.duration import draw_durations
+from compact.report.figures.sizing import draw_durations
 from compact.report.page.sizing import duration_section
+from compact.report.sizing.duration_tables import duration_sentence
 from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
 

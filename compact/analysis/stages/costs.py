@@ -64,7 +64,13 @@ class WorkPlan:
         laws = self._laws - self.laws_not_made
         rolled = 0 if self.counts["kept"] or not layered else len(self._speeds)
         fields = "fields" in items and rolled > 0
-        figures = 3 + len({"cams", "reactions", "crank"} & items) + 4 * layered
+        figures = (
+            3
+            + (self.scene.drive.kind != "hydraulic")
+            + (self.durations > 0)
+            + len({"cams", "reactions", "crank"} & items)
+            + 4 * layered
+        )
         cams = laws * len(FOLLOWERS) * ("cams" in items)
         planned = Counter({
             "contact": 1, "rankings": 1, "laws": self._laws, "runs": laws * (1 + layered), "rolled": rolled,
