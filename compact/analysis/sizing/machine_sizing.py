@@ -2,7 +2,7 @@
 
 The shaft turns uniformly, one revolution a cycle, and the carts follow the law (a rigid drive), whatever the drive of
 the scene. `[drive.catalogue]` has the motors and the rule by which one holds. Wheels and rollers carry the loads of the
-first law under the drive of the scene:
+recommended law under the drive of the scene:
 
     guide wheel   |N1| or |N2|, of its axle
     roller        sqrt(R^2 + (W/n)^2), lift and its share of the resistance
@@ -12,6 +12,7 @@ A guide wheel of diameter D and a roller of radius r turn by 2 s/(pi D) and s/(p
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from compact.machine.motor_sizing import (
 )
 from compact.machine.shaft_load import CartsOnShaft
 from compact.numerics import Array
-from compact.scene.schema import BearingTable
+from compact.scene.schema import BearingTable, Machine
 
 
 @dataclass(frozen=True)
@@ -103,20 +104,25 @@ class MachineSizing:
         return self.laws.get(self.first_law)
 
 
-def machine_sizing(stages: Stages) -> MachineSizing:
+def machine_sizing(stages: Stages, law: str | None = None) -> MachineSizing:
     """Size motor, guides and bearings of a scene.
+
+    Parameters
+    ----------
+    law : str, optional
+        Law whose loads are counted; the first law by the first criterion by default.
 
     Raises
     ------
     SceneError
         If the catalogue cannot be read.
     """
-    scene, first_law = stages.drive.scene, stages.drive.best_law
+    scene, first_law = stages.drive.scene, law or stages.drive.best_law
     table = scene.drive.catalogue
     rule = SizingRule() if table is None else SizingRule(**table.model_dump(exclude={"file"}))
     laws = {} if scene.drive.kind == "hydraulic" else _law_sizings(stages, rule)
     run = stages.drive.runs[first_law]
-    wheels, lives = tuple(_wheel_loads(stages)), dict(_bearing_lives(stages))
+    wheels, lives = tuple(_wheel_loads(run)), dict(_bearing_lives(scene.machine, run))
     return MachineSizing(first_law, rule, laws, wheels, lives, float(run.period))
 
 
@@ -138,15 +144,14 @@ def _law_sizings(stages: Stages, rule: SizingRule) -> dict[str, LawSizing]:
     return found
 
 
-def _wheel_loads(stages: Stages) -> Iterator[WheelLoads]:
-    """Count the load cycles of guide wheels and rollers under the first law."""
-    for name, load in _loads(stages).items():
+def _wheel_loads(run: Any) -> Iterator[WheelLoads]:
+    """Count the load cycles of guide wheels and rollers in a run."""
+    for name, load in _loads(run).items():
         yield WheelLoads(name, float(load.min()), float(load.max()), tuple(count_cycles(load)))
 
 
-def _loads(stages: Stages) -> dict[str, Array]:
-    """Load histories over a cycle under the first law [N]."""
-    run = stages.drive.runs[stages.drive.best_law]
+def _loads(run: Any) -> dict[str, Array]:
+    """Load histories over the cycle of a run [N]."""
     forces, cart = run.state.forces, run.cart
     lift = max(cart.roller_reactions) * np.where(run.state.velocity < 0, cart.return_load_ratio, 1.0)
     return {
@@ -157,10 +162,9 @@ def _loads(stages: Stages) -> dict[str, Array]:
     }
 
 
-def _bearing_lives(stages: Stages) -> Iterator[tuple[str, BearingLife]]:
+def _bearing_lives(machine: Machine, run: Any) -> Iterator[tuple[str, BearingLife]]:
     """Compute the lives of the bearings with a rating in the scene."""
-    machine, run = stages.drive.scene.machine, stages.drive.runs[stages.drive.best_law]
-    loads, travelled = _loads(stages), run.weights * np.abs(run.state.velocity)
+    loads, travelled = _loads(run), run.weights * np.abs(run.state.velocity)
     radial = np.hypot(loads["roller, lift"], loads["roller, along the travel"])
     wheel_radius = machine.guide_wheel_diameter / 2
     for name in ("front guide wheel", "rear guide wheel"):

@@ -48,15 +48,18 @@ def _catalogue_table(choice: MotorChoice, margin: float) -> Table:
     fits = choice.fits[start : start + SHOWN_MOTORS]
     columns: dict[str, list[Cell]] = {
         "motor": [each.motor.name for each in fits],
+        "holds": [_verdict(each, chosen) for each in fits],
         "price": ["–" if each.motor.price is None else format_number(each.motor.price) for each in fits],
         "rated power": [format_quantity(each.motor.rated_power, "W", 3) for each in fits],
         "gear ratio": [format_number(each.gear_ratio, 3) for each in fits],
         "rated torque: has, needs": [_pair(each.motor.rated_torque, margin * each.rms_torque) for each in fits],
         "peak torque: has, needs": [_pair(each.motor.peak_torque, margin * each.peak_torque) for each in fits],
         "inertia ratio": [format_number(each.inertia_ratio, 3) for each in fits],
-        "holds": [_verdict(each, chosen) for each in fits],
     }
-    caption = f"Motors of the catalogue by {choice.by}; needs include the margin of {margin:g}"
+    caption = (
+        f"Motors of the catalogue by {choice.by}; needs include the margin of {margin:g}; motor-catalogue.csv has the "
+        "reasons"
+    )
     return Table.from_columns(caption, columns, ("motor", "holds"))
 
 
@@ -67,7 +70,7 @@ def _pair(has: float, needs: float) -> str:
 def _verdict(fit: MotorFit, chosen: MotorFit | None) -> Cell:
     if fit.holds:
         return Mark("good", "chosen" if fit is chosen else "holds")
-    return Mark("bad", "fails", "; ".join(fit.failures))
+    return Mark("bad", "fails")
 
 
 def _law_table(laws: list[LawSizing]) -> Table:
