@@ -189,6 +189,11 @@ class Study:
         """Sensitivity of the least peaks to each input, with a rigid drive."""
         return sensitivities(self.stages)
 
+    @property
+    def _sizing_peaks(self) -> list[str]:
+        """Criteria of the verdict that the scene ranks by."""
+        return [by for by in SIZING_PEAKS if by in self.scene.drive.rank_by]
+
     @cached_property
     def models(self) -> list[ModelAnswer]:
         """Answers of the engine of the scene, first, and of the engines of the comparison."""
@@ -201,7 +206,7 @@ class Study:
         if "report" not in self.scene.output.items:
             return None
         motion, kind = self.scene.motion, self.scene.drive.kind
-        found = {by: verdict(self.models, motion.duration, kind, by) for by in SIZING_PEAKS}
+        found = {by: verdict(self.models, motion.duration, kind, by) for by in self._sizing_peaks}
         known = {by: each for by, each in found.items() if each is not None}
         self.count("uncertainty")
         return ranking_uncertainty(self.stages, self.models, known, self.models[0].spread)
@@ -216,7 +221,7 @@ class Study:
         found = {}
         for duration, places in self.models[0].places.items():
             for drive in places:
-                for by in SIZING_PEAKS:
+                for by in self._sizing_peaks:
                     own = (duration, drive) == (motion.duration, kind)
                     firsts = self.uncertainty.first_laws(by) if own and self.uncertainty else ()
                     each = verdict(self.models, duration, drive, by, firsts)
@@ -238,6 +243,15 @@ class Study:
     def over_durations(self) -> DurationStudy | None:
         """Ranking over the duration; None without durations."""
         return over_durations(self.stages, self.durations) if self.durations else None
+
+    @property
+    def best_laws(self) -> list[str]:
+        """Three laws: the recommended ones at the duration and drive of the scene, their ties, and the next."""
+        case = self.scene.motion.duration, self.scene.drive.kind
+        own = [each for key, each in self.verdicts.items() if key[:2] == case]
+        ties = [law for each in own for law in each.contenders[1:]]
+        ranked = [place.run.name for ranks in self.rankings.values() for place in ranks[:3]]
+        return list(dict.fromkeys([*(each.law for each in own), *ties, *ranked]))[:3]
 
     @cached_property
     def checks(self) -> list[BalanceCheck]:

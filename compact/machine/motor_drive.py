@@ -364,7 +364,7 @@ class MotorRun(rigid_drive.CycleStatistics):
     def _largest_of_shaft(self, quantity: Callable[..., Array]) -> float:
         """Return the largest |quantity(speed, acceleration)| of the shaft, also between samples."""
 
-        def of_angle(angle):
+        def of_angle(angle: Array) -> Array:
             energy, acceleration, _ = self.revolution.evaluate(angle)
             return quantity(np.sqrt(2 * energy), acceleration)
 

@@ -102,7 +102,7 @@ def _draw(study: Study) -> dict[str, bytes]:
 
 def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
     """List the figures of a study: function and results by name."""
-    from compact.report.figures import contact, motion, ranking, sizing
+    from compact.report.figures import answer, contact, motion, ranking, sizing
 
     items, places = study.scene.output.items, study.places[study.scene.drive.kind]
     found: dict[str, tuple[Any, ...]] = {
@@ -130,6 +130,13 @@ def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
         found["shaft"] = (sizing.draw_shaft_torque, first, study.machine_sizing.rule)
     if study.over_durations is not None:
         found["duration"] = (sizing.draw_durations, study.over_durations, study.scene.motion.duration)
+    if "report" in items and study.verdicts:
+        best = study.best_laws
+        speeds = {law: study.cycles[law].forward.peaks().velocity for law in best}
+        forces: dict[str, Any] = {study.scene.accuracy.engine: study.resistance}
+        forces |= {name: other.resistance for name, other in study.comparison.items()}
+        found["models"] = (answer.draw_models, study.models, forces, speeds)
+        found["best_cycles"] = (answer.draw_best_cycles, {law: study.runs[law] for law in best})
     comparisons = {by: ranking_tables.comparison_places(study, study.scene.drive.kind, by) for by in places}
     found["ranking"] = (ranking.draw_rankings, places, comparisons)
     return found

@@ -45,6 +45,7 @@ class Rule:
 
 RULES: list[Rule] = []
 ADVICE: list[Rule] = []
+Broken = Callable[..., str | None]
 
 
 def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[Mistake] = ()) -> list[Mistake]:
@@ -71,8 +72,8 @@ def catalogue_exists(source: Source) -> Rule:
     return Rule(("drive.catalogue.file",), lambda file: None if file is None else _missing((file,), source.folder))
 
 
-def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Callable[..., str | None]], Callable[..., str | None]]:
-    def enter(broken):
+def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Broken], Broken]:
+    def enter(broken: Broken) -> Broken:
         into.append(Rule(keys, broken))
         return broken
 

@@ -200,7 +200,7 @@ def test_figures_of_the_page_are_those_of_the_files(tmp_path):
     text = (tmp_path / "out" / "report.html").read_text("utf-8")
     for drawn in (tmp_path / "out").glob("*.png"):
         assert b64encode(drawn.read_bytes()).decode() in text
-    assert study.counts["figures"] == 4 == study.plan.planned["figures"]
+    assert study.counts["figures"] == 6 == study.plan.planned["figures"]
 
 
 @pytest.mark.parametrize(("pixels", "wide"), [(600, False), (1700, True)])
@@ -471,7 +471,7 @@ def test_browser_shows_the_page_whole_on_a_screen_and_a_phone(written, tmp_path)
         assert max(shown["boxes"]) <= width
         assert len(shown["images"]) == len(PageReader(text).all("img"))
         assert min(shown["images"]) > 0
-        assert (shown["shut"], shown["still"]) == (len(SECTIONS) + 1, 0)  # on paper every section is open
+        assert (shown["shut"], shown["still"]) == (len(SECTIONS) + 3, 0)  # on paper every section is open
 
 
 @needs_chromium

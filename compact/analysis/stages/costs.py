@@ -66,6 +66,7 @@ class WorkPlan:
         fields = "fields" in items and rolled > 0
         figures = (
             3
+            + 2 * ("report" in items)
             + (self.scene.drive.kind != "hydraulic")
             + (self.durations > 0)
             + len({"cams", "reactions", "crank"} & items)

@@ -37,7 +37,7 @@ def write_page(path: Path, study: Study, pictures: Mapping[str, bytes], versions
         _versions_section(study, versions),
     ]
     title = study.scene.title or "untitled scene"
-    content = render_page(title, sections=sections, answer=answer(study, study.checks), **question(study))
+    content = render_page(title, sections=sections, answer=answer(study, study.checks, pictures), **question(study))
     with atomic_file(path) as stream:
         stream.write(content)
     return path
