@@ -136,8 +136,11 @@ class ShearLineSearch(SteadySearch):
 
     def _min_cycles(self, drift: WaveDrift) -> int:
         """Least number of cycles."""
-        is_low = drift.wave_area < MIN_WAVE * self.depth * self.rolling.frame.contact_length
-        return MIN_CYCLES if is_low else MIN_WAVE_CYCLES
+        return MIN_CYCLES if self._is_low(drift) else MIN_WAVE_CYCLES
+
+    def _is_low(self, drift: WaveDrift) -> bool:
+        """Return whether a wave is too low to count."""
+        return drift.wave_area < MIN_WAVE * self.depth * self.rolling.frame.contact_length
 
     def _measure_finely(self) -> None:
         """Measure the drift from here with the scatter of a smaller residual."""
@@ -150,7 +153,7 @@ class ShearLineSearch(SteadySearch):
         self._waves += (WaveDrift.of_steps(self.rolling.steps[-count - 1 :]),)
         first, last = self._waves[0], self._waves[-1]
         fastest = max(wave.wave_slope for wave in self._waves)
-        growth.slopes = [fastest, last.wave_slope]
+        growth.slopes = [] if self._is_low(last) else [fastest, last.wave_slope]
         if last.wave_slope <= max(SLOWING * fastest, 0.0) or len(self._waves) <= MIN_CYCLES:
             return
         if last.wave_slope > PLOUGHED * self.depth:
