@@ -165,7 +165,7 @@ def run(
     over
         duration=LOW:HIGH:N, durations of a pass in s at which the laws are ranked again, with their crossovers
     """
-    from compact.analysis.durations import read_durations
+    from compact.analysis.sizing.durations import read_durations
     from compact.analysis.worker_pool import ProcessExecutor, cores
     from compact.report import text
     from compact.report import writer as report

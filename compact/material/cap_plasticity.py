@@ -90,10 +90,10 @@ def compacted_state(
             f"{density_ratio!r}"
         )
 
-    def strained(state, strain):
+    def strained(state: MaterialPoint, strain: float) -> MaterialPoint:
         return integrate_points(law, state, np.array([[0.0, strain, 0.0]]), rate_factor, tangent=False)[0]
 
-    def compacted(strain):
+    def compacted(strain: float) -> MaterialPoint:
         state = fresh
         for _ in range(CONFINED_STEPS):
             state = strained(state, -strain / CONFINED_STEPS)

@@ -15,12 +15,13 @@ from typing import Any
 from compact import quantities
 from compact.analysis.contact_cases import HeldQuantity, contact_to_json
 from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.sizing.work_balance import WorkBalance
 from compact.analysis.stages.model_spread import ModelSpread
-from compact.analysis.stages.work_balance import WorkBalance
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
-from compact.report.duration_tables import duration_numbers
+from compact.report.sizing.duration_tables import duration_numbers
+from compact.report.sizing.machine_tables import sizing_numbers
 from compact.rolling_contact import HeapingError, UnsteadyError
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
@@ -67,6 +68,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "model_spread": _model_spread(study.model_spread),
         "steady_forces": _steady_forces(study),
         "over_durations": duration_numbers(study.over_durations),
+        "machine_sizing": sizing_numbers(study.machine_sizing),
         "work_balance": _work_balance(study.work_balance),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},

@@ -26,6 +26,7 @@ from compact.analysis.pore_air import (
     air_under,
     coupled_samples,
     has_air,
+    is_coupled,
     pore_air_of,
 )
 from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
@@ -425,8 +426,9 @@ class ContactStage:
                 raise
             return None
         curve = air_curve(air_under(contact, layer, roller, air), air.permeability, contact)
-        if self.scene.mix.pore_air == "coupled" and self.engine.name == "compaction":
-            curve = curve.with_coupled(coupled_samples(contact, air, curve, contact_cases.contact_speeds(self.scene)))
+        if is_coupled(self.scene):
+            speeds = contact_cases.contact_speeds(self.scene)
+            curve = curve.with_coupled(coupled_samples(contact, air, curve, speeds, self.count))
         return curve
 
     @property
