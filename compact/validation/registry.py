@@ -15,6 +15,7 @@ from compact.numerics.validation import require_known
 from compact.validation.case import Comparison, Evaluation, ValidationCase, read_rows
 from compact.validation.half_plane import PA6
 from compact.validation.plant_case import read_plant_case
+from compact.validation.plastic_limits import PRANDTL
 from compact.validation.plate_wheel import CMU_WHEEL
 from compact.validation.powder import PH102
 from compact.validation.roller_compactor import JOHANSON
@@ -24,7 +25,7 @@ from compact.validation.terramechanics import BEKKER, WONG_REECE
 RECORDED = "recorded.csv"
 RECORDED_HEADER = ("case", "key", "ours", "theirs", "verdict")
 CASES: Mapping[str, ValidationCase] = MappingProxyType(
-    {each.name: each for each in (CMU_WHEEL, SAND, PH102, PA6, BEKKER, WONG_REECE, JOHANSON)}
+    {each.name: each for each in (CMU_WHEEL, SAND, PH102, PA6, BEKKER, WONG_REECE, JOHANSON, PRANDTL)}
 )
 
 
