@@ -12,7 +12,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from compact.analysis.durations import PEAKS, read_durations
+from compact.analysis.sizing.durations import PEAKS, read_durations
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.report.progress import tracked

@@ -46,6 +46,7 @@ def test_every_study_has_a_test():
         "hard_cases",
         "pore_air",
         "rank_laws",
+        "ranking_with_air",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
 
@@ -63,6 +64,27 @@ def test_strength_of_loose_mix_decides_the_resistance(tmp_path):
         assert found.resistance == pytest.approx(module.LENGTH * steady.resistance, rel=0.02)
     assert line.resistance / ellipse.resistance == pytest.approx(0.61, abs=0.03)
     assert line.bow_wave < 0.1 * ellipse.bow_wave
+
+
+@pytest.mark.slow
+def test_ranking_with_air_of_columns_is_that_of_heckels_curve(capsys):
+    """Drained columns: work of compression on the curve, with elastic strain, less that of the elastic release."""
+    module = study("ranking_with_air")
+    module.main(["--mixes", "cap, columns", "--airs", "drained", "one-way, 1e-13 m2"])
+    drained, one_way = (line.split(" | ") for line in capsys.readouterr().out.splitlines()[2:4])
+    bulk, oedometric, lateral = 100e6, 161.5e6, 1 - np.sin(np.radians(35))  # E 120 MPa, Poisson's ratio 0.3
+    k = np.linspace(0.936, 0.99, 20001)
+    pressure = np.log(0.28 / (1 - k)) / 1.487e-5
+    elastic = pressure * (1 + 2 * lateral) / 3 / bulk
+    height = 0.06 * 0.98 / 0.936 * np.exp(-np.log(k / 0.936) - elastic)
+    loading = height > height[0] * np.exp(elastic[0]) - 0.003
+    work = np.trapezoid(pressure[loading], -height[loading]) + pressure[0] * elastic[0] / 2 * height[0]
+    release = pressure[loading][-1] ** 2 / (2 * oedometric) * height[loading][-1]
+    found = [float(value) for value in drained[2].split(", ")]
+    assert found == pytest.approx(3 * [work - release], rel=0.01)
+    assert drained[3].startswith("parabolic")
+    with_air = [float(value) for value in one_way[2].split(", ")]
+    assert found[0] < with_air[0] < with_air[1] < with_air[2]
 
 
 def test_duration_has_the_first_laws_of_every_model(capsys, tmp_path):

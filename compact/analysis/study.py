@@ -16,11 +16,14 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from compact.analysis import machine_models
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
-from compact.analysis.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.engineering_summary import Engineering, Number
 from compact.analysis.engines import Engine
 from compact.analysis.pore_air import AirAnswer, AirCurve, AirForces, air_answer
+from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
+from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
+from compact.analysis.sizing.work_balance import WorkBalance, work_balance
 from compact.analysis.stages import comparison
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
 from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
@@ -35,7 +38,6 @@ from compact.analysis.stages.resistance import ResistanceStage
 from compact.analysis.stages.sensitivity import Shift, sensitivities
 from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
 from compact.analysis.stages.verdict import SIZING_PEAKS, ModelAnswer, Verdict, model_answers, verdict
-from compact.analysis.stages.work_balance import WorkBalance, work_balance
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
 from compact.cams.profile import Cam, LeastBreadth
 from compact.contact import DryResistance
@@ -47,7 +49,7 @@ from compact.machine.roller_motors import RollerMotor
 from compact.material.mix import Mix
 from compact.motion.profile import Cycle
 from compact.resistance import ResistanceMap
-from compact.rolling_contact import ContactResult, HeapingError
+from compact.rolling_contact import ContactResult, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
 
@@ -131,6 +133,7 @@ class Study:
         durations: Sequence[float] = (),
     ) -> None:
         require_durations(scene, durations)
+        machine_models.catalogue(scene)  # mistakes in it are reported before anything is computed
         self.scene, self.counts, self.durations = scene, Counter[str](), tuple(durations)
         self._step, self._directory = step, directory
         self._answers: dict[str, Any] | None = None
@@ -186,6 +189,11 @@ class Study:
         """Sensitivity of the least peaks to each input, with a rigid drive."""
         return sensitivities(self.stages)
 
+    @property
+    def _sizing_peaks(self) -> list[str]:
+        """Criteria of the verdict that the scene ranks by."""
+        return [by for by in SIZING_PEAKS if by in self.scene.drive.rank_by]
+
     @cached_property
     def models(self) -> list[ModelAnswer]:
         """Answers of the engine of the scene, first, and of the engines of the comparison."""
@@ -198,7 +206,7 @@ class Study:
         if "report" not in self.scene.output.items:
             return None
         motion, kind = self.scene.motion, self.scene.drive.kind
-        found = {by: verdict(self.models, motion.duration, kind, by) for by in SIZING_PEAKS}
+        found = {by: verdict(self.models, motion.duration, kind, by) for by in self._sizing_peaks}
         known = {by: each for by, each in found.items() if each is not None}
         self.count("uncertainty")
         return ranking_uncertainty(self.stages, self.models, known, self.models[0].spread)
@@ -213,13 +221,18 @@ class Study:
         found = {}
         for duration, places in self.models[0].places.items():
             for drive in places:
-                for by in SIZING_PEAKS:
+                for by in self._sizing_peaks:
                     own = (duration, drive) == (motion.duration, kind)
                     firsts = self.uncertainty.first_laws(by) if own and self.uncertainty else ()
                     each = verdict(self.models, duration, drive, by, firsts)
                     if each is not None:
                         found[duration, drive, by] = each
         return found
+
+    @cached_property
+    def machine_sizing(self) -> MachineSizing:
+        """Motor, guide wheels and bearings."""
+        return machine_sizing(self.stages)
 
     @cached_property
     def work_balance(self) -> WorkBalance:
@@ -230,6 +243,15 @@ class Study:
     def over_durations(self) -> DurationStudy | None:
         """Ranking over the duration; None without durations."""
         return over_durations(self.stages, self.durations) if self.durations else None
+
+    @property
+    def best_laws(self) -> list[str]:
+        """Three laws: the recommended ones at the duration and drive of the scene, their ties, and the next."""
+        case = self.scene.motion.duration, self.scene.drive.kind
+        own = [each for key, each in self.verdicts.items() if key[:2] == case]
+        ties = [law for each in own for law in each.contenders[1:]]
+        ranked = [place.run.name for ranks in self.rankings.values() for place in ranks[:3]]
+        return list(dict.fromkeys([*(each.law for each in own), *ties, *ranked]))[:3]
 
     @cached_property
     def checks(self) -> list[BalanceCheck]:
@@ -279,7 +301,7 @@ class Study:
 
     @cached_property
     def comparison(self) -> dict[str, EngineComparison]:
-        """Results of each engine of the comparison by name, but of those in `heaping`."""
+        """Results of each engine of the comparison by name, but of those in `heaping` and `unsteady`."""
         return {name: each for name, each in self._compared.items() if isinstance(each, EngineComparison)}
 
     @property
@@ -287,8 +309,13 @@ class Study:
         """Engines of the comparison by which the mix heaps up in front of the roller, with the reason."""
         return {name: each for name, each in self._compared.items() if isinstance(each, HeapingError)}
 
+    @property
+    def unsteady(self) -> dict[str, UnsteadyError]:
+        """Engines of the comparison by which the motion does not become steady, with the reason."""
+        return {name: each for name, each in self._compared.items() if isinstance(each, UnsteadyError)}
+
     @cached_property
-    def _compared(self) -> dict[str, EngineComparison | HeapingError]:
+    def _compared(self) -> dict[str, EngineComparison | HeapingError | UnsteadyError]:
         """Results of each engine of the comparison by name."""
         if self._answers is None:
             with self.helped(SerialExecutor()):

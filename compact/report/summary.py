@@ -15,13 +15,14 @@ from typing import Any
 from compact import quantities
 from compact.analysis.contact_cases import HeldQuantity, contact_to_json
 from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.sizing.work_balance import WorkBalance
 from compact.analysis.stages.model_spread import ModelSpread
-from compact.analysis.stages.work_balance import WorkBalance
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
-from compact.report.duration_tables import duration_numbers
-from compact.rolling_contact import HeapingError
+from compact.report.sizing.duration_tables import duration_numbers
+from compact.report.sizing.machine_tables import sizing_numbers
+from compact.rolling_contact import HeapingError, UnsteadyError
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
 FORMER_KEYS = {  # former name of a key -> its present names
@@ -67,6 +68,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "model_spread": _model_spread(study.model_spread),
         "steady_forces": _steady_forces(study),
         "over_durations": duration_numbers(study.over_durations),
+        "machine_sizing": sizing_numbers(study.machine_sizing),
         "work_balance": _work_balance(study.work_balance),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
@@ -80,6 +82,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.items else {},
         "comparison": _comparison(study),
         "heaping": {name: _heaping(error) for name, error in study.heaping.items()},
+        "unsteady": {name: _unsteady(error) for name, error in study.unsteady.items()},
         "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "evaluation_counts": dict(study.counts),
         "files": files,
@@ -237,6 +240,20 @@ def _heaping(error: HeapingError) -> dict[str, Any]:
         "travel": _number(found.travel, "m"),
         "contact_angle": _number(found.contact_angle, "rad"),
         "is_estimate": found.travel is None,
+        "reason": str(error),
+    }
+
+
+def _unsteady(error: UnsteadyError) -> dict[str, Any]:
+    """Convert an engine by which the motion does not become steady."""
+    found = error.unsteady
+    return {
+        "depth": _number(found.depth, "m"),
+        "wave_height": _number(found.wave_height, "m"),
+        "travel": _number(found.travel, "m"),
+        "distance": _number(found.distance, "-"),
+        "load": _number(found.load, "N/m"),
+        "resistance": _number(found.resistance, "N/m"),
         "reason": str(error),
     }
 

@@ -45,6 +45,7 @@ class Rule:
 
 RULES: list[Rule] = []
 ADVICE: list[Rule] = []
+Broken = Callable[..., str | None]
 
 
 def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[Mistake] = ()) -> list[Mistake]:
@@ -66,8 +67,13 @@ def tables_exist(source: Source) -> Rule:
     return Rule(("motion.tables",), lambda tables: _missing(tables or (), source.folder))
 
 
-def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Callable[..., str | None]], Callable[..., str | None]]:
-    def enter(broken):
+def catalogue_exists(source: Source) -> Rule:
+    """Return the rule that the file of `drive.catalogue` is below the folder of the scene."""
+    return Rule(("drive.catalogue.file",), lambda file: None if file is None else _missing((file,), source.folder))
+
+
+def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Broken], Broken]:
+    def enter(broken: Broken) -> Broken:
         into.append(Rule(keys, broken))
         return broken
 
@@ -237,6 +243,18 @@ def _permeability_is_heeded(pore_air, permeability):
         )
 
 
+@_rule("mix.pore_air", "layer.passes", "layer.return_stroke", into=ADVICE)
+def _later_passes_have_no_air(pore_air, passes, return_stroke):
+    later = [f"layer.passes = {passes:g}"] if passes is not None and passes > 1 else []
+    if return_stroke == "compacted":
+        later.append('layer.return_stroke = "compacted"')
+    if later and pore_air not in (None, "drained"):
+        return (
+            f'"{pore_air}" belongs to the first pass over fed mix alone: with {" and ".join(later)} later passes have '
+            'the forces of drained mix, which are too small; set "drained" to compute all passes alike'
+        )
+
+
 @_rule("contact.speeds")
 def _speeds_rise(speeds):
     if speeds is not None and not (len(speeds) and speeds[0] > 0 and all(b > a for a, b in pairwise(speeds))):
@@ -307,6 +325,16 @@ _rule("drive.kind", "drive.motor")(partial(_table_belongs_to_its_drive, "motor",
 _rule("drive.kind", "drive.hydraulics")(
     partial(_table_belongs_to_its_drive, "hydraulic", "hydraulics", "cylinders, pump and oil")
 )
+
+
+@_rule("drive.catalogue", "drive.kind")
+def _catalogue_belongs_to_a_shaft(catalogue, kind):
+    if catalogue is not None and kind == "hydraulic":
+        return (
+            'is for a drive with a shaft, got drive.kind = "hydraulic"; take the table [drive.catalogue] out, or '
+            "choose another kind"
+        )
+    return None
 
 
 @_rule("drive.end_springs.length", "motion.stroke")

@@ -19,7 +19,7 @@ from typing import Any
 from pydantic import Field, PrivateAttr, ValidationError
 
 from compact.scene import errors, plausible_ranges, schema
-from compact.scene.constraints import ADVICE, RULES, Rule, sentences, tables_exist
+from compact.scene.constraints import ADVICE, RULES, Rule, catalogue_exists, sentences, tables_exist
 from compact.scene.engine_capabilities import LIMITS, adapt, replaced
 from compact.scene.errors import Mistake, SceneError, Source
 from compact.scene.former_names import current_key, current_path, current_tables, current_value
@@ -58,6 +58,12 @@ class Scene(Table):
     def table_paths(self) -> tuple[Path, ...]:
         """Paths of the motion laws that are given as tables."""
         return tuple(self._source.folder / name for name in self.motion.tables)
+
+    @property
+    def catalogue_path(self) -> Path | None:
+        """Path of the motors of `[drive.catalogue]`; None without the table."""
+        table = self.drive.catalogue
+        return None if table is None else self._source.folder / table.file
 
     @property
     def lift_thickness(self) -> float:
@@ -134,10 +140,10 @@ class Scene(Table):
 
     @property
     def hash(self) -> str:
-        """Hash of every key but `title`, `unusual` and `[output]`, and of the contents of the law tables."""
+        """Hash of every key but `title`, `unusual` and `[output]`, and of the contents of law tables and catalogue."""
         content = self.model_dump(exclude_none=True, exclude={"title", "unusual", "output"})
         digest = sha256(json.dumps(content, sort_keys=True).encode())
-        for path in self.table_paths:
+        for path in (*self.table_paths, *([self.catalogue_path] if self.catalogue_path else [])):
             digest.update(sha256(_bytes(path)).digest())
         return digest.hexdigest()
 
@@ -264,7 +270,8 @@ def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, objec
 
 
 def _rules(source: Source) -> tuple[Rule, ...]:
-    return (*RULES, *PROCESS_RULES, *plausible_ranges.REFUSALS, tables_exist(source))
+    own = tables_exist(source), catalogue_exists(source)
+    return (*RULES, *PROCESS_RULES, *plausible_ranges.REFUSALS, *own)
 
 
 def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:

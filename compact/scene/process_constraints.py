@@ -20,7 +20,7 @@ Broken = Callable[..., str | None]
 
 
 def _rule(*keys: str, into: list[Rule] = PROCESS_RULES) -> Callable[[Broken], Broken]:
-    def enter(broken):
+    def enter(broken: Broken) -> Broken:
         into.append(Rule(keys, broken))
         return broken
 

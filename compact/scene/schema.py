@@ -82,6 +82,14 @@ class Table(BaseModel):
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
 
+class BearingTable(Table):
+    """The rolling bearings of one wheel or roller, which share its load."""
+
+    dynamic_rating: float = _positive("the basic dynamic rating C of one bearing in N")
+    kind: Literal["ball", "roller"] = Field(description="the rolling elements")
+    count: int = _between(1, 1000, "the number of bearings that share the load")
+
+
 class Machine(Table):
     """The cart, its rollers, guides and drive pin; positions are from the cart's centre, + towards the drive."""
 
@@ -112,6 +120,8 @@ class Machine(Table):
         None, "the torque on one roller in N m, + driving it the way it travels, - braking it"
     )
     gap_geometry: GapGeometry = _default("deformed", "where the gap is measured")
+    guide_bearing: BearingTable | None = None
+    roller_bearing: BearingTable | None = None
 
 
 class Product(Table):
@@ -297,6 +307,16 @@ class EndSpringTable(Table):
     length: float = _positive("the travel at each end over which a spring is compressed in m")
 
 
+class CatalogueTable(Table):
+    """The motors from which the smallest that holds is chosen, and the rule by which it holds."""
+
+    file: str = Field(description="the CSV file of the motors, relative to the scene file")
+    margin: float = _between(1, 10, "the factor of rms and peak torque that a motor must hold, 1 for none")
+    efficiency: float = Field(gt=0, le=1, description="the efficiency of the gear between motor and shaft")
+    gear_ratio: float | None = _optional("the speed of the motor over that of the shaft")
+    inertia_ratio: float | None = _optional("the largest inertia of the carts over that of the rotor, at the motor")
+
+
 class Drive(Table):
     """Drive of the carts, and the criteria of the ranking."""
 
@@ -312,6 +332,7 @@ class Drive(Table):
     motor: Motor | None = None
     hydraulics: Hydraulics | None = None
     end_springs: EndSpringTable | None = None
+    catalogue: CatalogueTable | None = None
     rank_by: Ranks = Field(min_length=1, description="the quantities to rank by")
 
 

@@ -90,7 +90,7 @@ def test_contradictions_are_refused_in_words(changes, words):
 
 def test_the_tables_of_the_starter_are_valid_once_uncommented():
     text = starter_scene()
-    start, end = text.index("# [process]"), text.index("[accuracy]")
+    start, end = text.index("# [process]"), text.index("\n[accuracy]") + 1
     lines = text[start:end].replace("\n# ", "\n").removeprefix("# ").split("\n")
     optional = ("strokes", "gap", "extrusion_pressure", "offered_thickness", "feed_count")
     kept = [line for line in lines if not line.startswith(optional)]

@@ -16,7 +16,16 @@ from pydantic import ValidationError
 from sampling import examples
 
 from compact.scene.loader import LAW_NAMES, Scene, SceneError, load_scene, parse_scene, starter_scene
-from compact.scene.schema import BeltTable, EndSpringTable, Hydraulics, LowerLift, Motor, Optimise
+from compact.scene.schema import (
+    BearingTable,
+    BeltTable,
+    CatalogueTable,
+    EndSpringTable,
+    Hydraulics,
+    LowerLift,
+    Motor,
+    Optimise,
+)
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 PUBLISHED = (SCENES / "loveikin-2015.toml").read_text("utf-8")
@@ -100,8 +109,9 @@ def test_the_starter_shows_every_key_there_is():
     tables = [field.annotation for field in Scene.model_fields.values()]
     known = {key for table in tables for part in getattr(table, "__args__", (table,)) for key in fields_of(part)}
     beside = {"formula", "column", "spectral", "fem", "compaction"}
-    assert known - keys == {"overrides", "motor", "optimise", "end_springs", "hydraulics", "lower_lift"} | beside
-    shown = (Motor, BeltTable, Optimise, EndSpringTable, Hydraulics, LowerLift)
+    tables = {"overrides", "motor", "optimise", "end_springs", "hydraulics", "lower_lift", "catalogue"}
+    assert known - keys == tables | {"guide_bearing", "roller_bearing"} | beside
+    shown = (Motor, BeltTable, Optimise, EndSpringTable, Hydraulics, LowerLift, BearingTable, CatalogueTable)
     assert {key for table in shown for key in table.model_fields} - keys == {"belt", "method"}  # method: deprecated
 
 

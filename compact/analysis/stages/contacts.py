@@ -26,6 +26,7 @@ from compact.analysis.pore_air import (
     air_under,
     coupled_samples,
     has_air,
+    is_coupled,
     pore_air_of,
 )
 from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
@@ -34,7 +35,7 @@ from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
 from compact.material.mix import Mix
 from compact.numerics.validation import NotFiniteError
-from compact.rolling_contact import ContactResult, HeapingError, Layer, LayerContactResult, Roller
+from compact.rolling_contact import ContactResult, HeapingError, Layer, LayerContactResult, Roller, UnsteadyError
 from compact.scene.loader import Scene
 
 SECOND_PASS_INCREMENTS = 7  # [-], elements per contact length of "compaction"; its resistance, 3 % of the first, +-4 %
@@ -248,6 +249,8 @@ def _named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
     except HeapingError as error:
         hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same'
         raise HeapingError(f"{case}: {error}{hint}", error.heaping) from error
+    except UnsteadyError as error:
+        raise UnsteadyError(f"{case}: {error}", error.unsteady) from error
     except RuntimeError as error:
         raise RuntimeError(f"{case}: {error}") from error
 
@@ -423,8 +426,9 @@ class ContactStage:
                 raise
             return None
         curve = air_curve(air_under(contact, layer, roller, air), air.permeability, contact)
-        if self.scene.mix.pore_air == "coupled" and self.engine.name == "compaction":
-            curve = curve.with_coupled(coupled_samples(contact, air, curve, contact_cases.contact_speeds(self.scene)))
+        if is_coupled(self.scene):
+            speeds = contact_cases.contact_speeds(self.scene)
+            curve = curve.with_coupled(coupled_samples(contact, air, curve, speeds, self.count))
         return curve
 
     @property

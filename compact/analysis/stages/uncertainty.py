@@ -346,12 +346,14 @@ def mix_spread(scene: Scene) -> MixSpread | None:
         base = roll_scene(columns, scene_mix(columns), scene.mean_speed).resistance
     except (ValueError, RuntimeError):
         return None
+    if not base > 0:
+        return None
     ranges = parameter_ranges(columns)
     names, count = tuple(ranges), len(ranges)
     resistance = partial(_resistance_at, columns, ranges)
     shares = qmc.Sobol(count, rng=SEED).random(SAMPLES)
     found = np.array([resistance(share) for share in shares]) / base
-    known = np.isfinite(found)
+    known = found > 0  # nan without a solution
     terms = _terms(shares[known])
     if known.sum() <= terms.shape[1]:
         return None

@@ -14,12 +14,13 @@ The sources of the margin are the discretisation error, the other valid models, 
 """
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from compact.analysis.contact_cases import ContactRecord
 from compact.analysis.engines import ENGINES
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages.comparison import EngineComparison, Places
@@ -40,10 +41,10 @@ class ModelAnswer:
         True if the model may size a drive.
     places : dict
         Places of the laws by duration [s], drive and criterion.
-    mean_resistance : float
-        Resistance of one cart at the mean speed [N].
-    coefficient : float
-        Rolling-resistance coefficient [-].
+    mean_resistance : dict
+        Resistance of one cart at the mean speed by duration of a pass [N].
+    coefficient : dict
+        Rolling-resistance coefficient there [-].
     error : float or None
         Relative estimate of the discretisation error of the resistance [-]; None where the model has none.
     spread : tuple of float or None
@@ -53,8 +54,8 @@ class ModelAnswer:
     engine: str
     valid: bool
     places: dict[float, Places]
-    mean_resistance: float
-    coefficient: float
+    mean_resistance: dict[float, float]
+    coefficient: dict[float, float]
     error: float | None
     spread: tuple[float, float] | None
 
@@ -114,22 +115,34 @@ def model_answers(
     scene, drive = stages.contacts.scene, stages.drive
     duration = scene.motion.duration
     own = {duration: drive.places} | {each: stage.places for each, stage in drive.other_durations.items()}
-    load, error = stages.contacts.roller_load, stages.resistance.error
-    found = [_answer(stages, scene.accuracy.engine, own, stages.resistance.resistance, load, error, spread)]
+    lead = stages.resistance
+    own_load = _loads(stages, stages.contacts.records, stages.contacts.roller_load)
+    found = [_answer(stages, scene.accuracy.engine, own, lead.resistance, own_load, lead.error, spread)]
     for name, other in comparison.items():
         places = {duration: other.places, **other.places_over}
-        found.append(_answer(stages, name, places, other.resistance, other.roller_load, other.error, None))
+        load = _loads(stages, other.contacts, other.roller_load)
+        found.append(_answer(stages, name, places, other.resistance, load, other.error, None))
     return found
 
 
+def _loads(stages: Stages, contacts: Sequence[ContactRecord], load: float) -> Callable[[float], float]:
+    """Return the load of one roller over the speed [N], that at the mean speed where there are no contacts."""
+    if not contacts:
+        return lambda _speed: load
+    speeds, loads = np.log([each.speed for each in contacts]), [each.load for each in contacts]
+    length = stages.contacts.scene.machine.roller_length
+    return lambda speed: float(length * np.interp(np.log(speed), speeds, loads))
+
+
 def _answer(
-    stages: Stages, engine: str, places: dict[float, Places], resistance: Any, load: float, error: float | None,
-    spread: tuple[float, float] | None,
+    stages: Stages, engine: str, places: dict[float, Places], resistance: Any, load: Callable[[float], float],
+    error: float | None, spread: tuple[float, float] | None,
 ) -> ModelAnswer:  # fmt: skip
     scene = stages.contacts.scene
-    force = float(np.ravel(resistance(np.array([scene.mean_speed]), np.zeros(1)))[0])
-    coefficient = force / (scene.machine.rollers * load)
-    return ModelAnswer(engine, ENGINES[engine].sizing, places, force, coefficient, error, spread)
+    speeds = {duration: scene.motion.stroke / duration for duration in places}
+    forces = {each: float(np.ravel(resistance(np.array([v]), np.zeros(1)))[0]) for each, v in speeds.items()}
+    coefficients = {each: force / (scene.machine.rollers * load(speeds[each])) for each, force in forces.items()}
+    return ModelAnswer(engine, ENGINES[engine].sizing, places, forces, coefficients, error, spread)
 
 
 def verdict(

@@ -218,7 +218,7 @@ def roll_over(
     require_positive(rtol=rtol)
     gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
     stack = (*lower, *columns)
-    layer = _integrable_layer(stack, material, 1.0, gap, STRAINS[strain], len(lower))
+    layer = _integrable(column_layer(stack, material, 1.0, gap, STRAINS[strain], len(lower)), material)
     if material.rate_sensitivity:
         layer = _rated_layer(layer, material, roller.radius, speed)
     if exit_density_ratio is None:
@@ -319,7 +319,7 @@ def _feed_at(
     scale = height / result.columns[0].height
     settlement = 0.0
     if lower:
-        below = _integrable_layer(lower, material, rate_factor, PLATE, STRAINS["logarithmic"])
+        below = _integrable(column_layer(lower, material, rate_factor, PLATE, STRAINS["logarithmic"]), material)
         settlement = plate_indentation(below, result.peak_pressure, rtol)
     return RequiredFeed(height=scale, indentation=scale * result.indentation + settlement)
 
@@ -371,19 +371,11 @@ def simulate_oedometer(
 def _unit_layer(material: Compaction, rate_factor: float) -> ColumnLayer:
     """Fresh mix of unit height under a plate."""
     column = Column(1.0, material.fed_density_ratio)
-    return _integrable_layer((column,), material, rate_factor, PLATE, STRAINS["logarithmic"])
+    return _integrable(column_layer((column,), material, rate_factor, PLATE, STRAINS["logarithmic"]), material)
 
 
-def _integrable_layer(
-    columns: tuple[Column, ...],
-    material: Compaction,
-    rate_factor: float,
-    gap: GapShape,
-    strain_measure: int,
-    lower_count: int = 0,
-) -> ColumnLayer:
-    """Build the `ColumnLayer`; raise ValueError if its equation is too stiff for an explicit method."""
-    layer = column_layer(columns, material, rate_factor, gap, strain_measure, lower_count)
+def _integrable(layer: ColumnLayer, material: Compaction) -> ColumnLayer:
+    """Return a layer; raise ValueError if its equation is too stiff for an explicit method."""
     require_integrable(layer, material)
     return layer
 

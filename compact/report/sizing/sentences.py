@@ -1,6 +1,9 @@
-"""Sentences on the machine that terminal and page share: balances of work and mix."""
+"""Sentences on the machine that terminal and page share: balances of work and mix, motor, and lives of bearings."""
 
-from compact.analysis.stages.work_balance import WorkBalance
+import math
+
+from compact.analysis.sizing.machine_sizing import MachineSizing
+from compact.analysis.sizing.work_balance import WorkBalance
 from compact.analysis.study import Study
 
 
@@ -57,5 +60,58 @@ def work_warnings(balance: WorkBalance) -> list[str]:
     return found
 
 
+def _hours(hours: float) -> str:
+    """Format a life with two digits, without an exponent."""
+    return "infinite" if math.isinf(hours) else f"{float(f'{hours:.2g}'):.0f} h"
+
+
 def _kilojoules(work: float | None) -> str:
     return "–" if work is None else f"{work / 1e3:.3g} kJ/m³"
+
+
+def motor_sentence(sizing: MachineSizing) -> str:
+    """State the torque of the shaft under the first law, the required rated power and the motor of the catalogue.
+
+    Returns
+    -------
+    str
+        One sentence without a full stop; empty for a drive without a shaft.
+    """
+    first = sizing.first
+    if first is None or first.requirement is None:
+        return ""
+    found, rule = first.requirement, sizing.rule
+    gear = "" if rule.efficiency == 1 else f" and a gear of {100 * rule.efficiency:g} %"
+    sentence = (
+        f"motor with {first.law}: shaft at {found.speed:.3g} rad/s, rms torque {found.rms_torque:.4g} N m, peak "
+        f"{found.peak_torque:.4g} N m; rated power at least {first.required_power:.4g} W with a margin of "
+        f"{rule.margin:g}{gear}"
+    )
+    if first.choice is None:
+        return sentence
+    chosen, smaller = first.choice.chosen, first.choice.next_smaller
+    failed = "" if smaller is None else f"{smaller.motor.name}, {' and '.join(smaller.failures)}"
+    if chosen is None:
+        return f"{sentence}; no motor of the catalogue holds; the largest, {failed}"
+    price = "" if chosen.motor.price is None else f", price {chosen.motor.price:g}"
+    sentence += (
+        f"; smallest motor that holds by {first.choice.by}: {chosen.motor.name}, {chosen.motor.rated_power:.4g} W"
+        f"{price}, gear ratio {chosen.gear_ratio:.4g}, inertia ratio {chosen.inertia_ratio:.3g}"
+    )
+    return f"{sentence}; the next smaller, {failed}" if failed else sentence
+
+
+def bearing_sentence(sizing: MachineSizing) -> str:
+    """State the lives of the bearings.
+
+    Returns
+    -------
+    str
+        One sentence without a full stop; empty without ratings in the scene.
+    """
+    lives = [
+        f"{name} {_hours(life.hours)}"
+        + ("" if life.valid else " (beyond ISO 281: the load exceeds half of the rating)")
+        for name, life in sizing.lives.items()
+    ]
+    return f"basic life L10 of the bearings with {sizing.first_law}: {', '.join(lives)}" if lives else ""

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from compact.analysis.durations import DurationStudy
+from compact.analysis.sizing.durations import DurationStudy
 from compact.files import write_csv
 from compact.machine.ranking import CRITERIA
 
