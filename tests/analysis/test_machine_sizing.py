@@ -87,6 +87,36 @@ def test_two_carts_at_a_right_angle_need_less_than_twice_the_motor():
     assert one.first.required_power < two.first.required_power < 2 * one.first.required_power
 
 
+def elastic(**changes):
+    spring = {"drive.kind": "elastic", "drive.stiffness": 1e8, "drive.damping": 3e5, "motion.laws": ["cubic"]}
+    return sizing(**spring | changes).first
+
+
+def test_stiff_spring_requires_the_motor_of_a_rigid_drive():
+    rigid = sizing(**{"motion.laws": ["cubic"]}).first
+    assert elastic().required_power == pytest.approx(rigid.required_power, rel=0.01)
+    assert elastic().requirement.largest_inertia == pytest.approx(rigid.requirement.largest_inertia, rel=1e-3)
+
+
+def test_spring_adds_its_oscillation_to_the_torque():
+    """Energy of the driven end over a cycle; a velocity jump has a finite torque behind a spring."""
+    soft = {"drive.stiffness": 1e6, "drive.damping": 3e3, "motion.duration": 0.889}
+    study = Study(load_scene(SCENES / "small.toml", **soft | {"drive.kind": "elastic", "motion.laws": ["cubic"]}))
+    found = study.machine_sizing.first.requirement
+    assert 2 * np.pi * found.mean_torque == pytest.approx(study.runs["cubic"].energy, rel=1e-9)
+    assert found.peak_torque * found.speed == pytest.approx(study.runs["cubic"].peak_power, rel=1e-3)
+    assert found.peak_torque > 1.02 * sizing(**{"motion.duration": 0.889}).laws["cubic"].requirement.peak_torque
+    jump = elastic(**{"motion.laws": ["constant-velocity"]}).requirement
+    assert np.isfinite(jump.peak_torque)
+
+
+def test_two_carts_behind_springs_are_those_of_rigid_drives_at_high_stiffness():
+    two = elastic(**{"drive.carts": 2}).requirement
+    rigid = sizing(**{"drive.carts": 2, "motion.laws": ["cubic"]}).first.requirement
+    assert two.mean_torque == pytest.approx(rigid.mean_torque, rel=0.01)
+    assert two.rms_torque == pytest.approx(rigid.rms_torque, rel=0.01)
+
+
 def test_velocity_jump_has_no_motor():
     found = sizing(**RULE, **{"motion.laws": ["cubic", "constant-velocity"]}).laws["constant-velocity"]
     assert found.requirement is None
