@@ -21,7 +21,13 @@ from compact.machine.ranking import CRITERIA
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report.page import answer_text
 from compact.report.sizing.duration_tables import duration_sentence
-from compact.report.sizing.sentences import bearing_sentence, motor_sentence, work_sentence, work_warnings
+from compact.report.sizing.sentences import (
+    bearing_sentence,
+    margin_sentence,
+    motor_sentence,
+    work_sentence,
+    work_warnings,
+)
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 
@@ -63,7 +69,7 @@ def _digest_sentences(study: Study) -> Iterator[str]:
     """List the sentences of the digest, the most important first; some are empty."""
     yield from answer_text.duration_lines(study)
     yield from (answer_text.stiffness_sentence(study), answer_text.measurement_sentence(study), spread_sentence(study))
-    yield from (motor_sentence(study.machine_sizing), *work_warnings(study.work_balance))
+    yield from (motor_sentence(study.machine_sizing), margin_sentence(study), *work_warnings(study.work_balance))
     yield from heaping_sentences(study)
     yield from (f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())
     yield from (study.mix.density_achievable.reason, held_sentence(study), return_sentence(study), air_sentence(study))
