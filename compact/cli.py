@@ -354,33 +354,37 @@ def process(
     scene: ScenePath,
     /,
     *,
+    quick: bool = False,
+    deep: bool = False,
     out: Path | None = None,
     changes: Changes = (),
     force: Force = False,
     quiet: Quiet = False,
 ) -> None:
-    """Compute the forming process: strokes over a moving mould with feed before each; load, density and mix balance.
-
-    The scene requires a table [process].
+    """Compute the forming process of a table [process]: strokes over a moving mould with feed before each.
 
     Parameters
     ----------
+    quick
+        lumped lifts in two dimensions too, of one thickness and on one mesh: some minutes
+    deep
+        lumped lifts of three thicknesses and on three meshes, with errors: a quarter of an hour
     out
         folder of process.json, tables, figures and fields; default out/NAME-process, NAME as in `compact run`
     """
     from compact.analysis.process import ProcessStudy
     from compact.files import claimed_directory
     from compact.report.process_writer import process_digest, write_process
-    from compact.report.progress import spinning
+    from compact.report.progress import Progress
 
+    progress, place = Progress(quiet=quiet), out or default_directory(scene, "process")
     given = _scene(scene, quiet, changes)
-    study = ProcessStudy(given)
-    place = out or default_directory(scene, "process")
-    with claimed_directory(place, given.hash, force) as directory, spinning("strokes of the process", quiet=quiet):
+    study = ProcessStudy(given, "deep" if deep else "quick" if quick else "columns", progress.report)
+    with claimed_directory(place, given.hash, force) as directory, progress:
+        progress.begin("strokes of the process")
         write_process(study, directory)
     if not quiet:
-        print(process_digest(study))
-        print(f"\nresults: {place}")
+        print(f"{process_digest(study)}\n\nresults: {place}")
 
 
 @app.command
@@ -550,18 +554,15 @@ def validate(
     from compact.validation.registry import evaluate_case, select_cases
 
     cases = select_cases(names)
-    total = sum(case.seconds for case in cases)
     results = []
-    with Progress(total=total, quiet=quiet) as progress:
+    with Progress(total=sum(case.seconds for case in cases), quiet=quiet) as progress:
         for case in cases:
             progress.begin(case.name, case.seconds)
             results.append(evaluate_case(case))
-    if out is not None:
-        written = validation_writer.write_validation(out, results)
+    written = [] if out is None else validation_writer.write_validation(out, results)
     if not quiet:
         print(validation_writer.markdown_page(results) if markdown else validation_writer.text_table(results))
-    if out is not None and not quiet:
-        print("\n".join(f"  {path}" for path in written))
+        print("".join(f"  {path}\n" for path in written), end="")
     moved = sum(len(result.moved) for result in results)
     return _print_error(f"{moved} computed numbers have moved from the recorded ones", NO_RESULT) if moved else SUCCESS
 

@@ -146,6 +146,10 @@ class AirCurve:
             Speed of the roller [m/s].
         permeability : float
             Intrinsic permeability to air of the fed mix [m2].
+
+        Returns
+        -------
+        AirForces
         """
         ratio = np.array([abs(speed) / permeability])
         loads, resistances, excesses = (float(each[0]) for each in self._evaluate(ratio))
@@ -211,7 +215,24 @@ class AirCurve:
 
 
 def pore_air_of(mix: Mix, fed_density_ratio: float) -> PoreAir:
-    """Return the pore air of a mix; raise ValueError if the fed mix is occluded."""
+    """Return the pore air of a mix.
+
+    Parameters
+    ----------
+    mix : Mix
+        Mix with permeability, moisture and occlusion saturation.
+    fed_density_ratio : float
+        Density ratio as fed [-].
+
+    Returns
+    -------
+    PoreAir
+
+    Raises
+    ------
+    ValueError
+        If the fed mix is occluded.
+    """
     return PoreAir(mix.air_permeability, water_volume(mix.moisture), fed_density_ratio, mix.occlusion_saturation)
 
 
@@ -228,6 +249,10 @@ def air_under(result: Any, layer: Layer, roller: Roller, air: PoreAir) -> AirUnd
         Roller.
     air : PoreAir
         Pore air with its permeability.
+
+    Returns
+    -------
+    AirUnderRoller
     """
     if hasattr(result, "solution"):
         from compact.engines.pore_air.under_roller import RollerAir
@@ -252,6 +277,10 @@ def air_curve(under: AirUnderRoller, permeability: float, contact: ContactResult
         Its permeability [m2].
     contact : ContactResult
         Contact without air.
+
+    Returns
+    -------
+    AirCurve
     """
     rows = list(_solutions(under, permeability))
     loads, resistances, excesses = (tuple(column) for column in np.array(rows).T.tolist())
@@ -267,7 +296,21 @@ def _solutions(under: AirUnderRoller, permeability: float) -> Iterator[tuple[flo
 
 
 def air_answer(curve: AirCurve, mix: Mix, mean_speed: float) -> AirAnswer:
-    """Evaluate a curve for a mix at the mean speed of a pass [m/s]."""
+    """Evaluate a curve for a mix.
+
+    Parameters
+    ----------
+    curve : AirCurve
+        Forces of the air.
+    mix : Mix
+        Mix, whose permeability has a value and a spread.
+    mean_speed : float
+        Mean speed of a pass [m/s].
+
+    Returns
+    -------
+    AirAnswer
+    """
     permeability = mix.parameter("air_permeability")
     ends = permeability.value, permeability.low, permeability.high
     found = curve.at(mean_speed, permeability.value)
@@ -312,6 +355,10 @@ def coupled_contact(
     start : CoupledContact, optional
         Coupled contact at a lower speed, as initial guess.
 
+    Returns
+    -------
+    CoupledContact
+
     Raises
     ------
     RuntimeError
@@ -329,7 +376,26 @@ def coupled_contact(
 
 
 def coupled_forces(contact: Any, air: PoreAir, speed: float) -> AirForces:
-    """Compute the changes of a contact by coupling with its pore air; see `coupled_contact`."""
+    """Compute the changes of a contact by coupling with its pore air.
+
+    Parameters
+    ----------
+    contact : CompactionContactResult
+        Contact without air.
+    air : PoreAir
+        Pore air.
+    speed : float
+        Speed of the roller [m/s].
+
+    Returns
+    -------
+    AirForces
+
+    Raises
+    ------
+    RuntimeError
+        As of `coupled_contact`.
+    """
     found = coupled_contact(contact, air, speed)
     return AirForces(found.load - contact.load, found.resistance - contact.resistance, found.largest_excess_behind)
 
@@ -351,6 +417,10 @@ def coupled_samples(
         Speeds [m/s], ascending.
     count : callable
         Called with "coupled" before each contact.
+
+    Yields
+    ------
+    CoupledSample
 
     Raises
     ------

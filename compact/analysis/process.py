@@ -1,12 +1,14 @@
 """Forming process of a scene: roller row, sleeves, guides, balances, operating map and printed forces for comparison.
 
 Columns give the load, its spread along the roller and the confined floor of the resistance. The floor is not for
-sizing, and the load is a lower estimate: shear and the density over the height need two dimensions.
+sizing, and the load is a lower estimate: shear and the density over the height need two dimensions. Lumped lifts
+compute these, of one thickness and on one mesh ("quick"), or of three thicknesses and on three meshes ("deep").
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -14,10 +16,12 @@ from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.analysis.machine_models import cart
 from compact.engines.process.closures import FormingProblem, solve_closure
 from compact.engines.process.forming import Closure, ClosureKind, Feed, Fill, FormingMachine
+from compact.engines.process.lumped_lifts import simulate_lifts
 from compact.engines.process.operating_map import DensityCurve, OperatingMap, density_curve, operating_map
 from compact.engines.process.roller_row import RollerRow
 from compact.engines.process.section import BiteError
 from compact.engines.process.sleeve import FeedSleeve
+from compact.engines.process.two_dimensions import TwoDimensionalRow
 from compact.machine.cart import balance
 from compact.material.mix import Mix, bulk_density
 from compact.scene.loader import Scene, SceneError
@@ -25,6 +29,17 @@ from compact.verification import published_machine
 
 MAP_MOULD_SHARES = tuple(2.0 ** (power / 8) for power in range(-16, 17))  # [-], speeds of the map over the scene's
 MAP_CART_SHARES = tuple(2.0 ** (power / 8) for power in range(-8, 9))  # [-], likewise
+Detail = Literal["columns", "quick", "deep"]
+LIFT_SHARES = (0.75, 0.9, 0.6)  # [-], thicknesses of the lifts over the bite at the nip angle; quick: the first
+LIFTS_MIN = 10  # [-], lifts of a sequence at least, so that those of a thin product are thinner
+INCREMENTS = (6, 9, 12)  # [-], elements per contact length of the meshes; quick: the first
+CASES: dict[Detail, tuple[tuple[float, int], ...]] = {  # share and increments of the sequences of lifts
+    "columns": (),
+    "quick": ((LIFT_SHARES[0], INCREMENTS[0]),),
+    "deep": (
+        *((share, INCREMENTS[0]) for share in LIFT_SHARES), *((LIFT_SHARES[0], count) for count in INCREMENTS[1:]),
+    ),
+}  # fmt: skip
 UNFED_SHARE = 1e-6  # [-], of the product; less missing or surplus mix is rounding
 PRINTED_TOLERANCE = 1e-9  # [-], of roller radius and product height of the published machine
 
@@ -70,6 +85,15 @@ class PrintedForce(NamedTuple):
 class ProcessStudy:
     """Forming process of a scene with the table [process].
 
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    detail : {"columns", "quick", "deep"}
+        Columns alone, or with lumped lifts in two dimensions.
+    report : callable
+        Called with a line of text after each lift.
+
     Raises
     ------
     SceneError
@@ -77,6 +101,8 @@ class ProcessStudy:
     """
 
     scene: Scene
+    detail: Detail = "columns"
+    report: Callable[[str], None] = field(default=lambda _: None, compare=False)
 
     def __post_init__(self) -> None:
         if self.scene.process is None:
@@ -130,6 +156,32 @@ class ProcessStudy:
         closed = solve_closure(self.problem, self.closure)
         return RollerRow(self.problem, self.closure, closed, self.scene.mix.density_ratio)
 
+    @cached_property
+    def two_dimensions(self) -> TwoDimensionalRow | None:
+        """Roller row in two dimensions; None by columns alone or without feed."""
+        total = float(self.row.history.make_up.sum())
+        if not CASES[self.detail] or not total:
+            return None
+        sequences = tuple(
+            simulate_lifts(
+                self.problem, self.mix.steel_friction, self.row.history.rate_factor, self.row.product_density_ratio,
+                thickness=share * min(self.problem.machine.max_bite, total / LIFTS_MIN), increments=increments,
+                report=self.report,
+            )
+            for share, increments in CASES[self.detail]
+        )  # fmt: skip
+        return TwoDimensionalRow(self.row, sequences)
+
+    @property
+    def load(self) -> float:
+        """Load of one roller by the best model computed [N]."""
+        return self.row.load if self.two_dimensions is None else self.two_dimensions.load.value
+
+    @property
+    def resistance(self) -> float:
+        """Resistance of one roller by the best model computed [N]."""
+        return self.row.resistance if self.two_dimensions is None else self.two_dimensions.resistance.value
+
     @property
     def covered_width(self) -> float:
         """Width of the product that the rollers of one cart press [m]."""
@@ -161,15 +213,18 @@ class ProcessStudy:
     def guide_friction(self) -> float:
         """Friction of the guide wheels of a cart under the computed load [N]."""
         rollers = self.scene.machine.rollers
-        resistance = rollers * self.row.resistance + (self.sleeve_drag or 0.0)
-        return float(balance(cart(self.scene, self.row.load), 0.0, resistance, 1.0).guide_friction)
+        resistance = rollers * self.resistance + (self.sleeve_drag or 0.0)
+        return float(balance(cart(self.scene, self.load), 0.0, resistance, 1.0).guide_friction)
 
     @property
     def parts(self) -> tuple[ResistancePart, ...]:
         """Parts of the force that moves one cart."""
+        rollers, shear = self.scene.machine.rollers, None
+        if self.two_dimensions is not None:
+            shear = rollers * (self.resistance - self.row.resistance)
         forces = {
-            "confined compression of the throughput": self.scene.machine.rollers * self.row.resistance,
-            "shear and bow wave (two dimensions)": None,
+            "confined compression of the throughput": rollers * self.row.resistance,
+            "shear, uneven density, bow wave (two dimensions)": shear,
             "mix sheared in the feed sleeves": self.sleeve_drag,
             "friction of the guide wheels": self.guide_friction,
         }
@@ -220,13 +275,16 @@ class ProcessStudy:
         load, force = published_machine.ROLLER_REACTION, published_machine.MOVING_FORCE
         known = [(part.cause, part.force) for part in self.parts if part.force is not None]
         computed = sum(each for _, each in known)
-        loads = (
-            ("columns, a lower estimate", self.row.load),
-            ("density over the height and shear, roller length: not in columns", load - self.row.load),
-        )
-        causes = (*known, ("shear in two dimensions, other causes: not computed", force - computed))
+        loads = [("columns, a lower estimate", self.row.load)]
+        rest = "density over the height and shear, roller length: not in columns"
+        if self.two_dimensions is not None:
+            loads.append(("density over the height and shear (two dimensions)", self.load - self.row.load))
+            rest = "roller length, law of the mix, other causes: not computed"
+        loads.append((rest, load - self.load))
+        unknown = f"{'' if self.two_dimensions else 'shear in two dimensions, '}other causes: not computed"
+        causes = (*known, (unknown, force - computed))
         return (
-            PrintedForce("load on one roller", load, self.row.load, loads),
+            PrintedForce("load on one roller", load, self.load, tuple(loads)),
             PrintedForce("force that moves one cart", force, computed, causes),
         )
 
@@ -263,4 +321,18 @@ class ProcessStudy:
             "no feed: the strokes compact the fill alone" if not flow.fed else "",
             f"the roller touches nothing: the mix stays below the lowest generatrix, {machine.height:g} m"
             if not row.load else "",
+            *self._remarks_in_two_dimensions(),
+        )  # fmt: skip
+
+    def _remarks_in_two_dimensions(self) -> tuple[str, ...]:
+        found = self.two_dimensions
+        if found is None:
+            return ()
+        overpressed, beyond = found.of_product("overpressed_height"), found.load.extrapolated_share
+        stopped = next((sequence.stopped for sequence in found.sequences if sequence.stopped), "")
+        return (
+            f"the top {overpressed * 1e3:.0f} mm of the product exceed a density ratio of 1: pressed beyond the pores, "
+            "outside the law of the mix; water and air would carry the load there" if overpressed else "",
+            f"{beyond:.0%} of the load are extrapolated beyond the densest lift" if beyond else "",
+            f"a sequence of lifts ends early: {stopped}" if stopped else "",
         )  # fmt: skip

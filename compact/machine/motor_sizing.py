@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from compact.machine.rigid_drive import SAMPLES_PER_PIECE
+from compact.machine.rigid_drive import SAMPLES_PER_PIECE, CycleStatistics
 from compact.machine.shaft_load import CartsOnShaft
 from compact.numerics import Array
 from compact.numerics.piecewise import BREAK_OFFSET, clenshaw_curtis, find_maximum, interior_grid
@@ -152,6 +152,42 @@ def shaft_requirement(carts: CartsOnShaft) -> ShaftRequirement:
         peak_driving=max(driving, 0.0),
         peak_braking=max(braking, 0.0),
     )
+
+
+def requirement_of_run(run: CycleStatistics, angles: tuple[float, ...] = (0.0,)) -> ShaftRequirement:
+    """Compute the torque of a uniform shaft from a run whose driven end follows the law, such as an elastic drive.
+
+    Parameters
+    ----------
+    run : CycleStatistics
+        Run with samples in order of time that resolve its oscillation.
+    angles : tuple of float
+        Lead of each cart over the shaft [rad]; all carts have the same run.
+
+    Notes
+    -----
+    Torques between samples are interpolated linearly for carts that are ahead of the first one.
+    """
+    speed = 2 * np.pi / run.period
+    angle, torque = speed * run.time, run.drive_power / speed
+    slope = run.cycle.derivative(run.time, 1) / speed
+    ahead = [np.mod(angle + lead, 2 * np.pi) for lead in angles]
+    whole = np.sum([_interpolated(at, angle, torque, lead) for at, lead in zip(ahead, angles, strict=True)], axis=0)
+    inertia = [_interpolated(at, angle, slope**2, lead) for at, lead in zip(ahead, angles, strict=True)]
+    return ShaftRequirement(
+        speed=float(speed),
+        angle=angle,
+        weights=speed * run.weights,
+        torque=whole,
+        inertia=run.cart.mass * np.sum(inertia, axis=0),
+        peak_driving=max(float(whole.max()), 0.0),
+        peak_braking=max(float(-whole.min()), 0.0),
+    )
+
+
+def _interpolated(at: Array, angle: Array, values: Array, lead: float) -> Array:
+    """Values of a cart at its own angles [rad]; those of the samples for a cart without lead."""
+    return values if lead == 0 else np.interp(at, angle, values, period=2 * np.pi)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Confined compression of elastic-plastic mix on an elliptic cap: its stress path, and the yield pressure for it.
 
-With P = p + pt and a = (pc + pt)/2 the cap is P = a (1 + cos t), q = M a sin t. The vertical stress s_v = p + 2 q/3 is
+Let P = p + pt and a = (pc + pt)/2. Points of the cap are P = a (1 + cos t), q = M a sin t. The vertical stress
+s_v = p + 2 q/3 is
 
     s_v + pt = a [1 + S cos(t - t0)],    S = sqrt(1 + 4 M^2/9),    tan t0 = 2 M/3
 
@@ -15,8 +16,8 @@ strain, and s_v by second order. A Heckel curve s_v(k) is satisfied by
     a = (s_v + pt)/(1 + S) (1 + g),    g = (1 + S)/(1 + S cos d) - 1
 
 The equation of flow for d has one smooth solution, from which other initial stresses depart within an elastic strain.
-Chebyshev collocation over the logarithm of the curve finds it. With x = k/(1 - k), d is proportional to x as long as
-elastic strains are small, and g to x^2, so that a short polynomial represents g.
+Chebyshev collocation over the logarithm of the curve finds it. Let x = k/(1 - k). For small
+elastic strains d is proportional to x and g to x^2, so that a short polynomial represents g.
 
 References
 ----------
@@ -68,6 +69,11 @@ class ConfinedMix(NamedTuple):
 def elastic_polynomial(mix: ConfinedMix) -> tuple[float, float, float]:
     """Fit g = x^2 (c0 + c1 x + c2 x^2) over the Heckel curve.
 
+    Parameters
+    ----------
+    mix : ConfinedMix
+        Constants of the mix.
+
     Returns
     -------
     tuple of float
@@ -86,12 +92,22 @@ def elastic_polynomial(mix: ConfinedMix) -> tuple[float, float, float]:
 def stress_angle(mix: ConfinedMix) -> tuple[Array, Array]:
     """Solve the equation of flow for the deviation of the stress from that of rigid-plastic mix.
 
+    Parameters
+    ----------
+    mix : ConfinedMix
+        Constants of the mix.
+
     Returns
     -------
     x : ndarray
         Ratio k/(1 - k) at the nodes [-].
     angle : ndarray
         Angle d = t - t0 there [rad].
+
+    Raises
+    ------
+    RuntimeError
+        If Newton's method does not converge.
     """
     M, K, G3 = mix.critical_slope, mix.bulk_modulus, 3 * mix.shear_modulus
     end = np.log((1 - mix.loose_density_ratio) / (1 - mix.max_density_ratio))

@@ -4,8 +4,8 @@
     line  q <= M P                       P >= 0,   potential q - N P,  dV = -N ls,       de = ls
     cut   P >= 0
 
-with P = p + pt and a = (pc + pt)/2. The steady rolling of `incremental_rolling` replaces the line by q <= M (p' + pt),
-with the pressure p' of the same place in the last step (carried pressure). Flow with N = 0 is then associated and every
+with P = p + pt and a = (pc + pt)/2. The steady rolling of `incremental_rolling` replaces the line by q <= M (p' + pt).
+The carried pressure p' is that of the same place in the last step. Flow with N = 0 is then associated and every
 increment convex; in steady motion p' = p, and the law is the same. Both are q <= m P + b, with m = M, b = 0 or m = 0,
 b = M (p' + pt). A viscous stress n ls may exceed the line, up to the top Mc a of the cap where P < a.
 
@@ -59,6 +59,10 @@ def is_elastic_in_line(law: CapConstants, p: float, q: float, densest: float, ca
         Largest density ratio so far [-].
     carried : float
         Pressure p' that limits shear [Pa], NaN for p itself.
+
+    Returns
+    -------
+    bool
     """
     a, slope, limit = _surfaces(law, densest, carried)
     P = p + law.pt
@@ -247,7 +251,7 @@ def _corner_residual(law, trial, solution, limit, viscosity):
 
 @compiled
 def _intersection(law, a, slope, limit):
-    """Return P where the line meets the supercritical side of the cap, and dP/da; the nearest point without one."""
+    """Return P of the intersection of line and supercritical side, and dP/da; the nearest point without one."""
     M2 = law.M**2
     square, half = 1 + slope * slope / M2, a - slope * limit / M2
     root = np.sqrt(max(half * half - square * limit * limit / M2, 0.0))

@@ -102,6 +102,11 @@ class Viscoelastic(Elastic):
         ----------
         frequency : float
             Angular frequency w [rad/s].
+
+        Returns
+        -------
+        complex
+            Modulus [Pa].
         """
         terms = (share * 1j * frequency * time / (1 + 1j * frequency * time) for share, time in self.branches)
         return self.youngs_modulus * (1 + sum(terms))
@@ -200,7 +205,10 @@ class Compaction:
 
     @property
     def elastic_polynomial(self) -> tuple[float, float, float]:
-        """Coefficients c of g = x^2 (c0 + c1 x + c2 x^2), x = k/(1 - k), by which elastic strain raises pc + pt [-]."""
+        """Coefficients of the factor 1 + g by which elastic strain raises pc + pt in confined compression [-].
+
+        g = x^2 (c0 + c1 x + c2 x^2) with x = k/(1 - k); zero for an isotropic curve.
+        """
         if self.heckel_test == "isotropic":
             return 0.0, 0.0, 0.0
         modulus, poisson = float(self.unloading_modulus), float(self.poisson)
@@ -224,12 +232,17 @@ class Compaction:
         density_ratio : array_like
             Density ratio k [-], > 0.
 
+        Returns
+        -------
+        ndarray
+            Pressure pc [Pa].
+
         Notes
         -----
-        Heckel's curve is used up to k = 0.99. Beyond, pc continues along the tangent of the curve over ln k, so that
-        it stays finite and k may exceed 1 outside the range of validity. Near k0, and where a curve of confined
-        compression lies below the stress that the tensile strength carries, pc tends to a small positive value, since
-        mix at rest bears zero stress. Both transitions are smooth.
+        Heckel's curve is used up to k = 0.99. Beyond, pc continues along the tangent of the curve over ln k. It stays
+        finite there, and k may exceed 1, outside the range of validity. Mix at rest bears zero stress. pc therefore
+        tends to a small positive value near k0, and where a curve of confined compression lies below the stress that
+        the tensile strength carries. Both transitions are smooth.
         """
         k, bias = np.asarray(density_ratio, dtype=float), self.tensile_offset
         inside = np.minimum(k, HECKEL_MAX_DENSITY_RATIO)
@@ -254,8 +267,8 @@ class DruckerPragerCap(Compaction):
         cap   f = q^2/Mc^2 + P (P - C) <= 0    P >= kappa C,       associated flow
         line  f = q - M P <= 0                 0 <= P <= kappa C,  plastic potential q - N P, no hardening
 
-    P = p + pt and C = pc + pt; both meet at kappa = Mc^2/(Mc^2 + M^2). The tension cut-off is P = 0. The slope Mc of
-    the cap, `critical_slope`, determines the earth pressure in confined compression; M and N determine the angles of
+    P = p + pt and C = pc + pt; both intersect at kappa = Mc^2/(Mc^2 + M^2). The tension cut-off is P = 0. The slope Mc
+    of the cap, `critical_slope`, determines the earth pressure in confined compression; M and N determine the angles of
     friction and dilatancy. pc depends on the largest k so far, so that dilatant shear does not soften the cap.
 
     Parameters

@@ -12,8 +12,9 @@ from compact.validation.case import KINDS, PREDICTED, Comparison
 from compact.validation.registry import RECORDED_HEADER, CaseResult, recorded_rows
 
 TABLE_WIDTH = 120  # characters of a line
+QUANTITY_WIDTH = 48  # characters; a longer quantity has a line of its own
 NOTE_INDENT = " " * 4  # of the lines below a row
-HEADER = ("quantity", "unit", "ours", "theirs", "their scatter", "deviation", "expected", "verdict")
+HEADER = ("quantity", "unit", "ours", "theirs", "scatter", "deviation", "expected", "verdict")
 VERDICTS = ("met", "explained", "not met")
 PAGE, PAGE_TEMPLATE = "validation.md", "page.md"
 
@@ -178,4 +179,5 @@ def _line(
     quantity: str, unit: str, ours: str, theirs: str, scatter: str, deviation: str, expected: str, verdict: str
 ) -> str:
     numbers = f"{ours:>11} {theirs:>11} {scatter:>8} {deviation:>9} {expected:>9}"
-    return f"{quantity:<48.48} {unit:<7.7} {numbers:<52} {verdict}".rstrip()
+    first = f"{quantity}\n" if len(quantity) > QUANTITY_WIDTH else ""
+    return f"{first}{'' if first else quantity:<{QUANTITY_WIDTH}} {unit:<7.7} {numbers:<52} {verdict}".rstrip()

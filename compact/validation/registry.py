@@ -9,12 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
-import numpy as np
+from threadpoolctl import threadpool_limits
 
 from compact.numerics.validation import require_known
+from compact.validation.cam_clay import CAM_CLAY
 from compact.validation.case import Comparison, Evaluation, ValidationCase, read_rows
 from compact.validation.half_plane import PA6
 from compact.validation.plant_case import read_plant_case
+from compact.validation.plastic_limits import PRANDTL
 from compact.validation.plate_wheel import CMU_WHEEL
 from compact.validation.powder import PH102
 from compact.validation.roller_compactor import JOHANSON
@@ -24,7 +26,7 @@ from compact.validation.terramechanics import BEKKER, WONG_REECE
 RECORDED = "recorded.csv"
 RECORDED_HEADER = ("case", "key", "ours", "theirs", "verdict")
 CASES: Mapping[str, ValidationCase] = MappingProxyType(
-    {each.name: each for each in (CMU_WHEEL, SAND, PH102, PA6, BEKKER, WONG_REECE, JOHANSON)}
+    {each.name: each for each in (CMU_WHEEL, SAND, PH102, PA6, BEKKER, WONG_REECE, JOHANSON, CAM_CLAY, PRANDTL)}
 )
 
 
@@ -82,8 +84,8 @@ def select_cases(names: Sequence[str]) -> tuple[ValidationCase, ...]:
 
 
 def evaluate_case(case: ValidationCase) -> CaseResult:
-    """Evaluate a case; floating-point warnings inside it raise."""
-    with np.errstate(under="ignore"):
+    """Evaluate a case on one thread, on which the recorded values were computed."""
+    with threadpool_limits(1):
         evaluation = case.evaluate()
     return CaseResult(case, evaluation, recorded_values(case.name) if CASES.get(case.name) is case else None)
 

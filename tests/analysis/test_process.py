@@ -5,8 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lift_sequences import sequence
 
 from compact import cli
+from compact.analysis import process
 from compact.analysis.process import ProcessStudy
 from compact.report.process_writer import process_digest, process_summary
 from compact.scene.loader import SceneError, load_scene
@@ -107,6 +109,40 @@ def test_command_writes_results_of_a_mould_at_rest(tmp_path, capsys):
     rows = np.loadtxt(tmp_path / "out" / "strokes.csv", delimiter=",", skiprows=1)
     assert rows.shape == (3, 10)
     assert len(list((tmp_path / "out" / "fields").glob("strokes=*.vtu"))) == 3
+
+
+def test_lumped_lifts_enter_forces_files_and_words(monkeypatch, tmp_path, capsys):
+    calls = []
+
+    def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, report):
+        calls.append((thickness, increments))
+        report("lift 1")
+        load, work = (lambda k: 2e3 * np.exp(8 * (k - 0.75))), (lambda k: 1e5 * np.exp(10 * (k - 0.75)))
+        return sequence(thickness, increments, load=load, work=work, stopped="not steady")
+
+    monkeypatch.setattr(process, "simulate_lifts", lifts)
+    found = ProcessStudy(load_scene(SCENE, **SHORT), "deep")
+    shear = found.parts[1]
+    assert shear.force == pytest.approx(2 * (found.resistance - found.row.resistance))
+    assert [increments for _, increments in calls] == [6, 6, 6, 9, 12]
+    assert [thickness / found.problem.machine.max_bite for thickness, _ in calls] == pytest.approx(
+        [0.75, 0.9, 0.6, 0.75, 0.75]
+    )
+    load, force = found.printed
+    assert load.computed == found.load == found.two_dimensions.load.value
+    for each in (load, force):
+        assert sum(part for _, part in each.causes) == pytest.approx(each.printed, rel=1e-12)
+    assert any(remark.startswith("the top 10 mm of the product exceed") for remark in found.remarks)
+    assert any(remark.endswith("extrapolated beyond the densest lift") for remark in found.remarks)
+    assert found.remarks[-1] == "a sequence of lifts ends early: not steady"
+    options = [part for key, value in SHORT.items() for part in ("--set", f"{key}={value}")]
+    assert cli._exit_code(["process", str(SCENE), "--quick", "--out", str(tmp_path / "out"), *options]) == 0
+    assert "one roller, two dimensions" in capsys.readouterr().out
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"lifts.csv", "lifts.png", "map.png", "map.csv"} <= names
+    summary = json.loads((tmp_path / "out" / "process.json").read_text())["two_dimensions"]
+    assert summary["load"]["error"] == pytest.approx(np.hypot(0.05, 0.01), rel=1e-6)
+    assert summary["sequences"][0]["lifts"] == 11
 
 
 @pytest.mark.slow

@@ -1,8 +1,8 @@
 """Motor, guide wheels and bearings of a scene: shaft torque of every law, choice of a motor, load cycles and lives.
 
-The shaft turns uniformly, one revolution a cycle, and the carts follow the law (a rigid drive), whatever the drive of
-the scene. `[drive.catalogue]` has the motors and the rule by which one holds. Wheels and rollers carry the loads of the
-recommended law under the drive of the scene:
+The shaft turns uniformly, one revolution a cycle. The carts follow the law; behind the spring of an elastic drive its
+driven end does. `[drive.catalogue]` has the motors and the rule by which one holds. Wheels and rollers carry the loads
+of the first law under the drive of the scene:
 
     guide wheel   |N1| or |N2|, of its axle
     roller        sqrt(R^2 + (W/n)^2), lift and its share of the resistance
@@ -10,6 +10,7 @@ recommended law under the drive of the scene:
 A guide wheel of diameter D and a roller of radius r turn by 2 s/(pi D) and s/(pi r) in a cycle of the stroke s.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +25,7 @@ from compact.machine.motor_sizing import (
     ShaftRequirement,
     SizingRule,
     choose_motor,
+    requirement_of_run,
     shaft_requirement,
 )
 from compact.machine.shaft_load import CartsOnShaft
@@ -128,20 +130,25 @@ def machine_sizing(stages: Stages, law: str | None = None) -> MachineSizing:
 
 def _law_sizings(stages: Stages, rule: SizingRule) -> dict[str, LawSizing]:
     """Compute the requirement of every law and choose its motor."""
-    scene, motors = stages.drive.scene, machine_models.catalogue(stages.drive.scene)
-    found = {}
-    for name, cycle in stages.laws.cycles.items():
-        if any(join.order == 1 for join in cycle.discontinuities()):
-            found[name] = LawSizing(name, None, float("inf"), None)
-            continue
-        carts = CartsOnShaft(
-            stages.resistance.cart, cycle, stages.resistance.resistance, machine_models.angles(scene),
-            machine_models.linkage(scene, cycle),
-        )  # fmt: skip
-        needed = shaft_requirement(carts)
-        choice = choose_motor(motors, needed, rule) if motors else None
-        found[name] = LawSizing(name, needed, rule.required_power(needed), choice)
+    motors, found = machine_models.catalogue(stages.drive.scene), {}
+    for name in stages.laws.cycles:
+        needed = _requirement(stages, name)
+        power = math.inf if needed is None else rule.required_power(needed)
+        choice = choose_motor(motors, needed, rule) if motors and needed else None
+        found[name] = LawSizing(name, needed, power, choice)
     return found
+
+
+def _requirement(stages: Stages, law: str) -> ShaftRequirement | None:
+    """Torque of the shaft that a law requires; None for a velocity jump without a spring."""
+    scene, cycle = stages.drive.scene, stages.laws.cycles[law]
+    angles = machine_models.angles(scene)
+    if scene.drive.kind == "elastic":
+        return requirement_of_run(stages.drive.runs[law], angles)
+    if any(join.order == 1 for join in cycle.discontinuities()):
+        return None
+    cart, resistance = stages.resistance.cart, stages.resistance.resistance
+    return shaft_requirement(CartsOnShaft(cart, cycle, resistance, angles, machine_models.linkage(scene, cycle)))
 
 
 def _wheel_loads(run: Any) -> Iterator[WheelLoads]:

@@ -1,9 +1,9 @@
-"""Spread of load and resistance over the laws of the mix, a model error apart from discretisation and input spread.
+"""Spread of load and resistance over the laws of the mix: an error of the model, not of mesh or inputs.
 
-The yield surface of loose mix decides how high a bow wave the roller pushes ahead, and no publication states it. The
-contact at the mean speed is computed again by the other law of `[mix]`, and by "drucker-prager-cap" over the spread of
-the cohesion of loose mix, at the same held quantity. Ratios to the law of the scene on the same mesh leave the
-discretisation error out; a coarse mesh is sufficient for them.
+The yield surface of loose mix decides the height of the bow wave ahead of the roller, and no publication states it. The
+contact at the mean speed is therefore computed again by the other law of `[mix]`. "drucker-prager-cap" has the ends of
+the spread of the cohesion of loose mix, too. All contacts hold the quantity that the scene holds. Ratios to the law of
+the scene on the same mesh contain little discretisation error, so that a coarse mesh is sufficient.
 
 A law by which the mix heaps up in front of the roller has no ratio, but the height of the wave and the travel.
 """
@@ -101,6 +101,10 @@ def model_spread(scene: Scene, mix: Mix, held: HeldQuantity) -> ModelSpread:
     held : HeldQuantity
         Quantity that all laws hold, at its value in the scene.
 
+    Returns
+    -------
+    ModelSpread
+
     Raises
     ------
     RuntimeError
@@ -110,7 +114,20 @@ def model_spread(scene: Scene, mix: Mix, held: HeldQuantity) -> ModelSpread:
 
 
 def scenes_of_laws(scene: Scene, mix: Mix) -> tuple[Scene, ...]:
-    """Return the scene and the scene with every other law, of the shear line with the ends of its cohesion."""
+    """Return the scene and its variants by the other laws of the mix.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with a compacting engine.
+    mix : Mix
+        Its mix, whose cohesion of loose mix has a value and a spread.
+
+    Returns
+    -------
+    tuple of Scene
+        The scene first; the shear line at the low end, the value and the high end of the cohesion.
+    """
     found = [scene]
     if scene.mix.law == LINE:
         found.append(scene.replaced(**{"mix.law": "ellipse"}))
@@ -123,6 +140,13 @@ def scenes_of_laws(scene: Scene, mix: Mix) -> tuple[Scene, ...]:
 
 def contact_by_law(held: HeldQuantity, scene: Scene) -> LawVariant:
     """Compute the contact by the law of a scene.
+
+    Parameters
+    ----------
+    held : HeldQuantity
+        Quantity that the contact holds.
+    scene : Scene
+        Scene with the law.
 
     Returns
     -------
@@ -141,7 +165,16 @@ def contact_by_law(held: HeldQuantity, scene: Scene) -> LawVariant:
 
 
 def spread_of(contacts: Sequence[LawVariant]) -> ModelSpread:
-    """Refer the contacts of `contact_by_law` to the first, by the law of the scene.
+    """Divide load and resistance of contacts by those of the first, by the law of the scene.
+
+    Parameters
+    ----------
+    contacts : sequence of LawVariant
+        Contacts of `contact_by_law` in the order of `scenes_of_laws`.
+
+    Returns
+    -------
+    ModelSpread
 
     Raises
     ------

@@ -114,8 +114,12 @@ class RollerRow:
     @property
     def load_centre(self) -> float:
         """Centre of the load from the edge at the empty mould [m]; the middle of the roller without load."""
+        return self.centre_of(self.history.load)
+
+    def centre_of(self, line_load: Array) -> float:
+        """Return the centre of the loads of the strokes per unit roller length [N/m], from the empty mould [m]."""
         middle = (self.edges[:-1] + self.edges[1:]) / 2
-        load = self.history.load * self.lengths
+        load = line_load * self.lengths
         return float(load @ middle / load.sum()) if load.sum() else self.problem.machine.roller_length / 2
 
     @property

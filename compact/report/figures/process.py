@@ -3,6 +3,9 @@
 Each function draws one figure from a finished study and returns it.
 """
 
+from collections.abc import Iterator
+from typing import Literal
+
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.axes import Axes
@@ -13,6 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from compact.analysis.process import ProcessStudy
+from compact.engines.process.section import SectionState
+from compact.engines.process.two_dimensions import TwoDimensionalRow
 from compact.quantities import STROKE
 from compact.report.figures.style import PALETTE, panels
 from compact.report.figures.sweep import label_contours
@@ -49,15 +54,20 @@ def draw_section(study: ProcessStudy) -> Figure:
     axes[0].set_aspect("equal")
     axes[0].axis("off")
     bar = figure.add_axes((0.8 / width, (total - 0.55) / total, 3.2 / width, 0.16 / total))
-    figure.colorbar(ScalarMappable(norm, colormaps[SECTION_COLOURS]), cax=bar, orientation="horizontal")
+    beyond: Literal["max", "neither"] = "neither" if study.two_dimensions is None else "max"
+    colours = ScalarMappable(norm, colormaps[SECTION_COLOURS])
+    figure.colorbar(colours, cax=bar, orientation="horizontal", extend=beyond)
     bar.set_title("density ratio k: left loose, right without pores", fontsize=9, loc="left")
     edges, history = row.edges, row.history
-    axes[1].stairs(history.load / 1e3, edges, color=PALETTE[0], fill=True, alpha=0.35)
-    axes[1].stairs(history.load / 1e3, edges, color=PALETTE[0])
-    axes[1].axvline(row.load_centre, color=PALETTE[1], linestyle="--")
-    share = row.load_centre / length
+    found = study.two_dimensions
+    load = history.load if found is None else found.at_strokes("load", found.lumpings)
+    axes[1].stairs(load / 1e3, edges, color=PALETTE[0], fill=True, alpha=0.35)
+    axes[1].stairs(load / 1e3, edges, color=PALETTE[0])
+    centre = row.centre_of(load)
+    axes[1].axvline(centre, color=PALETTE[1], linestyle="--")
+    share = centre / length
     axes[1].text(
-        row.load_centre - 0.01 * length, 0.9, f"centre of the load, {share:.0%} of the roller", color=PALETTE[1],
+        centre - 0.01 * length, 0.9, f"centre of the load, {share:.0%} of the roller", color=PALETTE[1],
         transform=axes[1].get_xaxis_transform(), ha="right", va="top", fontsize=9,
     )  # fmt: skip
     axes[1].set(xlim=span, ylim=(0, None), ylabel="load P\n[kN/m]")
@@ -83,13 +93,23 @@ def _draw_mix(ax: Axes, study: ProcessStudy, norm: Normalize, slope: float, tail
     ratios = [fill.density_ratio]
     for low, high, state in pieces:
         bottom = 0.0
-        for column in state.columns:
-            upper = bottom + column.height
+        for height, ratio in _rows(study, state):
+            upper = bottom + height
             outlines.append([(low, bottom), (high, bottom), (high, upper), (low, upper)])
-            ratios.append(column.density_ratio)
+            ratios.append(ratio)
             bottom = upper
     colours = colormaps[SECTION_COLOURS](norm(ratios))
     ax.add_collection(PolyCollection(outlines, facecolors=colours, edgecolors=colours, linewidths=0.2))
+
+
+def _rows(study: ProcessStudy, state: SectionState) -> Iterator[tuple[float, float]]:
+    """Yield heights and density ratios of a section: of its layers, or of the lumped lift with the nearest density."""
+    if study.two_dimensions is None:
+        yield from ((column.height, column.density_ratio) for column in state.columns)
+        return
+    lifts = study.two_dimensions.lumpings[0].lifts
+    nearest = min(lifts, key=lambda lift: abs(lift.density_ratio - state.density_ratio))
+    yield from zip(nearest.row_heights, nearest.row_density_ratios, strict=True)
 
 
 def _draw_machine(ax: Axes, study: ProcessStudy, span: tuple[float, float], slope: float) -> None:
@@ -144,6 +164,42 @@ def draw_strokes(study: ProcessStudy) -> Figure:
     axes[0, 2].axhline(study.row.required_density_ratio, color="0.4", linestyle=":", label="required")
     axes[0, 2].set(xlabel="stroke on a section", ylabel="mean density ratio k [-]")
     axes[0, 2].legend(frameon=False, loc="lower right")
+    return figure
+
+
+def draw_lifts(found: TwoDimensionalRow) -> Figure:
+    """Draw load, resistance over the make-up, and density at bottom and top of lumped lifts over the mean density.
+
+    Parameters
+    ----------
+    found : TwoDimensionalRow
+        Roller row in two dimensions.
+    """
+    figure, axes = panels(1, 3, (3.6, 2.9), gaps=(0.85, 0.3), top=0.3)
+    for sequence, colour in zip(found.sequences, PALETTE, strict=False):
+        ratio = sequence.values("density_ratio")
+        label = f"lifts of {sequence.thickness * 1e3:.2g} mm, {sequence.increments} elements"
+        style = {"color": colour, "marker": "o", "markersize": 3}
+        axes[0, 0].plot(ratio, sequence.values("load") / 1e3, label=label, **style)
+        middle = (ratio + sequence.values("density_before")) / 2
+        axes[0, 1].plot(middle, sequence.values("resistance") / sequence.thickness / 1e3, **style)
+    thinnest, history = found.lumpings[0], found.row.history
+    columns = {"color": "0.4", "linestyle": "--", "label": "columns, single strokes"}
+    axes[0, 0].plot(history.density_ratio, history.load / 1e3, **columns)
+    fed = history.make_up > 0
+    axes[0, 1].plot(history.density_ratio[fed], (history.resistance[fed] / history.make_up[fed]) / 1e3, **columns)
+    ratio = thinnest.values("density_ratio")
+    axes[0, 2].plot(ratio, thinnest.values("top_density_ratio"), color=PALETTE[1], label="top quarter")
+    axes[0, 2].plot(ratio, ratio, color="0.4", linestyle="--", label="mean")
+    axes[0, 2].plot(ratio, thinnest.values("bottom_density_ratio"), color=PALETTE[0], label="bottom quarter")
+    axes[0, 2].axhline(1.0, color="0.4", linestyle=":", label="no pores")
+    labels = ("load P [kN/m]", "resistance over make-up, F/t [kPa]", "density ratio behind the roller [-]")
+    for ax, label in zip(axes[0], labels, strict=True):
+        ax.set(xlabel="mean density ratio k [-]", ylabel=label)
+        if ax is not axes[0, 1]:
+            ax.legend(frameon=False, fontsize=8)
+    for ax in axes[0, :2]:
+        ax.set_ylim(0, None)
     return figure
 
 

@@ -3,27 +3,29 @@
 from collections.abc import Mapping
 
 from compact.analysis.sizing.machine_sizing import LawSizing, MachineSizing
+from compact.analysis.study import Study
 from compact.machine.motor_sizing import MotorChoice, MotorFit
 from compact.report.number_format import format_column, format_number, format_percent, format_quantity
 from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table, as_sentence
-from compact.report.sizing.sentences import bearing_sentence, motor_sentence
+from compact.report.sizing.sentences import bearing_sentence, margin_sentence, motor_sentence
 
 SHOWN_CYCLES = 6  # [-], load cycles of a wheel on the page, the largest; wheel-loads.csv has all
 SHOWN_MOTORS = 12  # [-], motors on the page, those next to the chosen one; motor-catalogue.csv has all
 SECONDS_PER_HOUR = 3600.0  # [s]
 
 
-def motor_section(sizing: MachineSizing, pictures: Mapping[str, bytes]) -> Section:
-    """Show motor, guide wheels and bearings under the first law.
+def motor_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
+    """Show motor, guide wheels and bearings under the recommended law.
 
     Parameters
     ----------
-    sizing : MachineSizing
-        Sizing of a finished study.
+    study : Study
+        A finished study.
     pictures : mapping
         Figures by name, "shaft" among them for a drive with a shaft.
     """
-    sentences = [motor_sentence(sizing), bearing_sentence(sizing)]
+    sizing = study.machine_sizing
+    sentences = [motor_sentence(sizing), margin_sentence(study), bearing_sentence(sizing)]
     blocks: list[Block] = [Paragraph(as_sentence(sentence)) for sentence in sentences if sentence]
     if "shaft" in pictures:
         caption = "Uniform shaft, one revolution a cycle. Limits of the motor are at the shaft, divided by the margin."
