@@ -26,7 +26,8 @@ COLUMN = {"accuracy.engine": "column", "contact.speeds": [0.05, 0.2]}
 
 
 def study(over="duration=0.3:3:4", scene="small", **changes):
-    return Study(load_scene(SCENES / f"{scene}.toml", **changes), durations=read_durations(over))
+    given = load_scene(SCENES / f"{scene}.toml", **{"output.items": []} | changes)
+    return Study(given, durations=read_durations(over))
 
 
 @pytest.fixture(scope="module")
