@@ -231,8 +231,10 @@ class Study:
 
     @cached_property
     def machine_sizing(self) -> MachineSizing:
-        """Motor, guide wheels and bearings."""
-        return machine_sizing(self.stages)
+        """Motor of every law, and guide wheels and bearings under the recommended law by the first criterion."""
+        motion, kind = self.scene.motion, self.scene.drive.kind
+        recommended = [self.verdicts.get((motion.duration, kind, by)) for by in self._sizing_peaks[:1]]
+        return machine_sizing(self.stages, next((each.law for each in recommended if each), None))
 
     @cached_property
     def work_balance(self) -> WorkBalance:

@@ -70,6 +70,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "over_durations": duration_numbers(study.over_durations),
         "machine_sizing": sizing_numbers(study.machine_sizing),
         "work_balance": _work_balance(study.work_balance),
+        "verdict": _verdict(study),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"density_achievable": reach.possible, "reason": reach.reason},
@@ -184,6 +185,34 @@ def _model_spread(spread: ModelSpread | None) -> dict[str, Any] | None:
             for each in spread.variants
         ],
     }
+
+
+def _verdict(study: Study) -> dict[str, Any] | None:
+    """Convert models, verdicts and their uncertainty; None for a scene without the output "report"."""
+    known = study.uncertainty
+    if known is None:
+        return None
+    models = [
+        {
+            "engine": each.engine,
+            "sizing": each.valid,
+            "mean_resistance": {
+                f"{duration:g}": _number(force, "N") for duration, force in each.mean_resistance.items()
+            },
+            "resistance_error": each.error,
+            "law_spread": each.spread,
+        }
+        for each in study.models
+    ]
+    verdicts = [
+        {key: value for key, value in asdict(each).items() if key != "value"}
+        | {"value": _number(each.value, CRITERIA[each.by].unit)}
+        for each in study.verdicts.values()
+    ]
+    sources = [asdict(each) for each in known.sources]
+    margins = {by: known.margin(by) for by in known.peaks}
+    mix = None if known.mix is None else asdict(known.mix)
+    return {"models": models, "verdicts": verdicts, "margins": margins, "sources": sources, "mix": mix}
 
 
 def _steady_forces(study: Study) -> dict[str, Any]:

@@ -21,14 +21,21 @@ from compact.machine.ranking import CRITERIA
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report.page import answer_text
 from compact.report.sizing.duration_tables import duration_sentence
-from compact.report.sizing.sentences import bearing_sentence, motor_sentence, work_sentence, work_warnings
+from compact.report.sizing.sentences import (
+    bearing_sentence,
+    margin_sentence,
+    motor_sentence,
+    work_sentence,
+    work_warnings,
+)
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 
 TEXT_WIDTH = 118  # characters of a line, without its indent
+WHOLE = 1000.0  # values from here on have no decimals
 DIGEST_CRITERIA = 2  # [-], number of criteria in the digest, the first of the scene
 DIGEST_NUMBER = "roller_force"
-DIGEST_LINES = 40  # [-]; the digest fits a terminal
+DIGEST_LINES = 38  # [-]; the digest and the line of the results fit 40 lines
 SHORT_CELLS = {  # words of the table of models in the terminal
     f"no: {answer_text.NOT_FOR_SIZING}": "no (part)", "discretisation error": "error", "mean resistance": "resistance",
     "least peak drive force": "least peak force", "least peak drive power": "least peak power",
@@ -62,7 +69,7 @@ def _digest_sentences(study: Study) -> Iterator[str]:
     """List the sentences of the digest, the most important first; some are empty."""
     yield from answer_text.duration_lines(study)
     yield from (answer_text.stiffness_sentence(study), answer_text.measurement_sentence(study), spread_sentence(study))
-    yield from (motor_sentence(study.machine_sizing), *work_warnings(study.work_balance))
+    yield from (motor_sentence(study.machine_sizing), margin_sentence(study), *work_warnings(study.work_balance))
     yield from heaping_sentences(study)
     yield from (f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())
     yield from (study.mix.density_achievable.reason, held_sentence(study), return_sentence(study), air_sentence(study))
@@ -302,7 +309,8 @@ def _number_line(name: str, number: Number) -> str:
 
 def _model_lines(study: Study) -> Iterator[str]:
     """List the models in columns of equal width."""
-    table = [[SHORT_CELLS.get(cell, cell) for cell in row] for row in answer_text.model_table(study)]
+    rows = answer_text.model_table(study)
+    table = [[SHORT_CELLS.get(cell, cell).replace(" of the first", "") for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for row in table:
         yield "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
@@ -325,7 +333,7 @@ def _place_words(place: Place, run: Any, kind: str) -> str:
     unresolved = "" if place.resolved in (True, None) or place.tie else " ?"
     amplification = getattr(run, "dynamic_amplification", np.nan) if kind in COMPLIANT_DRIVES else np.nan
     amplified = f", amplification {amplification:.2f}" if np.isfinite(amplification) else ""
-    return f"{place.rank} {place.law} {place.value:.4g}{amplified}{margin}{unresolved}"
+    return f"{place.rank} {place.law} {place.value:.{0 if place.value >= WHOLE else 1}f}{amplified}{margin}{unresolved}"
 
 
 def _contact_rows(study: Study, contact: ContactResult) -> list[tuple[str, Any, Any, Any]]:

@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from compact.report import writer as report
 from compact.report.figures.sizing import draw_shaft_torque
 from compact.report.page.motor import motor_section
 from compact.report.sizing.machine_tables import sizing_numbers
-from compact.report.sizing.sentences import bearing_sentence, motor_sentence
+from compact.report.sizing.sentences import bearing_sentence, margin_sentence, motor_sentence
 from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
 
@@ -40,12 +41,16 @@ def small(tmp_path):
     return tmp_path / "small.toml"
 
 
+def study_of(**changes):
+    return Study(load_scene(SCENES / "small.toml", **{"output.items": []} | changes))
+
+
 def sizing(**changes):
-    return Study(load_scene(SCENES / "small.toml", **changes)).machine_sizing
+    return study_of(**changes).machine_sizing
 
 
 def test_shaft_has_the_energy_and_the_peak_power_of_the_run():
-    study = Study(load_scene(SCENES / "small.toml", **RULE))
+    study = study_of(**RULE)
     for name, each in study.machine_sizing.laws.items():
         run, found = study.runs[name], each.requirement
         assert 2 * np.pi * found.mean_torque == pytest.approx(run.energy, rel=1e-6)
@@ -101,7 +106,7 @@ def test_stiff_spring_requires_the_motor_of_a_rigid_drive():
 def test_spring_adds_its_oscillation_to_the_torque():
     """Energy of the driven end over a cycle; a velocity jump has a finite torque behind a spring."""
     soft = {"drive.stiffness": 1e6, "drive.damping": 3e3, "motion.duration": 0.889}
-    study = Study(load_scene(SCENES / "small.toml", **soft | {"drive.kind": "elastic", "motion.laws": ["cubic"]}))
+    study = study_of(**soft | {"drive.kind": "elastic", "motion.laws": ["cubic"]})
     found = study.machine_sizing.first.requirement
     assert 2 * np.pi * found.mean_torque == pytest.approx(study.runs["cubic"].energy, rel=1e-9)
     assert found.peak_torque * found.speed == pytest.approx(study.runs["cubic"].peak_power, rel=1e-3)
@@ -136,7 +141,7 @@ def test_hydraulic_drive_has_wheels_and_no_shaft():
 
 def test_wheels_have_the_load_cycles_of_the_reactions():
     """A dry resistance reverses once a cycle, and with it the moment on the guides; the lift is constant."""
-    study = Study(load_scene(SCENES / "small.toml"))
+    study = study_of()
     wheels = {each.name: each for each in study.machine_sizing.wheels}
     front = study.runs["cubic"].state.forces.front_reaction
     assert wheels["front guide wheel"].cycles[0].range == pytest.approx(np.ptp(front))
@@ -155,7 +160,7 @@ def test_life_of_the_roller_bearing_by_hand():
 
 
 def test_another_law_may_be_sized():
-    stages = Study(load_scene(SCENES / "small.toml", **BEARINGS)).stages
+    stages = study_of(**BEARINGS).stages
     cubic, other = machine_sizing(stages), machine_sizing(stages, "reversal-3")
     assert (cubic.first.law, other.first.law) == ("cubic", "reversal-3")
     assert other.first.required_power == cubic.laws["reversal-3"].required_power
@@ -168,6 +173,27 @@ def test_return_over_compacted_mix_unloads_the_rollers():
     assert compacted.lives["roller"].hours > 1.5 * fresh.lives["roller"].hours
     lift = next(each for each in compacted.wheels if each.name == "roller, lift")
     assert [each.count for each in lift.cycles] == [1.0]
+
+
+def test_margin_below_that_of_models_and_mix_is_reported(monkeypatch):
+    study = study_of()
+    assert study.machine_sizing.rule.margin == 1.25
+    known = SimpleNamespace(peaks={"peak_power": 2e3}, margin=lambda by: 0.618 if by == "peak_power" else np.nan)
+    monkeypatch.setitem(study.__dict__, "uncertainty", known)
+    assert "and below that of models and mix, 1.62 of the peak power; drive.catalogue.margin = 1.62" in (
+        margin_sentence(study)
+    )
+    known.margin = lambda by: 0.2
+    assert margin_sentence(study) == ""
+    monkeypatch.setitem(study.__dict__, "uncertainty", None)
+    assert margin_sentence(study) == ""
+
+
+def test_recommended_law_is_that_of_the_first_screen():
+    study = study_of(**{"motion.duration": 0.889})
+    assert study.machine_sizing.first_law == study.verdicts[0.889, "rigid", "peak_force"].law
+    energy = study_of(**{"drive.rank_by": ["energy"]})
+    assert energy.machine_sizing.first_law == energy.drive_stage.best_law
 
 
 def test_overloaded_bearing_is_reported():
@@ -189,7 +215,7 @@ def test_results_reach_files_summary_figure_and_page(small, tmp_path):
     with (tmp_path / "out" / "motor-catalogue.csv").open(newline="") as file:
         held = [row["motor"] for row in csv.DictReader(file) if row["holds"] == "True"]
     assert held[0] == "M-3"
-    section = motor_section(study.machine_sizing, {"shaft": b"\0" * 30})
+    section = motor_section(study, {"shaft": b"\0" * 30})
     assert [block.kind for block in section.blocks] == ["paragraph"] * 2 + ["picture"] + ["table"] * 4
     figure = draw_shaft_torque(study.machine_sizing.first, study.machine_sizing.rule)
     labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]

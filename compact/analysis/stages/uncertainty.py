@@ -44,7 +44,7 @@ GIVEN_SPREAD = 0.1  # [-], relative half-width of a parameter that the scene sta
 DENSITY_STEP = 0.1  # [-], of the increase of the density ratio; half-width of the initial density ratio
 SCALES = 7  # [-], of the resistance, at which the peaks of the recommended law are sampled
 CONTENDER_SHARE = 1.5  # [-], of the least peak; laws beyond it are not first where the resistance changes
-MEASURED = "measured"  # first word of the remark on a measured value
+MEASURED = "measured"  # first word of the clause of a remark on a measured value
 FED = "fed_density_ratio"
 LEAST_EFFECT = 1e-3  # [-], a smaller change of the resistance is not simulated
 
@@ -348,7 +348,7 @@ def mix_spread(scene: Scene) -> MixSpread | None:
         return None
     if not base > 0:
         return None
-    ranges = parameter_ranges(columns)
+    ranges = parameter_ranges(columns, scene)
     names, count = tuple(ranges), len(ranges)
     resistance = partial(_resistance_at, columns, ranges)
     shares = qmc.Sobol(count, rng=SEED).random(SAMPLES)
@@ -374,15 +374,21 @@ def mix_spread(scene: Scene) -> MixSpread | None:
     )  # fmt: skip
 
 
-def parameter_ranges(scene: Scene) -> dict[str, tuple[float, float]]:
+def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, float]]:
     """Return the ranges of the parameters of the mix that columns depend on, and of the initial density ratio.
 
-    A value that the scene states as measured has a range of a tenth; any other one has the relative range of the prior.
+    A value that is stated as measured has a range of a tenth; any other one has the relative range of the prior.
+
+    Parameters
+    ----------
+    described : Scene
+        Scene whose remarks state the origin of the values.
     """
     mix, typical = scene_mix(scene), prior(scene.mix.moisture, scene.mix.density_ratio)
     ranges = {}
     for name in ENGINES["column"].parameters_of(scene.mix.law):
-        measured = scene.remark("mix.overrides", name).startswith(MEASURED)
+        clauses = described.remark("mix.overrides", name).split(";")
+        measured = any(clause.strip().startswith(MEASURED) for clause in clauses)
         low, high = _relative_range(typical.parameter(name), measured)
         if low < high:
             value = mix.parameter(name).value

@@ -4,7 +4,8 @@ The roller rolls element by element (`incremental_rolling`) until the motion is 
 coarse mesh, then on finer ones that start from the interpolated state. What relaxes slowly is the bow wave: its
 relaxation length is found on the coarse mesh, and each mesh jumps along its slow mode (`bow_wave`). A prescribed load,
 peak pressure or exit density corrects the depth in the same cycles (`depth_target`). A neighbouring case, of another
-depth, speed, roller or mix, starts from the last solution stretched to it.
+depth, speed, roller or mix, starts from the last solution stretched to it. Mix with a shear line, whose wave has no
+single mode, rolls on without jumps (`shear_line_search`).
 
 The error has three parts: of the mesh, from the change between the last two meshes, of first order; of the drift, the
 distance to the steady state along the slow mode; of the start, the scatter of that distance and the last transient.

@@ -11,7 +11,7 @@ with both in the error estimate:
     start   twice the standard deviation from that line, or the distance of the last state from it
 
 A residual of `SETTLING_TOLERANCE` suffices up to half a per cent, since it is random from step to step where nothing
-restarts; half of the Newton iterations remain. The last state is one near the mean. A wave that takes up half of the
+restarts; half of the Newton iterations remain. The last state is one near the mean. A wave that takes up most of the
 mix above the lowest generatrix or grows threefold, without slowing down, or that still grows by a third in the second
 half of the largest travel on the first mesh, has no steady state.
 """
@@ -44,15 +44,15 @@ from compact.material.laws import Compaction, DruckerPragerCap
 
 CYCLE = 2.0  # [-], travel of a cycle over the contact length
 MIN_CYCLES, MIN_WAVE_CYCLES = 2, 4  # [-], of a mesh, and of one with a wave
-MAX_CYCLES, MAX_COARSE_CYCLES = 30, 12  # [-], of the first and the last mesh, and of those between
+MAX_FIRST_STEPS, MAX_COARSE_STEPS, MAX_STEPS = 270, 170, 450  # [-], of the first mesh, of those between, of the last
 COARSE_ERROR = 0.02  # [-], estimated distance from the steady state at which a coarse mesh has served
-ACCEPTED_ERRORS = ((8, 0.05), (12, 0.15))  # [-], cycles on the last mesh after which this distance is accepted
+ACCEPTED_ERRORS = ((220, 0.05), (330, 0.15))  # [-], steps on the last mesh after which this distance is accepted
 FINAL_SHARE = 0.5  # [-], travel over the contact length with `FINAL_TOLERANCE` at the end
 SCATTER = 2.0  # [-], standard deviations of the last state from the steady mean
 GROWN = 3.0  # [-], area of a wave over that of the first cycle, beyond which it must slow down
 MAX_ERROR = 0.2  # [-], estimated distance from the steady state beyond which there is no answer
 MEAN_CYCLES, MEAN_SHARE = 2.0, 0.25  # [-], largest travel to a state near the mean, and its distance over the scatter
-PLOUGHED = 0.5  # [-], growth of the wave over the depth, from which most of the mix in the way is pushed ahead
+PLOUGHED = 0.8  # [-], growth of the wave over the depth, from which most of the mix in the way is pushed ahead
 TARGET_ERROR = 0.05  # [-], estimated distance below which the depth is corrected for a target
 MIN_TARGET_CYCLES = 6  # [-], cycles after which it is corrected anyway
 MAX_TRIMS = 12  # [-], steps that trim the depth to a prescribed load or pressure
@@ -74,26 +74,33 @@ class ShearLineSearch(SteadySearch):
     def _find_steady_state(self, growth: WaveGrowth) -> None:
         """Roll in cycles until the motion is steady and the target satisfied; record the growth of the wave."""
         secant = DepthSecant(self.target, self._depth_exponent)
-        from_rest, self._waves = not self.rolling.steps, ()
+        from_rest, first, self._waves = not self.rolling.steps, len(self.rolling.steps), ()
         self.rolling.solver.tolerance = SETTLING_TOLERANCE
         self._roll_on(FIRST_SETTLING, DAMPING)
         self._begin = len(self.rolling.steps) - 1
-        for cycle in range(self._max_cycles(from_rest)):
+        cycle, count = 0, 0
+        while count < self._max_steps(from_rest):
             self._roll_on(CYCLE)
+            cycle, count = cycle + 1, len(self.rolling.steps) - first
             drift = self._estimate_distance()
             self._require_slowing(growth)
-            is_near = self.errors.total < TARGET_ERROR or cycle + 1 >= MIN_TARGET_CYCLES
-            if is_near and self._correct_depth(secant) and self._is_settled(drift, cycle):
+            is_near = self.errors.total < TARGET_ERROR or cycle >= MIN_TARGET_CYCLES
+            is_met = is_near and self._correct_depth(secant)
+            if cycle < self._min_cycles(drift):
+                continue
+            if is_met and self._is_settled(count):
                 break
-            if self.is_last and cycle + 1 >= self._min_cycles(drift) and self.errors.total < NEAR * self.tolerance:
+            if self.is_last and self.errors.total < NEAR * self.tolerance:
                 self._measure_finely()
         self._require_answer(secant, from_rest=from_rest)
         if self.is_last:
             self._finish()
 
-    def _max_cycles(self, from_rest: bool) -> int:
-        """Largest number of cycles on this mesh."""
-        return MAX_CYCLES if from_rest or self.is_last else MAX_COARSE_CYCLES
+    def _max_steps(self, from_rest: bool) -> int:
+        """Largest number of steps on this mesh."""
+        if self.is_last:
+            return MAX_STEPS
+        return MAX_FIRST_STEPS if from_rest else MAX_COARSE_STEPS
 
     def _roll_on(self, share: float, damping: float = FINAL_DAMPING_RATIO * DAMPING) -> None:
         """Roll a share of the contact length, with more iterations and damping if a step has no equilibrium."""
@@ -120,18 +127,20 @@ class ShearLineSearch(SteadySearch):
         self.values, self.errors = drift.values, SteadyErrors(np.abs(drift.slopes) * drift.travel, start, *scales)
         return drift
 
-    def _is_settled(self, drift: WaveDrift, cycle: int) -> bool:
-        """Return whether the mesh has served, or the motion is steady on the last one."""
-        cycles = cycle + 1
+    def _is_settled(self, count: int) -> bool:
+        """Return whether the mesh has served, or the motion is steady on the last one, after a number of steps."""
         if not self.is_last:
-            return cycles >= self._min_cycles(drift) and self.errors.total < COARSE_ERROR
-        accepted = [error for least, error in ACCEPTED_ERRORS if cycles >= least]
-        return cycles >= self._min_cycles(drift) and self.errors.total < max(self.tolerance, *accepted, 0.0)
+            return self.errors.total < COARSE_ERROR
+        accepted = [error for least, error in ACCEPTED_ERRORS if count >= least]
+        return self.errors.total < max(self.tolerance, *accepted, 0.0)
 
     def _min_cycles(self, drift: WaveDrift) -> int:
         """Least number of cycles."""
-        is_low = drift.wave_area < MIN_WAVE * self.depth * self.rolling.frame.contact_length
-        return MIN_CYCLES if is_low else MIN_WAVE_CYCLES
+        return MIN_CYCLES if self._is_low(drift) else MIN_WAVE_CYCLES
+
+    def _is_low(self, drift: WaveDrift) -> bool:
+        """Return whether a wave is too low to count."""
+        return drift.wave_area < MIN_WAVE * self.depth * self.rolling.frame.contact_length
 
     def _measure_finely(self) -> None:
         """Measure the drift from here with the scatter of a smaller residual."""
@@ -144,7 +153,7 @@ class ShearLineSearch(SteadySearch):
         self._waves += (WaveDrift.of_steps(self.rolling.steps[-count - 1 :]),)
         first, last = self._waves[0], self._waves[-1]
         fastest = max(wave.wave_slope for wave in self._waves)
-        growth.slopes = [fastest, last.wave_slope]
+        growth.slopes = [] if self._is_low(last) else [fastest, last.wave_slope]
         if last.wave_slope <= max(SLOWING * fastest, 0.0) or len(self._waves) <= MIN_CYCLES:
             return
         if last.wave_slope > PLOUGHED * self.depth:

@@ -22,7 +22,7 @@ from compact.engines.process.lumped_lifts import LiftSequence
 from compact.engines.process.roller_row import RollerRow
 from compact.numerics import Array
 
-SINGLE_LUMPING_ERROR = {"load": 0.03, "resistance": 0.4}  # [-], of lifts of one thickness; difference to three
+SINGLE_LUMPING_ERROR = {"load": 0.05, "resistance": 0.4}  # [-], of lifts of one thickness; difference to three
 
 
 @dataclass(frozen=True)
@@ -92,6 +92,16 @@ class TwoDimensionalRow:
         weights = self.row.problem.machine.advance * self.row.history.make_up
         machine = self.row.problem.machine
         return self._estimate("resistance", weights * (machine.stroke_shares if machine.strokes is None else 1.0))
+
+    @property
+    def load_centre(self) -> float:
+        """Centre of the load from the edge at the empty mould [m]."""
+        return self.row.centre_of(self.at_strokes("load", self.lumpings))
+
+    @property
+    def skew_moment(self) -> float:
+        """Moment of the load about the middle of the roller [N m], + towards the finished product."""
+        return self.load.value * (self.load_centre - self.row.problem.machine.roller_length / 2)
 
     @property
     def specific_work(self) -> float:

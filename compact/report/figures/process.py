@@ -4,6 +4,7 @@ Each function draws one figure from a finished study and returns it.
 """
 
 from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
 from matplotlib import colormaps
@@ -53,7 +54,9 @@ def draw_section(study: ProcessStudy) -> Figure:
     axes[0].set_aspect("equal")
     axes[0].axis("off")
     bar = figure.add_axes((0.8 / width, (total - 0.55) / total, 3.2 / width, 0.16 / total))
-    figure.colorbar(ScalarMappable(norm, colormaps[SECTION_COLOURS]), cax=bar, orientation="horizontal")
+    beyond: Literal["max", "neither"] = "neither" if study.two_dimensions is None else "max"
+    colours = ScalarMappable(norm, colormaps[SECTION_COLOURS])
+    figure.colorbar(colours, cax=bar, orientation="horizontal", extend=beyond)
     bar.set_title("density ratio k: left loose, right without pores", fontsize=9, loc="left")
     edges, history = row.edges, row.history
     found = study.two_dimensions

@@ -174,7 +174,7 @@ def stiffness_sentence(study: Study) -> str:
         for by in known.peaks
     )
     return (
-        f"a mix twice as stiff (half the Heckel slope) has {ratio:.2g} times the resistance, and raises the {changes}"
+        f"a mix twice as stiff (half the Heckel slope) has {ratio:.1f} times the resistance, and raises the {changes}"
     )
 
 

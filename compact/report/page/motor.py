@@ -3,27 +3,29 @@
 from collections.abc import Mapping
 
 from compact.analysis.sizing.machine_sizing import LawSizing, MachineSizing
+from compact.analysis.study import Study
 from compact.machine.motor_sizing import MotorChoice, MotorFit
 from compact.report.number_format import format_column, format_number, format_percent, format_quantity
 from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table, as_sentence
-from compact.report.sizing.sentences import bearing_sentence, motor_sentence
+from compact.report.sizing.sentences import bearing_sentence, margin_sentence, motor_sentence
 
 SHOWN_CYCLES = 6  # [-], load cycles of a wheel on the page, the largest; wheel-loads.csv has all
 SHOWN_MOTORS = 12  # [-], motors on the page, those next to the chosen one; motor-catalogue.csv has all
 SECONDS_PER_HOUR = 3600.0  # [s]
 
 
-def motor_section(sizing: MachineSizing, pictures: Mapping[str, bytes]) -> Section:
-    """Show motor, guide wheels and bearings under the first law.
+def motor_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
+    """Show motor, guide wheels and bearings under the recommended law.
 
     Parameters
     ----------
-    sizing : MachineSizing
-        Sizing of a finished study.
+    study : Study
+        A finished study.
     pictures : mapping
         Figures by name, "shaft" among them for a drive with a shaft.
     """
-    sentences = [motor_sentence(sizing), bearing_sentence(sizing)]
+    sizing = study.machine_sizing
+    sentences = [motor_sentence(sizing), margin_sentence(study), bearing_sentence(sizing)]
     blocks: list[Block] = [Paragraph(as_sentence(sentence)) for sentence in sentences if sentence]
     if "shaft" in pictures:
         caption = "Uniform shaft, one revolution a cycle. Limits of the motor are at the shaft, divided by the margin."
@@ -90,7 +92,9 @@ def _law_table(laws: list[LawSizing]) -> Table:
         columns["motor"] = [
             each.choice.chosen.motor.name if each.choice and each.choice.chosen else "none" for each, _ in shown
         ]
-    caption = "Shaft and required rated power of every law, least first; a velocity jump has no finite torque"
+    caption = "Shaft and required rated power of every law, least first"
+    if len(shown) < len(laws):
+        caption += "; a velocity jump has no finite torque"
     return Table.from_columns(caption, columns, ("law", "motor"))
 
 
@@ -99,10 +103,11 @@ def _wheel_table(sizing: MachineSizing) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for wheel in sizing.wheels:
         extremes = f"{format_quantity(wheel.least, 'N')} to {format_quantity(wheel.largest, 'N')}"
-        for each in wheel.cycles[:SHOWN_CYCLES]:
+        for place, each in enumerate(wheel.cycles[:SHOWN_CYCLES]):
             hourly = each.count * SECONDS_PER_HOUR / sizing.period
+            wheel_cells = ("", "") if place else (wheel.name, extremes)
             ranges = (format_quantity(each.range, "N"), format_quantity(each.mean, "N"))
-            rows.append((wheel.name, extremes, *ranges, format_number(each.count), format_number(hourly)))
+            rows.append((*wheel_cells, *ranges, format_number(each.count), format_number(hourly)))
         if not wheel.cycles:
             rows.append((wheel.name, extremes, "constant", "–", "–", "–"))
     header = ("load", "from, to", "range", "mean", "cycles in a cycle", "in an hour")

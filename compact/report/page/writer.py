@@ -27,7 +27,7 @@ def write_page(path: Path, study: Study, pictures: Mapping[str, bytes], versions
         machine.laws_section(study, pictures),
         machine.forces_section(study, pictures),
         *([] if study.over_durations is None else [sizing.duration_section(study.over_durations, pictures)]),
-        motor.motor_section(study.machine_sizing, pictures),
+        motor.motor_section(study, pictures),
         sizing.work_section(study),
         *([] if study.first_cam is None else [machine.cams_section(study, pictures, study.first_cam)]),
         machine.sensitivity_section(study.sensitivities),

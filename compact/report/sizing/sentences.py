@@ -6,6 +6,8 @@ from compact.analysis.sizing.machine_sizing import MachineSizing
 from compact.analysis.sizing.work_balance import WorkBalance
 from compact.analysis.study import Study
 
+POWER = "peak_power"  # criterion whose margin the motor is compared with
+
 
 def work_sentence(study: Study) -> str:
     """State the work of a pass and of confined compression, and the mix pressed against the mix carried away.
@@ -55,7 +57,7 @@ def work_warnings(balance: WorkBalance) -> list[str]:
         else:
             found.append(
                 f"mix fed and throughput do not fit: the rollers press {ratio:.2g} of the mix that the mould carries "
-                "away, so that the rest remains uncompacted; a slower mould or shorter strokes would fit"
+                "away, so that the rest remains uncompacted; a slower mould or faster strokes would fit"
             )
     return found
 
@@ -99,6 +101,26 @@ def motor_sentence(sizing: MachineSizing) -> str:
         f"{price}, gear ratio {chosen.gear_ratio:.4g}, inertia ratio {chosen.inertia_ratio:.3g}"
     )
     return f"{sentence}; the next smaller, {failed}" if failed else sentence
+
+
+def margin_sentence(study: Study) -> str:
+    """State that the margin of the motor is below that of the models and the mix on the peak power.
+
+    Returns
+    -------
+    str
+        One sentence without a full stop; empty for a sufficient margin, and without the uncertainty of the result.
+    """
+    known, margin = study.uncertainty, study.machine_sizing.rule.margin
+    if known is None or study.machine_sizing.first is None or POWER not in known.peaks:
+        return ""
+    required = 1 + known.margin(POWER)
+    if margin >= required or math.isnan(required):
+        return ""
+    return (
+        f"the margin of the motor, {margin:g}, is a service factor and below that of models and mix, {required:.3g} of "
+        f"the peak power; drive.catalogue.margin = {math.ceil(100 * required) / 100:g} covers it"
+    )
 
 
 def bearing_sentence(sizing: MachineSizing) -> str:
