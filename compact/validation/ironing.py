@@ -1,4 +1,4 @@
-"""Case of slip-line theory: a roller that pushes a growing heap of mix without compaction, along its march.
+"""Case of slip-line theory: a roller that pushes a growing heap of mix without compaction, step by step.
 
 A smooth plate inclined by alpha, whose lowest point is at the level of the surface, pushes a symmetric heap of a
 rigid-plastic half-plane with the shear strength k. The pressure on the plate of length L is even,
@@ -7,8 +7,8 @@ rigid-plastic half-plane with the shear strength k. The pressure on the plate of
 
 A cylinder is compared by its chord, L = 2 R sin alpha, at the same heap, R (1 - cos 2 alpha). On the arc itself the fan
 of slip lines turns with the slope t, so that q = k (2 + pi - 2 alpha - 2 t): the mean is the same, and the resultant is
-steeper. Any depth kept heaps up without end in such a material, so that no steady state is compared: every step of the
-march has a heap, to which V, H and H/V refer. The heap is measured from the lowest point of the roller.
+steeper. Any depth kept heaps up without end in such a material, so that no steady state is compared: every step of
+rolling has a heap, to which V, H and H/V refer. The heap is measured from the lowest point of the roller.
 """
 
 from dataclasses import dataclass
@@ -23,19 +23,19 @@ from compact.validation.plastic_limits import MIX, shear_strength
 
 RADIUS, HEIGHT = 0.1, 0.2  # [m], of the roller and of the layer, six contact lengths at the largest heap
 DEPTH = 0.5e-3  # [m], of the lowest point
-FIRST_STEPS = 6  # [-], of the march, in which the depth is reached
+FIRST_STEPS = 6  # [-], of rolling, in which the depth is reached
 HEAPS = (3e-3, 6e-3)  # [m], between which ratios are averaged
 MESHES = (6, 12, 24)  # [-], elements per contact length at the largest heap
 DAMPING = 2e-3  # [-], artificial, as a share of the elastic stiffness
 MAX_TRAVEL = 0.7  # [m]
 VERTICAL_EXPECTED, DIRECTION_EXPECTED = 0.05, 0.1  # [-], of V and H, and of H/V
 FORMULA = 1e-8  # [-], of the formula from the file
-MARCH_REPEAT = 0.01  # [-], of a march, whose steps have residuals of 1e-3 by the damping
+ROLLING_REPEAT = 0.01  # [-], of rolling, whose steps have residuals of 1e-3 by the damping
 ROUNDED = 0.1  # [-], of a deviation that consists of rounding
 
 
 @dataclass(frozen=True, eq=False)
-class March:
+class HeapPath:
     """Heap [m], V/(k R) and H/(k R) [-] of each step, arrays of shape (n,)."""
 
     heap: Array
@@ -66,7 +66,7 @@ def arc_forces(heap: Array) -> tuple[Array, Array]:
     return vertical, horizontal
 
 
-def march(increments: int) -> March:
+def heap_path(increments: int) -> HeapPath:
     """Roll over the layer until the heap exceeds the compared ones.
 
     Parameters
@@ -78,12 +78,13 @@ def march(increments: int) -> March:
     numerics = RollingNumerics(increments=increments, max_contact_angle=None)
     case = RollingCase(Layer(HEIGHT), roller, MIX, 1.0, None, None, numerics)
     rolling = case.roller_at_rest(case.create_frame(HEAPS[1], increments))
-    rows, scale = [], shear_strength(MIX) * RADIUS
+    rows: list[tuple[float, float, float]] = []
+    scale = shear_strength(MIX) * RADIUS
     while not rows or (rows[-1][0] < HEAPS[1] and rolling.steps[-1].travel < MAX_TRAVEL):
         depth = DEPTH * min(1.0, (len(rows) + 1) / FIRST_STEPS)
         step = rolling.advance(HEIGHT - depth, DAMPING)
         rows.append((step.bow_wave + depth, step.load / scale, step.resistance / scale))
-    return March(*np.array(rows).T)
+    return HeapPath(*np.array(rows).T)
 
 
 def _formula_row() -> Comparison:
@@ -100,7 +101,7 @@ def _formula_row() -> Comparison:
 
 
 def _evaluate() -> Evaluation:
-    comparisons, lines = [_formula_row()], [(increments, march(increments)) for increments in MESHES]
+    comparisons, lines = [_formula_row()], [(increments, heap_path(increments)) for increments in MESHES]
     finest = lines[-1][1]
     settled = finest.mean_ratios(chord_forces(finest.heap / RADIUS))[0] - 1
     for increments, found in lines:
@@ -114,11 +115,11 @@ def _evaluate() -> Evaluation:
             text = f"{words} over that of the chord, {increments} elements"
             cause = mesh if key == "V" and settled < VERTICAL_EXPECTED else ""
             comparisons.append(Comparison(
-                f"{key}_{increments}", text, "-", value, 1.0, expected, explanation=cause, repeat=MARCH_REPEAT,
+                f"{key}_{increments}", text, "-", value, 1.0, expected, explanation=cause, repeat=ROLLING_REPEAT,
             ))  # fmt: skip
     *_, on_arc = finest.mean_ratios(arc_forces(finest.heap / RADIUS))
     text = f"horizontal over vertical force over that of the arc, {MESHES[-1]} elements"
-    comparisons.append(Comparison("arc", text, "-", on_arc, 1.0, DIRECTION_EXPECTED, repeat=MARCH_REPEAT))
+    comparisons.append(Comparison("arc", text, "-", on_arc, 1.0, DIRECTION_EXPECTED, repeat=ROLLING_REPEAT))
     heap = np.linspace(1e-3, HEAPS[1], 26)
     chord, arc = chord_forces(heap / RADIUS), arc_forces(heap / RADIUS)
     shown = [(count, found, found.heap > heap[0]) for count, found in lines]
