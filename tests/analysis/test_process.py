@@ -149,7 +149,7 @@ def test_lumped_lifts_enter_forces_files_and_words(monkeypatch, tmp_path, capsys
 def test_summary_and_digest_state_the_model(study):
     summary = process_summary(study)
     assert summary["model"].startswith("confined columns: the load is a lower estimate")
-    assert [part["cause"] for part in summary["parts"]][1] == "shear and bow wave (two dimensions)"
+    assert [part["cause"] for part in summary["parts"]][1] == "shear, uneven density, bow wave (two dimensions)"
     digest = process_digest(study)
     assert "printed: load on one roller 9740 N, computed" in digest
     assert "nothing fitted" in digest
