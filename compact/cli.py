@@ -245,18 +245,8 @@ def roll(
         print(f"\nresults: {directory}")
 
 
-def _roll_on_terrain(
-    path: Path,
-    engine: str | None,
-    material: str | None,
-    slip: float | None,
-    out: Path | None,
-    *,
-    changes: Sequence[str],
-    force: bool,
-    quiet: bool,
-) -> None:
-    """Compute the roller of a scene on terrain, and write its files."""
+def _roll_on_terrain(path, engine, material, slip, out, *, changes, force, quiet) -> None:
+    """Compute the roller of a scene on terrain, and write its files; arguments as of `roll`."""
     from compact.analysis.contact_cases import roll_on_terrain
     from compact.files import claimed_directory
     from compact.report.contact_tables import terrain_digest, write_terrain_contact
