@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +25,7 @@ from compact.numerics.validation import require_known
 REPEAT_TOLERANCE = 1e-6  # [-], relative, of our value against the recorded one; converged to 1e-9 and better
 Kind = Literal["measurement", "calibration", "program", "model", "exact"]
 Verdict = Literal["met", "explained", "not met"]
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 KINDS: Mapping[str, str] = MappingProxyType(
     {
         "measurement": "measured",
