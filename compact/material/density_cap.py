@@ -53,8 +53,6 @@ class CompressionPath:
         Density ratio k without the elastic strain [-].
     mean_pressure, von_mises_stress : ndarray
         p and q [Pa].
-    axial_stress, radial_stress : ndarray
-        Principal stresses [Pa].
     elastic_strain : ndarray
         Elastic volumetric strain [-], by which the density under load exceeds k.
     """

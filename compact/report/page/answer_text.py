@@ -1,8 +1,7 @@
 """Sentences and table of the answer that the terminal and the first screen of the page share.
 
-Ten questions of a designer are each answered by one line of these (docs/guide.md lists them): the law, the force, the
-motor, the model, the agreement, another duration, a rigid drive, a stiffer mix, the first measurement, and the quantity
-that is held.
+One line answers each question of a designer in docs/guide.md: the law, the force, the motor, the model, the agreement,
+another duration, a rigid drive, a stiffer mix, the first measurement, and the quantity that is held.
 """
 
 import math
