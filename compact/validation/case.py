@@ -134,7 +134,17 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Panel of a figure with its curves."""
+    """Panel of a figure.
+
+    Parameters
+    ----------
+    x_label, y_label : str
+        Labels of the axes, with units.
+    curves : tuple of Curve
+        Curves and points.
+    log_x, log_y : bool
+        True for a logarithmic axis.
+    """
 
     x_label: str
     y_label: str
@@ -214,6 +224,11 @@ def read_rows(name: str, **conditions: str) -> list[dict[str, str]]:
         Name of the file.
     **conditions
         Column and text of the cell.
+
+    Returns
+    -------
+    list of dict
+        Cells of each row as text, by column.
     """
     text = files("compact.validation").joinpath("data", name).read_text(encoding="utf-8")
     rows = csv.DictReader(text.splitlines())

@@ -73,6 +73,10 @@ def heap_path(increments: int) -> HeapPath:
     ----------
     increments : int
         Elements per contact length at the largest heap.
+
+    Returns
+    -------
+    HeapPath
     """
     roller = Roller(RADIUS, indentation=HEAPS[1], profile="deformed")
     numerics = RollingNumerics(increments=increments, max_contact_angle=None)

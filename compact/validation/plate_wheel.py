@@ -44,7 +44,20 @@ def plate_laws() -> Plates:
 
 
 def pressed_force(law: PowerSinkage, depth: float) -> float:
-    """Compute the force [N] of the wheel pressed straight down to a depth [m]: columns on both sides, no shear."""
+    """Compute the force [N] of the wheel pressed straight down to a depth [m]: columns on both sides, no shear.
+
+    Parameters
+    ----------
+    law : PowerSinkage
+        Pressure over sinkage.
+    depth : float
+        Depth of the lowest point [m].
+
+    Returns
+    -------
+    float
+        Force [N].
+    """
     one_sided = roll_wheel(BED, Roller(RADIUS, indentation=depth), Terrain(law), SPEED)
     return 2 * WIDTH * one_sided.load
 

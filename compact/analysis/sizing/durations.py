@@ -92,6 +92,16 @@ class DurationStudy:
 def read_durations(text: str) -> tuple[float, ...]:
     """Parse the option --over, "duration=LOW:HIGH:N", into durations in equal ratios [s].
 
+    Parameters
+    ----------
+    text : str
+        Option, such as "duration=0.3:3:8" [s].
+
+    Returns
+    -------
+    tuple of float
+        Durations of a pass [s], ascending.
+
     Raises
     ------
     ValueError
@@ -124,6 +134,13 @@ def read_durations(text: str) -> tuple[float, ...]:
 def require_durations(scene: Scene, durations: Sequence[float]) -> None:
     """Validate the durations like `motion.duration`.
 
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    durations : sequence of float
+        Durations of a pass [s].
+
     Raises
     ------
     SceneError
@@ -151,6 +168,10 @@ def over_durations(stages: Stages, durations: Sequence[float]) -> DurationStudy:
         Stages whose resistance map covers the shortest duration.
     durations : sequence of float
         Durations of a pass [s], ascending.
+
+    Returns
+    -------
+    DurationStudy
     """
     passes = [_Pass(stages, duration) for duration in durations]
     for _ in passes:

@@ -118,6 +118,10 @@ def machine_sizing(stages: Stages, law: str | None = None) -> MachineSizing:
     law : str, optional
         Law whose loads are counted; the first law by the first criterion by default.
 
+    Returns
+    -------
+    MachineSizing
+
     Raises
     ------
     SceneError

@@ -72,8 +72,8 @@ class Source:
 
     Parameters
     ----------
-    variation : str
-        Variation in words.
+    name, variation : str
+        Source and its variation in words.
     low, high : SourceEnd
         Answers at the ends with the least and the largest effect on the peak force.
     """
@@ -161,7 +161,20 @@ class RankingUncertainty:
         return math.sqrt(sum(increase**2 for increase in increases))
 
     def peak_change(self, by: str, scale: float) -> float:
-        """Return the change of the peak of the recommended law under a scaled resistance [-]."""
+        """Return the change of the peak of the recommended law under a scaled resistance [-].
+
+        Parameters
+        ----------
+        by : str
+            Criterion.
+        scale : float
+            Resistance over that of the scene [-].
+
+        Returns
+        -------
+        float
+            Relative change [-].
+        """
         scales, values = self.peaks[by]
         return float(np.interp(scale, scales, values) / np.interp(1.0, scales, values) - 1)
 
@@ -184,6 +197,10 @@ def ranking_uncertainty(
         Verdicts without the spread of the mix, by criterion.
     spread : tuple of float or None
         Least and largest resistance over the laws of the mix [-].
+
+    Returns
+    -------
+    RankingUncertainty
     """
     laws = {by: each.law for by, each in verdicts.items()}
     variation = _Variation(stages, laws)

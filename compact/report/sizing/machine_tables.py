@@ -22,7 +22,20 @@ BEARING_HEADER = ("bearing", "equivalent_load_N", "life_million_revolutions", "l
 
 
 def write_sizing(sizing: MachineSizing, directory: Path) -> Iterator[Path]:
-    """Write motor-sizing.csv, motor-catalogue.csv, wheel-loads.csv and bearing-lives.csv, as far as they exist."""
+    """Write motor-sizing.csv, motor-catalogue.csv, wheel-loads.csv and bearing-lives.csv, as far as they exist.
+
+    Parameters
+    ----------
+    sizing : MachineSizing
+        Motor, guides and bearings.
+    directory : Path
+        Existing directory.
+
+    Yields
+    ------
+    Path
+        File written.
+    """
     if sizing.laws:
         rows = [_law_row(each) for each in sizing.laws.values()]
         yield write_csv(directory / "motor-sizing.csv", LAW_HEADER, rows)
