@@ -76,7 +76,7 @@ def confined_work(
     >>> mix = Compaction(60e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
     ...                  tensile_strength=14e3, fed_density_ratio=0.75)
     >>> f"{confined_work(mix, [GrainShare(1.0, 0.75)], 0.98) / 1e3:.2f} kJ/m3"
-    '22.81 kJ/m3'
+    '22.21 kJ/m3'
     """
     if not 0 < density_ratio < 1:
         raise ValueError(f"`density_ratio` must lie between 0 and 1, got {density_ratio!r}")

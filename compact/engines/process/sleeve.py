@@ -67,7 +67,7 @@ class FeedSleeve:
         Examples
         --------
         >>> f"{FeedSleeve(0.18, 1.164, 1.0, 0.35).bed_stress(1700.0, 0.43):.0f} Pa"
-        '7384 Pa'
+        '7382 Pa'
         """
         require_positive(bulk_density=bulk_density, earth_pressure_coefficient=earth_pressure_coefficient)
         decay = 4 * self.wall_friction * earth_pressure_coefficient * self.head / self.hydraulic_diameter
