@@ -196,8 +196,8 @@ class IncrementalRolling:
         self.restart(state, ContactTractions(pressure, shear, other.contact.creepage))
         self.displacement_change = state.displacement - self.frame.convect(state).displacement
 
-    def restart(self, state: SolidState, tractions: ContactTractions, displacement: FloatArray | None = None) -> None:
-        """Continue from a changed state.
+    def restart(self, state: SolidState, tractions: ContactTractions) -> None:
+        """Continue from a changed state; the prediction of the next step keeps the last change of the displacement.
 
         Parameters
         ----------
@@ -205,20 +205,15 @@ class IncrementalRolling:
             State of the layer.
         tractions : ContactTractions
             Multipliers of the roller.
-        displacement : ndarray, shape (N, 2), optional
-            Change of the displacement [m]; the prediction of the next step follows it.
         """
         self.state, self.surface = state, self.surface.with_multipliers(tractions)
         self.carried_pressure = None
         self.solver.solve_tangent = None
-        if displacement is not None:
-            change = displacement - self.frame.convect_displacement(displacement)
-            self.displacement_change = self.displacement_change + change
 
     def remove_marks_behind(self) -> None:
         """Make the layer uniform behind the exit column, where the start and changes of the depth left marks."""
-        uniform = self.frame.with_uniform_rear(self.state)
-        self.restart(uniform, self.contact, uniform.displacement - self.state.displacement)
+        self.restart(self.frame.with_uniform_rear(self.state), self.contact)
+        self.displacement_change = self.frame.with_uniform_rear_nodes(self.displacement_change)
 
     def load_and_resistance(self) -> tuple[float, float]:
         """Return load and resistance [N/m]."""

@@ -436,21 +436,43 @@ class RollerFrame:
         state : SolidState
             State of the layer.
         """
-        column = int(np.searchsorted(self.row_x, -self.exit_distance - UNIFORM_REAR * self.mesh.height))
-        x, y = self.nodes.T
-        end = self.row_x[column]
-        behind = np.flatnonzero(x < end)
-        displacement = state.displacement.copy()
-        exits = np.array([np.full(behind.size, end), y[behind]])
-        displacement[behind] = self.interpolation_matrix(exits) @ state.displacement
+        column = self._last_marked_column
 
         def uniform(values: FloatArray) -> FloatArray:
             rows = self.to_rows(values)
             rows[:, :column] = rows[:, column : column + 1]
             return self.to_points(rows)
 
-        points = cap_plasticity.MaterialPoint(*(uniform(getattr(state.points, name)) for name in POINT_FIELDS))
-        return SolidState(displacement, points, uniform(state.work))
+        stress, *others = (uniform(getattr(state.points, name)) for name in POINT_FIELDS)
+        stress[self._row_layout[:, :column].ravel()] *= [1.0, 0.0, 1.0, 0.0]  # equilibrium of a uniform layer
+        points = cap_plasticity.MaterialPoint(stress, *others)
+        return SolidState(self.with_uniform_rear_nodes(state.displacement), points, uniform(state.work))
+
+    def with_uniform_rear_nodes(self, values: FloatArray) -> FloatArray:
+        """Return values of the nodes with those far behind the exit column as in one column.
+
+        Parameters
+        ----------
+        values : ndarray, shape (N, 2)
+            Values at the nodes.
+        """
+        behind, matrix = self._rear_nodes
+        uniform = values.copy()
+        uniform[behind] = matrix @ values
+        return uniform
+
+    @property
+    def _last_marked_column(self):
+        """Index of the column of Gauss points from which mix may be made uniform."""
+        return int(np.searchsorted(self.row_x, -self.exit_distance - UNIFORM_REAR * self.mesh.height))
+
+    @cached_property
+    def _rear_nodes(self):
+        """Nodes behind that column, and the matrix of values in it at their heights."""
+        x, y = self.nodes.T
+        end = self.row_x[self._last_marked_column]
+        behind = np.flatnonzero(x < end)
+        return behind, self.interpolation_matrix(np.array([np.full(behind.size, end), y[behind]]))
 
     def exit_density_ratio(self, density_ratio: FloatArray) -> float:
         """Return the mean density ratio over the height of the fed layer at the exit column [-].

@@ -356,9 +356,9 @@ class SteadySearch:
         jump = float(np.clip(jump, -largest, largest))
         for trial in JUMP_TRIALS:
             self.rolling = copy(before)
-            self.rolling.remove_marks_behind()
             if self.relaxation.mode is not None and trial:
                 self.relaxation.mode.add_to(self.rolling, trial * jump)
+            self.rolling.remove_marks_behind()
             stretching = depth / self.rolling.mesh_depth
             if max(stretching, 1 / stretching) > STRETCHED_DEPTH:
                 self.rolling = self.stretch(self.rolling, depth)
