@@ -88,10 +88,10 @@ class BowWaveMode:
             name: getattr(state.points, name) + factor * getattr(self.state.points, name) for name in POINT_FIELDS
         }
         points["max_density_ratio"] = np.maximum(points["max_density_ratio"], points["density_ratio"])
-        displacement = state.displacement + factor * self.state.displacement
-        moved = SolidState(displacement, MaterialPoint(**points), state.work + factor * self.state.work)
+        change = factor * self.state.displacement
+        moved = SolidState(state.displacement + change, MaterialPoint(**points), state.work + factor * self.state.work)
         pressure = np.maximum(rolling.contact.pressure + factor * self.pressure, 0.0)
-        rolling.restart(moved, ContactTractions(pressure, rolling.contact.shear, rolling.contact.creepage))
+        rolling.restart(moved, ContactTractions(pressure, rolling.contact.shear, rolling.contact.creepage), change)
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,7 @@ FINAL_DAMPING_RATIO = 0.25  # [-], of the damping once the roller is at its heig
 MAX_HALVINGS = 3  # [-], halvings of a step that has no equilibrium
 ROLLING_TOLERANCE = 1e-4  # [-], residual of a step over the nodal forces
 CARRIED_SHARE = 0.5  # [-], of the change of the carried pressure in a step; with 1 it oscillates
+PREDICTION_TAPER = 0.5  # [-], distance ahead of the roller over the contact length from which a jump is predicted in full
 
 
 @dataclass(frozen=True)
@@ -196,8 +197,8 @@ class IncrementalRolling:
         self.restart(state, ContactTractions(pressure, shear, other.contact.creepage))
         self.displacement_change = state.displacement - self.frame.convect(state).displacement
 
-    def restart(self, state: SolidState, tractions: ContactTractions) -> None:
-        """Continue from a changed state; the prediction of the next step keeps the last change of the displacement.
+    def restart(self, state: SolidState, tractions: ContactTractions, displacement: FloatArray | None = None) -> None:
+        """Continue from a changed state.
 
         Parameters
         ----------
@@ -205,10 +206,17 @@ class IncrementalRolling:
             State of the layer.
         tractions : ContactTractions
             Multipliers of the roller.
+        displacement : ndarray, shape (N, 2), optional
+            Change of the displacement [m]. The prediction of the next step follows it ahead of the roller alone; behind
+            it contains marks, which move with the mix.
         """
         self.state, self.surface = state, self.surface.with_multipliers(tractions)
         self.carried_pressure = None
         self.solver.solve_tangent = None
+        if displacement is not None:
+            share = np.clip(self.frame.nodes[:, :1] / (PREDICTION_TAPER * self.frame.contact_length), 0.0, 1.0)
+            change = displacement - self.frame.convect_displacement(displacement)
+            self.displacement_change = self.displacement_change + share * change
 
     def remove_marks_behind(self) -> None:
         """Make the layer uniform behind the exit column, where the start and changes of the depth left marks."""
