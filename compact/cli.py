@@ -149,6 +149,7 @@ def run(
     out: Path | None = None,
     engine: Engine = None,
     tolerance: float | None = None,
+    over: str | None = None,
     changes: Changes = (),
     force: Force = False,
     quiet: Quiet = False,
@@ -161,7 +162,10 @@ def run(
         folder of the results; default out/NAME, with the name of the scene file or of the folder of a scene.toml
     tolerance
         relative error tolerance that replaces the tolerance of the scene
+    over
+        duration=LOW:HIGH:N, durations of a pass in s at which the laws are ranked again, with their crossovers
     """
+    from compact.analysis.sizing.durations import read_durations
     from compact.analysis.worker_pool import ProcessExecutor, cores
     from compact.report import text
     from compact.report import writer as report
@@ -173,7 +177,7 @@ def run(
     study = _study(
         scene, quiet, {"accuracy.engine": engine, "accuracy.tolerance": tolerance}, changes, directory=directory,
         step=lambda stage: progress.begin(stage, study.plan.cost(stage), total=study.plan.total_cost),
-        progress=progress.report,
+        progress=progress.report, durations=() if over is None else read_durations(over),
     )  # fmt: skip
     progress.total = study.plan.total_cost
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
@@ -195,6 +199,8 @@ def roll(
     *,
     speed: float | None = None,
     engine: Engine = None,
+    material: str | None = None,
+    slip: float | None = None,
     out: Path | None = None,
     changes: Changes = (),
     force: Force = False,
@@ -206,6 +212,11 @@ def roll(
     ----------
     speed
         speed of the cart in m/s; default its mean speed
+    material
+        terrain in place of the mix, by the engine column: a published soil such as dry-sand-lll, or a TOML file with a
+        table [terrain]; needs contact.load or another target
+    slip
+        slip of the roller on terrain, above 0 driven, below 0 braked or towed; default that of the torque, free
     out
         folder of the results; default out/NAME-ENGINE, NAME as in `compact run`
     """
@@ -214,6 +225,9 @@ def roll(
     from compact.report.progress import Progress
     from compact.scene.plausible_ranges import check_speed
 
+    if material is not None or slip is not None:
+        _roll_on_terrain(scene, engine, material, slip, out, changes=changes, force=force, quiet=quiet)
+        return
     progress = Progress(quiet=quiet)
     study = _study(scene, quiet, {"accuracy.engine": engine}, changes, progress=progress.report)
     if speed is not None:
@@ -229,6 +243,36 @@ def roll(
     if not quiet:
         print(text.contact_digest(study, speed, passes))
         print(f"\nresults: {directory}")
+
+
+def _roll_on_terrain(
+    path: Path,
+    engine: str | None,
+    material: str | None,
+    slip: float | None,
+    out: Path | None,
+    *,
+    changes: Sequence[str],
+    force: bool,
+    quiet: bool,
+) -> None:
+    """Compute the roller of a scene on terrain, and write its files."""
+    from compact.analysis.contact_cases import roll_on_terrain
+    from compact.files import claimed_directory
+    from compact.report.contact_tables import terrain_digest, write_terrain_contact
+
+    if material is None:
+        raise ValueError(f"--slip {slip:g} needs --material, the terrain under the wheel")
+    if engine not in (None, "column"):
+        raise ValueError(f"--material needs the engine column, got {engine}")
+    given = _scene(path, True, changes, {"accuracy.engine": "column"})
+    contact = roll_on_terrain(given, material, slip)
+    place = out or default_directory(path, "terrain")
+    with claimed_directory(place, given.hash, force) as directory:
+        write_terrain_contact(directory, contact)
+    if not quiet:
+        print(terrain_digest(contact))
+        print(f"\nresults: {place}")
 
 
 @app.command
@@ -303,6 +347,44 @@ def material(
     if not quiet:
         print(material_digest(programme, given.mix.law))
         print(f"\nresults: {place}")
+
+
+@app.command
+def process(
+    scene: ScenePath,
+    /,
+    *,
+    quick: bool = False,
+    deep: bool = False,
+    out: Path | None = None,
+    changes: Changes = (),
+    force: Force = False,
+    quiet: Quiet = False,
+) -> None:
+    """Compute the forming process of a table [process]: strokes over a moving mould with feed before each.
+
+    Parameters
+    ----------
+    quick
+        lumped lifts in two dimensions too, of one thickness and on one mesh: some minutes
+    deep
+        lumped lifts of three thicknesses and on three meshes, with errors: a quarter of an hour
+    out
+        folder of process.json, tables, figures and fields; default out/NAME-process, NAME as in `compact run`
+    """
+    from compact.analysis.process import ProcessStudy
+    from compact.files import claimed_directory
+    from compact.report.process_writer import process_digest, write_process
+    from compact.report.progress import Progress
+
+    progress, place = Progress(quiet=quiet), out or default_directory(scene, "process")
+    given = _scene(scene, quiet, changes)
+    study = ProcessStudy(given, "deep" if deep else "quick" if quick else "columns", progress.report)
+    with claimed_directory(place, given.hash, force) as directory, progress:
+        progress.begin("strokes of the process")
+        write_process(study, directory)
+    if not quiet:
+        print(f"{process_digest(study)}\n\nresults: {place}")
 
 
 @app.command
@@ -461,7 +543,7 @@ def validate(
     Parameters
     ----------
     names
-        names of cases, all by default, or folders with a case of a plant
+        names of cases, all by default; or folders of a plant with one TOML, a scene with [case], and one CSV
     out
         folder for the page, the table and the figures
     markdown
@@ -472,18 +554,15 @@ def validate(
     from compact.validation.registry import evaluate_case, select_cases
 
     cases = select_cases(names)
-    total = sum(case.seconds for case in cases)
     results = []
-    with Progress(total=total, quiet=quiet) as progress:
+    with Progress(total=sum(case.seconds for case in cases), quiet=quiet) as progress:
         for case in cases:
             progress.begin(case.name, case.seconds)
             results.append(evaluate_case(case))
-    if out is not None:
-        written = validation_writer.write_validation(out, results)
+    written = [] if out is None else validation_writer.write_validation(out, results)
     if not quiet:
         print(validation_writer.markdown_page(results) if markdown else validation_writer.text_table(results))
-    if out is not None and not quiet:
-        print("\n".join(f"  {path}" for path in written))
+        print("".join(f"  {path}\n" for path in written), end="")
     moved = sum(len(result.moved) for result in results)
     return _print_error(f"{moved} computed numbers have moved from the recorded ones", NO_RESULT) if moved else SUCCESS
 
@@ -496,11 +575,12 @@ def _study(
     step: Callable[[str], None] = lambda _: None,
     directory: Path | None = None,
     progress: Callable[[str], None] | None = None,
+    durations: Sequence[float] = (),
 ) -> "Study":
     """Load a scene file with some of its keys replaced, and return its study."""
     from compact.analysis.study import Study
 
-    return Study(_scene(path, quiet, changes, replacements), step, directory, progress)
+    return Study(_scene(path, quiet, changes, replacements), step, directory, progress, durations)
 
 
 def _scene(

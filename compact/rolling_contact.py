@@ -364,6 +364,51 @@ class HeapingError(RuntimeError):
 
 
 @dataclass(frozen=True)
+class Unsteady:
+    """Contact that has not become steady within the largest travel, although its bow wave does not grow without end.
+
+    Parameters
+    ----------
+    depth : float
+        Depth of the lowest generatrix below the surface of the layer [m].
+    wave_height : float
+        Height of the bow wave above the surface of the layer [m].
+    travel : float
+        Travel of the roller [m].
+    distance : float
+        Estimated distance of load, resistance or exit density ratio from the steady state [-].
+    load, resistance : float
+        Last forces [N/m].
+    """
+
+    depth: float
+    wave_height: float
+    travel: float
+    distance: float
+    load: float
+    resistance: float
+
+
+class UnsteadyError(RuntimeError):
+    """The motion has not become steady within the largest travel.
+
+    Parameters
+    ----------
+    message : str
+        Reason, with remedies.
+    unsteady : Unsteady
+        Numbers of the contact.
+    """
+
+    def __init__(self, message: str, unsteady: Unsteady) -> None:
+        super().__init__(message, unsteady)
+        self.unsteady = unsteady
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+@dataclass(frozen=True)
 class ContactResult:
     """Steady contact of a roller with a layer, per unit roller length.
 

@@ -30,6 +30,7 @@ def test_every_study_has_a_test():
         "speed_against_plain",
         "speed_against_error",
         "compaction_baseline",
+        "duration",
         "formula_ranking",
         "formula_against_fem",
         "operating_point",
@@ -45,6 +46,7 @@ def test_every_study_has_a_test():
         "hard_cases",
         "pore_air",
         "rank_laws",
+        "ranking_with_air",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
 
@@ -62,6 +64,41 @@ def test_strength_of_loose_mix_decides_the_resistance(tmp_path):
         assert found.resistance == pytest.approx(module.LENGTH * steady.resistance, rel=0.02)
     assert line.resistance / ellipse.resistance == pytest.approx(0.61, abs=0.03)
     assert line.bow_wave < 0.1 * ellipse.bow_wave
+
+
+@pytest.mark.slow
+def test_ranking_with_air_of_columns_is_that_of_heckels_curve(capsys):
+    """Drained columns: work of compression on the curve, with elastic strain, less that of the elastic release."""
+    module = study("ranking_with_air")
+    module.main(["--mixes", "cap, columns", "--airs", "drained", "one-way, 1e-13 m2"])
+    drained, one_way = (line.split(" | ") for line in capsys.readouterr().out.splitlines()[2:4])
+    bulk, oedometric, lateral = 100e6, 161.5e6, 1 - np.sin(np.radians(35))  # E 120 MPa, Poisson's ratio 0.3
+    k = np.linspace(0.936, 0.99, 20001)
+    pressure = np.log(0.28 / (1 - k)) / 1.487e-5
+    elastic = pressure * (1 + 2 * lateral) / 3 / bulk
+    height = 0.06 * 0.98 / 0.936 * np.exp(-np.log(k / 0.936) - elastic)
+    loading = height > height[0] * np.exp(elastic[0]) - 0.003
+    work = np.trapezoid(pressure[loading], -height[loading]) + pressure[0] * elastic[0] / 2 * height[0]
+    release = pressure[loading][-1] ** 2 / (2 * oedometric) * height[loading][-1]
+    found = [float(value) for value in drained[2].split(", ")]
+    assert found == pytest.approx(3 * [work - release], rel=0.01)
+    assert drained[3].startswith("parabolic")
+    with_air = [float(value) for value in one_way[2].split(", ")]
+    assert found[0] < with_air[0] < with_air[1] < with_air[2]
+
+
+def test_duration_has_the_first_laws_of_every_model(capsys, tmp_path):
+    """Columns without air cross where the formula does, but for the rate of compaction."""
+    module = study("duration")
+    laws = {"motion.laws": ["parabolic", "cubic", "combined-2", "reversal-4-free-acceleration"]}
+    answers = module.main(cases=("formula", "columns"), over="duration=0.3:3:3", changes=laws, out=tmp_path)
+    module.show(answers)
+    formula, columns = (each.segments["peak_power"] for each in answers)
+    assert [law for law, *_ in formula] == [law for law, *_ in columns] == laws["motion.laws"][1:]
+    assert formula[0][2] == pytest.approx(0.847, abs=1e-3)
+    assert columns[0][2] == pytest.approx(formula[0][2], rel=0.03)
+    assert "| formula | peak drive force | parabolic, 3740 N" in capsys.readouterr().out
+    assert (tmp_path / "duration.csv").read_text().count("\n") == 1 + len(module.rows(answers))
 
 
 @pytest.mark.slow
@@ -470,7 +507,9 @@ def test_every_row_of_the_table_of_best_laws_is_that_of_the_study(engine):
 def test_viscoelastic_layer_of_the_study_is_that_of_the_scene():
     module = study("rank_laws")
     rows, _ = module.main(engines=("fem",), drives=("elastic",), samples=2)
-    scene = Study(load_scene(module.SCENES / "loveikin-2015-engines.toml", compare=None))
+    changes = {"accuracy.engine": "fem", "layer.lift_thickness": None, "motion.duration": 3.0}
+    changes |= {"compare": None, "motion.other_durations": None}
+    scene = Study(load_scene(module.SCENES / "loveikin-2015-engines.toml", **changes))
     for by in module.SHOWN:
         found = {row[4]: row[5] for row in rows if row[2] == by}
         assert found == {place.run.name: pytest.approx(place.value, rel=1e-9) for place in scene.rankings[by]}

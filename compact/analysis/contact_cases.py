@@ -14,13 +14,16 @@ import numpy as np
 from compact import quantities
 from compact.analysis.engines import ENGINES
 from compact.analysis.pore_air import AirForces
+from compact.engines.column.rigid_wheel import WheelContactResult
 from compact.material.earth_pressure import drucker_prager_cap
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
+from compact.numerics import Array
 from compact.numerics.validation import require_finite
 from compact.rolling_contact import ContactResult, Layer, LowerLift, Ply, Roller
 from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene
+from compact.scene.terrain_data import build_terrain, read_terrain
 
 COMPACTED = (  # fields of engines with irreversible compaction only
     "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
@@ -34,6 +37,9 @@ LAW_SPEED_SHARES = (1 / 16, 1.0)  # [-], of an engine whose resistance is a law 
 TARGETS = MappingProxyType(  # held quantity -> keyword of `Roller`
     {"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"}
 )
+WHEEL_SLIPS = (
+    *(-0.9, -0.7, -0.5, -0.3, -0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.9),
+)  # [-], of drawbar over slip
 
 
 @dataclass(frozen=True)
@@ -382,3 +388,76 @@ def contact_from_json(content: dict[str, Any]) -> ContactRecord:
     return ContactRecord(
         engine=content["engine"], iterations=content["iterations"], passes=passes, **values, **errors, **compacted
     )
+
+
+@dataclass(frozen=True, eq=False)
+class TerrainContact:
+    """Wheel of a scene on terrain.
+
+    Parameters
+    ----------
+    name : str
+        Name of the soil, or of the file with its constants.
+    source : str
+        Origin of the constants; empty if not stated.
+    radius, width : float
+        Wheel [m].
+    result : WheelContactResult
+        Contact per unit width.
+    slip_curve : ndarray, shape (n, 4)
+        Slip [-], drawbar [N], torque [N m] and sinkage [m] of the wheel at the same load; empty without shear.
+    """
+
+    name: str
+    source: str
+    radius: float
+    width: float
+    result: WheelContactResult
+    slip_curve: Array
+
+    @property
+    def contact_length(self) -> float:
+        """Length of the contact along the travel [m]."""
+        return self.result.leading - self.result.trailing
+
+
+def roll_on_terrain(scene: Scene, material: str, slip: float | None = None) -> TerrainContact:
+    """Compute the wheel of a scene on terrain by the engine "column".
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with a prescribed load, indentation or peak pressure; the wheel is its roller.
+    material : str
+        Name of a published soil, or a TOML file with a table [terrain].
+    slip : float, optional
+        Slip [-]; without one, the torque is that of the scene, 0 by default.
+    """
+    constants, name = read_terrain(material)
+    machine, target = scene.machine, dict(scene.target)
+    if not target:
+        raise ValueError(
+            f"{scene.file}: a wheel on terrain needs one of contact.load, contact.indentation and "
+            "contact.peak_pressure, such as --set contact.load=500 in N"
+        )
+    width = machine.roller_length
+    if "load" in target:
+        target["load"] /= width
+    terrain = build_terrain(constants, width)
+    wheel: dict[str, Any] = {"radius": machine.roller_radius, "profile": "circle"}
+    layer, roller = Layer(scene.lift_thickness), Roller(**(wheel | target))
+    column = ENGINES["column"].roll
+    motion: dict[str, float] = {} if slip is None else {"slip": slip}
+    if slip is None and machine.roller_torque:
+        motion["torque"] = machine.roller_torque / width
+    found = column(layer, roller, terrain, scene.mean_speed, **motion)
+    assert isinstance(found, WheelContactResult)  # on terrain
+    rows, held = [], Roller(**wheel, load=found.load)
+    for each in WHEEL_SLIPS if terrain.shear else ():
+        try:
+            other = column(layer, held, terrain, scene.mean_speed, slip=each)
+        except ValueError:  # no contact of the model with this skid
+            continue
+        assert isinstance(other, WheelContactResult)
+        rows.append((each, other.drawbar * width, other.torque * width, other.indentation))
+    return TerrainContact(name, constants.get("source", ""), machine.roller_radius, width, found, np.array(rows))

@@ -126,6 +126,11 @@ class Engine:
         return (*(name for name in self.mix_parameters if name not in _OF_ELLIPSE), *_OF_LINE)
 
     @property
+    def sizing(self) -> bool:
+        """True if the engine has the whole resistance and may size a drive; a linear layer has a part of it alone."""
+        return self.compacting or not self.layered
+
+    @property
     def torque(self) -> bool:
         """True if the roller may stick and slip under a torque."""
         return self.name in TORQUE_ENGINES
@@ -185,7 +190,7 @@ ENGINES: Mapping[str, Engine] = MappingProxyType({
         ),
         Engine(
             "compaction", "compact.engines.compaction.engine",
-            EngineCost(8.0, 15.0, continued_contact=2.5, torque=4.0, second_pass=8.0),
+            EngineCost(8.0, 7.0, continued_contact=2.5, torque=4.0, second_pass=2.0),
             (*_PLASTIC, "steel_friction"),
             compacting=True, continuation=True, density_target=True, rate_factor_only=True, cheap=False,
             points_per_task=8,

@@ -1,6 +1,7 @@
 """Machine of a scene as records: cart, crank, motion laws, and the drive of each law."""
 
 import csv
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ from compact.machine.crankshaft import CRANK_ANGLES
 from compact.machine.hydraulic_drive import Hydraulic
 from compact.machine.motor_characteristics import Belt, Kloss, LinearTorqueCurve
 from compact.machine.motor_drive import Motor
+from compact.machine.motor_sizing import CatalogueMotor
 from compact.machine.rigid_drive import Crank, Rigid
 from compact.motion.profile import Cycle, MotionProfile, law
 from compact.motion.tabulated import from_table
@@ -21,6 +23,8 @@ from compact.scene.schema import Motor as MotorTable
 if TYPE_CHECKING:
     from compact.machine.elastic_drive import ElasticDrive
 
+RPM = 2 * np.pi / 60  # [rad/s], one revolution per minute, the unit of speed in catalogues
+CATALOGUE_COLUMNS = ("name", "rated_torque_Nm", "peak_torque_Nm", "speed_rpm", "inertia_kgm2")
 STATED = (  # fields of `Cart` that the table [machine] states
     "mass", "weight", "roller_positions", "guide_positions", "pin_position", "pin_height", "roller_radius",
     "guide_wheel_diameter", "guide_friction",
@@ -67,13 +71,66 @@ def laws(scene: Scene) -> Iterator[MotionProfile]:
     yield from map(_tabulated_law, scene.table_paths)
 
 
+def linkage(scene: Scene, cycle: Cycle) -> Rigid | Crank:
+    """Return the link between shaft and cart: the rod for the law of a crank without dwells, else a cam."""
+    rod = crank(scene)
+    through_rod = cycle.forward.name == "crank" and scene.motion.dwell == 0 and scene.drive.kind in ("crank", "motor")
+    return rod if through_rod and rod is not None else Rigid()
+
+
+def catalogue(scene: Scene) -> tuple[CatalogueMotor, ...]:
+    """Read the motors of `[drive.catalogue]`; none without the table.
+
+    Raises
+    ------
+    SceneError
+        If the file is no catalogue; the message lists all mistakes.
+    """
+    path = scene.catalogue_path
+    if path is None:
+        return ()
+    try:
+        with path.open(encoding="utf-8", newline="") as stream:
+            lines = [(number, line) for number, line in enumerate(stream, 1) if not line.lstrip().startswith("#")]
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError([f"{path}: not a catalogue of motors ({error}); give a CSV file"]) from None
+    reader = csv.DictReader(line for _, line in lines)
+    columns = [name.strip() for name in reader.fieldnames or ()]
+    reader.fieldnames = columns
+    if missing := [name for name in CATALOGUE_COLUMNS if name not in columns]:
+        required = ", ".join(CATALOGUE_COLUMNS)
+        raise SceneError([f"{path}: lacks the columns {', '.join(missing)}; give {required} and, if known, price"])
+    motors, mistakes = [], []
+    for row in reader:
+        try:
+            motors.append(_catalogue_motor(row))
+        except (TypeError, ValueError) as error:
+            number = lines[reader.line_num - 1][0]
+            mistakes.append(f"{path}:{number}: {error}; give numbers in the units of the columns")
+    repeated = [name for name, count in Counter(each.name for each in motors).items() if count > 1]
+    if repeated:
+        mistakes.append(f"{path}: repeats the name {', '.join(repeated)}; give each motor once")
+    if not (motors or mistakes):
+        mistakes.append(f"{path}: has no motors; give one line each")
+    if mistakes:
+        raise SceneError(mistakes)
+    return tuple(motors)
+
+
+def _catalogue_motor(row: dict[str, str]) -> CatalogueMotor:
+    """Convert a line of a catalogue to SI units."""
+    rated, peak, turns, inertia = (float(row[name]) for name in CATALOGUE_COLUMNS[1:])
+    price = (row.get("price") or "").strip()
+    return CatalogueMotor(row["name"].strip(), rated, peak, turns * RPM, inertia, float(price) if price else None)
+
+
 def drive_of(scene: Scene, cycle: Cycle) -> "Rigid | Crank | Hydraulic | Motor | ElasticDrive":
     """Build the drive of a law.
 
     The crank drives its own law through the rod, if the machine has one. A law with a velocity jump has a rigid drive
     in place of a motor: its force is impulsive.
     """
-    table, rod = scene.drive, crank(scene)
+    table = scene.drive
     if table.kind == "elastic":
         from compact.machine.elastic_drive import ElasticDrive  # compiled code, imported when required
 
@@ -83,8 +140,7 @@ def drive_of(scene: Scene, cycle: Cycle) -> "Rigid | Crank | Hydraulic | Motor |
     if table.kind == "hydraulic":
         assert table.hydraulics is not None  # rule of the scene
         return Hydraulic(**table.hydraulics.model_dump())
-    through_rod = cycle.forward.name == "crank" and scene.motion.dwell == 0 and table.kind in ("crank", "motor")
-    linked = rod if through_rod and rod is not None else Rigid()
+    linked = linkage(scene, cycle)
     if table.kind != "motor" or any(join.order == 1 for join in cycle.discontinuities()):
         return linked
     motor = table.motor

@@ -125,7 +125,26 @@ class LaboratoryProgramme:
             yield pure_shear(self.material, LATERAL_SHARES[-1] * self.pressure, ratio, specimen)
 
     def test(self, name: str, specimen: str = "loose", lateral_pressure: float | None = None) -> MaterialTest:
-        """Return the first test of a name, a specimen and a lateral pressure [Pa], if one is given."""
+        """Return the first test with a name and a specimen.
+
+        Parameters
+        ----------
+        name : str
+            Kind of test, as of `MaterialTest`.
+        specimen : {"loose", "compacted"}
+            Specimen.
+        lateral_pressure : float, optional
+            Pressure before the test [Pa]; any by default.
+
+        Returns
+        -------
+        MaterialTest
+
+        Raises
+        ------
+        KeyError
+            If there is no such test.
+        """
         for each in self.tests:
             if (each.name, each.specimen) == (name, specimen) and lateral_pressure in (None, each.lateral_pressure):
                 return each
@@ -139,7 +158,7 @@ class LaboratoryProgramme:
         return float(test.lateral_stress[end] / test.axial_stress[end])
 
     def heckel_slope(self) -> float:
-        """Fit the slope of ln 1/(1 - k) over s_v to the oedometer beyond half of its pressure [1/Pa]."""
+        """Fit the slope of ln[1/(1 - k)] over s_v to the oedometer beyond half of its pressure [1/Pa]."""
         test = self.test("oedometer")
         end = int(test.axial_stress.argmax()) + 1
         stress, logarithm = test.axial_stress[:end], -np.log1p(-test.density_ratio[:end])
@@ -147,7 +166,17 @@ class LaboratoryProgramme:
         return float(np.polyfit(stress[used], logarithm[used], 1)[0])
 
     def mohr_coulomb(self, specimen: str) -> tuple[float, float]:
-        """Fit friction angle [deg] and cohesion [Pa] to the biaxial tests of a specimen, the unconfined one included.
+        """Fit the criterion of Mohr and Coulomb to the biaxial tests of a specimen, the unconfined one included.
+
+        Parameters
+        ----------
+        specimen : {"loose", "compacted"}
+            Specimen.
+
+        Returns
+        -------
+        friction_angle, cohesion : float
+            Angle [deg] and cohesion [Pa].
 
         Notes
         -----
@@ -163,7 +192,19 @@ class LaboratoryProgramme:
 
 
 def oedometer(material: Compaction, pressure: float) -> MaterialTest:
-    """Compress loose mix without lateral strain up to a vertical stress [Pa], and release it."""
+    """Compress loose mix without lateral strain, and release it.
+
+    Parameters
+    ----------
+    material : Compaction
+        Constitutive law.
+    pressure : float
+        Largest vertical stress [Pa].
+
+    Returns
+    -------
+    MaterialTest
+    """
     path = _Path(material, 0.0, material.fed_density_ratio)
     increment = 2 * -np.log(material.fed_density_ratio) / STEPS
     while path.stress(1) < pressure:
@@ -188,7 +229,19 @@ def oedometer(material: Compaction, pressure: float) -> MaterialTest:
 
 
 def isotropic_compression(material: Compaction, pressure: float) -> MaterialTest:
-    """Compress loose mix by equal principal stresses up to a pressure [Pa]."""
+    """Compress loose mix by equal principal stresses.
+
+    Parameters
+    ----------
+    material : Compaction
+        Constitutive law.
+    pressure : float
+        Largest pressure [Pa].
+
+    Returns
+    -------
+    MaterialTest
+    """
     constants = cap_plasticity.cap_constants(material, 1.0)
     k = densest = float(material.fed_density_ratio)
     p, strain, step = 0.0, 0.0, pressure / STEPS / constants.K
@@ -208,7 +261,23 @@ def isotropic_compression(material: Compaction, pressure: float) -> MaterialTest
 
 
 def biaxial_compression(material: Compaction, pressure: float, density_ratio: float, specimen: str) -> MaterialTest:
-    """Compress mix in plane strain at a constant lateral pressure [Pa]; without one the test is the unconfined one."""
+    """Compress mix in plane strain at a constant lateral pressure.
+
+    Parameters
+    ----------
+    material : Compaction
+        Constitutive law.
+    pressure : float
+        Lateral pressure; zero for the unconfined test [Pa].
+    density_ratio : float
+        Density ratio of the specimen [-].
+    specimen : {"loose", "compacted"}
+        Name of the specimen.
+
+    Returns
+    -------
+    MaterialTest
+    """
     path = _Path(material, pressure, density_ratio)
     for increment in np.diff(AXIAL_STRAIN * np.linspace(0, 1, STEPS + 1) ** 2):
         path.advance_at_pressure(float(increment), pressure)
@@ -218,7 +287,23 @@ def biaxial_compression(material: Compaction, pressure: float, density_ratio: fl
 
 
 def pure_shear(material: Compaction, pressure: float, density_ratio: float, specimen: str) -> MaterialTest:
-    """Shear mix in plane strain at constant volume, from a confining pressure [Pa]."""
+    """Shear mix in plane strain at constant volume.
+
+    Parameters
+    ----------
+    material : Compaction
+        Constitutive law.
+    pressure : float
+        Confining pressure before the test [Pa].
+    density_ratio : float
+        Density ratio of the specimen [-].
+    specimen : {"loose", "compacted"}
+        Name of the specimen.
+
+    Returns
+    -------
+    MaterialTest
+    """
     path = _Path(material, pressure, density_ratio)
     for increment in np.diff(AXIAL_STRAIN * np.linspace(0, 1, STEPS + 1) ** 2):
         path.advance(-float(increment), float(increment))

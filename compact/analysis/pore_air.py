@@ -8,7 +8,7 @@ A coupled contact, whose skeleton yields to the air, is solved for some ratios o
 over those of the curve are interpolated over the logarithm of the ratio (`CoupledSample`).
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
@@ -24,6 +24,7 @@ from compact.rolling_contact import ContactResult, Layer, Roller
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:  # scikit-fem is imported where a pressure is computed
+    from compact.engines.pore_air.coupled_rolling import CoupledContact
     from compact.engines.pore_air.steady_flow import AirPressure
 
 RATIOS = np.geomspace(1e9, 1e17, 25)  # [1/(m s)], speed over permeability: from drained to undrained
@@ -145,6 +146,10 @@ class AirCurve:
             Speed of the roller [m/s].
         permeability : float
             Intrinsic permeability to air of the fed mix [m2].
+
+        Returns
+        -------
+        AirForces
         """
         ratio = np.array([abs(speed) / permeability])
         loads, resistances, excesses = (float(each[0]) for each in self._evaluate(ratio))
@@ -210,7 +215,24 @@ class AirCurve:
 
 
 def pore_air_of(mix: Mix, fed_density_ratio: float) -> PoreAir:
-    """Return the pore air of a mix; raise ValueError if the fed mix is occluded."""
+    """Return the pore air of a mix.
+
+    Parameters
+    ----------
+    mix : Mix
+        Mix with permeability, moisture and occlusion saturation.
+    fed_density_ratio : float
+        Density ratio as fed [-].
+
+    Returns
+    -------
+    PoreAir
+
+    Raises
+    ------
+    ValueError
+        If the fed mix is occluded.
+    """
     return PoreAir(mix.air_permeability, water_volume(mix.moisture), fed_density_ratio, mix.occlusion_saturation)
 
 
@@ -227,6 +249,10 @@ def air_under(result: Any, layer: Layer, roller: Roller, air: PoreAir) -> AirUnd
         Roller.
     air : PoreAir
         Pore air with its permeability.
+
+    Returns
+    -------
+    AirUnderRoller
     """
     if hasattr(result, "solution"):
         from compact.engines.pore_air.under_roller import RollerAir
@@ -251,6 +277,10 @@ def air_curve(under: AirUnderRoller, permeability: float, contact: ContactResult
         Its permeability [m2].
     contact : ContactResult
         Contact without air.
+
+    Returns
+    -------
+    AirCurve
     """
     rows = list(_solutions(under, permeability))
     loads, resistances, excesses = (tuple(column) for column in np.array(rows).T.tolist())
@@ -266,7 +296,21 @@ def _solutions(under: AirUnderRoller, permeability: float) -> Iterator[tuple[flo
 
 
 def air_answer(curve: AirCurve, mix: Mix, mean_speed: float) -> AirAnswer:
-    """Evaluate a curve for a mix at the mean speed of a pass [m/s]."""
+    """Evaluate a curve for a mix.
+
+    Parameters
+    ----------
+    curve : AirCurve
+        Forces of the air.
+    mix : Mix
+        Mix, whose permeability has a value and a spread.
+    mean_speed : float
+        Mean speed of a pass [m/s].
+
+    Returns
+    -------
+    AirAnswer
+    """
     permeability = mix.parameter("air_permeability")
     ends = permeability.value, permeability.low, permeability.high
     found = curve.at(mean_speed, permeability.value)
@@ -285,12 +329,80 @@ def has_air(scene: Scene) -> bool:
     return ENGINES[scene.accuracy.engine].compacting and scene.mix.pore_air != "drained"
 
 
+def is_coupled(scene: Scene) -> bool:
+    """Return True if the contacts of a scene yield to their pore air."""
+    return scene.mix.pore_air == "coupled" and scene.accuracy.engine == "compaction"
+
+
 def nodes_of_map(speeds: Array) -> Array:
     """Return the speeds of a map with air [m/s]: those of the skeleton, and more between them by equal ratios."""
     return np.unique(np.concatenate([speeds, np.geomspace(speeds[0], speeds[-1], MAP_NODES)[1:-1]]))
 
 
-def coupled_samples(contact: Any, air: PoreAir, curve: AirCurve, speeds: Iterable[float]) -> Iterator[CoupledSample]:
+def coupled_contact(
+    contact: Any, air: PoreAir, speed: float, start: "CoupledContact | None" = None
+) -> "CoupledContact":
+    """Compute a contact that yields to its pore air.
+
+    Parameters
+    ----------
+    contact : CompactionContactResult
+        Contact without air.
+    air : PoreAir
+        Pore air.
+    speed : float
+        Speed of the roller [m/s].
+    start : CoupledContact, optional
+        Coupled contact at a lower speed, as initial guess.
+
+    Returns
+    -------
+    CoupledContact
+
+    Raises
+    ------
+    RuntimeError
+        If the coupled contact does not become steady, with the speed.
+    """
+    from compact.engines.pore_air.coupled_rolling import roll_coupled
+
+    try:
+        return roll_coupled(contact, air, speed, start=start)
+    except RuntimeError as error:
+        raise RuntimeError(
+            f"the contact coupled with its pore air has no steady state at {speed:.4g} m/s: {error}; roll slower, "
+            'or choose mix.pore_air = "one-way"'
+        ) from error
+
+
+def coupled_forces(contact: Any, air: PoreAir, speed: float) -> AirForces:
+    """Compute the changes of a contact by coupling with its pore air.
+
+    Parameters
+    ----------
+    contact : CompactionContactResult
+        Contact without air.
+    air : PoreAir
+        Pore air.
+    speed : float
+        Speed of the roller [m/s].
+
+    Returns
+    -------
+    AirForces
+
+    Raises
+    ------
+    RuntimeError
+        As of `coupled_contact`.
+    """
+    found = coupled_contact(contact, air, speed)
+    return AirForces(found.load - contact.load, found.resistance - contact.resistance, found.largest_excess_behind)
+
+
+def coupled_samples(
+    contact: Any, air: PoreAir, curve: AirCurve, speeds: Iterable[float], count: Callable[[str], None]
+) -> Iterator[CoupledSample]:
     """Yield coupled contacts at ascending speeds, each from the one before.
 
     Parameters
@@ -303,23 +415,22 @@ def coupled_samples(contact: Any, air: PoreAir, curve: AirCurve, speeds: Iterabl
         Curve at the deformation without air.
     speeds : iterable of float
         Speeds [m/s], ascending.
+    count : callable
+        Called with "coupled" before each contact.
+
+    Yields
+    ------
+    CoupledSample
 
     Raises
     ------
     RuntimeError
         If a coupled contact does not become steady, with the speed.
     """
-    from compact.engines.pore_air.coupled_rolling import CoupledContact, roll_coupled
-
     start: CoupledContact | None = None
     for speed in speeds:
-        try:
-            start = roll_coupled(contact, air, speed, start=start)
-        except RuntimeError as error:
-            raise RuntimeError(
-                f"the contact coupled with its pore air has no steady state at {speed:.4g} m/s: {error}; roll slower, "
-                'or choose mix.pore_air = "one-way"'
-            ) from error
+        count("coupled")
+        start = coupled_contact(contact, air, speed, start)
         alone = curve.at(speed, air.permeability)
         load, resistance = start.load - contact.load, abs(start.resistance) - abs(contact.resistance)
         yield CoupledSample(abs(speed) / air.permeability, load / alone.load, resistance / alone.resistance)

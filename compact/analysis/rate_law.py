@@ -1,9 +1,13 @@
 """Resistance over speed where the speed enters through the rate factor of the yield pressure alone.
 
-Forces of a compacting mix are homogeneous in the stresses: with the yield pressure pc f, Young's modulus E and the
-tensile strength pt, F = f Phi(E/f, pt/f). So ln F is one smooth function of ln f, for a prescribed height, load or peak
-pressure. Two or three contacts define it over decades of the speed, since f changes by some 4 % in a decade. f follows
-from the rate of compaction, `rolling_contact.compaction_rate`.
+Forces of a compacting mix are homogeneous in the stresses. With the yield pressure pc f, Young's modulus E and the
+tensile strength pt they are
+
+    F = f Phi(E/f, pt/f)
+
+So ln F is one smooth function of ln f, for a prescribed height, load or peak pressure. The factor f follows from the
+rate of compaction, `rolling_contact.compaction_rate`. It changes by some 4 % in a decade of the speed, so that two or
+three contacts define F over decades.
 
 References
 ----------
@@ -56,7 +60,18 @@ class RateLaw:
         return np.exp(self._terms(speeds) @ self._coefficients)
 
     def standard_error(self, speeds: Array) -> Array:
-        """Return the relative standard error [-] at speeds [m/s], by the scatter of the contacts and the prior."""
+        """Compute the relative standard error by the scatter of the contacts and the prior.
+
+        Parameters
+        ----------
+        speeds : ndarray
+            Speeds [m/s].
+
+        Returns
+        -------
+        ndarray
+            Relative standard errors [-].
+        """
         terms = self._terms(speeds)
         return np.sqrt(np.sum((terms @ self._covariance) * terms, axis=1))
 

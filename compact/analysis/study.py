@@ -9,17 +9,21 @@ first used, and the runs of each stage are counted. `report.writer` writes the r
 
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property, partial
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from compact.analysis import machine_models
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
 from compact.analysis.engineering_summary import Engineering, Number
 from compact.analysis.engines import Engine
 from compact.analysis.pore_air import AirAnswer, AirCurve, AirForces, air_answer
+from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
+from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
+from compact.analysis.sizing.work_balance import WorkBalance, work_balance
 from compact.analysis.stages import comparison
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
 from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
@@ -29,10 +33,11 @@ from compact.analysis.stages.costs import WorkPlan
 from compact.analysis.stages.drives import DriveStage, build_stages
 from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.stages.laws import LawStage, PrescribedLaws
-from compact.analysis.stages.model_spread import ModelSpread
+from compact.analysis.stages.model_spread import ModelSpread, contact_by_law, scenes_of_laws, spread_of
 from compact.analysis.stages.resistance import ResistanceStage
 from compact.analysis.stages.sensitivity import Shift, sensitivities
-from compact.analysis.stages.work_balance import WorkBalance, work_balance
+from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
+from compact.analysis.stages.verdict import SIZING_PEAKS, ModelAnswer, Verdict, model_answers, verdict
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
 from compact.cams.profile import Cam, LeastBreadth
 from compact.contact import DryResistance
@@ -44,7 +49,7 @@ from compact.machine.roller_motors import RollerMotor
 from compact.material.mix import Mix
 from compact.motion.profile import Cycle
 from compact.resistance import ResistanceMap
-from compact.rolling_contact import ContactResult, HeapingError
+from compact.rolling_contact import ContactResult, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
 
@@ -66,6 +71,8 @@ class Study:
         Results of an earlier run, whose contacts and resistance map are used if they have the same key.
     progress : callable, optional
         Called with lines of text by engines with continuation.
+    durations : sequence of float
+        Durations of a pass at which the laws are ranked again [s], ascending.
 
     Attributes
     ----------
@@ -93,7 +100,6 @@ class Study:
     roller_load: float = _of("contacts.roller_load", "load of one roller at the mean speed [N]")
     second_pass: tuple[float, float] | None = _of("contacts.second_pass", "load and resistance over the first pass [-]")
     air_curve: AirCurve | None = _of("contacts.air_curve", "forces of the pore air; None for a linear layer")
-    model_spread: ModelSpread | None = _of("contacts.model_spread", "other laws of the mix; None where not required")
     air_forces: Callable[[float], AirForces | None] = _of("contacts.air_forces", "changes by pore air at a speed [m/s]")
     kept: KeptResults | None = _of("contacts.kept", "results of an earlier run in the directory")
 
@@ -119,14 +125,23 @@ class Study:
     turns: dict[str, CrankshaftRevolution] = _of("drive.turns", "turn of the crankshaft by number of carts")
 
     def __init__(
-        self, scene: Scene, step: Count = no_count, directory: Path | None = None, progress: Progress | None = None
+        self,
+        scene: Scene,
+        step: Count = no_count,
+        directory: Path | None = None,
+        progress: Progress | None = None,
+        durations: Sequence[float] = (),
     ) -> None:
-        self.scene, self.counts = scene, Counter[str]()
+        require_durations(scene, durations)
+        machine_models.catalogue(scene)  # mistakes in it are reported before anything is computed
+        self.scene, self.counts, self.durations = scene, Counter[str](), tuple(durations)
         self._step, self._directory = step, directory
         self._answers: dict[str, Any] | None = None
         self._background: BackgroundTasks | None = None
+        self._contacts_by_law: list[Callable[[], Any]] = []
         self.mix: Mix = scene_mix(scene)
-        self.stages = build_stages(scene, self.mix, self.count, directory, progress)
+        shortest = min(self.durations, default=None)
+        self.stages = build_stages(scene, self.mix, self.count, directory, progress, shortest=shortest)
 
     def count(self, stage: str) -> None:
         """Count one run of a stage."""
@@ -138,7 +153,7 @@ class Study:
     @property
     def plan(self) -> WorkPlan:
         """Expected work of all results that the scene requires."""
-        return WorkPlan(self.scene, self.mix, self.counts, len(self.law_stage.left_out))
+        return WorkPlan(self.scene, self.mix, self.counts, len(self.law_stage.left_out), len(self.durations))
 
     def standing(self, directory: Path, *prefixes: str) -> list[Path]:
         """Return the valid files of an earlier run with any of the prefixes; none if a prefix has no file."""
@@ -158,7 +173,7 @@ class Study:
                 self.second_pass,
                 self.resistance_map,
                 self.air_curve,
-                self.model_spread,
+                None if self._contacts_by_law and "model_spread" not in self.__dict__ else self.model_spread,
                 tuple(names),
             )
             yield from write_results(directory, results, self.contact_stage.key)
@@ -174,10 +189,71 @@ class Study:
         """Sensitivity of the least peaks to each input, with a rigid drive."""
         return sensitivities(self.stages)
 
+    @property
+    def _sizing_peaks(self) -> list[str]:
+        """Criteria of the verdict that the scene ranks by."""
+        return [by for by in SIZING_PEAKS if by in self.scene.drive.rank_by]
+
+    @cached_property
+    def models(self) -> list[ModelAnswer]:
+        """Answers of the engine of the scene, first, and of the engines of the comparison."""
+        spread = self.model_spread
+        return model_answers(self.stages, self.comparison, spread.resistance if spread else None)
+
+    @cached_property
+    def uncertainty(self) -> RankingUncertainty | None:
+        """Effect of every source of uncertainty on the recommended laws; None without the output "report"."""
+        if "report" not in self.scene.output.items:
+            return None
+        motion, kind = self.scene.motion, self.scene.drive.kind
+        found = {by: verdict(self.models, motion.duration, kind, by) for by in self._sizing_peaks}
+        known = {by: each for by, each in found.items() if each is not None}
+        self.count("uncertainty")
+        return ranking_uncertainty(self.stages, self.models, known, self.models[0].spread)
+
+    @cached_property
+    def verdicts(self) -> dict[tuple[float, str, str], Verdict]:
+        """Verdicts by duration [s], drive and criterion; absent where no law has a finite value.
+
+        Those of the duration and drive of the scene include the spread of the mix and of its laws.
+        """
+        motion, kind = self.scene.motion, self.scene.drive.kind
+        found = {}
+        for duration, places in self.models[0].places.items():
+            for drive in places:
+                for by in self._sizing_peaks:
+                    own = (duration, drive) == (motion.duration, kind)
+                    firsts = self.uncertainty.first_laws(by) if own and self.uncertainty else ()
+                    each = verdict(self.models, duration, drive, by, firsts)
+                    if each is not None:
+                        found[duration, drive, by] = each
+        return found
+
+    @cached_property
+    def machine_sizing(self) -> MachineSizing:
+        """Motor of every law, and guide wheels and bearings under the recommended law by the first criterion."""
+        motion, kind = self.scene.motion, self.scene.drive.kind
+        recommended = [self.verdicts.get((motion.duration, kind, by)) for by in self._sizing_peaks[:1]]
+        return machine_sizing(self.stages, next((each.law for each in recommended if each), None))
+
     @cached_property
     def work_balance(self) -> WorkBalance:
         """Balances of work and mix under the first law."""
         return work_balance(self.stages)
+
+    @cached_property
+    def over_durations(self) -> DurationStudy | None:
+        """Ranking over the duration; None without durations."""
+        return over_durations(self.stages, self.durations) if self.durations else None
+
+    @property
+    def best_laws(self) -> list[str]:
+        """Three laws: the recommended ones at the duration and drive of the scene, their ties, and the next."""
+        case = self.scene.motion.duration, self.scene.drive.kind
+        own = [each for key, each in self.verdicts.items() if key[:2] == case]
+        ties = [law for each in own for law in each.contenders[1:]]
+        ranked = [place.run.name for ranks in self.rankings.values() for place in ranks[:3]]
+        return list(dict.fromkeys([*(each.law for each in own), *ties, *ranked]))[:3]
 
     @cached_property
     def checks(self) -> list[BalanceCheck]:
@@ -207,9 +283,27 @@ class Study:
             finally:
                 self._background = None
 
+    def begin_model_spread(self) -> None:
+        """Start the contacts by the other laws of the mix in the executor of `helped`."""
+        contacts = self.contact_stage
+        if not contacts.requires_model_spread or not self._background or (self.kept and self.kept.model_spread):
+            return
+        assert contacts.held is not None  # of a compacting engine
+        work = partial(contact_by_law, contacts.held)
+        scenes = enumerate(scenes_of_laws(self.scene, self.mix))
+        self._contacts_by_law = [self._background.submit(f"law {number}", work, each) for number, each in scenes]
+
+    @cached_property
+    def model_spread(self) -> ModelSpread | None:
+        """Contacts by the other laws of the mix; None where they are not required."""
+        if not self._contacts_by_law:
+            return self.contact_stage.model_spread
+        self.count("model spread")
+        return spread_of([answer() for answer in self._contacts_by_law])
+
     @cached_property
     def comparison(self) -> dict[str, EngineComparison]:
-        """Results of each engine of the comparison by name, but of those in `heaping`."""
+        """Results of each engine of the comparison by name, but of those in `heaping` and `unsteady`."""
         return {name: each for name, each in self._compared.items() if isinstance(each, EngineComparison)}
 
     @property
@@ -217,8 +311,13 @@ class Study:
         """Engines of the comparison by which the mix heaps up in front of the roller, with the reason."""
         return {name: each for name, each in self._compared.items() if isinstance(each, HeapingError)}
 
+    @property
+    def unsteady(self) -> dict[str, UnsteadyError]:
+        """Engines of the comparison by which the motion does not become steady, with the reason."""
+        return {name: each for name, each in self._compared.items() if isinstance(each, UnsteadyError)}
+
     @cached_property
-    def _compared(self) -> dict[str, EngineComparison | HeapingError]:
+    def _compared(self) -> dict[str, EngineComparison | HeapingError | UnsteadyError]:
         """Results of each engine of the comparison by name."""
         if self._answers is None:
             with self.helped(SerialExecutor()):

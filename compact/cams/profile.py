@@ -240,7 +240,7 @@ class Cam:
     def breadth_error(self) -> float:
         """Largest |rho(phi) + rho(phi + pi) - b| [m]: rounding if the breadth is constant."""
 
-        def error(angle, *_: Array):
+        def error(angle: Array, *_: Array) -> Array:
             return np.abs(self.radius(angle) + self.radius(angle + np.pi) - self.breadth)
 
         sampled = float(error(np.linspace(0, np.pi, BREADTH_SAMPLES)).max())
@@ -308,7 +308,7 @@ class Cam:
         """Smallest |radius of curvature| [m] of the convex or of the concave parts, both sides of every breakpoint."""
         sign = 1 if convex else -1
 
-        def negative_radius(_, *travel: Array):
+        def negative_radius(_: Array, *travel: Array) -> Array:
             turn, arc = self.follower.rates(*self._raised(*travel))
             return -np.divide(arc, sign * turn, out=np.full_like(arc, np.inf), where=sign * turn > 0)
 
@@ -347,7 +347,7 @@ def _maximum(cycle: Cycle, measure: Measure) -> tuple[float, float]:
     best = (-np.inf, 0.0)
     for leg in cycle.legs():
 
-        def along(z, leg=leg):
+        def along(z: Array, leg: Leg = leg) -> Array:
             return measure(_angle_in(cycle, leg, z), *_travel(cycle, leg, z))
 
         value, z = find_maximum(along, interior_grid(leg.breakpoints()))
@@ -364,10 +364,10 @@ def _base_without_crossing(cycle: Cycle, follower: RollerFollower, base: float) 
     """Smallest (b - stroke)/2 [m] >= base without crossing flanks; rho^2/w > r all round is sufficient."""
     angle, x, slope, _ = _dense_samples(cycle)
 
-    def crossed(base):
+    def crossed(base: float) -> bool:
         return follower.flanks_cross(angle, base + x, slope)
 
-    def sufficient(_, x, slope, __):
+    def sufficient(_: Array, x: Array, slope: Array, __: Array) -> Array:
         r = follower.radius
         return np.sqrt((r**2 + r * np.hypot(r, 2 * slope)) / 2) - x
 

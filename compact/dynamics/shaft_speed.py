@@ -188,7 +188,7 @@ def _newton_step(residual, angle, width, energy, periodic):
 def _propagate(particular, propagation, gaps, periodic):
     """Compute s at the starts of the elements: s_(i+1) = particular_i + propagation_i s_i - gap_(i+1)."""
 
-    def from_start(start):
+    def from_start(start: Array) -> tuple[Array, Array]:
         starts = [start]
         for i in range(len(particular) - 1):
             starts.append(particular[i] + propagation[i] * starts[-1] - gaps[i + 1])

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from compact.dynamics import force_elements as elements
 from compact.dynamics.event_driven import (
@@ -277,7 +278,7 @@ class _CycleMap:
         stiffness, mass = problem.oscillator.stiffness, problem.oscillator.mass
         self.units = problem.force_scale / np.array([stiffness, math.sqrt(stiffness * mass)])
 
-    def predict(self):
+    def predict(self) -> elements.CartState:
         """State after one rough cycle."""
         integrate, early = self.problem.integrate, self.early
         end = integrate(self.late, self._quasi_static_state(), PREDICTOR_TOLERANCE)[1]
@@ -297,7 +298,7 @@ class _CycleMap:
         zone = elements.NEAR_SPRING if position < ends.length else elements.FAR_SPRING if in_far_spring else 0
         return elements.CartState(elongation, velocity, flank, zone)
 
-    def evaluate(self, state, last=None):
+    def evaluate(self, state: elements.CartState, last: "CycleMapEvaluation | None" = None) -> "CycleMapEvaluation":
         """Cycle from a state; the part before the middle is taken from the last cycle if it starts equally."""
         second, end = self.problem.integrate(self.late, state)
         if last is not None and end[2:] == last.end[2:]:
@@ -311,13 +312,15 @@ class _CycleMap:
         """Difference of two states over the force scale."""
         return (np.array(one[:2]) - np.array(other[:2])) / self.units
 
-    def is_closed(self, residual, state):
+    def is_closed(self, residual: Array, state: elements.CartState) -> bool:
         """Return true for a residual within the tolerance, relative to the amplitude near a resonance."""
         amplitude = max(1.0, np.abs(np.array(state[:2]) / self.units).max())
         limit = CLOSURE_TOLERANCE * self.problem.tolerance / self.problem.force_scale * amplitude
         return np.abs(residual).max() <= limit
 
-    def step(self, state, cycle):
+    def step(
+        self, state: elements.CartState, cycle: "CycleMapEvaluation"
+    ) -> tuple[elements.CartState, "CycleMapEvaluation"]:
         """State and cycle after a Newton step, or after a further cycle and Aitken's extrapolation."""
         jacobian = np.empty((2, 2))
         for j in range(2):
@@ -396,7 +399,7 @@ def _split(law: PiecewisePolynomial, time: float) -> tuple[PiecewisePolynomial, 
 def _total_resistance(cart: Cart, resistance: Resistance) -> Callable[..., Array]:
     """Resistance and guide friction [N] of velocities [m/s] other than 0 and accelerations [m/s^2]."""
 
-    def total(velocity, acceleration=0.0):
+    def total(velocity: Array, acceleration: ArrayLike = 0.0) -> Array:
         acceleration = np.broadcast_to(acceleration, np.shape(velocity))
         force = evaluate_resistance(resistance, velocity, acceleration)
         return balance(cart, 0.0, force, np.sign(velocity)).drive_force

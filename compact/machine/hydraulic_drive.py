@@ -207,8 +207,8 @@ class HydraulicRun(Run):
         leg = dynamics.cycle.legs()[0]
         breaks, (first, last) = dynamics.breaks(leg), self._resolved_phases(leg)
 
-        def area(name):
-            def over_time(time):
+        def area(name: str) -> PiecewisePolynomial:
+            def over_time(time: Array) -> Array:
                 state = dynamics.state_at(leg, np.clip(time / leg.duration, first, last))
                 return getattr(solve_valve_flow(self.hydraulic, state.velocity, state.forces.drive_force), name)
 
@@ -327,7 +327,7 @@ class _Circuit:
     resistance: Resistance
     evaluations: Iterator[int] = field(default_factory=count)
 
-    def integrate(self, time, end, state, direction, rtol, columns):
+    def integrate(self, time, end, state, direction, rtol, columns) -> tuple[Array, int]:
         """State and direction (+1, -1, 0 at rest) at the end of a piece, through alternating motion and rest."""
         supply = self.hydraulic.supply_pressure
         work = supply * self.hydraulic.piston_area * self.stroke
@@ -352,7 +352,7 @@ class _Circuit:
             "check `resistance` near rest"
         )
 
-    def spring_energy(self, position):
+    def spring_energy(self, position: float) -> float:
         """Energy of the end springs [J]."""
         return 0.0 if self.cart.end_springs is None else float(self.cart.end_springs.energy(position))
 
@@ -436,7 +436,7 @@ class _Circuit:
     def _events(self, direction):
         """Stop of a moving cart, or breakaway of a cart at rest."""
 
-        def speed(_time, state):
+        def speed(_time: float, state: Array) -> float:
             return direction * state[1]
 
         margins = [partial(self._stiction_margin, direction=way) for way in (1, -1)]

@@ -12,7 +12,7 @@ The shaft angle is the independent variable (`dynamics.shaft_speed`).
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from operator import attrgetter
@@ -21,14 +21,14 @@ import numpy as np
 
 from compact.dynamics.shaft_speed import ShaftRevolution, solve_shaft_speed
 from compact.machine import rigid_drive
-from compact.machine.cart import Cart, Resistance, balance
+from compact.machine.cart import Cart, Resistance
 from compact.machine.motor_characteristics import Belt, TorqueCurve
+from compact.machine.shaft_load import RIGID, CartsOnShaft
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics import Array
 from compact.numerics.piecewise import find_maximum, interior_grid
 from compact.numerics.validation import require_fields, require_opposing
 
-RIGID = rigid_drive.Rigid()
 SPEED_TRIALS = 200  # [-], speeds between rest and no load for the first guess
 GUESS_POINTS = 18  # [-], per piece of the law, ends included; mean torque of the first guess
 PEAK_STEPS = 12  # [-], per element; grid of the search for a peak
@@ -101,70 +101,10 @@ class Motor:
 
 
 @dataclass(frozen=True)
-class ShaftLoad:
-    """Torque of identical carts on one shaft.
+class ShaftLoad(CartsOnShaft):
+    """Torque of identical carts on the shaft of a motor; angles and rod are those of the motor."""
 
-    Parameters
-    ----------
-    cycle : Cycle
-        Law; its period is that of one revolution at uniform speed.
-    resistance : callable
-        Force of the mix on one cart [N] of velocity [m/s] and acceleration [m/s^2].
-    """
-
-    cart: Cart
-    motor: Motor
-    cycle: Cycle
-    resistance: Resistance
-
-    def breaks(self) -> Array:
-        """Angles in [0, 2 pi] at joins of the law and spring contacts of any cart, ends included [rad]."""
-        rate = 2 * np.pi / self.cycle.period
-        joins = np.concatenate([rate * (leg.start + leg.duration * leg.breakpoints()) for leg in self.cycle.legs()])
-        if self.cart.end_springs is not None:
-            joins = np.append(joins, self._zones.breaks)
-        return rigid_drive.revolution_breaks(np.subtract.outer(joins, self.motor.angles))
-
-    def states_at(
-        self, angle: Array, energy: Array, acceleration: Array, jerk: Array | float = 0.0
-    ) -> list[rigid_drive.DriveState]:
-        """Solve motion and forces of each cart at angles [rad], shape (pieces, n).
-
-        Energy is phi'^2/2 [1/s^2], acceleration phi'' [rad/s^2] and jerk the third derivative [rad/s^3].
-        """
-        angles = [np.mod(angle + lead, 2 * np.pi) for lead in self.motor.angles]
-        return [self._cart_state(angle, energy, acceleration, jerk) for angle in angles]
-
-    def _cart_state(self, angle, energy, acceleration, jerk):
-        """Motion and forces of a cart at its own angle [rad]."""
-        x, slope, curvature, third = self.travel(angle)
-        speed = np.sqrt(2 * energy)
-        velocity, cart_acceleration = slope * speed, curvature * 2 * energy + slope * acceleration
-        direction = np.sign(slope.mean(axis=-1, keepdims=True))
-        slowest = rigid_drive.STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
-        moving = np.where(np.abs(velocity) < slowest, direction * slowest, velocity)
-        force = rigid_drive.evaluate_resistance(self.resistance, moving, cart_acceleration)
-        tangent = self.motor.rod.rod_tangent(angle / (2 * np.pi) * self.cycle.period, self.cycle.period)
-        springs = self.cart.end_springs
-        end_force = 0.0 if springs is None else springs.force(x, self._zones.side_at(angle))
-        cart_jerk = third * speed**3 + 3 * curvature * speed * acceleration + slope * jerk
-        forces = balance(self.cart, cart_acceleration, force, np.sign(moving), tangent, end_force)
-        return rigid_drive.DriveState(x, velocity, cart_acceleration, cart_jerk, force, tangent, forces)
-
-    @cached_property
-    def _zones(self):
-        """Zones of the end springs over the angle."""
-        return self.cart.end_springs.zones(lambda angle: self.travel(angle)[0], [0.0, np.pi, 2 * np.pi])
-
-    def travel(self, angle: Array) -> list[Array]:
-        """Return x [m] and its first three derivatives with respect to the angle [m/rad^k], angle in [0, 2 pi)."""
-        rate = self.cycle.period / (2 * np.pi)
-        return [self.cycle.derivative(angle * rate, order) * rate**order for order in range(4)]
-
-    def torque(self, angle: Array, energy: Array, acceleration: Array) -> Array:
-        """Return the torque of all carts, sum of H x' [N m]."""
-        states = self.states_at(angle, energy, acceleration)
-        return sum(state.forces.drive_force * state.velocity for state in states) / np.sqrt(2 * energy)
+    motor: Motor = field(kw_only=True)
 
     def residual(self, angle: Array, energy: Array, acceleration: Array) -> Array:
         """Return the residual torque J phi'' + sum of H x' - g T [N m]."""
@@ -215,7 +155,7 @@ def simulate_motor(
         )
     rigid_drive.require_law_of_drive(motor.rod, cycle)
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
-    load = ShaftLoad(cart, motor, cycle, resistance)
+    load = ShaftLoad(cart, cycle, resistance, motor.angles, motor.rod, motor=motor)
     speed = _first_guess(load) if start_speed is None else start_speed
     revolution = solve_shaft_speed(load.residual, load.breaks(), speed, tolerance, periodic=start_speed is None)
     run = MotorRun(load, revolution, working)
@@ -424,7 +364,7 @@ class MotorRun(rigid_drive.CycleStatistics):
     def _largest_of_shaft(self, quantity: Callable[..., Array]) -> float:
         """Return the largest |quantity(speed, acceleration)| of the shaft, also between samples."""
 
-        def of_angle(angle):
+        def of_angle(angle: Array) -> Array:
             energy, acceleration, _ = self.revolution.evaluate(angle)
             return quantity(np.sqrt(2 * energy), acceleration)
 

@@ -273,7 +273,7 @@ def _monotone_curve(x: Array, y: Array, slope: float) -> Callable[..., Array]:
     """Monotone interpolation of ascending samples, extrapolated from both ends with a slope."""
     curve = PchipInterpolator(x, y)
 
-    def value(place):
+    def value(place: Array) -> Array:
         within = np.clip(place, x[0], x[-1])
         return curve(within) + slope * (place - within)
 

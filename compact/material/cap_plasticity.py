@@ -1,7 +1,7 @@
 """Cap plasticity with Heckel hardening: implicit integration of many material points.
 
 A strain increment is split into equal substeps. Each maps its elastic trial state back to the yield surface by backward
-Euler: to the ellipse (`elliptic_cap`), or to the ellipse and the shear line of Drucker and Prager
+Euler. The surface is the ellipse (`elliptic_cap`), or the ellipse with the shear line of Drucker and Prager
 (`drucker_prager_cap`).
 
 References
@@ -60,7 +60,19 @@ class MaterialPoint:
 
 
 def initial_state(law: Compaction, n: int) -> MaterialPoint:
-    """Return n stress-free points at the initial density ratio of a law."""
+    """Return stress-free points at the initial density ratio of a law.
+
+    Parameters
+    ----------
+    law : Compaction
+        Constitutive law.
+    n : int
+        Number of points.
+
+    Returns
+    -------
+    MaterialPoint
+    """
     density_ratio = np.full(n, float(law.fed_density_ratio))
     return MaterialPoint(np.zeros((n, 4)), density_ratio, density_ratio.copy(), np.zeros(n))
 
@@ -81,6 +93,10 @@ def compacted_state(
         Factor of pc at the speed of the earlier pass [-].
     residual_stress : bool
         True to keep the lateral stress.
+
+    Returns
+    -------
+    MaterialPoint
     """
     fresh, constants = initial_state(law, 1), cap_constants(law, rate_factor)
     fed, stiffness = float(law.fed_density_ratio), constants.K + 4 * constants.G / 3
@@ -90,10 +106,10 @@ def compacted_state(
             f"{density_ratio!r}"
         )
 
-    def strained(state, strain):
+    def strained(state: MaterialPoint, strain: float) -> MaterialPoint:
         return integrate_points(law, state, np.array([[0.0, strain, 0.0]]), rate_factor, tangent=False)[0]
 
-    def compacted(strain):
+    def compacted(strain: float) -> MaterialPoint:
         state = fresh
         for _ in range(CONFINED_STEPS):
             state = strained(state, -strain / CONFINED_STEPS)

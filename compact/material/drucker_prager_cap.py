@@ -4,8 +4,8 @@
     line  q <= M P                       P >= 0,   potential q - N P,  dV = -N ls,       de = ls
     cut   P >= 0
 
-with P = p + pt and a = (pc + pt)/2. The steady rolling of `incremental_rolling` replaces the line by q <= M (p' + pt),
-with the pressure p' of the same place in the last step (carried pressure). Flow with N = 0 is then associated and every
+with P = p + pt and a = (pc + pt)/2. The steady rolling of `incremental_rolling` replaces the line by q <= M (p' + pt).
+The carried pressure p' is that of the same place in the last step. Flow with N = 0 is then associated and every
 increment convex; in steady motion p' = p, and the law is the same. Both are q <= m P + b, with m = M, b = 0 or m = 0,
 b = M (p' + pt). A viscous stress n ls may exceed the line, up to the top Mc a of the cap where P < a.
 
@@ -59,6 +59,10 @@ def is_elastic_in_line(law: CapConstants, p: float, q: float, densest: float, ca
         Largest density ratio so far [-].
     carried : float
         Pressure p' that limits shear [Pa], NaN for p itself.
+
+    Returns
+    -------
+    bool
     """
     a, slope, limit = _surfaces(law, densest, carried)
     P = p + law.pt
@@ -197,14 +201,15 @@ def _return_to_corner(law, p, q, k, densest, slope, limit, viscosity):
 def _corner(law, trial, limit, viscosity):
     """Return V, shear of the line, a, da/dV and convergence at the corner of the cap and a line with an intercept."""
     P_trial, _, densest, onset, slope = trial
-    a_before = (hardening(law, densest)[0] + law.pt) / 2
+    pc = hardening(law, densest)[0]
+    a_before = (pc + law.pt) / 2
     V = (P_trial - _intersection(law, a_before, slope, limit)[0]) / law.K
     low, high, tolerance = -np.inf, np.inf, CORNER_TOLERANCE * (abs(P_trial) + a_before) / law.K
     shear, a, h = 0.0, a_before, 0.0
     for _ in range(MAX_ITERATIONS):
         a, h = a_before, 0.0
         if onset < V:
-            rise, H = pressure_rise(law, densest, V - onset)
+            rise, H = pressure_rise(law, densest, V - onset, pc)
             a, h = a_before + rise / 2, H / 2
         y = P_trial - law.K * V - a
         if y > 0:
@@ -246,7 +251,7 @@ def _corner_residual(law, trial, solution, limit, viscosity):
 
 @compiled
 def _intersection(law, a, slope, limit):
-    """Return P where the line meets the supercritical side of the cap, and dP/da; the nearest point without one."""
+    """Return P of the intersection of line and supercritical side, and dP/da; the nearest point without one."""
     M2 = law.M**2
     square, half = 1 + slope * slope / M2, a - slope * limit / M2
     root = np.sqrt(max(half * half - square * limit * limit / M2, 0.0))

@@ -4,13 +4,13 @@ In plane strain the plastic flow leaves no strain across the plane. With s = sin
 
     N = 3 sin psi/sqrt(3 + sin^2 psi),    M = s/[sqrt((1 - N^2/9)/3) + N s/9]
 
-exactly for psi = 0, where M = sqrt(3) s, and psi = phi, where M = N. In confined compression associated flow on a cap
-of slope Mc ends at the stress ratio eta = q/P of Mc^2 = eta^2 + 3 eta. All stresses are shifted by pt, so that a
+exactly for psi = 0, where M = sqrt(3) s, and psi = phi, where M = N. Confined compression on a cap of slope Mc ends
+at the stress ratio eta = q/P, where Mc^2 = eta^2 + 3 eta by associated flow. All stresses are shifted by pt, so that a
 coefficient K0 = s_h/s_v belongs to one vertical stress s_v:
 
     K0' = (K0 s_v + pt)/(s_v + pt),    eta = 3 (1 - K0')/(1 + 2 K0')
 
-Mix in confined compression must flow on the cap, K0' > (3 - M)/(3 + 2 M), and the cap must be as steep as the line,
+Mix in confined compression must flow on the cap, K0' > (3 - M)/(3 + 2 M). The cap must not be flatter than the line,
 Mc >= M.
 
 References
@@ -71,6 +71,11 @@ def cap_slope(earth_pressure_coefficient: float, pressure: float, tensile_streng
     tensile_strength : float
         Isotropic tensile strength pt [Pa].
 
+    Returns
+    -------
+    float
+        Slope Mc [-].
+
     Examples
     --------
     >>> f"{cap_slope(0.4264, 200e3, 14281.0):.3f}"
@@ -124,6 +129,10 @@ def drucker_prager_cap(
         Vertical stress at which K0 holds [Pa].
     **others
         Further parameters of `DruckerPragerCap`; `heckel_slope` is that of confined compression.
+
+    Returns
+    -------
+    DruckerPragerCap
 
     Raises
     ------

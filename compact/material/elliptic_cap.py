@@ -7,13 +7,13 @@
 
 p is the mean pressure and q the von Mises stress. The full ellipse has p0 = c and no flat part; otherwise p0 =
 min(c, 0). Flow is associated; pc hardens with the plastic volumetric strain V, k = k_n exp(V). Return mapping by
-backward Euler with the plastic multiplier m gives
+backward Euler with the plastic multiplier m results in
 
     p = p_tr - K V,  V = 2 m r y,    q = q_tr/(1 + 6 G m/M^2),    f(p, q, pc(k)) = 0,
 
 where tr denotes the elastic trial state. Plastic flow moves p and c towards one another and ends before they coincide,
-so that the trial state determines the side. One unknown remains: x >= 0 of V = A x/((1 + x) K), with A the trial
-pressure beyond the flat part; without hardening x = 2 r K m. As x grows from 0 the stress moves inwards, from f > 0 to
+so that the trial state determines the side. One unknown remains: x >= 0 of V = A x/((1 + x) K), where A is the trial
+pressure beyond the flat part. Without hardening x = 2 r K m. As x grows from 0 the stress moves inwards, from f > 0 to
 y = 0 and q = 0. A root always exists, and is unique if H = dpc/dV < 12 G/M^2. With N^2 = f + a^2 the ratio a/N is
 nearly linear in x; Newton's method on a/N = 1 is safeguarded by bisection.
 
@@ -53,6 +53,10 @@ class CapConstants(NamedTuple):
         Isotropic slope K_H of Heckel's curve over the rate factor [1/Pa].
     offset, porosity : float
         Offset of the curve, and largest 1 - k at which pc follows it [-].
+    bias : float
+        `Compaction.tensile_offset` [-].
+    elastic : tuple of float
+        Coefficients of g, `Compaction.elastic_polynomial` [-].
     flat : bool
         True for a flat subcritical side.
     line : bool
@@ -70,6 +74,8 @@ class CapConstants(NamedTuple):
     slope: float
     offset: float
     porosity: float
+    bias: float
+    elastic: tuple[float, float, float]
     loose: float
     flat: bool
     line: bool
@@ -87,6 +93,10 @@ def cap_constants(law: Compaction, rate_factor: float, travel: float = np.inf) -
         Factor of pc at the speed [-].
     travel : float
         Travel of a strain path [m], over which the shear viscosity acts; infinite for slow shear.
+
+    Returns
+    -------
+    CapConstants
     """
     E, nu, offset = float(law.unloading_modulus), float(law.poisson), float(law.isotropic_offset)
     line = law if isinstance(law, DruckerPragerCap) else None
@@ -98,6 +108,8 @@ def cap_constants(law: Compaction, rate_factor: float, travel: float = np.inf) -
         slope=float(law.isotropic_slope / rate_factor),
         offset=offset,
         porosity=float((1 - law.loose_density_ratio) * np.exp(-HECKEL_MIN_PRESSURE - offset)),
+        bias=float(law.tensile_offset),
+        elastic=law.elastic_polynomial,
         loose=float(law.loose_density_ratio),
         flat=law.dry_side == "flat",
         line=line is not None,
@@ -109,17 +121,40 @@ def cap_constants(law: Compaction, rate_factor: float, travel: float = np.inf) -
 
 @compiled
 def hardening(law: CapConstants, k: float) -> tuple[float, float]:
-    """Evaluate pc and dpc/dV [Pa] of one point at a density ratio [-], as `Compaction.yield_pressure`."""
-    if k >= HECKEL_MAX_DENSITY_RATIO:
-        stiffness = HECKEL_MAX_DENSITY_RATIO / (1 - HECKEL_MAX_DENSITY_RATIO)
-        xi = np.log((1 - law.loose) / (1 - HECKEL_MAX_DENSITY_RATIO)) + stiffness * np.log(k / HECKEL_MAX_DENSITY_RATIO)
-        return (xi - law.offset) / law.slope, stiffness / law.slope
-    xi = np.log((1 - law.loose) / (1 - k)) - law.offset
-    rise = k / (1 - k) / law.slope
+    """Evaluate the preconsolidation pressure of one point, as `Compaction.yield_pressure`.
+
+    Parameters
+    ----------
+    law : CapConstants
+        Constants of the mix.
+    k : float
+        Density ratio [-].
+
+    Returns
+    -------
+    pc, H : float
+        Preconsolidation pressure and its derivative dpc/dV by the plastic volumetric strain [Pa].
+    """
+    inside = min(k, HECKEL_MAX_DENSITY_RATIO)
+    x = inside / (1 - inside)
+    gain, gain_x = _elastic_gain(law, x)
+    curve = np.log((1 - law.loose) / (1 - inside))
+    xi = curve - law.offset + (curve + law.bias) * gain
+    stiffness = x * (1 + gain) + (curve + law.bias) * gain_x * x * (1 + x)
+    if k > HECKEL_MAX_DENSITY_RATIO:
+        xi += stiffness * np.log(k / HECKEL_MAX_DENSITY_RATIO)
+    rise = stiffness / law.slope
     if xi >= HECKEL_MIN_PRESSURE:
         return xi / law.slope, rise
     fading = np.exp(2 * (xi - HECKEL_MIN_PRESSURE) / HECKEL_MIN_PRESSURE)
     return HECKEL_MIN_PRESSURE * (1 + fading) / 2 / law.slope, rise * fading
+
+
+@compiled
+def _elastic_gain(law, x):
+    """Return g and dg/dx at x = k/(1 - k), by which elastic strain of confined compression raises pc + pt."""
+    c0, c1, c2 = law.elastic
+    return x * x * (c0 + x * (c1 + x * c2)), x * (2 * c0 + x * (3 * c1 + x * 4 * c2))
 
 
 @compiled
@@ -161,7 +196,26 @@ def return_map(law: CapConstants, p: float, q: float, k: float, densest: float, 
 
 @compiled
 def yield_surface(law: CapConstants, p: float, densest: float) -> tuple:
-    """Return a, p0, start and aspect r of the curved part at the pressure p, and da/d ln k; r = 0 on the flat part."""
+    """Return the part of the yield surface at a pressure.
+
+    Parameters
+    ----------
+    law : CapConstants
+        Constants of the mix.
+    p : float
+        Mean pressure [Pa].
+    densest : float
+        Density ratio that determines pc [-].
+
+    Returns
+    -------
+    a, p0, start : float
+        Half the length of the ellipse, end of the flat part and start of the curved part [Pa].
+    r : float
+        Aspect of the curved part [-], 0 on the flat part.
+    rate : float
+        Derivative da/d ln k [Pa].
+    """
     pc, H = hardening(law, densest)
     a, c = (pc + law.pt) / 2, (pc - law.pt) / 2
     p0 = min(c, 0.0) if law.flat else c
@@ -174,7 +228,21 @@ def yield_surface(law: CapConstants, p: float, densest: float) -> tuple:
 
 @compiled
 def is_elastic(law: CapConstants, p: float, q: float, surface: tuple) -> bool:
-    """Return True if a trial state does not yield."""
+    """Return True if a trial state does not yield.
+
+    Parameters
+    ----------
+    law : CapConstants
+        Constants of the mix.
+    p, q : float
+        Trial mean pressure and von Mises stress [Pa].
+    surface : tuple of float
+        Part of the yield surface at p, of `yield_surface`.
+
+    Returns
+    -------
+    bool
+    """
     a, p0, start, r, _ = surface
     if r == 0:
         return p >= p0 and q <= law.M * a
@@ -200,7 +268,26 @@ def _return_to_flat(law, surface, p_trial, q_trial, k, densest):
 def return_to_curve(
     law: CapConstants, surface: tuple, p_trial: float, q_trial: float, k: float, densest: float, guess: float
 ) -> tuple:
-    """Return the results of `return_map` for a trial state outside a curved part."""
+    """Map a trial state outside a curved part back to it.
+
+    Parameters
+    ----------
+    law : CapConstants
+        Constants of the mix.
+    surface : tuple of float
+        Curved part, of `yield_surface`.
+    p_trial, q_trial : float
+        Trial mean pressure and von Mises stress [Pa].
+    k, densest : float
+        Density ratio before the step and the largest so far [-].
+    guess : float
+        Initial guess of x [-], 0 for none.
+
+    Returns
+    -------
+    tuple
+        As of `return_map`.
+    """
     a, _, start, r, rate = surface
     distance = max(abs(p_trial - start), MIN_TRIAL_DISTANCE * a)
     A = distance if p_trial >= start else -distance
@@ -256,7 +343,7 @@ def _evaluate(law, trial, x):
     V = A / law.K * (x * outer)
     rise, H = 0.0, 0.0
     if not law.flat or onset < V:
-        rise, H = pressure_rise(law, densest, V - onset)
+        rise, H = pressure_rise(law, densest, V - onset, 2 * a_before - law.pt)
     a, h = a_before + rise / 2, H / 2
     y, dy = A * outer - rise / 2, -law.K - h
     ry = r * y
@@ -269,24 +356,47 @@ def _evaluate(law, trial, x):
 
 
 @compiled
-def pressure_rise(law: CapConstants, k: float, V: float) -> tuple[float, float]:
-    """Return pc(k exp V) - pc(k) and the final H, without cancellation on Heckel's curve."""
+def pressure_rise(law: CapConstants, k: float, V: float, pc: float) -> tuple[float, float]:
+    """Compute the rise of pc by a plastic volumetric strain, without cancellation on Heckel's curve.
+
+    Parameters
+    ----------
+    law : CapConstants
+        Constants of the mix.
+    k : float
+        Density ratio before the strain [-].
+    V : float
+        Plastic volumetric strain [-].
+    pc : float
+        Preconsolidation pressure at k [Pa].
+
+    Returns
+    -------
+    rise, H : float
+        pc(k exp V) - pc(k), and dpc/dV after the strain [Pa].
+    """
     gain = k * np.expm1(V)
     low_k, high_k = min(k, k + gain), max(k, k + gain)
     if high_k <= HECKEL_MAX_DENSITY_RATIO and 1 - low_k < law.porosity:
-        return -np.log1p(-gain / (1 - k)) / law.slope, (k + gain) / (1 - k - gain) / law.slope
-    pc, H = hardening(law, k + gain)
+        x, rise = (k + gain) / (1 - k - gain), -np.log1p(-gain / (1 - k))
+        before, _ = _elastic_gain(law, k / (1 - k))
+        after, after_x = _elastic_gain(law, x)
+        curve = (pc * law.slope + law.offset + law.bias) / (1 + before)  # ln[(1 - k0)/(1 - k)] + bias
+        total = rise * (1 + after) + curve * (after - before)
+        return total / law.slope, (x * (1 + after) + (curve + rise) * after_x * x * (1 + x)) / law.slope
+    pc_end, H = hardening(law, k + gain)
     if low_k >= HECKEL_MAX_DENSITY_RATIO:
         return H * V, H
-    return pc - hardening(law, k)[0], H
+    return pc_end - pc, H
 
 
 @compiled
 def _slopes(law, solution, r, q, rate, hardens):
     """Return the slopes of `return_map` by the implicit derivatives of V = 2 m r y and f = 0.
 
-    A change u of p_tr - p0 and the changes f' of f/2 and t of V - 2 m r y, both at constant V and m, cause the changes
-    V' = (2 r y f' + Q t)/D and m' = (along f' - E t)/D.
+    At constant V and m, let f/2 change by f' and V - 2 m r y by t. The solution then changes by
+
+        V' = (2 r y f' + Q t)/D,    m' = (along f' - E t)/D
     """
     y, a, h, m, scale = solution
     K, M2 = law.K, law.M**2

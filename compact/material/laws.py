@@ -15,6 +15,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compact.material.confined_compression import ConfinedMix, elastic_polynomial
 from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_known, require_positive
 
@@ -101,6 +102,11 @@ class Viscoelastic(Elastic):
         ----------
         frequency : float
             Angular frequency w [rad/s].
+
+        Returns
+        -------
+        complex
+            Modulus [Pa].
         """
         terms = (share * 1j * frequency * time / (1 + 1j * frequency * time) for share, time in self.branches)
         return self.youngs_modulus * (1 + sum(terms))
@@ -114,11 +120,11 @@ class Compaction:
         pc(k) = ln[(1 - k0)/(1 - k)]/K_H * [1 + m ln(1 + rate/reference_rate)]
 
     p is the mean pressure and q the von Mises stress, compression positive; k is the density ratio. A Heckel curve of
-    confined compression, s_v = ln[(1 - k0)/(1 - k)]/K_H, is satisfied exactly by rigid-plastic mix with
+    confined compression, s_v = ln[(1 - k0)/(1 - k)]/K_H, is satisfied by
 
-        pc(k) = [s_v(k) + pt]/A - pt,    A = (1 + sqrt(1 + 4 M^2/9))/2,
+        pc(k) = [s_v(k) + pt] (1 + g)/A - pt,    A = (1 + sqrt(1 + 4 M^2/9))/2,
 
-    and elastic mix departs from it in second order of its strain.
+    where g is zero for rigid-plastic mix and of second order in the elastic strain; see `confined_compression`.
 
     `rate` is the mean rate of compaction under the roller, `rolling_contact.compaction_rate`.
 
@@ -190,9 +196,33 @@ class Compaction:
 
         The tensile strength carries this part of the vertical stress of confined compression.
         """
+        return self.tensile_offset * (self.confined_stress_ratio - 1)
+
+    @property
+    def tensile_offset(self) -> float:
+        """Tensile strength K_H pt over a Heckel curve of confined compression, zero for an isotropic one [-]."""
+        return self.heckel_slope * self.tensile_strength if self.heckel_test == "confined" else 0.0
+
+    @property
+    def elastic_polynomial(self) -> tuple[float, float, float]:
+        """Coefficients of the factor 1 + g by which elastic strain raises pc + pt in confined compression [-].
+
+        g = x^2 (c0 + c1 x + c2 x^2) with x = k/(1 - k); zero for an isotropic curve.
+        """
         if self.heckel_test == "isotropic":
-            return 0.0
-        return self.heckel_slope * self.tensile_strength * (self.confined_stress_ratio - 1)
+            return 0.0, 0.0, 0.0
+        modulus, poisson = float(self.unloading_modulus), float(self.poisson)
+        return elastic_polynomial(
+            ConfinedMix(
+                modulus / (3 - 6 * poisson),
+                modulus / (2 + 2 * poisson),
+                float(self.critical_slope),
+                float(self.tensile_strength),
+                float(self.heckel_slope),
+                float(self.loose_density_ratio),
+                HECKEL_MAX_DENSITY_RATIO,
+            )
+        )
 
     def yield_pressure(self, density_ratio: ArrayLike) -> Array:
         """Compute the preconsolidation pressure pc(k) [Pa] at rest.
@@ -202,17 +232,26 @@ class Compaction:
         density_ratio : array_like
             Density ratio k [-], > 0.
 
+        Returns
+        -------
+        ndarray
+            Pressure pc [Pa].
+
         Notes
         -----
-        Heckel's curve is used up to k = 0.99. Beyond, pc continues along the tangent of the curve over ln k, so that
-        it stays finite and k may exceed 1 outside the range of validity. Near k0, and where a curve of confined
-        compression lies below the stress that the tensile strength carries, pc tends to a small positive value, since
-        mix at rest bears zero stress. Both transitions are smooth.
+        Heckel's curve is used up to k = 0.99. Beyond, pc continues along the tangent of the curve over ln k. It stays
+        finite there, and k may exceed 1, outside the range of validity. Mix at rest bears zero stress. pc therefore
+        tends to a small positive value near k0, and where a curve of confined compression lies below the stress that
+        the tensile strength carries. Both transitions are smooth.
         """
-        k, k0 = np.asarray(density_ratio, dtype=float), self.loose_density_ratio
-        curve = np.log((1 - k0) / (1 - np.minimum(k, HECKEL_MAX_DENSITY_RATIO)))
-        stiffness = HECKEL_MAX_DENSITY_RATIO / (1 - HECKEL_MAX_DENSITY_RATIO)
-        curve = curve + stiffness * np.log(np.maximum(k / HECKEL_MAX_DENSITY_RATIO, 1)) - self.isotropic_offset
+        k, bias = np.asarray(density_ratio, dtype=float), self.tensile_offset
+        inside = np.minimum(k, HECKEL_MAX_DENSITY_RATIO)
+        x, (c0, c1, c2) = inside / (1 - inside), self.elastic_polynomial
+        gain, gain_x = x * x * (c0 + x * (c1 + x * c2)), x * (2 * c0 + x * (3 * c1 + x * 4 * c2))
+        curve = np.log((1 - self.loose_density_ratio) / (1 - inside))
+        stiffness = x * (1 + gain) + (curve + bias) * gain_x * x * (1 + x)
+        curve = curve - self.isotropic_offset + (curve + bias) * gain
+        curve = curve + stiffness * np.log(np.maximum(k / HECKEL_MAX_DENSITY_RATIO, 1))
         level = np.expm1(2 * np.minimum(curve / HECKEL_MIN_PRESSURE - 1, 0)) * HECKEL_MIN_PRESSURE / 2
         return (np.maximum(curve, HECKEL_MIN_PRESSURE) + level) / self.isotropic_slope
 
@@ -228,8 +267,8 @@ class DruckerPragerCap(Compaction):
         cap   f = q^2/Mc^2 + P (P - C) <= 0    P >= kappa C,       associated flow
         line  f = q - M P <= 0                 0 <= P <= kappa C,  plastic potential q - N P, no hardening
 
-    P = p + pt and C = pc + pt; both meet at kappa = Mc^2/(Mc^2 + M^2). The tension cut-off is P = 0. The slope Mc of
-    the cap, `critical_slope`, determines the earth pressure in confined compression; M and N determine the angles of
+    P = p + pt and C = pc + pt; both intersect at kappa = Mc^2/(Mc^2 + M^2). The tension cut-off is P = 0. The slope Mc
+    of the cap, `critical_slope`, determines the earth pressure in confined compression; M and N determine the angles of
     friction and dilatancy. pc depends on the largest k so far, so that dilatant shear does not soften the cap.
 
     Parameters

@@ -1,7 +1,7 @@
 """Prior parameters of a mix from its moisture and density ratio, each with its spread and source.
 
 No publication states these parameters as functions of moisture W and density ratio k. `data/mix.csv` is a prior for a
-stiff fine-grained mix; only the required pressure and the relaxed modulus at W 0.10, k 0.98 are calibrated to a
+stiff fine-grained mix. Only the required pressure and the relaxed modulus at W 0.10, k 0.98 are calibrated, to a
 published machine. Values are interpolated between the nodes of the table and never extrapolated.
 
 The coordinate along k is u = -ln(1 - k), that of Heckel's curve
@@ -9,7 +9,7 @@ The coordinate along k is u = -ln(1 - k), that of Heckel's curve
     q = f ln[(1 - k0)/(1 - k)] / K_H,    K_H = f 13/MPa x factor(W),    k0 = 0.72,
     f = 1 + m ln(1 + OPERATING_RATE/reference rate).
 
-The required pressures are those of machines at work, so that K_H, the slope at rest, includes the factor f of the rate
+The required pressures are those of machines at work. The slope at rest K_H therefore includes the factor f of the rate
 of compaction there. The required pressure is linear in u, and so is the logarithm of every power of 1 - k (pore air,
 plastic slope). All pressures and moduli scale as 1/L with the roller length L, which no source states.
 
@@ -278,6 +278,10 @@ def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] 
         `effective_modulus` equals `relaxed_modulus` unless it is overridden itself, `cohesion_loose` equals `cohesion`,
         and `earth_pressure_coefficient` follows from `friction_angle`.
 
+    Returns
+    -------
+    Mix
+
     Examples
     --------
     >>> mix = prior(moisture=0.10, density_ratio=0.98)
@@ -322,6 +326,11 @@ def bulk_density(moisture: ArrayLike, density_ratio: ArrayLike) -> Array:
     density_ratio : array_like
         Density ratio k, bulk density over zero-air density [-], 0 < k <= 1.
 
+    Returns
+    -------
+    ndarray
+        Bulk density [kg/m3].
+
     References
     ----------
     Phase relations of soil mechanics with rho_s 2650 and rho_w 1000 kg/m3.
@@ -347,6 +356,11 @@ def saturation(moisture: ArrayLike, density_ratio: ArrayLike) -> Array:
         Moisture W, water mass over dry mass [-], > 0.
     density_ratio : array_like
         Density ratio k, bulk density over zero-air density [-], 0 < k <= 1.
+
+    Returns
+    -------
+    ndarray
+        Saturation [-].
 
     References
     ----------

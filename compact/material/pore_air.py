@@ -10,8 +10,8 @@ The intrinsic permeability to air falls to a small share as the water closes the
     kappa(S) = kappa_fed f(S)/f(S_fed),    f = (1 - S/S_o)^2 (1 - (S/S_o)^2),    at least `OCCLUDED_SHARE` kappa_fed
 
 Without an occlusion saturation S_o kappa is constant. The air is isothermal: p times the voids of the same solids is
-constant without drainage. Voids below those of the densest measured state, k = 0.99, are not resolved by the pressure
-curve of the skeleton; they tend smoothly to `MIN_VOID_RATIO`.
+constant without drainage. The pressure curve of the skeleton does not resolve voids below those
+of the densest measured state, k = 0.99. Smaller voids tend smoothly to `MIN_VOID_RATIO`.
 
 References
 ----------
@@ -102,6 +102,11 @@ class PoreAir:
         ----------
         void_ratio : array_like
             Air voids over solids and water e [-], also negative where the skeleton extrapolates.
+
+        Returns
+        -------
+        ndarray
+            Air voids [-].
         """
         void_ratio, least = np.asarray(void_ratio, dtype=float), self.min_void_ratio
         width = BOUND_WIDTH * least
@@ -115,6 +120,11 @@ class PoreAir:
         ----------
         void_ratio : array_like
             Air voids over solids and water e [-].
+
+        Returns
+        -------
+        ndarray
+            Permeability [m2].
         """
         void_ratio = np.asarray(void_ratio, dtype=float)
         if self.occlusion_saturation is None:

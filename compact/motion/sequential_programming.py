@@ -254,7 +254,7 @@ class _Subproblem:
             np.concatenate([room, *self.values]),
         )
 
-    def solve(self, radius=np.inf, with_curvature=True):
+    def solve(self, radius: float = np.inf, with_curvature: bool = True) -> tuple[Array, float]:
         """(change of the unknowns, each within the radius; criterion predicted after the change)."""
         cost = np.zeros(self.width)
         cost[self.size] = 1.0

@@ -122,7 +122,7 @@ def _fit(basis: Array, s: Array) -> tuple[Array, float, Array]:
     normal = free.T @ free
     size = np.trace(normal) / len(normal)
 
-    def solve(weight):
+    def solve(weight: float) -> tuple[float, Array, float, Array]:
         inverse = np.linalg.inv(normal + weight * size * penalty_free.T @ penalty_free)
         inner = inverse @ (free.T @ rest + weight * size * penalty_free.T @ penalty_rest)
         residual = np.sum((rest - free @ inner) ** 2)

@@ -4,8 +4,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from compact import quantities
-from compact.analysis.contact_cases import ContactRecord, contact_record, contact_to_json
+from compact.analysis.contact_cases import ContactRecord, TerrainContact, contact_record, contact_to_json
 from compact.analysis.study import Study
 from compact.files import write_columns, write_csv, write_figure, write_json, write_vtu_series
 from compact.rolling_contact import ContactResult
@@ -20,6 +22,8 @@ PASSES_HEADER = (
     "speed_m/s", "pass", "load_N/m", "resistance_N/m", "coefficient", "indentation_m", "exit_height_m",
     "exit_density_ratio", "load_error", "resistance_error", "work_residual", "mass_residual",
 )  # fmt: skip
+WHEEL_HEADER = ("x_m", "angle_rad", "normal_stress_Pa", "shear_stress_on_terrain_Pa")
+SLIP_HEADER = ("slip", "drawbar_N", "torque_Nm", "sinkage_m")
 DENSITY_HEADER = ("speed_m/s", "pass", "bottom_m", "top_m", "density_ratio")
 
 
@@ -116,3 +120,78 @@ def write_fields(directory: Path, layers: list[tuple[Any, Any]]) -> Iterator[Pat
     frames = ((contact.speed, mesh) for mesh, contact in layers)
     yield from write_vtu_series(directory / "fields.pvd", "fields", "speed", frames)
     yield write_figure(directory / "fields.png", contact_figures.draw_fields(layers))
+
+
+def write_terrain_contact(directory: Path, contact: TerrainContact) -> list[Path]:
+    """Write the summary, the stresses along the contact, drawbar over slip and the figure.
+
+    Parameters
+    ----------
+    directory : Path
+        Existing directory.
+    """
+    from compact.report.figures.contact import draw_terrain_contact
+
+    found = contact.result
+    angle = np.arcsin(np.clip(found.x / contact.radius, -1, 1))
+    summary = directory / "contact.json"
+    write_json(summary, terrain_summary(contact))
+    columns = (found.x, angle, found.pressure, found.shear_traction)
+    written = [summary, write_columns(directory / "contact.csv", WHEEL_HEADER, columns)]
+    if contact.slip_curve.size:
+        written.append(write_columns(directory / "slip.csv", SLIP_HEADER, tuple(contact.slip_curve.T)))
+    written.append(write_figure(directory / "contact.png", draw_terrain_contact(contact)))
+    return written
+
+
+def terrain_summary(contact: TerrainContact) -> dict[str, Any]:
+    """Return the results for contact.json, of the whole wheel, in SI units."""
+    found, width = contact.result, contact.width
+
+    def quantity(value: float, unit: str) -> dict[str, Any]:
+        return {"value": float(value), "unit": unit}
+
+    return {
+        "terrain": contact.name,
+        "source": contact.source,
+        "radius": quantity(contact.radius, "m"),
+        "width": quantity(width, "m"),
+        "load": quantity(found.load * width, "N"),
+        "sinkage": quantity(found.indentation, "m"),
+        "compaction_resistance": quantity(found.compaction_resistance * width, "N"),
+        "drawbar": quantity(found.drawbar * width, "N"),
+        "torque": quantity(found.torque * width, "Nm"),
+        "slip": quantity(found.slip, "-"),
+        "entry_angle": quantity(found.entry_angle, "rad"),
+        "exit_angle": quantity(found.exit_angle, "rad"),
+        "angle_of_peak_pressure": quantity(found.peak_angle, "rad"),
+        "peak_pressure": quantity(found.peak_pressure, "Pa"),
+        "contact_length": quantity(contact.contact_length, "m"),
+    }
+
+
+def terrain_digest(contact: TerrainContact) -> str:
+    """Summarise the wheel in lines of text."""
+    found, width = contact.result, contact.width
+    rows = (
+        ("load", found.load * width, "N"),
+        ("sinkage", 1e3 * found.indentation, "mm"),
+        ("compaction resistance", found.compaction_resistance * width, "N"),
+        ("drawbar", found.drawbar * width, "N"),
+        ("drawbar over load", found.drawbar / found.load, ""),
+        ("torque", found.torque * width, "N m"),
+        ("slip", found.slip, ""),
+        ("entry angle", float(np.degrees(found.entry_angle)), "degrees"),
+        ("exit angle", float(np.degrees(found.exit_angle)), "degrees"),
+        ("peak pressure", found.peak_pressure / 1e3, "kPa"),
+    )
+    lines = [f"wheel of {contact.radius:g} m radius and {width:g} m width on {contact.name}, engine column"]
+    lines += [f"  {name:<24}{value:>12.5g} {unit}".rstrip() for name, value, unit in rows if np.isfinite(value)]
+    if contact.contact_length < width:
+        lines.append(
+            f"the contact of {contact.contact_length:.3g} m is shorter than the wheel is wide; the law has the "
+            "width for Bekker's b, the smaller side of the loaded area"
+        )
+    if contact.source:
+        lines.append(f"constants: {contact.source}")
+    return "\n".join(lines)

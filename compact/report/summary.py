@@ -15,12 +15,14 @@ from typing import Any
 from compact import quantities
 from compact.analysis.contact_cases import HeldQuantity, contact_to_json
 from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.sizing.work_balance import WorkBalance
 from compact.analysis.stages.model_spread import ModelSpread
-from compact.analysis.stages.work_balance import WorkBalance
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
-from compact.rolling_contact import HeapingError
+from compact.report.sizing.duration_tables import duration_numbers
+from compact.report.sizing.machine_tables import sizing_numbers
+from compact.rolling_contact import HeapingError, UnsteadyError
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
 FORMER_KEYS = {  # former name of a key -> its present names
@@ -65,7 +67,10 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "pore_air": _pore_air(study),
         "model_spread": _model_spread(study.model_spread),
         "steady_forces": _steady_forces(study),
+        "over_durations": duration_numbers(study.over_durations),
+        "machine_sizing": sizing_numbers(study.machine_sizing),
         "work_balance": _work_balance(study.work_balance),
+        "verdict": _verdict(study),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"density_achievable": reach.possible, "reason": reach.reason},
@@ -78,6 +83,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.items else {},
         "comparison": _comparison(study),
         "heaping": {name: _heaping(error) for name, error in study.heaping.items()},
+        "unsteady": {name: _unsteady(error) for name, error in study.unsteady.items()},
         "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "evaluation_counts": dict(study.counts),
         "files": files,
@@ -181,6 +187,34 @@ def _model_spread(spread: ModelSpread | None) -> dict[str, Any] | None:
     }
 
 
+def _verdict(study: Study) -> dict[str, Any] | None:
+    """Convert models, verdicts and their uncertainty; None for a scene without the output "report"."""
+    known = study.uncertainty
+    if known is None:
+        return None
+    models = [
+        {
+            "engine": each.engine,
+            "sizing": each.valid,
+            "mean_resistance": {
+                f"{duration:g}": _number(force, "N") for duration, force in each.mean_resistance.items()
+            },
+            "resistance_error": each.error,
+            "law_spread": each.spread,
+        }
+        for each in study.models
+    ]
+    verdicts = [
+        {key: value for key, value in asdict(each).items() if key != "value"}
+        | {"value": _number(each.value, CRITERIA[each.by].unit)}
+        for each in study.verdicts.values()
+    ]
+    sources = [asdict(each) for each in known.sources]
+    margins = {by: known.margin(by) for by in known.peaks}
+    mix = None if known.mix is None else asdict(known.mix)
+    return {"models": models, "verdicts": verdicts, "margins": margins, "sources": sources, "mix": mix}
+
+
 def _steady_forces(study: Study) -> dict[str, Any]:
     """Convert the forces on one cart at constant mean speed."""
     force, guides = (float(each[0]) for each in (study.steady.drive_force, study.steady.guide_friction))
@@ -235,6 +269,20 @@ def _heaping(error: HeapingError) -> dict[str, Any]:
         "travel": _number(found.travel, "m"),
         "contact_angle": _number(found.contact_angle, "rad"),
         "is_estimate": found.travel is None,
+        "reason": str(error),
+    }
+
+
+def _unsteady(error: UnsteadyError) -> dict[str, Any]:
+    """Convert an engine by which the motion does not become steady."""
+    found = error.unsteady
+    return {
+        "depth": _number(found.depth, "m"),
+        "wave_height": _number(found.wave_height, "m"),
+        "travel": _number(found.travel, "m"),
+        "distance": _number(found.distance, "-"),
+        "load": _number(found.load, "N/m"),
+        "resistance": _number(found.resistance, "N/m"),
         "reason": str(error),
     }
 

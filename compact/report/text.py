@@ -3,7 +3,7 @@
 Numbers are in SI units with the unit in the text.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import chain
 from textwrap import wrap
 from typing import Any
@@ -19,36 +19,65 @@ from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
-from compact.report import ranking_tables
-from compact.report.machine_text import work_sentence, work_warnings
+from compact.report.page import answer_text
+from compact.report.sizing.duration_tables import duration_sentence
+from compact.report.sizing.sentences import (
+    bearing_sentence,
+    margin_sentence,
+    motor_sentence,
+    work_sentence,
+    work_warnings,
+)
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 
-TEXT_WIDTH = 116  # characters of a line
+TEXT_WIDTH = 118  # characters of a line, without its indent
+WHOLE = 1000.0  # values from here on have no decimals
 DIGEST_CRITERIA = 2  # [-], number of criteria in the digest, the first of the scene
-DIGEST_NUMBERS = ("capture_angle", "contact_length", "roller_force", "resistance_coefficient")
+DIGEST_NUMBER = "roller_force"
+DIGEST_LINES = 38  # [-]; the digest and the line of the results fit 40 lines
+SHORT_CELLS = {  # words of the table of models in the terminal
+    f"no: {answer_text.NOT_FOR_SIZING}": "no (part)", "discretisation error": "error", "mean resistance": "resistance",
+    "least peak drive force": "least peak force", "least peak drive power": "least peak power",
+}  # fmt: skip
+BEST_LAWS = 3  # [-], laws of each criterion in the digest; the tables have all
 
 
 def study_digest(study: Study) -> str:
-    """Summarise a study: contact, forces, and the laws by the first criteria."""
-    lines = [study.scene.title or "untitled scene", ""]
-    lines += [_number_line(name, study.numbers[name]) for name in DIGEST_NUMBERS]
-    lines += [*_wrapped(coverage(study.scene, study.engineering)), ""]
-    for state in (held_sentence, return_sentence, air_sentence, spread_sentence, guide_sentence):
-        lines += _wrapped(state(study))
-    for sentence in (work_sentence(study), *work_warnings(study.work_balance)):
-        lines += _wrapped(sentence)
-    if not study.mix.density_achievable:
-        lines.append(f"  {study.mix.density_achievable.reason}")
-    for sentence in chain(*study.scene.replacements.values()):
-        lines += _wrapped(sentence)
-    lines += _ranking_lines(study)
-    if study.laws_not_made:
-        lines += ["", *(f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())]
-    lines += ["", *_agreement_lines(study)]
-    for sentence in heaping_sentences(study):
-        lines += _wrapped(sentence)
+    """Summarise a study: recommended laws, models, further questions, contact, and the best laws.
+
+    Returns
+    -------
+    str
+        At most DIGEST_LINES lines of TEXT_WIDTH characters; the last one counts the sentences that do not fit.
+    """
+    lines = [study.scene.title or "untitled scene"]
+    for each in answer_text.recommendations(study):
+        lines += _wrapped(each.sentence)
+    lines += ["", *_model_lines(study), ""] if study.verdicts else [""]
+    if not study.layered:
+        lines.append(_number_line(DIGEST_NUMBER, study.numbers[DIGEST_NUMBER]))
+    waiting = [found for sentence in _digest_sentences(study) if (found := _wrapped(sentence))]
+    while waiting and len(lines) + len(waiting[0]) < DIGEST_LINES:
+        lines += waiting.pop(0)
+    if waiting:
+        lines.append(f"  {len(waiting)} more in report.html and summary.json")
     return "\n".join(lines)
+
+
+def _digest_sentences(study: Study) -> Iterator[str]:
+    """List the sentences of the digest, the most important first; some are empty."""
+    yield from answer_text.duration_lines(study)
+    yield from (answer_text.stiffness_sentence(study), answer_text.measurement_sentence(study), spread_sentence(study))
+    yield from (motor_sentence(study.machine_sizing), margin_sentence(study), *work_warnings(study.work_balance))
+    yield from heaping_sentences(study)
+    yield from (f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())
+    yield from (study.mix.density_achievable.reason, held_sentence(study), return_sentence(study), air_sentence(study))
+    yield "" if study.over_durations is None else duration_sentence(study.over_durations)
+    yield from _best_lines(study)
+    yield guide_sentence(study).partition("; for comparison")[0]
+    yield from (coverage(study.scene, study.engineering), bearing_sentence(study.machine_sizing), work_sentence(study))
+    yield from chain(*study.scene.replacements.values())
 
 
 def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) -> str:
@@ -114,7 +143,7 @@ def held_sentence(study: Study) -> str:
 
 
 def heaping_sentences(study: Study) -> Iterator[str]:
-    """State each engine of the comparison by which the mix heaps up in front of the roller.
+    """State each engine of the comparison without a steady state: the mix heaps up, or the motion is not steady.
 
     Yields
     ------
@@ -132,6 +161,14 @@ def heaping_sentences(study: Study) -> Iterator[str]:
         yield (
             f"{name}: the mix heaps up in front of the roller, no steady state {depth}; {wave}; reason and remedies in "
             "summary.json (heaping)"
+        )
+    for name, unsteady in study.unsteady.items():
+        contact = unsteady.unsteady
+        yield (
+            f"{name}: not steady at a depth of {contact.depth * 1e3:.3g} mm after {contact.travel:.3g} m of travel, "
+            f"estimated distance {100 * contact.distance:.2g} %; load {contact.load:.4g} N/m, resistance "
+            f"{contact.resistance:.4g} N/m, bow wave {contact.wave_height * 1e3:.3g} mm; reason and remedies in "
+            "summary.json (unsteady)"
         )
 
 
@@ -270,51 +307,33 @@ def _number_line(name: str, number: Number) -> str:
     return f"  {name.replace('_', ' '):<24}{number.value:>10.4g} {number.unit:<4}{spread}"
 
 
-def _ranking_lines(study: Study) -> Iterator[str]:
-    """List the laws by the first criteria for each drive."""
-    engine = study.scene.accuracy.engine
-    for kind, orders in study.places.items():
-        compliant = kind == study.scene.drive.kind and kind in COMPLIANT_DRIVES
-        for by, order in list(orders.items())[:DIGEST_CRITERIA]:
-            others = ranking_tables.comparison_places(study, kind, by)
-            yield ""
-            yield f"laws by {CRITERIA[by].quantity.term} [{CRITERIA[by].unit}], {engine}, {kind} drive"
-            if others:
-                yield f"{'':>66}{''.join(f'{name:>18}' for name in others)}".rstrip()
-            for place in order:
-                yield _place_line(place, study.runs.get(place.law) if compliant else None, others)
+def _model_lines(study: Study) -> Iterator[str]:
+    """List the models in columns of equal width."""
+    rows = answer_text.model_table(study)
+    table = [[SHORT_CELLS.get(cell, cell).replace(" of the first", "") for cell in row] for row in rows]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    for row in table:
+        yield "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
 
 
-def _place_line(place: Place, run: Any, others: Mapping[str, Mapping[str, Place]]) -> str:
-    """List rank, value, dynamic amplification, margin ("?" where the rank is not resolved) and ranks by engines."""
+def _best_lines(study: Study) -> Iterator[str]:
+    """List the best laws by the first criteria with the drive of the scene, a sentence for each criterion."""
+    kind, engine = study.scene.drive.kind, study.scene.accuracy.engine
+    for by, order in list(study.places[kind].items())[:DIGEST_CRITERIA]:
+        term, unit = CRITERIA[by].quantity.term, CRITERIA[by].unit
+        best = "; ".join(_place_words(place, study.runs.get(place.law), kind) for place in order[:BEST_LAWS])
+        yield f"laws by {term} [{unit}], {engine}, {kind} drive: {best}"
+
+
+def _place_words(place: Place, run: Any, kind: str) -> str:
+    """State rank, value, dynamic amplification and margin of a law, with "?" where the rank is not resolved."""
     if place.reason:
-        return f"  {place.rank:>2}  {place.law:<30}  infinite: {place.reason}"
-    margin = f"+{place.margin:.2%} to the next" if np.isfinite(place.margin) else ""
-    margin = "tie with the next" if place.tie else margin
+        return f"{place.law} infinite: {place.reason}"
+    margin = " (tie with the next)" if place.tie else ""
     unresolved = "" if place.resolved in (True, None) or place.tie else " ?"
-    amplification = getattr(run, "dynamic_amplification", np.nan)
-    amplified = f"amplification {amplification:.3f}   " if np.isfinite(amplification) else ""
-    compared = (order.get(place.law) for order in others.values())
-    values = "".join(f"{other.value:>13.1f} ({other.rank:>2})" if other else f"{'':>18}" for other in compared)
-    value = f"  {place.rank:>2}  {place.law:<30}{place.value:>10.1f}"
-    return f"{value}   {amplified}{margin + unresolved:<22}{values}".rstrip()
-
-
-def _agreement_lines(study: Study) -> Iterator[str]:
-    """State the agreement of the rankings, a line for each comparison and criterion."""
-    criteria = list(study.rankings)[:DIGEST_CRITERIA]
-    for each in study.agreements if study.comparison else []:
-        if each.by not in criteria:
-            continue
-        case = f"{each.other_engine} and {each.engine}, {each.drive} drive"
-        if each.other_engine == each.engine:
-            case = f"{each.engine}, {each.other_drive} and {each.drive} drive"
-        found = each.agreement
-        same = "same first law" if each.first == each.other_first else f"first {each.other_first}, not {each.first}"
-        yield (
-            f"  {CRITERIA[each.by].quantity.term}, {case}: {found.discordant_pairs} of {found.pairs} pairs discordant, "
-            f"{found.resolved_discordant_pairs} beyond the errors, Kendall's tau {found.tau:.3f}; {same}"
-        )
+    amplification = getattr(run, "dynamic_amplification", np.nan) if kind in COMPLIANT_DRIVES else np.nan
+    amplified = f", amplification {amplification:.2f}" if np.isfinite(amplification) else ""
+    return f"{place.rank} {place.law} {place.value:.{0 if place.value >= WHOLE else 1}f}{amplified}{margin}{unresolved}"
 
 
 def _contact_rows(study: Study, contact: ContactResult) -> list[tuple[str, Any, Any, Any]]:

@@ -8,12 +8,13 @@ from pathlib import Path
 
 from compact.files import atomic_file, write_csv, write_figure
 from compact.report.figures.validation import draw_case
-from compact.validation.case import KINDS, Comparison
+from compact.validation.case import KINDS, PREDICTED, Comparison
 from compact.validation.registry import RECORDED_HEADER, CaseResult, recorded_rows
 
 TABLE_WIDTH = 120  # characters of a line
+QUANTITY_WIDTH = 48  # characters; a longer quantity has a line of its own
 NOTE_INDENT = " " * 4  # of the lines below a row
-HEADER = ("quantity", "unit", "ours", "theirs", "their scatter", "deviation", "expected", "verdict")
+HEADER = ("quantity", "unit", "ours", "theirs", "scatter", "deviation", "expected", "verdict")
 VERDICTS = ("met", "explained", "not met")
 PAGE, PAGE_TEMPLATE = "validation.md", "page.md"
 
@@ -28,7 +29,7 @@ def text_table(results: Sequence[CaseResult]) -> str:
         lines.append("-" * TABLE_WIDTH)
         for each in result.comparisons:
             lines.append(_line(*_cells(each)))
-            lines += _wrapped(_reason(each))
+            lines += _wrapped("; ".join(filter(None, (_bracket(each), *_reasons(each)))))
             if each in result.moved:
                 lines += _wrapped(_movement(result, each))
         for remark in result.evaluation.remarks:
@@ -79,11 +80,11 @@ def markdown_overview(results: Sequence[CaseResult]) -> str:
 def markdown_case(result: CaseResult, figures: str) -> str:
     """Format one case: setting, table, figure, source and licence."""
     case = result.case
-    rows = [HEADER, ("---",) * len(HEADER), *(_cells(each) for each in result.comparisons)]
-    reasons = dict.fromkeys(f"- {each.quantity}: {text}." for each in result.comparisons if (text := _reason(each)))
+    remarks: dict[str, int] = {}
+    rows = [HEADER, ("---",) * len(HEADER), *(_cells_with_remarks(each, remarks) for each in result.comparisons)]
     parts = [f"### {case.name}", f"**{case.title}** ({KINDS[case.kind]}). {case.setting}", _markdown_table(rows)]
-    if reasons:
-        parts.append("\n".join(reasons) + "\n")
+    if remarks:
+        parts.append("\n".join(f"{number}. {text}." for text, number in remarks.items()) + "\n")
     parts += [f"{remark}\n" for remark in result.evaluation.remarks]
     if result.evaluation.panels:
         parts.append(f"![{case.title}]({figures}{case.name}.png)\n")
@@ -116,7 +117,16 @@ def write_validation(directory: Path, results: Sequence[CaseResult]) -> list[Pat
 
 
 def _is_prose(part: str) -> bool:
-    return not part.startswith(("|", "#", "-", "!"))
+    return not part.startswith(("|", "#", "1.", "!"))
+
+
+def _cells_with_remarks(each: Comparison, remarks: dict[str, int]) -> tuple[str, ...]:
+    """Format the cells of one comparison, with the numbers of its remarks behind the verdict."""
+    *cells, verdict = _cells(each)
+    if each.bracket is not None:
+        cells[2] = f"{each.ours:.4g} ({each.bracket[0]:.4g} to {each.bracket[1]:.4g})"
+    places = sorted(remarks.setdefault(text, len(remarks) + 1) for text in _reasons(each))
+    return (*cells, f"{verdict} ({', '.join(map(str, places))})" if places else verdict)
 
 
 def _markdown_table(rows: Sequence[Sequence[str]]) -> str:
@@ -135,14 +145,23 @@ def _cells(each: Comparison) -> tuple[str, ...]:
 
 def _percent(share: float, sign: str = "") -> str:
     """Format a share with two digits, as per cent above a thousandth."""
+    if abs(share) >= 1:
+        return f"{100 * share:{sign}.0f} %"
     return f"{100 * share:{sign}.2g} %" if abs(share) >= 1e-3 else f"{share:{sign}.1e}" if share else "0"
 
 
-def _reason(each: Comparison) -> str:
-    """Return the explanation of a larger distance, and the note."""
+def _reasons(each: Comparison) -> list[str]:
+    """Return the basis of a fit, the explanation of a larger distance, and the note."""
     explanation = each.explanation if each.verdict == "explained" else ""
-    basis = "" if each.basis == "predicted" else each.basis
-    return "; ".join(filter(None, (basis, explanation, each.note)))
+    basis = "" if each.basis == PREDICTED else each.basis
+    return [text for text in (basis, explanation, each.note) if text]
+
+
+def _bracket(each: Comparison) -> str:
+    """Return the range of ours in words; empty without one."""
+    if each.bracket is None:
+        return ""
+    return f"ours from {each.bracket[0]:.4g} to {each.bracket[1]:.4g} {each.unit}"
 
 
 def _movement(result: CaseResult, each: Comparison) -> str:
@@ -160,4 +179,5 @@ def _line(
     quantity: str, unit: str, ours: str, theirs: str, scatter: str, deviation: str, expected: str, verdict: str
 ) -> str:
     numbers = f"{ours:>11} {theirs:>11} {scatter:>8} {deviation:>9} {expected:>9}"
-    return f"{quantity:<48.48} {unit:<7.7} {numbers:<52} {verdict}".rstrip()
+    first = f"{quantity}\n" if len(quantity) > QUANTITY_WIDTH else ""
+    return f"{first}{'' if first else quantity:<{QUANTITY_WIDTH}} {unit:<7.7} {numbers:<52} {verdict}".rstrip()

@@ -10,6 +10,8 @@ from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.files import claimed_directory, render_png, write_bytes, write_json
 from compact.report import contact_tables, drive_tables, machine_tables, ranking_tables
+from compact.report.sizing import duration_tables
+from compact.report.sizing import machine_tables as sizing_tables
 from compact.report.summary import study_summary, versions
 
 
@@ -35,6 +37,7 @@ def write_study(
     items = study.scene.output.items
     with claimed_directory(directory, study.scene.hash, force) as place, study.helped(executor or SerialExecutor()):
         files = list(contact_tables.write_contact_tables(study, place)) if study.layered else []
+        study.begin_model_spread()
         kept = list(study.keep(place, files)) if study.layered else []
         for item, write in WRITERS.items():
             if item in items:
@@ -44,6 +47,9 @@ def write_study(
             files += machine_tables.write_law_tables(study, place)
             files += drive_tables.write_drive_tables(study, place)
             files += ranking_tables.write_ranking_tables(study, place)
+            files += sizing_tables.write_sizing(study.machine_sizing, place)
+        if study.over_durations is not None:
+            files += duration_tables.write_durations(study.over_durations, place)
         if "report" in items:
             files += _write_report(study, place, pictures)
         if "figures" in items:
@@ -96,7 +102,7 @@ def _draw(study: Study) -> dict[str, bytes]:
 
 def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
     """List the figures of a study: function and results by name."""
-    from compact.report.figures import contact, motion, ranking
+    from compact.report.figures import answer, contact, motion, ranking, sizing
 
     items, places = study.scene.output.items, study.places[study.scene.drive.kind]
     found: dict[str, tuple[Any, ...]] = {
@@ -119,6 +125,18 @@ def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
         found["resistance"] = (contact.draw_resistance, study.resistance_map, float(np.median(peaks)))
         found["resistances"] = (ranking.draw_resistances, resistances)
         found["engines"] = (ranking.draw_engines, study.places_by_engine)
+    first = study.machine_sizing.first
+    if first is not None and first.requirement is not None:
+        found["shaft"] = (sizing.draw_shaft_torque, first, study.machine_sizing.rule)
+    if study.over_durations is not None:
+        found["duration"] = (sizing.draw_durations, study.over_durations, study.scene.motion.duration)
+    if "report" in items and study.verdicts:
+        best = study.best_laws
+        speeds = {law: study.cycles[law].forward.peaks().velocity for law in best}
+        forces: dict[str, Any] = {study.scene.accuracy.engine: study.resistance}
+        forces |= {name: other.resistance for name, other in study.comparison.items()}
+        found["models"] = (answer.draw_models, study.models, forces, speeds)
+        found["best_cycles"] = (answer.draw_best_cycles, {law: study.runs[law] for law in best})
     comparisons = {by: ranking_tables.comparison_places(study, study.scene.drive.kind, by) for by in places}
     found["ranking"] = (ranking.draw_rankings, places, comparisons)
     return found

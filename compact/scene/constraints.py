@@ -45,6 +45,7 @@ class Rule:
 
 RULES: list[Rule] = []
 ADVICE: list[Rule] = []
+Broken = Callable[..., str | None]
 
 
 def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[Mistake] = ()) -> list[Mistake]:
@@ -66,8 +67,13 @@ def tables_exist(source: Source) -> Rule:
     return Rule(("motion.tables",), lambda tables: _missing(tables or (), source.folder))
 
 
-def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Callable[..., str | None]], Callable[..., str | None]]:
-    def enter(broken):
+def catalogue_exists(source: Source) -> Rule:
+    """Return the rule that the file of `drive.catalogue` is below the folder of the scene."""
+    return Rule(("drive.catalogue.file",), lambda file: None if file is None else _missing((file,), source.folder))
+
+
+def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Broken], Broken]:
+    def enter(broken: Broken) -> Broken:
         into.append(Rule(keys, broken))
         return broken
 
@@ -144,9 +150,11 @@ def _cap_has_the_earth_pressure(_, law, moisture, density_ratio, overrides):
     low, high = earth_pressure_bounds(slope, mix.required_pressure, strength)
     if not low < mix.earth_pressure_coefficient <= high:
         return (
-            f"must be between {low:.4f} and {high:.4f} for a friction angle of {mix.friction_angle:g} degrees, got "
+            f"must be between {low:.4f} and {high:.4f} for a friction angle of {mix.friction_angle:g} degrees and a "
+            f"cohesion of {mix.cohesion_loose / 1e3:g} kPa at {mix.required_pressure / 1e3:.4g} kPa, got "
             f"{mix.earth_pressure_coefficient:.4g}: below, mix in confined compression would slide along the shear "
-            "line; above, the cap would be flatter than the line; change it or mix.overrides.friction_angle"
+            "line; above, the cap would be flatter than the line; change it, mix.overrides.friction_angle or "
+            "mix.overrides.cohesion_loose"
         )
     return None
 
@@ -235,10 +243,31 @@ def _permeability_is_heeded(pore_air, permeability):
         )
 
 
+@_rule("mix.pore_air", "layer.passes", "layer.return_stroke", into=ADVICE)
+def _later_passes_have_no_air(pore_air, passes, return_stroke):
+    later = [f"layer.passes = {passes:g}"] if passes is not None and passes > 1 else []
+    if return_stroke == "compacted":
+        later.append('layer.return_stroke = "compacted"')
+    if later and pore_air not in (None, "drained"):
+        return (
+            f'"{pore_air}" belongs to the first pass over fed mix alone: with {" and ".join(later)} later passes have '
+            'the forces of drained mix, which are too small; set "drained" to compute all passes alike'
+        )
+
+
 @_rule("contact.speeds")
 def _speeds_rise(speeds):
     if speeds is not None and not (len(speeds) and speeds[0] > 0 and all(b > a for a, b in pairwise(speeds))):
         return f"must be positive and rise one by one, got {list(speeds)}; give speeds such as [0.05, 0.1, 0.2]"
+
+
+@_rule("motion.other_durations", "motion.duration")
+def _durations_are_positive_and_differ(others, duration):
+    if others and not (all(each > 0 for each in others) and len({*others, duration}) == len(others) + 1):
+        return (
+            f"must be positive, differ from one another and from motion.duration = {duration:g} s, got {list(others)}; "
+            "give times of one pass such as [1.0, 3.0]"
+        )
 
 
 @_rule("motion.optimise", "cam")
@@ -296,6 +325,16 @@ _rule("drive.kind", "drive.motor")(partial(_table_belongs_to_its_drive, "motor",
 _rule("drive.kind", "drive.hydraulics")(
     partial(_table_belongs_to_its_drive, "hydraulic", "hydraulics", "cylinders, pump and oil")
 )
+
+
+@_rule("drive.catalogue", "drive.kind")
+def _catalogue_belongs_to_a_shaft(catalogue, kind):
+    if catalogue is not None and kind == "hydraulic":
+        return (
+            'is for a drive with a shaft, got drive.kind = "hydraulic"; take the table [drive.catalogue] out, or '
+            "choose another kind"
+        )
+    return None
 
 
 @_rule("drive.end_springs.length", "motion.stroke")

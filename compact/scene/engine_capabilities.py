@@ -167,7 +167,7 @@ def refusals() -> Iterator[tuple[tuple[str, ...], Callable[..., str | None]]]:
 
 
 def _refusal(engine, limit):
-    def broken(value, chosen, friction):
+    def broken(value: Any, chosen: str, friction: Any) -> str | None:
         if chosen != engine or value is None or limit.takes(value, friction):
             return None
         remedies = [f"give {_listed(limit.taken)}"] if any(limit.taken) else []

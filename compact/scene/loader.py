@@ -19,10 +19,11 @@ from typing import Any
 from pydantic import Field, PrivateAttr, ValidationError
 
 from compact.scene import errors, plausible_ranges, schema
-from compact.scene.constraints import ADVICE, RULES, Rule, sentences, tables_exist
+from compact.scene.constraints import ADVICE, RULES, Rule, catalogue_exists, sentences, tables_exist
 from compact.scene.engine_capabilities import LIMITS, adapt, replaced
 from compact.scene.errors import Mistake, SceneError, Source
 from compact.scene.former_names import current_key, current_path, current_tables, current_value
+from compact.scene.process_constraints import PROCESS_ADVICE, PROCESS_RULES
 from compact.scene.schema import LAW_NAMES, Names, Table
 
 __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change", "starter_scene"]
@@ -41,6 +42,8 @@ class Scene(Table):
     drive: schema.Drive
     cam: schema.Cam | None = None
     contact: schema.Contact | None = None
+    process: schema.Process | None = None
+    sleeve: schema.Sleeve | None = None
     accuracy: schema.Accuracy
     compare: schema.Compare | None = None
     output: schema.Output
@@ -55,6 +58,12 @@ class Scene(Table):
     def table_paths(self) -> tuple[Path, ...]:
         """Paths of the motion laws that are given as tables."""
         return tuple(self._source.folder / name for name in self.motion.tables)
+
+    @property
+    def catalogue_path(self) -> Path | None:
+        """Path of the motors of `[drive.catalogue]`; None without the table."""
+        table = self.drive.catalogue
+        return None if table is None else self._source.folder / table.file
 
     @property
     def lift_thickness(self) -> float:
@@ -112,7 +121,7 @@ class Scene(Table):
     @property
     def advice(self) -> tuple[str, ...]:
         """Sentences on values that are valid but outside the rules of thumb."""
-        found = sentences((*ADVICE, *plausible_ranges.ADVICE), self.model_dump(exclude_none=True))
+        found = sentences((*ADVICE, *PROCESS_ADVICE, *plausible_ranges.ADVICE), self.model_dump(exclude_none=True))
         return tuple(f"{self._source.place(mistake.key)}: {mistake}" for mistake in found)
 
     @property
@@ -131,10 +140,10 @@ class Scene(Table):
 
     @property
     def hash(self) -> str:
-        """Hash of every key but `title`, `unusual` and `[output]`, and of the contents of the law tables."""
+        """Hash of every key but `title`, `unusual` and `[output]`, and of the contents of law tables and catalogue."""
         content = self.model_dump(exclude_none=True, exclude={"title", "unusual", "output"})
         digest = sha256(json.dumps(content, sort_keys=True).encode())
-        for path in self.table_paths:
+        for path in (*self.table_paths, *([self.catalogue_path] if self.catalogue_path else [])):
             digest.update(sha256(_bytes(path)).digest())
         return digest.hexdigest()
 
@@ -261,7 +270,8 @@ def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, objec
 
 
 def _rules(source: Source) -> tuple[Rule, ...]:
-    return (*RULES, *plausible_ranges.REFUSALS, tables_exist(source))
+    own = tables_exist(source), catalogue_exists(source)
+    return (*RULES, *PROCESS_RULES, *plausible_ranges.REFUSALS, *own)
 
 
 def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:

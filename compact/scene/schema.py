@@ -22,7 +22,9 @@ Law = Literal[
 ]  # fmt: skip
 LAW_NAMES: tuple[str, ...] = get_args(Law)
 
-OutputItem = Literal["tables", "figures", "cams", "reactions", "crank", "fields", "model_spread", "report"]
+OutputItem = Literal[
+    "tables", "figures", "cams", "reactions", "crank", "fields", "model_spread", "roller_motors", "report"
+]
 # The keys of `machine.ranking.CRITERIA`, repeated for the same reason
 RankBy = Literal[
     "peak_force", "peak_power", "rms_force", "rms_power", "mean_force", "mean_power", "energy", "drawn_energy",
@@ -39,6 +41,8 @@ Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
 MixLaw = Literal["ellipse", "drucker-prager-cap"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
+FeedLaw = Literal["room", "even", "first", "table"]
+STROKES_LIMIT = 10_000  # [-], strokes on one section of a product
 COUNT_LIMIT = 1_000_000  # [-], beyond any machine; excludes typing errors such as 0xffff... from loops
 
 # TOML has lists only, which are converted to tuples
@@ -78,6 +82,14 @@ class Table(BaseModel):
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
 
+class BearingTable(Table):
+    """The rolling bearings of one wheel or roller, which share its load."""
+
+    dynamic_rating: float = _positive("the basic dynamic rating C of one bearing in N")
+    kind: Literal["ball", "roller"] = Field(description="the rolling elements")
+    count: int = _between(1, 1000, "the number of bearings that share the load")
+
+
 class Machine(Table):
     """The cart, its rollers, guides and drive pin; positions are from the cart's centre, + towards the drive."""
 
@@ -108,6 +120,8 @@ class Machine(Table):
         None, "the torque on one roller in N m, + driving it the way it travels, - braking it"
     )
     gap_geometry: GapGeometry = _default("deformed", "where the gap is measured")
+    guide_bearing: BearingTable | None = None
+    roller_bearing: BearingTable | None = None
 
 
 class Product(Table):
@@ -243,6 +257,7 @@ class Motion(Table):
     acceleration_weight: float = _nonnegative("the weight of the acceleration term in the complex law")
     dwell: float = _nonnegative("the dwell at each end in s")
     rod_length: float | None = _optional("the length of the connecting rod in m")
+    other_durations: Numbers = _default((), "further times of one pass in s, over which the laws are ranked as well")
     tables: Names = _default((), "CSV files of own laws, relative to the scene file")
     optimise: Optimise | None = None
 
@@ -292,6 +307,16 @@ class EndSpringTable(Table):
     length: float = _positive("the travel at each end over which a spring is compressed in m")
 
 
+class CatalogueTable(Table):
+    """The motors from which the smallest that holds is chosen, and the rule by which it holds."""
+
+    file: str = Field(description="the CSV file of the motors, relative to the scene file")
+    margin: float = _between(1, 10, "the factor of rms and peak torque that a motor must hold, 1 for none")
+    efficiency: float = Field(gt=0, le=1, description="the efficiency of the gear between motor and shaft")
+    gear_ratio: float | None = _optional("the speed of the motor over that of the shaft")
+    inertia_ratio: float | None = _optional("the largest inertia of the carts over that of the rotor, at the motor")
+
+
 class Drive(Table):
     """Drive of the carts, and the criteria of the ranking."""
 
@@ -307,6 +332,7 @@ class Drive(Table):
     motor: Motor | None = None
     hydraulics: Hydraulics | None = None
     end_springs: EndSpringTable | None = None
+    catalogue: CatalogueTable | None = None
     rank_by: Ranks = Field(min_length=1, description="the quantities to rank by")
 
 
@@ -316,6 +342,48 @@ class Cam(Table):
     breadth: float = _positive("the constant breadth b of the cam in m")
     roller_follower_radius: float = _positive("the radius of the roller followers in m")
     bore: float | None = _optional("the diameter of the bore for the shaft in m")
+
+
+class FeedPoint(Table):
+    """One point of the table of the feed along the roller."""
+
+    position: float = _nonnegative("the position along the roller from the empty mould in m")
+    relative_thickness: float = _nonnegative("the thickness of the fed mix over that of the other points")
+
+
+FeedPoints = Annotated[tuple[FeedPoint, ...], Strict(False)]
+
+
+class Process(Table):
+    """The forming process: strokes over a mould that moves along the axis of the rollers, with feed before each."""
+
+    mould_speed: float = _nonnegative("the speed of the mould along the axis of the rollers in m/s, 0 at rest")
+    strokes: int | None = _optional("the number of strokes of a mould at rest", ge=1, le=STROKES_LIMIT)
+    fill_height: float | None = _optional("the height of the loose mix in the mould before the first stroke in m")
+    fill_density_ratio: float | None = _optional("the density ratio of that mix", gt=0.72, le=0.99)
+    feed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
+    feed: FeedLaw = _default("room", "the distribution of the feed over the strokes")
+    feed_count: int | None = _optional('the number of fed strokes of the feed "first"', ge=1, le=STROKES_LIMIT)
+    feed_table: FeedPoints | None = Field(default=None, min_length=1, description='the points of the feed "table"')
+    feeds: Literal["both", "forward"] = _default("both", "the strokes before which mix is fed")
+    gap: float | None = _optional("the gap above the lowest generatrix up to which mix is fed in m", ge=0)
+    product_density_ratio: float | None = _optional("the mean density ratio of the product", gt=0.72, le=0.99)
+    extrusion_pressure: float | None = _optional("the pressure under the roller that mix evades in Pa")
+    offered_thickness: float | None = _optional("the thickness that the sleeves offer in a stroke in m", ge=0)
+    nip_angle: float = Field(
+        default=20.0, gt=0, le=60, description="the largest angle at which a roller draws mix in, in degrees"
+    )
+    largest_grain: float | None = _optional("the size of the largest grains in m")
+    layers: int = Field(default=20, ge=1, le=500, description="the number of merged layers of a section")
+
+
+class Sleeve(Table):
+    """The feed sleeves, full of loose mix that the moving cart shears over the bed."""
+
+    width: float = _positive("the width along the travel in m")
+    head: float = _positive("the height of the mix above the bed in m")
+    wall_friction: float = _between(0, 1, "the friction coefficient of the mix on the wall")
+    count: int = _between(1, COUNT_LIMIT, "the number of sleeves of one cart")
 
 
 TOUCHES = "(zero means no contact)"

@@ -23,6 +23,7 @@ import compact
 from compact import quantities
 from compact.analysis.engines import ENGINES
 from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
+from compact.analysis.pore_air import AirForces, coupled_forces, is_coupled, pore_air_of
 from compact.analysis.stages.contacts import Passes, air_forces_of, roll_passes
 from compact.analysis.study import Study
 from compact.material.mix import Mix
@@ -121,7 +122,11 @@ def _computed(study: Study, rank: bool, initial_guess: ContactResult | None) -> 
 
 def _with_air(scene: Scene, mix: Mix, contact: ContactResult) -> ContactResult:
     """Return a contact at the mean speed with load and resistance of its pore air; itself for drained mix."""
-    air = air_forces_of(scene, mix, contact, scene.mean_speed)
+    air: AirForces | None
+    if is_coupled(scene):
+        air = coupled_forces(contact, pore_air_of(mix, scene.layer.fed_density_ratio), scene.mean_speed)
+    else:
+        air = air_forces_of(scene, mix, contact, scene.mean_speed)
     if air is None:
         return contact
     return replace(contact, load=contact.load + air.load, resistance=contact.resistance + air.resistance)

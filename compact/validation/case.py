@@ -66,6 +66,8 @@ class Comparison:
         Remark, or the presumed reason of a larger distance.
     repeat : float
         Relative tolerance of our value against the recorded one [-].
+    bracket : (float, float), optional
+        Range of our values by equally valid inputs.
     """
 
     key: str
@@ -80,6 +82,7 @@ class Comparison:
     explanation: str = ""
     note: str = ""
     repeat: float = REPEAT_TOLERANCE
+    bracket: tuple[float, float] | None = None
 
     @property
     def deviation(self) -> float:

@@ -6,17 +6,28 @@ it beyond the tolerance of its comparison is reported, met or not.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import MappingProxyType
 
-import numpy as np
+from threadpoolctl import threadpool_limits
 
 from compact.numerics.validation import require_known
+from compact.validation.cam_clay import CAM_CLAY
 from compact.validation.case import Comparison, Evaluation, ValidationCase, read_rows
 from compact.validation.half_plane import PA6
+from compact.validation.plant_case import read_plant_case
+from compact.validation.plastic_limits import PRANDTL
+from compact.validation.plate_wheel import CMU_WHEEL
+from compact.validation.powder import PH102
+from compact.validation.roller_compactor import JOHANSON
+from compact.validation.sand_oedometers import SAND
+from compact.validation.terramechanics import BEKKER, WONG_REECE
 
 RECORDED = "recorded.csv"
 RECORDED_HEADER = ("case", "key", "ours", "theirs", "verdict")
-CASES: Mapping[str, ValidationCase] = MappingProxyType({each.name: each for each in (PA6,)})
+CASES: Mapping[str, ValidationCase] = MappingProxyType(
+    {each.name: each for each in (CMU_WHEEL, SAND, PH102, PA6, BEKKER, WONG_REECE, JOHANSON, CAM_CLAY, PRANDTL)}
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,17 +68,26 @@ class CaseResult:
 
 
 def select_cases(names: Sequence[str]) -> tuple[ValidationCase, ...]:
-    """Return the cases of some names in the order of the registry; all of them without names."""
+    """Return the cases of some names in the order of the registry, then those of folders; all without names.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of cases, and folders with the case of a plant.
+    """
+    folders = [name for name in names if name not in CASES and Path(name).is_dir()]
     for name in names:
-        require_known("case", name, tuple(CASES))
-    return tuple(case for case in CASES.values() if not names or case.name in names)
+        if name not in folders:
+            require_known("case", name, tuple(CASES))
+    listed = tuple(case for case in CASES.values() if not names or case.name in names)
+    return (*listed, *(read_plant_case(folder) for folder in folders))
 
 
 def evaluate_case(case: ValidationCase) -> CaseResult:
-    """Evaluate a case; floating-point warnings inside it raise."""
-    with np.errstate(under="ignore"):
+    """Evaluate a case on one thread, on which the recorded values were computed."""
+    with threadpool_limits(1):
         evaluation = case.evaluate()
-    return CaseResult(case, evaluation, recorded_values(case.name) if case.name in CASES else None)
+    return CaseResult(case, evaluation, recorded_values(case.name) if CASES.get(case.name) is case else None)
 
 
 def recorded_values(name: str) -> dict[str, float]:

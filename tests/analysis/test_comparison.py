@@ -151,10 +151,14 @@ def test_every_engine_reuses_stored_contacts(written):
 
 def test_published_scene_of_all_engines_differs_only_in_compared_keys():
     every = load_scene(ENGINES)
-    assert every.compared_engines == ("formula", "column", "spectral")
+    assert every.accuracy.engine == "compaction"
+    assert every.compared_engines == ("formula", "column", "spectral", "fem")
     published = load_scene(ENGINES.with_name("loveikin-2015.toml"))
-    for table in ("machine", "product", "mix", "layer", "motion", "cam"):
+    for table in ("machine", "product", "cam"):
         assert getattr(every, table) == getattr(published, table)
+    assert every.mean_speed == pytest.approx(0.45)  # the printed speed first
+    assert every.motion.other_durations == (published.motion.duration,)
+    assert {every.with_engine(name).lift_thickness for name in ("column", "fem", "spectral")} == {0.22}
     assert every.with_engine("spectral").machine.roller_condition == "frictionless"
     assert every.with_engine("column").mix.overrides.heckel_slope == pytest.approx(15.228e-6)
 

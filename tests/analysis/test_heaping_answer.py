@@ -13,7 +13,7 @@ from compact.analysis.study import Study
 from compact.engines.compaction import engine as compaction
 from compact.report import text
 from compact.report import writer as report
-from compact.rolling_contact import Heaping, HeapingError
+from compact.rolling_contact import Heaping, HeapingError, Unsteady, UnsteadyError
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"  # 0.22 m in one pass, which heaps up
@@ -45,6 +45,25 @@ def test_the_wave_that_was_computed_is_stated(monkeypatch):
         "compaction: the mix heaps up in front of the roller, no steady state at a depth of 5.2 mm; after 0.314 m of "
         "travel the bow wave is 21.3 mm high, a contact angle of 40.7 degrees;"
     )
+
+
+def test_an_engine_of_the_comparison_that_is_not_steady_is_an_answer(tmp_path, monkeypatch):
+    def wander(*_, **__):
+        raise UnsteadyError("not steady at depth 5.2 mm", Unsteady(0.0052, 0.0213, 0.9, 0.24, 5e3, 900.0))
+
+    monkeypatch.setattr(compaction, "roll", wander)
+    case = Study(load_scene(SMALL, **COMPARED))
+    summary = report.write_study(case, tmp_path / "out")
+    assert (summary["heaping"], list(summary["comparison"])) == ({}, ["formula"])
+    stored = summary["unsteady"]["compaction"]
+    assert (stored["distance"], stored["travel"]) == ({"value": 0.24, "unit": "-"}, {"value": 0.9, "unit": "m"})
+    assert stored["reason"].endswith("not steady at depth 5.2 mm")
+    (sentence,) = text.heaping_sentences(case)
+    assert sentence.startswith(
+        "compaction: not steady at a depth of 5.2 mm after 0.9 m of travel, estimated distance 24 %; load 5000 N/m, "
+        "resistance 900 N/m, bow wave 21.3 mm;"
+    )
+    assert sentence in " ".join(text.study_digest(case).split())
 
 
 def test_a_scene_led_by_an_engine_that_heaps_up_has_no_result(tmp_path, monkeypatch, capsys):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from compact.analysis.calibration import calibrate
-from compact.analysis.pore_air import AirCurve, CoupledSample, air_answer, pore_air_of
+from compact.analysis.pore_air import AirCurve, CoupledSample, air_answer, coupled_forces, pore_air_of
 from compact.analysis.study import Study
 from compact.report import text
 from compact.report.summary import study_summary
@@ -125,6 +125,44 @@ def test_point_of_a_sweep_contains_the_air(drained, one_way):
     at_mean = one_way.contacts[4]
     assert found["load"] == pytest.approx(machine.roller_length * at_mean.load, rel=2e-3)
     assert without["load"] == pytest.approx(machine.roller_length * drained.contacts[4].load, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        ({"layer.passes": 3}, "with layer.passes = 3 later passes have the forces of drained mix"),
+        ({"layer.return_stroke": "compacted"}, 'with layer.return_stroke = "compacted" later passes'),
+    ],
+)
+def test_later_passes_without_air_are_stated(changes, named):
+    scene = lift(**{"mix.pore_air": "one-way"} | changes)
+    assert any("mix.pore_air: " in sentence and named in sentence for sentence in scene.advice)
+    assert not any("later passes" in sentence for sentence in lift(**changes).advice)
+    assert not any("later passes" in sentence for sentence in lift(**{"mix.pore_air": "one-way"}).advice)
+
+
+@pytest.mark.slow
+def test_point_of_a_sweep_yields_to_its_air():
+    """The coupled contact of a sweep is that of a study at the same speed."""
+    changes = {
+        "accuracy.engine": "compaction", "mix.overrides.air_permeability": 1e-12, "contact.speeds": (0.1,),
+        "contact.indentation": 0.003, "motion.duration": 4.0, "mix.pore_air": "coupled",
+    }  # fmt: skip
+    scene = lift(**changes)
+    assert scene.mean_speed == pytest.approx(0.1)
+    found, _ = headline(scene)
+    (record,), machine = Study(scene).contacts, scene.machine
+    assert found["load"] == pytest.approx(machine.roller_length * record.load, rel=1e-6)
+    assert found["resistance"] == pytest.approx(machine.rollers * machine.roller_length * record.resistance, rel=1e-6)
+
+
+def test_point_of_a_sweep_without_a_coupled_state_states_the_speed(monkeypatch):
+    def heaps_up(*_, **__):
+        raise RuntimeError("the wave grows")
+
+    monkeypatch.setattr("compact.engines.pore_air.coupled_rolling.roll_coupled", heaps_up)
+    with pytest.raises(RuntimeError, match=r'no steady state at 0\.2 m/s: the wave grows; .* mix.pore_air = "one-way"'):
+        coupled_forces(None, None, 0.2)
 
 
 def test_tension_behind_the_roller_is_compared_with_the_strength(one_way):

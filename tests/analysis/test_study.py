@@ -247,7 +247,7 @@ def test_run_without_outputs_writes_the_summary_alone(tmp_path):
 def test_each_stage_is_run_once_and_counted(written):
     study, summary, _ = written
     assert summary["evaluation_counts"] == {
-        "contact": 1, "laws": 3, "runs": 3, "rankings": 1, "cams": 9, "cams measured": 9, "crank": 5, "figures": 6,
+        "contact": 1, "laws": 3, "runs": 3, "rankings": 1, "cams": 9, "cams measured": 9, "crank": 5, "figures": 7,
     }  # fmt: skip
     assert sum(summary["evaluation_counts"].values()) == study.plan.planned.total()
 
@@ -313,7 +313,7 @@ def test_figures_have_labelled_axes_and_pixels(written):
 
     _, _, directory = written
     drawn = sorted(directory.glob("*.png"))
-    assert [path.stem for path in drawn] == ["cams", "crank", "drive", "kinematics", "ranking", "reactions"]
+    assert [path.stem for path in drawn] == ["cams", "crank", "drive", "kinematics", "ranking", "reactions", "shaft"]
     assert all(imread(path).std() > 0.05 for path in drawn)
 
 

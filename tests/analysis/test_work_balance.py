@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from compact.analysis.material_tests import oedometer
-from compact.analysis.stages.work_balance import WorkBalance, confined_work
+from compact.analysis.sizing.work_balance import WorkBalance, confined_work
 from compact.analysis.study import Study
 from compact.material.laws import Compaction
-from compact.report.machine_text import work_sentence, work_warnings
+from compact.report.sizing.sentences import work_sentence, work_warnings
 from compact.report.summary import study_summary
 from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene

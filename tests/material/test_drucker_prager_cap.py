@@ -78,24 +78,12 @@ def oedometer(mix, stress, steps=3000):
 
 
 @pytest.mark.parametrize("modulus", [60e6, 120e6])
-@pytest.mark.parametrize(("friction_angle", "tolerance"), [(28, 2e-5), (35, 1e-6), (38, 1e-6)])
-def test_confined_compression_follows_heckel_and_the_earth_pressure(friction_angle, tolerance, modulus):
-    """Elasticity departs in second order: at 28 degrees 7e-6 for 120 MPa at 200 kPa, as K0 differs from nu/(1 - nu)."""
+@pytest.mark.parametrize("friction_angle", [28, 35, 38])
+def test_confined_compression_follows_heckel_and_the_earth_pressure(friction_angle, modulus):
     path = oedometer(law(friction_angle, unloading_modulus=modulus), PRESSURE)
     stress, coefficient, k = path[path[:, 2] > 0.91].T
-    heckel = np.log(0.28 / (1 - k)) / HECKEL_SLOPE
-    below = stress < 170e3
-    assert np.abs(stress / heckel - 1)[below].max() < tolerance
+    assert stress == pytest.approx(np.log(0.28 / (1 - k)) / HECKEL_SLOPE, rel=1e-7)
     assert coefficient[-1] == pytest.approx(1 - np.sin(np.radians(friction_angle)), abs=0.005)
-
-
-def test_error_of_confined_compression_is_of_second_order_in_the_elastic_strain():
-    moduli = np.array([60e6, 120e6, 240e6])
-    errors = []
-    for modulus in moduli:
-        stress, _, k = oedometer(law(28, unloading_modulus=modulus), 150e3)[-1]
-        errors.append(abs(stress / (np.log(0.28 / (1 - k)) / HECKEL_SLOPE) - 1))
-    assert np.polyfit(np.log(moduli), np.log(errors), 1)[0] == pytest.approx(-2, abs=0.15)
 
 
 def biaxial_failure(mix, pressure):
@@ -331,9 +319,36 @@ def test_every_increment_converges(dilatancy_angle, viscosity):
 # (d) refusals
 
 
-def test_steep_cap_is_refused_with_its_bound():
-    with pytest.raises(ValueError, match=r"must lie between 0\.\d+ and 0\.\d+ for a friction angle of 45 degrees"):
-        law(45.0, cohesion=0.0)
+def bound_of_45_degrees():
+    """Least cohesion at which the cap of Jaky's K0 lies inside the line, K0' = (3 - M)/(3 + 2 M) with pt = c cot 45."""
+    jaky, slope = 1 - np.sqrt(0.5), np.sqrt(1.5)
+    least = (3 - slope) / (3 + 2 * slope)
+    return PRESSURE * (least - jaky) / (1 - least)
+
+
+def test_jakys_coefficient_at_45_degrees_requires_cohesion():
+    """A steeper cap is refused; at the bound itself the oedometer flows on the cap at K0, off the line."""
+    least = bound_of_45_degrees()
+    assert least == pytest.approx(9751, abs=1)
+    for cohesion in (0.0, least - 1):
+        with pytest.raises(ValueError, match=r"must lie between 0\.\d+ and 0\.\d+ for a friction angle of 45 degrees"):
+            law(45.0, cohesion=cohesion)
+    mix = law(45.0, cohesion=10e3)
+    stress, coefficient, k = oedometer(mix, PRESSURE)[-1]
+    assert coefficient == pytest.approx(1 - np.sqrt(0.5), abs=0.005)
+    assert stress == pytest.approx(np.log(0.28 / (1 - k)) / HECKEL_SLOPE, rel=1e-6)
+    vertical, lateral = stress + mix.tensile_strength, coefficient * stress + mix.tensile_strength
+    assert vertical - lateral < mix.friction_slope * (vertical + 2 * lateral) / 3
+
+
+def test_steeper_cap_than_the_bound_slides_on_the_line():
+    """Without the refusal K0 would be that of the corner, not the one of the cap."""
+    allowed = law(45.0, cohesion=10e3)
+    steeper = replace(allowed, critical_slope=cap_slope(0.25, PRESSURE, 10e3))
+    stress, coefficient, _ = oedometer(steeper, PRESSURE)[-1]
+    corner, _ = earth_pressure_bounds(allowed.friction_slope, stress, 10e3)
+    assert coefficient == pytest.approx(corner, abs=1e-3)
+    assert coefficient > 0.29
 
 
 def test_cap_flatter_than_the_line_is_refused():

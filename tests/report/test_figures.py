@@ -100,6 +100,7 @@ def test_kinematics_are_those_of_the_laws():
 
 def test_kinematics_of_a_report_are_those_of_the_laws():
     study = SimpleNamespace(
+        over_durations=None, machine_sizing=SimpleNamespace(first=None),
         scene=SimpleNamespace(output=SimpleNamespace(items=()), drive=SimpleNamespace(kind="elastic")),
         places={"elastic": {}}, runs="runs", cycles="cycles", layered=False, count=lambda stage: None,
     )  # fmt: skip

@@ -32,7 +32,20 @@ from compact.scene.schema import RankBy
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 LARGEST = 5_000_000  # bytes of a page
-SECTIONS = ["ranking", "contact", "laws", "forces", "work", "cams", "sensitivity", "scene", "mix", "checks", "versions"]
+SECTIONS = [
+    "ranking",
+    "contact",
+    "laws",
+    "forces",
+    "motor",
+    "work",
+    "cams",
+    "sensitivity",
+    "scene",
+    "mix",
+    "checks",
+    "versions",
+]
 
 
 def scene(name="small", **changes):
@@ -187,7 +200,7 @@ def test_figures_of_the_page_are_those_of_the_files(tmp_path):
     text = (tmp_path / "out" / "report.html").read_text("utf-8")
     for drawn in (tmp_path / "out").glob("*.png"):
         assert b64encode(drawn.read_bytes()).decode() in text
-    assert study.counts["figures"] == 3
+    assert study.counts["figures"] == 6 == study.plan.planned["figures"]
 
 
 @pytest.mark.parametrize(("pixels", "wide"), [(600, False), (1700, True)])
@@ -458,7 +471,7 @@ def test_browser_shows_the_page_whole_on_a_screen_and_a_phone(written, tmp_path)
         assert max(shown["boxes"]) <= width
         assert len(shown["images"]) == len(PageReader(text).all("img"))
         assert min(shown["images"]) > 0
-        assert (shown["shut"], shown["still"]) == (len(SECTIONS) + 1, 0)  # on paper every section is open
+        assert (shown["shut"], shown["still"]) == (len(SECTIONS) + 3, 0)  # on paper every section is open
 
 
 @needs_chromium

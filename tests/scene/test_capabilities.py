@@ -185,7 +185,11 @@ def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, 
 
 @pytest.mark.slow
 def test_the_new_scene_is_rolled_by_the_engine_compaction(tmp_path, monkeypatch):
-    assert cli._exit_code(["roll", new_scene(tmp_path, monkeypatch), "--engine", "compaction", "--out", "out"]) == 0
+    fits = "mix.overrides.heckel_slope = 0.00001638", "layer.fed_density_ratio = 0.9362", "layer.lift_thickness = 0.06"
+    assert all(fit in " ".join(starter_scene().replace("\n#", "").split()) for fit in fits)
+    changes = [word for fit in fits for word in ("--set", fit.replace(" ", ""))]
+    command = ["roll", new_scene(tmp_path, monkeypatch), "--engine", "compaction", "--out", "out", *changes]
+    assert cli._exit_code(command) == 0
     contact = json.loads(Path("out/contact.json").read_text())
     assert contact["exit_density_ratio"]["value"] == pytest.approx(0.98, abs=1e-3)
     assert contact["replaced"] == []

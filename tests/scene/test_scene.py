@@ -16,7 +16,16 @@ from pydantic import ValidationError
 from sampling import examples
 
 from compact.scene.loader import LAW_NAMES, Scene, SceneError, load_scene, parse_scene, starter_scene
-from compact.scene.schema import BeltTable, EndSpringTable, Hydraulics, LowerLift, Motor, Optimise
+from compact.scene.schema import (
+    BearingTable,
+    BeltTable,
+    CatalogueTable,
+    EndSpringTable,
+    Hydraulics,
+    LowerLift,
+    Motor,
+    Optimise,
+)
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 PUBLISHED = (SCENES / "loveikin-2015.toml").read_text("utf-8")
@@ -89,9 +98,9 @@ def test_every_value_of_a_study_scene_states_its_origin(name):
     assert [line for line in values if not re.search(r"# .*(published|assumed|calibrated)", line)] == []
 
 
-def test_the_starter_is_valid_and_uses_the_formula_engine():
+def test_the_starter_is_valid_and_led_by_columns():
     scene = parse_scene(starter_scene(), "new.toml")
-    assert scene.accuracy.engine == "formula"
+    assert scene.accuracy.engine == "column"
     assert scene.advice == ()
 
 
@@ -100,8 +109,9 @@ def test_the_starter_shows_every_key_there_is():
     tables = [field.annotation for field in Scene.model_fields.values()]
     known = {key for table in tables for part in getattr(table, "__args__", (table,)) for key in fields_of(part)}
     beside = {"formula", "column", "spectral", "fem", "compaction"}
-    assert known - keys == {"overrides", "motor", "optimise", "end_springs", "hydraulics", "lower_lift"} | beside
-    shown = (Motor, BeltTable, Optimise, EndSpringTable, Hydraulics, LowerLift)
+    tables = {"overrides", "motor", "optimise", "end_springs", "hydraulics", "lower_lift", "catalogue"}
+    assert known - keys == tables | {"guide_bearing", "roller_bearing"} | beside
+    shown = (Motor, BeltTable, Optimise, EndSpringTable, Hydraulics, LowerLift, BearingTable, CatalogueTable)
     assert {key for table in shown for key in table.model_fields} - keys == {"belt", "method"}  # method: deprecated
 
 
@@ -628,7 +638,8 @@ BROKEN = [
         "unknown output",
         '"figures", "cams"',
         '"figure", "cams"',
-        "output.items[1]: must be one of tables, figures, cams, reactions, crank, fields, model_spread, report, got "
+        "output.items[1]: must be one of tables, figures, cams, reactions, crank, fields, model_spread, "
+        "roller_motors, report, got "
         "'figure'; did you mean 'figures'?",
     ),
     refused(
@@ -1328,10 +1339,14 @@ def test_impossible_lower_lifts_are_refused(engine, table, message):
             {"mix.overrides.friction_angle": 46.0},
             r"coefficient: must be between 0\.2\d+ and 0\.\d+ .* 46 ",
         ),
+        (
+            {"mix.overrides.friction_angle": 45.0, "mix.overrides.cohesion_loose": 0.0},
+            "45 degrees and a cohesion of 0 kPa at 2.* kPa, got 0.2929: .*friction_angle or .*cohesion_loose",
+        ),
         ({"mix.overrides.earth_pressure_coefficient": 0.3}, "must be between .* got 0.3: below, mix in confined"),
         ({"mix.overrides.dilatancy_angle": 36.0}, "`dilatancy_angle` must lie between 0 and `friction_angle`"),
     ],
-    ids=["friction 45", "K0 0.3", "dilatancy"],
+    ids=["friction 46", "friction 45", "K0 0.3", "dilatancy"],
 )
 def test_drucker_prager_cap_refuses_angles_without_a_cap(published, changes, words):
     with pytest.raises(SceneError, match=words):

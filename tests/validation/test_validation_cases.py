@@ -1,10 +1,14 @@
 """Validation cases: no value of ours moves from the recorded one, and every verdict is the recorded one."""
 
 import dataclasses
+from collections import Counter
+from pathlib import Path
 
 import pytest
 
+from compact import cli
 from compact.report import validation_writer
+from compact.validation import registry
 from compact.validation.case import Comparison, read_rows
 from compact.validation.registry import CASES, RECORDED, evaluate_case, select_cases
 
@@ -58,11 +62,34 @@ def test_an_unknown_case_is_refused_with_the_names():
         select_cases(["contact"])
 
 
+def test_the_command_prints_a_case_and_fails_if_a_value_moves(monkeypatch, capsys, tmp_path):
+    assert cli.validate(("cam-clay",), out=tmp_path) == cli.SUCCESS
+    said = capsys.readouterr()
+    assert "8 numbers of 1 case: 8 met, 0 explained, 0 not met" in said.out
+    assert (tmp_path / "validation" / "cam-clay.png").exists()
+    monkeypatch.setattr(registry, "recorded_values", lambda name: {"K0_1": 0.75})
+    assert cli.validate(("cam-clay",)) == cli.NO_RESULT
+    said = capsys.readouterr()
+    assert "MOVED: ours 0.748" in said.out
+    assert "NOT RECORDED" in said.out
+    assert "8 computed numbers have moved" in said.err
+
+
+def test_the_page_of_the_documents_has_the_recorded_verdicts():
+    page = (Path(__file__).parents[2] / "docs" / "validation.md").read_text("utf-8")
+    recorded = Counter(row["verdict"] for row in read_rows(RECORDED))
+    total = f"{recorded.total()} numbers of {len(CASES)} cases: "
+    assert total + ", ".join(f"{recorded[verdict]} {verdict}" for verdict in validation_writer.VERDICTS) in page
+    for name in CASES:
+        assert f"### {name}\n" in page
+        assert (Path(__file__).parents[2] / "docs" / "validation" / f"{name}.png").exists()
+
+
 def test_the_page_has_a_section_and_a_figure_of_each_case(tmp_path):
     result = evaluate_case(min(CASES.values(), key=lambda case: case.seconds))
     written = validation_writer.write_validation(tmp_path, [result])
     page = written[0].read_text("utf-8")
     assert f"### {result.case.name}" in page
-    assert result.case.licence in page
+    assert result.case.licence in " ".join(page.split())
     assert all(path.stat().st_size > 500 for path in written)
     assert f"(validation/{result.case.name}.png)" in page

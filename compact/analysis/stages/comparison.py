@@ -10,7 +10,7 @@ from pathlib import Path
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity
 from compact.analysis.ranking_uncertainty import Agreement, Place, agreement
 from compact.analysis.stages.drives import KnownLaws, build_stages
-from compact.rolling_contact import HeapingError
+from compact.rolling_contact import HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
 DIRECTORY = "comparison"  # under the results; kept results of the engines of the comparison
@@ -34,6 +34,8 @@ class EngineComparison:
         Relative error estimate of the resistance [-].
     roller_load : float
         Load of one roller [N].
+    places_over : dict
+        Places by each other duration of a pass [s].
     """
 
     contacts: list[ContactRecord]
@@ -43,18 +45,22 @@ class EngineComparison:
     error: float | None
     roller_load: float
     places: Places
+    places_over: dict[float, Places]
     key: str
     counts: Counter[str]
     warned: tuple[str, ...]
 
 
-def run_engine_alternative(scene: Scene, laws: KnownLaws, directory: Path | None) -> EngineComparison | HeapingError:
+def run_engine_alternative(
+    scene: Scene, laws: KnownLaws, directory: Path | None
+) -> EngineComparison | HeapingError | UnsteadyError:
     """Compute contacts, resistance and places of a scene with the engine of the comparison.
 
     Returns
     -------
-    EngineComparison or HeapingError
-        The error where the mix heaps up in front of the roller: it has no steady state, which is an answer too.
+    EngineComparison, HeapingError or UnsteadyError
+        The error where the mix heaps up in front of the roller or the motion does not become steady, which are answers
+        too.
     """
     counts = Counter[str]()
     stages = build_stages(scene, count=lambda stage: counts.update([stage]), directory=directory, known_laws=laws)
@@ -64,13 +70,15 @@ def run_engine_alternative(scene: Scene, laws: KnownLaws, directory: Path | None
         warnings.simplefilter("error", RuntimeWarning)  # an invalid operation of numpy yields no valid result
         try:
             places = stages.drive.places
-        except HeapingError as error:
+            places_over = {duration: each.places for duration, each in stages.drive.other_durations.items()}
+        except (HeapingError, UnsteadyError) as error:
             return error
         # the second pass of a comparison is required by its own return stroke only
         second_pass = contacts.second_pass if scene.layer.return_stroke == "compacted" else None
     return EngineComparison(
         contacts.records, contacts.held, second_pass, resistance.resistance, resistance.error,
-        contacts.roller_load, places, contacts.key, counts, tuple(dict.fromkeys(str(each.message) for each in warned)),
+        contacts.roller_load, places, places_over, contacts.key, counts,
+        tuple(dict.fromkeys(str(each.message) for each in warned)),
     )  # fmt: skip
 
 

@@ -26,6 +26,7 @@ from compact.analysis.pore_air import (
     air_under,
     coupled_samples,
     has_air,
+    is_coupled,
     pore_air_of,
 )
 from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
@@ -34,9 +35,10 @@ from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
 from compact.material.mix import Mix
 from compact.numerics.validation import NotFiniteError
-from compact.rolling_contact import ContactResult, HeapingError, Layer, LayerContactResult, Roller
+from compact.rolling_contact import ContactResult, HeapingError, Layer, LayerContactResult, Roller, UnsteadyError
 from compact.scene.loader import Scene
 
+SECOND_PASS_INCREMENTS = 7  # [-], elements per contact length of "compaction"; its resistance, 3 % of the first, +-4 %
 SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, by the elastic recovery, is smaller
 
 Count = Callable[[str], None]  # of the runs of a stage, by its name
@@ -102,6 +104,7 @@ def roll_passes(
     count: int | None = None,
     first: ContactResult | None = None,
     progress: Progress | None = None,
+    **numerics: Any,
 ) -> Passes:
     """Compute the contacts of all passes of a scene, forward and back over the same mix.
 
@@ -116,6 +119,8 @@ def roll_passes(
         Number of passes; that of the scene by default.
     progress : callable, optional
         Called with lines of text by engines with continuation.
+    **numerics
+        Keyword arguments of `roll` of the engine for all passes that are computed.
 
     Returns
     -------
@@ -135,7 +140,7 @@ def roll_passes(
         return tuple(_at_speed(each, float(np.copysign(speed, cast(Any, each).speed))) for each in initial_guess)
     forward, *later = there_and_back(count)
     options = _engine_options(scene, used, held, progress)
-    numerics = {key: options.pop(key) for key in ("torque", "progress", "max_contact_angle") if key in options}
+    numerics |= {key: options.pop(key) for key in ("torque", "progress", "max_contact_angle") if key in options}
     stages = (replace(forward, **options), *later)
     assert isinstance(material, Compaction)  # of a compacting engine
     with _named_errors(scene, used.name, speed):
@@ -244,6 +249,8 @@ def _named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
     except HeapingError as error:
         hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same'
         raise HeapingError(f"{case}: {error}{hint}", error.heaping) from error
+    except UnsteadyError as error:
+        raise UnsteadyError(f"{case}: {error}", error.unsteady) from error
     except RuntimeError as error:
         raise RuntimeError(f"{case}: {error}") from error
 
@@ -419,17 +426,24 @@ class ContactStage:
                 raise
             return None
         curve = air_curve(air_under(contact, layer, roller, air), air.permeability, contact)
-        if self.scene.mix.pore_air == "coupled" and self.engine.name == "compaction":
-            curve = curve.with_coupled(coupled_samples(contact, air, curve, contact_cases.contact_speeds(self.scene)))
+        if is_coupled(self.scene):
+            speeds = contact_cases.contact_speeds(self.scene)
+            curve = curve.with_coupled(coupled_samples(contact, air, curve, speeds, self.count))
         return curve
+
+    @property
+    def requires_model_spread(self) -> bool:
+        """True for a scene of a compacting engine with the output "model_spread"."""
+        return "model_spread" in self.scene.output.items and self.engine.compacting
 
     @cached_property
     def model_spread(self) -> ModelSpread | None:
         """Contacts by the other laws of the mix; None for a scene without the output "model_spread"."""
-        if "model_spread" not in self.scene.output.items or self.held is None:
+        if not self.requires_model_spread:
             return None
         if self.kept and self.kept.model_spread:
             return self.kept.model_spread
+        assert self.held is not None  # of a compacting engine
         self.count("model spread")
         return model_spread(self.scene, self.mix, self.held)
 
@@ -481,7 +495,7 @@ class ContactStage:
         scene, first = self.scene, self.reference[0]
         self.count("second pass")
         try:
-            back = roll_passes(scene, self.mix, scene.mean_speed, count=2, first=first, progress=self.progress)[1]
+            back = self._second_pass(first)
         except RuntimeError as error:
             if scene.layer.return_stroke == "compacted":
                 raise
@@ -490,6 +504,15 @@ class ContactStage:
         air = self.air_forces(scene.mean_speed) or AirForces(0.0, 0.0, 0.0)
         load, resistance = first.load + air.load, first.resistance + air.resistance
         return back.load / load, max(-back.resistance / resistance, 0.0)
+
+    def _second_pass(self, first: ContactResult) -> ContactResult:
+        """Compute a second pass, on a coarse mesh where the drive returns over fresh mix."""
+        coarse = self.engine.continuation and self.scene.layer.return_stroke == "fresh"
+        numerics: dict[str, Any] = {"increments": SECOND_PASS_INCREMENTS} if coarse else {}
+        speed = self.scene.mean_speed
+        return roll_passes(
+            self.scene, self.mix, speed, count=2, first=first, progress=self.progress, **numerics
+        )[1]  # fmt: skip
 
     @property
     def return_ratios(self) -> tuple[float, float]:

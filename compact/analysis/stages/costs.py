@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from compact.analysis.contact_cases import contact_speeds, hold_quantity, scene_mix
 from compact.analysis.engines import ENGINES, Engine
+from compact.analysis.pore_air import is_coupled
 from compact.analysis.stages.laws import FOLLOWERS
 from compact.machine.crankshaft import CRANK_ANGLES
 from compact.material.mix import Mix
@@ -21,8 +22,9 @@ RUN_OVER_A_LAYER = {"rigid": 0.014, "crank": 0.014, "hydraulic": 0.014, "elastic
 TORQUES = 3  # usual number of torques of a driven roller at each speed
 OTHERS = {  # that depend neither on the engine nor on the drive
     "contact": 0.01, "kept": 0.01, "laws": 0.003, "cams": 0.0, "cams measured": 0.02, "crank": 0.03, "fields": 0.09,
-    "figures": 0.35, "rankings": 0.3, "passage": 0.3, "run-up": 0.3,
+    "figures": 0.35, "rankings": 0.3, "passage": 0.3, "run-up": 0.3, "uncertainty": 4.0,
 }  # fmt: skip
+COUPLED_CONTACTS = 2.0  # contacts that one coupled with its pore air costs; 1 to 3 on the published lift
 SPREAD_CONTACTS = 5  # contacts that a spread over the laws of the mix costs
 OPTIMAL_LAW = 2.0  # one optimal law
 WAIT_SHARE = 0.3  # [-], of the work of another process that this one waits for
@@ -37,12 +39,15 @@ class WorkPlan:
     ----------
     laws_not_made : int
         Number of optimal laws that have been left out so far.
+    durations : int
+        Number of durations at which the laws are ranked again.
     """
 
     scene: Scene
     mix: Mix
     counts: Counter[str]
     laws_not_made: int = 0
+    durations: int = 0
 
     @property
     def engine(self) -> Engine:
@@ -59,14 +64,24 @@ class WorkPlan:
         laws = self._laws - self.laws_not_made
         rolled = 0 if self.counts["kept"] or not layered else len(self._speeds)
         fields = "fields" in items and rolled > 0
-        figures = 3 + len({"cams", "reactions", "crank"} & items) + 4 * layered
+        figures = (
+            3
+            + 2 * ("report" in items)
+            + (self.scene.drive.kind != "hydraulic")
+            + (self.durations > 0)
+            + len({"cams", "reactions", "crank"} & items)
+            + 4 * layered
+        )
         cams = laws * len(FOLLOWERS) * ("cams" in items)
         planned = Counter({
             "contact": 1, "rankings": 1, "laws": self._laws, "runs": laws * (1 + layered), "rolled": rolled,
             "fields": rolled * fields, "figures": figures * bool({"figures", "report"} & items) + fields,
             "cams": cams, "cams measured": cams, "crank": (len(CRANK_ANGLES) + 1) * ("crank" in items),
             "model spread": int("model_spread" in items and not self.counts["kept"]),
+            "coupled": rolled and is_coupled(self.scene) * len(contact_speeds(self.scene)),
             "comparison": len(self.scene.compared_engines), "report": int("report" in items),
+            "uncertainty": int("report" in items),
+            "durations": self.durations,
         })  # fmt: skip
         for stage in COUNTED_LATER:
             planned[stage] = self.counts[stage]
@@ -111,7 +126,9 @@ class WorkPlan:
             usual["resistance"] = cost.map_speeds
         if cost.added_mass and not self.counts["runs"]:
             usual["added mass"] = rolled + max(usual["resistance"], self.counts["resistance"])
-        if cost.torque and "cams" in self.scene.output.items and not self.counts["rankings"]:
+        items = self.scene.output.items
+        sampled = "roller_motors" in items if self.engine.compacting else "cams" in items
+        if cost.torque and sampled and not self.counts["rankings"]:
             usual["driven"] = TORQUES * rolled
         return usual
 
@@ -122,12 +139,14 @@ class WorkPlan:
             others = [scene.with_engine(name) for name in scene.compared_engines]
             costs = [WorkPlan(other, scene_mix(other), Counter()).contact_cost for other in others]
             return WAIT_SHARE * sum(costs) / len(costs)
-        if stage == "runs":
-            return RUN[scene.drive.kind] + RUN_OVER_A_LAYER[scene.drive.kind] * self.engine.layered
+        if stage in ("runs", "durations"):
+            one = RUN[scene.drive.kind] + RUN_OVER_A_LAYER[scene.drive.kind] * self.engine.layered
+            return one * (self._laws if stage == "durations" else 1)
         cost = self.engine.cost
+        spread = SPREAD_CONTACTS * cost.contact * (WAIT_SHARE if scene.compare else 1.0)
         by_engine = {
             "rolled": cost.contact, "resistance": cost.continued_contact, "added mass": cost.added_mass,
-            "model spread": SPREAD_CONTACTS * cost.contact, "driven": cost.torque,
+            "model spread": spread, "coupled": COUPLED_CONTACTS * cost.contact, "driven": cost.torque,
             "report": cost.report, "second pass": cost.second_pass,
         }  # fmt: skip
         found = by_engine[stage] if stage in by_engine else OTHERS[stage]

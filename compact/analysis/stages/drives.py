@@ -56,10 +56,30 @@ class DriveStage:
         return dict(self._runs(self.resistance.map.scaled(1 + self.resistance.error), suppress(RuntimeError)))
 
     def _runs(self, resistance: Any, tolerated: AbstractContextManager[Any]) -> Iterator[tuple[str, Any]]:
-        motion, cart = self.scene.motion, self.resistance.cart
-        working = (motion.run_up, 1 - motion.run_down)
         for name, cycle in self.laws.cycles.items():
             self.count("runs")
+            yield from self.simulated({name: cycle}, resistance, tolerated)
+
+    def simulated(
+        self, cycles: Mapping[str, Cycle], resistance: Any, tolerated: AbstractContextManager[Any]
+    ) -> Iterator[tuple[str, Any]]:
+        """Simulate laws against a resistance with the drive of the scene.
+
+        Parameters
+        ----------
+        resistance : callable
+            Resistance of one cart [N], a function of velocity and acceleration.
+        tolerated : context manager
+            Context of each simulation; a law whose error it suppresses has no run.
+
+        Yields
+        ------
+        tuple
+            Name of a law and its run.
+        """
+        motion, cart = self.scene.motion, self.resistance.cart
+        working = (motion.run_up, 1 - motion.run_down)
+        for name, cycle in cycles.items():
             with tolerated:
                 moved_by = machine_models.drive_of(self.scene, cycle)
                 yield name, drive.simulate(cart, moved_by, cycle, resistance, working=working)
@@ -87,6 +107,22 @@ class DriveStage:
             kind: {by: places(ranked, by, heavier) for by, ranked in rankings.items()}
             for kind, (rankings, heavier) in runs.items()
         }
+
+    @cached_property
+    def other_durations(self) -> dict[float, "DriveStage"]:
+        """Drive stage by each other duration of a pass [s]; contacts and cart are the same."""
+        return {duration: self.over(duration) for duration in self.scene.motion.other_durations}
+
+    def over(self, duration: float) -> "DriveStage":
+        """Return the drive stage of all laws over another duration of a pass [s].
+
+        Raises
+        ------
+        ValueError
+            When a law is faster than the resistance is known; `largest_speed` covers the durations of the scene.
+        """
+        laws = LawStage(self.laws.prescribed, self.resistance, self.laws.cycles_over(duration))
+        return DriveStage(self.contacts, self.resistance, laws)
 
     @cached_property
     def cycle_energies(self) -> dict[str, float]:
@@ -181,15 +217,18 @@ def build_stages(
     directory: Path | None = None,
     progress: Progress | None = None,
     known_laws: KnownLaws | None = None,
+    shortest: float | None = None,
 ) -> Stages:
     """Build the stages of a scene; nothing is computed yet.
 
     Parameters
     ----------
+    shortest : float, optional
+        Shortest duration of a pass for which the resistance is required [s]; that of the scene by default.
     progress : callable, optional
         Called with lines of text by engines with continuation.
     """
-    prescribed = PrescribedLaws(scene, count)
+    prescribed = PrescribedLaws(scene, count, shortest)
     if known_laws:
         prescribed.cycles = dict(known_laws[0])
     contacts = ContactStage(scene, mix or scene_mix(scene), count, directory, progress)

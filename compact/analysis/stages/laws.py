@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -28,10 +29,18 @@ FOLLOWERS = ("pointed", "roller", "flat")
 
 
 class PrescribedLaws:
-    """Motion laws that the scene names, tables of the user last."""
+    """Motion laws that the scene names, tables of the user last.
 
-    def __init__(self, scene: Scene, count: Count) -> None:
+    Parameters
+    ----------
+    shortest : float, optional
+        Shortest duration of a pass for which the resistance is required [s]; that of the scene by default.
+    """
+
+    def __init__(self, scene: Scene, count: Count, shortest: float | None = None) -> None:
         self.scene, self.count = scene, count
+        duration = scene.motion.duration
+        self.speed_ratio = duration / min(duration, shortest or duration, *scene.motion.other_durations)
 
     @cached_property
     def cycles(self) -> dict[str, Cycle]:
@@ -48,13 +57,13 @@ class PrescribedLaws:
         return OVERSHOOT if self.scene.drive.kind in COMPLIANT_DRIVES else 1.0
 
     def largest_speed(self) -> float:
-        """Return the largest speed of the cart under any law, and under the crank of the machine [m/s]."""
+        """Return the largest speed of the cart under any law, the crank and each duration of a pass [m/s]."""
         motion = self.scene.motion
         speeds = [cycle.forward.peaks().velocity * self._jump_factor(cycle) for cycle in self.cycles.values()]
         if machine_models.crank(self.scene):
             crank_law = law("crank", motion.stroke, motion.duration, rod_length=motion.rod_length)
             speeds.append(crank_law.peaks().velocity)
-        return float(max(speeds)) * self.overshoot
+        return float(max(speeds)) * self.overshoot * self.speed_ratio
 
     def _jump_factor(self, cycle: Cycle) -> float:
         """Return the factor of the speed behind a spring: a velocity jump at a reversal is twice the velocity."""
@@ -108,6 +117,13 @@ class LawStage:
                 continue
             cycles[forward.name] = forward.cycle(dwell, dwell)
         return cycles
+
+    def cycles_over(self, duration: float) -> dict[str, Cycle]:
+        """Return all laws over another duration of a pass [s]; each keeps its shape."""
+        return {
+            name: replace(cycle.forward, duration=duration).cycle(cycle.far_dwell, cycle.near_dwell)
+            for name, cycle in self.cycles.items()
+        }
 
     @property
     def not_made(self) -> dict[str, str]:

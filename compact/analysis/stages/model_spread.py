@@ -1,14 +1,14 @@
-"""Spread of load and resistance over the laws of the mix, a model error apart from discretisation and input spread.
+"""Spread of load and resistance over the laws of the mix: an error of the model, not of mesh or inputs.
 
-The yield surface of loose mix decides how high a bow wave the roller pushes ahead, and no publication states it. The
-contact at the mean speed is computed again by the other law of `[mix]`, and by "drucker-prager-cap" over the spread of
-the cohesion of loose mix, at the same held quantity. Ratios to the law of the scene on the same mesh leave the
-discretisation error out; a coarse mesh is sufficient for them.
+The yield surface of loose mix decides the height of the bow wave ahead of the roller, and no publication states it. The
+contact at the mean speed is therefore computed again by the other law of `[mix]`. "drucker-prager-cap" has the ends of
+the spread of the cohesion of loose mix, too. All contacts hold the quantity that the scene holds. Ratios to the law of
+the scene on the same mesh contain little discretisation error, so that a coarse mesh is sufficient.
 
 A law by which the mix heaps up in front of the roller has no ratio, but the height of the wave and the travel.
 """
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
 
@@ -101,27 +101,58 @@ def model_spread(scene: Scene, mix: Mix, held: HeldQuantity) -> ModelSpread:
     held : HeldQuantity
         Quantity that all laws hold, at its value in the scene.
 
+    Returns
+    -------
+    ModelSpread
+
     Raises
     ------
     RuntimeError
         If the contact by the law of the scene has no steady state on the mesh of the ratios.
     """
-    own = _roll(scene, mix, held)
-    return ModelSpread(tuple(_variant(each, own, held) for each in _other_laws(scene, mix)))
+    return spread_of([contact_by_law(held, each) for each in scenes_of_laws(scene, mix)])
 
 
-def _other_laws(scene: Scene, mix: Mix) -> Iterator[Scene]:
-    """Return the scene with every other law, of the shear line with the ends of the spread of its cohesion."""
+def scenes_of_laws(scene: Scene, mix: Mix) -> tuple[Scene, ...]:
+    """Return the scene and its variants by the other laws of the mix.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with a compacting engine.
+    mix : Mix
+        Its mix, whose cohesion of loose mix has a value and a spread.
+
+    Returns
+    -------
+    tuple of Scene
+        The scene first; the shear line at the low end, the value and the high end of the cohesion.
+    """
+    found = [scene]
     if scene.mix.law == LINE:
-        yield scene.replaced(**{"mix.law": "ellipse"})
+        found.append(scene.replaced(**{"mix.law": "ellipse"}))
     spread = mix.parameter("cohesion_loose")
     for cohesion in dict.fromkeys((spread.low, spread.value, spread.high)):
         if scene.mix.law != LINE or cohesion != spread.value:
-            yield scene.replaced(**{"mix.law": LINE, "mix.overrides.cohesion_loose": cohesion})
+            found.append(scene.replaced(**{"mix.law": LINE, "mix.overrides.cohesion_loose": cohesion}))
+    return tuple(found)
 
 
-def _variant(scene: Scene, own: ContactResult, held: HeldQuantity) -> LawVariant:
-    """Compute the contact by the law of a changed scene."""
+def contact_by_law(held: HeldQuantity, scene: Scene) -> LawVariant:
+    """Compute the contact by the law of a scene.
+
+    Parameters
+    ----------
+    held : HeldQuantity
+        Quantity that the contact holds.
+    scene : Scene
+        Scene with the law.
+
+    Returns
+    -------
+    LawVariant
+        With load and resistance of one roller in N/m.
+    """
     mix = scene_mix(scene)
     variant = LawVariant(scene.mix.law, mix.cohesion_loose if scene.mix.law == LINE else None)
     try:
@@ -130,7 +161,34 @@ def _variant(scene: Scene, own: ContactResult, held: HeldQuantity) -> LawVariant
         return replace(variant, heaping=error.heaping, reason=str(error))
     except (ValueError, RuntimeError) as error:
         return replace(variant, reason=str(error))
-    return replace(variant, load=rolled.load / own.load, resistance=rolled.resistance / own.resistance)
+    return replace(variant, load=rolled.load, resistance=rolled.resistance)
+
+
+def spread_of(contacts: Sequence[LawVariant]) -> ModelSpread:
+    """Divide load and resistance of contacts by those of the first, by the law of the scene.
+
+    Parameters
+    ----------
+    contacts : sequence of LawVariant
+        Contacts of `contact_by_law` in the order of `scenes_of_laws`.
+
+    Returns
+    -------
+    ModelSpread
+
+    Raises
+    ------
+    RuntimeError
+        If the first has no steady state.
+    """
+    own, *others = contacts
+    if own.load is None or own.resistance is None:
+        raise RuntimeError(own.reason)
+    return ModelSpread(tuple(
+        each if each.load is None or each.resistance is None
+        else replace(each, load=each.load / own.load, resistance=each.resistance / own.resistance)
+        for each in others
+    ))  # fmt: skip
 
 
 def _roll(scene: Scene, mix: Mix, held: HeldQuantity) -> ContactResult:

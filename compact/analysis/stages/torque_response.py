@@ -37,12 +37,14 @@ def torque_response(contacts: ContactStage, pull_range: tuple[float, float]) -> 
     -------
     DrivenRoller or CreepFreeRoller
         `CreepFreeRoller`, without creepage, if the engine has no torque, the roller no friction, or the engine does not
-        converge; the latter with a warning.
+        converge, the latter with a warning; also on compacting mix unless the scene has the output "roller_motors",
+        because each driven contact takes seconds to minutes.
     """
     scene, records, friction = contacts.scene, contacts.records, contacts.mix.steel_friction
     radius = scene.machine.roller_radius
     without_creep = CreepFreeRoller(radius, contacts.roller_load, friction)
-    if not contacts.engine.torque or friction == 0:
+    expensive = contacts.engine.compacting and "roller_motors" not in scene.output.items
+    if not contacts.engine.torque or friction == 0 or expensive:
         return without_creep
     least_load = scene.machine.roller_length * min(record.load for record in records)
     low, high = (TRACTION_MARGIN * pull / (friction * least_load) for pull in pull_range)

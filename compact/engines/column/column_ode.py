@@ -134,6 +134,8 @@ class IntegrationState(NamedTuple):
         Largest density ratio reached by each column [-].
     yielding : ndarray
         Whether each column yields.
+    on_line : ndarray
+        Whether each column that yields slides on the shear line.
     event_stress : ndarray
         Vertical stress at which each column changes its regime next [Pa].
     step : ndarray
@@ -144,6 +146,7 @@ class IntegrationState(NamedTuple):
 
     max_density_ratio: Array
     yielding: BoolArray
+    on_line: BoolArray
     event_stress: Array
     step: Array
     counts: IntArray
@@ -205,6 +208,9 @@ def integrate_path(
         if not state.yielding[i]:
             state.yielding[i] = True
             event_stress[i] = _critical_stress(law, measure, stack, path[counts[ROW], 1:], i, direction)
+            state.on_line[i] = _is_on_line(law, measure, stack, path[counts[ROW], 1:], i)
+        else:
+            state.on_line[i] = False
         counts[NEXT_COLUMN] = _next_event(event_stress, end, direction)
         state.step[0] = 0.0
     return STEPS_EXHAUSTED
@@ -322,7 +328,8 @@ def _rates(u, y, out, problem, state):
     for i in range(len(stack.height)):
         p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
         k0, k_max = stack.density_ratio[i], state.max_density_ratio[i]
-        dp, dV, dshear = _stress_rates(law, measure, k0, k_max, stress, p, V, state.yielding[i])
+        regime = state.yielding[i], state.on_line[i]
+        dp, dV, dshear = _stress_rates(law, measure, k0, k_max, stress, p, V, regime)
         height = stack.height[i]
         if measure == LOGARITHMIC:
             height *= np.exp(-(V + (p - stack.mean_stress[i]) / law.K))
@@ -374,8 +381,9 @@ def stiffness_ratio(law: CapConstants, density_ratio: float) -> float:
 
 
 @compiled
-def _stress_rates(law, measure, k0, k_max, stress, p, V, yielding):
+def _stress_rates(law, measure, k0, k_max, stress, p, V, regime):
     """Return dp, dV and the plastic shear strain Q w per unit of s_v, in the symbols of the module docstring."""
+    yielding, on_line = regime
     ratio, g = 2 * law.G / law.K, 1.5 + 2 * law.G / law.K
     if not yielding:
         return 1.5 / g, 0.0, 0.0
@@ -385,7 +393,7 @@ def _stress_rates(law, measure, k0, k_max, stress, p, V, yielding):
         H = 0.0
     elif measure == MASS_TRUE:
         H *= k / k0
-    if law.line and p + law.pt < _corner_pressure(law, pc) * CORNER_SIDE:
+    if on_line:
         sign = 1.0 if stress > p else -1.0
         dp = 1 / (1 + sign * law.friction / 1.5)
         w = (ratio * dp - 1.5 * (1 - dp)) / (law.G * (3 * sign + 2 * law.dilatancy))
@@ -420,6 +428,17 @@ def _yield_surface(law, pc):
 def _corner_pressure(law, pc):
     """Return p + pt at the corner of cap and shear line."""
     return (pc + law.pt) / (1 + (law.friction / law.M) ** 2)
+
+
+@compiled
+def _is_on_line(law, measure, stack, y, i):
+    """Return True if column i, which yields, lies on the shear line."""
+    if not law.line:
+        return False
+    p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
+    k = _density_ratio(measure, stack.density_ratio[i], V)
+    pc, _ = hardening(law, max(k, stack.max_density_ratio[i]))
+    return p + law.pt < _corner_pressure(law, pc) * CORNER_SIDE
 
 
 @compiled

@@ -193,7 +193,8 @@ class ColumnLayer:
         n = len(self.stack.height)
         path, counts = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), np.array([0, 0, 0, -1])
         densest = self.stack.max_density_ratio.copy()
-        state = ode.IntegrationState(densest, np.zeros(n, np.bool_), np.empty(n), np.zeros(1), counts)
+        regime = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+        state = ode.IntegrationState(densest, *regime, np.empty(n), np.zeros(1), counts)
         path[0, 0], path[0, 1:] = u, y
         problem = self.law, self.stack, self.gap, self.strain_measure
         max_tries, status = max(STEPS_PER_CALL // n, 1), ode.PAUSED

@@ -15,7 +15,7 @@ So is a layer on a lower lift; its height and density after the pass do not cont
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Any, Literal, get_args, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,8 +38,10 @@ from compact.engines.column.indentation_search import (
     solve_plate_density,
     solve_target,
 )
+from compact.engines.column.rigid_wheel import WheelContactResult, roll_wheel
 from compact.material.cap_plasticity import CapConstants, cap_constants, compacted_state
 from compact.material.laws import Compaction
+from compact.material.pressure_sinkage import Terrain
 from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 
@@ -122,10 +124,22 @@ class OedometerResult:
     density_ratio: Array
 
 
+@overload
 def roll(
     layer: rolling_contact.Layer, roller: rolling_contact.Roller, material: Compaction, speed: float, **options: Any
-) -> ColumnContactResult:
-    """Compute one pass over a layer of fresh mix by the engine "column".
+) -> ColumnContactResult: ...
+@overload
+def roll(
+    layer: rolling_contact.Layer, roller: rolling_contact.Roller, material: Terrain, speed: float, **options: Any
+) -> WheelContactResult: ...
+def roll(
+    layer: rolling_contact.Layer,
+    roller: rolling_contact.Roller,
+    material: Compaction | Terrain,
+    speed: float,
+    **options: Any,
+) -> ColumnContactResult | WheelContactResult:
+    """Compute one pass over a layer of fresh mix by the engine "column", or a wheel on terrain.
 
     Parameters
     ----------
@@ -134,12 +148,12 @@ def roll(
     roller : Roller
         Roller of any profile; "deformed" is the circle, since columns move vertically. It prescribes an indentation,
         load or peak pressure. "frictionless" and "free" rollers are equivalent.
-    material : Compaction
-        Material law.
+    material : Compaction or Terrain
+        Material law; terrain is computed by `rigid_wheel.roll_wheel`, which states the range of layer and roller.
     speed : float
         Speed of the roller along x [m/s], not 0; it enters by its sign and by the rate of compaction in pc.
     **options
-        Keywords of `roll_over`.
+        Keywords of `roll_over`, or of `roll_wheel`: slip or torque.
 
     Returns
     -------
@@ -156,6 +170,8 @@ def roll(
     >>> f"P {rolled.load:.0f} N/m, F/P {rolled.resistance / rolled.load:.3f}, k {rolled.exit_density_ratio:.3f}"
     'P 10035 N/m, F/P 0.165, k 0.980'
     """
+    if isinstance(material, Terrain):
+        return roll_wheel(layer, roller, material, speed, **options)
     require_single_bonded_layer(layer)
     _require_compaction(material)
     lower = lower_columns(layer.lower_lift, material, roller.radius, speed)
@@ -202,7 +218,7 @@ def roll_over(
     require_positive(rtol=rtol)
     gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
     stack = (*lower, *columns)
-    layer = _integrable_layer(stack, material, 1.0, gap, STRAINS[strain], len(lower))
+    layer = _integrable(column_layer(stack, material, 1.0, gap, STRAINS[strain], len(lower)), material)
     if material.rate_sensitivity:
         layer = _rated_layer(layer, material, roller.radius, speed)
     if exit_density_ratio is None:
@@ -303,7 +319,7 @@ def _feed_at(
     scale = height / result.columns[0].height
     settlement = 0.0
     if lower:
-        below = _integrable_layer(lower, material, rate_factor, PLATE, STRAINS["logarithmic"])
+        below = _integrable(column_layer(lower, material, rate_factor, PLATE, STRAINS["logarithmic"]), material)
         settlement = plate_indentation(below, result.peak_pressure, rtol)
     return RequiredFeed(height=scale, indentation=scale * result.indentation + settlement)
 
@@ -355,19 +371,17 @@ def simulate_oedometer(
 def _unit_layer(material: Compaction, rate_factor: float) -> ColumnLayer:
     """Fresh mix of unit height under a plate."""
     column = Column(1.0, material.fed_density_ratio)
-    return _integrable_layer((column,), material, rate_factor, PLATE, STRAINS["logarithmic"])
+    return _integrable(column_layer((column,), material, rate_factor, PLATE, STRAINS["logarithmic"]), material)
 
 
-def _integrable_layer(
-    columns: tuple[Column, ...],
-    material: Compaction,
-    rate_factor: float,
-    gap: GapShape,
-    strain_measure: int,
-    lower_count: int = 0,
-) -> ColumnLayer:
-    """Build the `ColumnLayer`; raise ValueError if its equation is too stiff for an explicit method."""
-    layer = column_layer(columns, material, rate_factor, gap, strain_measure, lower_count)
+def _integrable(layer: ColumnLayer, material: Compaction) -> ColumnLayer:
+    """Return a layer; raise ValueError if its equation is too stiff for an explicit method."""
+    require_integrable(layer, material)
+    return layer
+
+
+def require_integrable(layer: ColumnLayer, material: Compaction) -> None:
+    """Raise ValueError if the equation of a layer is too stiff for an explicit method."""
     if not layer.stiffness_ratio < STIFFNESS_RATIO_MAX:
         limit = material.unloading_modulus * STIFFNESS_RATIO_MAX / layer.stiffness_ratio
         raise ValueError(
@@ -375,7 +389,6 @@ def _integrable_layer(
             f"{material.unloading_modulus!r}: the mix is nearly rigid-plastic; use a tenth of the limit, which changes "
             "the resistance by less than 1e-3"
         )
-    return layer
 
 
 def _rated_layer(layer: ColumnLayer, material: Compaction, radius: float, speed: float) -> ColumnLayer:
@@ -460,6 +473,6 @@ def require_column_range(roller: rolling_contact.Roller, material: Compaction, s
 def _require_compaction(material: object) -> None:
     if not isinstance(material, Compaction):
         raise ValueError(
-            f"the engine column needs a `material` Compaction, got {type(material).__name__}; use the engine spectral "
-            "or fem"
+            f"the engine column needs a `material` Compaction or Terrain, got {type(material).__name__}; use the "
+            "engine spectral or fem"
         )

@@ -4,7 +4,8 @@ The roller rolls element by element (`incremental_rolling`) until the motion is 
 coarse mesh, then on finer ones that start from the interpolated state. What relaxes slowly is the bow wave: its
 relaxation length is found on the coarse mesh, and each mesh jumps along its slow mode (`bow_wave`). A prescribed load,
 peak pressure or exit density corrects the depth in the same cycles (`depth_target`). A neighbouring case, of another
-depth, speed, roller or mix, starts from the last solution stretched to it.
+depth, speed, roller or mix, starts from the last solution stretched to it. Mix with a shear line, whose wave has no
+single mode, rolls on without jumps (`shear_line_search`).
 
 The error has three parts: of the mesh, from the change between the last two meshes, of first order; of the drift, the
 distance to the steady state along the slow mode; of the start, the scatter of that distance and the last transient.
@@ -23,7 +24,6 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact.engines.compaction.depth_target import DepthTarget
-from compact.engines.compaction.error_estimate import error_parts, mesh_errors
 from compact.engines.compaction.finite_strain_kernels import announce_compilation
 from compact.engines.compaction.finite_strain_solid import SolidState
 from compact.engines.compaction.heaping import (
@@ -42,7 +42,8 @@ from compact.engines.compaction.roller_frame import (
     rate_factor_at,
     rolling_mesh,
 )
-from compact.engines.compaction.steady_search import SteadySearch
+from compact.engines.compaction.shear_line_search import search_class
+from compact.engines.compaction.steady_search import SteadySearch, error_parts, mesh_errors
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction, DruckerPragerCap
 from compact.mesh import RowMesh
@@ -336,21 +337,19 @@ def mesh_cascade(increments: int) -> list[int]:
 
 def _roll_from_scratch(case: RollingCase, target: DepthTarget) -> CompactionContactResult:
     """Solve on a cascade of meshes, each from the state of the last one."""
-    coarse: SteadySearch | None = None
-    *coarser, last = mesh_cascade(case.numerics.increments)
-    for count in coarser:
-        coarse = _search_on(case, target, count, coarse)
-        _run(coarse, case)
-    search = _search_on(case, target, last, coarse)
-    _run(search, case)
-    return _to_result(case, search, None if coarse is None else mesh_errors(coarse, search))
+    searches: list[SteadySearch] = []
+    for count in mesh_cascade(case.numerics.increments):
+        searches.append(_search_on(case, target, count, searches[-1] if searches else None))
+        _run(searches[-1], case)
+    *coarser, last = searches
+    return _to_result(case, last, mesh_errors(coarser[-1], last, *coarser[-2:-1]) if coarser else None)
 
 
 def _search_on(case: RollingCase, target: DepthTarget, count: int, coarse: SteadySearch | None) -> SteadySearch:
     """Return the search on a mesh, from the state on a coarser one or from rest."""
     is_last = count == case.numerics.increments
     depth = target.initial_depth() if coarse is None else coarse.depth
-    search = SteadySearch(
+    search = search_class(case.material)(
         rolling=case.roller_at_rest(case.create_frame(depth, count)),
         target=target,
         depth=depth,
@@ -358,6 +357,7 @@ def _search_on(case: RollingCase, target: DepthTarget, count: int, coarse: Stead
         target_tolerance=target.tolerance * (1 if is_last else COARSE_TARGET_TOLERANCE),
         stretch=case.stretched,
         rate_factor=case.rate_factor,
+        is_last=is_last,
     )
     if coarse is not None:
         search.start_from(coarse)
@@ -369,7 +369,7 @@ def _roll_from_neighbour(
 ) -> CompactionContactResult:
     """Solve from a neighbouring result, on its mesh stretched to the depth."""
     depth = target.depth_from(start)
-    search = SteadySearch(
+    search = search_class(case.material)(
         rolling=case.stretched(start.solution, depth),
         target=target,
         depth=depth,
@@ -410,9 +410,7 @@ def _run(search: SteadySearch, case: RollingCase) -> None:
         if case.heaping is None or depth is None or case.fed_layer is not None:
             raise
         advice = remedies(case.heaping, depth, for_density=search.target.quantity == "exit_density_ratio")
-        if isinstance(error, HeapingError):
-            raise HeapingError(f"{error}; {advice}", error.heaping) from error
-        raise type(error)(f"{error}; {advice}") from error
+        raise type(error)(f"{error}; {advice}", *error.args[1:]) from error
 
 
 def require_compactable(

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import meshio
 
     from compact.engines.compaction.bow_wave import Relaxation
-    from compact.engines.compaction.error_estimate import ErrorParts
+    from compact.engines.compaction.steady_search import ErrorParts
 
 MAX_ITERATIONS = 2100  # [-], of the exit state at rest; one as a rule, hundreds if it yields
 ELASTIC_ITERATIONS = 2000  # [-], of them with the elastic stiffness, which converge monotonically; then Newton's method

@@ -588,7 +588,7 @@ def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> Sol
     displacement.ravel()[fixed[fixed % 2 == 1]] = 0.0
     position, is_lower = new.solid.point_coordinates, new.solid.point_coordinates[:, 1] < new.lower_height
 
-    def interpolate(values):
+    def interpolate(values: NDArray[np.float64]) -> NDArray[np.float64]:
         rows, found = old.to_rows(values), np.empty((len(position), *values.shape[1:]))
         for part, inside in ((slice(old.lower_rows, None), ~is_lower), (slice(old.lower_rows), is_lower)):
             if inside.any():  # each lift from its own rows, since the density jumps in between

@@ -4,6 +4,17 @@ A cycle rolls until the transient of the last change has passed, measures the dr
 corrects wave and depth together: the wave by a jump along its slow mode, the depth by a secant method for the
 extrapolated steady state (`depth_target`). The search ends when the estimated distance to the steady state is below the
 tolerance and the target is satisfied. A wave that requires ever larger jumps has no steady state.
+
+The error of a result has three parts:
+
+mesh    change between the last two meshes over (fine/coarse)^order - 1, with order 1 for the load and 1.5 for the
+        resistance at a given depth; at least half of what the change of the bow wave makes, since the forces of two
+        meshes may agree by chance. Ten random lifts, 14 against 24 elements per contact length, bound the orders.
+drift   distance to the steady state along the slow mode, before the last jump
+start   scatter of that distance, and the transient that is not part of the mode
+
+At a given load, peak pressure or density both meshes are compared at the prescribed value. The resistance then takes
+over the drift of the load, times its exponent.
 """
 
 from collections.abc import Callable
@@ -34,6 +45,7 @@ from compact.engines.compaction.incremental_rolling import (
 from compact.engines.compaction.newton import EquilibriumError
 from compact.engines.compaction.roller_frame import transfer_state
 from compact.material.laws import DruckerPragerCap
+from compact.rolling_contact import Unsteady, UnsteadyError
 
 FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle
 SETTLING, MEASURING = 0.8, 0.7  # [-], of the later cycles
@@ -59,6 +71,10 @@ WAVE_EXPONENT = 3.4  # [-], of the area of the wave over the depth, roughly
 SAME_DEPTH = 1e-3  # [-], relative change of the depth below which settled states belong to one depth
 MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
 STRETCHED_DEPTH = 1.25  # [-], ratio of a depth to that of the mesh from which the mesh is stretched
+MIN_ERROR_SCALE = 1e-3  # [-], least scale of the error of the resistance over the load
+DEPTH_EXPONENTS = np.array([1.2, 2.3, 1.0, 0.6])  # [-], of `QUANTITIES` over the depth; of the density: its increase
+ORDERS = np.array([1.0, 1.5])  # [-], of load and resistance in the element length
+WAVE_SHARE = 0.5  # [-], of the change of a force by that of the wave, the least change between two meshes
 
 Stretch = Callable[[IncrementalRolling, float], IncrementalRolling]
 
@@ -137,6 +153,8 @@ class SteadySearch:
         Slow relaxation of the bow wave; its length is found on this mesh if it is unknown.
     rate_factor : callable, optional
         Function that returns the factor of the yield pressure [-] at a depth [m]; that of the mesh by default.
+    is_last : bool
+        True on the mesh of the result, False on those that provide its initial state.
     """
 
     rolling: IncrementalRolling
@@ -147,6 +165,7 @@ class SteadySearch:
     stretch: Stretch
     relaxation: Relaxation = field(default_factory=Relaxation)
     rate_factor: Callable[[float], float] | None = None
+    is_last: bool = True
     errors: SteadyErrors = field(init=False)
     values: FloatArray = field(init=False)  # `QUANTITIES` in the steady state
     finds_length: bool = field(init=False)
@@ -175,8 +194,10 @@ class SteadySearch:
         ------
         HeapingError
             If the bow wave grows without end.
+        UnsteadyError
+            If the motion does not become steady.
         RuntimeError
-            If a step has no equilibrium, or the steady state or the target is not reached.
+            If a step has no equilibrium, or the target is not reached.
         """
         growth = WaveGrowth()
         try:
@@ -189,9 +210,9 @@ class SteadySearch:
     def _find_steady_state(self, growth: WaveGrowth) -> None:
         """Roll in cycles until the motion is steady and the target satisfied; record the growth of the wave."""
         secant = DepthSecant(self.target, self._depth_exponent)
-        self.rolling.solver.tolerance = self._settling_tolerance
+        self.rolling.solver.tolerance = SETTLING_TOLERANCE
         self._roll(FIRST_SETTLING, DAMPING)
-        for cycle in range(MAX_FIRST_CYCLES if self._fits_length else MAX_CYCLES):
+        for cycle in range(MAX_FIRST_CYCLES if self.finds_length else MAX_CYCLES):
             drift = self._measure(FIRST_MEASURING if cycle == 0 else MEASURING)
             jump = self._estimate(drift)
             growth.record(drift, jump)
@@ -203,8 +224,8 @@ class SteadySearch:
                 self._depth_exponent = secant.slope
                 is_met = abs(secant.last_miss) < self.target_tolerance
                 depth, is_final = depth if is_met else corrected, is_met and self.errors.total < self.tolerance
-            self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else self._settling_tolerance
-            self._correct(depth, jump if self._makes_jumps else 0.0, FINAL_SETTLING if is_final else SETTLING)
+            self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else SETTLING_TOLERANCE
+            self._correct(depth, jump, FINAL_SETTLING if is_final else SETTLING)
             if is_final:
                 self._advance_exactly()
                 last = self.rolling.steps[-1]
@@ -213,34 +234,15 @@ class SteadySearch:
                 if self.target.quantity == "exit_density_ratio":
                     self._density_factor = last.exit_density_ratio / self._geometric_density_ratio()
                     secant = DepthSecant(self.target, secant.slope)  # earlier values had another factor
-        is_steady = self.errors.total < self.tolerance
-        raise RuntimeError(secant.failure() if is_steady and secant.is_started else self._describe_failure())
+        if self.errors.total < self.tolerance and secant.is_started:
+            raise RuntimeError(secant.failure())
+        raise self._unsteady_error()
 
     def _advance_exactly(self) -> None:
         """Make a step without damping to the full tolerance."""
         self.rolling.solver.tolerance = ROLLING_TOLERANCE
         self.rolling.advance(self._height, damping=0.0)
         self.rolling.solver.tolerance = FINAL_TOLERANCE
-
-    @property
-    def _has_line(self) -> bool:
-        """True for mix with a shear line, whose wave differs much from mesh to mesh."""
-        return isinstance(self.rolling.frame.solid.material, DruckerPragerCap)
-
-    @property
-    def _fits_length(self) -> bool:
-        """True if the relaxation length is fitted on this mesh, which may take more cycles."""
-        return self.finds_length or self._has_line
-
-    @property
-    def _makes_jumps(self) -> bool:
-        """True if the wave jumps; on finer meshes jumps of mix with a shear line excite other modes."""
-        return self.finds_length or not self._has_line
-
-    @property
-    def _settling_tolerance(self) -> float:
-        """Residual of a step far from the steady state [-]; on a shear line 1e-2 leaves some per cent of the load."""
-        return FINAL_TOLERANCE if self._has_line else SETTLING_TOLERANCE
 
     @property
     def _height(self) -> float:
@@ -277,7 +279,7 @@ class SteadySearch:
     def _update_length(self) -> None:
         """Fit the relaxation length, or on a finer mesh shorten it where two waves bracket the steady one."""
         known = self.relaxation.length
-        if self._fits_length:
+        if self.finds_length:
             found = relaxation_length(self._drifts)
             bounds = np.multiply(LENGTH_RANGE, self.rolling.frame.contact_length)
         else:
@@ -370,10 +372,115 @@ class SteadySearch:
                 if not trial:
                     raise
 
-    def _describe_failure(self) -> str:
-        """Return the message for a motion that does not become steady."""
+    def _unsteady_error(self) -> UnsteadyError:
+        """Return the error of a motion that does not become steady."""
         step = self.rolling.steps[-1]
-        return (
+        distance = self.errors.total
+        unsteady = Unsteady(self.depth, step.bow_wave, step.travel, distance, step.load, step.resistance)
+        message = (
             f"not steady at depth {1e3 * self.depth:.4g} mm after {step.travel:.3g} m of travel: estimated distance "
-            f"{100 * self.errors.total:.2g} % of load, resistance or exit density; {describe_step(step)}"
+            f"{100 * distance:.2g} % of load, resistance or exit density; {describe_step(step)}"
         )
+        return UnsteadyError(message, unsteady)
+
+
+@dataclass(frozen=True)
+class ErrorParts:
+    """Estimated relative errors of load and resistance [-], pairs.
+
+    Parameters
+    ----------
+    mesh : tuple of float, or None
+        Error of the finite elements; None for a single mesh.
+    drift : tuple of float
+        Distance to the steady state.
+    start : tuple of float
+        Scatter and transient.
+    """
+
+    mesh: tuple[float, float] | None
+    drift: tuple[float, float]
+    start: tuple[float, float]
+
+    @property
+    def total(self) -> tuple[float, float] | None:
+        """Sums of the parts for load and resistance [-]; None without an estimate of the mesh."""
+        if self.mesh is None:
+            return None
+        load, resistance = np.sum([self.mesh, self.drift, self.start], axis=0)
+        return float(load), float(resistance)
+
+
+def error_parts(search: SteadySearch, mesh: tuple[float, float] | None) -> ErrorParts:
+    """Return the errors of a steady solution.
+
+    Parameters
+    ----------
+    search : SteadySearch
+        Search that has found the steady state.
+    mesh : tuple of float, or None
+        Relative errors of load and resistance by the mesh [-].
+    """
+    drift, start = (_at_target(part, search) for part in (search.errors.drift, search.errors.start))
+    return ErrorParts(mesh, drift, start)
+
+
+def mesh_errors(coarse: SteadySearch, fine: SteadySearch, coarsest: SteadySearch | None = None) -> tuple[float, float]:
+    """Return the relative errors of load and resistance by the mesh from the solutions on two of them [-].
+
+    On a shear line the resistance is of first order too, and not monotone: its error is at least that by the two
+    coarser meshes, less by the ratio of the last two.
+
+    Parameters
+    ----------
+    coarse, fine : SteadySearch
+        Searches that have found the steady state.
+    coarsest : SteadySearch, optional
+        Search on the mesh before these two.
+    """
+    has_line = isinstance(fine.rolling.frame.solid.material, DruckerPragerCap)
+    by_depth = fine.target.quantity != "load" and not has_line  # at a given load F takes over the order of the load
+    orders = ORDERS if by_depth else ORDERS[:1]
+    errors = _change_to(coarse, fine, orders)
+    if has_line and coarsest is not None:
+        ratio = coarse.rolling.frame.step / fine.rolling.frame.step
+        errors = np.maximum(errors, _change_to(coarsest, coarse, orders) / ratio)
+    return float(errors[0]), float(errors[1])
+
+
+def _change_to(coarse: SteadySearch, fine: SteadySearch, orders: FloatArray) -> FloatArray:
+    """Return the relative errors of load and resistance by the change between two meshes [-], shape (2,)."""
+    elements = [search.rolling.frame.contact_length / search.rolling.frame.step for search in (coarse, fine)]
+    remaining = 1 / ((elements[1] / elements[0]) ** orders - 1)
+    change = np.abs(_at_same_target(coarse, fine) - fine.values)
+    mode = fine.relaxation.mode
+    if mode is not None and fine.target.quantity == "indentation":
+        wave = fine.rolling.steps[-1].wave_area - coarse.rolling.steps[-1].wave_area
+        change = np.maximum(change, WAVE_SHARE * np.abs(mode.slopes * wave))
+    return np.asarray(remaining * change[:2] / _scales(fine))
+
+
+def _at_same_target(coarse: SteadySearch, fine: SteadySearch) -> FloatArray:
+    """Return the values of a coarse solution at the prescribed value of the fine one; targets are met loosely."""
+    quantity, values = fine.target.quantity, coarse.values
+    if quantity == "indentation":
+        return values
+    if quantity == "exit_density_ratio":  # prescribes the depth; the density of a column lags behind it
+        return values * (fine.depth / coarse.depth) ** DEPTH_EXPONENTS
+    index = QUANTITIES.index(quantity)
+    miss = coarse.target.log_miss(float(values[index])) - fine.target.log_miss(float(fine.values[index]))
+    return values * np.exp(-miss * DEPTH_EXPONENTS / DEPTH_EXPONENTS[index])
+
+
+def _at_target(errors: FloatArray, search: SteadySearch) -> tuple[float, float]:
+    """Return the errors of load and resistance at what is prescribed."""
+    load, resistance = (float(error) for error in errors[:2] / _scales(search))
+    if search.target.quantity != "load":
+        return load, resistance
+    return 0.0, resistance + float(DEPTH_EXPONENTS[1] / DEPTH_EXPONENTS[0]) * load
+
+
+def _scales(search: SteadySearch) -> FloatArray:
+    """Return load and resistance, the latter not too small, as scales of their errors [N/m], shape (2,)."""
+    load, resistance = np.abs(search.values[:2])
+    return np.array([load, max(resistance, MIN_ERROR_SCALE * load)])

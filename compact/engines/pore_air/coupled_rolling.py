@@ -1,7 +1,10 @@
 """Rolling over compacting mix coupled with its pore air at the held height of the roller.
 
-The excess pressure p - p0 of the air acts as an external load on the skeleton, int (p - p0) J F^-T grad N dV on each
-node. After each step of travel the pressure is solved for the deformed layer; half of its change is applied in the next
+The excess pressure p - p0 of the air acts as an external load on the skeleton. The force on each node is
+
+    int (p - p0) J F^-T grad N dV
+
+After each step of travel the pressure is solved for the deformed layer; half of its change is applied in the next
 step. The steady state is that of `steady_search`, so that the contact pressure is the total stress on the roller.
 Friction of a turning roller is limited by the total pressure.
 """
@@ -18,7 +21,7 @@ from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, So
 from compact.engines.compaction.incremental_rolling import DAMPING, IncrementalRolling, RollingStep
 from compact.engines.compaction.newton import IncrementSolver
 from compact.engines.compaction.results import CompactionContactResult
-from compact.engines.compaction.steady_search import SteadySearch
+from compact.engines.compaction.shear_line_search import search_class
 from compact.engines.pore_air.steady_flow import AirPressure
 from compact.engines.pore_air.under_roller import RollerAir
 from compact.material.pore_air import PoreAir
@@ -102,7 +105,7 @@ def roll_coupled(
     roller = replace(contact.roller, indentation=depth, load=None, peak_pressure=None)
     frame = contact.solution.frame
     target = DepthTarget(contact.layer, roller, contact.material, None, frame.inflow)
-    search = SteadySearch(
+    search = search_class(contact.material)(
         rolling=CoupledRolling(contact.solution if start is None else start.rolling, air, abs(speed)),
         target=target,
         depth=depth,
@@ -161,7 +164,10 @@ class CoupledRolling(IncrementalRolling):
             self.excess = np.zeros(len(self.frame.solid.point_areas))
 
     def advance(self, bottom_height: float, damping: float = DAMPING) -> RollingStep:
-        """Roll by one element under the present pressure of the air, and solve for the next one; see the base class."""
+        """Roll by one element under the present pressure of the air, and solve for that of the next step.
+
+        Parameters and result are those of the base class.
+        """
         solid = self.frame.solid
         assert isinstance(solid, AirLoadedSolid)
         solid.set_excess(self.excess, self.state.displacement)
@@ -185,7 +191,15 @@ class AirLoadedSolid(FiniteStrainSolid):
         self.air_forces = np.zeros(self.element_dofs.shape)
 
     def set_excess(self, excess: Array, displacement: Array) -> None:
-        """Set the excess pressure of the air at the Gauss points [Pa], shape (n,), on a displacement [m]."""
+        """Set the nodal forces of the air.
+
+        Parameters
+        ----------
+        excess : ndarray, shape (n,)
+            Excess pressure at the Gauss points [Pa].
+        displacement : ndarray
+            Displacement of the nodes on which it acts [m].
+        """
         xx, xy, yx, yy = (self.displacement_gradient(displacement) + np.array([1.0, 0, 0, 1.0])).T
         # J F^-T of the points, by the components of the force and of the gradient
         cofactor = np.array([[yy, -yx], [-xy, xx]]).transpose(2, 0, 1) if self.finite else np.eye(2)[None]
@@ -201,7 +215,10 @@ class AirLoadedSolid(FiniteStrainSolid):
         tangent: bool = True,
         near: SolidIncrement | None = None,
     ) -> SolidIncrement:
-        """Integrate the stresses from a state to a displacement; see the base class."""
+        """Integrate the stresses from a state to a displacement, with the forces of the air.
+
+        Parameters and result are those of the base class.
+        """
         found = super().increment(before, displacement, tangent, near)
         return replace(found, element_forces=found.element_forces - self.air_forces)
 

@@ -2,9 +2,10 @@
 
     -v d(a p)/dx = div(K grad p^2/2) - s (p^2 - p0^2)/2
 
-a is the volume of the air over that of the fed mix, p the absolute pressure, K the tensor permeability/viscosity in the
-fed configuration, through which the mix moves by -v; s is the leakage of a column through its surface. Boundaries: p =
-p0 on drained nodes; no flow elsewhere; at the rear end the air leaves with the mix. The pressure depends on v/K alone.
+a is the volume of the air over that of the fed mix, and p the absolute pressure. K is the tensor permeability over
+viscosity in the fed configuration, through which the mix moves by -v. The leakage s is that of a column through its
+surface. The pressure is p0 on drained nodes. There is no flow through other boundaries, and at the rear end the air
+leaves with the mix. The pressure depends on v/K alone.
 
 The fluxes are interpolated from their values at the nodes (group formulation): a p is linear in each element, and so is
 p^2/2. The operators are thus constant, and a p remains constant along x without drainage (Boyle's law at every node).
@@ -178,8 +179,8 @@ class AirFlow:
     def _delays(self, speed: float) -> Array:
         """Return the time by which the test functions of each element are shifted upstream [s], shape (elements, 1).
 
-        The residual of linear elements lacks the flow, so that the shift is bounded by the times of diffusion in the
-        element along x and y; its error is then of second order.
+        The residual of linear elements lacks the flow. The shift is therefore bounded by the times of diffusion in the
+        element along x and y, so that its error is of second order.
         """
         rates = [self.mobility[i, i] * self.ambient_pressure / self.air_volume for i in range(self.mesh.dim())]
         along, *across = (_element_means(rate) for rate in rates)  # diffusivities of the pressure [m2/s]

@@ -1,9 +1,9 @@
 """Pore air under a roller on confined columns: its pressure, averaged over the height, load and resistance.
 
-The height of a column is that of the gap under the roller, h(x) = h_min + gap(x), the height as fed ahead of the
-contact and the exit height behind it. No air leaves through roller and base, so that the mean pressure of the height
-flows along x. Ahead of the contact and behind it the surface is drained, and the mean pressure of a parabola over the
-height leaks by s = 3 K_yy/H^2. Load and resistance at the height of the contact without air are
+The height of a column is that of the gap under the roller, h(x) = h_min + gap(x). Ahead of the contact it is the height
+as fed, behind it the exit height. No air leaves through roller and base, so that the mean pressure of the height
+flows along x. Outside the contact the surface is drained. The mean pressure of a parabola over the height leaks there
+by s = 3 K_yy/H^2. Load and resistance at the height of the contact without air are
 
     load = int (p - p0) dx,    resistance = int (p - p0) dh
 
@@ -61,6 +61,10 @@ class ColumnAir:
         ----------
         start : AirPressure, optional
             Pressure at another speed as initial guess.
+
+        Returns
+        -------
+        AirPressure
         """
         return self.flow.solve(abs(speed), start)
 
@@ -86,7 +90,18 @@ class ColumnAir:
         )
 
     def heights(self, x: Array) -> Array:
-        """Return the heights of the columns at positions x from the lowest generatrix [m]."""
+        """Compute the heights of the columns.
+
+        Parameters
+        ----------
+        x : ndarray
+            Positions from the lowest generatrix [m], ascending in the direction of the travel.
+
+        Returns
+        -------
+        ndarray
+            Heights [m].
+        """
         inside = np.clip(x, self.trailing, self.leading)
         if self.profile == "parabola":
             gap = inside**2 / (2 * self.radius)
@@ -102,6 +117,11 @@ class ColumnAir:
         ----------
         pressure : AirPressure
             Pressure of the air.
+
+        Returns
+        -------
+        load, resistance : float
+            Forces per unit length of the roller [N/m].
         """
         x = pressure.flow.x
         inside = (x >= self.trailing) & (x <= self.leading)
@@ -115,6 +135,11 @@ class ColumnAir:
         ----------
         pressure : AirPressure
             Pressure of the air.
+
+        Returns
+        -------
+        float
+            Excess pressure [Pa]; 0 if there is none.
         """
         return max(float(pressure.excess[pressure.flow.x < self.trailing].max()), 0.0)
 

@@ -1,8 +1,8 @@
 """Pore air under a roller on compacting mix by finite elements: the grid of its pressure, load and resistance.
 
-The nodes of the grid are the Gauss points of the engine's mesh, where deformation and density are known, and the lines
-of its boundary. The pressure is solved in the fed configuration, through which the mix moves straight along -x. The
-total stress is the effective stress less the excess pressure p - p0, so that on the roller, at given deformation,
+The nodes of the grid are the Gauss points of the engine's mesh, which carry deformation and density, and the lines of
+its boundary. The pressure is solved in the fed configuration, through which the mix moves straight along -x. The
+total stress is the effective stress less the excess pressure p - p0, so that on the roller, at a constant deformation,
 
     load = int (p - p0) dx,    resistance = int (p - p0) dy    along the contact
 
@@ -44,6 +44,10 @@ class RollerAir:
             Speed of the roller along x [m/s], not 0.
         start : AirPressure, optional
             Pressure at another speed as initial guess.
+
+        Returns
+        -------
+        AirPressure
         """
         return self.flow.solve(abs(speed), start)
 
@@ -77,6 +81,11 @@ class RollerAir:
         ----------
         pressure : AirPressure
             Pressure of the air.
+
+        Returns
+        -------
+        load, resistance : float
+            Forces per unit length of the roller [N/m].
         """
         excess = pressure.excess[:, -1]
         x, y = self.surface
@@ -110,6 +119,11 @@ class RollerAir:
         ----------
         pressure : AirPressure
             Pressure of the air.
+
+        Returns
+        -------
+        float
+            Excess pressure [Pa]; 0 if there is none.
         """
         return max(float(pressure.excess[pressure.flow.x < self.contact[0]].max()), 0.0)
 
@@ -120,6 +134,11 @@ class RollerAir:
         ----------
         pressure : AirPressure
             Pressure of the air.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Excess pressure [Pa].
         """
         return self.rolling.frame.to_points(pressure.excess[1:-1, 1:-1].T)
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from compact.engines.spectral.galerkin_system import assemble_system, power_spectrum
@@ -168,7 +169,7 @@ def _estimate_errors(problem, contact, next_modes):
     names = ("load", "resistance", "peak_pressure", "indentation")
     of_contact, of_wider, of_finer = (np.array([getattr(c, name) for name in names]) for c in (contact, wider, finer))
 
-    def change(target, value):
+    def change(target: str, value: float) -> NDArray[np.float64]:
         k = names.index(target)
         derivative = (of_wider - of_contact) / (of_wider[k] - of_contact[k])
         return of_finer - of_contact - derivative * (of_finer[k] - value)

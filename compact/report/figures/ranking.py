@@ -22,12 +22,12 @@ RANKING_PANELS = 4  # [-], number of criteria of the rankings, the first of the 
 LETTER_WIDTH = 0.061  # [inch], of a letter of 8 points
 ROW_HEIGHT, PANEL_WIDTH = 0.24, 2.8  # [inch]; a panel and its labels fit a narrow screen
 MARK_SPREAD = 0.6  # [-], of a row, over which the marks of engines are spread so that none hides another
-ENGINE_STYLES = {  # colour, mark and dash
+ENGINE_STYLES: Mapping[str, tuple[str, str, Any]] = {  # colour, mark and dash
     "formula": ("0.35", "x", ":"),
     "column": (PALETTE[2], "o", "--"),
     "spectral": (PALETTE[0], "s", "-."),
-    "fem": (PALETTE[1], "D", "-"),
-    "compaction": (PALETTE[3], "^", "-"),
+    "fem": (PALETTE[1], "D", (0, (5, 1.5, 1, 1.5, 1, 1.5))),
+    "compaction": ("0.05", "^", "-"),
 }
 
 
@@ -98,7 +98,7 @@ def draw_resistances(maps: Mapping[str, Any]) -> Figure:
     for (engine, force), width in zip(reversed(list(maps.items())), widths, strict=True):
         (color, _, dash), fastest = ENGINE_STYLES[engine], getattr(force, "speeds", first.speeds)[-1]
         speed = np.linspace(0, min(fastest, first.speeds[-1]), 801)[1:]
-        ax.plot(speed, force(speed, 0.0) / 1e3, dash, color=color, linewidth=width, label=engine)
+        ax.plot(speed, force(speed, 0.0) / 1e3, linestyle=dash, color=color, linewidth=width, label=engine)
     color, label = ENGINE_STYLES[reference][0], f"{reference}, computed"
     ax.plot(first.speeds, first.forces / 1e3, "o", color=color, markersize=4, label=label)
     ax.set(xlabel=SPEED.axis_label, ylabel=MOTION["cart_resistance"].axis_label)

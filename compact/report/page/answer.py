@@ -15,9 +15,21 @@ from compact.analysis.stages.sensitivity import Shift
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.report.number_format import format_percent, format_quantity
-from compact.report.text import air_sentence, guide_sentence, return_sentence, spread_sentence
+from compact.report.page import answer_text
+from compact.report.page.blocks import Cell, Mark, Table, embed_figures
+from compact.report.text import air_sentence, guide_sentence, held_sentence, return_sentence, spread_sentence
 
 ANSWER_CRITERIA = 2  # [-], number of criteria in the answer; the tables have the others
+FIRST_FIGURES = {
+    "models": (
+        "Resistance of one cart over its speed by all models, with bands and the largest speeds of the best laws",
+        "Thick: engine of the scene; grey band: other laws of the mix. Dotted verticals: largest speed of a law.",
+    ),
+    "best_cycles": (
+        "Drive force and power of the three best laws over a cycle",
+        "One cart with the drive of the scene, forward and return stroke.",
+    ),
+}
 CONTACT_MODELS = {
     "formula": "the engineering formulas 1.1–1.10",
     "column": "confined-compression columns with irreversible compaction",
@@ -38,7 +50,46 @@ def question(study: Study) -> dict[str, Any]:
     }
 
 
-def answer(study: Study, checks: Sequence[BalanceCheck]) -> dict[str, Any]:
+def first_screen(study: Study, pictures: Mapping[str, bytes]) -> dict[str, Any]:
+    """Select the first screen of the page, the variable `first` of the template; empty without a verdict."""
+    if not study.verdicts:
+        return {}
+    motion, kind = study.scene.motion, study.scene.drive.kind
+    known, laws = study.uncertainty, {by: each.law for by, each in answer_text.own_verdicts(study).items()}
+    tables = []
+    for duration, drive in dict.fromkeys((duration, drive) for duration, drive, _ in study.verdicts):
+        header, *rows = answer_text.model_table(study, duration, drive)
+        speed = format_quantity(motion.stroke / duration, "m/s", 3)
+        caption = f"All models, {drive} drive, {format_quantity(duration, 's', 3)} a pass ({speed})"
+        cells: list[list[Cell]] = [_marked(row) for row in rows]
+        table = Table(caption, header, cells, range(len(header) - 4, len(header)))
+        tables.append(((duration, drive) == (motion.duration, kind), table))
+    sources = None
+    if known is not None and known.sources:
+        header, *rows = answer_text.uncertainty_table(known, laws)
+        sources = Table("Sources of uncertainty: change of the peaks of the recommended laws", header, rows)
+    lines = [
+        *answer_text.duration_lines(study), answer_text.stiffness_sentence(study),
+        answer_text.measurement_sentence(study), spread_sentence(study), held_sentence(study),
+    ]  # fmt: skip
+    return {
+        "recommendations": answer_text.recommendations(study),
+        "table": next(table for own, table in tables if own),
+        "other_tables": [table for own, table in tables if not own],
+        "pictures": embed_figures(pictures, FIRST_FIGURES),
+        "lines": [line for line in lines if line],
+        "sources": sources,
+    }
+
+
+def _marked(row: Sequence[str]) -> list[Cell]:
+    """Mark the validity of a model."""
+    model, validity, *cells = row
+    mark = Mark("good", validity) if validity == "yes" else Mark("bad", "no", validity.partition(": ")[2])
+    return [model, mark, *cells]
+
+
+def answer(study: Study, checks: Sequence[BalanceCheck], pictures: Mapping[str, bytes] | None = None) -> dict[str, Any]:
     """Select the results that the page states first, the variable `answer` of the template."""
     scene, kind = study.scene, study.scene.drive.kind
     orders = _first_criteria(study.places[kind])
@@ -46,6 +97,7 @@ def answer(study: Study, checks: Sequence[BalanceCheck]) -> dict[str, Any]:
     force, reach = study.numbers["roller_force"], study.mix.density_achievable
     resistance = study.resistance(np.array([scene.mean_speed]), np.zeros(1))
     return {
+        "first": first_screen(study, pictures or {}),
         "winners": [_best_law(by, order) for by, order in orders.items()],
         "rigid_winners": [_best_law(by, order) for by, order in rigid.items()],
         "unfollowable": _unfollowable(orders),

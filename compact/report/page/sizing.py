@@ -1,9 +1,14 @@
-"""Sections of the page on the size of the machine: balances of work and mix."""
+"""Sections of the page on the size of the machine: balances of work and mix, and peaks over the duration."""
 
+from collections.abc import Mapping
+
+from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.study import Study
-from compact.report.machine_text import work_sentence, work_warnings
+from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, Ranked
 from compact.report.number_format import format_number, format_percent, format_quantity
-from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Section, Table, as_sentence
+from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table, as_sentence
+from compact.report.sizing.duration_tables import duration_sentence
+from compact.report.sizing.sentences import work_sentence, work_warnings
 
 MEANINGS = {  # field of `WorkBalance` -> (words, unit)
     "pass_work": ("work of a pass over fresh mix, over the product", "J/m3"),
@@ -60,3 +65,55 @@ def _value(value: float | None, unit: str) -> str:
     if unit == "1" and value < 1:
         return format_percent(value)
     return format_quantity(value, unit, 3)
+
+
+def duration_section(found: DurationStudy, pictures: Mapping[str, bytes]) -> Section:
+    """Show the first laws over the duration, their peaks and crossovers.
+
+    Parameters
+    ----------
+    found : DurationStudy
+        Ranking over the duration.
+    pictures : mapping
+        Figures by name, "duration" among them.
+    """
+    caption = (
+        "Grey: all laws. Colour: the first law, where it is first. Dots: durations at which the first law changes."
+    )
+    blocks: list[Block] = [
+        Paragraph(as_sentence(duration_sentence(found))),
+        Picture(pictures["duration"], "Peak force and peak power of all laws over the duration of a pass", caption),
+    ]
+    for by, orders in found.orders.items():
+        term, unit = CRITERIA[by].quantity.term, CRITERIA[by].unit
+        rows: list[tuple[Cell, ...]] = [
+            (
+                f"{duration:.3g} s", order[0].run.name, format_quantity(order[0].value, unit), _margin(order[0]),
+                _ties(order),
+            )
+            for duration, order in zip(found.durations, orders, strict=True)
+        ]  # fmt: skip
+        header = ("duration", "first law", term, "margin", "ties with it")
+        blocks.append(Table(f"First law by {term}", header, rows, (0, 2, 3)))
+    crossed: list[tuple[Cell, ...]] = [
+        (
+            CRITERIA[each.by].quantity.term, f"{each.duration:.3g} s", each.shorter, each.longer,
+            format_quantity(each.value, CRITERIA[each.by].unit),
+        )
+        for each in found.crossovers
+    ]  # fmt: skip
+    header = ("criterion", "duration", "first for shorter passes", "first for longer passes", "peak of both")
+    if crossed:
+        blocks.append(Table("Crossovers of the first laws", header, crossed, (1, 4)))
+    lead = f"First laws from {found.durations[0]:.3g} to {found.durations[-1]:.3g} s a pass, with crossovers."
+    return Section("duration", "Duration of a pass", lead, blocks)
+
+
+def _margin(first: Ranked) -> str:
+    return "tie" if first.tie else format_percent(first.margin)
+
+
+def _ties(order: list[Ranked]) -> str:
+    """Name the other laws within the build tolerance of the first one."""
+    least = order[0].value
+    return ", ".join(each.run.name for each in order[1:] if each.value < least * (1 + BUILD_TOLERANCE))

@@ -11,7 +11,7 @@ from compact.analysis.stages.balance_checks import BalanceCheck
 from compact.analysis.study import Study
 from compact.files import atomic_file
 from compact.report.number_format import format_number
-from compact.report.page import machine, sizing
+from compact.report.page import machine, motor, sizing
 from compact.report.page.answer import answer, question
 from compact.report.page.blocks import Mark, Paragraph, Section, Table, render_page
 from compact.report.page.contact import contact_section, mix_section
@@ -26,6 +26,8 @@ def write_page(path: Path, study: Study, pictures: Mapping[str, bytes], versions
         contact_section(study, pictures),
         machine.laws_section(study, pictures),
         machine.forces_section(study, pictures),
+        *([] if study.over_durations is None else [sizing.duration_section(study.over_durations, pictures)]),
+        motor.motor_section(study, pictures),
         sizing.work_section(study),
         *([] if study.first_cam is None else [machine.cams_section(study, pictures, study.first_cam)]),
         machine.sensitivity_section(study.sensitivities),
@@ -35,7 +37,7 @@ def write_page(path: Path, study: Study, pictures: Mapping[str, bytes], versions
         _versions_section(study, versions),
     ]
     title = study.scene.title or "untitled scene"
-    content = render_page(title, sections=sections, answer=answer(study, study.checks), **question(study))
+    content = render_page(title, sections=sections, answer=answer(study, study.checks, pictures), **question(study))
     with atomic_file(path) as stream:
         stream.write(content)
     return path

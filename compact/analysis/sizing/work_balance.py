@@ -108,8 +108,9 @@ def work_balance(stages: Stages) -> WorkBalance:
     resistance = float(np.ravel(stages.resistance.resistance(np.array([scene.mean_speed]), np.zeros(1)))[0])
     before, behind = scene.layer.fed_density_ratio, _density_behind(stages)
     carried = strokes = None
-    if product.mould_speed is not None:
-        advance = product.mould_speed * (motion.duration + motion.dwell)
+    speed = product.mould_speed or (scene.process and scene.process.mould_speed)
+    if speed:
+        advance = speed * (motion.duration + motion.dwell)
         carried, strokes = advance * product.width * product.height, machine.roller_length / advance
     return WorkBalance(
         law=run.name,

@@ -1,0 +1,338 @@
+"""Forming process of a scene: roller row, sleeves, guides, balances, operating map and printed forces for comparison.
+
+Columns give the load, its spread along the roller and the confined floor of the resistance. The floor is not for
+sizing, and the load is a lower estimate: shear and the density over the height need two dimensions. Lumped lifts
+compute these, of one thickness and on one mesh ("quick"), or of three thicknesses and on three meshes ("deep").
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from compact.analysis.contact_cases import compaction_material, scene_mix
+from compact.analysis.machine_models import cart
+from compact.engines.process.closures import FormingProblem, solve_closure
+from compact.engines.process.forming import Closure, ClosureKind, Feed, Fill, FormingMachine
+from compact.engines.process.lumped_lifts import simulate_lifts
+from compact.engines.process.operating_map import DensityCurve, OperatingMap, density_curve, operating_map
+from compact.engines.process.roller_row import RollerRow
+from compact.engines.process.section import BiteError
+from compact.engines.process.sleeve import FeedSleeve
+from compact.engines.process.two_dimensions import TwoDimensionalRow
+from compact.machine.cart import balance
+from compact.material.mix import Mix, bulk_density
+from compact.scene.loader import Scene, SceneError
+from compact.verification import published_machine
+
+MAP_MOULD_SHARES = tuple(2.0 ** (power / 8) for power in range(-16, 17))  # [-], speeds of the map over the scene's
+MAP_CART_SHARES = tuple(2.0 ** (power / 8) for power in range(-8, 9))  # [-], likewise
+Detail = Literal["columns", "quick", "deep"]
+LIFT_SHARES = (0.75, 0.9, 0.6)  # [-], thicknesses of the lifts over the bite at the nip angle; quick: the first
+LIFTS_MIN = 10  # [-], lifts of a sequence at least, so that those of a thin product are thinner
+INCREMENTS = (6, 9, 12)  # [-], elements per contact length of the meshes; quick: the first
+CASES: dict[Detail, tuple[tuple[float, int], ...]] = {  # share and increments of the sequences of lifts
+    "columns": (),
+    "quick": ((LIFT_SHARES[0], INCREMENTS[0]),),
+    "deep": (
+        *((share, INCREMENTS[0]) for share in LIFT_SHARES), *((LIFT_SHARES[0], count) for count in INCREMENTS[1:]),
+    ),
+}  # fmt: skip
+UNFED_SHARE = 1e-6  # [-], of the product; less missing or surplus mix is rounding
+PRINTED_TOLERANCE = 1e-9  # [-], of roller radius and product height of the published machine
+
+
+class ResistancePart(NamedTuple):
+    """Part of the force that moves one cart.
+
+    Parameters
+    ----------
+    cause : str
+        Words.
+    force : float or None
+        Force [N]; None where columns do not compute it.
+    work : float or None
+        Work per volume of the product [J/m3]; None likewise, or of a mould at rest.
+    """
+
+    cause: str
+    force: float | None
+    work: float | None
+
+
+class PrintedForce(NamedTuple):
+    """Printed force and the computed one, which is not fitted to it.
+
+    Parameters
+    ----------
+    name : str
+        Words.
+    printed, computed : float
+        Forces [N].
+    causes : tuple of (str, float)
+        Parts of the printed force [N], in words; they add up to it.
+    """
+
+    name: str
+    printed: float
+    computed: float
+    causes: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True)
+class ProcessStudy:
+    """Forming process of a scene with the table [process].
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    detail : {"columns", "quick", "deep"}
+        Columns alone, or with lumped lifts in two dimensions.
+    report : callable
+        Called with a line of text after each lift.
+
+    Raises
+    ------
+    SceneError
+        If the scene has no such table.
+    """
+
+    scene: Scene
+    detail: Detail = "columns"
+    report: Callable[[str], None] = field(default=lambda _: None, compare=False)
+
+    def __post_init__(self) -> None:
+        if self.scene.process is None:
+            raise SceneError(
+                [f"{self.scene.file}: the table [process] is missing; give the mould's speed, the feed and one closure"]
+            )
+
+    @cached_property
+    def mix(self) -> Mix:
+        """Mix of the scene."""
+        return scene_mix(self.scene)
+
+    @cached_property
+    def problem(self) -> FormingProblem:
+        """Machine, mix and feed."""
+        table, machine = self.scene.process, self.scene.machine
+        assert table is not None  # required by the constructor
+        forming = FormingMachine(
+            roller_radius=machine.roller_radius,
+            roller_length=machine.roller_length,
+            height=self.scene.product.height,
+            cart_speed=self.scene.mean_speed,
+            stroke_period=self.scene.motion.duration + self.scene.motion.dwell,
+            mould_speed=table.mould_speed,
+            nip_angle=table.nip_angle,
+            strokes=table.strokes,
+        )
+        if table.fill_height is None or table.fill_density_ratio is None:
+            fill = Fill(self.scene.product.height, table.feed_density_ratio, by_sleeve=True)
+        else:
+            fill = Fill(table.fill_height, table.fill_density_ratio)
+        points = table.feed_table or ()
+        feed = Feed(
+            table.feed_density_ratio, table.feed, table.feed_count or 0,
+            tuple(point.position for point in points), tuple(point.relative_thickness for point in points), table.feeds,
+        )  # fmt: skip
+        return FormingProblem(forming, compaction_material(self.scene, self.mix), fill, feed, table.layers)
+
+    @property
+    def closure(self) -> Closure:
+        """Condition that determines the feed."""
+        table = self.scene.process
+        assert table is not None
+        kinds: tuple[ClosureKind, ...] = ("gap", "product_density_ratio", "extrusion_pressure")
+        kind = next(kind for kind in kinds if getattr(table, kind) is not None)  # a rule of the scene
+        return Closure(kind, getattr(table, kind), table.offered_thickness)
+
+    @cached_property
+    def row(self) -> RollerRow:
+        """Strokes under one roller."""
+        closed = solve_closure(self.problem, self.closure)
+        return RollerRow(self.problem, self.closure, closed, self.scene.mix.density_ratio)
+
+    @cached_property
+    def two_dimensions(self) -> TwoDimensionalRow | None:
+        """Roller row in two dimensions; None by columns alone or without feed."""
+        total = float(self.row.history.make_up.sum())
+        if not CASES[self.detail] or not total:
+            return None
+        sequences = tuple(
+            simulate_lifts(
+                self.problem, self.mix.steel_friction, self.row.history.rate_factor, self.row.product_density_ratio,
+                thickness=share * min(self.problem.machine.max_bite, total / LIFTS_MIN), increments=increments,
+                report=self.report,
+            )
+            for share, increments in CASES[self.detail]
+        )  # fmt: skip
+        return TwoDimensionalRow(self.row, sequences)
+
+    @property
+    def load(self) -> float:
+        """Load of one roller by the best model computed [N]."""
+        return self.row.load if self.two_dimensions is None else self.two_dimensions.load.value
+
+    @property
+    def resistance(self) -> float:
+        """Resistance of one roller by the best model computed [N]."""
+        return self.row.resistance if self.two_dimensions is None else self.two_dimensions.resistance.value
+
+    @property
+    def covered_width(self) -> float:
+        """Width of the product that the rollers of one cart press [m]."""
+        machine = self.scene.machine
+        strips = machine.rollers * (self.scene.motion.stroke - machine.overlap)
+        return min(self.scene.product.width, strips)
+
+    @property
+    def product_volume(self) -> float:
+        """Volume of the product that one cart presses in a stroke [m3]; 0 of a mould at rest."""
+        return self.problem.machine.advance * self.covered_width * self.row.product_height
+
+    def mass_per_stroke(self, grains: float) -> float:
+        """Convert grains of a section, as a height [m], to the mass of mix in one stroke of a cart [kg]."""
+        density = float(bulk_density(self.scene.mix.moisture, 1.0))
+        return grains * self.problem.machine.advance * self.covered_width * density
+
+    @cached_property
+    def sleeve_drag(self) -> float | None:
+        """Drag of all sleeves of a cart [N]; None without the table [sleeve]."""
+        table = self.scene.sleeve
+        if table is None:
+            return None
+        sleeve = FeedSleeve(table.width, self.scene.machine.roller_length, table.head, table.wall_friction)
+        density = float(bulk_density(self.scene.mix.moisture, self.problem.feed.density_ratio))
+        return table.count * sleeve.drag(density, self.mix.friction_angle)
+
+    @property
+    def guide_friction(self) -> float:
+        """Friction of the guide wheels of a cart under the computed load [N]."""
+        rollers = self.scene.machine.rollers
+        resistance = rollers * self.resistance + (self.sleeve_drag or 0.0)
+        return float(balance(cart(self.scene, self.load), 0.0, resistance, 1.0).guide_friction)
+
+    @property
+    def parts(self) -> tuple[ResistancePart, ...]:
+        """Parts of the force that moves one cart."""
+        rollers, shear = self.scene.machine.rollers, None
+        if self.two_dimensions is not None:
+            shear = rollers * (self.resistance - self.row.resistance)
+        forces = {
+            "confined compression of the throughput": rollers * self.row.resistance,
+            "shear, uneven density, bow wave (two dimensions)": shear,
+            "mix sheared in the feed sleeves": self.sleeve_drag,
+            "friction of the guide wheels": self.guide_friction,
+        }
+        return tuple(ResistancePart(cause, force, self._work_of(force)) for cause, force in forces.items())
+
+    def _work_of(self, force: float | None) -> float | None:
+        if force is None or not self.product_volume:
+            return None
+        return force * self.scene.motion.stroke / self.product_volume
+
+    @cached_property
+    def curve(self) -> DensityCurve | None:
+        """Processes with the required density over the strokes; None if no gap within the nip angle leads to it."""
+        machine = self.problem.machine
+        slowest = MAP_MOULD_SHARES[0] / MAP_CART_SHARES[-1]
+        most = machine.strokes_on_section / (1.0 if machine.strokes is not None else slowest)
+        try:
+            return density_curve(self.problem, self.scene.mix.density_ratio, most)
+        except BiteError:
+            return None
+
+    @property
+    def fastest_mould(self) -> float | None:
+        """Largest speed of the mould at which the bites that give the density are within the nip angle [m/s]."""
+        machine = self.problem.machine
+        if self.curve is None:
+            return None
+        return machine.roller_length / (self.curve.least_strokes * machine.stroke_period)
+
+    @cached_property
+    def map(self) -> OperatingMap | None:
+        """Load and resistance over both speeds; None for a mould at rest, or where no gap leads to the density."""
+        machine = self.problem.machine
+        if self.curve is None or machine.strokes is not None:
+            return None
+        mould_speeds = machine.mould_speed * np.array(MAP_MOULD_SHARES)
+        # the dwell at the ends belongs to the time of a stroke
+        speeds = self.scene.motion.stroke / machine.stroke_period * np.array(MAP_CART_SHARES)
+        return operating_map(self.curve, self.scene.motion.stroke, mould_speeds, speeds)
+
+    @property
+    def printed(self) -> tuple[PrintedForce, ...]:
+        """Forces of the published machine, if the scene has its roller and product; nothing is fitted to them."""
+        radius, height = published_machine.CART.roller_radius, published_machine.HEIGHT
+        given = (self.scene.machine.roller_radius, self.scene.product.height)
+        if not np.allclose(given, (radius, height), rtol=PRINTED_TOLERANCE):
+            return ()
+        load, force = published_machine.ROLLER_REACTION, published_machine.MOVING_FORCE
+        known = [(part.cause, part.force) for part in self.parts if part.force is not None]
+        computed = sum(each for _, each in known)
+        loads = [("columns, a lower estimate", self.row.load)]
+        rest = "density over the height and shear, roller length: not in columns"
+        if self.two_dimensions is not None:
+            loads.append(("density over the height and shear (two dimensions)", self.load - self.row.load))
+            rest = "roller length, law of the mix, other causes: not computed"
+        loads.append((rest, load - self.load))
+        unknown = f"{'' if self.two_dimensions else 'shear in two dimensions, '}other causes: not computed"
+        causes = (*known, (unknown, force - computed))
+        return (
+            PrintedForce("load on one roller", load, self.load, tuple(loads)),
+            PrintedForce("force that moves one cart", force, computed, causes),
+        )
+
+    @property
+    def strokes_below_grain(self) -> int:
+        """Number of strokes whose make-up is thinner than the largest grain; 0 without its size."""
+        table = self.scene.process
+        assert table is not None
+        if table.largest_grain is None:
+            return 0
+        fed = self.row.history.make_up
+        return int(np.sum((fed > 0) & (fed < table.largest_grain)))
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on results that need attention."""
+        return tuple(sentence for sentence in self._remarks() if sentence)
+
+    def _remarks(self) -> tuple[str, ...]:
+        row, flow, machine = self.row, self.row.flow, self.problem.machine
+        count = self.strokes_below_grain
+        lack = self.scene.mix.density_ratio - row.product_density_ratio
+        short = flow.missing > UNFED_SHARE * flow.product
+        return (
+            f"in {count} of {row.history.count} strokes the make-up is thinner than the largest grain: the feed is a "
+            "standing heap there, not a lift" if count else "",
+            f"under-feed: the product has a density ratio of {row.product_density_ratio:.4f} in place of "
+            f"{self.scene.mix.density_ratio:g}; {flow.missing / flow.product:.2%} of its mix are missing"
+            if short and lack > 0 else "",
+            f"over-feed: {flow.extruded / flow.product:.2%} of the product's mix are extruded towards the empty mould"
+            + (f", as much as the mould brings back, and {flow.retained / flow.product:.2%} stay in the sleeves"
+               if flow.retained > UNFED_SHARE * flow.product else "")
+            if flow.extruded > UNFED_SHARE * flow.product else "",
+            "no feed: the strokes compact the fill alone" if not flow.fed else "",
+            f"the roller touches nothing: the mix stays below the lowest generatrix, {machine.height:g} m"
+            if not row.load else "",
+            *self._remarks_in_two_dimensions(),
+        )  # fmt: skip
+
+    def _remarks_in_two_dimensions(self) -> tuple[str, ...]:
+        found = self.two_dimensions
+        if found is None:
+            return ()
+        overpressed, beyond = found.of_product("overpressed_height"), found.load.extrapolated_share
+        stopped = next((sequence.stopped for sequence in found.sequences if sequence.stopped), "")
+        return (
+            f"the top {overpressed * 1e3:.0f} mm of the product exceed a density ratio of 1: pressed beyond the pores, "
+            "outside the law of the mix; water and air would carry the load there" if overpressed else "",
+            f"{beyond:.0%} of the load are extrapolated beyond the densest lift" if beyond else "",
+            f"a sequence of lifts ends early: {stopped}" if stopped else "",
+        )  # fmt: skip

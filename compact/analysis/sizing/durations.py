@@ -1,0 +1,231 @@
+"""First laws, peak force and peak power over the duration of a pass, with the crossovers between laws.
+
+    compact run scene.toml --over duration=0.3:3:8
+
+Inertia grows with the inverse square of the duration, the resistance of the mix hardly depends on it. Short passes
+therefore prefer laws of small acceleration, long ones laws of constant speed. The contacts are those of the scene: the
+height of the rollers is that at its own duration, and the resistance map covers the speeds of the shortest pass. All
+laws keep their shape, optimal ones too, which are optimal at the duration of the scene alone.
+
+A crossover is the duration at which two laws require the same peak. It is found between neighbouring durations with
+different first laws; a law that is first between two of them only is found if it is first at a crossover.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from compact import drive
+from compact.analysis import machine_models
+from compact.analysis.stages.drives import Stages
+from compact.machine.ranking import ROUNDING_TIE, Ranked, value_of
+from compact.scene.loader import Scene
+
+PEAKS = ("peak_force", "peak_power")  # criteria of the durations
+KEYS = ("duration", "motion.duration")  # keys of the option
+MAX_DURATIONS = 200  # [-], of one run; a figure shows no more
+DURATION_TOLERANCE = 1e-6  # [-], relative; of a crossover
+DEPTH = 8  # [-], of further first laws between two durations; there are as many families of laws
+
+
+@dataclass(frozen=True)
+class Crossover:
+    """Duration at which the first law changes.
+
+    Parameters
+    ----------
+    by : str
+        Criterion of PEAKS.
+    duration : float
+        Duration of a pass [s].
+    shorter, longer : str
+        First law for shorter and for longer passes.
+    value : float
+        Peak of both laws there [N] or [W].
+    """
+
+    by: str
+    duration: float
+    shorter: str
+    longer: str
+    value: float
+
+
+@dataclass(frozen=True)
+class DurationStudy:
+    """Ranking over the duration.
+
+    Parameters
+    ----------
+    durations : tuple of float
+        Durations of a pass [s], ascending.
+    orders : dict
+        Laws in order at each duration, by criterion of PEAKS.
+    crossovers : tuple of Crossover
+        In order of criterion and duration.
+    """
+
+    durations: tuple[float, ...]
+    orders: dict[str, tuple[list[Ranked], ...]]
+    crossovers: tuple[Crossover, ...]
+
+    def segments(self, by: str) -> list[tuple[str, float, float]]:
+        """Return the first laws by a criterion, each with the durations between which it is first [s]."""
+        found = [each for each in self.crossovers if each.by == by]
+        ends = [self.durations[0], *(each.duration for each in found), self.durations[-1]]
+        first = _first(self.orders[by][0])
+        laws = [first, *(each.longer for each in found)] if first else []
+        return [(law, *span) for law, span in zip(laws, pairwise(ends), strict=False)]
+
+    def values(self, by: str) -> dict[str, np.ndarray]:
+        """Return the peak of each law over the durations [N] or [W]; infinite for an impulsive force."""
+        laws = [each.run.name for each in self.orders[by][0]]
+        found = [{each.run.name: each.value for each in order} for order in self.orders[by]]
+        return {law: np.array([values[law] for values in found]) for law in laws}
+
+
+def read_durations(text: str) -> tuple[float, ...]:
+    """Parse the option --over, "duration=LOW:HIGH:N", into durations in equal ratios [s].
+
+    Raises
+    ------
+    ValueError
+        If the text has another form, or the numbers are out of range.
+
+    Examples
+    --------
+    >>> read_durations("duration=0.5:2:3")
+    (0.5, 1.0, 2.0)
+    """
+    key, _, values = (part.strip() for part in text.partition("="))
+    if key not in KEYS:
+        raise ValueError(
+            f"--over takes duration=LOW:HIGH:N, such as duration=0.3:3:8 in s, got {text!r}; `compact sweep --vary` "
+            "varies other keys"
+        )
+    try:
+        low, high, count = (read(part) for read, part in zip((float, float, int), values.split(":"), strict=True))
+    except ValueError:
+        raise ValueError(
+            f"--over duration takes LOW:HIGH:N, two numbers in s and a whole one, got {values!r}"
+        ) from None
+    if not 0 < low < high < math.inf:
+        raise ValueError(f"--over duration runs from LOW > 0 up to a larger HIGH in s, got {low:g}:{high:g}")
+    if not 2 <= count <= MAX_DURATIONS:
+        raise ValueError(f"--over duration takes 2 to {MAX_DURATIONS} values, got {count}")
+    return tuple(np.geomspace(low, high, count).round(12).tolist())
+
+
+def require_durations(scene: Scene, durations: Sequence[float]) -> None:
+    """Validate the durations like `motion.duration`.
+
+    Raises
+    ------
+    SceneError
+        If a duration is implausible.
+    ValueError
+        If the drive determines the duration itself.
+    """
+    if durations and scene.drive.kind == "motor":
+        raise ValueError(
+            'drive.kind = "motor" determines the duration of a pass by the speed of the motor; --over duration is for '
+            "other drives, such as --set drive.kind=rigid without [drive.motor], or vary drive.motor.gear_ratio by "
+            "`compact sweep`"
+        )
+    for duration in durations:
+        scene.require_fields(**{"motion.duration": duration})
+        scene.replaced(**{"motion.duration": duration})
+
+
+def over_durations(stages: Stages, durations: Sequence[float]) -> DurationStudy:
+    """Rank the laws of a scene at several durations and find the crossovers.
+
+    Parameters
+    ----------
+    stages : Stages
+        Stages whose resistance map covers the shortest duration.
+    durations : sequence of float
+        Durations of a pass [s], ascending.
+    """
+    passes = [_Pass(stages, duration) for duration in durations]
+    for _ in passes:
+        stages.drive.count("durations")
+    orders = {by: tuple(drive.rank([each.run(law) for law in each.laws], by) for each in passes) for by in PEAKS}
+    crossovers: list[Crossover] = []
+    for by in PEAKS:
+        firsts = _firsts(orders[by])
+        for (before, after), ends in zip(pairwise(firsts), pairwise(passes), strict=True):
+            if before and after:
+                crossovers += _between(by, (before, after), ends, lambda at: _Pass(stages, at))
+    return DurationStudy(tuple(durations), orders, tuple(crossovers))
+
+
+class _Pass:
+    """Runs of the laws at one duration [s], each simulated when first used."""
+
+    def __init__(self, stages: Stages, duration: float) -> None:
+        self.stages, self.duration = stages, duration
+        self.scene = stages.drive.scene.replaced(**{"motion.duration": duration})
+        self.laws = tuple(stages.laws.cycles)
+        self.runs: dict[str, Any] = {}
+
+    def run(self, law: str) -> Any:
+        """Return the run of a law under the drive of the scene."""
+        if law not in self.runs:
+            motion = self.scene.motion
+            given = self.stages.laws.cycles[law]
+            cycle = replace(given.forward, duration=self.duration).cycle(given.far_dwell, given.near_dwell)
+            moved_by = machine_models.drive_of(self.scene, cycle)
+            self.runs[law] = drive.simulate(
+                self.stages.resistance.cart, moved_by, cycle, self.stages.resistance.resistance,
+                working=(motion.run_up, 1 - motion.run_down),
+            )  # fmt: skip
+        return self.runs[law]
+
+    def value(self, law: str, by: str) -> float:
+        """Return the peak of a law [N] or [W]."""
+        return value_of(self.run(law), by)
+
+
+def _first(order: list[Ranked]) -> str:
+    """Name of the first law; empty if all forces are infinite."""
+    return "" if order[0].reason else order[0].run.name
+
+
+def _firsts(orders: Sequence[list[Ranked]]) -> list[str]:
+    """Name the first law at each duration: that of the duration before if it shares the first rank."""
+    found: list[str] = []
+    for order in orders:
+        shared = [each.run.name for each in order if each.rank == 1 and not each.reason]
+        found.append(found[-1] if found and found[-1] in shared else _first(order))
+    return found
+
+
+def _between(
+    by: str, laws: tuple[str, str], ends: tuple[_Pass, _Pass], at: Callable[[float], _Pass], depth: int = DEPTH
+) -> Iterator[Crossover]:
+    """Yield the crossovers between two durations with their first laws, ascending."""
+    shorter, longer = laws
+    if shorter == longer:
+        return
+
+    def difference(logarithm: float) -> float:
+        here = at(math.exp(logarithm))
+        ratio = here.value(shorter, by) / here.value(longer, by)
+        return 0.0 if abs(ratio - 1) <= ROUNDING_TIE else float(np.clip(ratio - 1, -1, 1))
+
+    low, high = (math.log(end.duration) for end in ends)
+    here = at(math.exp(brentq(difference, low, high, xtol=DURATION_TOLERANCE)))
+    order = drive.rank([here.run(law) for law in here.laws], by)
+    first = _first(order)
+    between = here.value(first, by) < here.value(shorter, by) * (1 - DURATION_TOLERANCE)
+    if between and depth and first not in laws:
+        yield from _between(by, (shorter, first), (ends[0], here), at, depth - 1)
+        yield from _between(by, (first, longer), (here, ends[1]), at, depth - 1)
+        return
+    yield Crossover(by, here.duration, shorter, longer, here.value(shorter, by))

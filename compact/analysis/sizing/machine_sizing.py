@@ -1,0 +1,186 @@
+"""Motor, guide wheels and bearings of a scene: shaft torque of every law, choice of a motor, load cycles and lives.
+
+The shaft turns uniformly, one revolution a cycle. The carts follow the law; behind the spring of an elastic drive its
+driven end does. `[drive.catalogue]` has the motors and the rule by which one holds. Wheels and rollers carry the loads
+of the first law under the drive of the scene:
+
+    guide wheel   |N1| or |N2|, of its axle
+    roller        sqrt(R^2 + (W/n)^2), lift and its share of the resistance
+
+A guide wheel of diameter D and a roller of radius r turn by 2 s/(pi D) and s/(pi r) in a cycle of the stroke s.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from compact.analysis import machine_models
+from compact.analysis.stages.drives import Stages
+from compact.machine.load_spectrum import Bearing, BearingLife, LoadCycle, bearing_life, count_cycles
+from compact.machine.motor_sizing import (
+    MotorChoice,
+    ShaftRequirement,
+    SizingRule,
+    choose_motor,
+    requirement_of_run,
+    shaft_requirement,
+)
+from compact.machine.shaft_load import CartsOnShaft
+from compact.numerics import Array
+from compact.scene.schema import BearingTable, Machine
+
+
+@dataclass(frozen=True)
+class LawSizing:
+    """Motor that a law requires.
+
+    Parameters
+    ----------
+    requirement : ShaftRequirement or None
+        Torque of the shaft; None for a law with a velocity jump.
+    required_power : float
+        Rated power with the margin [W]; infinite for such a law.
+    choice : MotorChoice or None
+        Motors of the catalogue; None without a catalogue or a requirement.
+    """
+
+    law: str
+    requirement: ShaftRequirement | None
+    required_power: float
+    choice: MotorChoice | None
+
+
+@dataclass(frozen=True)
+class WheelLoads:
+    """Loads of a guide wheel or of a roller over a cycle, and the life of its bearings.
+
+    Parameters
+    ----------
+    name : str
+        Wheel and direction of the load.
+    least, largest : float
+        Extremes of the load [N].
+    cycles : tuple of LoadCycle
+        Load cycles in one cycle of the machine, largest range first.
+    """
+
+    name: str
+    least: float
+    largest: float
+    cycles: tuple[LoadCycle, ...]
+
+
+@dataclass(frozen=True)
+class MachineSizing:
+    """Motor, guides and bearings.
+
+    Parameters
+    ----------
+    first_law : str
+        Law whose motor is recommended and whose loads are counted.
+    rule : SizingRule
+        Rule by which a motor holds.
+    laws : dict
+        Motor required by each law; empty for a hydraulic drive, which has no shaft.
+    wheels : tuple of WheelLoads
+        Loads of guide wheels and rollers under the first law.
+    lives : dict
+        Life of the bearings by wheel; those with a rating in the scene.
+    period : float
+        Time of a cycle [s].
+    """
+
+    first_law: str
+    rule: SizingRule
+    laws: dict[str, LawSizing]
+    wheels: tuple[WheelLoads, ...]
+    lives: dict[str, BearingLife]
+    period: float
+
+    @property
+    def first(self) -> LawSizing | None:
+        """Motor required by the first law; None for a hydraulic drive."""
+        return self.laws.get(self.first_law)
+
+
+def machine_sizing(stages: Stages, law: str | None = None) -> MachineSizing:
+    """Size motor, guides and bearings of a scene.
+
+    Parameters
+    ----------
+    law : str, optional
+        Law whose loads are counted; the first law by the first criterion by default.
+
+    Raises
+    ------
+    SceneError
+        If the catalogue cannot be read.
+    """
+    scene, first_law = stages.drive.scene, law or stages.drive.best_law
+    table = scene.drive.catalogue
+    rule = SizingRule() if table is None else SizingRule(**table.model_dump(exclude={"file"}))
+    laws = {} if scene.drive.kind == "hydraulic" else _law_sizings(stages, rule)
+    run = stages.drive.runs[first_law]
+    wheels, lives = tuple(_wheel_loads(run)), dict(_bearing_lives(scene.machine, run))
+    return MachineSizing(first_law, rule, laws, wheels, lives, float(run.period))
+
+
+def _law_sizings(stages: Stages, rule: SizingRule) -> dict[str, LawSizing]:
+    """Compute the requirement of every law and choose its motor."""
+    motors, found = machine_models.catalogue(stages.drive.scene), {}
+    for name in stages.laws.cycles:
+        needed = _requirement(stages, name)
+        power = math.inf if needed is None else rule.required_power(needed)
+        choice = choose_motor(motors, needed, rule) if motors and needed else None
+        found[name] = LawSizing(name, needed, power, choice)
+    return found
+
+
+def _requirement(stages: Stages, law: str) -> ShaftRequirement | None:
+    """Torque of the shaft that a law requires; None for a velocity jump without a spring."""
+    scene, cycle = stages.drive.scene, stages.laws.cycles[law]
+    angles = machine_models.angles(scene)
+    if scene.drive.kind == "elastic":
+        return requirement_of_run(stages.drive.runs[law], angles)
+    if any(join.order == 1 for join in cycle.discontinuities()):
+        return None
+    cart, resistance = stages.resistance.cart, stages.resistance.resistance
+    return shaft_requirement(CartsOnShaft(cart, cycle, resistance, angles, machine_models.linkage(scene, cycle)))
+
+
+def _wheel_loads(run: Any) -> Iterator[WheelLoads]:
+    """Count the load cycles of guide wheels and rollers in a run."""
+    for name, load in _loads(run).items():
+        yield WheelLoads(name, float(load.min()), float(load.max()), tuple(count_cycles(load)))
+
+
+def _loads(run: Any) -> dict[str, Array]:
+    """Load histories over the cycle of a run [N]."""
+    forces, cart = run.state.forces, run.cart
+    lift = max(cart.roller_reactions) * np.where(run.state.velocity < 0, cart.return_load_ratio, 1.0)
+    return {
+        "front guide wheel": forces.front_reaction,
+        "rear guide wheel": forces.rear_reaction,
+        "roller, lift": lift,
+        "roller, along the travel": run.state.resistance / len(cart.roller_reactions),
+    }
+
+
+def _bearing_lives(machine: Machine, run: Any) -> Iterator[tuple[str, BearingLife]]:
+    """Compute the lives of the bearings with a rating in the scene."""
+    loads, travelled = _loads(run), run.weights * np.abs(run.state.velocity)
+    radial = np.hypot(loads["roller, lift"], loads["roller, along the travel"])
+    wheel_radius = machine.guide_wheel_diameter / 2
+    for name in ("front guide wheel", "rear guide wheel"):
+        if machine.guide_bearing is not None:
+            yield name, bearing_life(_bearing(machine.guide_bearing), loads[name], travelled, wheel_radius, run.period)
+    if machine.roller_bearing is not None:
+        bearing = _bearing(machine.roller_bearing)
+        yield "roller", bearing_life(bearing, radial, travelled, machine.roller_radius, run.period)
+
+
+def _bearing(table: BearingTable) -> Bearing:
+    return Bearing(table.dynamic_rating, table.kind, table.count)

@@ -1,0 +1,61 @@
+"""Fields of a forming process along the roller, as meshes of rectangles in z (along the roller) and y (height).
+
+Frame n shows the mould after the n-th stroke since its start: the first section has had n strokes and lies farthest
+from the empty mould, and loose fill follows it.
+"""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from compact.engines.process.roller_row import RollerRow
+from compact.engines.process.section import SectionState
+
+if TYPE_CHECKING:
+    import meshio
+
+FRAMES_MAX = 60  # [-], frames of a series; later strokes are shown at equal intervals
+FILL_SHARE = 0.15  # [-], length of the fill shown in front of the roller over that of the roller
+
+
+def process_frames(row: RollerRow) -> Iterator[tuple[float, "meshio.Mesh"]]:
+    """Yield the number of strokes since the start, and the fields.
+
+    Cell data: density ratio [-], lateral stress at rest [Pa], number of strokes.
+    """
+    count = row.history.count
+    numbers = np.unique(np.linspace(1, count, min(count, FRAMES_MAX)).round().astype(int))
+    for number in numbers.tolist():
+        yield float(number), _frame(row, number)
+
+
+def _frame(row: RollerRow, number: int) -> "meshio.Mesh":
+    """Return the mesh after a number of strokes since the start."""
+    import meshio
+
+    machine, states = row.problem.machine, row.history.states
+    if machine.strokes is not None:
+        pieces = [(0.0, machine.roller_length, number, states[number])]
+    else:
+        edges = machine.edges
+        pieces = [(float(edges[n - 1]), float(edges[n]), n, states[n]) for n in range(1, number + 1)]
+        pieces.insert(0, (-FILL_SHARE * machine.roller_length, 0.0, 0, states[0]))
+    points, values = [], []
+    for low, high, strokes, state in pieces:
+        for bottom, top, ratio, stress in _rows(state):
+            points += [(low, bottom, 0.0), (high, bottom, 0.0), (high, top, 0.0), (low, top, 0.0)]
+            values.append((ratio, stress, float(strokes)))
+    cells = np.arange(len(points)).reshape(-1, 4)
+    ratio, stress, strokes_on = np.array(values).T
+    data = {"density_ratio": [ratio], "lateral_stress": [stress], "strokes": [strokes_on]}
+    return meshio.Mesh(np.array(points), [("quad", cells)], cell_data=data)
+
+
+def _rows(state: SectionState) -> Iterator[tuple[float, float, float, float]]:
+    """Yield bottom and top [m], density ratio [-] and lateral stress [Pa] of each layer."""
+    bottom = 0.0
+    for column in state.columns:
+        top = bottom + column.height
+        yield bottom, top, column.density_ratio, column.lateral_stress
+        bottom = top

@@ -1,0 +1,213 @@
+"""Forming process of one roller: geometry of mould and roller, mix that enters, law and closure of the feed.
+
+The rollers of a machine lie side by side along the travel, each over its own stroke. The mould moves along the axis of
+the roller, so that the position z along the roller counts strokes: z = 0 is the edge at the empty mould, and
+
+    a = v_form T,    N = L/a
+
+are the advance of the mould per stroke and the number of strokes on a section of the product. N is a property of the
+machine. Where it is not a whole number, the last stroke presses the remaining part of the roller length.
+
+The lowest generatrix is horizontal at the height h0 above the base. The surface of the mix lies the bite d above it
+before a stroke. A roller draws mix in up to the nip angle,
+
+    d <= R (1 - cos nip).
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from compact.numerics import Array
+from compact.numerics.validation import require_fields, require_known, require_that
+
+FeedLaw = Literal["room", "even", "first", "table"]
+FedStrokes = Literal["both", "forward"]
+ClosureKind = Literal["gap", "product_density_ratio", "extrusion_pressure"]
+COUNT_ROUNDING = 1e-9  # [-], of the number of strokes; 70.0000000001 is 70
+NIP_ANGLE_MAX = 60.0  # [deg]
+
+
+@dataclass(frozen=True)
+class FormingMachine:
+    """One roller over its strip of a mould.
+
+    Parameters
+    ----------
+    roller_radius, roller_length : float
+        R and L [m]; the length lies along the motion of the mould.
+    height : float
+        Height h0 of the lowest generatrix above the base of the mould [m].
+    cart_speed : float
+        Mean speed of the roller in a stroke [m/s].
+    stroke_period : float
+        Time T from one stroke to the next [s].
+    mould_speed : float
+        Speed v_form of the mould [m/s]; 0 at rest.
+    nip_angle : float
+        Largest angle at which the roller draws mix in [deg].
+    strokes : int, optional
+        Number of strokes of a mould at rest; None of a moving one.
+    """
+
+    roller_radius: float
+    roller_length: float
+    height: float
+    cart_speed: float
+    stroke_period: float
+    mould_speed: float
+    nip_angle: float
+    strokes: int | None = None
+
+    def __post_init__(self) -> None:
+        positive = "roller_radius roller_length height cart_speed stroke_period nip_angle strokes"
+        require_fields(self, positive=positive, nonnegative="mould_speed")
+        require_that(
+            self.nip_angle <= NIP_ANGLE_MAX, self.nip_angle, f"`nip_angle` must be at most {NIP_ANGLE_MAX:g}, got"
+        )
+        if (self.strokes is None) != (self.mould_speed > 0):
+            raise ValueError(
+                "`strokes` must be given for a mould at rest only, whose sections leave the roller never, got "
+                f"{self.strokes!r} at a `mould_speed` of {self.mould_speed!r}"
+            )
+        if self.advance > self.roller_length:
+            raise ValueError(
+                f"`mould_speed` must be at most {self.roller_length / self.stroke_period:.6g} m/s, so that the mould "
+                f"moves by one roller length in a stroke, got {self.mould_speed!r}: parts of the product would pass "
+                "between two strokes"
+            )
+
+    @property
+    def advance(self) -> float:
+        """Advance a of the mould per stroke [m]."""
+        return self.mould_speed * self.stroke_period
+
+    @property
+    def strokes_on_section(self) -> float:
+        """Number N of strokes on a section [-], not a whole number in general."""
+        return float(self.strokes) if self.strokes is not None else self.roller_length / self.advance
+
+    @property
+    def stroke_count(self) -> int:
+        """Number of strokes to compute: N rounded up."""
+        return int(np.ceil(self.strokes_on_section * (1 - COUNT_ROUNDING)))
+
+    @property
+    def stroke_shares(self) -> Array:
+        """Share of each stroke on a section [-], shape (stroke_count,): 1, of the last stroke the rest."""
+        shares = np.ones(self.stroke_count)
+        shares[-1] = self.strokes_on_section - (self.stroke_count - 1)
+        return shares
+
+    @property
+    def edges(self) -> Array:
+        """Positions z between which each stroke meets its sections [m], shape (stroke_count + 1,)."""
+        if self.strokes is not None:  # every section under the roller has had the same strokes
+            return np.linspace(0, self.roller_length, self.stroke_count + 1)
+        return np.append(self.advance * np.arange(self.stroke_count), self.roller_length)
+
+    @property
+    def max_bite(self) -> float:
+        """Largest bite [m], at the nip angle."""
+        return float(self.roller_radius * (1 - np.cos(np.radians(self.nip_angle))))
+
+
+@dataclass(frozen=True)
+class Fill:
+    """Loose mix in the mould before the first stroke.
+
+    Parameters
+    ----------
+    height : float
+        Height [m].
+    density_ratio : float
+        Density ratio [-].
+    by_sleeve : bool
+        True if the first sleeve fills the empty mould, so that the fill is part of the feed.
+    """
+
+    height: float
+    density_ratio: float
+    by_sleeve: bool = False
+
+    def __post_init__(self) -> None:
+        require_fields(self, positive="height density_ratio")
+        require_that(self.density_ratio < 1, self.density_ratio, "`density_ratio` must be below 1, got")
+
+
+@dataclass(frozen=True)
+class Feed:
+    """Mix fed before the strokes, and the law by which it is distributed over them.
+
+    Parameters
+    ----------
+    density_ratio : float
+        Density ratio of the mix as fed [-].
+    law : {"room", "even", "first", "table"}
+        Make-up of each stroke: the room up to a gap above the lowest generatrix; the same thickness; the same in the
+        first strokes, nothing later; in proportion to a table along the roller.
+    count : int
+        Number of fed strokes of the law "first".
+    positions, relative_thicknesses : tuple of float
+        Table of the law "table": z [m], ascending, and thickness in relation to the other entries [-].
+    strokes : {"both", "forward"}
+        Fed strokes: every one, or every second one.
+    """
+
+    density_ratio: float
+    law: FeedLaw = "room"
+    count: int = 0
+    positions: tuple[float, ...] = ()
+    relative_thicknesses: tuple[float, ...] = ()
+    strokes: FedStrokes = "both"
+
+    def __post_init__(self) -> None:
+        require_fields(self, positive="density_ratio")
+        require_that(self.density_ratio < 1, self.density_ratio, "`density_ratio` must be below 1, got")
+        require_known("feed law", self.law, ("room", "even", "first", "table"))
+        require_known("fed strokes", self.strokes, ("both", "forward"))
+        if self.law == "first" and self.count < 1:
+            raise ValueError(f"`count` must be at least 1 for the feed law 'first', got {self.count!r}")
+        if self.law == "table" and (len(self.positions) != len(self.relative_thicknesses) or not self.positions):
+            raise ValueError("`positions` and `relative_thicknesses` must be lists of one length, not empty")
+
+    def shares(self, machine: FormingMachine) -> Array:
+        """Return the make-up of each stroke over the largest one [-], shape (stroke_count,); 0 of a stroke without."""
+        count = machine.stroke_count
+        fed = np.ones(count)
+        if self.strokes == "forward":
+            fed[1::2] = 0.0
+        if self.law == "first":
+            fed[np.cumsum(fed) > self.count] = 0.0
+        if self.law == "table":
+            middle = (machine.edges[:-1] + machine.edges[1:]) / 2
+            fed *= np.interp(middle, self.positions, self.relative_thicknesses)
+        largest = fed.max()
+        if largest <= 0:
+            raise ValueError("`relative_thicknesses` must be positive at one stroke at least, got none")
+        return fed / largest
+
+
+@dataclass(frozen=True)
+class Closure:
+    """Condition that determines the amount of the feed.
+
+    Parameters
+    ----------
+    kind : {"gap", "product_density_ratio", "extrusion_pressure"}
+        Gap of the law "room" above the lowest generatrix [m]; mean density ratio of the product [-]; or pressure under
+        the lowest generatrix that a section does not exceed [Pa].
+    value : float
+        Its value.
+    offered : float, optional
+        Thickness that the sleeves offer in a stroke [m], of an extrusion pressure; default as the nip allows.
+    """
+
+    kind: ClosureKind
+    value: float
+    offered: float | None = None
+
+    def __post_init__(self) -> None:
+        require_known("closure", self.kind, ("gap", "product_density_ratio", "extrusion_pressure"))
+        require_fields(self, nonnegative="value offered")

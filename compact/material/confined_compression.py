@@ -1,0 +1,144 @@
+"""Confined compression of elastic-plastic mix on an elliptic cap: its stress path, and the yield pressure for it.
+
+Let P = p + pt and a = (pc + pt)/2. Points of the cap are P = a (1 + cos t), q = M a sin t. The vertical stress
+s_v = p + 2 q/3 is
+
+    s_v + pt = a [1 + S cos(t - t0)],    S = sqrt(1 + 4 M^2/9),    tan t0 = 2 M/3
+
+Without lateral strain the shear strain is 2/3 of the volumetric strain. Associated flow with a plastic volumetric
+strain dV = dk/k and elastic strains dp/K and dq/(3 G) requires
+
+    (tan t - 2 M/3)/M = 2/3 dp/dV/K - dq/dV/(3 G)
+
+Rigid-plastic mix flows at t0, where s_v is largest. Elastic mix deviates by an angle d of first order in its elastic
+strain, and s_v by second order. A Heckel curve s_v(k) is satisfied by
+
+    a = (s_v + pt)/(1 + S) (1 + g),    g = (1 + S)/(1 + S cos d) - 1
+
+The equation of flow for d has one smooth solution, from which other initial stresses depart within an elastic strain.
+Chebyshev collocation over the logarithm of the curve finds it. Let x = k/(1 - k). For small
+elastic strains d is proportional to x and g to x^2, so that a short polynomial represents g.
+
+References
+----------
+J. P. Boyd, Chebyshev and Fourier Spectral Methods, 2nd ed., Dover 2001, section 3 (collocation).
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from compact.numerics import Array
+
+NODES = 12  # [-], of the collocation; 16 change the factor by less than 1e-8 for moduli of 20 MPa and more
+MAX_ITERATIONS = 30  # [-], of Newton's method; 4 are usual
+ANGLE_TOLERANCE = 1e-12  # [rad], last change of the angle
+TERMS = 3  # [-], of the polynomial; residual 2e-8 of the stress at 60 MPa, 2e-6 at 20 MPa
+CACHED_LAWS = 256  # [-], whose polynomials are kept
+
+
+class ConfinedMix(NamedTuple):
+    """Constants that determine confined compression.
+
+    Parameters
+    ----------
+    bulk_modulus, shear_modulus : float
+        Moduli K and G [Pa].
+    critical_slope : float
+        Slope M of the cap [-].
+    tensile_strength : float
+        Isotropic tensile strength pt [Pa].
+    heckel_slope : float
+        K_H of confined compression [1/Pa].
+    loose_density_ratio, max_density_ratio : float
+        Start and end of the Heckel curve [-].
+    """
+
+    bulk_modulus: float
+    shear_modulus: float
+    critical_slope: float
+    tensile_strength: float
+    heckel_slope: float
+    loose_density_ratio: float
+    max_density_ratio: float
+
+
+@lru_cache(CACHED_LAWS)
+def elastic_polynomial(mix: ConfinedMix) -> tuple[float, float, float]:
+    """Fit g = x^2 (c0 + c1 x + c2 x^2) over the Heckel curve.
+
+    Parameters
+    ----------
+    mix : ConfinedMix
+        Constants of the mix.
+
+    Returns
+    -------
+    tuple of float
+        Coefficients c0, c1, c2 [-].
+    """
+    if mix.loose_density_ratio >= mix.max_density_ratio:
+        return 0.0, 0.0, 0.0
+    x, angle = stress_angle(mix)
+    scaled = x / x.max()
+    powers = scaled[:, None] ** (2 + np.arange(TERMS))
+    found = np.linalg.lstsq(powers, _stress_factor(mix, angle), rcond=None)[0]
+    c0, c1, c2 = found / x.max() ** (2 + np.arange(TERMS))
+    return float(c0), float(c1), float(c2)
+
+
+def stress_angle(mix: ConfinedMix) -> tuple[Array, Array]:
+    """Solve the equation of flow for the deviation of the stress from that of rigid-plastic mix.
+
+    Parameters
+    ----------
+    mix : ConfinedMix
+        Constants of the mix.
+
+    Returns
+    -------
+    x : ndarray
+        Ratio k/(1 - k) at the nodes [-].
+    angle : ndarray
+        Angle d = t - t0 there [rad].
+
+    Raises
+    ------
+    RuntimeError
+        If Newton's method does not converge.
+    """
+    M, K, G3 = mix.critical_slope, mix.bulk_modulus, 3 * mix.shear_modulus
+    end = np.log((1 - mix.loose_density_ratio) / (1 - mix.max_density_ratio))
+    nodes = chebyshev.chebpts2(NODES)
+    curve = end * (1 + nodes) / 2  # ln[(1 - k0)/(1 - k)], whose derivative by V is x
+    x = np.exp(curve) / (1 - mix.loose_density_ratio) - 1
+    unit = np.eye(NODES)
+    derivatives = np.array([chebyshev.chebval(nodes, chebyshev.chebder(each)) for each in unit]).T
+    by_volume = x[:, None] * (derivatives @ np.linalg.inv(chebyshev.chebvander(nodes, NODES - 1))) * 2 / end
+    share, rigid = np.sqrt(1 + 4 * M**2 / 9), np.arctan(2 * M / 3)
+    total = curve / mix.heckel_slope + mix.tensile_strength
+    angle = np.zeros(NODES)
+    for _ in range(MAX_ITERATIONS):
+        t, ratio = rigid + angle, 1 + share * np.cos(angle)
+        a = total / ratio
+        a_t = a * share * np.sin(angle) / ratio
+        pressure, shear = a * (1 + np.cos(t)), M * a * np.sin(t)
+        pressure_t, shear_t = a_t * (1 + np.cos(t)) - a * np.sin(t), M * (a_t * np.sin(t) + a * np.cos(t))
+        residual = (np.tan(t) - 2 * M / 3) / M - by_volume @ (2 / 3 * pressure / K - shear / G3)
+        slope = np.diag(1 / np.cos(t) ** 2 / M) - by_volume * (2 / 3 * pressure_t / K - shear_t / G3)
+        change = np.linalg.solve(slope, -residual)
+        angle = angle + change
+        if np.abs(change).max() < ANGLE_TOLERANCE:
+            return x, angle
+    raise RuntimeError(
+        f"the stress path of confined compression did not converge in {MAX_ITERATIONS} iterations; "
+        f"`unloading_modulus` may be too small for the stresses of the Heckel curve, {total.max():.3g} Pa"
+    )
+
+
+def _stress_factor(mix: ConfinedMix, angle: Array) -> Array:
+    """Return g at angles [rad]."""
+    share = np.sqrt(1 + 4 * mix.critical_slope**2 / 9)
+    return (1 + share) / (1 + share * np.cos(angle)) - 1

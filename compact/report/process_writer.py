@@ -1,0 +1,223 @@
+"""Forming process in a directory: process.json, tables of strokes and map, figures, fields over strokes; its digest.
+
+By columns every answer says two things: the load is a lower estimate, and the confined floor is not for sizing.
+"""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from compact.analysis.process import ProcessStudy
+from compact.engines.process.fields import process_frames
+from compact.files import write_columns, write_csv, write_figure, write_json, write_vtu_series
+from compact.quantities import PROCESS, STROKE, column_names
+from compact.report.figures.process import draw_lifts, draw_map, draw_section, draw_strokes
+from compact.report.number_format import format_percent, format_quantity
+
+MAP_HEADER = ("mould_speed_m/s", "cart_speed_m/s", "strokes", "load_N", "resistance_N")
+PRODUCT_FIELDS = {"bottom_density_ratio": "1", "top_density_ratio": "1", "overpressed_height": "m", "surface": "m"}
+CAUSE_WIDTH = 62  # [characters]
+COLUMNS_STATEMENT = (
+    "confined columns: the load is a lower estimate, the resistance is the confined floor and not for sizing; shear "
+    "and the density over the height need two dimensions"
+)
+LIFTS_STATEMENT = (
+    "lumped lifts in two dimensions, drained: load and resistance with the errors of lumping and mesh, without that of "
+    "the law of the mix; strokes and map by columns"
+)
+LIFT_NAMES = (
+    "thickness", "bite", "load", "resistance", "load_error", "resistance_error", "density_ratio",
+    "bottom_density_ratio", "top_density_ratio", "overpressed_height", "surface", "peak_pressure",
+    "work_residual", "mass_residual",
+)  # fmt: skip
+
+
+def write_process(study: ProcessStudy, directory: Path) -> list[Path]:
+    """Write tables, figures, fields and summary of a forming process.
+
+    Parameters
+    ----------
+    directory : Path
+        Existing directory.
+
+    Returns
+    -------
+    list of Path
+        Files written.
+    """
+    files = [
+        write_columns(directory / "strokes.csv", column_names(STROKE), list(_stroke_columns(study).values())),
+        write_figure(directory / "section.png", draw_section(study)),
+        write_figure(directory / "strokes.png", draw_strokes(study)),
+    ]
+    if study.map is not None:
+        files.append(write_csv(directory / "map.csv", MAP_HEADER, _map_rows(study)))
+        files.append(write_figure(directory / "map.png", draw_map(study)))
+    if study.two_dimensions is not None:
+        files.append(write_csv(directory / "lifts.csv", ("increments", *LIFT_NAMES), _lift_rows(study)))
+        files.append(write_figure(directory / "lifts.png", draw_lifts(study.two_dimensions)))
+    files += write_vtu_series(directory / "fields.pvd", "fields", "strokes", process_frames(study.row))
+    summary = directory / "process.json"
+    write_json(summary, process_summary(study))
+    return [*files, summary]
+
+
+def process_summary(study: ProcessStudy) -> dict[str, Any]:
+    """Return the results for process.json: numbers with units, and sentences."""
+    flow = study.row.flow
+    grains = {name: getattr(flow, name) for name in ("product", "fill", "fed", "extruded", "retained", "missing")}
+    return {
+        "model": _statement(study),
+        "rollers": study.scene.machine.rollers,
+        "per_roller": {name: _quantity(value, PROCESS[name].unit) for name, value in _numbers(study).items()},
+        "mix_per_stroke": {name: _quantity(study.mass_per_stroke(height), "kg") for name, height in grains.items()},
+        "grains_of_a_section": {name: _quantity(height, "m") for name, height in grains.items()},
+        "parts": [
+            {"cause": part.cause, "force": _quantity(part.force, "N"), "work": _quantity(part.work, "J/m3")}
+            for part in study.parts
+        ],
+        "printed": [
+            {
+                "name": each.name,
+                "printed": _quantity(each.printed, "N"),
+                "computed": _quantity(each.computed, "N"),
+                "causes": [{"cause": cause, "force": _quantity(force, "N")} for cause, force in each.causes],
+            }
+            for each in study.printed
+        ],
+        "two_dimensions": _two_dimensional_summary(study),
+        "remarks": list(study.remarks),
+    }
+
+
+def process_digest(study: ProcessStudy) -> str:
+    """Return the results as lines of text."""
+    numbers = _numbers(study)
+    lines = [_statement(study), *_two_dimensional_lines(study), "", "one roller, columns"]
+    for name, value in numbers.items():
+        if value is not None:
+            text = format_quantity(value, PROCESS[name].unit)
+            if name == "load_centre":
+                text += f" ({format_percent(value / study.scene.machine.roller_length)} of the roller length)"
+            lines.append(_line(PROCESS[name].term, text))
+    lines += ["", *_flow_lines(study), "", f"force that moves one cart with {study.scene.machine.rollers} rollers"]
+    for part in study.parts:
+        force = "not computed" if part.force is None else format_quantity(part.force, "N")
+        work = "" if part.work is None else f"{part.work / 1e3:10.4g} kJ/m³ of product"
+        lines.append(f"{_line(part.cause, force)}{work}")
+    for each in study.printed:
+        lines += ["", f"printed: {each.name} {each.printed:.0f} N, computed {each.computed:.0f} N, nothing fitted"]
+        lines += [f"{_line(cause, f'{force:.0f} N')}{force / each.printed:10.0%}" for cause, force in each.causes]
+    if study.remarks:
+        lines += ["", *(f"note: {remark}" for remark in study.remarks)]
+    return "\n".join(lines)
+
+
+def _statement(study: ProcessStudy) -> str:
+    return COLUMNS_STATEMENT if study.two_dimensions is None else LIFTS_STATEMENT
+
+
+def _two_dimensional_summary(study: ProcessStudy) -> dict[str, Any] | None:
+    """Return the results in two dimensions for process.json; None without them."""
+    found = study.two_dimensions
+    if found is None:
+        return None
+    estimates = {"load": (found.load, "N"), "resistance": (found.resistance, "N")}
+    return {
+        **{name: _quantity(each.value, unit) | {"error": each.error, "lumping_error": each.lumping_error,
+           "mesh_error": each.mesh_error, "extrapolated_share": each.extrapolated_share}
+           for name, (each, unit) in estimates.items()},
+        "specific_work": _quantity(found.specific_work, "J/m3"),
+        **{name: _quantity(found.of_product(name), unit) for name, unit in PRODUCT_FIELDS.items()},
+        "strip_stress_ratio": _quantity(found.strip_stress_ratio(), "1"),
+        "largest_work_residual": max(sequence.largest_work_residual for sequence in found.sequences),
+        "sequences": [
+            {"thickness": _quantity(each.thickness, "m"), "increments": each.increments, "lifts": len(each.lifts),
+             "stopped": each.stopped}
+            for each in found.sequences
+        ],
+    }  # fmt: skip
+
+
+def _two_dimensional_lines(study: ProcessStudy) -> Iterator[str]:
+    """Yield the results in two dimensions."""
+    found = study.two_dimensions
+    if found is None:
+        return
+    yield from ("", "one roller, two dimensions")
+    for term, each in (("load on one roller", found.load), ("resistance of one roller", found.resistance)):
+        yield f"{_line(term, format_quantity(each.value, 'N'))}  ± {each.error:.0%}"
+    yield _line("work per volume of the product", f"{found.specific_work / 1e3:.4g} kJ/m³")
+    for name, term in (("bottom_density_ratio", "bottom"), ("top_density_ratio", "top")):
+        yield _line(f"density ratio of the {term} quarter", f"{found.of_product(name):.3f}")
+    yield _line("height with a density ratio above 1", format_quantity(found.of_product("overpressed_height"), "m"))
+    yield _line("stress of the bottom's density over 2 P/(pi h0)", f"{found.strip_stress_ratio():.2f}")
+    residual = max(sequence.largest_work_residual for sequence in found.sequences)
+    yield _line("largest residual of the energy balance of a pass", f"{residual:.1%}")
+
+
+def _quantity(value: float | None, unit: str) -> dict[str, Any]:
+    """Return a number with its unit for JSON."""
+    return {"value": value, "unit": unit}
+
+
+def _line(words: str, text: str) -> str:
+    return f"  {words:<{CAUSE_WIDTH}}{text:>14}"
+
+
+def _flow_lines(study: ProcessStudy) -> Iterator[str]:
+    """Yield the balance of the mix: masses per stroke, or heights of grains of a mould at rest."""
+    flow, at_rest = study.row.flow, study.problem.machine.strokes is not None
+    filled = "filled by the first sleeve" if study.problem.fill.by_sleeve else "carried in by the mould"
+    rows = {
+        "product": flow.product, filled: flow.fill, "fed before the strokes": flow.fed,
+        "extruded towards the empty mould": flow.extruded, "offered, left in the sleeves": flow.retained,
+        "missing to the required density": flow.missing,
+    }  # fmt: skip
+    yield "mix, height of its grains" if at_rest else f"mix per stroke, on {study.covered_width:.4g} m of width"
+    for words, grains in rows.items():
+        if grains or words == "product":
+            text = format_quantity(grains, "m") if at_rest else format_quantity(study.mass_per_stroke(grains), "kg")
+            yield _line(words, text)
+
+
+def _numbers(study: ProcessStudy) -> Mapping[str, float | None]:
+    """Return the results of one roller by the names of PROCESS."""
+    row, machine, history = study.row, study.problem.machine, study.row.history
+    own = {
+        "strokes": machine.strokes_on_section,
+        "largest_bite": float(history.bite.max()),
+        "bite_limit": machine.max_bite,
+        "fastest_mould": study.fastest_mould,
+        "least_strokes": study.curve.least_strokes if study.curve else None,
+        "rate_factor": history.rate_factor,
+        "mass_residual": history.mass_residual,
+        "work_residual": history.work_residual,
+    }
+    return {name: own[name] if name in own else getattr(row, name) for name in PROCESS}
+
+
+def _stroke_columns(study: ProcessStudy) -> dict[str, Any]:
+    """Return the columns of strokes.csv by the names of STROKE."""
+    history, edges = study.row.history, study.problem.machine.edges
+    own = {"position": (edges[:-1] + edges[1:]) / 2}
+    return {name: own[name] if name in own else getattr(history, name) for name in STROKE}
+
+
+def _lift_rows(study: ProcessStudy) -> Iterator[tuple[float, ...]]:
+    """Yield the lifts of all sequences, in SI units."""
+    found = study.two_dimensions
+    assert found is not None
+    for sequence in found.sequences:
+        for lift in sequence.lifts:
+            yield sequence.increments, *(getattr(lift, name) for name in LIFT_NAMES)
+
+
+def _map_rows(study: ProcessStudy) -> Iterator[tuple[float, ...]]:
+    """Yield the cells of the map."""
+    found = study.map
+    assert found is not None
+    for i, cart_speed in enumerate(found.cart_speeds.tolist()):
+        for j, mould_speed in enumerate(found.mould_speeds.tolist()):
+            cells = (found.strokes[i, j], found.load[i, j], found.resistance[i, j])
+            yield mould_speed, cart_speed, *map(float, cells)

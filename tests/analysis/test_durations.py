@@ -1,0 +1,257 @@
+"""Laws over the duration of a pass: closed forms of crossovers, agreement with scenes of that duration, refusals."""
+
+import csv
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compact import cli
+from compact.analysis.sizing import durations
+from compact.analysis.sizing.durations import DurationStudy, over_durations, read_durations
+from compact.analysis.stages.drives import build_stages
+from compact.analysis.study import Study
+from compact.report import writer
+from compact.report.figures.sizing import draw_durations
+from compact.report.page.sizing import duration_section
+from compact.report.sizing.duration_tables import duration_sentence
+from compact.scene.errors import SceneError
+from compact.scene.loader import load_scene
+
+SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SMALL = SCENES / "small.toml"
+COLUMN = {"accuracy.engine": "column", "contact.speeds": [0.05, 0.2]}
+
+
+def study(over="duration=0.3:3:4", scene="small", **changes):
+    return Study(load_scene(SCENES / f"{scene}.toml", **changes), durations=read_durations(over))
+
+
+@pytest.fixture(scope="module")
+def published():
+    """Laws that are first or second somewhere; the margins are those among all laws."""
+    laws = [
+        "parabolic", "modified-trapezoid", "harmonic", "cubic", "crank", "combined-2", "combined-3",
+        "reversal-3-free-acceleration", "reversal-4-free-acceleration", "reversal-4-free-both",
+    ]  # fmt: skip
+    return study("duration=0.3:3:4", **{"motion.laws": laws}).over_durations
+
+
+def test_crossover_of_two_laws_is_that_of_the_closed_form():
+    """Rollers without guides: peak force of the parabolic law W + 4 m s/T2; of reversal-2 at most W + 4.5 m s/T2.
+
+    Peak power of the parabolic law (W + 4 m s/T2) 2 s/T; the cubic law has the largest of (W + m a) v over its pass.
+    """
+    changes = {"motion.laws": ["parabolic", "cubic"], "machine.guide_friction": 0.0}
+    found = study(**changes)
+    force = found.resistance(np.array([1.0]), np.zeros(1))[0]
+    mass, stroke = 1000.0, 0.4
+
+    def cubic(duration):
+        z = np.linspace(0, 1, 200_001)
+        velocity, acceleration = 6 * z * (1 - z) * stroke / duration, (6 - 12 * z) * stroke / duration**2
+        return np.max(np.abs((force + mass * acceleration) * velocity))
+
+    def parabolic(duration):
+        return (force + 4 * mass * stroke / duration**2) * 2 * stroke / duration
+
+    (crossover,) = [each for each in found.over_durations.crossovers if each.by == "peak_power"] or [None]
+    if crossover is None:
+        first = found.over_durations.orders["peak_power"]
+        assert all((cubic(t) < parabolic(t)) == (o[0].run.name == "cubic")
+                   for t, o in zip(found.durations, first, strict=True))  # fmt: skip
+    else:
+        assert cubic(crossover.duration) == pytest.approx(parabolic(crossover.duration), rel=1e-6)
+    for duration, order in zip(found.durations, found.over_durations.orders["peak_power"], strict=True):
+        values = {each.run.name: each.value for each in order}
+        assert values["parabolic"] == pytest.approx(parabolic(duration), rel=1e-9)
+        assert values["cubic"] == pytest.approx(cubic(duration), rel=1e-6)
+
+
+def test_published_machine_has_the_laws_of_its_three_durations(published):
+    """3 s: parabolic and reversal-4-free-acceleration; .889 s: parabolic and combined-2; .3 s: parabolic and cubic."""
+    found = published
+    assert [law for law, *_ in found.segments("peak_force")] == ["parabolic"]
+    power = found.segments("peak_power")
+    assert [law for law, *_ in power] == ["cubic", "combined-2", "reversal-4-free-acceleration"]
+    assert power[0][2] == pytest.approx(0.847, abs=0.001)
+    assert power[1][2] == pytest.approx(1.677, abs=0.001)
+    first, last = found.orders["peak_power"][0][0], found.orders["peak_power"][-1][0]
+    assert (first.value, last.value) == (pytest.approx(25451, rel=1e-3), pytest.approx(532.5, rel=1e-3))
+    margins = [order[0].margin for order in found.orders["peak_force"]]
+    assert (margins[0], margins[-1]) == (pytest.approx(0.185, abs=1e-3), pytest.approx(0.011, abs=1e-3))
+
+
+@pytest.mark.parametrize("engine", [{}, pytest.param(COLUMN, marks=pytest.mark.slow)], ids=["formula", "column"])
+def test_each_duration_is_a_scene_of_that_duration_at_the_same_height(engine):
+    """Formula: exactly. Columns: at the indentation of the scene, with a map of its own, within the tolerance."""
+    found = study("duration=1:3:2", **engine)
+    depth = {} if not engine else {"contact.indentation": found.held.value}
+    for duration, order in zip(found.durations, found.over_durations.orders["peak_force"], strict=True):
+        alone = Study(load_scene(SMALL, **engine | depth | {"motion.duration": duration}))
+        for each in order:
+            rel = 1e-12 if not engine else 5e-3
+            assert alone.runs[each.run.name].peak_force == pytest.approx(each.value, rel=rel)
+
+
+def test_own_duration_has_the_result_of_the_scene():
+    found = study("duration=3:4:2", **COLUMN)
+    for by, orders in found.over_durations.orders.items():
+        assert {each.run.name: each.value for each in orders[0]} == pytest.approx(
+            {each.run.name: each.value for each in found.rankings[by]}, rel=1e-12
+        )
+
+
+def test_contacts_of_one_map_serve_all_durations():
+    """The map covers the fastest law of the shortest pass; no contact is computed again for a duration."""
+    found = study("duration=0.5:3:3", **COLUMN)
+    _ = found.runs
+    before = dict(found.counts)
+    _ = found.over_durations
+    changed = {name for name in found.counts if found.counts[name] != before.get(name, 0)}
+    assert changed == {"durations"}
+    fastest = max(cycle.forward.peaks().velocity for cycle in found.cycles.values()) * 3 / 0.5
+    assert found.resistance_map.speeds[-1] >= fastest * (1 - 1e-9)
+
+
+def test_peaks_fall_with_the_duration_against_a_constant_resistance():
+    found = study("duration=0.3:6:6").over_durations
+    for by in durations.PEAKS:
+        for values in found.values(by).values():
+            assert np.all(np.diff(values) < 0)
+
+
+def test_law_that_is_first_between_two_durations_is_found(published):
+    """Two durations, cubic and reversal-4-free-acceleration at the ends, combined-2 between them."""
+    given = ["cubic", "combined-2", "reversal-4-free-acceleration"]
+    found = study("duration=0.3:3:2", **{"motion.laws": given}).over_durations
+    assert [law for law, *_ in found.segments("peak_power")] == given
+    crossovers = [each for each in found.crossovers if each.by == "peak_power"]
+    for coarse, dense in zip(crossovers, published.crossovers, strict=True):
+        assert coarse.duration == pytest.approx(dense.duration, rel=1e-5)
+
+
+def test_impulsive_laws_have_no_first_place():
+    found = study(**{"motion.laws": ["constant-velocity"]}).over_durations
+    assert found.segments("peak_force") == []
+    assert "no law with finite forces" in duration_sentence(found)
+    assert all(np.isinf(found.values("peak_force")["constant-velocity"]))
+
+
+@pytest.mark.slow
+def test_optimal_laws_keep_their_shape():
+    optimise = {"objectives": ["peak_force"], "smoothness": 1, "acceleration": 0.6}
+    found = study("duration=1.5:3:2", **{"motion.optimise": optimise, "motion.laws": ["cubic"]})
+    short, own = found.over_durations.orders["peak_force"]
+    name = "least-peak-force"
+    peaks = [next(each.run for each in order if each.run.name == name).cycle.forward.peaks() for order in (short, own)]
+    assert peaks[0].acceleration == pytest.approx(4 * peaks[1].acceleration)
+
+
+@pytest.mark.parametrize("kind", ["elastic", "hydraulic"])
+def test_compliant_drives_have_durations(kind):
+    hydraulics = {
+        "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5,
+        "discharge_coefficient": 0.62, "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9,
+        "dead_volume": 1e-4,
+    }  # fmt: skip
+    tables = {
+        "elastic": {"drive.stiffness": 1e6, "drive.damping": 3e3},
+        "hydraulic": {"drive.hydraulics": hydraulics},
+    }
+    found = study("duration=2:3:2", **{"drive.kind": kind, "motion.laws": ["cubic"]} | tables[kind]).over_durations
+    assert found.segments("peak_force") == [("cubic", 2.0, 3.0)]
+    assert isinstance(found, DurationStudy)
+
+
+def test_motor_determines_its_own_duration():
+    motor = {
+        "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15, "gear_ratio": 150.0,
+        "inertia": 0.01, "flywheel_inertia": 50.0,
+    }  # fmt: skip
+    with pytest.raises(ValueError, match="determines the duration of a pass by the speed of the motor"):
+        study(**{"drive.kind": "motor", "drive.motor": motor})
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("mass=1:2:3", "--over takes duration=LOW:HIGH:N"),
+        ("duration", "two numbers in s and a whole one, got ''"),
+        ("duration=1:2", "two numbers in s and a whole one"),
+        ("duration=1:2:2.5", "two numbers in s and a whole one"),
+        ("duration=2:1:3", "up to a larger HIGH in s, got 2:1"),
+        ("duration=0:1:3", "from LOW > 0"),
+        ("duration=1:nan:3", "up to a larger HIGH"),
+        ("duration=1:2:1", "takes 2 to 200 values, got 1"),
+        ("duration=1:2:1000", "takes 2 to 200 values, got 1000"),
+    ],
+)
+def test_option_is_validated(text, words):
+    with pytest.raises(ValueError, match=r"--over") as error:
+        read_durations(text)
+    assert words in str(error.value)
+
+
+def test_implausible_duration_is_refused():
+    with pytest.raises(SceneError, match=r"motion\.duration"):
+        study("duration=1e-6:3:3")
+
+
+def test_durations_are_in_equal_ratios():
+    assert read_durations("motion.duration=0.3:3:3") == pytest.approx((0.3, math.sqrt(0.9), 3.0))
+
+
+def test_results_reach_files_summary_and_page(tmp_path):
+    found = study("duration=0.5:3:3", **{"output.items": []})
+    summary = writer.write_study(found, tmp_path)
+    numbers = summary["over_durations"]["peak_power"]
+    assert [each["duration"] for each in numbers["first"]] == list(found.durations)
+    with (tmp_path / "duration.csv").open(newline="") as file:
+        table = list(csv.DictReader(file))
+    assert len(table) == 2 * 3 * 3
+    assert {"duration.csv", "duration-crossovers.csv"} <= set(summary["files"])
+    section = duration_section(found.over_durations, {"duration": b""})
+    assert [block.kind for block in section.blocks][:2] == ["paragraph", "picture"]
+    assert section.blocks[3].rows[-1][:2] == ("3 s", "reversal-3")
+    assert json.loads((tmp_path / "summary.json").read_text("utf-8"))["over_durations"]["peak_force"]["unit"] == "N"
+
+
+def test_scene_without_durations_has_none(tmp_path):
+    bare = Study(load_scene(SMALL, **{"output.items": []}))
+    assert bare.over_durations is None
+    assert writer.write_study(bare, tmp_path)["over_durations"] is None
+
+
+def test_figure_marks_the_first_laws(published):
+    found = published
+    figure = draw_durations(found, 1.0)
+    force, power = figure.axes
+    assert [text.get_text() for text in power.get_legend().get_texts()] == [
+        law for law, *_ in found.segments("peak_power")
+    ]
+    assert force.get_xlabel() == "duration of a pass T [s]"
+    assert writer._figures(study("duration=1:3:2"))["duration"][0] is draw_durations
+
+
+def test_command_has_the_option(tmp_path, capsys, monkeypatch):
+    out = str(tmp_path / "out")
+    monkeypatch.setattr("sys.argv", ["compact", "run", str(SMALL), "--over", "duration=0.5:3:2", "--out", out,
+                                     "--set", "output.items=[]"])  # fmt: skip
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 0
+    assert "over durations of a pass of 0.5 to 3 s" in capsys.readouterr().out
+    monkeypatch.setattr("sys.argv", ["compact", "run", str(SMALL), "--over", "mass=1:2:3", "--out", out])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 2
+    assert "--over takes duration=LOW:HIGH:N" in capsys.readouterr().err
+
+
+def test_stages_alone_rank_over_durations():
+    stages = build_stages(load_scene(SMALL), shortest=1.0)
+    found = over_durations(stages, (1.0, 3.0))
+    assert len(found.orders["peak_force"]) == 2

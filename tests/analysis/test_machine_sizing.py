@@ -1,0 +1,290 @@
+"""Motor, guide wheels and bearings of a scene: agreement with the runs, the catalogue file, and the results."""
+
+import csv
+import json
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from compact.analysis.machine_models import catalogue
+from compact.analysis.sizing.machine_sizing import machine_sizing
+from compact.analysis.study import Study
+from compact.report import writer as report
+from compact.report.figures.sizing import draw_shaft_torque
+from compact.report.page.motor import motor_section
+from compact.report.sizing.machine_tables import sizing_numbers
+from compact.report.sizing.sentences import bearing_sentence, margin_sentence, motor_sentence
+from compact.scene.errors import SceneError
+from compact.scene.loader import load_scene
+
+SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+MOTORS = SCENES / "motors.csv"
+RULE = {"drive.catalogue": {"file": "motors.csv", "margin": 1.25, "efficiency": 0.9}, "motion.duration": 0.889}
+BEARINGS = {
+    "machine.guide_bearing": {"dynamic_rating": 20e3, "kind": "ball", "count": 2},
+    "machine.roller_bearing": {"dynamic_rating": 40e3, "kind": "roller", "count": 2},
+}
+HYDRAULICS = {
+    "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5, "discharge_coefficient": 0.62,
+    "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
+}  # fmt: skip
+
+
+@pytest.fixture
+def small(tmp_path):
+    """Copy of the small scene next to a catalogue."""
+    shutil.copy(SCENES / "small.toml", tmp_path)
+    shutil.copy(MOTORS, tmp_path)
+    return tmp_path / "small.toml"
+
+
+def study_of(**changes):
+    return Study(load_scene(SCENES / "small.toml", **{"output.items": []} | changes))
+
+
+def sizing(**changes):
+    return study_of(**changes).machine_sizing
+
+
+def test_shaft_has_the_energy_and_the_peak_power_of_the_run():
+    study = study_of(**RULE)
+    for name, each in study.machine_sizing.laws.items():
+        run, found = study.runs[name], each.requirement
+        assert 2 * np.pi * found.mean_torque == pytest.approx(run.energy, rel=1e-6)
+        assert found.peak_torque * found.speed == pytest.approx(run.peak_power, rel=1e-6)
+        assert each.required_power == pytest.approx(1.25 * run.rms_power / 0.9, rel=0.01)  # little braking
+
+
+def test_smallest_motor_of_the_example_holds_for_the_first_law():
+    found = sizing(**RULE)
+    choice = found.first.choice
+    assert found.first_law == "cubic"
+    assert choice.chosen.motor.name == "M-3"
+    assert choice.next_smaller.motor.name == "M-2.2"
+    assert choice.chosen.motor.rated_power > found.first.required_power > choice.next_smaller.motor.rated_power
+    sentence = motor_sentence(found)
+    assert "smallest motor that holds by price: M-3" in sentence
+    assert "the next smaller, M-2.2, needs" in sentence
+
+
+def test_shorter_passes_never_have_a_smaller_motor():
+    powers, motors = [], []
+    for duration in (3.0, 1.5, 0.889, 0.6):
+        found = sizing(**RULE | {"motion.duration": duration}).first
+        powers.append(found.required_power)
+        motors.append(found.choice.chosen.motor.rated_power)
+    assert powers == sorted(powers)
+    assert motors == sorted(motors)
+
+
+def test_catalogue_too_small_names_the_largest_motor():
+    found = sizing(**RULE | {"motion.duration": 0.3})
+    assert found.first.choice.chosen is None
+    assert "no motor of the catalogue holds; the largest, M-15, needs" in motor_sentence(found)
+
+
+def test_two_carts_at_a_right_angle_need_less_than_twice_the_motor():
+    one, two = sizing(**RULE), sizing(**RULE, **{"drive.carts": 2})
+    assert two.first.requirement.mean_torque == pytest.approx(2 * one.first.requirement.mean_torque, rel=1e-9)
+    assert one.first.required_power < two.first.required_power < 2 * one.first.required_power
+
+
+def elastic(**changes):
+    spring = {"drive.kind": "elastic", "drive.stiffness": 1e8, "drive.damping": 3e5, "motion.laws": ["cubic"]}
+    return sizing(**spring | changes).first
+
+
+def test_stiff_spring_requires_the_motor_of_a_rigid_drive():
+    rigid = sizing(**{"motion.laws": ["cubic"]}).first
+    assert elastic().required_power == pytest.approx(rigid.required_power, rel=0.01)
+    assert elastic().requirement.largest_inertia == pytest.approx(rigid.requirement.largest_inertia, rel=1e-3)
+
+
+def test_spring_adds_its_oscillation_to_the_torque():
+    """Energy of the driven end over a cycle; a velocity jump has a finite torque behind a spring."""
+    soft = {"drive.stiffness": 1e6, "drive.damping": 3e3, "motion.duration": 0.889}
+    study = study_of(**soft | {"drive.kind": "elastic", "motion.laws": ["cubic"]})
+    found = study.machine_sizing.first.requirement
+    assert 2 * np.pi * found.mean_torque == pytest.approx(study.runs["cubic"].energy, rel=1e-9)
+    assert found.peak_torque * found.speed == pytest.approx(study.runs["cubic"].peak_power, rel=1e-3)
+    assert found.peak_torque > 1.02 * sizing(**{"motion.duration": 0.889}).laws["cubic"].requirement.peak_torque
+    jump = elastic(**{"motion.laws": ["constant-velocity"]}).requirement
+    assert np.isfinite(jump.peak_torque)
+
+
+def test_two_carts_behind_springs_are_those_of_rigid_drives_at_high_stiffness():
+    two = elastic(**{"drive.carts": 2}).requirement
+    rigid = sizing(**{"drive.carts": 2, "motion.laws": ["cubic"]}).first.requirement
+    assert two.mean_torque == pytest.approx(rigid.mean_torque, rel=0.01)
+    assert two.rms_torque == pytest.approx(rigid.rms_torque, rel=0.01)
+
+
+def test_velocity_jump_has_no_motor():
+    found = sizing(**RULE, **{"motion.laws": ["cubic", "constant-velocity"]}).laws["constant-velocity"]
+    assert found.requirement is None
+    assert found.choice is None
+    assert np.isinf(found.required_power)
+
+
+def test_hydraulic_drive_has_wheels_and_no_shaft():
+    found = sizing(**BEARINGS, **{"drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS})
+    assert found.first is None
+    assert found.laws == {}
+    assert motor_sentence(found) == ""
+    assert len(found.wheels) == 4
+    assert sizing_numbers(found)["shaft"] is None
+    assert "roller" in found.lives
+
+
+def test_wheels_have_the_load_cycles_of_the_reactions():
+    """A dry resistance reverses once a cycle, and with it the moment on the guides; the lift is constant."""
+    study = study_of()
+    wheels = {each.name: each for each in study.machine_sizing.wheels}
+    front = study.runs["cubic"].state.forces.front_reaction
+    assert wheels["front guide wheel"].cycles[0].range == pytest.approx(np.ptp(front))
+    assert wheels["roller, lift"].cycles == ()
+    (cycle,) = wheels["roller, along the travel"].cycles
+    assert (cycle.range, cycle.count) == (pytest.approx(study.engineering.roller_resistance * 2), 1.0)
+
+
+def test_life_of_the_roller_bearing_by_hand():
+    """Load sqrt(9740^2 + 1743^2)/2 on one of two bearings; 0.8 m on a radius of 0.11 m in 6 s."""
+    life = sizing(**BEARINGS).lives["roller"]
+    load = np.hypot(9740, 1743.08) / 2
+    assert life.equivalent_load == pytest.approx(load, rel=1e-5)
+    assert life.million_revolutions == pytest.approx((40e3 / load) ** (10 / 3), rel=1e-4)
+    assert life.hours == pytest.approx((40e3 / load) ** (10 / 3) * 1e6 * 2 * np.pi * 0.11 / 0.8 * 6 / 3600, rel=1e-4)
+
+
+def test_another_law_may_be_sized():
+    stages = study_of(**BEARINGS).stages
+    cubic, other = machine_sizing(stages), machine_sizing(stages, "reversal-3")
+    assert (cubic.first.law, other.first.law) == ("cubic", "reversal-3")
+    assert other.first.required_power == cubic.laws["reversal-3"].required_power
+    assert other.lives["roller"].hours == pytest.approx(cubic.lives["roller"].hours, rel=1e-9)  # by travel, not time
+
+
+def test_return_over_compacted_mix_unloads_the_rollers():
+    columns = BEARINGS | {"accuracy.engine": "column"}
+    fresh, compacted = (sizing(**columns | {"layer.return_stroke": each}) for each in ("fresh", "compacted"))
+    assert compacted.lives["roller"].hours > 1.5 * fresh.lives["roller"].hours
+    lift = next(each for each in compacted.wheels if each.name == "roller, lift")
+    assert [each.count for each in lift.cycles] == [1.0]
+
+
+def test_margin_below_that_of_models_and_mix_is_reported(monkeypatch):
+    study = study_of()
+    assert study.machine_sizing.rule.margin == 1.25
+    known = SimpleNamespace(peaks={"peak_power": 2e3}, margin=lambda by: 0.618 if by == "peak_power" else np.nan)
+    monkeypatch.setitem(study.__dict__, "uncertainty", known)
+    assert "and below that of models and mix, 1.62 of the peak power; drive.catalogue.margin = 1.62" in (
+        margin_sentence(study)
+    )
+    known.margin = lambda by: 0.2
+    assert margin_sentence(study) == ""
+    monkeypatch.setitem(study.__dict__, "uncertainty", None)
+    assert margin_sentence(study) == ""
+
+
+def test_recommended_law_is_that_of_the_first_screen():
+    study = study_of(**{"motion.duration": 0.889})
+    assert study.machine_sizing.first_law == study.verdicts[0.889, "rigid", "peak_force"].law
+    energy = study_of(**{"drive.rank_by": ["energy"]})
+    assert energy.machine_sizing.first_law == energy.drive_stage.best_law
+
+
+def test_overloaded_bearing_is_reported():
+    weak = {"dynamic_rating": 6e3, "kind": "ball", "count": 1}
+    found = sizing(**{"machine.roller_bearing": weak})
+    assert not found.lives["roller"].valid
+    assert "beyond ISO 281" in bearing_sentence(found)
+
+
+def test_results_reach_files_summary_figure_and_page(small, tmp_path):
+    study = Study(load_scene(small, **RULE | BEARINGS | {"output.items": ["tables"]}))
+    summary = report.write_study(study, tmp_path / "out")
+    numbers = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))["machine_sizing"]
+    assert numbers["motor"]["chosen"] == "M-3"
+    assert numbers["motor"]["next_smaller_fails"]
+    assert numbers["bearings"]["roller"]["hours"]["unit"] == "h"
+    files = {"motor-sizing.csv", "motor-catalogue.csv", "wheel-loads.csv", "bearing-lives.csv"}
+    assert files <= set(summary["files"])
+    with (tmp_path / "out" / "motor-catalogue.csv").open(newline="") as file:
+        held = [row["motor"] for row in csv.DictReader(file) if row["holds"] == "True"]
+    assert held[0] == "M-3"
+    section = motor_section(study, {"shaft": b"\0" * 30})
+    assert [block.kind for block in section.blocks] == ["paragraph"] * 2 + ["picture"] + ["table"] * 4
+    figure = draw_shaft_torque(study.machine_sizing.first, study.machine_sizing.rule)
+    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert labels == ["cubic", "rms torque", "mean torque", "rated, M-3", "peak, M-3"]
+
+
+def test_hash_depends_on_the_motors_of_the_catalogue(small):
+    before = load_scene(small, **RULE).hash
+    assert before != load_scene(small, **{"motion.duration": 0.889}).hash
+    motors = small.parent / "motors.csv"
+    motors.write_text(motors.read_text().replace("M-3,19.8", "M-3,19.9"))
+    assert load_scene(small, **RULE).hash != before
+
+
+# the catalogue file
+
+
+def broken(small, text):
+    (small.parent / "motors.csv").write_text(text)
+    return load_scene(small, **RULE)
+
+
+HEADER = "name,rated_torque_Nm,peak_torque_Nm,speed_rpm,inertia_kgm2"
+
+
+def test_speeds_are_read_in_revolutions_per_minute(small):
+    (motor,) = catalogue(broken(small, f"# a comment\n{HEADER}\n a , 10, 30,1500,0.01\n"))
+    assert (motor.name, motor.price) == ("a", None)
+    assert motor.speed == pytest.approx(157.0796, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "lacks the columns name, rated_torque_Nm"),
+        ("name,torque\na,1\n", "lacks the columns rated_torque_Nm, peak_torque_Nm, speed_rpm, inertia_kgm2"),
+        (HEADER, "has no motors; give one line each"),
+        (f"#\n{HEADER}\na,10,x,1500,0.01\n", "motors.csv:3: could not convert string to float: 'x'"),
+        (f"{HEADER}\na,10,30\n", "motors.csv:2: "),
+        (f"{HEADER}\na,10,5,1500,0.01\n", "`peak_torque` must be at least `rated_torque` 10.0 N m, got 5.0"),
+        (f"{HEADER}\na,10,30,0,0.01\n", "`speed` must be positive"),
+        (f"{HEADER}\na,10,30,1500,0.01\na,20,60,1500,0.01\n", "repeats the name a"),
+    ],
+)
+def test_catalogue_is_validated(small, text, words):
+    scene = broken(small, text)
+    with pytest.raises(SceneError) as error:
+        Study(scene)
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"drive.catalogue.file": "absent.csv"}, "drive.catalogue.file: no such file: 'absent.csv'"),
+        ({"drive.catalogue.margin": 0.9}, "drive.catalogue.margin: must be between 1 and 10, got 0.9"),
+        ({"drive.catalogue.efficiency": 1.1}, "drive.catalogue.efficiency: must be above 0 and at most 1"),
+        ({"drive.catalogue.gear_ratio": 0.0}, "drive.catalogue.gear_ratio: must be positive"),
+        ({"drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS}, "is for a drive with a shaft"),
+        ({"machine.guide_bearing": {"dynamic_rating": 20e3, "kind": "plain", "count": 2}}, "guide_bearing.kind"),
+        ({"machine.guide_bearing": {"dynamic_rating": 20.0, "kind": "ball", "count": 2}}, "was 20 kN = 20000 N meant?"),
+        (
+            {"machine.roller_bearing": {"dynamic_rating": 2e4, "kind": "ball", "count": 0}},
+            "count: must be between 1 and 1000",
+        ),
+        ({"machine.roller_bearing": {"kind": "ball", "count": 1}}, "roller_bearing.dynamic_rating: is missing"),
+    ],
+)
+def test_keys_are_validated(changes, words):
+    with pytest.raises(SceneError) as error:
+        load_scene(SCENES / "small.toml", **RULE | changes)
+    assert words in str(error.value)

@@ -1,0 +1,155 @@
+"""Forming process of a scene: printed forces for comparison, balances, remarks, and the files of the command."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lift_sequences import sequence
+
+from compact import cli
+from compact.analysis import process
+from compact.analysis.process import ProcessStudy
+from compact.report.process_writer import process_digest, process_summary
+from compact.scene.loader import SceneError, load_scene
+
+SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENE = SCENES / "process.toml"
+SHORT = {"machine.roller_length": 0.3, "process.layers": 2}  # 19 strokes
+AT_REST = {
+    "process.mould_speed": 0.0,
+    "process.strokes": 3,
+    "process.product_density_ratio": None,
+    "process.gap": 0.002,
+}
+
+
+@pytest.fixture(scope="module")
+def study():
+    return ProcessStudy(load_scene(SCENE, **SHORT))
+
+
+def test_printed_forces_are_compared_and_not_fitted(study):
+    load, force = study.printed
+    assert (load.printed, force.printed) == (9740.0, 3562.0)
+    for each in study.printed:
+        assert sum(part for _, part in each.causes) == pytest.approx(each.printed, rel=1e-12)
+    assert load.computed == study.row.load < load.printed
+    assert force.computed == pytest.approx(sum(part.force for part in study.parts if part.force is not None))
+    other = ProcessStudy(load_scene(SCENE, **SHORT, **{"product.height": 0.2}))
+    assert other.printed == ()
+
+
+def test_parts_of_the_force_are_separate(study):
+    confined, shear, sleeves, guides = study.parts
+    assert confined.force == pytest.approx(2 * study.row.resistance)
+    assert shear.force is None
+    assert sleeves.force == study.sleeve_drag > 0
+    assert guides.force == pytest.approx(0.008 * abs(2 * study.row.load - 10e3), rel=0.2)
+    # the strips of neighbouring rollers overlap, and the overlap is pressed twice
+    assert confined.work == pytest.approx(study.row.specific_work * 0.4 / (0.4 - 0.012), rel=1e-9)
+    without = ProcessStudy(load_scene(SCENE, **SHORT, sleeve=None))
+    assert without.sleeve_drag is None
+    assert without.parts[2].force is None
+    assert without.parts[0] == confined
+
+
+def test_masses_close(study):
+    flow = study.row.flow
+    assert study.mass_per_stroke(flow.product) == pytest.approx(
+        study.mass_per_stroke(flow.fill) + study.mass_per_stroke(flow.fed), rel=1e-9
+    )
+
+
+@pytest.mark.slow
+def test_map_holds_the_machine(study):
+    found = study.map
+    middle = tuple(size // 2 for size in found.load.shape)
+    assert found.strokes[middle] == pytest.approx(study.problem.machine.strokes_on_section)
+    assert found.load[middle] == pytest.approx(study.row.load, rel=5e-3)
+    assert study.fastest_mould == pytest.approx(0.3 / (study.curve.least_strokes * 0.4 / 0.45))
+
+
+def test_remarks_state_under_feed_over_feed_and_thin_lifts(study):
+    assert study.remarks == (
+        "in 20 of 20 strokes the make-up is thinner than the largest grain: the feed is a standing heap there, not a "
+        "lift",
+    )
+    pressed = {"process.product_density_ratio": None, "process.extrusion_pressure": 60e3, "process.largest_grain": None}
+    rich = ProcessStudy(load_scene(SCENE, **SHORT | pressed)).remarks
+    assert rich[0].startswith("under-feed: the product has a density ratio of 0.8710 in place of 0.98")
+    assert rich[1].startswith("over-feed: ")
+    poor = ProcessStudy(load_scene(SCENE, **SHORT | pressed, **{"process.offered_thickness": 0.0})).remarks
+    assert poor[1:] == (
+        "no feed: the strokes compact the fill alone",
+        "the roller touches nothing: the mix stays below the lowest generatrix, 0.22 m",
+    )
+
+
+def test_scene_without_a_process_is_refused():
+    with pytest.raises(SceneError, match=r"small.toml: the table \[process\] is missing; give the mould's speed"):
+        ProcessStudy(load_scene(SCENES / "small.toml"))
+
+
+def test_command_writes_results_of_a_mould_at_rest(tmp_path, capsys):
+    changes = SHORT | {key: value for key, value in AT_REST.items() if value is not None}
+    text = SCENE.read_text("utf-8").replace("product_density_ratio = 0.98          # -; published\nnip", "nip")
+    scene = tmp_path / "still.toml"
+    scene.write_text(text)
+    options = [part for key, value in changes.items() for part in ("--set", f"{key}={value}")]
+    assert cli._exit_code(["process", str(scene), "--out", str(tmp_path / "out"), *options]) == 0
+    digest = capsys.readouterr().out
+    assert "the resistance is the confined floor and not for sizing" in digest
+    assert "mix, height of its grains" in digest
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"process.json", "strokes.csv", "section.png", "strokes.png", "fields.pvd", "fields", "scene.hash"}
+    summary = json.loads((tmp_path / "out" / "process.json").read_text())
+    assert summary["per_roller"]["confined_floor"] == {"value": 0.0, "unit": "N"}
+    assert abs(summary["per_roller"]["mass_residual"]["value"]) < 1e-9
+    rows = np.loadtxt(tmp_path / "out" / "strokes.csv", delimiter=",", skiprows=1)
+    assert rows.shape == (3, 10)
+    assert len(list((tmp_path / "out" / "fields").glob("strokes=*.vtu"))) == 3
+
+
+def test_lumped_lifts_enter_forces_files_and_words(monkeypatch, tmp_path, capsys):
+    calls = []
+
+    def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, report):
+        calls.append((thickness, increments))
+        report("lift 1")
+        load, work = (lambda k: 2e3 * np.exp(8 * (k - 0.75))), (lambda k: 1e5 * np.exp(10 * (k - 0.75)))
+        return sequence(thickness, increments, load=load, work=work, stopped="not steady")
+
+    monkeypatch.setattr(process, "simulate_lifts", lifts)
+    found = ProcessStudy(load_scene(SCENE, **SHORT), "deep")
+    shear = found.parts[1]
+    assert shear.force == pytest.approx(2 * (found.resistance - found.row.resistance))
+    assert [increments for _, increments in calls] == [6, 6, 6, 9, 12]
+    assert [thickness / found.problem.machine.max_bite for thickness, _ in calls] == pytest.approx(
+        [0.75, 0.9, 0.6, 0.75, 0.75]
+    )
+    load, force = found.printed
+    assert load.computed == found.load == found.two_dimensions.load.value
+    for each in (load, force):
+        assert sum(part for _, part in each.causes) == pytest.approx(each.printed, rel=1e-12)
+    assert any(remark.startswith("the top 10 mm of the product exceed") for remark in found.remarks)
+    assert any(remark.endswith("extrapolated beyond the densest lift") for remark in found.remarks)
+    assert found.remarks[-1] == "a sequence of lifts ends early: not steady"
+    options = [part for key, value in SHORT.items() for part in ("--set", f"{key}={value}")]
+    assert cli._exit_code(["process", str(SCENE), "--quick", "--out", str(tmp_path / "out"), *options]) == 0
+    assert "one roller, two dimensions" in capsys.readouterr().out
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert {"lifts.csv", "lifts.png", "map.png", "map.csv"} <= names
+    summary = json.loads((tmp_path / "out" / "process.json").read_text())["two_dimensions"]
+    assert summary["load"]["error"] == pytest.approx(np.hypot(0.03, 0.01), rel=1e-6)
+    assert summary["sequences"][0]["lifts"] == 11
+
+
+@pytest.mark.slow
+def test_summary_and_digest_state_the_model(study):
+    summary = process_summary(study)
+    assert summary["model"].startswith("confined columns: the load is a lower estimate")
+    assert [part["cause"] for part in summary["parts"]][1] == "shear and bow wave (two dimensions)"
+    digest = process_digest(study)
+    assert "printed: load on one roller 9740 N, computed" in digest
+    assert "nothing fitted" in digest

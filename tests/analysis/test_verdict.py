@@ -1,0 +1,216 @@
+"""Verdict of all models, ranking under uncertainty, and the ten questions of a designer."""
+
+import math
+import re
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pages import PageReader, answer_html
+
+from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.stages import uncertainty as stage
+from compact.analysis.stages.uncertainty import MIX, MODELS, mix_spread
+from compact.analysis.stages.verdict import ModelAnswer, contenders, verdict
+from compact.analysis.study import Study
+from compact.report import text
+from compact.report.page import answer_text
+from compact.scene.loader import load_scene
+
+SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+ENGINES = SCENES / "loveikin-2015-engines.toml"
+FORCE = "peak_force"
+COLUMNS = {  # the main scene led by columns, which cost milliseconds
+    "accuracy.engine": "column", "layer.lift_thickness": None, "mix.overrides.heckel_slope": 15.228e-6,
+    "layer.fed_density_ratio": 0.9343, "accuracy.tolerance": 0.05, "mix.overrides.friction_angle": 35.0,
+    "motion.laws": ["parabolic", "cubic", "reversal-2", "combined-2"], "output.items": ["report"],
+    "compare": {"spectral": {"machine": {"roller_condition": "frictionless", "gap_geometry": "circle"}}},
+}  # fmt: skip
+
+
+@cache
+def study():
+    """The main scene by columns, formula and a linear layer."""
+    return Study(load_scene(ENGINES, **COLUMNS))
+
+
+def model(engine, valid=True, error=0.0, **values):
+    """Answer of a model with the values of its laws by one criterion."""
+    order = sorted(values, key=values.get)
+    places = [Place(i, law, values[law], math.nan, error, True, "") for i, law in enumerate(order, start=1)]
+    return ModelAnswer(engine, valid, {1.0: {"rigid": {FORCE: places}}}, {1.0: 1.0}, {1.0: 0.1}, None, None)
+
+
+def judged(*models, firsts=()):
+    return verdict(models, 1.0, "rigid", FORCE, firsts)
+
+
+# verdict
+
+
+def test_rank_is_resolved_where_all_valid_models_agree():
+    found = judged(model("formula", a=100.0, b=110.0), model("column", a=102.0, b=120.0))
+    assert (found.law, found.contenders, found.resolved, found.agree) == ("a", ("a",), True, True)
+    assert found.values == {"formula": 100.0, "column": 102.0}
+
+
+def test_linear_model_has_no_part_in_the_verdict():
+    assert judged(model("formula", a=100.0, b=110.0), model("fem", valid=False, a=20.0, b=10.0)).resolved
+
+
+@pytest.mark.parametrize(
+    ("models", "firsts"),
+    [
+        ([model("formula", a=100.0, b=100.9)], ()),  # within the build tolerance
+        ([model("formula", error=6.0, a=100.0, b=110.0)], ()),  # within the errors
+        ([model("formula", a=100.0, b=110.0), model("column", a=103.0, b=100.0)], ()),  # the models disagree
+        ([model("formula", a=100.0, b=110.0)], ("b",)),  # at an end of the mix
+    ],
+)
+def test_tie_is_stated_as_one(models, firsts):
+    found = judged(*models, firsts=firsts)
+    assert (set(found.contenders), found.resolved) == ({"a", "b"}, False)
+
+
+def test_recommended_law_of_a_tie_has_the_least_regret():
+    found = judged(model("formula", a=100.0, b=105.0, c=101.0), model("column", a=112.0, b=100.0, c=102.0))
+    assert (found.law, found.agree) == ("c", False)
+    assert found.regret == pytest.approx(0.02)
+
+
+def test_laws_with_the_same_motion_are_named_once():
+    assert judged(model("formula", a=100.0, twin=100.0, b=110.0)).contenders == ("a",)
+
+
+def test_no_contender_without_a_finite_value():
+    place = Place(1, "a", math.inf, math.nan, None, None, "the velocity jumps")
+    assert contenders([place], FORCE) == []
+
+
+# uncertainty
+
+
+def test_mix_is_dominated_by_its_stiffness_and_the_fit_is_exact():
+    mix = mix_spread(study().scene)
+    assert mix.fit > 0.999
+    assert mix.low < 1 < mix.high
+    assert mix.twice_as_stiff == pytest.approx(2.0, rel=0.03)  # pressure is inversely proportional to the slope
+    assert mix.alone["heckel_slope"][0] > 1 > mix.alone["heckel_slope"][1]
+
+
+def test_measured_parameter_has_a_range_of_a_tenth(tmp_path):
+    words = ENGINES.read_text("utf-8").replace("# 1/Pa; calibrated\n", "# 1/Pa; measured in an oedometer\n")
+    (tmp_path / "scene.toml").write_text(words)
+    given, plain = load_scene(tmp_path / "scene.toml"), load_scene(ENGINES)
+    slope = 15.228e-6
+    found = stage.parameter_ranges(given.with_engine("column"), given)
+    assert found["heckel_slope"] == pytest.approx((0.9 * slope, 1.1 * slope))
+    found = stage.parameter_ranges(plain.with_engine("column"), plain)  # calibrated: the relative range of the prior
+    assert found["heckel_slope"] == pytest.approx((slope / 1.5, slope * 1.5))
+
+
+def test_sobol_indices_sum_to_one_and_name_the_first_measurement():
+    known = study().uncertainty
+    for shares in known.mix.shares.values():
+        assert max(shares, key=shares.get) == "heckel_slope"
+        assert sum(shares.values()) == pytest.approx(1.0, abs=0.05)  # nearly additive
+    assert "measure first: the one-dimensional Heckel slope K_H" in answer_text.measurement_sentence(study())
+
+
+def test_margin_is_the_root_of_the_sum_of_squares_and_falls_with_a_known_mix():
+    known = study().uncertainty
+    parts = [known.source(name).increase(FORCE) for name in (MIX, MODELS)]
+    assert known.margin(FORCE) == pytest.approx(np.hypot(*parts), rel=0.02)
+    assert known.margin(FORCE, (MIX,)) < 0.3 * known.margin(FORCE)
+
+
+def test_peak_changes_by_less_than_the_resistance_because_of_inertia():
+    known = study().uncertainty
+    assert 0.1 < known.peak_change(FORCE, 2.0) < 0.9
+    assert known.peak_change(FORCE, 1.0) == pytest.approx(0.0, abs=1e-12)
+
+
+# crossovers of the first law over the duration
+
+FIRST = {  # duration [s] -> first law by peak force and by peak power with a rigid drive
+    0.3: ("parabolic", "cubic"), 0.4 / 0.45: ("parabolic", "combined-2"), 3.0: (None, "reversal-4-free-acceleration"),
+}  # fmt: skip
+LAWS = [
+    "parabolic", "cubic", "harmonic", "combined-2", "reversal-2", "reversal-3-free-acceleration",
+    "reversal-4-free-acceleration", "crank", "modified-trapezoid",
+]  # fmt: skip
+RIGID = {
+    "drive.kind": "rigid", "drive.stiffness": None, "drive.damping": None, "motion.laws": LAWS, "compare": None,
+    "output.items": [], "motion.other_durations": [0.3, 3.0],
+}  # fmt: skip
+AIR = {"mix.pore_air": "one-way"}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        pytest.param({"accuracy.engine": "formula"}, id="formula"),
+        pytest.param(COLUMNS, id="column"),
+        pytest.param(COLUMNS | AIR, id="column with air", marks=pytest.mark.slow),
+        pytest.param({}, id="compaction", marks=pytest.mark.slow),
+        pytest.param(AIR, id="compaction with air", marks=pytest.mark.slow),
+    ],
+)
+def test_first_laws_over_the_duration_are_those_of_every_valid_engine(changes):
+    case = Study(load_scene(ENGINES, **changes | RIGID))
+    places = {case.scene.motion.duration: case.places}
+    places |= {duration: each.places for duration, each in case.drive_stage.other_durations.items()}
+    for duration, laws in FIRST.items():
+        found = next(each for known, each in places.items() if math.isclose(known, duration))["rigid"]
+        for by, law in zip((FORCE, "peak_power"), laws, strict=True):
+            tied = [place.law for place in found[by] if place.value <= 1.01 * found[by][0].value]
+            assert law is None or law in tied
+
+
+# the reader's test: ten questions, each answered by one line of the terminal and of the first screen
+
+QUESTIONS = {
+    "Which law, and how many newtons?": r"least peak drive force: parabolic, [\d.]+ kN",
+    "How many watts at the peak?": r"least peak drive power: .*, [\d.]+ kW",
+    "What must the drive deliver?": r"must deliver [\d.]+ kW, a margin of \d+ %",
+    "Is the rank certain?": r"(resolved: all \d valid models|tie with )",
+    "Which model is that, and may it size a drive?": r"column\s*yes\s*parabolic",
+    "What about the linear engines?": r"spectral\s*no",
+    "What at another duration?": r"at 3 s a pass: ",
+    "What with a rigid drive?": r"with a rigid drive: ",
+    "What if my mix is twice as stiff?": r"a mix twice as stiff .* raises the peak drive force by \d+ %",
+    "What should I measure first?": r"measure first: .* of the variance",
+    "What is held over the speed?": r"constant over speed: the height of the roller",
+}
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_question_of_a_designer_is_answered_by_the_terminal(question):
+    words = " ".join(text.study_digest(study()).split())
+    assert re.search(QUESTIONS[question], words, re.IGNORECASE)
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_question_of_a_designer_is_answered_by_the_first_screen(question):
+    words = PageReader(answer_html(study())).words.split("The ranking by the engine of the scene")[0]
+    assert re.search(QUESTIONS[question], words.replace("\N{NO-BREAK SPACE}", " "), re.IGNORECASE)
+
+
+def test_digest_fits_a_terminal():
+    lines = text.study_digest(study()).splitlines()
+    assert len(lines) <= 40
+    assert max(map(len, lines)) <= 120
+
+
+def test_digest_counts_the_sentences_that_do_not_fit(monkeypatch):
+    monkeypatch.setattr(text, "DIGEST_LINES", 20)
+    lines = text.study_digest(study()).splitlines()
+    assert len(lines) <= 20
+    assert lines[-1].endswith("more in report.html and summary.json")
+
+
+def test_no_table_of_more_than_25_rows_is_unfolded():
+    html = answer_html(study())
+    unfolded = html.split("<details")[0]
+    assert 0 < unfolded.count("<tr>") <= 25

@@ -1,0 +1,142 @@
+"""Search for the steady state of mix with a shear line: drift and scatter, heaping, targets, errors of three meshes."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from compact.engines.compaction.engine import roll
+from compact.engines.compaction.incremental_rolling import RollingStep
+from compact.engines.compaction.shear_line_search import SCATTER, ShearLineSearch, search_class
+from compact.engines.compaction.steady_search import SteadySearch, WaveGrowth, mesh_errors
+from compact.material.earth_pressure import drucker_prager_cap
+from compact.rolling_contact import HeapingError, Layer, Roller, UnsteadyError
+
+DEPTH, LENGTH = 0.003, np.sqrt(2 * 0.11 * 0.003)
+
+
+def law(fed=0.9, **other):
+    others = {
+        "friction_angle": 35.0, "cohesion": 10e3, "earth_pressure_coefficient": 1 - np.sin(np.radians(35)),
+        "pressure": 200e3, "unloading_modulus": 120e6, "poisson": 0.3, "heckel_slope": 14.96e-6,
+        "loose_density_ratio": 0.72, "fed_density_ratio": fed,
+    }  # fmt: skip
+    return drucker_prager_cap(**others | other)
+
+
+def lift(fed):
+    return Layer(0.06 * 0.98 / fed), Roller(0.11, DEPTH, 0.35, "free", "deformed"), law(fed, shear_viscosity=600.0)
+
+
+def step(travel, load=5e3, resistance=700.0, wave_area=0.0):
+    return RollingStep(travel, 0.0, load, resistance, 0.96, 2e5, 1, 1e-3, 1e-3, wave_area)
+
+
+def search_with(steps, quantity="indentation", fed=0.9):
+    """Search at the end of some steps of 1 mm, without finite elements."""
+    material = law(fed)
+    frame = SimpleNamespace(contact_length=LENGTH, step=1e-3, mesh=SimpleNamespace(height=0.06))
+    frame.solid = SimpleNamespace(material=material)
+    rolling = SimpleNamespace(
+        steps=tuple(steps), frame=frame, depth=DEPTH, surface=SimpleNamespace(radius=0.11), mesh_depth=DEPTH
+    )
+    return ShearLineSearch(rolling, SimpleNamespace(quantity=quantity, value=DEPTH), DEPTH, 2e-3, 1e-3, None)
+
+
+def test_law_selects_the_search():
+    assert search_class(law()) is ShearLineSearch
+    assert search_class(SimpleNamespace()) is SteadySearch
+
+
+def test_distance_of_a_relaxation_is_what_it_still_lacks():
+    """An exponential over the travel T lacks 0.54 of its change in the last half at 1/e, and the estimate is above."""
+    travel = np.arange(200) * 1e-3
+    search = search_with([step(s, load=5e3 * (1 - 0.1 * np.exp(-s / 0.1))) for s in travel])
+    search._estimate_distance()
+    lacks = 0.1 * np.exp(-travel[-1] / 0.1)
+    assert lacks < search.errors.drift[0] / 5e3 < 2.5 * lacks
+    assert search.errors.start[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_scatter_is_twice_the_standard_deviation():
+    steps = [step(s * 1e-3, load=5e3 + 50 * np.sin(2 * np.pi * s / 20), resistance=700.0) for s in range(400)]
+    search = search_with(steps)
+    search._estimate_distance()
+    assert search.errors.start[0] == pytest.approx(SCATTER * 50 / np.sqrt(2), rel=0.02)
+    assert search.errors.total == pytest.approx(SCATTER * 50 / np.sqrt(2) / 5e3, rel=0.2)
+    assert search.values[:2] == pytest.approx([5e3, 700.0], rel=1e-3)
+
+
+def grow(slopes):
+    """Search after cycles in which the area of the wave grows by some slopes [m]."""
+    search, area = search_with([step(0.0, wave_area=2e-5)]), 2e-5
+    count = search._steps_of(2.0)
+    for slope in slopes:
+        for _ in range(count):
+            area += slope * 1e-3
+            last = search.rolling.steps[-1].travel
+            search.rolling.steps += (step(last + 1e-3, wave_area=area),)
+        search._require_slowing(WaveGrowth())
+    return search
+
+
+def test_mix_that_is_pushed_ahead_heaps_up():
+    with pytest.raises(HeapingError, match=r"grows by 90 % of the depth times the travel, without slowing") as raised:
+        grow([0.9 * DEPTH] * 3)
+    assert raised.value.heaping.travel == pytest.approx(3 * 0.052, rel=0.03)
+    assert raised.value.heaping.wave_height == 1e-3
+
+
+def test_wave_that_grows_threefold_without_slowing_down_heaps_up():
+    with pytest.raises(HeapingError, match="has grown threefold without slowing down"):
+        grow([0.2 * DEPTH] * 6)
+
+
+@pytest.mark.parametrize("slopes", [[0.9, 0.5, 0.3, 0.1], [0.1, 0.3, 0.2, 0.1, 0.05], [-0.02, -0.01, 0.0]], ids=str)
+def test_wave_that_slows_down_does_not(slopes):
+    assert len(grow(np.array(slopes) * DEPTH)._waves) == len(slopes)
+
+
+def on_mesh(count, load, resistance):
+    search = search_with([step(0.0)])
+    search.rolling.frame.step = LENGTH / count
+    search.values = np.array([load, resistance, 0.98, 4e5])
+    return search
+
+
+def test_error_of_a_resistance_that_is_not_monotone_is_that_of_the_coarser_meshes():
+    """Lift with 20 kPa: 881, 903 and 899 N/m on 6, 12 and 24 elements."""
+    coarsest, coarse, fine = on_mesh(6, 7083, 881), on_mesh(12, 6589, 903), on_mesh(24, 6402, 899)
+    load, resistance = mesh_errors(coarse, fine, coarsest)
+    assert load == pytest.approx(494 / 6589 / 2)
+    assert resistance == pytest.approx(22 / 903 / 2)
+    assert mesh_errors(coarse, fine)[1] == pytest.approx(4 / 899)
+
+
+def test_loose_lift_is_steady_on_two_meshes():
+    """Fed at 0.90; the search with jumps of the first mesh ended at 4077 and 529.6 N/m on 7 elements."""
+    found = roll(*lift(0.9), 0.13, increments=7)
+    assert found.load == pytest.approx(4077, rel=0.01)
+    assert found.resistance == pytest.approx(529.6, rel=0.01)
+    assert sum(found.error_parts.drift) + sum(found.error_parts.start) < 0.01
+    assert found.equilibrium_residual < 1e-4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("target", [{"load": 4200.0}, {"exit_density_ratio": 0.945}], ids=str)
+def test_targets_are_met(target):
+    layer, _, mix = lift(0.9)
+    options = {"exit_density_ratio": target["exit_density_ratio"]} if "exit_density_ratio" in target else {}
+    roller = Roller(0.11, DEPTH if options else None, 0.35, "free", "deformed", load=target.get("load"))
+    found = roll(layer, roller, mix, 0.13, increments=7, **options)
+    name, value = next(iter(target.items()))
+    assert getattr(found, name) == pytest.approx(value, rel=1e-3)
+
+
+def test_motion_that_does_not_become_steady_has_its_numbers():
+    search = search_with([*(step(s) for s in (0.0, 0.1, 0.2, 0.25)), step(0.3, load=4e3, resistance=500.0)])
+    search._estimate_distance()
+    error = search._unsteady_error()
+    assert isinstance(error, UnsteadyError)
+    assert (error.unsteady.travel, error.unsteady.load, error.unsteady.resistance) == (0.3, 4e3, 500.0)
+    assert str(error).startswith("not steady at depth 3 mm after 0.3 m of travel: estimated distance")

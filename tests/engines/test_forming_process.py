@@ -1,0 +1,386 @@
+"""Forming process by columns: conservation, the confined identity, one stroke as one pass, closures and hard cases."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from compact.analysis.multipass import Pass, passes
+from compact.engines.column import engine as column
+from compact.engines.column.column_pass import Column
+from compact.engines.process.closures import FormingProblem, solve_closure
+from compact.engines.process.confined_floor import GrainShare, confined_floor, confined_work
+from compact.engines.process.fields import process_frames
+from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
+from compact.engines.process.operating_map import density_curve, operating_map
+from compact.engines.process.roller_row import RollerRow
+from compact.engines.process.section import (
+    BiteError,
+    OverfilledError,
+    SectionOptions,
+    grain_height,
+    mean_density_ratio,
+    merge_layers,
+)
+from compact.engines.process.sleeve import FeedSleeve
+from compact.material.laws import Compaction
+from compact.rolling_contact import Layer, Roller
+
+MIX = Compaction(
+    60e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2, tensile_strength=14e3,
+    fed_density_ratio=0.75,
+)  # fmt: skip
+RATED = replace(MIX, rate_sensitivity=0.02)
+MACHINE = FormingMachine(0.11, 0.4, 0.22, 0.45, 0.4 / 0.45, 1.05 / 60, 20.0)
+FEEDS = {
+    "room": Feed(0.75),
+    "even": Feed(0.75, "even"),
+    "first": Feed(0.75, "first", 6),
+    "table": Feed(0.75, "table", positions=(0.0, 0.2, 0.4), relative_thicknesses=(1.6, 1.0, 0.8)),
+    "forward": Feed(0.75, strokes="forward"),
+}
+DENSE = Closure("product_density_ratio", 0.98)
+HALF = Closure("product_density_ratio", 0.83)  # reached in a few strokes
+
+
+def at_rest(strokes):
+    return replace(MACHINE, mould_speed=0.0, strokes=strokes)
+
+
+def problem(machine=MACHINE, material=MIX, feed=FEEDS["room"], fill=None, layers=3):
+    return FormingProblem(machine, material, fill or Fill(0.22, 0.75), feed, layers)
+
+
+def with_strokes(strokes, length=0.4):
+    """Machine whose sections have a whole number of strokes."""
+    return replace(MACHINE, roller_length=length, mould_speed=length / (strokes * MACHINE.stroke_period))
+
+
+def row_of(given, closure=DENSE):
+    return RollerRow(given, closure, solve_closure(given, closure), 0.98)
+
+
+# --- conservation and the confined identity
+
+
+@pytest.mark.parametrize("feed", FEEDS.values(), ids=FEEDS)
+@pytest.mark.parametrize("closure", [HALF, Closure("extrusion_pressure", 40e3)], ids=lambda each: each.kind)
+def test_grains_and_work_close(feed, closure):
+    found = row_of(problem(at_rest(8), RATED, feed), closure)
+    assert abs(found.flow.residual) < 1e-9
+    assert abs(found.history.mass_residual) < 1e-9
+    assert found.history.work_residual < 1e-9
+
+
+@pytest.mark.parametrize("feed", FEEDS.values(), ids=FEEDS)
+@pytest.mark.parametrize(("length", "strokes"), [(0.3, 8), (1.164, 12)])
+def test_resistance_of_all_strokes_is_that_of_one_pass_over_all_mix(feed, length, strokes):
+    """The plastic work of confined mix depends on its densities alone."""
+    machine = replace(at_rest(strokes), roller_length=length)
+    found = row_of(problem(machine, feed=feed, fill=Fill(0.215, 0.78)), HALF)
+    fed = float(found.history.make_up.sum())
+    columns = Column(0.215, 0.78), Column(fed, 0.75)
+    # a roller as large as to draw in all the mix at once
+    once = column.roll_over(columns, Roller(10.0, indentation=0.215 + fed - 0.22, profile="circle"), MIX, 0.45)
+    assert found.history.resistance.sum() == pytest.approx(once.resistance, rel=1e-4)
+
+
+def test_resistance_of_the_row_does_not_depend_on_feed_length_and_strokes():
+    """Whole numbers of strokes: the product of a fraction is a mixture of two densities."""
+    floors = []
+    for strokes, length in ((8, 0.5), (12, 1.164)):
+        machine = with_strokes(strokes, length)
+        for feed in FEEDS.values():
+            found = row_of(problem(machine, feed=feed), HALF)
+            advance, height = machine.advance, found.product_height
+            floors.append(found.resistance / advance / height)
+    assert np.ptp(floors) / np.mean(floors) < 1e-4
+    assert floors[0] == pytest.approx(found.specific_work, rel=1e-4)
+
+
+@pytest.mark.parametrize(("modulus", "difference"), [(60e6, 4e-3), pytest.param(600e6, 6e-4, marks=pytest.mark.slow)])
+def test_closed_form_of_the_floor_differs_by_the_elastic_strain(modulus, difference):
+    machine = with_strokes(20)
+    found = row_of(problem(machine, replace(MIX, unloading_modulus=modulus)), Closure("product_density_ratio", 0.96))
+    assert abs(found.confined_floor / found.resistance - 1) < difference
+    assert found.confined_floor < found.resistance
+    again = confined_floor(machine.advance, found.product_height, found.confined_work)
+    assert again == found.confined_floor
+
+
+def test_confined_work_equals_the_antiderivative_of_heckels_curve():
+    """w = k [A/K (G(k) - G(k_in)) + (A - 1) pt (1/k_in - 1/k)], G = ln(k/(1 - k)) - ln((1 - k0)/(1 - k))/k."""
+    A, k, k_in = MIX.confined_stress_ratio, 0.98, 0.75
+
+    def integral(k):
+        return np.log(k / (1 - k)) - np.log(0.28 / (1 - k)) / k
+
+    exact = k * (A / 13e-6 * (integral(k) - integral(k_in)) + (A - 1) * 14e3 * (1 / k_in - 1 / k))
+    assert confined_work(MIX, [GrainShare(1.0, k_in)], k) == pytest.approx(exact, rel=1e-12)
+    halves = [GrainShare(0.5, k_in), GrainShare(0.5, k)]
+    assert confined_work(MIX, halves, k) == pytest.approx(exact / 2, rel=1e-12)
+
+
+# --- one stroke, layers, cost
+
+
+@pytest.mark.parametrize("material", [MIX, RATED], ids=["rate-independent", "rate-dependent"])
+def test_one_stroke_is_a_pass(material):
+    found = row_of(problem(at_rest(1), material), Closure("gap", 0.004)).history
+    (once,) = passes(
+        Layer(0.224), Roller(0.11, indentation=0.004, profile="circle"), material, 0.45, [Pass(height=0.22)]
+    )
+    assert found.load[0] == pytest.approx(once.load, rel=1e-9)
+    assert found.resistance[0] == pytest.approx(once.resistance, rel=1e-9)
+    assert found.leading[0] == pytest.approx(once.leading, rel=1e-9)
+    assert found.trailing[0] == pytest.approx(-once.trailing, rel=1e-7)
+    assert found.density_ratio[-1] == pytest.approx(once.exit_density_ratio, rel=1e-10)
+
+
+def test_strokes_are_passes_with_lifts_between():
+    found = row_of(problem(at_rest(4), feed=FEEDS["even"], layers=80), Closure("product_density_ratio", 0.80)).history
+    stages = [Pass(lift=lift, height=0.22) for lift in found.make_up.tolist()]
+    results = passes(Layer(0.22), Roller(0.11, indentation=0.001, profile="circle"), MIX, 0.45, stages)
+    assert found.load == pytest.approx([each.load for each in results], rel=1e-7)
+    assert found.resistance == pytest.approx([each.resistance for each in results], rel=1e-6)
+
+
+def test_merged_layers_do_not_change_the_load():
+    fill = Fill(0.22, 0.80)  # of another density than the feed
+    loads = [
+        problem(fill=fill, layers=layers).with_amount(0.0008, SectionOptions(layers=layers)).load
+        for layers in (3, 20, 80)
+    ]
+    assert loads[0] == pytest.approx(loads[2], rel=1e-6)
+    assert loads[1] == pytest.approx(loads[2], rel=1e-6)
+
+
+def test_merging_keeps_height_and_grains():
+    columns = (Column(0.1, 0.9, 3e4, 0.91), Column(0.002, 0.8, 1e4, 0.8), Column(0.003, 0.85, 2e4, 0.86))
+    merged = merge_layers(columns, 2, 50e6)
+    assert [column.height for column in merged] == pytest.approx([0.1, 0.005])
+    assert sum(grain_height(column, 50e6) for column in merged) == pytest.approx(
+        sum(grain_height(column, 50e6) for column in columns), rel=1e-14
+    )
+    assert mean_density_ratio(columns, 0, 0.25) == pytest.approx(0.9)
+
+
+def test_79_strokes_of_20_layers_take_half_a_second():
+    given = problem(at_rest(79), RATED, layers=20)
+    given.with_amount(0.0001, SectionOptions(layers=20))  # loads compiled code
+    start = time.process_time()
+    given.with_amount(0.0011, SectionOptions(layers=20))
+    assert time.process_time() - start < 0.5
+
+
+@pytest.mark.slow
+def test_process_for_a_density_takes_five_seconds():
+    given = problem(replace(MACHINE, roller_length=1.164), RATED, layers=20)
+    for feed in FEEDS.values():
+        start = time.process_time()
+        solve_closure(replace(given, feed=feed), DENSE)
+        assert time.process_time() - start < 5
+
+
+# --- row, closures
+
+
+def test_row_integrates_strokes_along_the_roller():
+    found = row_of(problem())
+    history, lengths = found.history, found.lengths
+    assert lengths.sum() == pytest.approx(0.4, rel=1e-12)
+    assert MACHINE.strokes_on_section == pytest.approx(25.714286, rel=1e-7)
+    assert lengths[-1] == pytest.approx(0.714286 * MACHINE.advance, rel=1e-6)
+    assert found.product_density_ratio == pytest.approx(0.98, abs=1e-8)
+    assert found.strokes_for_density == pytest.approx(MACHINE.strokes_on_section, rel=1e-5)
+    assert found.load == pytest.approx(history.load @ lengths)
+    middle = found.edges[:-1] + lengths / 2
+    moment = float((history.load * lengths) @ (middle - 0.4 / 2))
+    assert found.skew_moment == pytest.approx(moment, rel=1e-9)
+    assert 0.5 < found.load_centre / 0.4 < 0.8
+    assert found.top_density_ratio == pytest.approx(found.bottom_density_ratio, abs=1e-6)
+    assert found.overpressed_height == 0
+
+
+def test_gap_and_density_are_inverse():
+    found = row_of(problem(material=RATED))
+    again = row_of(problem(material=RATED), Closure("gap", found.closed.amount))
+    assert again.product_density_ratio == pytest.approx(0.98, abs=1e-8)
+    assert again.load == pytest.approx(found.load, rel=1e-7)
+
+
+def test_gap_is_ill_conditioned():
+    """A tenth of a millimetre of the gap decides between loose and dense mix."""
+    ratios = [row_of(problem(), Closure("gap", gap)).product_density_ratio for gap in (2.6e-3, 2.7e-3, 2.8e-3)]
+    assert np.diff(ratios).min() > 0.004
+    with pytest.raises(
+        OverfilledError, match=r"stroke \d+ closes all pores: grains and water fill 0.22.* feed less mix"
+    ):
+        solve_closure(problem(), Closure("gap", 3.5e-3))
+
+
+def test_pressure_of_extrusion_bounds_the_peak_and_surplus_is_extruded():
+    found = row_of(problem(at_rest(60)), Closure("extrusion_pressure", 203e3))
+    assert found.peak_pressure == pytest.approx(203e3, rel=1e-6)
+    assert found.flow.extruded == pytest.approx(found.flow.fill)
+    assert found.flow.retained > 0
+    offered = 60 * MACHINE.max_bite * 0.75
+    assert found.flow.fed + found.flow.extruded + found.flow.retained == pytest.approx(offered, rel=1e-9)
+    little = row_of(problem(at_rest(30)), Closure("extrusion_pressure", 203e3, offered=1e-4))
+    assert little.flow.extruded == little.flow.retained == 0
+    assert little.flow.missing == pytest.approx(little.flow.product * (0.98 / little.product_density_ratio - 1))
+    assert little.peak_pressure < 203e3
+
+
+def test_return_strokes_without_feed_have_no_resistance():
+    history = row_of(problem(at_rest(8), feed=FEEDS["forward"]), Closure("gap", 0.003)).history
+    assert history.make_up[1::2] == pytest.approx(0)
+    assert history.resistance[1::2] == pytest.approx(0, abs=1e-6 * history.resistance[0])
+    assert history.load[1::2].min() > 0
+
+
+# --- hard cases
+
+
+def test_no_feed_presses_the_fill_alone():
+    found = row_of(problem(fill=Fill(0.223, 0.75)), Closure("gap", 0.0))
+    assert found.flow.fed == 0
+    assert found.history.resistance[1:] == pytest.approx(0, abs=1e-6 * found.history.resistance[0])
+    low = row_of(problem(fill=Fill(0.2, 0.75)), Closure("extrusion_pressure", 1e5, offered=0.0))
+    assert low.load == low.resistance == 0
+    assert low.load_centre == 0.4 / 2
+    assert low.product_density_ratio == pytest.approx(0.75)
+    assert low.strokes_for_density == np.inf
+
+
+def test_mould_at_rest_has_equal_sections():
+    found = row_of(problem(at_rest(10)), Closure("gap", 0.001))
+    assert found.load == pytest.approx(0.4 * found.history.load[-1])
+    assert found.load_centre == pytest.approx(0.4 / 2)
+    assert found.skew_moment == pytest.approx(0, abs=1e-9)
+    assert found.confined_floor == 0
+    assert np.isnan(found.specific_work)
+
+
+@pytest.mark.slow
+def test_500_strokes():
+    machine = replace(MACHINE, roller_length=1.164, mould_speed=1.164 / (500 * MACHINE.stroke_period))
+    found = row_of(problem(machine), DENSE)
+    assert found.history.count == 500
+    assert found.product_density_ratio == pytest.approx(0.98, abs=1e-8)
+    assert abs(found.flow.residual) < 1e-9
+
+
+def test_dense_fill_is_refused_and_loose_fill_is_not():
+    with pytest.raises(
+        ValueError, match=r"must exceed the density ratio without any feed, got 0\.98; the fill is dense"
+    ):
+        solve_closure(problem(fill=Fill(0.22, 0.985)), DENSE)
+    assert row_of(problem(fill=Fill(0.22, 0.97))).flow.fed > 0
+    with pytest.raises(ValueError, match=r"must exceed that of Heckel's curve at its start, 0\.72, got 0\.7"):
+        solve_closure(problem(fill=Fill(0.22, 0.7)), DENSE)
+
+
+def test_bite_beyond_the_nip_is_refused():
+    with pytest.raises(
+        BiteError, match=r"must be at most 0.\d+ in 5 strokes whose bite is that at the nip angle, 6.63 mm"
+    ):
+        solve_closure(problem(at_rest(5)), DENSE)
+    with pytest.raises(BiteError, match=r"stroke 5 would have to draw in mix 1\d.* mm above the lowest generatrix"):
+        solve_closure(problem(feed=Feed(0.75, "first", 5)), DENSE)
+    with pytest.raises(BiteError, match="stroke 1 would bury the roller to its axis"):
+        solve_closure(problem(at_rest(1), fill=Fill(0.4, 0.75)), Closure("gap", 0.001))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"mould_speed": 0.0}, "`strokes` must be given for a mould at rest only"),
+        ({"strokes": 3}, "`strokes` must be given for a mould at rest only"),
+        ({"mould_speed": 2.0}, "`mould_speed` must be at most 0.45 m/s"),
+        ({"nip_angle": 75.0}, "`nip_angle` must be at most 60, got 75.0"),
+        ({"height": -1.0}, "`height` must be positive"),
+    ],
+)
+def test_machines_without_meaning_are_refused(changes, words):
+    with pytest.raises(ValueError, match=words):
+        replace(MACHINE, **changes)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Feed(0.75, "first"), "`count` must be at least 1"),
+        (lambda: Feed(0.75, "table"), "must be lists of one length, not empty"),
+        (lambda: Feed(0.75, "everywhere"), "no feed law 'everywhere'"),
+        (lambda: Feed(1.2), "`density_ratio` must be below 1, got 1.2"),
+        (lambda: Fill(0.22, 1.0), "`density_ratio` must be below 1, got 1.0"),
+        (lambda: Closure("height", 1.0), "no closure 'height'"),
+        (lambda: Closure("gap", -1.0), "`value` must be zero or positive"),
+        (lambda: Feed(0.75, "table", positions=(0.0,), relative_thicknesses=(0.0,)).shares(MACHINE), "positive at one"),
+        (lambda: solve_closure(problem(feed=FEEDS["even"]), Closure("gap", 0.001)), "closure of the feed law 'room'"),
+        (lambda: confined_work(MIX, [], 1.0), "`density_ratio` must lie between 0 and 1, got 1.0"),
+        (lambda: FeedSleeve(0.18, 1.0, 0.0, 0.3), "`head` must be positive"),
+        (lambda: FeedSleeve(0.18, 1.0, 1.0, 0.3).drag(1700.0, 90.0), "`friction_angle` must lie between 0 and 90"),
+    ],
+)
+def test_inputs_without_meaning_are_refused(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+# --- sleeve, map, fields
+
+
+def test_sleeve_has_the_limits_of_janssen():
+    rho, K = 1700.0, 0.43
+    assert FeedSleeve(0.18, 1.164, 1.0, 0.0).bed_stress(rho, K) == pytest.approx(9.80665 * rho)
+    shallow = FeedSleeve(0.18, 1.164, 1e-6, 0.35).bed_stress(rho, K)
+    assert shallow == pytest.approx(9.80665 * rho * 1e-6, rel=1e-5)
+    diameter = 2 * 0.18 * 1.164 / (0.18 + 1.164)
+    tall = FeedSleeve(0.18, 1.164, 50.0, 0.35).bed_stress(rho, K)
+    assert tall == pytest.approx(9.80665 * rho * diameter / (4 * 0.35 * K), rel=1e-9)
+    drag = FeedSleeve(0.18, 1.164, 1.0, 0.35).drag(rho, 35.0)
+    K = 1 - np.sin(np.radians(35))
+    stress = FeedSleeve(0.18, 1.164, 1.0, 0.35).bed_stress(rho, K)
+    assert drag == pytest.approx(stress * 0.18 * 1.164 * np.tan(np.radians(35)))
+    assert 500 < drag < 1300
+
+
+@pytest.mark.slow
+def test_map_of_speeds_agrees_with_direct_processes():
+    given = problem(material=RATED)
+    given = replace(given, machine=replace(MACHINE, roller_length=1.164))
+    curve = density_curve(given, 0.98, 120)
+    assert np.all(np.diff(curve.strokes) > 0)
+    assert curve.gap[0] == pytest.approx(MACHINE.max_bite)
+    mould_speeds, cart_speeds = MACHINE.mould_speed * np.array([1.0, 2.0, 20.0]), np.array([0.3, 0.45])
+    found = operating_map(curve, 0.4, mould_speeds, cart_speeds)
+    assert np.isnan(found.load[:, 2]).all()  # 4 strokes need a bite beyond the nip
+    for i, v in enumerate(cart_speeds):
+        for j in range(2):
+            machine = replace(given.machine, cart_speed=v, stroke_period=0.4 / v, mould_speed=mould_speeds[j])
+            direct = row_of(problem(machine, RATED))
+            assert found.strokes[i, j] == pytest.approx(machine.strokes_on_section)
+            assert found.load[i, j] == pytest.approx(direct.load, rel=7e-3)
+            assert found.resistance[i, j] == pytest.approx(direct.resistance, rel=3e-3)
+    with pytest.raises(BiteError, match=r"the density ratio 0\.98 in 4 strokes"):
+        density_curve(given, 0.98, 4)
+
+
+def test_fields_hold_the_grains_of_the_sections():
+    found = row_of(problem(at_rest(6)), Closure("gap", 0.002))
+    frames = dict(process_frames(found))
+    assert list(frames) == [1, 2, 3, 4, 5, 6]
+    moving = row_of(problem(replace(MACHINE, roller_length=1.164), layers=1), Closure("gap", 0.001))
+    numbers = [number for number, _ in process_frames(moving)]
+    assert len(numbers) <= 60
+    assert numbers[-1] == 75
+    *_, (_, mesh) = process_frames(moving)
+    corners = mesh.points.reshape(-1, 4, 3)
+    areas = np.prod(corners[:, 2, :2] - corners[:, 0, :2], axis=1)
+    ratio, strokes = mesh.cell_data["density_ratio"][0], mesh.cell_data["strokes"][0]
+    states = moving.history.states[1:]
+    solid = sum(state.density_ratio * state.height * dz for state, dz in zip(states, moving.lengths, strict=True))
+    assert (ratio * areas)[strokes > 0].sum() == pytest.approx(solid, rel=1e-9)

@@ -1,0 +1,112 @@
+"""Forming process in two dimensions: integrals over lumped lifts, extrapolation, and lifts by finite elements."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from lift_sequences import sequence
+
+from compact.analysis.multipass import Pass, passes
+from compact.engines.process.closures import FormingProblem, solve_closure
+from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
+from compact.engines.process.lumped_lifts import simulate_lifts
+from compact.engines.process.roller_row import RollerRow
+from compact.engines.process.two_dimensions import SINGLE_LUMPING_ERROR, TwoDimensionalRow
+from compact.material.laws import Compaction
+from compact.rolling_contact import Layer, Roller
+
+MIX = Compaction(
+    60e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2, tensile_strength=14e3,
+    fed_density_ratio=0.75,
+)  # fmt: skip
+MACHINE = FormingMachine(0.11, 0.4, 0.22, 0.45, 0.4 / 0.45, 1.05 / 60, 20.0)
+
+
+@pytest.fixture(scope="module")
+def row():
+    problem = FormingProblem(MACHINE, MIX, Fill(0.22, 0.75), Feed(0.75), 2)
+    closure = Closure("product_density_ratio", 0.93)
+    return RollerRow(problem, closure, solve_closure(problem, closure), 0.98)
+
+
+def test_forces_are_integrals_over_the_strokes(row):
+    """Constant P gives P L, constant F/t the advance times the fed thickness."""
+    found = TwoDimensionalRow(row, (sequence(),))
+    assert found.load.value == pytest.approx(1e3 * 0.4, rel=1e-12)
+    fed = row.history.make_up @ MACHINE.stroke_shares
+    assert found.resistance.value == pytest.approx(1e5 * MACHINE.advance * fed, rel=1e-12)
+    assert found.specific_work == pytest.approx(1e5 * fed / row.product_height, rel=1e-12)
+    assert found.load.extrapolated_share == 0
+    assert found.load.lumping_error == SINGLE_LUMPING_ERROR["load"]
+    assert found.load.mesh_error == pytest.approx(0.01)
+    assert found.resistance.mesh_error == pytest.approx(0.05)
+    assert found.load.error == pytest.approx(np.hypot(0.03, 0.01))
+
+
+def test_exponential_forces_are_interpolated_and_extrapolated_exactly(row):
+    def load(k):
+        return 1e3 * np.exp(12 * k)
+
+    short, long = (TwoDimensionalRow(row, (sequence(to=to, load=load),)) for to in (0.85, 0.95))
+    exact = float(load(row.history.density_ratio) @ row.lengths)
+    assert long.load.value == pytest.approx(exact, rel=1e-9)
+    assert short.load.value == pytest.approx(exact, rel=1e-9)
+    assert 0.4 < short.load.extrapolated_share < 1
+    assert row.centre_of(load(row.history.density_ratio)) > 0.2
+
+
+def test_thickness_and_mesh_are_extrapolated(row):
+    """Linear in the thickness to the make-up, of first order in the size of the elements."""
+
+    def work_of(thickness, increments):
+        return lambda k: (1e5 + 2e7 * thickness) * (1 + 1 / increments)
+
+    cases = [(0.004, 6), (0.005, 6), (0.006, 6), (0.005, 9), (0.005, 12)]
+    sequences = tuple(sequence(t, n, work=work_of(t, n)) for t, n in cases)
+    found = TwoDimensionalRow(row, sequences)
+    made_up = row.history.make_up
+    exact = MACHINE.advance * float((1e5 + 2e7 * made_up) * made_up @ MACHINE.stroke_shares)
+    assert found.resistance.value == pytest.approx(exact, rel=1e-9)
+    assert found.resistance.lumping_error == pytest.approx(0, abs=1e-9)
+    assert found.resistance.mesh_error == pytest.approx(1 - 1 / (1 + 1 / 12), rel=1e-9)
+    assert [each.thickness for each in found.lumpings] == [0.004, 0.005, 0.006]
+    assert [each.increments for each in found.meshes] == [12, 9, 6]
+
+
+def test_profile_and_strip_stress_are_those_of_the_product(row):
+    found = TwoDimensionalRow(row, (sequence(),))
+    assert found.of_product("bottom_density_ratio") == pytest.approx(0.93 - 0.07, abs=1e-6)
+    assert found.of_product("top_density_ratio") == pytest.approx(0.93 + 0.09, abs=1e-6)
+    stress = MIX.confined_stress_ratio * (MIX.yield_pressure(0.88) + 14e3) - 14e3
+    assert found.strip_stress_ratio() == pytest.approx(float(stress) / (2 * 1e3 / (np.pi * 0.22)), rel=1e-9)
+
+
+def test_mould_at_rest_has_no_work_of_the_throughput(row):
+    machine = replace(MACHINE, mould_speed=0.0, strokes=5)
+    problem = replace(row.problem, machine=machine)
+    still = RollerRow(problem, Closure("gap", 0.001), solve_closure(problem, Closure("gap", 0.001)), 0.98)
+    found = TwoDimensionalRow(still, (sequence(),))
+    assert found.resistance.value == 0
+    assert np.isnan(found.specific_work)
+    assert found.load.value == pytest.approx(1e3 * 0.4)
+
+
+@pytest.mark.slow
+def test_lifts_are_passes_of_finite_elements_and_close_their_balances():
+    """A thin product, so that a lift takes seconds."""
+    machine = replace(MACHINE, height=0.05)
+    problem = FormingProblem(machine, MIX, Fill(0.05, 0.75), Feed(0.75))
+    told = []
+    found = simulate_lifts(problem, 0.35, 1.0, 0.85, thickness=0.003, increments=6, report=told.append)
+    assert found.stopped == ""
+    assert len(told) == len(found.lifts) >= 2
+    assert found.lifts[-1].density_ratio >= 0.85
+    assert found.largest_work_residual < 0.02
+    assert max(lift.mass_residual for lift in found.lifts) < 1e-3
+    assert all(lift.top_density_ratio > lift.bottom_density_ratio for lift in found.lifts)
+    roller = Roller(0.11, indentation=0.003, friction=0.35, rolling="free", profile="deformed")
+    stages = [Pass(height=0.05), Pass(lift=0.003, height=0.05)]
+    results = passes(Layer(0.053), roller, MIX, 0.45, stages, engine="compaction", increments=6)
+    # `passes` starts with fresh mix of one row, which the mesh resamples likewise
+    assert [lift.load for lift in found.lifts[:2]] == pytest.approx([each.load for each in results], rel=1e-2)
+    assert [lift.resistance for lift in found.lifts[:2]] == pytest.approx([e.resistance for e in results], rel=2e-2)

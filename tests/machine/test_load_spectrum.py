@@ -1,0 +1,96 @@
+"""Rainflow counting against the examples of ASTM E1049-85, and bearing lives by hand."""
+
+import math
+
+import numpy as np
+import pytest
+import rainflow
+from hypothesis import given
+from hypothesis import strategies as st
+
+from compact.machine.load_spectrum import Bearing, LoadCycle, bearing_life, count_cycles
+
+HISTORY = [-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0, -2.0]  # of the figures 6 and 7
+BALL, ROLLER = Bearing(20e3, "ball", 1), Bearing(20e3, "roller", 1)
+
+
+def test_library_counts_the_example_of_the_standard():
+    """Figure 6: half cycles of 3, 6 and 9, one and a half of 4, one of 8."""
+    counted = rainflow.count_cycles(HISTORY)
+    assert counted == [(3.0, 0.5), (4.0, 1.5), (6.0, 0.5), (8.0, 1.0), (9.0, 0.5)]
+
+
+def test_repeating_history_has_the_closed_cycles_of_the_standard():
+    """Figure 7, the same history repeated: one cycle each of 9, 7, 4 and 3."""
+    found = count_cycles(HISTORY)
+    assert [(each.range, each.count) for each in found] == [(9.0, 1.0), (7.0, 1.0), (4.0, 1.0), (3.0, 1.0)]
+    assert found[0] == LoadCycle(9.0, 0.5, 1.0)
+
+
+@given(st.lists(st.integers(-9, 9), min_size=2, max_size=30), st.integers(0, 29))
+def test_cycles_do_not_depend_on_the_start_of_the_history(history, shift):
+    rolled = np.roll(np.array(history, float), shift)
+    assert count_cycles(rolled) == count_cycles(np.array(history, float))
+
+
+@given(st.lists(st.integers(-9, 9), min_size=2, max_size=30))
+def test_cycles_hold_the_whole_variation_of_the_history(history):
+    """Twice the sum of all ranges is the variation over one repetition, all cycles are whole."""
+    load = np.array(history, float)
+    found = count_cycles(load)
+    assert 2 * sum(each.range * each.count for each in found) == pytest.approx(np.abs(np.diff([*load, load[0]])).sum())
+    assert all(each.count == int(each.count) for each in found)
+    assert (found[0].range if found else 0.0) == np.ptp(load)
+
+
+def test_constant_load_has_no_cycles_and_rounding_is_none():
+    assert count_cycles(np.full(5, 7.0)) == []
+    assert count_cycles(np.zeros(3)) == []
+    assert count_cycles(7.0 + 1e-12 * np.array([0.0, 1.0, 0.0, 1.0])) == []
+
+
+def test_sine_is_one_cycle_of_its_amplitude():
+    (cycle,) = count_cycles(3 + 2 * np.sin(np.linspace(0, 2 * np.pi, 1001)))
+    assert (cycle.range, cycle.mean, cycle.count) == (pytest.approx(4.0, rel=1e-4), pytest.approx(3.0, abs=1e-4), 1.0)
+
+
+def test_life_by_hand():
+    """(20/2)^3 = 1000 and (20/2)^(10/3) = 2154 million revolutions; 0.8 m in 2 s on a wheel of 0.1 m."""
+    load, travelled = np.full(4, 2000.0), np.full(4, 0.2)
+    ball, roller = (bearing_life(each, load, travelled, 0.1, 2.0) for each in (BALL, ROLLER))
+    assert ball.equivalent_load == pytest.approx(2000.0)
+    assert ball.million_revolutions == pytest.approx(1000.0)
+    assert roller.million_revolutions == pytest.approx(2154.43, abs=0.01)
+    assert ball.hours == pytest.approx(1e9 * 2 * math.pi * 0.1 / 0.4 / 3600)
+    assert ball.valid
+
+
+def test_equivalent_load_is_the_mean_of_the_damage():
+    """Half the travel at 1, half at 3 kN, p = 3: (28/2)^(1/3) kN; loads at rest do not count."""
+    found = bearing_life(BALL, np.array([1e3, -3e3, 9e3]), np.array([0.4, 0.4, 0.0]), 0.1, 2.0)
+    assert found.equivalent_load == pytest.approx(1e3 * 14 ** (1 / 3))
+
+
+@given(st.floats(10, 1e4), st.integers(1, 4))
+def test_bearings_that_share_a_load_live_longer_by_its_power(load, count):
+    one, shared = (bearing_life(Bearing(20e3, "roller", n), np.full(1, load), np.ones(1), 0.1, 1.0) for n in (1, count))
+    assert shared.million_revolutions / one.million_revolutions == pytest.approx(count ** (10 / 3))
+
+
+def test_life_without_load_is_infinite_and_heavy_loads_are_outside_the_standard():
+    assert math.isinf(bearing_life(BALL, np.zeros(2), np.ones(2), 0.1, 1.0).hours)
+    assert not bearing_life(BALL, np.full(1, 11e3), np.ones(1), 0.1, 1.0).valid
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"dynamic_rating": 0.0}, "`dynamic_rating` must be positive"),
+        ({"kind": "plain"}, "plain"),
+        ({"count": 0}, "`count` must be a whole number >= 1"),
+        ({"count": 1.5}, "`count` must be a whole number >= 1"),
+    ],
+)
+def test_bearing_is_validated(keys, words):
+    with pytest.raises(ValueError, match=words.replace("`", "`")):
+        Bearing(**{"dynamic_rating": 1e3, "kind": "ball", "count": 1} | keys)

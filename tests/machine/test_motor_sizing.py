@@ -1,0 +1,229 @@
+"""Motor of a uniform shaft: closed forms of the torque, energy, gear, and the choice from a catalogue."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from published import CART_OF_C
+
+from compact.drive import Crank, Rigid, simulate
+from compact.machine.crankshaft import simulate_crankshaft
+from compact.machine.motor_sizing import CatalogueMotor, SizingRule, check_motor, choose_motor, shaft_requirement
+from compact.machine.shaft_load import CartsOnShaft
+from compact.motion import law
+
+STROKE, DURATION, MASS, FORCE = 0.4, 1.0, 1000.0, 3486.0
+SPEED = math.pi / DURATION  # of the shaft
+FREE = replace(CART_OF_C, mass=MASS, guide_friction=0.0)
+MASSLESS = replace(FREE, mass=0.0)
+MOTORS = (
+    CatalogueMotor("small", 5.0, 15.0, 150.0, 0.001, 300.0),
+    CatalogueMotor("middle", 12.0, 40.0, 150.0, 0.004, 500.0),
+    CatalogueMotor("large", 40.0, 120.0, 150.0, 0.02, 900.0),
+)
+
+
+def dry(force):
+    return lambda velocity, acceleration: force * np.sign(velocity)
+
+
+def carts(cart=FREE, force=0.0, name="harmonic", angles=(0.0,), dwell=0.0):
+    return CartsOnShaft(cart, law(name, STROKE, DURATION).cycle(dwell, dwell), dry(force), angles)
+
+
+def requirement(**keys):
+    return shaft_requirement(carts(**keys))
+
+
+# torque
+
+
+def test_harmonic_law_without_resistance_has_the_torque_of_its_closed_form():
+    """T = m (s/2)2 w2/2 sin 2 phi: rms T/sqrt 2, no mean, driving half of the time."""
+    found, size = requirement(), MASS * (STROKE / 2) ** 2 * SPEED**2 / 2
+    assert found.speed == pytest.approx(SPEED)
+    assert (found.peak_driving, found.peak_braking) == pytest.approx((size, size), rel=1e-12)
+    assert found.rms_torque == pytest.approx(size / math.sqrt(2), rel=1e-12)
+    assert found.mean_torque == pytest.approx(0.0, abs=1e-10 * size)
+    assert (found.driving_share, found.braking_share) == pytest.approx((0.5, 0.5), abs=0.01)
+    assert found.excess_energy == pytest.approx(size, rel=1e-3)
+    assert found.largest_inertia == pytest.approx(MASS * (STROKE / 2) ** 2, rel=1e-12)
+
+
+def test_harmonic_law_against_friction_has_the_torque_of_its_closed_form():
+    """T = W s/2 |sin phi|: mean W s/pi, rms W s/2/sqrt 2."""
+    found = requirement(cart=MASSLESS, force=FORCE)
+    assert found.mean_torque == pytest.approx(FORCE * STROKE / math.pi, rel=1e-12)
+    assert found.rms_torque == pytest.approx(FORCE * STROKE / 2 / math.sqrt(2), rel=1e-12)
+    assert found.peak_torque == pytest.approx(FORCE * STROKE / 2, rel=1e-12)
+    assert found.peak_braking == 0.0
+    assert found.driving_share == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["parabolic", "cubic", "reversal-4-free-acceleration", "combined-2"])
+def test_work_of_a_revolution_is_the_energy_of_the_cycle(name):
+    found = shaft_requirement(carts(CART_OF_C, FORCE, name))
+    run = simulate(CART_OF_C, Rigid(), law(name, STROKE, DURATION), dry(FORCE))
+    assert 2 * math.pi * found.mean_torque == pytest.approx(run.energy, rel=1e-9)
+    assert found.peak_torque * found.speed == pytest.approx(run.peak_power, rel=1e-9)
+    assert found.rms_power == pytest.approx(run.rms_power, rel=1e-9)
+
+
+def test_crank_has_the_torque_of_the_crankshaft():
+    crank, cycle = Crank(STROKE / 2, 0.8), law("crank", STROKE, DURATION, rod_length=0.8).cycle()
+    found = shaft_requirement(CartsOnShaft(CART_OF_C, cycle, dry(FORCE), (0.0, math.pi / 2), crank))
+    turn = simulate_crankshaft(CART_OF_C, crank, SPEED, dry(FORCE), (0.0, math.pi / 2))
+    assert found.peak_torque == pytest.approx(turn.peak_torque, rel=1e-6)
+    assert found.mean_torque == pytest.approx(turn.mean(turn.torque), rel=1e-6)
+
+
+def test_two_carts_at_a_right_angle_balance_their_inertia():
+    """sin 2 phi + sin(2 phi + pi) = 0."""
+    one, two = requirement(), requirement(angles=(0.0, math.pi / 2))
+    assert two.peak_torque < 1e-9 * one.peak_torque
+    assert two.largest_inertia == pytest.approx(one.largest_inertia)
+
+
+def test_dwells_lower_the_rms_torque_of_the_shaft_and_rest():
+    """Twice the cycle at half the speed of the shaft: force and velocity are the same, power over the speed doubles."""
+    still, dwelling = requirement(force=FORCE), requirement(force=FORCE, dwell=DURATION)
+    assert dwelling.speed == pytest.approx(still.speed / 2)
+    assert dwelling.rms_power == pytest.approx(still.rms_power / math.sqrt(2), rel=1e-9)
+    shares = dwelling.driving_share + dwelling.braking_share
+    assert shares == pytest.approx((still.driving_share + still.braking_share) / 2, abs=0.01)
+
+
+def test_velocity_jump_is_refused():
+    with pytest.raises(
+        ValueError, match="the velocity of 'constant-velocity' jumps, which requires an infinite torque"
+    ):
+        shaft_requirement(carts(name="constant-velocity"))
+
+
+# gear
+
+
+def test_gear_divides_the_driving_and_keeps_less_of_the_braking_torque():
+    found, ratio, efficiency = requirement(), 20.0, 0.8
+    rms, peak = found.at_motor(ratio, efficiency)
+    driving, braking = 1 / (ratio * efficiency), efficiency / ratio
+    assert rms == pytest.approx(found.rms_torque * math.sqrt((driving**2 + braking**2) / 2), rel=1e-6)
+    assert peak == pytest.approx(found.peak_driving * driving)
+
+
+def test_required_power_is_that_of_the_rms_torque_with_its_margin():
+    found = requirement(cart=MASSLESS, force=FORCE)
+    power = SizingRule(margin=1.5, efficiency=0.9).required_power(found)
+    assert power == pytest.approx(1.5 * found.rms_power / 0.9, rel=1e-12)
+
+
+def test_motor_at_its_rated_speed_holds_by_its_rated_power():
+    """Driving only: rated torque and speed decide by their product alone."""
+    found, rule = requirement(cart=MASSLESS, force=FORCE), SizingRule(margin=1.25, efficiency=0.9)
+    power = rule.required_power(found)
+    for speed in (50.0, 150.0, 300.0):
+        enough = CatalogueMotor("a", 1.0001 * power / speed, 10 * power / speed, speed, 0.0)
+        assert check_motor(enough, found, rule).holds
+        short = replace(enough, rated_torque=0.9999 * power / speed)
+        (reason,) = check_motor(short, found, rule).failures
+        assert "of rated torque" in reason
+
+
+def test_speed_fluctuation_is_the_excess_energy_over_that_of_the_rotor():
+    motor, found = MOTORS[1], requirement(force=FORCE)
+    fit = check_motor(motor, found, SizingRule())
+    inertia = (motor.speed / SPEED) ** 2 * motor.inertia
+    assert fit.fluctuation == pytest.approx(found.excess_energy / (inertia * SPEED**2))
+    assert fit.inertia_ratio == pytest.approx(found.largest_inertia / inertia)
+    assert math.isinf(check_motor(replace(motor, inertia=0.0), found, SizingRule()).inertia_ratio)
+
+
+# catalogue
+
+
+def test_smallest_motor_that_holds_is_chosen_and_the_next_smaller_has_a_reason():
+    found = requirement(cart=MASSLESS, force=FORCE)  # 493 N m rms at 3.14 rad/s: 10.3 N m at 150 rad/s
+    choice = choose_motor(MOTORS[::-1], found, SizingRule(margin=1.1))
+    assert choice.by == "price"
+    assert [each.motor.name for each in choice.fits] == ["small", "middle", "large"]
+    assert (choice.chosen.motor.name, choice.next_smaller.motor.name) == ("middle", "small")
+    assert choice.next_smaller.failures == (
+        "needs 11.36 N m of rated torque, has 5", "needs 16.06 N m of peak torque, has 15"
+    )  # fmt: skip
+
+
+def test_price_decides_before_power_and_without_prices_power_does():
+    found, rule = requirement(cart=MASSLESS, force=FORCE), SizingRule()
+    cheap = replace(MOTORS[2], price=100.0)
+    assert choose_motor((*MOTORS[:2], cheap), found, rule).chosen.motor.name == "large"
+    unpriced = [replace(each, price=None) for each in (*MOTORS[:2], cheap)]
+    choice = choose_motor(unpriced, found, rule)
+    assert (choice.by, choice.chosen.motor.name) == ("rated power", "large")
+    assert choose_motor(unpriced, found, SizingRule(margin=1.0)).chosen.motor.name == "middle"
+
+
+def test_catalogue_without_a_motor_that_holds_names_the_largest():
+    choice = choose_motor(MOTORS, requirement(force=100 * FORCE), SizingRule())
+    assert choice.chosen is None
+    assert choice.next_smaller.motor.name == "large"
+    assert choose_motor(MOTORS[2:], requirement(), SizingRule(margin=1.0)).next_smaller is None
+
+
+def test_given_gear_ratio_and_inertia_ratio_are_limits():
+    found = requirement(force=FORCE)
+    fast = check_motor(MOTORS[2], found, SizingRule(gear_ratio=60.0))
+    assert fast.failures[0].startswith("turns at 188.5 rad/s, rated for 150")
+    light = check_motor(MOTORS[2], found, SizingRule(inertia_ratio=0.1))
+    assert light.failures == ("has an inertia ratio of 0.877, at most 0.1",)
+
+
+@given(
+    st.floats(1, 4), st.floats(1, 4), st.floats(1, 4), st.floats(0.5, 1), st.floats(1, 3),
+    st.none() | st.floats(0.1, 10), st.none() | st.floats(1, 47),
+)  # fmt: skip
+def test_larger_motor_holds_where_a_smaller_one_does(rated, peak, inertia, efficiency, margin, limit, ratio):
+    rule = SizingRule(margin, efficiency, ratio, limit)
+    for motor in MOTORS:
+        larger = replace(
+            motor, rated_torque=motor.rated_torque * rated, peak_torque=motor.peak_torque * rated * peak,
+            inertia=motor.inertia * inertia,
+        )  # fmt: skip
+        if check_motor(motor, FOUND, rule).holds:
+            assert check_motor(larger, FOUND, rule).holds
+    assert choose_motor(MOTORS, FOUND, rule).chosen in (None, *choose_motor(MOTORS, FOUND, rule).fits)
+
+
+@given(st.floats(1, 3), st.floats(0, 2))
+def test_larger_margin_never_chooses_a_smaller_motor(margin, more):
+    def place(factor):
+        choice = choose_motor(MOTORS, FOUND, SizingRule(margin=factor))
+        return len(MOTORS) if choice.chosen is None else choice.fits.index(choice.chosen)
+
+    assert place(margin + more) >= place(margin)
+
+
+FOUND = requirement(cart=CART_OF_C, force=FORCE)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"rated_torque": 0.0}, "`rated_torque` must be positive"),
+        ({"peak_torque": 1.0}, "`peak_torque` must be at least `rated_torque` 5.0 N m, got 1.0"),
+        ({"inertia": -1.0}, "`inertia` must be"),
+        ({"price": 0.0}, "`price` must be positive"),
+        ({"speed": math.nan}, "`speed` must be"),
+    ],
+)
+def test_motor_is_validated(change, words):
+    with pytest.raises(ValueError, match="must be") as error:
+        replace(MOTORS[0], **change)
+    assert words in str(error.value)
+
+
+def test_empty_catalogue_is_refused():
+    with pytest.raises(ValueError, match="at least one motor"):
+        choose_motor([], FOUND, SizingRule())

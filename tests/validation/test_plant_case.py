@@ -1,0 +1,126 @@
+"""Case of a plant: a scene with [case] and a CSV of trials; every broken line is refused with file, line and rule."""
+
+from pathlib import Path
+
+import pytest
+
+from compact.analysis.contact_cases import scene_mix
+from compact.analysis.stages.contacts import roll_scene
+from compact.scene.loader import load_scene
+from compact.validation.plant_case import read_plant_case
+from compact.validation.registry import evaluate_case, select_cases
+
+SCENE = (Path(__file__).parents[2] / "studies" / "scenes" / "small.toml").read_text("utf-8")
+CASE = """
+[case]
+title = "Slab of line 2"
+source = "load cells on both axles"
+licence = "internal"
+expected = {load = 0.2, resistance_coefficient = 0.3, exit_density_ratio = 0.01}
+"""
+TABLE = """layer.fed_density_ratio, load, load_scatter, exit_density_ratio
+# first day
+0.94, 11000, 300, 0.98
+0.93, 14000, ,
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    def written(case=CASE, table=TABLE, scene=SCENE):
+        column = scene.replace('engine = "formula"', 'engine = "column"')
+        (tmp_path / "line2.toml").write_text(column + case, encoding="utf-8")
+        (tmp_path / "trials.csv").write_text(table, encoding="utf-8")
+        return tmp_path
+
+    return written
+
+
+def test_a_plant_case_is_computed_by_the_engine_of_its_scene(folder):
+    place = folder()
+    (case,) = select_cases([str(place)])
+    assert case.engines == ("column",)
+    result = evaluate_case(case)
+    assert [each.key for each in result.comparisons] == ["line_3_load", "line_3_exit_density_ratio", "line_4_load"]
+    (place / "scene").mkdir()
+    plain = (place / "line2.toml").read_text("utf-8").split("\n[case]")[0]
+    (place / "scene" / "plain.toml").write_text(plain, encoding="utf-8")
+    scene = load_scene(place / "scene" / "plain.toml", **{"layer.fed_density_ratio": 0.93})
+    contact = roll_scene(scene, scene_mix(scene), scene.mean_speed)
+    assert result.comparisons[2].ours == pytest.approx(contact.load * scene.machine.roller_length, rel=1e-12)
+    assert result.comparisons[0].scatter == 300
+    assert result.moved == ()
+    assert len(result.evaluation.panels) == 2
+
+
+def test_calibrated_scenes_say_so(folder):
+    case = read_plant_case(folder(CASE + 'fitted = "heckel_slope to line 3"\n'))
+    assert {each.basis for each in evaluate_case(case).comparisons} == {"fitted: heckel_slope to line 3"}
+
+
+@pytest.mark.parametrize(
+    ("table", "match"),
+    [
+        ("load, weight\n1, 2\n", r"trials.csv:1: no column `weight`; a column is a scene key"),
+        ("load, load\n1, 2\n", r"trials.csv:1: each column must have a name of its own"),
+        ("resistance\n10\n", r"trials.csv:1: `resistance` has no expected distance; add it to `expected`"),
+        ("load_scatter\n10\n", r"trials.csv:1: `load_scatter` needs a column `load`"),
+        ("layer.fed_density_ratio\n0.94\n", r"trials.csv:1: no column is measured"),
+        ("load\nheavy\n", r"trials.csv:2: `load` must be a number, got 'heavy'"),
+        ("load\n-3\n", r"trials.csv:2: `load` must be positive and finite, got -3"),
+        ("load\nnan\n", r"trials.csv:2: `load` must be positive and finite, got nan"),
+        ("load, speed\n1000, 0.1\n\n1000\n", r"trials.csv:4: a row must have one cell for each of 2 columns, got 1"),
+        ("load, speed\n, 0.1\n", r"trials.csv:2: nothing is measured"),
+        ("load\n1000\n1000\n", r"trials.csv:3: repeats line 2"),
+        ("load\n", r"trials.csv: has no trial"),
+        ("", r"trials.csv: has no trial"),
+    ],
+)
+def test_broken_tables_are_refused_with_file_line_and_rule(folder, table, match):
+    with pytest.raises(ValueError, match=match):
+        read_plant_case(folder(table=table))
+
+
+@pytest.mark.parametrize(
+    ("case", "match"),
+    [
+        ("", r"line2.toml: has no table \[case\]; give title"),
+        (CASE.replace('licence = "internal"\n', ""), r"line2.toml:\d+: \[case\] must state `licence`"),
+        (CASE.replace("internal", " "), r"line2.toml:\d+: \[case\] `licence` must be a text"),
+        (CASE + "owner = 1\n", r"line2.toml:\d+: \[case\] has no key `owner`"),
+        (
+            CASE.replace("load = 0.2", "load = 0"),
+            r"`expected.load` must be a relative distance between 0 and 10, got 0",
+        ),
+        (CASE.replace("load = 0.2", "weight = 0.2"), r"`expected` has no `weight`"),
+        (CASE.replace("{load", "[load"), r"line2.toml:\d+: not valid TOML"),
+        (CASE + "\n[machine]\nmas = 1.0\n", r"line2.toml:\d+: not valid TOML"),
+        (CASE + "\n[machines]\nmas = 1.0\n", r"machines"),
+    ],
+)
+def test_broken_scenes_are_refused_with_file_line_and_rule(folder, case, match):
+    with pytest.raises(ValueError, match=match):
+        read_plant_case(folder(case))
+
+
+def test_foreign_keys_of_a_trial_are_refused_with_their_line(folder):
+    case = read_plant_case(folder(table="layer.fed_ratio, load\n0.94, 1000\n"))
+    with pytest.raises(ValueError, match=r"trials.csv:2: .*fed_ratio"):
+        evaluate_case(case)
+
+
+def test_a_folder_has_one_file_of_each_kind(folder, tmp_path):
+    place = folder()
+    (place / "more.csv").write_text("load\n1\n")
+    with pytest.raises(ValueError, match=r"exactly one \.csv file, got more.csv, trials.csv"):
+        read_plant_case(place)
+    (place / "empty").mkdir()
+    with pytest.raises(ValueError, match=r"exactly one \.toml file, got none"):
+        read_plant_case(tmp_path / "empty")
+
+
+def test_the_engine_must_compute_what_was_measured(folder):
+    place = folder()
+    (place / "line2.toml").write_text(SCENE + CASE, encoding="utf-8")
+    with pytest.raises(ValueError, match=r"trials.csv:1: the engine formula computes no `exit_density_ratio`"):
+        read_plant_case(place)
