@@ -32,7 +32,7 @@ FINAL_DAMPING_RATIO = 0.25  # [-], of the damping once the roller is at its heig
 MAX_HALVINGS = 3  # [-], halvings of a step that has no equilibrium
 ROLLING_TOLERANCE = 1e-4  # [-], residual of a step over the nodal forces
 CARRIED_SHARE = 0.5  # [-], of the change of the carried pressure in a step; with 1 it oscillates
-PREDICTION_TAPER = 0.5  # [-], distance ahead of the roller over the contact length from which a jump is predicted in full
+PREDICTION_TAPER = 0.5  # [-], distance ahead of the roller over the contact length from which jumps are predicted
 
 
 @dataclass(frozen=True)

@@ -157,9 +157,7 @@ class IncrementSolver:
         fixed, start = self.solid.fixed_dofs, before.displacement.copy()
         start.ravel()[fixed] = prediction.ravel()[fixed]
         for displacement in (prediction, start):
-            trial = _try_displacement(
-                self, before, surface, displacement, damping, prediction, self._last_increment
-            )
+            trial = _try_displacement(self, before, surface, displacement, damping, prediction, self._last_increment)
             if trial is not None:
                 return trial
         raise EquilibriumError("no equilibrium: elements of the layer invert before the first iteration")
