@@ -368,7 +368,7 @@ def process(
     quick
         lumped lifts in two dimensions too, of one thickness and on one mesh: some minutes
     deep
-        lumped lifts of three thicknesses and on three meshes, with errors: a quarter of an hour
+        lumped lifts of three thicknesses and on three meshes, with errors: ten minutes or more
     out
         folder of process.json, tables, figures and fields; default out/NAME-process, NAME as in `compact run`
     """

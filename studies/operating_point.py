@@ -124,7 +124,7 @@ def length_for(calibration, slope):
 
 def main(
     scene="loveikin-2015",
-    measured="loveikin-2015-measured",
+    measured="loveikin-2015-printed",
     engines=("column", "fem", "compaction"),
     variants=VARIANTS,
     changes=None,

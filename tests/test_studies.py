@@ -13,7 +13,7 @@ from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
 from compact.scene.plant_data import read_measurements
 
-MEASURED = "loveikin-2015-measured.toml"
+MEASURED = "loveikin-2015-printed.toml"
 STUDIES = Path(__file__).parent.parent / "studies"
 TABLE = STUDIES.parent / "docs" / "which_law.md"
 

@@ -40,6 +40,7 @@ CASES: dict[Detail, tuple[tuple[float, int], ...]] = {  # share and increments o
         *((share, INCREMENTS[0]) for share in LIFT_SHARES), *((LIFT_SHARES[0], count) for count in INCREMENTS[1:]),
     ),
 }  # fmt: skip
+WORK_LIMIT = 2e-2  # [-], residual of the energy balance of a pass
 UNFED_SHARE = 1e-6  # [-], of the product; less missing or surplus mix is rounding
 PRINTED_TOLERANCE = 1e-9  # [-], of roller radius and product height of the published machine
 
@@ -329,10 +330,12 @@ class ProcessStudy:
         if found is None:
             return ()
         overpressed, beyond = found.of_product("overpressed_height"), found.load.extrapolated_share
+        residual = max(sequence.largest_work_residual for sequence in found.sequences)
         stopped = next((sequence.stopped for sequence in found.sequences if sequence.stopped), "")
         return (
             f"the top {overpressed * 1e3:.0f} mm of the product exceed a density ratio of 1: pressed beyond the pores, "
             "outside the law of the mix; water and air would carry the load there" if overpressed else "",
             f"{beyond:.0%} of the load are extrapolated beyond the densest lift" if beyond else "",
+            f"the energy balance of a lift closes within {residual:.1%} only" if residual > WORK_LIMIT else "",
             f"a sequence of lifts ends early: {stopped}" if stopped else "",
         )  # fmt: skip

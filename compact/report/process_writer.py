@@ -16,6 +16,7 @@ from compact.report.number_format import format_percent, format_quantity
 
 MAP_HEADER = ("mould_speed_m/s", "cart_speed_m/s", "strokes", "load_N", "resistance_N")
 PRODUCT_FIELDS = {"bottom_density_ratio": "1", "top_density_ratio": "1", "overpressed_height": "m", "surface": "m"}
+ROUNDING = 1e-6  # [-], of the product; less mix is rounding
 CAUSE_WIDTH = 62  # [characters]
 COLUMNS_STATEMENT = (
     "confined columns: the load is a lower estimate, the resistance is the confined floor and not for sizing; shear "
@@ -127,6 +128,8 @@ def _two_dimensional_summary(study: ProcessStudy) -> dict[str, Any] | None:
         **{name: _quantity(each.value, unit) | {"error": each.error, "lumping_error": each.lumping_error,
            "mesh_error": each.mesh_error, "extrapolated_share": each.extrapolated_share}
            for name, (each, unit) in estimates.items()},
+        "load_centre": _quantity(found.load_centre, "m"),
+        "skew_moment": _quantity(found.skew_moment, "Nm"),
         "specific_work": _quantity(found.specific_work, "J/m3"),
         **{name: _quantity(found.of_product(name), unit) for name, unit in PRODUCT_FIELDS.items()},
         "strip_stress_ratio": _quantity(found.strip_stress_ratio(), "1"),
@@ -147,6 +150,9 @@ def _two_dimensional_lines(study: ProcessStudy) -> Iterator[str]:
     yield from ("", "one roller, two dimensions")
     for term, each in (("load on one roller", found.load), ("resistance of one roller", found.resistance)):
         yield f"{_line(term, format_quantity(each.value, 'N'))}  ± {each.error:.0%}"
+    share = found.load_centre / study.scene.machine.roller_length
+    yield _line("centre of the load, of the roller length", format_percent(share))
+    yield _line("skew moment of the load", format_quantity(found.skew_moment, "Nm"))
     yield _line("work per volume of the product", f"{found.specific_work / 1e3:.4g} kJ/m³")
     for name, term in (("bottom_density_ratio", "bottom"), ("top_density_ratio", "top")):
         yield _line(f"density ratio of the {term} quarter", f"{found.of_product(name):.3f}")
@@ -176,7 +182,7 @@ def _flow_lines(study: ProcessStudy) -> Iterator[str]:
     }  # fmt: skip
     yield "mix, height of its grains" if at_rest else f"mix per stroke, on {study.covered_width:.4g} m of width"
     for words, grains in rows.items():
-        if grains or words == "product":
+        if grains > ROUNDING * flow.product:
             text = format_quantity(grains, "m") if at_rest else format_quantity(study.mass_per_stroke(grains), "kg")
             yield _line(words, text)
 

@@ -15,6 +15,7 @@ from compact.numerics.validation import require_known
 from compact.validation.cam_clay import CAM_CLAY
 from compact.validation.case import Comparison, Evaluation, ValidationCase, read_rows
 from compact.validation.half_plane import PA6
+from compact.validation.ironing import IRONING
 from compact.validation.plant_case import read_plant_case
 from compact.validation.plastic_limits import PRANDTL
 from compact.validation.plate_wheel import CMU_WHEEL
@@ -26,7 +27,10 @@ from compact.validation.terramechanics import BEKKER, WONG_REECE
 RECORDED = "recorded.csv"
 RECORDED_HEADER = ("case", "key", "ours", "theirs", "verdict")
 CASES: Mapping[str, ValidationCase] = MappingProxyType(
-    {each.name: each for each in (CMU_WHEEL, SAND, PH102, PA6, BEKKER, WONG_REECE, JOHANSON, CAM_CLAY, PRANDTL)}
+    {
+        each.name: each
+        for each in (CMU_WHEEL, SAND, PH102, PA6, BEKKER, WONG_REECE, JOHANSON, CAM_CLAY, PRANDTL, IRONING)
+    }
 )
 
 

@@ -21,7 +21,7 @@ from compact.scene.plant_data import Band, Measured, Measurement, read_measureme
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 PUBLISHED = SCENES / "loveikin-2015.toml"
-MEASURED = SCENES / "loveikin-2015-measured.toml"
+MEASURED = SCENES / "loveikin-2015-printed.toml"
 
 
 def band(value):

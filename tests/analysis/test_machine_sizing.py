@@ -115,6 +115,7 @@ def test_spring_adds_its_oscillation_to_the_torque():
     assert np.isfinite(jump.peak_torque)
 
 
+@pytest.mark.slow
 def test_two_carts_behind_springs_are_those_of_rigid_drives_at_high_stiffness():
     two = elastic(**{"drive.carts": 2}).requirement
     rigid = sizing(**{"drive.carts": 2, "motion.laws": ["cubic"]}).first.requirement
@@ -167,6 +168,7 @@ def test_another_law_may_be_sized():
     assert other.lives["roller"].hours == pytest.approx(cubic.lives["roller"].hours, rel=1e-9)  # by travel, not time
 
 
+@pytest.mark.slow
 def test_return_over_compacted_mix_unloads_the_rollers():
     columns = BEARINGS | {"accuracy.engine": "column"}
     fresh, compacted = (sizing(**columns | {"layer.return_stroke": each}) for each in ("fresh", "compacted"))

@@ -224,7 +224,7 @@ def test_pore_air_of_a_mix_has_its_parameters(one_way):
 
 def test_calibration_has_no_air():
     with pytest.raises(SceneError, match="without pore air"):
-        calibrate(lift(**{"mix.pore_air": "one-way"}), read_measurements(SCENES / "loveikin-2015-measured.toml"))
+        calibrate(lift(**{"mix.pore_air": "one-way"}), read_measurements(SCENES / "loveikin-2015-printed.toml"))
 
 
 @pytest.mark.slow

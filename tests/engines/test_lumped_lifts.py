@@ -40,7 +40,7 @@ def test_forces_are_integrals_over_the_strokes(row):
     assert found.load.lumping_error == SINGLE_LUMPING_ERROR["load"]
     assert found.load.mesh_error == pytest.approx(0.01)
     assert found.resistance.mesh_error == pytest.approx(0.05)
-    assert found.load.error == pytest.approx(np.hypot(0.03, 0.01))
+    assert found.load.error == pytest.approx(np.hypot(0.05, 0.01))
 
 
 def test_exponential_forces_are_interpolated_and_extrapolated_exactly(row):

@@ -12,6 +12,9 @@ from compact.analysis.ranking_uncertainty import Place
 from compact.motion.profile import LAWS, law
 from compact.report import writer
 from compact.report.figures import (
+    answer as answer_figures,
+)
+from compact.report.figures import (
     contact as contact_figures,
 )
 from compact.report.figures import (
@@ -75,6 +78,12 @@ def test_laws_of_a_family_differ_in_lightness(family):
 def test_colours_of_engines_are_distinct_with_colour_blindness(sight):
     shades = [lab(shade, sight) for shade, _, _ in ranking_figures.ENGINE_STYLES.values()]
     assert min(np.linalg.norm(one - other) for one, other in combinations(shades, 2)) > 16
+
+
+def test_curves_of_the_first_screen_differ_without_colour():
+    styles = ranking_figures.ENGINE_STYLES.values()
+    assert len({str(dash) for _, _, dash in styles}) == len({mark for _, mark, _ in styles}) == len(styles)
+    assert len({str(dash) for dash in answer_figures.BEST_DASHES}) == answer_figures.BEST_LAWS
 
 
 # laws and drives

@@ -246,7 +246,7 @@ CALLS = {
         "--set", "machine.roller_condition=frictionless",
     ),
     "run": ("run", "--set", "output.items=['tables','figures']"),
-    "calibrate": ("calibrate", str(SCENES / "loveikin-2015-measured.toml")),
+    "calibrate": ("calibrate", str(SCENES / "loveikin-2015-printed.toml")),
     "sweep": ("sweep", "--vary", "mix.moisture=0.09:0.11:3", "--workers", "1", "--set", "output.items=[]"),
 }  # fmt: skip
 

@@ -12,7 +12,7 @@ from compact.validation import registry
 from compact.validation.case import Comparison, read_rows
 from compact.validation.registry import CASES, RECORDED, evaluate_case, select_cases
 
-CHEAP = 1.0  # [s], of processor time; longer cases are slow tests
+CHEAP = 0.5  # [s], of processor time; longer cases are slow tests
 
 
 MARKED = [

@@ -11,7 +11,7 @@ with both in the error estimate:
     start   twice the standard deviation from that line, or the distance of the last state from it
 
 A residual of `SETTLING_TOLERANCE` suffices up to half a per cent, since it is random from step to step where nothing
-restarts; half of the Newton iterations remain. The last state is one near the mean. A wave that takes up half of the
+restarts; half of the Newton iterations remain. The last state is one near the mean. A wave that takes up most of the
 mix above the lowest generatrix or grows threefold, without slowing down, or that still grows by a third in the second
 half of the largest travel on the first mesh, has no steady state.
 """
@@ -52,7 +52,7 @@ SCATTER = 2.0  # [-], standard deviations of the last state from the steady mean
 GROWN = 3.0  # [-], area of a wave over that of the first cycle, beyond which it must slow down
 MAX_ERROR = 0.2  # [-], estimated distance from the steady state beyond which there is no answer
 MEAN_CYCLES, MEAN_SHARE = 2.0, 0.25  # [-], largest travel to a state near the mean, and its distance over the scatter
-PLOUGHED = 0.5  # [-], growth of the wave over the depth, from which most of the mix in the way is pushed ahead
+PLOUGHED = 0.8  # [-], growth of the wave over the depth, from which most of the mix in the way is pushed ahead
 TARGET_ERROR = 0.05  # [-], estimated distance below which the depth is corrected for a target
 MIN_TARGET_CYCLES = 6  # [-], cycles after which it is corrected anyway
 MAX_TRIMS = 12  # [-], steps that trim the depth to a prescribed load or pressure

@@ -8,8 +8,8 @@ density, the first at that behind a stroke, the second at the mean of both sides
 interpolated; beyond the last lift they are extrapolated, and the share of the result that is extrapolated is stated.
 
 With several thicknesses of the lifts, P and F/t are extrapolated linearly in the thickness to t_n at every density.
-Errors, added as independent ones: the difference to the extrapolation without the thickest lifts; the finest mesh less
-the limit of vanishing elements, of first order in 1/increments; without other meshes the estimate of the engine.
+Errors, added as independent ones: the difference to a parabola through three thicknesses; the finest mesh less the
+limit of vanishing elements, of first order in 1/increments; without other meshes the estimate of the engine.
 """
 
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from compact.engines.process.lumped_lifts import LiftSequence
 from compact.engines.process.roller_row import RollerRow
 from compact.numerics import Array
 
-SINGLE_LUMPING_ERROR = {"load": 0.03, "resistance": 0.4}  # [-], of lifts of one thickness; difference to three
+SINGLE_LUMPING_ERROR = {"load": 0.05, "resistance": 0.4}  # [-], of lifts of one thickness; difference to three
 
 
 @dataclass(frozen=True)
@@ -94,6 +94,16 @@ class TwoDimensionalRow:
         return self._estimate("resistance", weights * (machine.stroke_shares if machine.strokes is None else 1.0))
 
     @property
+    def load_centre(self) -> float:
+        """Centre of the load from the edge at the empty mould [m]."""
+        return self.row.centre_of(self.at_strokes("load", self.lumpings))
+
+    @property
+    def skew_moment(self) -> float:
+        """Moment of the load about the middle of the roller [N m], + towards the finished product."""
+        return self.load.value * (self.load_centre - self.row.problem.machine.roller_length / 2)
+
+    @property
     def specific_work(self) -> float:
         """Work of the roller per volume of the product [J/m3]; nan of a mould at rest."""
         advance = self.row.problem.machine.advance
@@ -118,7 +128,7 @@ class TwoDimensionalRow:
         stress = confined_stress(problem.material, np.array([lift.bottom_density_ratio]), self.row.history.rate_factor)
         return float(stress[0]) / strip
 
-    def at_strokes(self, name: str, sequences: Sequence[LiftSequence]) -> Array:
+    def at_strokes(self, name: str, sequences: Sequence[LiftSequence], degree: int = 1) -> Array:
         """Return P or F/t of every stroke [N/m, N/m2], extrapolated in the thickness of the lifts to its make-up.
 
         Parameters
@@ -127,6 +137,8 @@ class TwoDimensionalRow:
             Force.
         sequences : sequence of LiftSequence
             One or more sequences of different thicknesses.
+        degree : int
+            Degree of the polynomial in the thickness; less than the number of sequences.
         """
         states = np.array([state.density_ratio for state in self.row.history.states])
         density = states[1:] if name == "load" else (states[:-1] + states[1:]) / 2
@@ -134,8 +146,8 @@ class TwoDimensionalRow:
         if len(sequences) == 1:
             return table[0]
         thickness = np.array([sequence.thickness for sequence in sequences])
-        slope, value = np.polyfit(thickness, table, 1)
-        return value + slope * self.row.history.make_up
+        powers = np.arange(degree, -1, -1)[:, None]
+        return np.sum(np.polyfit(thickness, table, degree) * self.row.history.make_up**powers, axis=0)
 
     def _estimate(self, name: str, weights: Array) -> Estimate:
         lumpings, meshes = self.lumpings, self.meshes
@@ -144,9 +156,9 @@ class TwoDimensionalRow:
         if value == 0:
             return Estimate(0.0, 0.0, 0.0, 0.0)
         lumping = SINGLE_LUMPING_ERROR[name]
-        if len(lumpings) > 1:
-            fewer = lumpings[:-1]
-            lumping = abs(float(self.at_strokes(name, fewer) @ weights) / value - 1)
+        if len(lumpings) > 1:  # parabola of three thicknesses, or no extrapolation of two
+            other = self.at_strokes(name, lumpings, 2) if len(lumpings) > 2 else self.at_strokes(name, lumpings[:1])
+            lumping = abs(float(other @ weights) / value - 1)
         mesh_limit = 1.0
         if len(meshes) > 1:
             sums = [float(self.at_strokes(name, [sequence]) @ weights) for sequence in meshes]

@@ -4,6 +4,7 @@ Each function draws one figure from a finished study and returns it.
 """
 
 from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
 from matplotlib import colormaps
@@ -24,6 +25,7 @@ from compact.report.figures.sweep import label_contours
 SECTION_COLOURS = "cividis_r"  # loose mix is light, dense mix is dark
 SLOPE_ANGLE = 35.0  # [deg], of the loose mix at the empty mould, as drawn
 PRODUCT_SHARE = 0.3  # [-], length of the product shown behind the roller over that of the roller
+DECORATION_SHARE = 0.17  # [-], of the roller length, least height to which words and arrows are in proportion
 HEADROOM = 1.1  # [-], of an axis over the largest value
 STEEL, STEEL_EDGE = "0.88", "0.35"
 MINUTE = 60.0  # [s]
@@ -36,9 +38,10 @@ def draw_section(study: ProcessStudy) -> Figure:
     tail = PRODUCT_SHARE * length
     slope = study.problem.fill.height / np.tan(np.radians(SLOPE_ANGLE))
     span = (-slope - 0.12 * length, length + tail)
-    top = height + 2 * machine.roller_radius + 0.5 * height
+    unit = max(height, DECORATION_SHARE * length)  # of words and arrows, readable above a thin product too
+    top = height + 2 * machine.roller_radius + 0.5 * unit
     scale = 10.0 / (span[1] - span[0])  # [inch/m]
-    heights = ((top + 0.32 * height) * scale, 1.25, 1.25)
+    heights = ((top + 0.32 * unit) * scale, 1.25, 1.25)
     figure = Figure(figsize=(11.6, sum(heights) + 2.0))
     width, total = figure.get_size_inches()
     bottoms = (0.6 + heights[2] + 0.25 + heights[1] + 0.35, 0.6 + heights[2] + 0.25, 0.6)
@@ -48,12 +51,14 @@ def draw_section(study: ProcessStudy) -> Figure:
     ]
     norm = Normalize(min(study.problem.fill.density_ratio, study.problem.feed.density_ratio), 1.0)
     _draw_mix(axes[0], study, norm, slope, tail)
-    _draw_machine(axes[0], study, span, slope)
-    axes[0].set(xlim=span, ylim=(-0.32 * height, top))
+    _draw_machine(axes[0], study, span, slope, unit)
+    axes[0].set(xlim=span, ylim=(-0.32 * unit, top))
     axes[0].set_aspect("equal")
     axes[0].axis("off")
     bar = figure.add_axes((0.8 / width, (total - 0.55) / total, 3.2 / width, 0.16 / total))
-    figure.colorbar(ScalarMappable(norm, colormaps[SECTION_COLOURS]), cax=bar, orientation="horizontal")
+    beyond: Literal["max", "neither"] = "neither" if study.two_dimensions is None else "max"
+    colours = ScalarMappable(norm, colormaps[SECTION_COLOURS])
+    figure.colorbar(colours, cax=bar, orientation="horizontal", extend=beyond)
     bar.set_title("density ratio k: left loose, right without pores", fontsize=9, loc="left")
     edges, history = row.edges, row.history
     found = study.two_dimensions
@@ -109,12 +114,14 @@ def _rows(study: ProcessStudy, state: SectionState) -> Iterator[tuple[float, flo
     yield from zip(nearest.row_heights, nearest.row_density_ratios, strict=True)
 
 
-def _draw_machine(ax: Axes, study: ProcessStudy, span: tuple[float, float], slope: float) -> None:
+def _draw_machine(ax: Axes, study: ProcessStudy, span: tuple[float, float], slope: float, unit: float) -> None:
     """Draw mould, roller and arrows with their words."""
     machine, row = study.problem.machine, study.row
     h, R, L = machine.height, machine.roller_radius, machine.roller_length
-    ax.add_patch(Rectangle((span[0], -0.12 * h), span[1] - span[0], 0.12 * h, facecolor=STEEL, edgecolor=STEEL_EDGE))
-    ax.text(span[0] + 0.01 * L, -0.06 * h, "mould", fontsize=8, va="center")
+    ax.add_patch(
+        Rectangle((span[0], -0.12 * unit), span[1] - span[0], 0.12 * unit, facecolor=STEEL, edgecolor=STEEL_EDGE)
+    )
+    ax.text(span[0] + 0.01 * L, -0.06 * unit, "mould", fontsize=8, va="center")
     ax.add_patch(Rectangle((0, h), L, 2 * R, facecolor=STEEL, edgecolor=STEEL_EDGE))
     ax.plot([-0.03 * L, 1.03 * L], [h + R, h + R], color=STEEL_EDGE, linewidth=0.8, linestyle="-.")
     strokes = machine.strokes_on_section
@@ -128,19 +135,21 @@ def _draw_machine(ax: Axes, study: ProcessStudy, span: tuple[float, float], slop
     for place in np.linspace(0.08, 0.92, 8) * L:
         stroke = min(int(np.searchsorted(row.edges, place, side="right")) - 1, len(fed) - 1)
         if fed[stroke] > 0:
-            ax.annotate("", (place, h + 2 * R + 0.03 * h), (place, h + 2 * R + 0.3 * h), arrowprops=arrow)
+            ax.annotate("", (place, h + 2 * R + 0.03 * unit), (place, h + 2 * R + 0.3 * unit), arrowprops=arrow)
     makeup = f"{fed[fed > 0].min() * 1e3:.2g} to {fed.max() * 1e3:.2g} mm" if fed.any() else "none"
-    ax.text(L, h + 2 * R + 0.34 * h, f"mix fed before each stroke: {makeup}", ha="right", va="bottom", color=PALETTE[1])
-    ax.text(-slope, 0.55 * h, "loose mix\nslides in", ha="center", va="bottom", fontsize=9)
+    ax.text(
+        L, h + 2 * R + 0.34 * unit, f"mix fed before each stroke: {makeup}", ha="right", va="bottom", color=PALETTE[1]
+    )
+    ax.text(-slope, h / 2 + 0.05 * unit, "loose mix\nslides in", ha="center", va="bottom", fontsize=9)
     if machine.strokes is None:
         behind = L + PRODUCT_SHARE * L / 2
         words = f"product\n{row.product_height * 1e3:.1f} mm\nk = {row.product_density_ratio:.3f}"
-        ax.text(behind, h * 1.08, words, ha="center", va="bottom", fontsize=10)
+        ax.text(behind, h + 0.08 * unit, words, ha="center", va="bottom", fontsize=10)
         speed = f"mould moves at {machine.mould_speed * MINUTE:.3g} m/min, {machine.advance * 1e3:.3g} mm per stroke"
-        ax.annotate("", (L * 0.72, -0.22 * h), (L * 0.62, -0.22 * h), arrowprops=arrow)
-        ax.text(L * 0.6, -0.22 * h, speed, ha="right", va="center", color=PALETTE[1])
+        ax.annotate("", (L * 0.72, -0.22 * unit), (L * 0.62, -0.22 * unit), arrowprops=arrow)
+        ax.text(L * 0.6, -0.22 * unit, speed, ha="right", va="center", color=PALETTE[1])
     else:
-        ax.text(L * 0.5, -0.22 * h, "mould at rest", ha="center", va="center", color=PALETTE[1])
+        ax.text(L * 0.5, -0.22 * unit, "mould at rest", ha="center", va="center", color=PALETTE[1])
 
 
 def draw_strokes(study: ProcessStudy) -> Figure:

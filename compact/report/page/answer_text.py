@@ -30,6 +30,8 @@ class Recommendation(NamedTuple):
     ----------
     peak, required : str
         Peak, and peak with its margin; `required` is empty without the uncertainty of the result.
+    other : str
+        Peak of the law by the other criterion; empty without one.
     margin : str
         Margin in per cent.
     agreement : str
@@ -43,11 +45,12 @@ class Recommendation(NamedTuple):
     margin: str
     agreement: str
     part: str
+    other: str
 
     @property
     def sentence(self) -> str:
         """One sentence without a full stop."""
-        least = f"least {self.term}: {self.law}, {self.peak}"
+        least = f"least {self.term}: {self.law}, {self.peak}{f' ({self.other})' if self.other else ''}"
         if self.part:
             return f"{least}, {self.part}; {self.agreement}"
         size = f"; the drive must deliver {self.required}, a margin of {self.margin}"
@@ -70,9 +73,20 @@ def recommendations(study: Study) -> list[Recommendation]:
             CRITERIA[by].quantity.term, verdict.law, _three_digits(verdict.value, unit),
             "" if margin is None else _three_digits(verdict.value * (1 + margin), unit),
             "" if margin is None else format_percent(margin), _agreement(verdict, valid),
-            "" if valid else NOT_FOR_SIZING,
+            "" if valid else NOT_FOR_SIZING, _other_peaks(study, by, verdict.law),
         ))  # fmt: skip
     return found
+
+
+def _other_peaks(study: Study, by: str, law: str) -> str:
+    """State the peaks of a law by the other criteria of the verdict, by the engine of the scene."""
+    motion, kind = study.scene.motion, study.scene.drive.kind
+    found = []
+    for other in own_verdicts(study):
+        value = study.models[0].values(motion.duration, kind, other).get(law)
+        if other != by and value is not None:
+            found.append(f"{CRITERIA[other].quantity.term} {_three_digits(value, CRITERIA[other].unit)}")
+    return ", ".join(found)
 
 
 def _agreement(verdict: Verdict, valid: Sequence[str]) -> str:

@@ -92,7 +92,9 @@ def _law_table(laws: list[LawSizing]) -> Table:
         columns["motor"] = [
             each.choice.chosen.motor.name if each.choice and each.choice.chosen else "none" for each, _ in shown
         ]
-    caption = "Shaft and required rated power of every law, least first; a velocity jump has no finite torque"
+    caption = "Shaft and required rated power of every law, least first"
+    if len(shown) < len(laws):
+        caption += "; a velocity jump has no finite torque"
     return Table.from_columns(caption, columns, ("law", "motor"))
 
 
@@ -101,10 +103,11 @@ def _wheel_table(sizing: MachineSizing) -> Table:
     rows: list[tuple[Cell, ...]] = []
     for wheel in sizing.wheels:
         extremes = f"{format_quantity(wheel.least, 'N')} to {format_quantity(wheel.largest, 'N')}"
-        for each in wheel.cycles[:SHOWN_CYCLES]:
+        for place, each in enumerate(wheel.cycles[:SHOWN_CYCLES]):
             hourly = each.count * SECONDS_PER_HOUR / sizing.period
+            wheel_cells = ("", "") if place else (wheel.name, extremes)
             ranges = (format_quantity(each.range, "N"), format_quantity(each.mean, "N"))
-            rows.append((wheel.name, extremes, *ranges, format_number(each.count), format_number(hourly)))
+            rows.append((*wheel_cells, *ranges, format_number(each.count), format_number(hourly)))
         if not wheel.cycles:
             rows.append((wheel.name, extremes, "constant", "–", "–", "–"))
     header = ("load", "from, to", "range", "mean", "cycles in a cycle", "in an hour")

@@ -57,7 +57,7 @@ def work_warnings(balance: WorkBalance) -> list[str]:
         else:
             found.append(
                 f"mix fed and throughput do not fit: the rollers press {ratio:.2g} of the mix that the mould carries "
-                "away, so that the rest remains uncompacted; a slower mould or shorter strokes would fit"
+                "away, so that the rest remains uncompacted; a slower mould or faster strokes would fit"
             )
     return found
 
