@@ -436,7 +436,7 @@ class RollerFrame:
         state : SolidState
             State of the layer.
         """
-        column = self._last_marked_column
+        column = self._first_uniform_column
 
         def uniform(values: FloatArray) -> FloatArray:
             rows = self.to_rows(values)
@@ -462,15 +462,15 @@ class RollerFrame:
         return uniform
 
     @property
-    def _last_marked_column(self):
-        """Index of the column of Gauss points from which mix may be made uniform."""
+    def _first_uniform_column(self):
+        """Index of the column of Gauss points behind which mix may be made uniform."""
         return int(np.searchsorted(self.row_x, -self.exit_distance - UNIFORM_REAR * self.mesh.height))
 
     @cached_property
     def _rear_nodes(self):
         """Nodes behind that column, and the matrix of values in it at their heights."""
         x, y = self.nodes.T
-        end = self.row_x[self._last_marked_column]
+        end = self.row_x[self._first_uniform_column]
         behind = np.flatnonzero(x < end)
         return behind, self.interpolation_matrix(np.array([np.full(behind.size, end), y[behind]]))
 

@@ -57,6 +57,7 @@ MAX_JUMP, MAX_FIRST_JUMP = 0.25, 0.35  # [-], change of the wave by one jump ove
 LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave
 SETTLING_TOLERANCE = 1e-2  # [-], residual of a step over the nodal forces; 1e-4 changes a load by 4e-5
 FINAL_TOLERANCE = 1e-3  # [-], of those near the steady state, whose scatter counts; of the last `ROLLING_TOLERANCE`
+EXACT_STEPS = 4  # [-], last steps; the gap in the contact is then below 1e-5 of the depth
 NEAR = 4.0  # [-], estimated distance from the steady state over its tolerance
 JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
 GROWTH, MAX_GROWTHS = 0.3, 7  # [-], required jump over the area, and number of successive ones with a steady state
@@ -239,9 +240,10 @@ class SteadySearch:
         raise self._unsteady_error()
 
     def _advance_exactly(self) -> None:
-        """Make a step without damping to the full tolerance."""
+        """Make steps without damping to the full tolerance, in which the multipliers of the contact converge."""
         self.rolling.solver.tolerance = ROLLING_TOLERANCE
-        self.rolling.advance(self._height, damping=0.0)
+        for _ in range(EXACT_STEPS):
+            self.rolling.advance(self._height, damping=0.0)
         self.rolling.solver.tolerance = FINAL_TOLERANCE
 
     @property
