@@ -47,7 +47,7 @@ from compact.engines.compaction.roller_frame import transfer_state
 from compact.material.laws import DruckerPragerCap
 from compact.rolling_contact import Unsteady, UnsteadyError
 
-FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle
+FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle; new depths
 SETTLING, MEASURING = 0.8, 0.7  # [-], of the later cycles
 FINAL_SETTLING = 2.0  # [-], after the last jump; the mix of the exit column has then passed the whole contact
 HEIGHT_SHARE = 1 / 3  # [-], of the layer height, which counts as contact length at least; later passes are that short
@@ -226,7 +226,8 @@ class SteadySearch:
                 is_met = abs(secant.last_miss) < self.target_tolerance
                 depth, is_final = depth if is_met else corrected, is_met and self.errors.total < self.tolerance
             self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else SETTLING_TOLERANCE
-            self._correct(depth, jump, FINAL_SETTLING if is_final else SETTLING)
+            settling = SETTLING if depth == self.depth else FIRST_SETTLING
+            self._correct(depth, jump, FINAL_SETTLING if is_final else settling)
             if is_final:
                 self._advance_exactly()
                 last = self.rolling.steps[-1]
