@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from interrupts import heed_interrupts
 
-from compact import cli
+from compact.cli import program as cli
 from compact.files import default_directory
 
 ROOT = Path(__file__).parent.parent
@@ -321,7 +321,9 @@ def test_errors_of_arithmetic_are_a_sentence_with_a_remedy(compact, monkeypatch,
     monkeypatch.setattr("compact.scene.loader.load_scene", lambda *_, **__: compute())
     told = compact("run", SMALL)
     assert told.returncode == 1
-    assert re.match(rf"compact: the computation failed in cli: .*{meaning}|compact: {meaning} in cli", told.stderr)
+    assert re.match(
+        rf"compact: the computation failed in options: .*{meaning}|compact: {meaning} in options", told.stderr
+    )
     assert "check their units" in told.stderr
     assert not re.search("encountered|internal error|Traceback|Singular", told.stderr)
 
@@ -332,4 +334,4 @@ def test_a_failed_allocation_is_a_sentence(compact, monkeypatch):
 
     monkeypatch.setattr("compact.scene.loader.load_scene", too_large)
     told = compact("run", SMALL)
-    assert (told.returncode, told.stderr.startswith("compact: not enough memory in cli; lower")) == (1, True)
+    assert (told.returncode, told.stderr.startswith("compact: not enough memory in options; lower")) == (1, True)

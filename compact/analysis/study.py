@@ -202,8 +202,11 @@ class Study:
 
     @cached_property
     def uncertainty(self) -> RankingUncertainty | None:
-        """Effect of every source of uncertainty on the recommended laws; None without the output "report"."""
-        if "report" not in self.scene.output.items:
+        """Effect of every source of uncertainty on the recommended laws.
+
+        None without the output "report", and where the engine of the scene is not valid for sizing.
+        """
+        if "report" not in self.scene.output.items or not self.engine.sizing:
             return None
         motion, kind = self.scene.motion, self.scene.drive.kind
         found = {by: verdict(self.models, motion.duration, kind, by) for by in self._sizing_peaks}

@@ -3,6 +3,7 @@
 Numbers are in SI units with the unit in the text.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from itertools import chain
 from textwrap import wrap
@@ -36,6 +37,7 @@ WHOLE = 1000.0  # values from here on have no decimals
 DIGEST_CRITERIA = 2  # [-], number of criteria in the digest, the first of the scene
 DIGEST_NUMBER = "roller_force"
 DIGEST_LINES = 38  # [-]; the digest and the line of the results fit 40 lines
+PART_OF = re.compile(r" of \w+\)$")  # end of the share of a resistance in another
 SHORT_CELLS = {  # words of the table of models in the terminal
     f"no: {answer_text.NOT_FOR_SIZING}": "no (part)", "discretisation error": "error", "mean resistance": "resistance",
     "least peak drive force": "least peak force", "least peak drive power": "least peak power",
@@ -310,7 +312,7 @@ def _number_line(name: str, number: Number) -> str:
 def _model_lines(study: Study) -> Iterator[str]:
     """List the models in columns of equal width."""
     rows = answer_text.model_table(study)
-    table = [[SHORT_CELLS.get(cell, cell).replace(" of the first", "") for cell in row] for row in rows]
+    table = [[PART_OF.sub(")", SHORT_CELLS.get(cell, cell)) for cell in row] for row in rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for row in table:
         yield "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()

@@ -9,10 +9,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from compact import cli
 from compact.analysis.calibration import calibrate, calibration_digest
 from compact.analysis.contact_cases import compaction_material, contact_inputs, scene_mix
 from compact.analysis.stages.contacts import roll_scene
+from compact.cli import program as cli
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
 from compact.engines.compaction.results import CompactionContactResult

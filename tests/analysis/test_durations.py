@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact import cli
 from compact.analysis.sizing import durations
 from compact.analysis.sizing.durations import DurationStudy, over_durations, read_durations
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.study import Study
+from compact.cli import program as cli
 from compact.report import writer
 from compact.report.figures.sizing import draw_durations
 from compact.report.page.sizing import duration_section

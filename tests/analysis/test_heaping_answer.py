@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact import cli
 from compact.analysis.stages.comparison import resistances_without_wave
 from compact.analysis.study import Study
+from compact.cli import program as cli
 from compact.engines.compaction import engine as compaction
 from compact.report import text
 from compact.report import writer as report

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from lift_sequences import sequence
 
-from compact import cli
 from compact.analysis import process
 from compact.analysis.process import ProcessStudy
+from compact.cli import program as cli
 from compact.report.process_writer import process_digest, process_summary
 from compact.scene.loader import SceneError, load_scene
 

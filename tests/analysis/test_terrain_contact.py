@@ -8,7 +8,7 @@ import pytest
 
 from compact.analysis.contact_cases import roll_on_terrain
 from compact.analysis.engines import ENGINES
-from compact.cli import roll
+from compact.cli.program import roll
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
 from compact.scene.terrain_data import build_terrain, published_terrains, read_terrain

@@ -131,6 +131,24 @@ def test_peak_changes_by_less_than_the_resistance_because_of_inertia():
     assert known.peak_change(FORCE, 1.0) == pytest.approx(0.0, abs=1e-12)
 
 
+def test_linear_lead_has_no_margin_and_the_peaks_of_a_valid_model():
+    case = Study(study().scene.replaced(**{
+        "accuracy.engine": "spectral", "compare": None, "machine.roller_condition": "frictionless",
+        "machine.gap_geometry": "circle", "motion.laws": ["cubic", "parabolic"], "drive.kind": "rigid",
+        "drive.stiffness": None, "drive.damping": None, "motion.other_durations": None,
+    }))  # fmt: skip
+    assert case.uncertainty is None
+    first = answer_text.recommendations(case)[0].sentence
+    assert re.match(r"least peak drive force: parabolic, 5\.\d+ kN by formula \(", first)
+    assert "margin" not in first
+
+
+def test_stalled_drive_has_no_peak():
+    scales, peaks = stage._finite(np.array([0.5, 1.0, 2.0]), [1.0, 2.0, math.inf])
+    assert (scales, peaks) == ((0.5, 1.0), (1.0, 2.0))
+    assert stage._first({}, "cubic") == "cubic"
+
+
 # crossovers of the first law over the duration
 
 FIRST = {  # duration [s] -> first law by peak force and by peak power with a rigid drive

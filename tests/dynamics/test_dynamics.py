@@ -680,7 +680,7 @@ LONG = """
 import sys
 from dataclasses import replace
 import numpy as np
-from compact import cli
+from compact.cli import program as cli
 from compact.machine import elastic_cycle, elastic_drive
 
 simulate = elastic_drive.simulate_elastic

@@ -187,7 +187,8 @@ def test_integration_in_several_calls_agrees(monkeypatch):
 
 LONG = """
 import sys
-from compact import cli, column
+from compact import column
+from compact.cli import program as cli
 from compact.material import Compaction
 from compact.rolling_contact import Roller
 

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from compact import cli
 from compact.analysis.stages import costs as stage_costs
 from compact.analysis.study import Study
+from compact.cli import program as cli
 from compact.report import progress
 from compact.report.progress import Progress, format_time, spinning, tracked
 from compact.scene.loader import load_scene

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple, get_args
 
 import pytest
 
-from compact import cli
 from compact.analysis.engines import ENGINES as REGISTRY
+from compact.cli import program as cli
 from compact.scene import plausible_ranges
 from compact.scene.errors import tables_of
 from compact.scene.loader import SceneError, load_scene, read_change, starter_scene

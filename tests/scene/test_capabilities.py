@@ -8,9 +8,9 @@ from typing import get_args
 import pytest
 from pages import answer_words
 
-from compact import cli
 from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.study import Study
+from compact.cli import program as cli
 from compact.engines import formula
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction

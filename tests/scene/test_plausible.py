@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact import cli
+from compact.cli import program as cli
 from compact.material import mix
 from compact.scene import plausible_ranges
 from compact.scene.loader import Scene, SceneError, load_scene

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import xarray
 
-from compact import cli
 from compact.analysis.worker_pool import ProcessExecutor, SerialExecutor
+from compact.cli import program as cli
 from compact.report import sweep_writer
 from compact.scene.loader import load_scene
 from compact.sweep import corrected, sobol_indices

@@ -15,9 +15,9 @@ import pytest
 import xarray
 from interrupts import heed_interrupts
 
-from compact import cli
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerDied, run_tasks
+from compact.cli import program as cli
 from compact.files import ResultsError
 from compact.report import sweep_writer
 from compact.report.figures import sweep as sweep_figures

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from compact import cli
+from compact.cli.checks import validate
+from compact.cli.options import NO_RESULT, SUCCESS
 from compact.report import validation_writer
 from compact.validation import registry
 from compact.validation.case import Comparison, read_rows
@@ -63,12 +64,12 @@ def test_an_unknown_case_is_refused_with_the_names():
 
 
 def test_the_command_prints_a_case_and_fails_if_a_value_moves(monkeypatch, capsys, tmp_path):
-    assert cli.validate(("cam-clay",), out=tmp_path) == cli.SUCCESS
+    assert validate(("cam-clay",), out=tmp_path) == SUCCESS
     said = capsys.readouterr()
     assert "8 numbers of 1 case: 8 met, 0 explained, 0 not met" in said.out
     assert (tmp_path / "validation" / "cam-clay.png").exists()
     monkeypatch.setattr(registry, "recorded_values", lambda name: {"K0_1": 0.75})
-    assert cli.validate(("cam-clay",)) == cli.NO_RESULT
+    assert validate(("cam-clay",)) == NO_RESULT
     said = capsys.readouterr()
     assert "MOVED: ours 0.748" in said.out
     assert "NOT RECORDED" in said.out

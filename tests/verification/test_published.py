@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compact import cli
+from compact.cli import program as cli
 from compact.verification import published_numbers
 
 # Verdicts on the printed peaks of D ch. 5, acceleration and jerk, copied from the shared table `laws.csv`.

@@ -80,7 +80,7 @@ class WorkPlan:
             "model spread": int("model_spread" in items and not self.counts["kept"]),
             "coupled": rolled and is_coupled(self.scene) * len(contact_speeds(self.scene)),
             "comparison": len(self.scene.compared_engines), "report": int("report" in items),
-            "uncertainty": int("report" in items),
+            "uncertainty": int("report" in items and self.engine.sizing),
             "durations": self.durations,
         })  # fmt: skip
         for stage in COUNTED_LATER:

@@ -16,7 +16,7 @@ Saltelli A. et al. (2010): Variance based sensitivity analysis of model output. 
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations_with_replacement
@@ -194,10 +194,16 @@ def ranking_uncertainty(
     sources += _durations(models[0], verdicts)
     ratios = [1.0, *((mix.low, mix.high) if mix else ()), *(spread or ())]
     scales = np.linspace(0.8 * min(ratios), 1.2 * max(ratios), SCALES)
-    peaks = {by: (tuple(scales.tolist()), tuple(variation.peak(by, scale) for scale in scales)) for by in laws}
+    peaks = {by: _finite(scales, [variation.peak(by, scale) for scale in scales]) for by in laws}
     if mix is not None:
         mix = replace(mix, shares={by: _shares(mix, *peaks[by]) for by in laws})
     return RankingUncertainty(tuple(sources), mix, peaks)
+
+
+def _finite(scales: NDArray[np.float64], peaks: Sequence[float]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the scales with a finite peak, and the peaks."""
+    found = [(float(scale), peak) for scale, peak in zip(scales, peaks, strict=True) if math.isfinite(peak)]
+    return tuple(scale for scale, _ in found), tuple(peak for _, peak in found)
 
 
 class _Variation:
@@ -227,11 +233,11 @@ class _Variation:
         return self._end({by: {name: value_of(run, by) for name, run in runs.items()} for by in self.laws})
 
     def peak(self, by: str, scale: float) -> float:
-        """Return the peak of the recommended law under a scaled resistance [N] or [W]."""
+        """Return the peak of the recommended law under a scaled resistance [N] or [W], infinite if the drive stalls."""
         law = self.laws[by]
         cycles = {law: self.stages.laws.cycles[law]}
-        ((_, run),) = self.stages.drive.simulated(cycles, self._resistance(scale), nullcontext())
-        return float(value_of(run, by))
+        runs = dict(self.stages.drive.simulated(cycles, self._resistance(scale), suppress(RuntimeError)))
+        return float(value_of(runs[law], by)) if runs else math.inf
 
     def over_compacted_mix(self) -> tuple[SourceEnd, SourceEnd] | None:
         """Return the answers with the other and the own mix under the return stroke; None without a second pass."""
@@ -250,8 +256,8 @@ class _Variation:
 
 def _first(values: Mapping[str, float], recommended: str) -> str:
     """Name the law with the least value; the recommended one if it is as good but for rounding."""
-    least = min(values.values())
-    if values.get(recommended, math.inf) <= least * (1 + LEAST_EFFECT):
+    least = min(values.values(), default=math.inf)
+    if not values or values.get(recommended, math.inf) <= least * (1 + LEAST_EFFECT):
         return recommended
     return min(values, key=lambda law: values[law])
 
@@ -367,8 +373,7 @@ def mix_spread(scene: Scene) -> MixSpread | None:
         ends = np.array([centre, centre])
         ends[:, index] = 0.0, 1.0
         alone[name] = resistance(ends[0]) / base, resistance(ends[1]) / base
-    stiff = columns.replaced(**{"mix.overrides.heckel_slope": scene_mix(columns).heckel_slope / 2})
-    twice = _roll_or_nan(stiff) / base
+    twice = _resistance_with(columns, {"mix.overrides.heckel_slope": scene_mix(columns).heckel_slope / 2}) / base
     return MixSpread(
         float(low), float(high), fit, names, ranges, alone, {}, float(twice), tuple(coefficients.tolist())
     )  # fmt: skip
@@ -419,16 +424,14 @@ def _resistance_at(scene: Scene, ranges: Mapping[str, tuple[float, float]], shar
     """Return the resistance of a roller at positions in the ranges [N/m]; nan without a solution."""
     keys = (f"layer.{FED}" if name == FED else f"mix.overrides.{name}" for name in ranges)
     values = (_value_at(float(share), *ends) for share, ends in zip(shares, ranges.values(), strict=True))
-    try:
-        changed = scene.replaced(**dict(zip(keys, values, strict=True)))
-    except ValueError:
-        return math.nan
-    return _roll_or_nan(changed)
+    return _resistance_with(scene, dict(zip(keys, values, strict=True)))
 
 
-def _roll_or_nan(scene: Scene) -> float:
+def _resistance_with(scene: Scene, changes: Mapping[str, float]) -> float:
+    """Return the resistance of a roller for changed keys [N/m]; nan without a solution."""
     try:
-        return float(roll_scene(scene, scene_mix(scene), scene.mean_speed).resistance)
+        changed = scene.replaced(**changes)
+        return float(roll_scene(changed, scene_mix(changed), changed.mean_speed).resistance)
     except (ValueError, RuntimeError):
         return math.nan
 

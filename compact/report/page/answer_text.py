@@ -5,6 +5,7 @@ motor, the model, the agreement, another duration, a rigid drive, a stiffer mix,
 that is held.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
@@ -57,6 +58,11 @@ class Recommendation(NamedTuple):
         return f"{least}; {self.agreement}{size if self.required else ''}"
 
 
+def _sizing_model(study: Study) -> ModelAnswer:
+    """Return the first model that is valid for sizing, the first model where there is none."""
+    return next((model for model in study.models if model.valid), study.models[0])
+
+
 def own_verdicts(study: Study) -> dict[str, Verdict]:
     """Return the verdicts at the duration and with the drive of the scene, by criterion."""
     own = study.scene.motion.duration, study.scene.drive.kind
@@ -66,11 +72,13 @@ def own_verdicts(study: Study) -> dict[str, Verdict]:
 def recommendations(study: Study) -> list[Recommendation]:
     """State the recommended law, its peak and the margin of the drive by each criterion of the verdict."""
     valid, found = [each.engine for each in study.models if each.valid], []
+    sizing = _sizing_model(study)
+    by_engine = "" if sizing is study.models[0] else f" by {sizing.engine}"
     for by, verdict in own_verdicts(study).items():
         margin = None if study.uncertainty is None else study.uncertainty.margin(by)
         unit = CRITERIA[by].unit
         found.append(Recommendation(
-            CRITERIA[by].quantity.term, verdict.law, _three_digits(verdict.value, unit),
+            CRITERIA[by].quantity.term, verdict.law, _three_digits(verdict.value, unit) + by_engine,
             "" if margin is None else _three_digits(verdict.value * (1 + margin), unit),
             "" if margin is None else format_percent(margin), _agreement(verdict, valid),
             "" if valid else NOT_FOR_SIZING, _other_peaks(study, by, verdict.law),
@@ -83,7 +91,7 @@ def _other_peaks(study: Study, by: str, law: str) -> str:
     motion, kind = study.scene.motion, study.scene.drive.kind
     found = []
     for other in own_verdicts(study):
-        value = study.models[0].values(motion.duration, kind, other).get(law)
+        value = _sizing_model(study).values(motion.duration, kind, other).get(law)
         if other != by and value is not None:
             found.append(f"{CRITERIA[other].quantity.term} {_three_digits(value, CRITERIA[other].unit)}")
     return ", ".join(found)
@@ -91,7 +99,7 @@ def _other_peaks(study: Study, by: str, law: str) -> str:
 
 def _agreement(verdict: Verdict, valid: Sequence[str]) -> str:
     """State the agreement of the models on rank 1, or the tie."""
-    models = "the only model" if len(valid) < 2 else f"all {len(valid)} valid models"
+    models = "the only valid model" if len(valid) < 2 else f"all {len(valid)} valid models"
     if verdict.resolved:
         return f"resolved: {models} beyond {'its' if len(valid) < 2 else 'their'} errors and the spread of the mix"
     others = verdict.contenders[1:]
@@ -113,11 +121,11 @@ def model_table(study: Study, duration: float | None = None, drive: str | None =
     duration, drive = duration or motion.duration, drive or study.scene.drive.kind
     criteria = [by for (time, kind, by) in study.verdicts if (time, kind) == (duration, drive)]
     terms = [f"least {CRITERIA[by].quantity.term}" for by in criteria]
-    lead, rows = study.models[0], []
+    lead, rows = _sizing_model(study), []
     forces = format_column([model.mean_resistance[duration] for model in study.models], "N", 3)
     for model, force in zip(study.models, forces, strict=True):
         part = model.mean_resistance[duration] / lead.mean_resistance[duration]
-        ratio = "" if model.valid == lead.valid else f" ({format_percent(part)} of the first)"
+        ratio = "" if model.valid == lead.valid else f" ({format_percent(part)} of {lead.engine})"
         rows.append([
             model.engine, "yes" if model.valid else f"no: {NOT_FOR_SIZING}",
             *(_first_cell(model, duration, drive, by) for by in criteria), force + ratio,
@@ -180,7 +188,7 @@ def stiffness_sentence(study: Study) -> str:
         One sentence without a full stop; empty without the uncertainty of the result.
     """
     known = study.uncertainty
-    if known is None or known.mix is None:
+    if known is None or known.mix is None or not math.isfinite(known.mix.twice_as_stiff):
         return ""
     ratio = known.mix.twice_as_stiff
     changes = ", ".join(

@@ -7,36 +7,32 @@ inside the commands, so that `--help` answers within a quarter of a second.
 import os
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
 from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
+from compact.cli import checks
+from compact.cli.options import (
+    INTERRUPTED,
+    INVALID_INPUT,
+    NO_RESULT,
+    SUCCESS,
+    Changes,
+    Engine,
+    Force,
+    Quiet,
+    ScenePath,
+    print_error,
+    read_scene,
+    read_study,
+)
 from compact.files import ResultsError, default_directory
 
-if TYPE_CHECKING:
-    from compact.analysis.study import Study
-    from compact.scene.loader import Scene
-
-SUCCESS, NO_RESULT, INVALID_INPUT, INTERRUPTED = 0, 1, 2, 130
 INTERRUPTED_MESSAGE = "interrupted; every file already written is whole"
-MESSAGE_LIMIT, MESSAGE_END = 1000, 400  # [characters], longest message; kept of each end of a longer one
 FORMER_OPTIONS = {"--indices": "--sobol", "--fit": "--parameters"}  # accepted for one release
-
-# options that several commands share
-ScenePath = Annotated[Path, Parameter(help="scene file in TOML")]
-Engine = Annotated[
-    Literal["formula", "column", "spectral", "fem", "compaction"] | None,
-    Parameter(help="contact engine that replaces the engine of the scene"),
-]
-Changes = Annotated[
-    tuple[str, ...],
-    Parameter(name="--set", negative="", help="change one key of the scene, such as mix.moisture=0.11; repeatable"),
-]
-Force = Annotated[bool, Parameter(help="overwrite the results of another scene")]
-Quiet = Annotated[bool, Parameter(help="print errors only")]
 
 app = App(
     name="compact",
@@ -44,6 +40,8 @@ app = App(
     help_format="plaintext",
     suppress_keyboard_interrupt=False,  # handled in `_exit_code`
 )
+for _command in (checks.material, checks.calibrate, checks.check, checks.validate):
+    app.command(_command)
 
 
 def main() -> None:
@@ -79,7 +77,7 @@ def _exit_code(arguments: Sequence[str]) -> int:
         message, code, is_expected = _diagnosis(error)
         if not is_expected and os.environ.get("COMPACT_TRACEBACK"):
             raise
-        return _print_error(message, code)
+        return print_error(message, code)
 
 
 def _diagnosis(error: BaseException) -> tuple[object, int, bool]:
@@ -108,14 +106,6 @@ def _current_option(argument: str) -> str:
     present = FORMER_OPTIONS[name]
     warnings.warn(f"{name} is now {present}; the former name is accepted for one release", DeprecationWarning, 2)
     return present + equals + value
-
-
-def _print_error(message: object, code: int) -> int:
-    text = str(message)
-    if len(text) > MESSAGE_LIMIT:  # an iteration history: its beginning and its end
-        text = f"{text[:MESSAGE_END]} ... {text[-MESSAGE_END:]}"
-    print(f"compact: {text}", file=sys.stderr)
-    return code
 
 
 warnings.formatwarning = lambda message, *_, **__: f"compact: warning: {message}\n"
@@ -174,7 +164,7 @@ def run(
 
     progress = Progress(quiet=quiet)
     directory = out or default_directory(scene)
-    study = _study(
+    study = read_study(
         scene, quiet, {"accuracy.engine": engine, "accuracy.tolerance": tolerance}, changes, directory=directory,
         step=lambda stage: progress.begin(stage, study.plan.cost(stage), total=study.plan.total_cost),
         progress=progress.report, durations=() if over is None else read_durations(over),
@@ -229,7 +219,7 @@ def roll(
         _roll_on_terrain(scene, engine, material, slip, out, changes=changes, force=force, quiet=quiet)
         return
     progress = Progress(quiet=quiet)
-    study = _study(scene, quiet, {"accuracy.engine": engine}, changes, progress=progress.report)
+    study = read_study(scene, quiet, {"accuracy.engine": engine}, changes, progress=progress.report)
     if speed is not None:
         check_speed(speed, study.scene.unusual)
     speed = speed if speed is not None else study.scene.mean_speed
@@ -245,18 +235,8 @@ def roll(
         print(f"\nresults: {directory}")
 
 
-def _roll_on_terrain(
-    path: Path,
-    engine: str | None,
-    material: str | None,
-    slip: float | None,
-    out: Path | None,
-    *,
-    changes: Sequence[str],
-    force: bool,
-    quiet: bool,
-) -> None:
-    """Compute the roller of a scene on terrain, and write its files."""
+def _roll_on_terrain(path, engine, material, slip, out, *, changes, force, quiet) -> None:
+    """Compute the roller of a scene on terrain, and write its files; arguments as of `roll`."""
     from compact.analysis.contact_cases import roll_on_terrain
     from compact.files import claimed_directory
     from compact.report.contact_tables import terrain_digest, write_terrain_contact
@@ -265,7 +245,7 @@ def _roll_on_terrain(
         raise ValueError(f"--slip {slip:g} needs --material, the terrain under the wheel")
     if engine not in (None, "column"):
         raise ValueError(f"--material needs the engine column, got {engine}")
-    given = _scene(path, True, changes, {"accuracy.engine": "column"})
+    given = read_scene(path, True, changes, {"accuracy.engine": "column"})
     contact = roll_on_terrain(given, material, slip)
     place = out or default_directory(path, "terrain")
     with claimed_directory(place, given.hash, force) as directory:
@@ -308,45 +288,12 @@ def cam(
     from compact.cams import export as cam_files
     from compact.report import text
 
-    study = _study(scene, quiet, {} if law.startswith("least-") else {"motion.laws": (law,)}, changes)
+    study = read_study(scene, quiet, {} if law.startswith("least-") else {"motion.laws": (law,)}, changes)
     made = study.law_stage.cam(law, follower)
     written = cam_files.write_cam_files(out or default_directory(scene, "cams"), study.scene, made, cutter, tolerance)
     if not quiet:
         print(text.cam_digest(law, made))
         print("\n".join(f"  {path}" for path in written))
-
-
-@app.command
-def material(
-    scene: ScenePath,
-    /,
-    *,
-    out: Path | None = None,
-    changes: Changes = (),
-    force: Force = False,
-    quiet: Quiet = False,
-) -> None:
-    """Apply the tests of a laboratory to the mix of a scene: oedometer, isotropic, biaxial, shear, unconfined strength.
-
-    Parameters
-    ----------
-    out
-        folder of material.csv, material.json and material.png; default out/NAME-material, NAME as in `compact run`
-    """
-    from compact.analysis.contact_cases import compaction_material, scene_mix
-    from compact.analysis.material_tests import LaboratoryProgramme
-    from compact.files import claimed_directory
-    from compact.report.material_writer import material_digest, write_material_tests
-
-    given = _scene(scene, quiet, changes)
-    mix = scene_mix(given)
-    programme = LaboratoryProgramme(compaction_material(given, mix), given.mix.density_ratio, mix.required_pressure)
-    place = out or default_directory(scene, "material")
-    with claimed_directory(place, given.hash, force) as directory:
-        write_material_tests(programme, given.mix.law, directory)
-    if not quiet:
-        print(material_digest(programme, given.mix.law))
-        print(f"\nresults: {place}")
 
 
 @app.command
@@ -378,61 +325,13 @@ def process(
     from compact.report.progress import Progress
 
     progress, place = Progress(quiet=quiet), out or default_directory(scene, "process")
-    given = _scene(scene, quiet, changes)
+    given = read_scene(scene, quiet, changes)
     study = ProcessStudy(given, "deep" if deep else "quick" if quick else "columns", progress.report)
     with claimed_directory(place, given.hash, force) as directory, progress:
         progress.begin("strokes of the process")
         write_process(study, directory)
     if not quiet:
         print(f"{process_digest(study)}\n\nresults: {place}")
-
-
-@app.command
-def calibrate(
-    scene: ScenePath,
-    measured: Path,
-    /,
-    *,
-    parameters: tuple[Literal["heckel_slope", "fed_density_ratio"], ...] = ("heckel_slope", "fed_density_ratio"),
-    engine: Literal["column", "compaction"] = "column",
-    increments: int | None = None,
-    out: Path | None = None,
-    changes: Changes = (),
-    quiet: Quiet = False,
-) -> None:
-    """Fit the Heckel slope and the initial density ratio of a scene to measurements of its plant.
-
-    Parameters
-    ----------
-    measured
-        TOML or CSV file of measured load, resistance and exit density
-    parameters
-        parameters to fit, at most as many as there are data
-    engine
-        contact engine of every trial: columns take a second, finite elements take minutes
-    increments
-        elements of travel per contact length (finite elements); 14 by default, 7 cost a third and differ by 1 to 2 %
-    out
-        the JSON file; default out/NAME-calibration.json, NAME as in `compact run`
-    """
-    from compact.analysis import calibration
-    from compact.files import write_json
-    from compact.report.progress import spinning
-    from compact.scene.plant_data import read_measurements
-
-    readings = read_measurements(measured)
-    options: dict[str, Any] = {} if increments is None else {"increments": increments}
-    given = _scene(scene, quiet, changes)
-    with spinning(f"fit by {engine}", quiet=quiet):
-        found = calibration.calibrate(given, readings, engine, parameters, **options)
-    path = out or default_directory(scene, "calibration.json")
-    write_json(path, calibration.calibration_summary(found))
-    if not quiet:
-        print(calibration.calibration_digest(found))
-        print(
-            f"\nfor the scene: --set mix.overrides.heckel_slope={found.heckel_slope:.6g} "
-            f"--set layer.fed_density_ratio={found.fed_density_ratio:.6g}\nresults: {path}"
-        )
 
 
 @app.command
@@ -486,7 +385,7 @@ def sweep(
 
     workforce = choose_executor(workers, scheduler)
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
-    given, varied = _scene(scene, quiet, changes, asked), [varying.read_design(text) for text in vary]
+    given, varied = read_scene(scene, quiet, changes, asked), [varying.read_design(text) for text in vary]
     many = create_sweep(given, varied, rank=rank, indices=sobol, direct=direct)
     directory, failed = out or default_directory(scene, "sweep"), 0
 
@@ -506,95 +405,4 @@ def sweep(
             print(f"compact: {name} was incomplete; its points have been computed again", file=sys.stderr)
         digest = sweep_writer.sweep_digest(table, indices)
         print(f"{digest}\n\n{many.computed} of {many.needed} computed now; results: {directory}")
-    return SUCCESS if (table["reason"] == "").any() else _print_error("no point has a result", NO_RESULT)
-
-
-@app.command
-def check(*, markdown: bool = False) -> int:
-    """Print every published number with the computed value and the verdict; exit 1 if a value has changed.
-
-    Parameters
-    ----------
-    markdown
-        print them as a table of Markdown
-    """
-    from compact.verification import published_numbers
-
-    rows = published_numbers.rows()
-    print(published_numbers.markdown(rows) if markdown else published_numbers.text_table(rows))
-    changed = [row for row in rows if not row.unchanged]
-    if changed:
-        return _print_error(f"{len(changed)} of {len(rows)} computed numbers have changed", NO_RESULT)
-    print(f"\n{len(rows)} numbers checked: all are unchanged")
-    return SUCCESS
-
-
-@app.command
-def validate(
-    names: Annotated[tuple[str, ...], Parameter(name="CASE", negative="")] = (),
-    /,
-    *,
-    out: Path | None = None,
-    markdown: bool = False,
-    quiet: Quiet = False,
-) -> int:
-    """Compute the cases that others measured or computed, and print ours, theirs and the verdict; exit 1 if ours moves.
-
-    Parameters
-    ----------
-    names
-        names of cases, all by default; or folders of a plant with one TOML, a scene with [case], and one CSV
-    out
-        folder for the page, the table and the figures
-    markdown
-        print the page docs/validation.md
-    """
-    from compact.report import validation_writer
-    from compact.report.progress import Progress
-    from compact.validation.registry import evaluate_case, select_cases
-
-    cases = select_cases(names)
-    results = []
-    with Progress(total=sum(case.seconds for case in cases), quiet=quiet) as progress:
-        for case in cases:
-            progress.begin(case.name, case.seconds)
-            results.append(evaluate_case(case))
-    written = [] if out is None else validation_writer.write_validation(out, results)
-    if not quiet:
-        print(validation_writer.markdown_page(results) if markdown else validation_writer.text_table(results))
-        print("".join(f"  {path}\n" for path in written), end="")
-    moved = sum(len(result.moved) for result in results)
-    return _print_error(f"{moved} computed numbers have moved from the recorded ones", NO_RESULT) if moved else SUCCESS
-
-
-def _study(
-    path: Path,
-    quiet: bool,
-    replacements: Mapping[str, object],
-    changes: Sequence[str] = (),
-    step: Callable[[str], None] = lambda _: None,
-    directory: Path | None = None,
-    progress: Callable[[str], None] | None = None,
-    durations: Sequence[float] = (),
-) -> "Study":
-    """Load a scene file with some of its keys replaced, and return its study."""
-    from compact.analysis.study import Study
-
-    return Study(_scene(path, quiet, changes, replacements), step, directory, progress, durations)
-
-
-def _scene(
-    path: Path, quiet: bool, changes: Sequence[str] = (), replacements: Mapping[str, object] | None = None
-) -> "Scene":
-    """Load a scene file with some of its keys replaced, and print the advice on it."""
-    from compact.scene.loader import load_scene, read_change
-
-    wanted = dict(replacements or {}) | dict(map(read_change, changes))
-    scene = load_scene(path, **{key: value for key, value in wanted.items() if value is not None})
-    for sentence in scene.advice if not quiet else ():
-        print(f"compact: advice: {sentence}", file=sys.stderr)
-    return scene
-
-
-if __name__ == "__main__":
-    main()
+    return SUCCESS if (table["reason"] == "").any() else print_error("no point has a result", NO_RESULT)
