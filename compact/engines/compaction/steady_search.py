@@ -241,10 +241,10 @@ class SteadySearch:
         raise self._unsteady_error()
 
     def _advance_exactly(self) -> None:
-        """Make steps without damping to the full tolerance, in which the multipliers of the contact converge."""
+        """Make steps to the full tolerance, in which the multipliers of the contact converge, the last undamped."""
         self.rolling.solver.tolerance = ROLLING_TOLERANCE
-        for _ in range(EXACT_STEPS):
-            self.rolling.advance(self._height, damping=0.0)
+        for damping in [*[FINAL_DAMPING_RATIO * DAMPING] * (EXACT_STEPS - 1), 0.0]:
+            self.rolling.advance(self._height, damping)
         self.rolling.solver.tolerance = FINAL_TOLERANCE
 
     @property
