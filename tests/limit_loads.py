@@ -11,10 +11,9 @@ from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, So
 from compact.material.earth_pressure import matched_slopes
 from compact.material.laws import DruckerPragerCap
 from compact.mesh import RowMesh
+from compact.validation.plastic_limits import solve_increment
 
 COHESION, MODULUS = 10e3, 100e6  # [Pa]
-RESIDUAL = 1e-4  # [-], of an increment over the nodal forces
-ITERATIONS, CUTS = 40, 8  # [-], of one increment, and of one line search
 DENSE = 0.985  # [-], density ratio that determines the cap
 
 
@@ -41,31 +40,6 @@ def graded(start, end, first, growth):
     while sum(sizes) < abs(end - start):
         sizes.append(sizes[-1] * growth)
     return start + np.sign(end - start) * np.cumsum(sizes) * abs(end - start) / sum(sizes)
-
-
-def solve_increment(solid, state, moved, applied):
-    """State and nodal forces after a prescribed displacement of the fixed degrees of freedom; Newton's method."""
-    free, near = solid.ordered_dofs, None
-    displacement = moved.copy()
-    increment = solid.increment(state, displacement)
-    for _ in range(ITERATIONS):
-        forces = increment.internal_forces
-        residual = (applied - forces).ravel()[free]
-        size = np.linalg.norm(residual) / max(np.linalg.norm(forces), np.linalg.norm(applied))
-        if size < RESIDUAL:
-            return increment.after, forces
-        solve = solid.factorise(increment.element_stiffness, np.empty(0, dtype=int), np.empty((0, 2, 2)))
-        direction, length = solve(residual), 1.0
-        for _ in range(CUTS):
-            trial = displacement.copy()
-            trial.ravel()[free] += length * direction
-            found = solid.increment(state, trial, near=near)
-            rest = (applied - found.internal_forces).ravel()[free]
-            if np.linalg.norm(rest) < (1 - 0.1 * length) * np.linalg.norm(residual):
-                break
-            length /= 2
-        displacement, increment, near = trial, found, found
-    raise RuntimeError(f"no equilibrium: residual {size:.1e}")
 
 
 def footing_pressure(

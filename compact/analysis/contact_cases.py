@@ -37,9 +37,9 @@ LAW_SPEED_SHARES = (1 / 16, 1.0)  # [-], of an engine whose resistance is a law 
 TARGETS = MappingProxyType(  # held quantity -> keyword of `Roller`
     {"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"}
 )
-WHEEL_SLIPS = (
-    *(-0.9, -0.7, -0.5, -0.3, -0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.9),
-)  # [-], of drawbar over slip
+WHEEL_SLIPS = (  # [-], of the curve of drawbar over slip
+    -0.9, -0.7, -0.5, -0.3, -0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.9,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -432,6 +432,15 @@ def roll_on_terrain(scene: Scene, material: str, slip: float | None = None) -> T
         Name of a published soil, or a TOML file with a table [terrain].
     slip : float, optional
         Slip [-]; without one, the torque is that of the scene, 0 by default.
+
+    Returns
+    -------
+    TerrainContact
+
+    Raises
+    ------
+    ValueError
+        If the scene prescribes no target, the soil is unknown, or the terrain cannot bear the load.
     """
     constants, name = read_terrain(material)
     machine, target = scene.machine, dict(scene.target)

@@ -140,6 +140,10 @@ def bearing_life(bearing: Bearing, load: Array, travelled: Array, radius: float,
     period : float
         Time of one repetition [s].
 
+    Returns
+    -------
+    BearingLife
+
     Examples
     --------
     >>> bearing = Bearing(20e3, "ball", count=1)

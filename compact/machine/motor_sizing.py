@@ -121,6 +121,15 @@ class ShaftRequirement:
 def shaft_requirement(carts: CartsOnShaft) -> ShaftRequirement:
     """Compute the torque of carts on a shaft that turns uniformly, one revolution a cycle.
 
+    Parameters
+    ----------
+    carts : CartsOnShaft
+        Carts, their law and the resistance.
+
+    Returns
+    -------
+    ShaftRequirement
+
     Raises
     ------
     ValueError
@@ -164,6 +173,10 @@ def requirement_of_run(run: CycleStatistics, angles: tuple[float, ...] = (0.0,))
     angles : tuple of float
         Lead of each cart over the shaft [rad]; all carts have the same run.
 
+    Returns
+    -------
+    ShaftRequirement
+
     Notes
     -----
     Torques between samples are interpolated linearly for carts that are ahead of the first one.
@@ -196,6 +209,8 @@ class CatalogueMotor:
 
     Parameters
     ----------
+    name : str
+        Name in the catalogue.
     rated_torque, peak_torque : float
         Continuous and largest torque [N m].
     speed : float
@@ -287,7 +302,21 @@ class MotorFit:
 
 
 def check_motor(motor: CatalogueMotor, requirement: ShaftRequirement, rule: SizingRule) -> MotorFit:
-    """Check a motor against the torque of a shaft."""
+    """Check a motor against the torque of a shaft.
+
+    Parameters
+    ----------
+    motor : CatalogueMotor
+        Motor.
+    requirement : ShaftRequirement
+        Torque of the shaft.
+    rule : SizingRule
+        Rule by which the motor holds.
+
+    Returns
+    -------
+    MotorFit
+    """
     ratio = rule.gear_ratio or motor.speed / requirement.speed
     rms, peak = requirement.at_motor(ratio, rule.efficiency)
     rotor = ratio**2 * motor.inertia
@@ -335,6 +364,19 @@ class MotorChoice:
 
 def choose_motor(motors: Sequence[CatalogueMotor], requirement: ShaftRequirement, rule: SizingRule) -> MotorChoice:
     """Choose the smallest motor that holds: by price if every motor has one, else by rated power.
+
+    Parameters
+    ----------
+    motors : sequence of CatalogueMotor
+        Motors in any order.
+    requirement : ShaftRequirement
+        Torque of the shaft.
+    rule : SizingRule
+        Rule by which a motor holds.
+
+    Returns
+    -------
+    MotorChoice
 
     Raises
     ------

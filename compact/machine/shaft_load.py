@@ -86,6 +86,19 @@ class CartsOnShaft:
         return [self.cycle.derivative(angle * rate, order) * rate**order for order in range(4)]
 
     def torque(self, angle: Array, energy: Array, acceleration: Array) -> Array:
-        """Return the torque of all carts, sum of H x' [N m]."""
+        """Return the torque of all carts, sum of H x' [N m].
+
+        Parameters
+        ----------
+        angle : ndarray, shape (pieces, n)
+            Angle of the shaft [rad].
+        energy, acceleration : ndarray
+            phi'^2/2 [1/s^2] and phi'' [rad/s^2] there.
+
+        Returns
+        -------
+        ndarray
+            Torque [N m].
+        """
         states = self.states_at(angle, energy, acceleration)
         return sum(state.forces.drive_force * state.velocity for state in states) / np.sqrt(2 * energy)

@@ -53,8 +53,6 @@ class CompressionPath:
         Density ratio k without the elastic strain [-].
     mean_pressure, von_mises_stress : ndarray
         p and q [Pa].
-    axial_stress, radial_stress : ndarray
-        Principal stresses [Pa].
     elastic_strain : ndarray
         Elastic volumetric strain [-], by which the density under load exceeds k.
     """
@@ -75,7 +73,20 @@ class CompressionPath:
         return self.mean_pressure - self.von_mises_stress / 3
 
     def at(self, density_ratio: ArrayLike, name: str = "axial_stress") -> Array:
-        """Interpolate a stress [Pa] at density ratios [-] within the path."""
+        """Interpolate a stress [Pa] at density ratios [-] within the path.
+
+        Parameters
+        ----------
+        density_ratio : array_like
+            Density ratios k [-].
+        name : str
+            Stress, a field or property of the path.
+
+        Returns
+        -------
+        ndarray
+            Stress [Pa].
+        """
         return np.interp(np.asarray(density_ratio, dtype=float), self.density_ratio, getattr(self, name))
 
 
@@ -237,6 +248,11 @@ def heckel_slope(density_ratio: ArrayLike, pressure: ArrayLike) -> float:
     ----------
     density_ratio, pressure : array_like, shape (n,)
         Density ratios k [-] and pressures [Pa].
+
+    Returns
+    -------
+    float
+        Slope K_H [1/Pa].
     """
     return float(np.polyfit(np.asarray(pressure), -np.log1p(-np.asarray(density_ratio)), 1)[0])
 

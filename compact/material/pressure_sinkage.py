@@ -86,6 +86,10 @@ def bekker(cohesive_modulus: float, frictional_modulus: float, exponent: float, 
     width : float
         Smaller side b of the loaded area [m], > 0.
 
+    Returns
+    -------
+    PowerSinkage
+
     Examples
     --------
     >>> soil = bekker(990.0, 1.52843e6, 1.1, width=0.15)
@@ -107,6 +111,10 @@ def reece(k1: float, k2: float, exponent: float, width: float) -> PowerSinkage:
         n [-], > 0.
     width : float
         Smaller side b of the loaded area [m], > 0.
+
+    Returns
+    -------
+    PowerSinkage
     """
     require_positive(width=width)
     return PowerSinkage((k1 + k2 * width) / width**exponent, exponent)
@@ -263,7 +271,20 @@ class ShearStrength:
             raise ValueError(f"`friction_angle` must be below 90 degrees, got {self.friction_angle!r}")
 
     def stress(self, normal_stress: Array, displacement: Array) -> Array:
-        """Compute the shear stress [Pa] at normal stresses [Pa] and signed displacements [m]."""
+        """Compute the shear stress [Pa] at normal stresses [Pa] and signed displacements [m].
+
+        Parameters
+        ----------
+        normal_stress : ndarray
+            sigma [Pa], >= 0.
+        displacement : ndarray
+            Shear displacement j [m], with its sign.
+
+        Returns
+        -------
+        ndarray
+            tau with the sign of j [Pa].
+        """
         strength = self.cohesion + normal_stress * np.tan(np.radians(self.friction_angle))
         return -np.sign(displacement) * strength * np.expm1(-np.abs(displacement) / self.displacement)
 

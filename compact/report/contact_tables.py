@@ -10,6 +10,7 @@ from compact import quantities
 from compact.analysis.contact_cases import ContactRecord, TerrainContact, contact_record, contact_to_json
 from compact.analysis.study import Study
 from compact.files import write_columns, write_csv, write_figure, write_json, write_vtu_series
+from compact.report.number_format import json_number
 from compact.rolling_contact import ContactResult
 
 CONTACT_FIELDS = ("speed", "load", "resistance", "coefficient", "leading", "trailing", "peak_pressure")
@@ -147,26 +148,22 @@ def write_terrain_contact(directory: Path, contact: TerrainContact) -> list[Path
 def terrain_summary(contact: TerrainContact) -> dict[str, Any]:
     """Return the results for contact.json, of the whole wheel, in SI units."""
     found, width = contact.result, contact.width
-
-    def quantity(value: float, unit: str) -> dict[str, Any]:
-        return {"value": float(value), "unit": unit}
-
     return {
         "terrain": contact.name,
         "source": contact.source,
-        "radius": quantity(contact.radius, "m"),
-        "width": quantity(width, "m"),
-        "load": quantity(found.load * width, "N"),
-        "sinkage": quantity(found.indentation, "m"),
-        "compaction_resistance": quantity(found.compaction_resistance * width, "N"),
-        "drawbar": quantity(found.drawbar * width, "N"),
-        "torque": quantity(found.torque * width, "Nm"),
-        "slip": quantity(found.slip, "-"),
-        "entry_angle": quantity(found.entry_angle, "rad"),
-        "exit_angle": quantity(found.exit_angle, "rad"),
-        "angle_of_peak_pressure": quantity(found.peak_angle, "rad"),
-        "peak_pressure": quantity(found.peak_pressure, "Pa"),
-        "contact_length": quantity(contact.contact_length, "m"),
+        "radius": json_number(contact.radius, "m"),
+        "width": json_number(width, "m"),
+        "load": json_number(found.load * width, "N"),
+        "sinkage": json_number(found.indentation, "m"),
+        "compaction_resistance": json_number(found.compaction_resistance * width, "N"),
+        "drawbar": json_number(found.drawbar * width, "N"),
+        "torque": json_number(found.torque * width, "Nm"),
+        "slip": json_number(found.slip, "1"),
+        "entry_angle": json_number(found.entry_angle, "rad"),
+        "exit_angle": json_number(found.exit_angle, "rad"),
+        "angle_of_peak_pressure": json_number(found.peak_angle, "rad"),
+        "peak_pressure": json_number(found.peak_pressure, "Pa"),
+        "contact_length": json_number(contact.contact_length, "m"),
     }
 
 

@@ -1,4 +1,4 @@
-"""Numbers as text of the HTML page: significant digits, SI prefixes and typeset units.
+"""Numbers as text of the HTML page: significant digits, SI prefixes and typeset units; numbers with units for JSON.
 
 A number has four significant digits by default; the files hold twelve. All numbers of a column have one prefix and one
 number of decimals.
@@ -6,6 +6,7 @@ number of decimals.
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 from compact.quantities import unit_symbol
 
@@ -17,6 +18,19 @@ UNIT_PREFIXES = {  # units that have a prefix, and their prefixes, largest first
     "N": "Mk", "N/m": "Mk", "Pa": "GMk", "W": "Mk", "J": "Mk", "m": "mµ", "s": "mµ", "Nm": "k",
 }  # fmt: skip
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def json_number(value: float | None, unit: str) -> dict[str, Any]:
+    """Return a number with its unit for a JSON file.
+
+    Parameters
+    ----------
+    value : float or None
+        Number in the unit.
+    unit : str
+        SI unit, "1" for a dimensionless number.
+    """
+    return {"value": value, "unit": unit}
 
 
 def format_number(value: float | str | bool | None, digits: int = DIGITS) -> str:

@@ -12,7 +12,7 @@ from compact.engines.process.fields import process_frames
 from compact.files import write_columns, write_csv, write_figure, write_json, write_vtu_series
 from compact.quantities import PROCESS, STROKE, column_names
 from compact.report.figures.process import draw_lifts, draw_map, draw_section, draw_strokes
-from compact.report.number_format import format_percent, format_quantity
+from compact.report.number_format import format_percent, format_quantity, json_number
 
 MAP_HEADER = ("mould_speed_m/s", "cart_speed_m/s", "strokes", "load_N", "resistance_N")
 PRODUCT_FIELDS = {"bottom_density_ratio": "1", "top_density_ratio": "1", "overpressed_height": "m", "surface": "m"}
@@ -70,19 +70,19 @@ def process_summary(study: ProcessStudy) -> dict[str, Any]:
     return {
         "model": _statement(study),
         "rollers": study.scene.machine.rollers,
-        "per_roller": {name: _quantity(value, PROCESS[name].unit) for name, value in _numbers(study).items()},
-        "mix_per_stroke": {name: _quantity(study.mass_per_stroke(height), "kg") for name, height in grains.items()},
-        "grains_of_a_section": {name: _quantity(height, "m") for name, height in grains.items()},
+        "per_roller": {name: json_number(value, PROCESS[name].unit) for name, value in _numbers(study).items()},
+        "mix_per_stroke": {name: json_number(study.mass_per_stroke(height), "kg") for name, height in grains.items()},
+        "grains_of_a_section": {name: json_number(height, "m") for name, height in grains.items()},
         "parts": [
-            {"cause": part.cause, "force": _quantity(part.force, "N"), "work": _quantity(part.work, "J/m3")}
+            {"cause": part.cause, "force": json_number(part.force, "N"), "work": json_number(part.work, "J/m3")}
             for part in study.parts
         ],
         "printed": [
             {
                 "name": each.name,
-                "printed": _quantity(each.printed, "N"),
-                "computed": _quantity(each.computed, "N"),
-                "causes": [{"cause": cause, "force": _quantity(force, "N")} for cause, force in each.causes],
+                "printed": json_number(each.printed, "N"),
+                "computed": json_number(each.computed, "N"),
+                "causes": [{"cause": cause, "force": json_number(force, "N")} for cause, force in each.causes],
             }
             for each in study.printed
         ],
@@ -125,17 +125,17 @@ def _two_dimensional_summary(study: ProcessStudy) -> dict[str, Any] | None:
         return None
     estimates = {"load": (found.load, "N"), "resistance": (found.resistance, "N")}
     return {
-        **{name: _quantity(each.value, unit) | {"error": each.error, "lumping_error": each.lumping_error,
+        **{name: json_number(each.value, unit) | {"error": each.error, "lumping_error": each.lumping_error,
            "mesh_error": each.mesh_error, "extrapolated_share": each.extrapolated_share}
            for name, (each, unit) in estimates.items()},
-        "load_centre": _quantity(found.load_centre, "m"),
-        "skew_moment": _quantity(found.skew_moment, "Nm"),
-        "specific_work": _quantity(found.specific_work, "J/m3"),
-        **{name: _quantity(found.of_product(name), unit) for name, unit in PRODUCT_FIELDS.items()},
-        "strip_stress_ratio": _quantity(found.strip_stress_ratio(), "1"),
+        "load_centre": json_number(found.load_centre, "m"),
+        "skew_moment": json_number(found.skew_moment, "Nm"),
+        "specific_work": json_number(found.specific_work, "J/m3"),
+        **{name: json_number(found.of_product(name), unit) for name, unit in PRODUCT_FIELDS.items()},
+        "strip_stress_ratio": json_number(found.strip_stress_ratio(), "1"),
         "largest_work_residual": max(sequence.largest_work_residual for sequence in found.sequences),
         "sequences": [
-            {"thickness": _quantity(each.thickness, "m"), "increments": each.increments, "lifts": len(each.lifts),
+            {"thickness": json_number(each.thickness, "m"), "increments": each.increments, "lifts": len(each.lifts),
              "stopped": each.stopped}
             for each in found.sequences
         ],
@@ -160,11 +160,6 @@ def _two_dimensional_lines(study: ProcessStudy) -> Iterator[str]:
     yield _line("stress of the bottom's density over 2 P/(pi h0)", f"{found.strip_stress_ratio():.2f}")
     residual = max(sequence.largest_work_residual for sequence in found.sequences)
     yield _line("largest residual of the energy balance of a pass", f"{residual:.1%}")
-
-
-def _quantity(value: float | None, unit: str) -> dict[str, Any]:
-    """Return a number with its unit for JSON."""
-    return {"value": value, "unit": unit}
 
 
 def _line(words: str, text: str) -> str:

@@ -20,6 +20,7 @@ from compact.analysis.stages.model_spread import ModelSpread
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
+from compact.report.number_format import json_number
 from compact.report.sizing.duration_tables import duration_numbers
 from compact.report.sizing.machine_tables import sizing_numbers
 from compact.rolling_contact import HeapingError, UnsteadyError
@@ -117,11 +118,7 @@ def _held(held: HeldQuantity | None) -> dict[str, Any] | None:
     if held is None:
         return None
     key, unit = HELD_KEYS[held.name]
-    return {"quantity": held.name, key: _number(held.value, unit), "found_at": _number(held.speed, "m/s")}
-
-
-def _number(value: float | None, unit: str) -> dict[str, Any]:
-    return {"value": value, "unit": unit}
+    return {"quantity": held.name, key: json_number(held.value, unit), "found_at": json_number(held.speed, "m/s")}
 
 
 def _drive_resistance(study: Study) -> dict[str, Any]:
@@ -145,9 +142,9 @@ def _return_stroke(study: Study) -> dict[str, Any]:
     load, resistance = study.second_pass or (None, None)
     return {
         "over": study.scene.layer.return_stroke,
-        "second_pass_load": _number(load, "1"),
-        "second_pass_resistance": _number(resistance, "1"),
-        "energy": {over: _number(energy, "J") for over, energy in study.cycle_energies.items()},
+        "second_pass_load": json_number(load, "1"),
+        "second_pass_resistance": json_number(resistance, "1"),
+        "energy": {over: json_number(energy, "J") for over, energy in study.cycle_energies.items()},
     }
 
 
@@ -161,12 +158,13 @@ def _pore_air(study: Study) -> dict[str, Any] | None:
     curve = study.air_curve
     return {
         "model": study.scene.mix.pore_air,
-        "air_permeability": _number(permeability.value, "m2") | {"low": permeability.low, "high": permeability.high},
-        "deaeration_speed": _number(value, "m/s") | {"low": low, "high": high},
-        "load_share": _number(load, "1"),
-        "resistance_share": _number(resistance, "1"),
-        "excess_behind": _number(air.at_mean_speed.excess_behind, "Pa"),
-        "tensile_strength": _number(air.tensile_strength, "Pa"),
+        "air_permeability": json_number(permeability.value, "m2")
+        | {"low": permeability.low, "high": permeability.high},
+        "deaeration_speed": json_number(value, "m/s") | {"low": low, "high": high},
+        "load_share": json_number(load, "1"),
+        "resistance_share": json_number(resistance, "1"),
+        "excess_behind": json_number(air.at_mean_speed.excess_behind, "Pa"),
+        "tensile_strength": json_number(air.tensile_strength, "Pa"),
         "coupled": [asdict(each) for each in curve.coupled] if curve else [],
     }
 
@@ -180,8 +178,8 @@ def _model_spread(spread: ModelSpread | None) -> dict[str, Any] | None:
         **{name: {"low": low, "high": high, "unit": "1"} for name, (low, high) in bands.items()},
         "variants": [
             asdict(each)
-            | {name: _number(getattr(each, name), "1") for name in bands}
-            | {"cohesion_loose": _number(each.cohesion_loose, "Pa")}
+            | {name: json_number(getattr(each, name), "1") for name in bands}
+            | {"cohesion_loose": json_number(each.cohesion_loose, "Pa")}
             for each in spread.variants
         ],
     }
@@ -197,7 +195,7 @@ def _verdict(study: Study) -> dict[str, Any] | None:
             "engine": each.engine,
             "sizing": each.valid,
             "mean_resistance": {
-                f"{duration:g}": _number(force, "N") for duration, force in each.mean_resistance.items()
+                f"{duration:g}": json_number(force, "N") for duration, force in each.mean_resistance.items()
             },
             "resistance_error": each.error,
             "law_spread": each.spread,
@@ -206,7 +204,7 @@ def _verdict(study: Study) -> dict[str, Any] | None:
     ]
     verdicts = [
         {key: value for key, value in asdict(each).items() if key != "value"}
-        | {"value": _number(each.value, CRITERIA[each.by].unit)}
+        | {"value": json_number(each.value, CRITERIA[each.by].unit)}
         for each in study.verdicts.values()
     ]
     sources = [asdict(each) for each in known.sources]
@@ -219,13 +217,13 @@ def _steady_forces(study: Study) -> dict[str, Any]:
     """Convert the forces on one cart at constant mean speed."""
     force, guides = (float(each[0]) for each in (study.steady.drive_force, study.steady.guide_friction))
     forces = {"drive_force": force, "resistance": force - guides, "guide_friction": guides}
-    return {name: _number(value, "N") for name, value in forces.items()}
+    return {name: json_number(value, "N") for name, value in forces.items()}
 
 
 def _work_balance(balance: WorkBalance) -> dict[str, Any]:
     """Convert the balances of work and mix; those of the throughput are None without the speed of the mould."""
     return {"law": balance.law} | {
-        name: _number(getattr(balance, name), unit) for name, unit in WORK_BALANCE_UNITS.items()
+        name: json_number(getattr(balance, name), unit) for name, unit in WORK_BALANCE_UNITS.items()
     }
 
 
@@ -246,7 +244,7 @@ def _comparison(study: Study) -> dict[str, Any]:
             "contacts": [contact_to_json(contact) for contact in other.contacts],
             "held": _held(other.held),
             "resistance_error": other.error,
-            "roller_load": _number(other.roller_load, "N"),
+            "roller_load": json_number(other.roller_load, "N"),
             "rankings": {kind: _rankings(order) for kind, order in other.places.items()},
             "agreement": [
                 {"drive": each.drive, "criterion": each.by, **each.agreement._asdict()}
@@ -264,10 +262,10 @@ def _heaping(error: HeapingError) -> dict[str, Any]:
     """Convert an engine by which the mix has no steady state."""
     found = error.heaping
     return {
-        "depth": _number(found.depth, "m"),
-        "wave_height": _number(found.wave_height, "m"),
-        "travel": _number(found.travel, "m"),
-        "contact_angle": _number(found.contact_angle, "rad"),
+        "depth": json_number(found.depth, "m"),
+        "wave_height": json_number(found.wave_height, "m"),
+        "travel": json_number(found.travel, "m"),
+        "contact_angle": json_number(found.contact_angle, "rad"),
         "is_estimate": found.travel is None,
         "reason": str(error),
     }
@@ -277,12 +275,12 @@ def _unsteady(error: UnsteadyError) -> dict[str, Any]:
     """Convert an engine by which the motion does not become steady."""
     found = error.unsteady
     return {
-        "depth": _number(found.depth, "m"),
-        "wave_height": _number(found.wave_height, "m"),
-        "travel": _number(found.travel, "m"),
-        "distance": _number(found.distance, "-"),
-        "load": _number(found.load, "N/m"),
-        "resistance": _number(found.resistance, "N/m"),
+        "depth": json_number(found.depth, "m"),
+        "wave_height": json_number(found.wave_height, "m"),
+        "travel": json_number(found.travel, "m"),
+        "distance": json_number(found.distance, "1"),
+        "load": json_number(found.load, "N/m"),
+        "resistance": json_number(found.resistance, "N/m"),
         "reason": str(error),
     }
 

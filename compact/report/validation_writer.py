@@ -8,14 +8,13 @@ from pathlib import Path
 
 from compact.files import atomic_file, write_csv, write_figure
 from compact.report.figures.validation import draw_case
-from compact.validation.case import KINDS, PREDICTED, Comparison
+from compact.validation.case import KINDS, PREDICTED, VERDICTS, Comparison
 from compact.validation.registry import RECORDED_HEADER, CaseResult, recorded_rows
 
 TABLE_WIDTH = 120  # characters of a line
 QUANTITY_WIDTH = 48  # characters; a longer quantity has a line of its own
 NOTE_INDENT = " " * 4  # of the lines below a row
 HEADER = ("quantity", "unit", "ours", "theirs", "scatter", "deviation", "expected", "verdict")
-VERDICTS = ("met", "explained", "not met")
 PAGE, PAGE_TEMPLATE = "validation.md", "page.md"
 
 

@@ -72,7 +72,17 @@ def catalogue_exists(source: Source) -> Rule:
     return Rule(("drive.catalogue.file",), lambda file: None if file is None else _missing((file,), source.folder))
 
 
-def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Broken], Broken]:
+def rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Broken], Broken]:
+    """Return a decorator that enters a function as the rule of some keys.
+
+    Parameters
+    ----------
+    *keys : str
+        Keys whose values the function takes; a broken rule is reported at the first.
+    into : list of Rule
+        Rules or advice to which it is added.
+    """
+
     def enter(broken: Broken) -> Broken:
         into.append(Rule(keys, broken))
         return broken
@@ -81,16 +91,16 @@ def _rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Broken], Broken]:
 
 
 for _keys, _broken in refusals():
-    _rule(*_keys)(_broken)
+    rule(*_keys)(_broken)
 
 
-@_rule("machine.roller_positions", "machine.rollers")
+@rule("machine.roller_positions", "machine.rollers")
 def _one_position_per_roller(positions, rollers):
     if len(positions) != rollers:
         return f"needs one position per roller, machine.rollers = {rollers:g}, got {len(positions)}; make the two agree"
 
 
-@_rule("machine.roller_positions", "machine.roller_radius")
+@rule("machine.roller_positions", "machine.roller_radius")
 def _rollers_do_not_overlap(positions, radius):
     gap = min((b - a for a, b in pairwise(sorted(positions))), default=2 * radius)
     if gap * GUARD < 2 * radius:
@@ -100,7 +110,7 @@ def _rollers_do_not_overlap(positions, radius):
         )
 
 
-@_rule("machine.roller_radius", "machine.feeder_sleeve", "motion.stroke")
+@rule("machine.roller_radius", "machine.feeder_sleeve", "motion.stroke")
 def _roller_fits_the_stroke(radius, sleeve, stroke):
     needed = 2 * radius + sleeve
     if needed > stroke * GUARD:
@@ -111,32 +121,32 @@ def _roller_fits_the_stroke(radius, sleeve, stroke):
         )
 
 
-@_rule("machine.guide_positions")
+@rule("machine.guide_positions")
 def _front_guide_is_in_front(positions):
     front, rear = positions
     if front <= rear:
         return f"front must be greater than rear, got [{front:g}, {rear:g}]; give [front, rear], + towards the drive"
 
 
-@_rule("machine.journal_diameter", "machine.guide_wheel_diameter")
+@rule("machine.journal_diameter", "machine.guide_wheel_diameter")
 def _journal_fits_the_wheel(journal, wheel):
     if journal >= wheel:
         return f"must be below machine.guide_wheel_diameter = {wheel:g} m, got {journal:g}; give the journal inside it"
 
 
-@_rule("layer.fed_density_ratio", "mix.density_ratio")
+@rule("layer.fed_density_ratio", "mix.density_ratio")
 def _fed_mix_is_looser(fed, ratio):
     if fed >= ratio:
         return f"must be below mix.density_ratio = {ratio:g}, got {fed:g}; give the looser state before the first pass"
 
 
-@_rule("layer.lower_lift.density_ratio", "layer.fed_density_ratio")
+@rule("layer.lower_lift.density_ratio", "layer.fed_density_ratio")
 def _lower_lift_is_denser_than_fed(ratio, fed):
     if ratio is not None and ratio <= fed:
         return f"must be above layer.fed_density_ratio = {fed:g}, got {ratio:g}; give that behind the earlier pass"
 
 
-@_rule("mix.overrides.earth_pressure_coefficient", "mix.law", "mix.moisture", "mix.density_ratio", "mix.overrides")
+@rule("mix.overrides.earth_pressure_coefficient", "mix.law", "mix.moisture", "mix.density_ratio", "mix.overrides")
 def _cap_has_the_earth_pressure(_, law, moisture, density_ratio, overrides):
     if law != "drucker-prager-cap":
         return None
@@ -159,13 +169,13 @@ def _cap_has_the_earth_pressure(_, law, moisture, density_ratio, overrides):
     return None
 
 
-@_rule("layer.lift_thickness", "product.height")
+@rule("layer.lift_thickness", "product.height")
 def _lift_is_of_the_product(lift, height):
     if lift is not None and lift > height:
         return f"must be at most product.height = {height:g} m, got {lift:g}; without it the product is one lift"
 
 
-@_rule("layer.plies", "product.height", "layer.lift_thickness")
+@rule("layer.plies", "product.height", "layer.lift_thickness")
 def _plies_fill_the_layer(plies, height, lift):
     total, (key, required) = sum(ply["thickness"] for ply in plies or ()), _pressed(height, lift)
     if plies and abs(total - required) > (GUARD - 1) * required:
@@ -176,7 +186,7 @@ def _pressed(height, lift):
     return ("product.height", height) if lift is None else ("layer.lift_thickness", lift)
 
 
-@_rule("motion.energy_weight", "motion.acceleration_weight")
+@rule("motion.energy_weight", "motion.acceleration_weight")
 def _weights_leave_a_share(energy, acceleration):
     if energy + acceleration > GUARD:
         return (
@@ -185,21 +195,21 @@ def _weights_leave_a_share(energy, acceleration):
         )
 
 
-@_rule("contact.indentation", "contact.load", "contact.peak_pressure")
+@rule("contact.indentation", "contact.load", "contact.peak_pressure")
 def _one_target(indentation, load, pressure):
     given = sum(target is not None for target in (indentation, load, pressure))
     if given > 1:
         return f"only one of indentation, load and peak_pressure can be prescribed, got {given}; take the others out"
 
 
-@_rule("contact.indentation", "product.height", "layer.lift_thickness")
+@rule("contact.indentation", "product.height", "layer.lift_thickness")
 def _roller_stays_above_the_base(indentation, height, lift):
     key, most = _pressed(height, lift)
     if indentation is not None and indentation >= most:
         return f"must be below {key} = {most:g} m, got {indentation:g}; the base lies there"
 
 
-@_rule("machine.roller_torque", "machine.roller_condition")
+@rule("machine.roller_torque", "machine.roller_condition")
 def _torque_turns_a_roller(torque, rolling):
     rolling = rolling or "free"  # the default
     if torque is not None and rolling not in ("free", "driven"):
@@ -211,14 +221,14 @@ def _torque_turns_a_roller(torque, rolling):
         )
 
 
-@_rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine")
+@rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine")
 def _driven_roller_has_a_torque(torque, rolling, engine):
     if torque is None and rolling == "driven" and engine in TORQUE_ENGINES:
         words = f'the engine "{engine}" rolls a "driven" roller by it'
         return f"is missing, and {words}; give the torque on one roller in N m"
 
 
-@_rule("mix.pore_air", "contact.held", "contact.load", "contact.peak_pressure")
+@rule("mix.pore_air", "contact.held", "contact.load", "contact.peak_pressure")
 def _air_needs_a_held_height(pore_air, held, load, pressure):
     if pore_air in (None, "drained"):
         return None
@@ -234,7 +244,7 @@ def _air_needs_a_held_height(pore_air, held, load, pressure):
         )
 
 
-@_rule("mix.pore_air", "mix.overrides.air_permeability", into=ADVICE)
+@rule("mix.pore_air", "mix.overrides.air_permeability", into=ADVICE)
 def _permeability_is_heeded(pore_air, permeability):
     if permeability is not None and pore_air in (None, "drained"):
         return (
@@ -243,7 +253,7 @@ def _permeability_is_heeded(pore_air, permeability):
         )
 
 
-@_rule("mix.pore_air", "layer.passes", "layer.return_stroke", into=ADVICE)
+@rule("mix.pore_air", "layer.passes", "layer.return_stroke", into=ADVICE)
 def _later_passes_have_no_air(pore_air, passes, return_stroke):
     later = [f"layer.passes = {passes:g}"] if passes is not None and passes > 1 else []
     if return_stroke == "compacted":
@@ -255,13 +265,13 @@ def _later_passes_have_no_air(pore_air, passes, return_stroke):
         )
 
 
-@_rule("contact.speeds")
+@rule("contact.speeds")
 def _speeds_rise(speeds):
     if speeds is not None and not (len(speeds) and speeds[0] > 0 and all(b > a for a, b in pairwise(speeds))):
         return f"must be positive and rise one by one, got {list(speeds)}; give speeds such as [0.05, 0.1, 0.2]"
 
 
-@_rule("motion.other_durations", "motion.duration")
+@rule("motion.other_durations", "motion.duration")
 def _durations_are_positive_and_differ(others, duration):
     if others and not (all(each > 0 for each in others) and len({*others, duration}) == len(others) + 1):
         return (
@@ -270,7 +280,7 @@ def _durations_are_positive_and_differ(others, duration):
         )
 
 
-@_rule("motion.optimise", "cam")
+@rule("motion.optimise", "cam")
 def _bounds_of_a_cam_have_a_cam(optimise, cam):
     if optimise and cam is None:
         bounds = "pressure_angle", "radius_of_curvature", "profile_radius"
@@ -278,13 +288,13 @@ def _bounds_of_a_cam_have_a_cam(optimise, cam):
             return f"bounds {' and '.join(given)} of a cam, and the table [cam] is missing; give it, or take them out"
 
 
-@_rule("motion.rod_length", "motion.stroke")
+@rule("motion.rod_length", "motion.stroke")
 def _rod_is_longer_than_the_crank(rod, stroke):
     if rod is not None and rod <= stroke / 2:
         return f"must be greater than the crank, stroke/2 = {stroke / 2:g} m, got {rod:g}; give a longer rod"
 
 
-@_rule("motion.rod_length", "motion.laws", "drive.kind", "output.items")
+@rule("motion.rod_length", "motion.laws", "drive.kind", "output.items")
 def _crank_has_a_rod(rod, laws, kind, wanted):
     if rod is not None:
         return None
@@ -298,13 +308,13 @@ def _crank_has_a_rod(rod, laws, kind, wanted):
     return f"is missing, and {why}; give the length of the connecting rod in m" if why else None
 
 
-@_rule("drive.angles", "drive.carts")
+@rule("drive.angles", "drive.carts")
 def _one_angle_per_cart(angles, carts):
     if angles is not None and len(angles) != carts:
         return f"needs one angle per cart, drive.carts = {carts:g}, got {len(angles)}; make the two agree"
 
 
-@_rule("drive.kind", "drive.stiffness", "drive.damping", "drive.backlash", "drive.include_added_mass")
+@rule("drive.kind", "drive.stiffness", "drive.damping", "drive.backlash", "drive.include_added_mass")
 def _spring_belongs_to_an_elastic_drive(kind, stiffness, damping, backlash, added_mass):
     given = {"stiffness": stiffness, "damping": damping, "backlash": backlash, "include_added_mass": added_mass}
     if kind == "elastic":
@@ -321,13 +331,13 @@ def _table_belongs_to_its_drive(own, table, content, kind, given):
         return f'"{kind}" has no {table}; take the table [drive.{table}] out, or choose "{own}"'
 
 
-_rule("drive.kind", "drive.motor")(partial(_table_belongs_to_its_drive, "motor", "motor", "curve, gear and inertias"))
-_rule("drive.kind", "drive.hydraulics")(
+rule("drive.kind", "drive.motor")(partial(_table_belongs_to_its_drive, "motor", "motor", "curve, gear and inertias"))
+rule("drive.kind", "drive.hydraulics")(
     partial(_table_belongs_to_its_drive, "hydraulic", "hydraulics", "cylinders, pump and oil")
 )
 
 
-@_rule("drive.catalogue", "drive.kind")
+@rule("drive.catalogue", "drive.kind")
 def _catalogue_belongs_to_a_shaft(catalogue, kind):
     if catalogue is not None and kind == "hydraulic":
         return (
@@ -337,13 +347,13 @@ def _catalogue_belongs_to_a_shaft(catalogue, kind):
     return None
 
 
-@_rule("drive.end_springs.length", "motion.stroke")
+@rule("drive.end_springs.length", "motion.stroke")
 def _springs_leave_each_other_room(length, stroke):
     if length is not None and 2 * length > stroke * GUARD:
         return f"must be at most half of motion.stroke = {stroke:g} m, got {length:g}; give shorter springs"
 
 
-@_rule("drive.motor.breakdown_slip", "drive.motor.curve")
+@rule("drive.motor.breakdown_slip", "drive.motor.curve")
 def _slip_belongs_to_kloss(slip, curve):
     if curve == "kloss" and slip is None:
         return 'is missing, and drive.motor.curve is "kloss"; give the slip at the breakdown torque, such as 0.15'
@@ -351,7 +361,7 @@ def _slip_belongs_to_kloss(slip, curve):
         return f'is for drive.motor.curve "kloss", got {slip:g} with "linear"; take it out'
 
 
-@_rule("drive.motor.belt.stiffness", "drive.motor.belt.preload")
+@rule("drive.motor.belt.stiffness", "drive.motor.belt.preload")
 def _belt_creeps_little(stiffness, preload):
     if stiffness is not None and preload is not None and 20 * preload > stiffness * GUARD:
         return (
@@ -360,7 +370,7 @@ def _belt_creeps_little(stiffness, preload):
         )
 
 
-@_rule("cam", "output.items")
+@rule("cam", "output.items")
 def _cams_wanted_are_given(cam, wanted):
     if cam is None and "cams" in wanted:
         return (
@@ -369,7 +379,7 @@ def _cams_wanted_are_given(cam, wanted):
         )
 
 
-@_rule("output.items", "accuracy.engine")
+@rule("output.items", "accuracy.engine")
 def _fields_wanted_are_computed(wanted, engine):
     if "fields" in wanted and engine not in ("fem", "compaction"):
         return (
@@ -378,7 +388,7 @@ def _fields_wanted_are_computed(wanted, engine):
         )
 
 
-@_rule("output.items", "accuracy.engine")
+@rule("output.items", "accuracy.engine")
 def _model_spread_wanted_has_a_law(wanted, engine):
     if "model_spread" in wanted and engine not in ("column", "compaction"):
         return (
@@ -387,13 +397,13 @@ def _model_spread_wanted_has_a_law(wanted, engine):
         )
 
 
-@_rule("compare", "accuracy.engine")
+@rule("compare", "accuracy.engine")
 def _compared_engines_are_others(compare, engine):
     if engine in (compare or {}):
         return f'holds "{engine}", which is accuracy.engine itself; take it out, or choose another accuracy.engine'
 
 
-@_rule("cam.breadth", "motion.stroke")
+@rule("cam.breadth", "motion.stroke")
 def _cam_is_broader_than_the_stroke(breadth, stroke):
     if breadth is not None and breadth <= stroke:
         return f"must be greater than motion.stroke = {stroke:g} m, got {breadth:g}; give a broader cam"
@@ -405,35 +415,35 @@ def _no_duplicates(names):
 
 
 for _key in ("motion.laws", "motion.tables", "drive.rank_by", "output.items"):
-    _rule(_key)(_no_duplicates)
+    rule(_key)(_no_duplicates)
 
 
-@_rule("motion.laws")
+@rule("motion.laws")
 def _all_stands_alone(laws):
     if "all" in laws and set(laws) != {"all"}:
         return '"all" already holds every law, got it with others; write ["all"] or the names'
 
 
-@_rule("machine.roller_radius", "product.height", into=ADVICE)
+@rule("machine.roller_radius", "product.height", into=ADVICE)
 def _radius_suits_the_product(radius, height):
     low, high = 0.40 * height, 0.55 * height
     if not low <= radius * GUARD <= high * GUARD**2:
         return f"eq 1.1 advises 0.40 to 0.55 of product.height, {low:g} to {high:g} m, got {radius:g}"
 
 
-@_rule("machine.weight", "machine.mass", into=ADVICE)
+@rule("machine.weight", "machine.mass", into=ADVICE)
 def _weight_suits_the_mass(weight, mass):
     if not 9.5 <= weight / mass <= 10.5:
         return f"weight / mass is {weight / mass:g} m/s2, expected 9.5 to 10.5; is one of the two in other units?"
 
 
-@_rule("machine.roller_condition", "accuracy.engine", into=ADVICE)
+@rule("machine.roller_condition", "accuracy.engine", into=ADVICE)
 def _driven_roller_may_stick(rolling, engine):
     if engine not in TORQUE_ENGINES and rolling == "driven":
         return f'the engine "{engine}" assumes full slip of a driven roller, whatever its torque; "fem" resolves stick'
 
 
-@_rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine", into=ADVICE)
+@rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine", into=ADVICE)
 def _torque_is_heeded(torque, rolling, engine):
     if engine not in TORQUE_ENGINES and torque and rolling != "driven":
         return f'the engine "{engine}" neglects machine.roller_torque; "fem" and "compaction" use it'

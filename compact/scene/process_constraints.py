@@ -5,29 +5,20 @@ without the table [process] has no `process.mould_speed`, and no rule of the tab
 """
 
 import math
-from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
-from compact.scene.constraints import GUARD, Rule
-from compact.scene.schema import STROKES_LIMIT
+from compact.scene.constraints import GUARD, Rule, rule
+from compact.scene.schema import NIP_ANGLE, STROKES_LIMIT
 
 PROCESS_RULES: list[Rule] = []
 PROCESS_ADVICE: list[Rule] = []
-NIP_ANGLE = 20.0  # [deg], default of `process.nip_angle`
 CLOSURES = ("gap", "product_density_ratio", "extrusion_pressure")
 
-Broken = Callable[..., str | None]
+_process_rule = partial(rule, into=PROCESS_RULES)
 
 
-def _rule(*keys: str, into: list[Rule] = PROCESS_RULES) -> Callable[[Broken], Broken]:
-    def enter(broken: Broken) -> Broken:
-        into.append(Rule(keys, broken))
-        return broken
-
-    return enter
-
-
-@_rule("process.mould_speed", "process.strokes")
+@_process_rule("process.mould_speed", "process.strokes")
 def _mould_at_rest_has_strokes(speed, strokes):
     if speed == 0 and strokes is None:
         return "is 0, and process.strokes is missing; give the number of strokes over a mould at rest, or its speed"
@@ -39,7 +30,7 @@ def _mould_at_rest_has_strokes(speed, strokes):
     return None
 
 
-@_rule("process.mould_speed", "machine.roller_length", "motion.duration", "motion.dwell")
+@_process_rule("process.mould_speed", "machine.roller_length", "motion.duration", "motion.dwell")
 def _mould_moves_by_less_than_the_roller(speed, length, duration, dwell):
     if not speed:
         return None
@@ -57,20 +48,20 @@ def _mould_moves_by_less_than_the_roller(speed, length, duration, dwell):
     return None
 
 
-@_rule("process.mould_speed", "product.mould_speed")
+@_process_rule("process.mould_speed", "product.mould_speed")
 def _mould_has_one_speed(speed, of_product):
     if None not in (speed, of_product) and speed != of_product:
         return f"must be product.mould_speed = {of_product:g} m/s, got {speed:g}; take product.mould_speed out"
 
 
-@_rule("process.fill_height", "process.fill_density_ratio")
+@_process_rule("process.fill_height", "process.fill_density_ratio")
 def _fill_has_height_and_density(height, ratio):
     if (height is None) != (ratio is None):
         missing = "fill_height" if height is None else "fill_density_ratio"
         return f"process.{missing} is missing; give both, or neither for an empty mould that the first sleeve fills"
 
 
-@_rule("process.fill_height", "product.height", "machine.roller_radius", "process.nip_angle")
+@_process_rule("process.fill_height", "product.height", "machine.roller_radius", "process.nip_angle")
 def _fill_is_within_the_nip(fill, height, radius, angle):
     if fill is None:
         return None
@@ -82,7 +73,7 @@ def _fill_is_within_the_nip(fill, height, radius, angle):
         )
 
 
-@_rule("process.gap", "process.product_density_ratio", "process.extrusion_pressure", "process.mould_speed")
+@_process_rule("process.gap", "process.product_density_ratio", "process.extrusion_pressure", "process.mould_speed")
 def _one_closure(gap, ratio, pressure, speed):
     if speed is None:
         return None
@@ -93,7 +84,7 @@ def _one_closure(gap, ratio, pressure, speed):
         return f"exactly one of {', '.join(CLOSURES)} must be given, got {found}; {remedy}"
 
 
-@_rule("process.gap", "process.feed", "machine.roller_radius", "process.nip_angle")
+@_process_rule("process.gap", "process.feed", "machine.roller_radius", "process.nip_angle")
 def _gap_belongs_to_room_within_the_nip(gap, feed, radius, angle):
     if gap is None:
         return None
@@ -110,7 +101,7 @@ def _gap_belongs_to_room_within_the_nip(gap, feed, radius, angle):
         )
 
 
-@_rule("process.product_density_ratio", "process.fill_density_ratio", "process.feed_density_ratio")
+@_process_rule("process.product_density_ratio", "process.fill_density_ratio", "process.feed_density_ratio")
 def _product_is_denser_than_its_mix(ratio, fill, feed):
     if ratio is None or feed is None:
         return None
@@ -120,17 +111,17 @@ def _product_is_denser_than_its_mix(ratio, fill, feed):
         return f"must be above process.{name} = {value:g}, got {ratio:g}; give the density behind the last stroke"
 
 
-@_rule("process.feed_count", "process.feed")
+@_process_rule("process.feed_count", "process.feed")
 def _count_belongs_to_first(count, feed):
     return _belongs(count, feed, "first", "the number of fed strokes")
 
 
-@_rule("process.feed_table", "process.feed")
+@_process_rule("process.feed_table", "process.feed")
 def _table_belongs_to_table(table, feed):
     return _belongs(table, feed, "table", "points { position, relative_thickness }")
 
 
-@_rule("process.feed_table", "machine.roller_length")
+@_process_rule("process.feed_table", "machine.roller_length")
 def _table_is_along_the_roller(table, length):
     positions = [point["position"] for point in table or ()]
     if any(b <= a for a, b in pairwise(positions)) or (positions and positions[-1] > length * GUARD):
@@ -142,7 +133,7 @@ def _table_is_along_the_roller(table, length):
         return "must have one positive relative_thickness at least, got none; give the thickness where mix is fed"
 
 
-@_rule("process.offered_thickness", "process.extrusion_pressure")
+@_process_rule("process.offered_thickness", "process.extrusion_pressure")
 def _offer_belongs_to_a_pressure(offered, pressure):
     if offered is not None and pressure is None:
         return (
@@ -151,13 +142,13 @@ def _offer_belongs_to_a_pressure(offered, pressure):
         )
 
 
-@_rule("sleeve", "process.mould_speed")
+@_process_rule("sleeve", "process.mould_speed")
 def _sleeve_belongs_to_a_process(sleeve, speed):
     if sleeve is not None and speed is None:
         return "is for the table [process], which is missing; take the table [sleeve] out, or give [process]"
 
 
-@_rule(
+@rule(
     "machine.rollers", "machine.overlap", "motion.stroke", "product.width", "process.mould_speed", into=PROCESS_ADVICE
 )
 def _rollers_cover_the_product(rollers, overlap, stroke, width, speed):

@@ -42,6 +42,7 @@ MixLaw = Literal["ellipse", "drucker-prager-cap"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
 FeedLaw = Literal["room", "even", "first", "table"]
+NIP_ANGLE = 20.0  # [deg], default of `process.nip_angle`
 STROKES_LIMIT = 10_000  # [-], strokes on one section of a product
 COUNT_LIMIT = 1_000_000  # [-], beyond any machine; excludes typing errors such as 0xffff... from loops
 
@@ -371,7 +372,7 @@ class Process(Table):
     extrusion_pressure: float | None = _optional("the pressure under the roller that mix evades in Pa")
     offered_thickness: float | None = _optional("the thickness that the sleeves offer in a stroke in m", ge=0)
     nip_angle: float = Field(
-        default=20.0, gt=0, le=60, description="the largest angle at which a roller draws mix in, in degrees"
+        default=NIP_ANGLE, gt=0, le=60, description="the largest angle at which a roller draws mix in, in degrees"
     )
     largest_grain: float | None = _optional("the size of the largest grains in m")
     layers: int = Field(default=20, ge=1, le=500, description="the number of merged layers of a section")

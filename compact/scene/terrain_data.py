@@ -114,6 +114,10 @@ def build_terrain(constants: Mapping[str, Any], width: float) -> Terrain:
         Keys of [terrain], in SI units and degrees.
     width : float
         Width of the wheel [m], Bekker's b.
+
+    Returns
+    -------
+    Terrain
     """
     values: list[Any] = [constants[key] for key in LAW_KEYS[constants["law"]]]
     law: PressureLaw

@@ -27,6 +27,11 @@ def earth_pressure_at_rest(slope: float) -> float:
     ----------
     slope : float
         M of the ellipse [-].
+
+    Returns
+    -------
+    float
+        K0 [-].
     """
     mix = Compaction(
         unloading_modulus=RIGID_MODULUS, poisson=0.3, heckel_slope=10e-6, loose_density_ratio=0.5, critical_slope=slope,

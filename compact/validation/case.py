@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from types import MappingProxyType
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +25,7 @@ from compact.numerics.validation import require_known
 REPEAT_TOLERANCE = 1e-6  # [-], relative, of our value against the recorded one; converged to 1e-9 and better
 Kind = Literal["measurement", "calibration", "program", "model", "exact"]
 Verdict = Literal["met", "explained", "not met"]
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 KINDS: Mapping[str, str] = MappingProxyType(
     {
         "measurement": "measured",
@@ -133,7 +134,17 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Panel of a figure with its curves."""
+    """Panel of a figure.
+
+    Parameters
+    ----------
+    x_label, y_label : str
+        Labels of the axes, with units.
+    curves : tuple of Curve
+        Curves and points.
+    log_x, log_y : bool
+        True for a logarithmic axis.
+    """
 
     x_label: str
     y_label: str
@@ -213,6 +224,11 @@ def read_rows(name: str, **conditions: str) -> list[dict[str, str]]:
         Name of the file.
     **conditions
         Column and text of the cell.
+
+    Returns
+    -------
+    list of dict
+        Cells of each row as text, by column.
     """
     text = files("compact.validation").joinpath("data", name).read_text(encoding="utf-8")
     rows = csv.DictReader(text.splitlines())

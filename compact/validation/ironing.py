@@ -73,6 +73,10 @@ def heap_path(increments: int) -> HeapPath:
     ----------
     increments : int
         Elements per contact length at the largest heap.
+
+    Returns
+    -------
+    HeapPath
     """
     roller = Roller(RADIUS, indentation=HEAPS[1], profile="deformed")
     numerics = RollingNumerics(increments=increments, max_contact_angle=None)
@@ -140,8 +144,8 @@ def _evaluate() -> Evaluation:
 
 
 REMARK = (
-    "The tolerance was found, not chosen: from 6 to 24 elements the distances shrink, and those of the finest mesh are "
-    "what this engine has in plastic flow with a bow wave. The arc instead of the chord explains 2 % of H/V. Ten times "
+    "From 6 to 24 elements the distances shrink; those of the finest mesh are the error of this engine in plastic flow "
+    "with a bow wave. The arc instead of the chord explains 2 % of H/V. Ten times "
     "the modulus, E/k = 10 800, changes V by about -1.5 % and H/V by about +1.5 % on 12 elements at a heap of 7 mm, so "
     "that elastic recovery behind the lowest point has a small part. The lowest point lies 0.5 mm below the surface, "
     "which the theory does not contain."

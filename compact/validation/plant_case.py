@@ -76,6 +76,10 @@ def read_plant_case(folder: str | Path) -> ValidationCase:
     folder : path
         Folder with one TOML and one CSV file.
 
+    Returns
+    -------
+    ValidationCase
+
     Raises
     ------
     ValueError
@@ -180,6 +184,10 @@ def read_trials(path: Path, expected: Mapping[str, float], scene: Scene) -> tupl
         Expected distances; every measured quantity has one.
     scene : Scene
         Scene of the case, whose keys the columns change.
+
+    Returns
+    -------
+    tuple of Trial
 
     Raises
     ------

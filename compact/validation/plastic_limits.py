@@ -81,38 +81,48 @@ def _graded(length: float, first: float) -> Array:
     return np.cumsum(sizes) * length / sum(sizes)
 
 
-def solve_increment(solid: FiniteStrainSolid, state: SolidState, moved: Array) -> tuple[SolidState, Array]:
+def solve_increment(
+    solid: FiniteStrainSolid, state: SolidState, moved: Array, applied: Array | float = 0.0
+) -> tuple[SolidState, Array]:
     """Solve the equilibrium after a prescribed displacement of the fixed degrees of freedom by Newton's method.
 
     Parameters
     ----------
     moved : ndarray, shape (n, 2)
         First guess of the displacements [m], with the prescribed ones.
+    applied : ndarray, shape (n, 2), optional
+        Applied nodal forces [N/m].
 
     Returns
     -------
     tuple
         State and nodal forces [N/m], shape (n, 2), after the increment.
+
+    Raises
+    ------
+    RuntimeError
+        If the increment has no equilibrium.
     """
     free, near, displacement = solid.ordered_dofs, None, moved.copy()
     increment = solid.increment(state, displacement)
     for _ in range(ITERATIONS):
-        residual = -increment.internal_forces.ravel()[free]
-        size = np.linalg.norm(residual) / np.linalg.norm(increment.internal_forces)
+        forces = increment.internal_forces
+        residual = (applied - forces).ravel()[free]
+        size = np.linalg.norm(residual) / max(np.linalg.norm(forces), np.linalg.norm(applied))
         if size < RESIDUAL:
-            return increment.after, increment.internal_forces
+            return increment.after, forces
         solve = solid.factorise(increment.element_stiffness, np.empty(0, dtype=int), np.empty((0, 2, 2)))
         direction, length = solve(residual), 1.0
         for _ in range(CUTS):
             trial = displacement.copy()
             trial.ravel()[free] += length * direction
             found = solid.increment(state, trial, near=near)
-            rest = np.linalg.norm(found.internal_forces.ravel()[free])
-            if rest < (1 - 0.1 * length) * np.linalg.norm(residual):
+            rest = (applied - found.internal_forces).ravel()[free]
+            if np.linalg.norm(rest) < (1 - 0.1 * length) * np.linalg.norm(residual):
                 break
             length /= 2
         displacement, increment, near = trial, found, found
-    raise RuntimeError(f"no equilibrium of the indenter: residual {size:.1e} after {ITERATIONS} iterations")
+    raise RuntimeError(f"no equilibrium: residual {size:.1e} after {ITERATIONS} iterations")
 
 
 def _evaluate() -> Evaluation:

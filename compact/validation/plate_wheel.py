@@ -44,7 +44,20 @@ def plate_laws() -> Plates:
 
 
 def pressed_force(law: PowerSinkage, depth: float) -> float:
-    """Compute the force [N] of the wheel pressed straight down to a depth [m]: columns on both sides, no shear."""
+    """Compute the force [N] of the wheel pressed straight down to a depth [m]: columns on both sides, no shear.
+
+    Parameters
+    ----------
+    law : PowerSinkage
+        Pressure over sinkage.
+    depth : float
+        Depth of the lowest point [m].
+
+    Returns
+    -------
+    float
+        Force [N].
+    """
     one_sided = roll_wheel(BED, Roller(RADIUS, indentation=depth), Terrain(law), SPEED)
     return 2 * WIDTH * one_sided.load
 
@@ -137,9 +150,9 @@ def _remark(groups: Mapping[str, Sequence[Mapping[str, str]]]) -> str:
         low, high = (middle, high) if wheel(middle).load * WIDTH < load else (low, middle)
     drawbar, measured = wheel(low).drawbar * WIDTH, float(numbers(rows, "drawbar_N").mean())
     return (
-        "The drawbar of driven wheels rises faster with slip in the model than it did. Slip-sinkage alone is not the "
-        f"reason: a softer law with the measured sinkage of {depth:.1f} mm at slip {slip:.2f} gives {drawbar:.1f} N; "
-        f"{measured:.1f} N were measured. Sand that leaves sideways from under 50 mm of width, and shear constants "
+        "The drawbar of driven wheels rises faster with slip in the model than in the test. Slip-sinkage alone is not "
+        f"the reason: a softer law with the measured sinkage of {depth:.1f} mm at slip {slip:.2f} gives {drawbar:.1f} "
+        f"N; {measured:.1f} N were measured. Sand that leaves sideways from under 50 mm of width, and shear constants "
         "that depend on slip, are not in the model; neither is proven to be the cause. The wheel with grousers is not "
         "computed: no law here contains grousers."
     )

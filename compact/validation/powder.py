@@ -37,7 +37,17 @@ def ph102() -> DensityCap:
 
 
 def ellipse_of_range(low: float, high: float) -> Compaction:
-    """Return the law of `column` for a range of density ratios [-], by the tables at its middle and ends."""
+    """Return the law of `column` for a range of density ratios [-], by the tables at its middle and ends.
+
+    Parameters
+    ----------
+    low, high : float
+        Ends of the range of the density ratio [-].
+
+    Returns
+    -------
+    Compaction
+    """
     cap, middle = ph102(), (low + high) / 2
     centre, eccentricity, *_ = cap.cap(middle)
     pressures = np.interp((low, middle, high), cap.density_ratio, cap.yield_pressure)

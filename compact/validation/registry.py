@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from compact.numerics.validation import require_known
 from compact.validation.cam_clay import CAM_CLAY
-from compact.validation.case import Comparison, Evaluation, ValidationCase, read_rows
+from compact.validation.case import VERDICTS, Comparison, Evaluation, ValidationCase, read_rows
 from compact.validation.half_plane import PA6
 from compact.validation.ironing import IRONING
 from compact.validation.plant_case import read_plant_case
@@ -68,7 +68,7 @@ class CaseResult:
     def counts(self) -> dict[str, int]:
         """Number of comparisons by verdict."""
         verdicts = [each.verdict for each in self.comparisons]
-        return {verdict: verdicts.count(verdict) for verdict in ("met", "explained", "not met")}
+        return {verdict: verdicts.count(verdict) for verdict in VERDICTS}
 
 
 def select_cases(names: Sequence[str]) -> tuple[ValidationCase, ...]:

@@ -115,11 +115,12 @@ JOHANSON = ValidationCase(
     "model",
     ("column",),
     "Johanson, J. Appl. Mech. 32 (1965) 842: the peak pressure as in github.com/martinbezecny/Virtual-Roller-"
-    "Compactor, the nip equation from memory; 54 and 45 points evaluated independently of this program",
+    "Compactor, the nip equation not checked against the print; 54 and 45 points evaluated independently of this "
+    "program",
     "facts only",
     "Rolls with a gap of 0.01 to 0.05 diameters, effective friction 30 to 50 degrees, wall friction 10 to 25 degrees, "
-    "compressibility K 2 to 20. One roll acts on a layer of half the gap on a smooth base. No measured number could be "
-    "had: finite elements of the literature have nip angles within 25 % and gap stresses below Johanson's.",
+    "compressibility K 2 to 20. One roll acts on a layer of half the gap on a smooth base. No measured number was "
+    "available; finite elements of the literature have nip angles within 25 % and gap stresses below Johanson's.",
     _evaluate,
     seconds=0.2,
 )

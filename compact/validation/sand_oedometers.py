@@ -60,7 +60,12 @@ class Oedometer:
 
 
 def read_oedometer(name: str) -> Oedometer:
-    """Read a test by its name."""
+    """Read a test by its name.
+
+    Returns
+    -------
+    Oedometer
+    """
     loading, unloading = (
         read_rows("sand_oedometers.csv", test=name, phase=phase) for phase in ("loading", "unloading")
     )
@@ -73,7 +78,13 @@ def read_oedometer(name: str) -> Oedometer:
 
 
 def power_law(test: Oedometer) -> Array:
-    """Fit offset [%], factor [%] and exponent [-] of the power law to the first half of loading."""
+    """Fit offset [%], factor [%] and exponent [-] of the power law to the first half of loading.
+
+    Returns
+    -------
+    ndarray, shape (3,)
+        Offset [%], factor [%] and exponent [-].
+    """
     used = test.first
 
     def residual(constants: Array) -> Array:
@@ -89,7 +100,13 @@ def power_strain(constants: Array, stress: Array) -> Array:
 
 
 def swelling_constant(test: Oedometer) -> float:
-    """Fit C [%] of the swelling to the first half of unloading."""
+    """Fit C [%] of the swelling to the first half of unloading.
+
+    Returns
+    -------
+    float
+        C [%].
+    """
     part = test.first_release
     logarithm = np.log(test.stress[-1] / test.released_stress[part])
     return float(logarithm @ test.rebound[part] / (logarithm @ logarithm))

@@ -58,7 +58,7 @@ BEKKER = ValidationCase(
     "facts only; quadratures for this validation",
     "Five wheels of 0.25 to 0.7 m radius under 500 to 6000 N on published soils, n 0.11 to 1.1: sinkage and compaction "
     "resistance of columns under a circle without shear. The closed forms of the textbook are compared with the same "
-    "integrals: their error is that of anyone who calls them Bekker's resistance.",
+    "integrals, which shows their error.",
     _bekker,
     seconds=0.05,
 )
@@ -137,7 +137,7 @@ WONG_REECE = ValidationCase(
     "BSD-3-Clause (constants)",
     "Rigid wheels of 49.4 in diameter on compact and loose sand under about 9 kN: stress by Reece's law ahead of its "
     "largest value and mirrored behind, shear stress by Janosi and Hanamoto. The skids are travel over rim speed less "
-    "one. No measured value of the source could be had as a number, so that the case verifies integrals.",
+    "one. No measured value of the source was available as a number, so that the case verifies the integrals only.",
     _wong_reece,
     seconds=0.8,
 )

@@ -8,12 +8,12 @@ height of the rollers is that at its own duration, and the resistance map covers
 laws keep their shape, optimal ones too, which are optimal at the duration of the scene alone.
 
 A crossover is the duration at which two laws require the same peak. It is found between neighbouring durations with
-different first laws; a law that is first between two of them only is found if it is first at a crossover.
+different first laws. A law that is first only between two of them is found only if it is first at a crossover.
 """
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -92,6 +92,16 @@ class DurationStudy:
 def read_durations(text: str) -> tuple[float, ...]:
     """Parse the option --over, "duration=LOW:HIGH:N", into durations in equal ratios [s].
 
+    Parameters
+    ----------
+    text : str
+        Option, such as "duration=0.3:3:8" [s].
+
+    Returns
+    -------
+    tuple of float
+        Durations of a pass [s], ascending.
+
     Raises
     ------
     ValueError
@@ -124,6 +134,13 @@ def read_durations(text: str) -> tuple[float, ...]:
 def require_durations(scene: Scene, durations: Sequence[float]) -> None:
     """Validate the durations like `motion.duration`.
 
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    durations : sequence of float
+        Durations of a pass [s].
+
     Raises
     ------
     SceneError
@@ -151,11 +168,15 @@ def over_durations(stages: Stages, durations: Sequence[float]) -> DurationStudy:
         Stages whose resistance map covers the shortest duration.
     durations : sequence of float
         Durations of a pass [s], ascending.
+
+    Returns
+    -------
+    DurationStudy
     """
     passes = [_Pass(stages, duration) for duration in durations]
     for _ in passes:
         stages.drive.count("durations")
-    orders = {by: tuple(drive.rank([each.run(law) for law in each.laws], by) for each in passes) for by in PEAKS}
+    orders = {by: tuple(drive.rank([each.run(law) for law in each.cycles], by) for each in passes) for by in PEAKS}
     crossovers: list[Crossover] = []
     for by in PEAKS:
         firsts = _firsts(orders[by])
@@ -171,15 +192,13 @@ class _Pass:
     def __init__(self, stages: Stages, duration: float) -> None:
         self.stages, self.duration = stages, duration
         self.scene = stages.drive.scene.replaced(**{"motion.duration": duration})
-        self.laws = tuple(stages.laws.cycles)
+        self.cycles = stages.laws.cycles_over(duration)
         self.runs: dict[str, Any] = {}
 
     def run(self, law: str) -> Any:
         """Return the run of a law under the drive of the scene."""
         if law not in self.runs:
-            motion = self.scene.motion
-            given = self.stages.laws.cycles[law]
-            cycle = replace(given.forward, duration=self.duration).cycle(given.far_dwell, given.near_dwell)
+            motion, cycle = self.scene.motion, self.cycles[law]
             moved_by = machine_models.drive_of(self.scene, cycle)
             self.runs[law] = drive.simulate(
                 self.stages.resistance.cart, moved_by, cycle, self.stages.resistance.resistance,
@@ -221,7 +240,7 @@ def _between(
 
     low, high = (math.log(end.duration) for end in ends)
     here = at(math.exp(brentq(difference, low, high, xtol=DURATION_TOLERANCE)))
-    order = drive.rank([here.run(law) for law in here.laws], by)
+    order = drive.rank([here.run(law) for law in here.cycles], by)
     first = _first(order)
     between = here.value(first, by) < here.value(shorter, by) * (1 - DURATION_TOLERANCE)
     if between and depth and first not in laws:

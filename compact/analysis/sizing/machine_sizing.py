@@ -19,7 +19,7 @@ import numpy as np
 
 from compact.analysis import machine_models
 from compact.analysis.stages.drives import Stages
-from compact.machine.load_spectrum import Bearing, BearingLife, LoadCycle, bearing_life, count_cycles
+from compact.machine.load_spectrum import SECONDS_PER_HOUR, Bearing, BearingLife, LoadCycle, bearing_life, count_cycles
 from compact.machine.motor_sizing import (
     MotorChoice,
     ShaftRequirement,
@@ -105,6 +105,10 @@ class MachineSizing:
         """Motor required by the first law; None for a hydraulic drive."""
         return self.laws.get(self.first_law)
 
+    def per_hour(self, count: float) -> float:
+        """Convert a number of load cycles in a cycle of the machine to that in an hour [1/h]."""
+        return count * SECONDS_PER_HOUR / self.period
+
 
 def machine_sizing(stages: Stages, law: str | None = None) -> MachineSizing:
     """Size motor, guides and bearings of a scene.
@@ -113,6 +117,10 @@ def machine_sizing(stages: Stages, law: str | None = None) -> MachineSizing:
     ----------
     law : str, optional
         Law whose loads are counted; the first law by the first criterion by default.
+
+    Returns
+    -------
+    MachineSizing
 
     Raises
     ------

@@ -100,7 +100,17 @@ class WorkBalance:
 
 
 def work_balance(stages: Stages) -> WorkBalance:
-    """Balance work and mix of a cycle under the first law by the first criterion."""
+    """Balance work and mix of a cycle under the first law by the first criterion.
+
+    Parameters
+    ----------
+    stages : Stages
+        Stages of a study.
+
+    Returns
+    -------
+    WorkBalance
+    """
     contacts, scene = stages.contacts, stages.contacts.scene
     machine, motion, product = scene.machine, scene.motion, scene.product
     run = stages.drive.runs[stages.drive.best_law]
@@ -137,6 +147,11 @@ def confined_work(before: float, behind: float, heckel_slope: float) -> float:
         Density ratios [-].
     heckel_slope : float
         K_H [1/Pa].
+
+    Returns
+    -------
+    float
+        Work over the compacted volume [J/m3].
 
     Examples
     --------

@@ -43,6 +43,7 @@ BAND = (0.05, 0.95)  # [-], quantiles of the resistance over the mix
 GIVEN_SPREAD = 0.1  # [-], relative half-width of a parameter that the scene states as measured
 DENSITY_STEP = 0.1  # [-], of the increase of the density ratio; half-width of the initial density ratio
 SCALES = 7  # [-], of the resistance, at which the peaks of the recommended law are sampled
+SCALE_ENDS = (0.8, 1.2)  # [-], first and last of them over the least and largest resistance of the sources
 CONTENDER_SHARE = 1.5  # [-], of the least peak; laws beyond it are not first where the resistance changes
 MEASURED = "measured"  # first word of the clause of a remark on a measured value
 FED = "fed_density_ratio"
@@ -71,8 +72,8 @@ class Source:
 
     Parameters
     ----------
-    variation : str
-        Variation in words.
+    name, variation : str
+        Source and its variation in words.
     low, high : SourceEnd
         Answers at the ends with the least and the largest effect on the peak force.
     """
@@ -160,7 +161,20 @@ class RankingUncertainty:
         return math.sqrt(sum(increase**2 for increase in increases))
 
     def peak_change(self, by: str, scale: float) -> float:
-        """Return the change of the peak of the recommended law under a scaled resistance [-]."""
+        """Return the change of the peak of the recommended law under a scaled resistance [-].
+
+        Parameters
+        ----------
+        by : str
+            Criterion.
+        scale : float
+            Resistance over that of the scene [-].
+
+        Returns
+        -------
+        float
+            Relative change [-].
+        """
         scales, values = self.peaks[by]
         return float(np.interp(scale, scales, values) / np.interp(1.0, scales, values) - 1)
 
@@ -183,6 +197,10 @@ def ranking_uncertainty(
         Verdicts without the spread of the mix, by criterion.
     spread : tuple of float or None
         Least and largest resistance over the laws of the mix [-].
+
+    Returns
+    -------
+    RankingUncertainty
     """
     laws = {by: each.law for by, each in verdicts.items()}
     variation = _Variation(stages, laws)
@@ -193,7 +211,7 @@ def ranking_uncertainty(
         sources.append(Source(RETURN, "over fresh or compacted mix", *compacted))
     sources += _durations(models[0], verdicts)
     ratios = [1.0, *((mix.low, mix.high) if mix else ()), *(spread or ())]
-    scales = np.linspace(0.8 * min(ratios), 1.2 * max(ratios), SCALES)
+    scales = np.linspace(SCALE_ENDS[0] * min(ratios), SCALE_ENDS[1] * max(ratios), SCALES)
     peaks = {by: _finite(scales, [variation.peak(by, scale) for scale in scales]) for by in laws}
     if mix is not None:
         mix = replace(mix, shares={by: _shares(mix, *peaks[by]) for by in laws})

@@ -37,6 +37,8 @@ class ModelAnswer:
 
     Parameters
     ----------
+    engine : str
+        Name of the engine.
     valid : bool
         True if the model may size a drive.
     places : dict
@@ -60,11 +62,36 @@ class ModelAnswer:
     spread: tuple[float, float] | None
 
     def first(self, duration: float, drive: str, by: str) -> list[Place]:
-        """Return the places of rank 1; empty if all values are infinite."""
+        """Return the places of rank 1; empty if all values are infinite.
+
+        Parameters
+        ----------
+        duration : float
+            Duration of a pass [s].
+        drive, by : str
+            Kind of drive and criterion.
+
+        Returns
+        -------
+        list of Place
+        """
         return [place for place in self.places[duration][drive][by] if place.rank == 1 and not place.reason]
 
     def values(self, duration: float, drive: str, by: str) -> dict[str, float]:
-        """Return the finite values of the laws."""
+        """Return the finite values of the laws.
+
+        Parameters
+        ----------
+        duration : float
+            Duration of a pass [s].
+        drive, by : str
+            Kind of drive and criterion.
+
+        Returns
+        -------
+        dict of str to float
+            Values by law, in the unit of the criterion.
+        """
         return {place.law: place.value for place in self.places[duration][drive][by] if not place.reason}
 
 
@@ -74,6 +101,10 @@ class Verdict:
 
     Parameters
     ----------
+    by, drive : str
+        Criterion and kind of drive.
+    duration : float
+        Duration of a pass [s].
     law : str
         Recommended law.
     contenders : tuple of str
@@ -111,6 +142,10 @@ def model_answers(
     ----------
     spread : tuple of float or None
         Least and largest resistance over the laws of the mix [-], by the engine of the scene.
+
+    Returns
+    -------
+    list of ModelAnswer
     """
     scene, drive = stages.contacts.scene, stages.drive
     duration = scene.motion.duration
@@ -186,7 +221,20 @@ def verdict(
 
 
 def contenders(order: Sequence[Place], by: str) -> list[str]:
-    """Return the laws that are first, or within the errors or the build tolerance of the first law."""
+    """Return the laws that are first, or within the errors or the build tolerance of the first law.
+
+    Parameters
+    ----------
+    order : sequence of Place
+        Places of one model, in order.
+    by : str
+        Criterion.
+
+    Returns
+    -------
+    list of str
+        Names of laws.
+    """
     finite = [place for place in order if not place.reason]
     if not finite:
         return []

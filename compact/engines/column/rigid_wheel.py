@@ -264,6 +264,10 @@ def roll_wheel(
     torque : float, optional
         Prescribed torque in the sense of rolling [N].
 
+    Returns
+    -------
+    WheelContactResult
+
     Raises
     ------
     ValueError
@@ -421,6 +425,11 @@ def parabola_sinkage(law: PowerSinkage, radius: float, load: float) -> float:
         Radius of the wheel [m].
     load : float
         Load per unit width P [N/m].
+
+    Returns
+    -------
+    float
+        Sinkage z0 [m].
     """
     n = law.exponent
     ratio = 2 * load * gamma(n + 1.5) / (law.modulus * np.sqrt(2 * radius * np.pi) * gamma(n + 1))
@@ -442,6 +451,11 @@ def textbook_wheel(law: PowerSinkage, radius: float, load: float) -> tuple[float
         Radius of the wheel [m].
     load : float
         Load per unit width P [N/m].
+
+    Returns
+    -------
+    sinkage, resistance : float
+        z0 [m] and R_c [N/m].
     """
     n = law.exponent
     sinkage = float((3 * load / (law.modulus * np.sqrt(2 * radius) * (3 - n))) ** (2 / (2 * n + 1)))

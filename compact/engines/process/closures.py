@@ -69,6 +69,12 @@ class FormingProblem:
 
     Parameters
     ----------
+    machine : FormingMachine
+        Geometry and motion of roller and mould.
+    material : Compaction
+        Constitutive law of the mix.
+    fill, feed : Fill, Feed
+        Mix in the mould before the first stroke, and mix fed before the strokes.
     layers : int
         Merged layers of a section.
     """
@@ -80,7 +86,19 @@ class FormingProblem:
     layers: int = DEFAULT_LAYERS
 
     def with_amount(self, amount: float, options: SectionOptions) -> SectionHistory:
-        """Compute the strokes with a gap, or a largest make-up of the laws without a gap [m]."""
+        """Compute the strokes with a gap, or a largest make-up of the laws without a gap [m].
+
+        Parameters
+        ----------
+        amount : float
+            Gap of the law "room", or largest make-up of the other laws [m].
+        options : SectionOptions
+            Rate of compaction, layers and accuracy.
+
+        Returns
+        -------
+        SectionHistory
+        """
         shares = self.feed.shares(self.machine)
         if self.feed.law == "room":
             return self._simulate(partial(_room, self.machine.height + amount, shares), options)
@@ -88,7 +106,21 @@ class FormingProblem:
         return self._simulate(lambda index, _: float(thickness[index]), options)
 
     def at_pressure(self, pressure: float, offered: Array, rate_factor: float) -> SectionHistory:
-        """Compute the strokes with a make-up that brings the stress to a pressure [Pa], at most that offered [m]."""
+        """Compute the strokes with a make-up that brings the stress to a pressure [Pa], at most that offered [m].
+
+        Parameters
+        ----------
+        pressure : float
+            Largest vertical stress under the roller [Pa].
+        offered : ndarray, shape (strokes,)
+            Thickness that the sleeves offer before each stroke [m].
+        rate_factor : float
+            Factor of the yield pressure [-].
+
+        Returns
+        -------
+        SectionHistory
+        """
 
         def make_up(index: int, state: SectionState) -> float:
             room = self.machine.height + self.machine.max_bite - state.height
@@ -124,6 +156,17 @@ class FormingProblem:
 def solve_closure(problem: FormingProblem, closure: Closure) -> ClosedProcess:
     """Compute the strokes of a process.
 
+    Parameters
+    ----------
+    problem : FormingProblem
+        Machine, mix and feed.
+    closure : Closure
+        Condition on the feed.
+
+    Returns
+    -------
+    ClosedProcess
+
     Raises
     ------
     OverfilledError
@@ -149,7 +192,15 @@ def solve_closure(problem: FormingProblem, closure: Closure) -> ClosedProcess:
 
 
 def require_bite(machine: FormingMachine, history: SectionHistory) -> None:
-    """Raise BiteError unless the roller draws in the mix of every stroke."""
+    """Raise BiteError unless the roller draws in the mix of every stroke.
+
+    Parameters
+    ----------
+    machine : FormingMachine
+        Machine, whose nip angle limits the bite.
+    history : SectionHistory
+        Strokes.
+    """
     stroke = int(history.bite.argmax())
     bite, limit = float(history.bite[stroke]), machine.max_bite
     if bite > limit * (1 + BITE_ROUNDING):
@@ -161,7 +212,20 @@ def require_bite(machine: FormingMachine, history: SectionHistory) -> None:
 
 
 def mean_of_product(machine: FormingMachine, values: Array) -> float:
-    """Return the mean of a quantity over the product from its values one stroke before the last and at the last."""
+    """Return the mean of a quantity over the product from its values one stroke before the last and at the last.
+
+    Parameters
+    ----------
+    machine : FormingMachine
+        Machine.
+    values : ndarray
+        Values one stroke before the last, and at the last.
+
+    Returns
+    -------
+    float
+        Mean in the unit of the values.
+    """
     share = float(machine.stroke_shares[-1])
     return float((1 - share) * values[0] + share * values[-1])
 

@@ -66,6 +66,11 @@ def confined_work(
     rate_factor : float
         Factor of the yield pressure [-].
 
+    Returns
+    -------
+    float
+        Work w per volume of the product [J/m3].
+
     Examples
     --------
     >>> mix = Compaction(60e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,

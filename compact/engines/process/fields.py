@@ -23,6 +23,15 @@ def process_frames(row: RollerRow) -> Iterator[tuple[float, "meshio.Mesh"]]:
     """Yield the number of strokes since the start, and the fields.
 
     Cell data: density ratio [-], lateral stress at rest [Pa], number of strokes.
+
+    Parameters
+    ----------
+    row : RollerRow
+        Forming process of one roller.
+
+    Yields
+    ------
+    number, mesh : float and meshio.Mesh
     """
     count = row.history.count
     numbers = np.unique(np.linspace(1, count, min(count, FRAMES_MAX)).round().astype(int))

@@ -68,7 +68,7 @@ class FormingMachine:
         )
         if (self.strokes is None) != (self.mould_speed > 0):
             raise ValueError(
-                "`strokes` must be given for a mould at rest only, whose sections leave the roller never, got "
+                "`strokes` must be given for a mould at rest only, whose sections never leave the roller, got "
                 f"{self.strokes!r} at a `mould_speed` of {self.mould_speed!r}"
             )
         if self.advance > self.roller_length:

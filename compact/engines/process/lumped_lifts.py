@@ -1,9 +1,9 @@
 """Forming process in two dimensions: the feed of many strokes lumped into 10 to 20 lifts.
 
-Every stroke meets the whole state that the last one has left, so that strokes cannot be picked and interpolated. The
-feed is therefore lumped: each lift of the thickness t, several times the make-up of a stroke, is spread over the
-section and pressed down to the lowest generatrix by one pass of the engine "compaction". Density and stress of the rows
-behind the pass are the initial state of the next one.
+Every stroke starts from the whole state that the previous one has left, so that strokes cannot be computed singly and
+interpolated. The feed is therefore lumped. Each lift of the thickness t, several times the make-up of a stroke, is
+spread over the section and pressed down to the lowest generatrix by one pass of the engine "compaction". Density and
+stress of the rows behind the pass are the initial state of the next one.
 
 The load at a mean density hardly depends on t, and the resistance over t does; both are extrapolated to the make-up of
 the strokes (`two_dimensions`). The rate of compaction is that of the strokes: the speed of each pass is chosen so that

@@ -99,6 +99,10 @@ def density_curve(problem: FormingProblem, density_ratio: float, most_strokes: f
     most_strokes : float
         Largest number of strokes of the curve [-], at most STROKES_MAX.
 
+    Returns
+    -------
+    DensityCurve
+
     Raises
     ------
     BiteError
@@ -136,6 +140,10 @@ def operating_map(curve: DensityCurve, stroke: float, mould_speeds: Array, cart_
         Length s of the stroke [m].
     mould_speeds, cart_speeds : ndarray
         Speeds [m/s].
+
+    Returns
+    -------
+    OperatingMap
     """
     machine = curve.problem.machine
     strokes = machine.roller_length * cart_speeds[:, None] / (mould_speeds * stroke)

@@ -191,6 +191,10 @@ def simulate_section(
     make_up : callable(index, SectionState) -> float
         Thickness of the mix added before a stroke [m].
 
+    Returns
+    -------
+    SectionHistory
+
     Raises
     ------
     OverfilledError
@@ -258,6 +262,20 @@ def merge_layers(columns: Sequence[Column], count: int, bulk_modulus: float) -> 
 
     Layers that have yielded under the same stress have the same density; fill that is denser than the feed stays apart
     until it yields.
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        Layers from the base upwards.
+    count : int
+        Largest number of layers, at least 1.
+    bulk_modulus : float
+        Bulk modulus K of the mix [Pa].
+
+    Returns
+    -------
+    tuple of Column
+        Merged layers, of the same height and grains.
     """
     kept = list(columns)
     while len(kept) > count:
@@ -276,7 +294,20 @@ def grain_height(column: Column, bulk_modulus: float) -> float:
 
 
 def mean_density_ratio(columns: Sequence[Column], low: float, high: float) -> float:
-    """Return the mean density ratio between two shares of the height, 0 at the base and 1 at the surface [-]."""
+    """Return the mean density ratio between two shares of the height, 0 at the base and 1 at the surface [-].
+
+    Parameters
+    ----------
+    columns : sequence of Column
+        Layers from the base upwards.
+    low, high : float
+        Shares of the height [-], low < high.
+
+    Returns
+    -------
+    float
+        Mean density ratio [-].
+    """
     heights = np.array([column.height for column in columns])
     tops = np.cumsum(heights)
     bounds = np.clip(np.append(0.0, tops), low * tops[-1], high * tops[-1])

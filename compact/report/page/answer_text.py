@@ -1,8 +1,7 @@
 """Sentences and table of the answer that the terminal and the first screen of the page share.
 
-Ten questions of a designer are each answered by one line of these (docs/guide.md lists them): the law, the force, the
-motor, the model, the agreement, another duration, a rigid drive, a stiffer mix, the first measurement, and the quantity
-that is held.
+One line answers each question of a designer in docs/guide.md: the law, the force, the motor, the model, the agreement,
+another duration, a rigid drive, a stiffer mix, the first measurement, and the quantity that is held.
 """
 
 import math
@@ -29,8 +28,12 @@ class Recommendation(NamedTuple):
 
     Parameters
     ----------
+    term, law : str
+        Criterion and law.
     peak, required : str
         Peak, and peak with its margin; `required` is empty without the uncertainty of the result.
+    part : str
+        Statement that no model is valid for sizing; empty otherwise.
     other : str
         Peak of the law by the other criterion; empty without one.
     margin : str
@@ -70,7 +73,12 @@ def own_verdicts(study: Study) -> dict[str, Verdict]:
 
 
 def recommendations(study: Study) -> list[Recommendation]:
-    """State the recommended law, its peak and the margin of the drive by each criterion of the verdict."""
+    """State the recommended law, its peak and the margin of the drive by each criterion of the verdict.
+
+    Returns
+    -------
+    list of Recommendation
+    """
     valid, found = [each.engine for each in study.models if each.valid], []
     sizing = _sizing_model(study)
     by_engine = "" if sizing is study.models[0] else f" by {sizing.engine}"
@@ -111,6 +119,15 @@ def _agreement(verdict: Verdict, valid: Sequence[str]) -> str:
 
 def model_table(study: Study, duration: float | None = None, drive: str | None = None) -> list[list[str]]:
     """Tabulate the models: first law and peak by each criterion, resistance, errors and validity.
+
+    Parameters
+    ----------
+    study : Study
+        A finished study.
+    duration : float, optional
+        Duration of a pass [s]; that of the scene by default.
+    drive : str, optional
+        Kind of drive; that of the scene by default.
 
     Returns
     -------
@@ -249,6 +266,11 @@ def uncertainty_table(known: RankingUncertainty, peaks: Mapping[str, str]) -> li
     ----------
     peaks : mapping of str to str
         Recommended law by criterion.
+
+    Returns
+    -------
+    list of list of str
+        Header and rows.
     """
     terms = [CRITERIA[by].quantity.term for by in peaks]
     header = ["source", "variation", *terms, *(f"first by {term}" for term in terms), "in the margin?"]

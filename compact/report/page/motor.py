@@ -11,7 +11,6 @@ from compact.report.sizing.sentences import bearing_sentence, margin_sentence, m
 
 SHOWN_CYCLES = 6  # [-], load cycles of a wheel on the page, the largest; wheel-loads.csv has all
 SHOWN_MOTORS = 12  # [-], motors on the page, those next to the chosen one; motor-catalogue.csv has all
-SECONDS_PER_HOUR = 3600.0  # [s]
 
 
 def motor_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
@@ -104,7 +103,7 @@ def _wheel_table(sizing: MachineSizing) -> Table:
     for wheel in sizing.wheels:
         extremes = f"{format_quantity(wheel.least, 'N')} to {format_quantity(wheel.largest, 'N')}"
         for place, each in enumerate(wheel.cycles[:SHOWN_CYCLES]):
-            hourly = each.count * SECONDS_PER_HOUR / sizing.period
+            hourly = sizing.per_hour(each.count)
             wheel_cells = ("", "") if place else (wheel.name, extremes)
             ranges = (format_quantity(each.range, "N"), format_quantity(each.mean, "N"))
             rows.append((*wheel_cells, *ranges, format_number(each.count), format_number(hourly)))

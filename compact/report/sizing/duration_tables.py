@@ -13,7 +13,20 @@ CROSSOVER_HEADER = ("criterion", "duration_s", "shorter", "longer", "value", "un
 
 
 def write_durations(found: DurationStudy, directory: Path) -> Iterator[Path]:
-    """Write duration.csv, the laws at every duration, and duration-crossovers.csv."""
+    """Write duration.csv, the laws at every duration, and duration-crossovers.csv.
+
+    Parameters
+    ----------
+    found : DurationStudy
+        Ranking over the duration.
+    directory : Path
+        Existing directory.
+
+    Yields
+    ------
+    Path
+        File written.
+    """
     yield write_csv(directory / "duration.csv", DURATION_HEADER, [
         (duration, by, each.rank, each.run.name, each.value, CRITERIA[by].unit, each.margin, each.tie, each.reason)
         for by, orders in found.orders.items()

@@ -7,6 +7,7 @@ from typing import Any
 from compact.analysis.sizing.machine_sizing import LawSizing, MachineSizing
 from compact.files import write_csv
 from compact.machine.motor_sizing import MotorFit
+from compact.report.number_format import json_number
 
 LAW_HEADER = (
     "law", "shaft_speed_rad/s", "mean_torque_Nm", "rms_torque_Nm", "peak_torque_Nm", "peak_braking_torque_Nm",
@@ -18,11 +19,23 @@ CATALOGUE_HEADER = (
 )  # fmt: skip
 WHEEL_HEADER = ("load", "range_N", "mean_N", "count_per_cycle", "count_per_hour")
 BEARING_HEADER = ("bearing", "equivalent_load_N", "life_million_revolutions", "life_hours", "valid")
-SECONDS_PER_HOUR = 3600.0  # [s]
 
 
 def write_sizing(sizing: MachineSizing, directory: Path) -> Iterator[Path]:
-    """Write motor-sizing.csv, motor-catalogue.csv, wheel-loads.csv and bearing-lives.csv, as far as they exist."""
+    """Write motor-sizing.csv, motor-catalogue.csv, wheel-loads.csv and bearing-lives.csv, as far as they exist.
+
+    Parameters
+    ----------
+    sizing : MachineSizing
+        Motor, guides and bearings.
+    directory : Path
+        Existing directory.
+
+    Yields
+    ------
+    Path
+        File written.
+    """
     if sizing.laws:
         rows = [_law_row(each) for each in sizing.laws.values()]
         yield write_csv(directory / "motor-sizing.csv", LAW_HEADER, rows)
@@ -30,7 +43,7 @@ def write_sizing(sizing: MachineSizing, directory: Path) -> Iterator[Path]:
     if first is not None and first.choice is not None:
         yield write_csv(directory / "motor-catalogue.csv", CATALOGUE_HEADER, map(_fit_row, first.choice.fits))
     yield write_csv(directory / "wheel-loads.csv", WHEEL_HEADER, [
-        (wheel.name, each.range, each.mean, each.count, each.count * SECONDS_PER_HOUR / sizing.period)
+        (wheel.name, each.range, each.mean, each.count, sizing.per_hour(each.count))
         for wheel in sizing.wheels
         for each in wheel.cycles
     ])  # fmt: skip
@@ -72,26 +85,22 @@ def sizing_numbers(sizing: MachineSizing) -> dict[str, Any]:
         "motor": _choice(sizing.first),
         "wheels": {
             wheel.name: {
-                "least": _number(wheel.least, "N"),
-                "largest": _number(wheel.largest, "N"),
+                "least": json_number(wheel.least, "N"),
+                "largest": json_number(wheel.largest, "N"),
                 "cycles": [{"range": each.range, "mean": each.mean, "count": each.count} for each in wheel.cycles],
             }
             for wheel in sizing.wheels
         },
         "bearings": {
             name: {
-                "equivalent_load": _number(life.equivalent_load, "N"),
-                "life": _number(life.million_revolutions * 1e6, "1"),
-                "hours": _number(life.hours, "h"),
+                "equivalent_load": json_number(life.equivalent_load, "N"),
+                "life": json_number(life.million_revolutions * 1e6, "1"),
+                "hours": json_number(life.hours, "h"),
                 "valid": life.valid,
             }
             for name, life in sizing.lives.items()
         },
     }
-
-
-def _number(value: float, unit: str) -> dict[str, Any]:
-    return {"value": value, "unit": unit}
 
 
 def _shaft(first: LawSizing | None) -> dict[str, Any] | None:
@@ -100,14 +109,14 @@ def _shaft(first: LawSizing | None) -> dict[str, Any] | None:
         return None
     found = first.requirement
     return {
-        "speed": _number(found.speed, "rad/s"),
-        "mean_torque": _number(found.mean_torque, "Nm"),
-        "rms_torque": _number(found.rms_torque, "Nm"),
-        "peak_torque": _number(found.peak_torque, "Nm"),
-        "driving_share": _number(found.driving_share, "1"),
-        "braking_share": _number(found.braking_share, "1"),
-        "largest_inertia": _number(found.largest_inertia, "kg m2"),
-        "required_power": _number(first.required_power, "W"),
+        "speed": json_number(found.speed, "rad/s"),
+        "mean_torque": json_number(found.mean_torque, "Nm"),
+        "rms_torque": json_number(found.rms_torque, "Nm"),
+        "peak_torque": json_number(found.peak_torque, "Nm"),
+        "driving_share": json_number(found.driving_share, "1"),
+        "braking_share": json_number(found.braking_share, "1"),
+        "largest_inertia": json_number(found.largest_inertia, "kg m2"),
+        "required_power": json_number(first.required_power, "W"),
     }
 
 
