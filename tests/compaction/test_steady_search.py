@@ -7,7 +7,7 @@ import pytest
 
 from compact.engines.compaction.bow_wave import QUANTITIES, BowWaveMode, WaveDrift, crossing_length, relaxation_length
 from compact.engines.compaction.depth_target import DepthSecant, DepthTarget
-from compact.engines.compaction.engine import mesh_cascade, roll
+from compact.engines.compaction.engine import STEADY_TOLERANCE, mesh_cascade, roll
 from compact.engines.compaction.incremental_rolling import RollingStep
 from compact.engines.compaction.steady_search import WaveGrowth
 from compact.material.laws import Compaction
@@ -23,6 +23,7 @@ PUBLISHED = (
 # load and resistance of the published lift by 600 steps from two bow waves, 10 % above and 11 % below the steady one,
 # on 12 elements per contact length; they end within 3e-4 of each other (N over 1.1642 m of roller)
 TWO_STARTS = 9756.4 / 1.1642, 1751.6 / 1.1642
+SCATTER = 3e-4  # [-], of both
 
 
 def step(travel, wave_area, **values):
@@ -127,7 +128,7 @@ def test_five_percent_deeper_and_back_gives_the_first_solution(coarse, layer, ro
 @pytest.mark.slow
 def test_published_lift_agrees_with_two_starts_above_and_below():
     rolled = roll(*PUBLISHED, 0.13, increments=12)
-    assert (rolled.load, rolled.resistance) == pytest.approx(TWO_STARTS, rel=2e-3)
+    assert (rolled.load, rolled.resistance) == pytest.approx(TWO_STARTS, rel=STEADY_TOLERANCE + SCATTER)
     assert rolled.error[0] < 0.03
     assert rolled.overdense_work == pytest.approx(0.4, abs=0.1)
 

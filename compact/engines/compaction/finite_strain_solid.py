@@ -156,8 +156,7 @@ class FiniteStrainSolid:
         tangent : bool
             True to compute the tangent too.
         near : SolidIncrement, optional
-            Increment from the same state to a similar displacement, whose multipliers are the initial guess of the
-            return mappings.
+            Similar increment on this mesh, whose multipliers are the initial guess of the return mappings.
 
         Returns
         -------
@@ -228,6 +227,18 @@ class FiniteStrainSolid:
         numbers = self.equation_numbers[self.element_dofs]
         first = np.where(numbers >= 0, numbers, numbers.max()).min(axis=1)
         return int((numbers.max(axis=1) - first).max()), numbers
+
+    def multiply(self, element_stiffness: FloatArray, vector: FloatArray) -> FloatArray:
+        """Multiply the assembled stiffness of the free degrees of freedom by a vector in the order of `ordered_dofs`.
+
+        Parameters
+        ----------
+        element_stiffness : ndarray, shape (elements, 16, 16)
+            Stiffness of the elements [N/m2].
+        vector : ndarray, shape (n,)
+            Displacements [m].
+        """
+        return np.asarray(multiply_elements(element_stiffness, self._band_layout[1], vector))
 
     def factorise(self, element_stiffness: FloatArray, nodes: ArrayLike, nodal_stiffness: FloatArray) -> LinearSolver:
         """Assemble and factorise the stiffness of the free degrees of freedom.

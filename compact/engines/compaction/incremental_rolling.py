@@ -32,6 +32,7 @@ FINAL_DAMPING_RATIO = 0.25  # [-], of the damping once the roller is at its heig
 MAX_HALVINGS = 3  # [-], halvings of a step that has no equilibrium
 ROLLING_TOLERANCE = 1e-4  # [-], residual of a step over the nodal forces
 CARRIED_SHARE = 0.5  # [-], of the change of the carried pressure in a step; with 1 it oscillates
+PREDICTION_TAPER = 0.5  # [-], distance ahead of the roller over the contact length from which jumps are predicted
 
 
 @dataclass(frozen=True)
@@ -206,19 +207,21 @@ class IncrementalRolling:
         tractions : ContactTractions
             Multipliers of the roller.
         displacement : ndarray, shape (N, 2), optional
-            Change of the displacement [m]; the prediction of the next step follows it.
+            Change of the displacement [m]. The prediction of the next step follows it ahead of the roller alone; behind
+            it contains marks, which move with the mix.
         """
         self.state, self.surface = state, self.surface.with_multipliers(tractions)
         self.carried_pressure = None
         self.solver.solve_tangent = None
         if displacement is not None:
+            share = np.clip(self.frame.nodes[:, :1] / (PREDICTION_TAPER * self.frame.contact_length), 0.0, 1.0)
             change = displacement - self.frame.convect_displacement(displacement)
-            self.displacement_change = self.displacement_change + change
+            self.displacement_change = self.displacement_change + share * change
 
     def remove_marks_behind(self) -> None:
         """Make the layer uniform behind the exit column, where the start and changes of the depth left marks."""
-        uniform = self.frame.with_uniform_rear(self.state)
-        self.restart(uniform, self.contact, uniform.displacement - self.state.displacement)
+        self.restart(self.frame.with_uniform_rear(self.state), self.contact)
+        self.displacement_change = self.frame.with_uniform_rear_nodes(self.displacement_change)
 
     def load_and_resistance(self) -> tuple[float, float]:
         """Return load and resistance [N/m]."""

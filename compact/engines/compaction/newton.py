@@ -14,7 +14,7 @@ the elastic forces of the departure from the predicted displacement. It vanishes
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol, cast
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +33,7 @@ MAX_ITERATIONS = 60  # [-], Newton iterations of one increment
 GOOD_REDUCTION = 0.3  # [-], ratio of successive residuals up to which a factorised tangent is reused
 OVERSHOOT_LIMIT = 0.3  # [-], residual along the direction that a step beyond the minimum may leave, over its start
 MAX_STEP_CUTS = 8  # [-], step lengths tried by one line search
+LENGTH_GROWTH = 4.0  # [-], first step length of a line search over that of the last one, up to 1
 SHORT_STEP = 0.2  # [-], step length below which elastic stiffness is added
 FIRST_ELASTIC_SHARE = 0.005  # [-], share of the elastic stiffness that is added first
 MAX_ELASTIC_SHARE = 10.0  # [-], share beyond which the increment fails
@@ -94,6 +95,7 @@ class IncrementSolver:
     def __init__(self, solid: FiniteStrainSolid, nodes: ArrayLike, tolerance: float = RESIDUAL_TOLERANCE) -> None:
         self.solid, self.nodes, self.tolerance = solid, np.asarray(nodes, dtype=int), tolerance
         self.solve_tangent: LinearSolver | None = None
+        self._last_increment: SolidIncrement | None = None
 
     def solve(
         self, before: SolidState, surface: ContactSurface, prediction: FloatArray, damping: float = 0.0
@@ -122,9 +124,11 @@ class IncrementSolver:
             If Newton's method does not converge.
         """
         trial, share, residuals = self._first_trial(before, surface, prediction, damping), 0.0, []
+        first_length = 1.0
         for iteration in range(MAX_ITERATIONS):
             residuals.append(trial.size)
             if trial.size <= self.tolerance:
+                self._last_increment = trial.increment
                 return Equilibrium(trial.increment.after, trial.contact, trial.undamped_size, iteration)
             stalled = iteration > 0 and residuals[-1] > GOOD_REDUCTION * residuals[-2]
             refactorised = self.solve_tangent is None or stalled
@@ -132,7 +136,8 @@ class IncrementSolver:
                 self._factorise(trial, share)
             assert self.solve_tangent is not None  # set by `_factorise`
             direction = self.solve_tangent(trial.residual)
-            length, next_trial = _line_search(trial, direction)
+            length, next_trial = _line_search(trial, direction, first_length)
+            first_length = min(LENGTH_GROWTH * length, 1.0) if next_trial else 1.0
             if next_trial is None and not refactorised:  # an outdated tangent may give no descent direction
                 self.solve_tangent = None
                 continue
@@ -152,7 +157,7 @@ class IncrementSolver:
         fixed, start = self.solid.fixed_dofs, before.displacement.copy()
         start.ravel()[fixed] = prediction.ravel()[fixed]
         for displacement in (prediction, start):
-            trial = _try_displacement(self, before, surface, displacement, damping, prediction)
+            trial = _try_displacement(self, before, surface, displacement, damping, prediction, self._last_increment)
             if trial is not None:
                 return trial
         raise EquilibriumError("no equilibrium: elements of the layer invert before the first iteration")
@@ -182,22 +187,14 @@ class IncrementSolver:
         return self.solid.elastic_element_stiffness()
 
     def elastic_forces(self, displacement: FloatArray) -> FloatArray:
-        """Return the nodal forces of an elastic layer.
+        """Return the nodal forces of an elastic layer on the free degrees of freedom [N/m], in their order.
 
         Parameters
         ----------
         displacement : ndarray, shape (N, 2)
-            Displacement of the nodes [m].
-
-        Returns
-        -------
-        ndarray, shape (N, 2)
-            Internal forces [N/m].
+            Displacement of the nodes, 0 where it is fixed [m].
         """
-        dofs = self.solid.element_dofs
-        forces = np.matmul(self.elastic_stiffness, displacement.ravel()[dofs][..., None])
-        # floats, as it has weights
-        return cast(FloatArray, np.bincount(dofs.ravel(), forces.ravel(), displacement.size).reshape(-1, 2))
+        return self.solid.multiply(self.elastic_stiffness, displacement.ravel()[self.solid.ordered_dofs])
 
 
 class _Trial:
@@ -225,8 +222,7 @@ class _Trial:
         self.residual = (external - internal).ravel()[solid.ordered_dofs]
         self.undamped_size = float(np.linalg.norm(self.residual) / scale)
         if damping:
-            departure = solver.elastic_forces(displacement - prediction).ravel()[solid.ordered_dofs]
-            self.residual = self.residual - damping * departure
+            self.residual = self.residual - damping * solver.elastic_forces(displacement - prediction)
         self.size = float(np.linalg.norm(self.residual) / scale)
         if not np.isfinite(self.size):
             raise FloatingPointError("elements of the layer invert")
@@ -266,12 +262,14 @@ def _rank_one_update(solve: LinearSolver, column: FloatArray, row: FloatArray) -
     return solve_updated
 
 
-def _line_search(trial: _Trial, direction: FloatArray) -> tuple[float, _Trial | None]:
-    """Return the step length and the trial with a smaller residual along the direction; None if there is none."""
+def _line_search(trial: _Trial, direction: FloatArray, length: float) -> tuple[float, _Trial | None]:
+    """Return the step length and the trial with a smaller residual along the direction; None if there is none.
+
+    The length given is tried first.
+    """
     start = direction @ trial.residual
     if start <= 0:
         return 0.0, None
-    length = 1.0
     for _ in range(MAX_STEP_CUTS):
         candidate = trial.step(length, direction)
         if candidate is not None:

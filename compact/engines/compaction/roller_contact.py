@@ -149,7 +149,9 @@ class RollerSurface:
         displacement : ndarray, shape (n, 2)
             Displacement of the nodes [m].
         """
-        return self._normal_to_circle(displacement) if self.profile == "deformed" else self._vertical(displacement)
+        if self.profile == "deformed":
+            return self._normal_to_circle(*self._normals(displacement))
+        return self._vertical(displacement)
 
     def profile_slope(self) -> FloatArray:
         """Return dy/dx of the roller above the nodes; 0 for a pressure normal to the circle [-], shape (n,)."""
@@ -168,8 +170,7 @@ class RollerSurface:
         """Return unit vectors along positive friction at nodes displaced by (n, 2) [m], shape (n, 2)."""
         if self.profile != "deformed":
             return np.tile([1.0, 0.0], (len(self.coordinates), 1))
-        n, _ = self._normals(displacement)
-        return np.stack([-n[:, 1], n[:, 0]], axis=-1)
+        return _turned(self._normals(displacement)[0])
 
     def _normals(self, displacement):
         """Return unit vectors from the roller axis to the nodes, and their distances from it."""
@@ -180,9 +181,8 @@ class RollerSurface:
     def _circle_slope(self, x):
         return x / np.sqrt(np.maximum(self.radius**2 - x**2, MIN_SLOPE_ROOT * self.radius**2))
 
-    def _normal_to_circle(self, displacement):
-        n, distance = self._normals(displacement)
-        t = self.tangents(displacement)
+    def _normal_to_circle(self, n, distance):
+        t = _turned(n)
         lower_half = n[:, 1] < 0  # the upper half of the roller has no contact
         gap = np.where(lower_half, distance - self.radius, np.inf)
         pressure = self._pressure(gap)
@@ -266,14 +266,13 @@ class RollingSurface(RollerSurface):
 
     def contact_forces(self, displacement: FloatArray) -> ContactForces:
         """Return the contact forces on nodes with displacements [m] of shape (n, 2)."""
-        normal = self.normal_contact(displacement)
+        normal, n, t, rotation, growth = self._normal_contact_and_axes(displacement)
         bound, travel = self.friction * normal.pressure, self.position - self.start_position
         stiffness = SHEAR_PENALTY_RATIO * self.penalty
         without_creep = self.multiplier_shear - stiffness * (self.arcs(displacement) - self.start_arcs + travel)
         creep_travel = self._creep_travel(without_creep, bound, stiffness)
         trial_shear = without_creep - stiffness * creep_travel
         shear, sticking = np.clip(trial_shear, -bound, bound), np.abs(trial_shear) < bound
-        n, t, rotation, growth = self._axes(displacement)
         # minus the derivatives of the nodal shear by the displacement at constant creepage
         gradient = np.where(sticking, stiffness * self.weights * growth, 0.0)[:, None] * t
         slipping = np.sign(shear) * self.friction * self._penalty_stiffness(normal.pressure)
@@ -317,11 +316,15 @@ class RollingSurface(RollerSurface):
         share = np.where(sticking, self.weights, 0.0)
         return (share / share.sum())[:, None] * t, -gradient
 
-    def _axes(self, displacement):
-        """Return normals and tangents of the nodes, and their rotation and arc growth per tangential motion."""
-        t = self.tangents(displacement)
-        n = np.stack([t[:, 1], -t[:, 0]], axis=-1)
-        if self.profile != "deformed":
-            return n, t, np.zeros(len(t)), np.ones(len(t))
-        _, distance = self._normals(displacement)
-        return n, t, 1 / distance, self.radius / distance
+    def _normal_contact_and_axes(self, displacement):
+        """Return the normal contact, and normals, tangents, rotation and arc growth per tangential motion of nodes."""
+        if self.profile == "deformed":
+            n, distance = self._normals(displacement)
+            return self._normal_to_circle(n, distance), n, _turned(n), 1 / distance, self.radius / distance
+        down, t = np.tile([0.0, -1.0], (len(displacement), 1)), self.tangents(displacement)
+        return self._vertical(displacement), down, t, np.zeros(len(t)), np.ones(len(t))
+
+
+def _turned(normals):
+    """Return unit vectors turned from the normals by a right angle, along positive friction."""
+    return np.stack([-normals[:, 1], normals[:, 0]], axis=-1)

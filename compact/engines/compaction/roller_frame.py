@@ -395,6 +395,29 @@ class RollerFrame:
         """Return the displacement [m], shape (N, 2), after all mix has moved by one step towards -x."""
         return np.asarray(self._node_convection @ displacement)
 
+    def interpolation_matrix(self, points: FloatArray) -> csr_matrix:
+        """Return the matrix from values at the nodes to those at points, shape (n, N).
+
+        The elements are found by rows and columns, much faster than by the search of scikit-fem on any mesh.
+
+        Parameters
+        ----------
+        points : ndarray, shape (2, n)
+            Points inside the mesh in the reference configuration [m].
+        """
+        (rows, columns), basis = self.mesh.shape, self.solid.basis
+        lines = (self.mesh.x[0], columns), (self.mesh.y, rows)
+        column, row = (
+            np.clip(np.searchsorted(line, at, side="right") - 1, 0, count - 1)
+            for at, (line, count) in zip(points, lines, strict=True)
+        )
+        elements = row * columns + column
+        local = basis.mapping.invF(points[:, :, None], tind=elements)[:, :, 0]
+        shapes = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
+        count = len(elements)
+        places = np.tile(np.arange(count), len(shapes)), basis.element_dofs[:, elements].ravel()
+        return csr_matrix((shapes.ravel(), places), shape=(count, basis.N))
+
     def to_rows(self, values: FloatArray) -> FloatArray:
         """Return values of the Gauss points by rows from the base up, shape (2 rows, 2 columns, ...)."""
         return values[self._row_layout]
@@ -413,21 +436,43 @@ class RollerFrame:
         state : SolidState
             State of the layer.
         """
-        column = int(np.searchsorted(self.row_x, -self.exit_distance - UNIFORM_REAR * self.mesh.height))
-        x, y = self.nodes.T
-        end = self.row_x[column]
-        behind = np.flatnonzero(x < end)
-        displacement = state.displacement.copy()
-        exits = np.array([np.full(behind.size, end), y[behind]])
-        displacement[behind] = self.solid.basis.probes(exits) @ state.displacement
+        column = self._first_uniform_column
 
         def uniform(values: FloatArray) -> FloatArray:
             rows = self.to_rows(values)
             rows[:, :column] = rows[:, column : column + 1]
             return self.to_points(rows)
 
-        points = cap_plasticity.MaterialPoint(*(uniform(getattr(state.points, name)) for name in POINT_FIELDS))
-        return SolidState(displacement, points, uniform(state.work))
+        stress, *others = (uniform(getattr(state.points, name)) for name in POINT_FIELDS)
+        stress[self._row_layout[:, :column].ravel()] *= [1.0, 0.0, 1.0, 0.0]  # equilibrium of a uniform layer
+        points = cap_plasticity.MaterialPoint(stress, *others)
+        return SolidState(self.with_uniform_rear_nodes(state.displacement), points, uniform(state.work))
+
+    def with_uniform_rear_nodes(self, values: FloatArray) -> FloatArray:
+        """Return values of the nodes with those far behind the exit column as in one column.
+
+        Parameters
+        ----------
+        values : ndarray, shape (N, 2)
+            Values at the nodes.
+        """
+        behind, matrix = self._rear_nodes
+        uniform = values.copy()
+        uniform[behind] = matrix @ values
+        return uniform
+
+    @property
+    def _first_uniform_column(self):
+        """Index of the column of Gauss points behind which mix may be made uniform."""
+        return int(np.searchsorted(self.row_x, -self.exit_distance - UNIFORM_REAR * self.mesh.height))
+
+    @cached_property
+    def _rear_nodes(self):
+        """Nodes behind that column, and the matrix of values in it at their heights."""
+        x, y = self.nodes.T
+        end = self.row_x[self._first_uniform_column]
+        behind = np.flatnonzero(x < end)
+        return behind, self.interpolation_matrix(np.array([np.full(behind.size, end), y[behind]]))
 
     def exit_density_ratio(self, density_ratio: FloatArray) -> float:
         """Return the mean density ratio over the height of the fed layer at the exit column [-].
@@ -516,8 +561,8 @@ class RollerFrame:
         x, y = self.nodes.T
         inside = np.flatnonzero(x + self.step < x.max() + SAME_PLACE * self.step)
         source = np.array([np.minimum(x[inside] + self.step, x.max()), y[inside]])
-        probes = self.solid.basis.probes(source).tocoo()
-        return csr_matrix((probes.data, (inside[probes.row], probes.col)), shape=(len(x),) * 2)
+        upstream = self.interpolation_matrix(source).tocoo()
+        return csr_matrix((upstream.data, (inside[upstream.row], upstream.col)), shape=(len(x),) * 2)
 
 
 def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> SolidState:
@@ -537,7 +582,7 @@ def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> Sol
     """
     x, y = new.nodes.T
     low, high = old.mesh.x[0, [0, -1]]
-    displacement = old.solid.basis.probes(np.array([np.clip(x, low, high), y])) @ state.displacement
+    displacement = old.interpolation_matrix(np.array([np.clip(x, low, high), y])) @ state.displacement
     displacement[x > high] = 0.0
     fixed = new.solid.fixed_dofs
     displacement.ravel()[fixed[fixed % 2 == 1]] = 0.0

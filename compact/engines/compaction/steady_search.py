@@ -47,7 +47,7 @@ from compact.engines.compaction.roller_frame import transfer_state
 from compact.material.laws import DruckerPragerCap
 from compact.rolling_contact import Unsteady, UnsteadyError
 
-FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle
+FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle; new depths
 SETTLING, MEASURING = 0.8, 0.7  # [-], of the later cycles
 FINAL_SETTLING = 2.0  # [-], after the last jump; the mix of the exit column has then passed the whole contact
 HEIGHT_SHARE = 1 / 3  # [-], of the layer height, which counts as contact length at least; later passes are that short
@@ -57,6 +57,7 @@ MAX_JUMP, MAX_FIRST_JUMP = 0.25, 0.35  # [-], change of the wave by one jump ove
 LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave
 SETTLING_TOLERANCE = 1e-2  # [-], residual of a step over the nodal forces; 1e-4 changes a load by 4e-5
 FINAL_TOLERANCE = 1e-3  # [-], of those near the steady state, whose scatter counts; of the last `ROLLING_TOLERANCE`
+EXACT_STEPS = 4  # [-], last steps; the gap in the contact is then below 1e-5 of the depth
 NEAR = 4.0  # [-], estimated distance from the steady state over its tolerance
 JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
 GROWTH, MAX_GROWTHS = 0.3, 7  # [-], required jump over the area, and number of successive ones with a steady state
@@ -225,7 +226,8 @@ class SteadySearch:
                 is_met = abs(secant.last_miss) < self.target_tolerance
                 depth, is_final = depth if is_met else corrected, is_met and self.errors.total < self.tolerance
             self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else SETTLING_TOLERANCE
-            self._correct(depth, jump, FINAL_SETTLING if is_final else SETTLING)
+            settling = SETTLING if depth == self.depth else FIRST_SETTLING
+            self._correct(depth, jump, FINAL_SETTLING if is_final else settling)
             if is_final:
                 self._advance_exactly()
                 last = self.rolling.steps[-1]
@@ -239,9 +241,10 @@ class SteadySearch:
         raise self._unsteady_error()
 
     def _advance_exactly(self) -> None:
-        """Make a step without damping to the full tolerance."""
+        """Make steps to the full tolerance, in which the multipliers of the contact converge, the last undamped."""
         self.rolling.solver.tolerance = ROLLING_TOLERANCE
-        self.rolling.advance(self._height, damping=0.0)
+        for damping in [*[FINAL_DAMPING_RATIO * DAMPING] * (EXACT_STEPS - 1), 0.0]:
+            self.rolling.advance(self._height, damping)
         self.rolling.solver.tolerance = FINAL_TOLERANCE
 
     @property
@@ -358,9 +361,9 @@ class SteadySearch:
         jump = float(np.clip(jump, -largest, largest))
         for trial in JUMP_TRIALS:
             self.rolling = copy(before)
-            self.rolling.remove_marks_behind()
             if self.relaxation.mode is not None and trial:
                 self.relaxation.mode.add_to(self.rolling, trial * jump)
+            self.rolling.remove_marks_behind()
             stretching = depth / self.rolling.mesh_depth
             if max(stretching, 1 / stretching) > STRETCHED_DEPTH:
                 self.rolling = self.stretch(self.rolling, depth)
