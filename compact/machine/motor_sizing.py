@@ -324,13 +324,13 @@ def check_motor(motor: CatalogueMotor, requirement: ShaftRequirement, rule: Sizi
     fluctuation = requirement.excess_energy / (rotor * requirement.speed**2) if rotor else math.inf
     failures = []
     if ratio * requirement.speed > motor.speed * (1 + ROUNDING_SHARE):
-        failures.append(f"turns at {ratio * requirement.speed:.4g} rad/s, rated for {motor.speed:.4g}")
+        failures.append(f"turns at {ratio * requirement.speed:.4g} rad/s, above the rated {motor.speed:.4g}")
     if rule.margin * rms > motor.rated_torque:
-        failures.append(f"needs {rule.margin * rms:.4g} N m of rated torque, has {motor.rated_torque:.4g}")
+        failures.append(f"has {motor.rated_torque:.4g} of the {rule.margin * rms:.4g} N m of rated torque required")
     if rule.margin * peak > motor.peak_torque:
-        failures.append(f"needs {rule.margin * peak:.4g} N m of peak torque, has {motor.peak_torque:.4g}")
+        failures.append(f"has {motor.peak_torque:.4g} of the {rule.margin * peak:.4g} N m of peak torque required")
     if rule.inertia_ratio is not None and inertia_ratio > rule.inertia_ratio:
-        failures.append(f"has an inertia ratio of {inertia_ratio:.3g}, at most {rule.inertia_ratio:g}")
+        failures.append(f"has an inertia ratio of {inertia_ratio:.3g}, above {rule.inertia_ratio:g}")
     return MotorFit(motor, ratio, rms, peak, inertia_ratio, fluctuation, tuple(failures))
 
 

@@ -66,8 +66,8 @@ def test_smallest_motor_of_the_example_holds_for_the_first_law():
     assert choice.next_smaller.motor.name == "M-2.2"
     assert choice.chosen.motor.rated_power > found.first.required_power > choice.next_smaller.motor.rated_power
     sentence = motor_sentence(found)
-    assert "smallest motor that holds by price: M-3" in sentence
-    assert "the next smaller, M-2.2, needs" in sentence
+    assert "smallest motor by price that holds: M-3" in sentence
+    assert "the next smaller, M-2.2, has" in sentence
 
 
 def test_shorter_passes_never_have_a_smaller_motor():
@@ -83,7 +83,7 @@ def test_shorter_passes_never_have_a_smaller_motor():
 def test_catalogue_too_small_names_the_largest_motor():
     found = sizing(**RULE | {"motion.duration": 0.3})
     assert found.first.choice.chosen is None
-    assert "no motor of the catalogue holds; the largest, M-15, needs" in motor_sentence(found)
+    assert "no motor of the catalogue holds; the largest, M-15, has" in motor_sentence(found)
 
 
 def test_two_carts_at_a_right_angle_need_less_than_twice_the_motor():

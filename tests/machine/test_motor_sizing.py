@@ -151,7 +151,7 @@ def test_smallest_motor_that_holds_is_chosen_and_the_next_smaller_has_a_reason()
     assert [each.motor.name for each in choice.fits] == ["small", "middle", "large"]
     assert (choice.chosen.motor.name, choice.next_smaller.motor.name) == ("middle", "small")
     assert choice.next_smaller.failures == (
-        "needs 11.36 N m of rated torque, has 5", "needs 16.06 N m of peak torque, has 15"
+        "has 5 of the 11.36 N m of rated torque required", "has 15 of the 16.06 N m of peak torque required"
     )  # fmt: skip
 
 
@@ -175,9 +175,9 @@ def test_catalogue_without_a_motor_that_holds_names_the_largest():
 def test_given_gear_ratio_and_inertia_ratio_are_limits():
     found = requirement(force=FORCE)
     fast = check_motor(MOTORS[2], found, SizingRule(gear_ratio=60.0))
-    assert fast.failures[0].startswith("turns at 188.5 rad/s, rated for 150")
+    assert fast.failures[0].startswith("turns at 188.5 rad/s, above the rated 150")
     light = check_motor(MOTORS[2], found, SizingRule(inertia_ratio=0.1))
-    assert light.failures == ("has an inertia ratio of 0.877, at most 0.1",)
+    assert light.failures == ("has an inertia ratio of 0.877, above 0.1",)
 
 
 @given(

@@ -97,7 +97,7 @@ def motor_sentence(sizing: MachineSizing) -> str:
         return f"{sentence}; no motor of the catalogue holds; the largest, {failed}"
     price = "" if chosen.motor.price is None else f", price {chosen.motor.price:g}"
     sentence += (
-        f"; smallest motor that holds by {first.choice.by}: {chosen.motor.name}, {chosen.motor.rated_power:.4g} W"
+        f"; smallest motor by {first.choice.by} that holds: {chosen.motor.name}, {chosen.motor.rated_power:.4g} W"
         f"{price}, gear ratio {chosen.gear_ratio:.4g}, inertia ratio {chosen.inertia_ratio:.3g}"
     )
     return f"{sentence}; the next smaller, {failed}" if failed else sentence
