@@ -192,7 +192,7 @@ QUESTIONS = {
     "Which law, and how many newtons?": r"least peak drive force: parabolic, [\d.]+ kN",
     "How many watts at the peak?": r"least peak drive power: .*, [\d.]+ kW",
     "What must the drive deliver?": r"must deliver [\d.]+ kW, a margin of \d+ %",
-    "Is the rank certain?": r"(resolved: all \d valid models|tie with )",
+    "Is the rank certain?": r"(resolved: first by all \d valid models|tie with )",
     "Which model is that, and may it size a drive?": r"column\s*yes\s*parabolic",
     "What about the linear engines?": r"spectral\s*no",
     "What at another duration?": r"at 3 s a pass: ",

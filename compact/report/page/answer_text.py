@@ -109,11 +109,12 @@ def _agreement(verdict: Verdict, valid: Sequence[str]) -> str:
     """State the agreement of the models on rank 1, or the tie."""
     models = "the only valid model" if len(valid) < 2 else f"all {len(valid)} valid models"
     if verdict.resolved:
-        return f"resolved: {models} beyond {'its' if len(valid) < 2 else 'their'} errors and the spread of the mix"
+        errors = f"{'its' if len(valid) < 2 else 'their'} errors"
+        return f"resolved: first by {models}, beyond {errors} and the spread of the mix"
     others = verdict.contenders[1:]
     names = ", ".join(others[:NAMED_TIES]) + (f" and {len(others) - NAMED_TIES} more" * (len(others) > NAMED_TIES))
     if verdict.agree:
-        return f"tie with {names}: first by {models}, but not beyond errors and spread of the mix"
+        return f"tie with {names}: first by {models}, but not beyond the errors and the spread of the mix"
     return f"tie with {names}: the models disagree, and this law loses least, {format_percent(verdict.regret)} at most"
 
 
@@ -208,7 +209,7 @@ def stiffness_sentence(study: Study) -> str:
     if known is None or known.mix is None or not math.isfinite(known.mix.twice_as_stiff):
         return ""
     ratio = known.mix.twice_as_stiff
-    changes = ", ".join(
+    changes = " and the ".join(
         f"{CRITERIA[by].quantity.term} by {known.peak_change(by, ratio):+.0%}".replace("+", "").replace("%", " %")
         for by in known.peaks
     )
