@@ -40,6 +40,9 @@ ANGLE_MIN, ANGLE_MAX = 1e-6, np.pi / 2 - 1e-6  # [rad], range of the entry angle
 SLIP_STEPS = (0.03, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75, 0.9, 0.999)  # [-], magnitudes in the search for a torque
 TRIAL_ANGLES = 16  # [-], entry angles in the search for one that bears the load
 ROOT_RTOL = 4e-15  # [-], of entry angle and slip
+ANGLE_XTOL, ROOT_XTOL = 1e-16, 1e-15  # [rad], of the entry angle; [rad] and [-], of other angles and of the slip
+PEAK_MARGIN = 1e-9  # [-], of the entry angle above that at which the largest stress leaves the contact
+BISECTIONS = 60  # [-], of the search for the last finite angle; the interval is then rounding
 SAMPLES = 201  # [-], points of the result along the contact
 TARGET_RTOL = 1e-9  # [-], residual of a prescribed quantity that is guaranteed
 
@@ -217,7 +220,7 @@ class WheelContact:
 
         if turn >= t1 or displacement(self.exit_angle) >= 0:
             return np.empty(0)
-        return np.array([brentq(displacement, self.exit_angle, turn, xtol=1e-15, rtol=ROOT_RTOL)])
+        return np.array([brentq(displacement, self.exit_angle, turn, xtol=ROOT_XTOL, rtol=ROOT_RTOL)])
 
     def _integrate(self, start: float, end: float, count: int) -> Array:
         """Integrate over a piece [rad] in either order by a number of intervals, graded at the start."""
@@ -319,12 +322,12 @@ def _on_target(build: Build, roller: rolling_contact.Roller, slip: float) -> Whe
 
     least = ANGLE_MIN
     if build(ANGLE_MAX, slip).peak_angle and slip < 0:  # the contact reaches beyond the change of the shear stress
-        least = build(ANGLE_MAX, slip).peak_angle * (1 + 1e-9)
+        least = build(ANGLE_MAX, slip).peak_angle * (1 + PEAK_MARGIN)
     high = _bearing_angle(excess, least)
     low = least if excess(least) < 0 else 0.0
     if not low:
         raise ValueError(f"`{name}` must exceed {excess(least) + value:.3g} at this slip, got {value!r}")
-    return build(float(brentq(excess, low, high, xtol=1e-16, rtol=ROOT_RTOL)), slip)
+    return build(float(brentq(excess, low, high, xtol=ANGLE_XTOL, rtol=ROOT_RTOL)), slip)
 
 
 def _bearing_angle(excess: Callable[[float], float], least: float) -> float:
@@ -338,7 +341,7 @@ def _bearing_angle(excess: Callable[[float], float], least: float) -> float:
             high = angle
             break
         low = angle
-    for _ in range(60):  # the last finite angle, between `low` and `high`
+    for _ in range(BISECTIONS):  # the last finite angle, between `low` and `high`
         middle = (low + high) / 2
         value = excess(middle)
         if 0 <= value < np.inf:
@@ -366,7 +369,7 @@ def _slip_of_torque(build: Build, roller: rolling_contact.Roller, torque: float)
             break
         if reached * at_rest <= 0:
             low, high = sorted((before, slip))
-            found = float(brentq(excess, low, high, xtol=1e-15, rtol=ROOT_RTOL)) if at_rest else 0.0
+            found = float(brentq(excess, low, high, xtol=ROOT_XTOL, rtol=ROOT_RTOL)) if at_rest else 0.0
             return _on_target(build, roller, found)
         before = slip
     low, high = sorted((at_rest + torque, reached + torque))
