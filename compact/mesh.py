@@ -109,6 +109,18 @@ class RowMesh:
         lower_left = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
         return lower_left[:, None] + np.array([0, 1, columns + 2, columns + 1])
 
+    def elements_at(self, points: Array) -> NDArray[np.int64]:
+        """Return the elements of a mesh of straight columns that contain points, shape (n,).
+
+        Parameters
+        ----------
+        points : ndarray, shape (2, n)
+            Coordinates x and y [m]; points outside belong to the nearest column and row.
+        """
+        (x, y), (rows, columns) = points, self.shape
+        column = np.clip(np.searchsorted(self.x[0], x, side="right") - 1, 0, columns - 1)
+        return np.clip(np.searchsorted(self.y, y, side="right") - 1, 0, rows - 1) * columns + column
+
     def refined(self) -> "RowMesh":
         """Return the mesh with every element divided into four."""
         return RowMesh(_with_midpoints(_with_midpoints(self.x.T).T), _with_midpoints(self.y))
