@@ -219,6 +219,28 @@ def test_convection_keeps_a_stress_that_is_uniform_along_the_travel(mix):
     assert frame.convect(state).points.stress[behind] == pytest.approx(stress[behind], abs=1e-9)
 
 
+def test_interpolation_is_that_of_scikit_fem(mix):
+    frame = RollerFrame(rolling_mesh(0.1, 0.02, 0.005), mix, "bonded", 0.02)
+    x, y = np.random.default_rng(0).uniform(size=(2, 200))
+    inside = np.array([np.ptp(frame.mesh.x) * x + frame.mesh.x.min(), frame.mesh.height * y])
+    corners = np.array([frame.mesh.x[0, [0, -1]], frame.mesh.y[[0, -1]]])
+    points = np.hstack([inside, corners])
+    expected = frame.solid.basis.probes(points)
+    assert abs(frame.interpolation_matrix(points) - expected).max() < 1e-12
+
+
+def test_rear_is_uniform_and_in_equilibrium(coarse):
+    frame, state = coarse.solution.frame, coarse.solution.state
+    uniform = frame.with_uniform_rear(state)
+    stress = frame.to_rows(uniform.points.stress)
+    moved = frame.convect_displacement(uniform.displacement) - uniform.displacement
+    rear = frame.nodes[:, 0] < -frame.exit_distance - 1.5 * frame.mesh.height
+    assert rear.sum() > 20
+    assert np.abs(stress[:, 0] - stress[:, 2]).max() == 0
+    assert np.abs(stress[:, 0, [1, 3]]).max() == 0
+    assert np.abs(moved[rear]).max() < 1e-12
+
+
 def test_transfer_to_a_finer_mesh_is_exact_for_a_linear_state(mix):
     old, new = coarse_frame(mix, 0.005), coarse_frame(mix, 0.003)
     state = old.initial_state()

@@ -406,9 +406,8 @@ class RollerFrame:
         basis, elements = self.solid.basis, self.mesh.elements_at(points)  # faster than a search on any mesh
         local = basis.mapping.invF(points[:, :, None], tind=elements)[:, :, 0]
         shapes = np.array([basis.elem.lbasis(local, k)[0] for k in range(basis.Nbfun)])
-        count = len(elements)
-        places = np.tile(np.arange(count), len(shapes)), basis.element_dofs[:, elements].ravel()
-        return csr_matrix((shapes.ravel(), places), shape=(count, basis.N))
+        places = np.tile(np.arange(len(elements)), len(shapes)), basis.element_dofs[:, elements].ravel()
+        return csr_matrix((shapes.ravel(), places), shape=(len(elements), basis.N))
 
     def to_rows(self, values: FloatArray) -> FloatArray:
         """Return values of the Gauss points by rows from the base up, shape (2 rows, 2 columns, ...)."""
