@@ -270,8 +270,8 @@ def test_fit_by_real_finite_elements_satisfies_the_measurements():
 def test_published_point_by_finite_elements():
     """K_H, fed density and depth as fitted on 4 increments, under the free roller of the scene.
 
-    From scratch the density is 4e-5 to 8e-5 less than 0.98, that of the fit, which starts from its last contacts; columns
-    of points scatter by as much.
+    From scratch the density is 4e-5 to 8e-5 less than that of the fit, 0.98, which starts from its last contacts.
+    Columns of points scatter by as much.
     """
     mix = {"mix.overrides.heckel_slope": 27.94665e-6, "layer.fed_density_ratio": 0.9683529}
     rolled = pressed(load_scene(PUBLISHED, **mix), 2.827130e-3)
@@ -300,7 +300,8 @@ def test_scene_calibrated_in_lifts_gives_the_published_point_at_default_settings
     scene = load_scene(PUBLISHED, **mix)
     rolled = roll_scene(scene, scene_mix(scene), 0.4 / 3, "compaction")
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-4)
-    assert rolled.load * 1.164 == pytest.approx(9740, rel=3e-3)
+    at_density = 1 + 20 * (rolled.exit_density_ratio - 0.98)
+    assert rolled.load * 1.164 == pytest.approx(9740 * at_density, rel=3e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=3e-3)
 
 
