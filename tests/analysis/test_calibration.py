@@ -295,7 +295,7 @@ def test_published_point_by_finite_elements_in_lifts():
 
 @pytest.mark.slow
 def test_scene_calibrated_in_lifts_gives_the_published_point_at_default_settings():
-    """As fitted on 14 increments; incremental rolling gives the density to 1e-4, which is 0.2 % of load and coefficient."""
+    """As fitted on 14 increments; rolling gives the density to 1e-4, which is 0.2 % of load and coefficient."""
     mix = LIFT | {"mix.overrides.heckel_slope": 16.3796e-6, "layer.fed_density_ratio": 0.936217}
     scene = load_scene(PUBLISHED, **mix)
     rolled = roll_scene(scene, scene_mix(scene), 0.4 / 3, "compaction")
