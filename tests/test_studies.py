@@ -508,7 +508,7 @@ def test_viscoelastic_layer_of_the_study_is_that_of_the_scene():
     module = study("rank_laws")
     rows, _ = module.main(engines=("fem",), drives=("elastic",), samples=2)
     changes = {"accuracy.engine": "fem", "layer.lift_thickness": None, "motion.duration": 3.0}
-    changes |= {"compare": None, "motion.other_durations": None}
+    changes |= {"compare": None, "motion.other_durations": None, "output.items": []}
     scene = Study(load_scene(module.SCENES / "loveikin-2015-engines.toml", **changes))
     for by in module.SHOWN:
         found = {row[4]: row[5] for row in rows if row[2] == by}

@@ -413,8 +413,8 @@ def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, f
         clauses = described.remark("mix.overrides", name).split(";")
         measured = any(clause.strip().startswith(MEASURED) for clause in clauses)
         low, high = _relative_range(typical.parameter(name), measured)
-        if low < high:
-            value = mix.parameter(name).value
+        value = mix.parameter(name).value
+        if low * value < high * value:
             ranges[name] = (low * value, high * value)
     before = scene.layer.fed_density_ratio
     step = DENSITY_STEP * (scene.mix.density_ratio - before)
