@@ -56,7 +56,7 @@ def test_an_engine_of_the_comparison_that_is_not_steady_is_an_answer(tmp_path, m
     summary = report.write_study(case, tmp_path / "out")
     assert (summary["heaping"], list(summary["comparison"])) == ({}, ["formula"])
     stored = summary["unsteady"]["compaction"]
-    assert (stored["distance"], stored["travel"]) == ({"value": 0.24, "unit": "-"}, {"value": 0.9, "unit": "m"})
+    assert (stored["distance"], stored["travel"]) == ({"value": 0.24, "unit": "1"}, {"value": 0.9, "unit": "m"})
     assert stored["reason"].endswith("not steady at depth 5.2 mm")
     (sentence,) = text.heaping_sentences(case)
     assert sentence.startswith(
