@@ -9,7 +9,7 @@ its own with its folder on the path. It prints processor seconds on one core, af
 The second one computes a reference by two starts: the bow wave of the steady state is raised and lowered by a tenth
 along its slow mode, and the steady state is searched again from both. Their difference is the error of the start.
 
-Lift: 0.06 m thick, of 0.98 after compaction, with Heckel slope and initial density ratio of `docs/theory/compaction.md`.
+Lift: 0.06 m thick, of 0.98 after compaction, with Heckel slope and initial density of `docs/theory/compaction.md`.
 The roller of 0.11 m is free with friction 0.35. Forces are those of one roller of 1.1642 m.
 """
 
