@@ -21,7 +21,7 @@ from compact.scene.loader import Scene, SceneError, parse_scene, starter_scene
 
 ROOT = Path(__file__).parents[1]
 SMALL = ROOT / "studies" / "scenes" / "small.toml"
-ERRORS_PAGE = (ROOT / "docs" / "errors.md").read_text("utf-8")
+ERRORS_PAGE = (ROOT / "docs" / "reference" / "errors.md").read_text("utf-8")
 KNOWN_BY_CODE = {
     options.SUCCESS: "success",
     options.NO_RESULT: "no result",

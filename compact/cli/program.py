@@ -210,6 +210,7 @@ def roll(
     engine: Engine = None,
     material: str | None = None,
     slip: float | None = None,
+    picture: Path | None = None,
     out: Path | None = None,
     changes: Changes = (),
     force: Force = False,
@@ -226,14 +227,20 @@ def roll(
         table [terrain]; needs contact.load or another target
     slip
         slip of the roller on terrain, above 0 driven, below 0 braked or towed; default that of the torque, free
+    picture
+        file for a picture of the displaced layer with its density ratio or pressure, such as layer.png; needs an engine
+        with fields, fem or compaction, and pyvista
     out
         folder of the results; default out/NAME-ENGINE, NAME as in `compact run`
     """
     from compact.files import claimed_directory
     from compact.report import contact_tables, text
+    from compact.report.pictures import require_picture, write_picture
     from compact.scene.plausible_ranges import check_speed
 
     if material is not None or slip is not None:
+        if picture is not None:
+            raise ValueError("--picture shows the fields of fem and compaction; a wheel on terrain has none")
         _roll_on_terrain(scene, engine, material, slip, out, changes=changes, force=force, console=console)
         return
     progress = console.progress()
@@ -242,12 +249,16 @@ def roll(
         check_speed(speed, study.scene.unusual)
     speed = speed if speed is not None else study.scene.mean_speed
     name = study.scene.accuracy.engine
+    if picture is not None:
+        require_picture(picture, study.engine)
     place = out or default_directory(scene, name)
     with claimed_directory(place, study.scene.hash, force) as directory, progress:
         progress.begin(f"contact by {name}")
         passes = study.passes_at(speed)
         progress.begin("tables and figures")
         contact_tables.write_contact(directory, study, speed, passes)
+        if picture is not None:
+            write_picture(picture, study.contact_stage.field_mesh(passes[0]), passes[0])
     console.show(
         lambda: f"{text.contact_digest(study, speed, passes)}\n\nresults: {directory}",
         results=directory, contact=read_json(directory / "contact.json"),
