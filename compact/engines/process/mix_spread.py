@@ -8,6 +8,7 @@ columns; the factors are therefore a part of the spread.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -92,7 +93,8 @@ def mix_spread(row: RollerRow, ends: Mapping[str, tuple[float, float]]) -> MixSp
 
 def _effect(row: RollerRow, name: str, value: float) -> ParameterEffect:
     """Return the factors by one value of a parameter."""
-    material = replace(row.problem.material, **{name: value})
+    changed: dict[str, Any] = {name: value}
+    material = replace(row.problem.material, **changed)
     problem = replace(row.problem, material=material)
     try:
         varied = replace(row, problem=problem, closed=solve_closure(problem, row.closure))
