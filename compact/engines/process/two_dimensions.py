@@ -60,10 +60,13 @@ class TwoDimensionalRow:
         Strokes of the columns.
     sequences : tuple of LiftSequence
         Lifts; those with the least increments have different thicknesses, those of one thickness different increments.
+    rate_scale : float
+        Rate factor of the strokes over that of the lifts [-], to which their forces are in proportion.
     """
 
     row: RollerRow
     sequences: tuple[LiftSequence, ...]
+    rate_scale: float = 1.0
 
     @property
     def lumpings(self) -> tuple[LiftSequence, ...]:
@@ -124,7 +127,7 @@ class TwoDimensionalRow:
     def strip_stress_ratio(self) -> float:
         """Return the confined stress of the bottom's density over 2 P/(pi h0), that of a line load on the base [-]."""
         problem, lift = self.row.problem, self.lumpings[0].lifts[-1]
-        strip = 2 * lift.load / (np.pi * problem.machine.height)
+        strip = 2 * self.rate_scale * lift.load / (np.pi * problem.machine.height)
         stress = confined_stress(problem.material, np.array([lift.bottom_density_ratio]), self.row.history.rate_factor)
         return float(stress[0]) / strip
 
@@ -142,7 +145,7 @@ class TwoDimensionalRow:
         """
         states = np.array([state.density_ratio for state in self.row.history.states])
         density = states[1:] if name == "load" else (states[:-1] + states[1:]) / 2
-        table = np.array([_interpolated(sequence, name, density) for sequence in sequences])
+        table = self.rate_scale * np.array([_interpolated(sequence, name, density) for sequence in sequences])
         if len(sequences) == 1:
             return table[0]
         thickness = np.array([sequence.thickness for sequence in sequences])
