@@ -6,6 +6,7 @@ is the resistance of the mix to one cart of n rollers at the speed v, with the d
 wheels are part of the cart, as with every engine. Over a stroke F depends on the speed alone:
 
     rate         the yield pressure follows the speed of the cart where it passes a section, by the rate factor
+    pore air     its forces are in proportion to the speed, where `mix.pore_air` counts them
     acceleration does not enter: the mix has no memory in time
     position     does not enter: every section along the travel has had the same strokes. The overlap of two rollers,
                  3 % of the stroke in the published machine, is met by both; the mean force is also the largest one
@@ -23,6 +24,7 @@ from typing import NamedTuple
 import numpy as np
 
 from compact.analysis.engines import ENGINES
+from compact.analysis.pore_air import AirForces
 from compact.analysis.process import Detail, ProcessStudy
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
@@ -123,9 +125,8 @@ def process_contact(study: ProcessStudy, speed: float) -> ProcessContactResult:
         columns = tuple(ProductRow(each.height, each.density_ratio) for each in history.states[-1].columns)
         peak, residual = row.peak_pressure, 0.0
     else:
-        lifts = found.lumpings[0].lifts
-        behind = min(lifts, key=lambda lift: abs(lift.density_ratio - row.product_density_ratio))
-        columns = tuple(map(ProductRow, behind.row_heights, behind.row_density_ratios))
+        behind = found.lumpings[0].profile_at(row.product_density_ratio)
+        columns = tuple(map(ProductRow, behind.heights.tolist(), behind.density_ratios.tolist()))
         peak = found.rate_scale * found.of_product("peak_pressure")
         residual = max(sequence.largest_work_residual for sequence in found.sequences)
     return ProcessContactResult(
@@ -144,6 +145,24 @@ def process_contact(study: ProcessStudy, speed: float) -> ProcessContactResult:
         speed=speed,
         columns=columns,
     )  # fmt: skip
+
+
+def process_air(study: ProcessStudy, speed: float) -> AirForces | None:
+    """Return the changes of the strokes by their pore air at a speed of the cart [m/s]; None of drained mix.
+
+    Parameters
+    ----------
+    study : ProcessStudy
+        Forming process at the mean speed.
+    speed : float
+        Speed of the cart [m/s].
+    """
+    found, machine = study.two_dimensions, study.problem.machine
+    if found is None or not study.counts_air:
+        return None
+    length, share = machine.roller_length, abs(speed) / machine.cart_speed
+    load, resistance = found.air_load.value, found.air_resistance.value
+    return AirForces(share * load / length, share * resistance / length, share * found.air_excess_behind)
 
 
 def _detail(scene: Scene) -> Detail:

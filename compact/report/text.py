@@ -223,7 +223,7 @@ def air_sentence(study: Study) -> str:
     if not study.engine.compacting:
         return ""
     if study.engine.forming:
-        return "pore air: not computed in the forming process"
+        return _air_of_process(study)
     if air is None:
         return (
             "pore air: the fed mix is occluded, so that its permeability does not apply; load and resistance have none"
@@ -247,6 +247,19 @@ def air_sentence(study: Study) -> str:
     behind, strength = air.at_mean_speed.excess_behind / 1e3, air.tensile_strength / 1e3
     exceeded = f"behind the roller {behind:.3g} kPa exceed the tensile strength {strength:.3g} kPa"
     return f"{sentence}; {exceeded}, so that the surface may crack"
+
+
+def _air_of_process(study: Study) -> str:
+    """State the part of the pore air in the strokes of a process."""
+    process = study.contact_stage.process
+    found = None if process is None else process.two_dimensions
+    if process is None or found is None or process.pore_air is None:
+        return "pore air: not computed by columns, nor of mix that is occluded as fed"
+    part = "part of load and resistance" if process.counts_air else "drained, not part of load and resistance"
+    return (
+        f"pore air: {part}; at the mean speed it adds {found.air_load.value / found.load.value:.1%} to the load and "
+        f"{found.air_resistance.value / found.resistance.value:.1%} to the resistance of a roller, without sleeves"
+    )
 
 
 def spread_sentence(study: Study) -> str:

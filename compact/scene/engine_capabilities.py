@@ -141,7 +141,7 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
         *(Limit(f"contact.{name}", (None,), "the closure of [process] determines the contact") for name in _TARGETS),
         _ONE_MIX,
         Limit("layer.lower_lift", (None,), "the whole height of the product lies under the roller"),
-        Limit("mix.pore_air", ("drained",), "its strokes have no pore air", fixed=True),
+        Limit("mix.pore_air", ("one-way", "drained"), "its lifts do not yield to the air", fixed=True),
     ),
 }  # fmt: skip
 

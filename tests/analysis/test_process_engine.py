@@ -118,7 +118,7 @@ def test_feed_before_forward_strokes_alone_loads_them(study):
     assert study.contact_stage.return_ratios == (1.0, 1.0)
 
 
-def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, report):
+def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, air, report):
     report("lift 1")
     return sequence(
         thickness, increments, load=lambda k: 2e3 * np.exp(8 * (k - 0.75)), work=lambda k: 1e5 * np.exp(10 * (k - 0.75))
@@ -141,7 +141,7 @@ def test_lumped_lifts_are_kept_with_the_results(monkeypatch, tmp_path):
     assert model.mean_resistance[1.0] != pytest.approx(model.mean_resistance[given.motion.duration], rel=1e-2)
     force = 2 * first.contact_stage.process.resistance
     drag = first.contact_stage.process.sleeve_drag
-    assert first.resistance_error == pytest.approx(
+    assert first.resistance_map.engine_error == pytest.approx(
         first.contact_stage.process.two_dimensions.resistance.error * force / (force + drag), rel=0.02
     )
 

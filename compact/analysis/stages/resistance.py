@@ -15,7 +15,7 @@ import numpy as np
 from compact import contact, resistance
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_inputs
-from compact.analysis.pore_air import has_air, nodes_of_map
+from compact.analysis.pore_air import nodes_of_map
 from compact.analysis.rate_law import sample_rate_law
 from compact.analysis.stages.contacts import ContactStage, added_mass
 from compact.contact import DryResistance
@@ -118,7 +118,7 @@ class ResistanceStage:
         else:
             pairs = [each[:3] for each in samples]
             sampled = sample_resistance(lambda at: self._new_sample(at)[1:3], least, speed, tolerance, pairs)
-        if has_air(self.scene):
+        if stage.has_air:
             sampled = self._with_air(sampled)
         return self._with_added_masses(replace(sampled, return_ratio=stage.return_ratios[1]))
 
