@@ -176,7 +176,8 @@ class LayerState:
         material : Compaction
             Constitutive law.
         """
-        bulk = material.unloading_modulus / (3 - 6 * material.poisson)
+        modulus, poisson = material.elastic_moduli(self.points.max_density_ratio)
+        bulk = modulus / (3 - 6 * poisson)
         elastic = np.exp(-self.points.stress[:, :3].mean(axis=1) / bulk)
         return float(self.heights @ (self.points.density_ratio * elastic))
 
