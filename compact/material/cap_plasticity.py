@@ -19,6 +19,7 @@ from compact.material.density_cap import DensityDependentCap
 from compact.material.density_cap_return import (
     TableConstants,
     elastic_table_path,
+    evaluate_tables,
     for_tables,
     integrate_table_point,
     table_constants,
@@ -114,8 +115,9 @@ def compacted_state(
     -------
     MaterialPoint
     """
-    fresh, constants = initial_state(law, 1), cap_constants(law, rate_factor)
-    fed, stiffness = float(law.fed_density_ratio), constants.K + 4 * constants.G / 3
+    fresh, fed = initial_state(law, 1), float(law.fed_density_ratio)
+    bulk, shear, pressure = _limits(law, density_ratio, rate_factor)
+    stiffness = bulk + 4 * shear / 3
     if not fed < density_ratio < 1:
         raise ValueError(
             f"`density_ratio` of compacted mix must lie between that of the fed mix {fed:.6g} and 1, got "
@@ -133,11 +135,20 @@ def compacted_state(
         return strained(state, brentq(lambda part: strained(state, part).stress[0, 1], 0.0, rise, xtol=NO_STRAIN))
 
     low = float(np.log(density_ratio / fed))
-    high = low + 2 * hardening(constants, density_ratio)[0] / constants.K
+    high = low + 2 * pressure / bulk
     strain = brentq(lambda part: compacted(part).density_ratio[0] - density_ratio, low, high, xtol=NO_STRAIN)
     state = compacted(strain)
     stress = state.stress * [1.0, 0.0, 1.0, 0.0] if residual_stress else np.zeros((1, 4))
     return MaterialPoint(stress, state.density_ratio, state.max_density_ratio, np.zeros(1))
+
+
+def _limits(law, density_ratio, rate_factor):
+    """Return bulk modulus, shear modulus and isotropic yield pressure at a density ratio [Pa]."""
+    constants = kernel_constants(law, rate_factor)
+    if isinstance(constants, TableConstants):
+        tables = evaluate_tables(constants, density_ratio)
+        return tables[0], tables[2], tables[4] + tables[6]
+    return constants.K, constants.G, hardening(constants, density_ratio)[0]
 
 
 def integrate_points(
