@@ -4,9 +4,10 @@
     line  q <= d + p tan beta                 p <= pa,   e at constant volume
     cut   p >= -d/tan beta
 
-The symbols are those of `density_cap`, with a = pb - pa; V and e are plastic volume and shear strain. The line meets the
-top of the cap, where both flow at constant volume. All tables, moduli included, belong to the largest density ratio D.
-With E and T the volumetric and the equivalent deviatoric elastic strain of the trial state, backward Euler results in
+The symbols are those of `density_cap`, with a = pb - pa; V and e are plastic volume and shear strain. The line meets
+the top of the cap, where both flow at constant volume. All tables, moduli included, belong to the largest density
+ratio D. Let E and T be the volumetric and the equivalent deviatoric elastic strain of the trial state. Backward Euler
+results in
 
     p = K (E - V),  q = 3 G T w,  w = y/(y + 3 G R^2 V)        on the cap, one root V
     p = K E,        q = d + p tan beta                         on the line
@@ -91,7 +92,7 @@ def for_tables(variant: Callable[..., Any], otherwise: Callable[..., Any]) -> Ca
         raise NotImplementedError("for compiled code only")
 
     @overload(selected)
-    def select(law, *arguments):  # noqa: ARG001; numba compares the signatures, annotations included
+    def select(law, *arguments):  # noqa: ANN002, ARG001 - numba compares both signatures, annotations included
         chosen = variant if getattr(law, "instance_class", None) is TableConstants else otherwise
         return lambda law, *arguments: chosen(law, *arguments)
 
@@ -114,7 +115,7 @@ def evaluate_tables(law: TableConstants, k: float) -> tuple:
     if k >= rows[-1, 0]:
         E, nu = rows[-1, 1], rows[-1, 2]
     elif k > rows[0, 0]:
-        row = np.searchsorted(rows[:, 0], k, side="right") - 1
+        row = int(np.searchsorted(rows[:, 0], k, side="right")) - 1
         span = rows[row + 1, 0] - rows[row, 0]
         E_l, nu_l = (rows[row + 1, 1] - rows[row, 1]) / span, (rows[row + 1, 2] - rows[row, 2]) / span
         E, nu = rows[row, 1] + E_l * (k - rows[row, 0]), rows[row, 2] + nu_l * (k - rows[row, 0])
@@ -124,7 +125,7 @@ def evaluate_tables(law: TableConstants, k: float) -> tuple:
     place = np.log(k)
     beyond = max(place - law.knots[-1], 0.0)
     place = min(place, law.knots[-1])
-    piece = min(max(np.searchsorted(law.knots, place, side="right") - 1, 0), len(law.pieces) - 1)
+    piece = min(max(int(np.searchsorted(law.knots, place, side="right")) - 1, 0), len(law.pieces) - 1)
     x = place - law.knots[piece]
     logarithm, logarithm_l = _cubic(law.pieces[piece, 0], x)
     d, d_l = _cubic(law.pieces[piece, 1], x)
@@ -199,7 +200,7 @@ def _stress(p, S, deviator):
 
 @compiled
 def _trial_strain(tables, before, strain):
-    """Return volumetric compression, equivalent strain q/(3 G) and deviator of the elastic strain of the trial state."""
+    """Return volumetric compression, q/(3 G) and the deviator (xx, yy, zz, xy) of the trial elastic strain."""
     K, two_shear = tables[0], 2 * tables[2]
     third = (strain[0] + strain[1]) / 3
     mean = (before[0] + before[1] + before[2]) / 3
@@ -258,7 +259,7 @@ def _return(law, tables, trial, guess, carried):
         if 1.5 * partials[6] * shear > _line_limit(end, np.inf, carried)[0] * (1 + ROUNDING):
             iterations, V, partials = _solve(law, tables, trial, V, carried)
     _, f_V, f_v, f_e, f_l, _, S, S_V, S_v, S_e, S_l = partials
-    if V > np.log(trial[3] / trial[2]):
+    if np.log(trial[3] / trial[2]) < V:
         f_V, S_V = f_V + f_l, S_V + S_l
     V_v, V_e, V_l = -f_v / f_V, -f_e / f_V, -f_l / f_V
     return iterations, (V, S, (V_v, V_e, V_l, S_v + S_V * V_v, S_e + S_V * V_e, S_l + S_V * V_l)), V
@@ -286,7 +287,7 @@ def _solve(law, tables, trial, guess, carried):
         partials = _partials(after, trial, V, carried)
         y, f_V, _, _, f_l, N, _, _, _, _, _ = partials
         a, slope = after[6], 0.0
-        if V > onset:
+        if onset < V:
             f_V, slope = f_V + f_l, after[7]
         N_V = (f_V + a * slope) / N
         residual, change = a / N - 1, -1.0

@@ -33,7 +33,7 @@ def table_rates(
     law: TableConstants, stack: "ColumnStack", i: int, state: tuple, regime: tuple
 ) -> tuple[float, float, float, float, float, float]:
     """Return the rates of a column, as `column_ode.cap_rates`."""
-    stress, p, V, k, k_max, by_V = state
+    stress, p, _, k, k_max, by_V = state
     yielding, on_line = regime
     K, K_l, G, G_l, pa, pa_l, a, a_l, R, R_l, _, _, t, _ = evaluate_tables(law, max(k, k_max))
     D, ratio, g = 1.5 * (stress - p), 2 * G / K, 1.5 + 2 * G / K

@@ -177,8 +177,7 @@ class LayerState:
             Constitutive law.
         """
         modulus, poisson = material.elastic_moduli(self.points.max_density_ratio)
-        bulk = modulus / (3 - 6 * poisson)
-        elastic = np.exp(-self.points.stress[:, :3].mean(axis=1) / bulk)
+        elastic = np.exp(-self.points.stress[:, :3].mean(axis=1) / (modulus / (3 - 6 * poisson)))
         return float(self.heights @ (self.points.density_ratio * elastic))
 
     def with_lift(self, lift_thickness: float, material: Compaction) -> "LayerState":
