@@ -1,0 +1,88 @@
+"""Settings of the documentation: `python -m sphinx -W --keep-going -b html docs out/site`.
+
+Nothing is fetched from the network. Equations become MathML, which browsers draw without a script.
+"""
+
+import re
+import sys
+from pathlib import Path
+
+from docutils import nodes
+from docutils.utils.math import latex2mathml
+from sphinx.application import Sphinx
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+
+import compact  # noqa: E402
+
+project = "compact"
+author = "The compact developers"
+copyright = author  # noqa: A001
+extensions = [
+    "myst_parser",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.coverage",
+    "sphinx_copybutton",
+    "sphinx_design",
+]
+exclude_patterns = ["_templates"]
+templates_path = ["_templates"]
+default_role = "code"
+
+# Pages
+html_theme = "furo"
+html_title = "compact"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_math_renderer = "mathml"
+html_show_sourcelink = False
+html_copy_source = False
+pygments_style = "friendly"
+
+# Markdown: anchors of headings as on GitHub, and its fenced equations
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 4
+myst_fence_as_directive = {"math"}
+
+# Reference of the package: one page for each module
+autosummary_generate = True
+autosummary_ignore_module_all = False
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+numpydoc_show_class_members = False
+coverage_statistics_to_stdout = True
+coverage_show_missing_items = True
+
+
+def write_math(translator, node: nodes.Element) -> None:
+    """Write an equation as MathML."""
+    block = isinstance(node, nodes.math_block)
+    element = latex2mathml.tex2mathml(node.astext(), as_block=block)
+    translator.body.append(f'<div class="equation">{element}</div>' if block else element)
+    raise nodes.SkipNode
+
+
+def escape_bar(found: re.Match[str]) -> str:
+    """Escape a bar outside of code, which starts a substitution in reStructuredText."""
+    return r"\|" if found[0] == "|" else found[0]
+
+
+def prepare_docstring(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+    """Keep the equations and tables above the sections as they are, and bars of absolute values as bars."""
+    sections = next((i - 1 for i, line in enumerate(lines) if i and re.fullmatch(r"-{3,}", line)), len(lines))
+    prepared: list[str] = []
+    for i, line in enumerate(lines):
+        literal = i < sections and line.startswith("    ")
+        if literal and not prepared[-1].strip() and next(above for above in reversed(prepared) if above)[0] != " ":
+            prepared += ["::", ""]
+        prepared.append(line if literal or ">>>" in line else re.sub(r"`[^`]*`|[|]", escape_bar, line))
+    lines[:] = prepared
+
+
+def setup(app: Sphinx) -> None:
+    """Register the equations and the docstrings, which are written for a terminal."""
+    app.connect("autodoc-process-docstring", prepare_docstring, priority=400)  # before numpydoc
+    app.add_html_math_renderer("mathml", (write_math, None), (write_math, None))
