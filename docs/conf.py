@@ -3,18 +3,19 @@
 Nothing is fetched from the network. Equations become MathML, which browsers draw without a script.
 """
 
+import ast
 import re
 import sys
 from pathlib import Path
 
 from docutils import nodes
-from docutils.utils.math import latex2mathml
+from docutils.utils.math import MathError, latex2mathml
 from sphinx.application import Sphinx
+from sphinx.environment import BuildEnvironment
+from sphinx.util import logging
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))
-
-import compact  # noqa: E402
+sys.path.insert(0, str(ROOT))  # of `compact`, without installation
 
 project = "compact"
 author = "The compact developers"
@@ -24,7 +25,6 @@ extensions = [
     "numpydoc",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
-    "sphinx.ext.coverage",
     "sphinx_copybutton",
     "sphinx_design",
 ]
@@ -49,18 +49,20 @@ myst_fence_as_directive = {"math"}
 
 # Reference of the package: one page for each module
 autosummary_generate = True
-autosummary_ignore_module_all = False
+autosummary_ignore_module_all = True
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
-coverage_statistics_to_stdout = True
-coverage_show_missing_items = True
 
 
 def write_math(translator, node: nodes.Element) -> None:
     """Write an equation as MathML."""
     block = isinstance(node, nodes.math_block)
-    element = latex2mathml.tex2mathml(node.astext(), as_block=block)
+    try:
+        element = latex2mathml.tex2mathml(node.astext(), as_block=block)
+    except MathError as error:
+        logging.getLogger(__name__).warning(str(error), location=node)
+        raise nodes.SkipNode from error
     translator.body.append(f'<div class="equation">{element}</div>' if block else element)
     raise nodes.SkipNode
 
@@ -82,7 +84,19 @@ def prepare_docstring(app: Sphinx, what: str, name: str, obj: object, options: o
     lines[:] = prepared
 
 
+def require_public_names(app: Sphinx, env: BuildEnvironment) -> None:
+    """Warn of each public class or function of the package that has no entry in the reference."""
+    documented = set(env.get_domain("py").objects)
+    for path in sorted((ROOT / "compact").rglob("*.py")):
+        module = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+        for node in ast.parse(path.read_text("utf-8")).body:
+            public = isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_")
+            if public and "__main__" not in module and f"{module}.{node.name}" not in documented:
+                logging.getLogger(__name__).warning("%s.%s has no entry in the reference", module, node.name)
+
+
 def setup(app: Sphinx) -> None:
-    """Register the equations and the docstrings, which are written for a terminal."""
+    """Register the equations, the docstrings, which are written for a terminal, and the check of the reference."""
+    app.connect("env-check-consistency", require_public_names)
     app.connect("autodoc-process-docstring", prepare_docstring, priority=400)  # before numpydoc
     app.add_html_math_renderer("mathml", (write_math, None), (write_math, None))
