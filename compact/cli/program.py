@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 from cyclopts import App, CycloptsError, Parameter
 
 from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
-from compact.cli import checks
+from compact.cli import checks, interfaces
 from compact.cli.options import (
     DEFAULT_CONSOLE,
     INTERRUPTED,
@@ -43,7 +43,7 @@ app = App(
     help_format="plaintext",
     suppress_keyboard_interrupt=False,  # handled in `_exit_code`
 )
-for _command in (checks.material, checks.calibrate, checks.check, checks.validate):
+for _command in (checks.material, checks.calibrate, checks.check, checks.validate, interfaces.export):
     app.command(_command)
 
 
