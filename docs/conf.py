@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT))  # of `compact`, without installation
 
 project = "compact"
 author = "The compact developers"
-copyright = author  # noqa: A001
+copyright = author
 extensions = [
     "myst_parser",
     "numpydoc",
@@ -72,7 +72,7 @@ def escape_bar(found: re.Match[str]) -> str:
     return r"\|" if found[0] == "|" else found[0]
 
 
-def prepare_docstring(app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]) -> None:
+def prepare_docstring(_app: Sphinx, _what: str, _name: str, _obj: object, _options: object, lines: list[str]) -> None:
     """Keep the equations and tables above the sections as they are, and bars of absolute values as bars."""
     sections = next((i - 1 for i, line in enumerate(lines) if i and re.fullmatch(r"-{3,}", line)), len(lines))
     prepared: list[str] = []
@@ -84,7 +84,7 @@ def prepare_docstring(app: Sphinx, what: str, name: str, obj: object, options: o
     lines[:] = prepared
 
 
-def require_public_names(app: Sphinx, env: BuildEnvironment) -> None:
+def require_public_names(_app: Sphinx, env: BuildEnvironment) -> None:
     """Warn of each public class or function of the package that has no entry in the reference."""
     documented = set(env.get_domain("py").objects)
     for path in sorted((ROOT / "compact").rglob("*.py")):

@@ -47,13 +47,13 @@ RUNS = {
     "elastic_drive": Run("out/elastic_drive/elastic_drive.png", fast=True),
     "formula_against_fem": Run("out/formula_against_fem/formula_against_fem.png", fast=True),
     "formula_ranking": Run("", fast=True),
-    "hard_cases": Run("", fast=True),
+    "hard_cases": Run("out/hard_cases/hard_cases.png", fast=True),
     "moisture_density": Run("out/moisture_density/moisture_density.png", fast=True),
     "motor_and_flywheel": Run("out/motor_and_flywheel/motor_and_flywheel.png", fast=True),
     "open_codes": Run("", ("--markdown",), fast=True),
     "operating_point": Run("out/operating_point/operating_point.png"),
     "optimal_laws": Run("out/optimal_laws/optimal_laws.png", fast=True),
-    "pore_air": Run("", ("--increments", "7"), fast=True),
+    "pore_air": Run("out/pore_air.png", ("--increments", "7", "--out", "out"), fast=True),
     "rank_laws": Run("out/rank_laws/rank_laws.png"),
     "ranking_with_air": Run("", ("--mixes", "ellipse, columns", "cap, columns"), fast=True),
     "return_stroke": Run("out/return_stroke/return_stroke.png"),
@@ -61,7 +61,7 @@ RUNS = {
     "speed_against_error": Run("out/speed_against_error/layers.png"),
     "speed_against_plain": Run(""),
     "speed_dependence": Run("out/speed_dependence/speed_dependence.png"),
-    "strength_of_loose_mix": Run("", ("--increments", "6")),
+    "strength_of_loose_mix": Run("out/strength-of-loose-mix/strength-of-loose-mix.png", ("--increments", "6")),
 }
 
 
@@ -77,9 +77,15 @@ def run(name: str, folder: Path) -> str:
     folder.mkdir(parents=True)
     command = [sys.executable, str(ROOT / "studies" / f"{name}.py"), *RUNS[name].arguments]
     path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    environment = os.environ | {"PYTHONPATH": path}
     with (folder / "printed.txt").open("w", encoding="utf-8") as printed:
         done = subprocess.run(
-            command, cwd=folder, stdout=printed, stderr=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": path}
+            command,
+            cwd=folder,
+            stdout=printed,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=environment,
         )
     if done.returncode:
         return f"exit code {done.returncode}: {done.stderr.strip().splitlines()[-1:]}"
