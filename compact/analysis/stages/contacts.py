@@ -486,9 +486,10 @@ class ContactStage:
     def second_pass(self) -> tuple[float, float] | None:
         """Load and resistance of a second pass over those of the first, at the mean speed [-].
 
-        None for a linear layer, which recovers, and for the formulas, which state one stroke.
+        None for a linear layer, which recovers, for the formulas, which state one stroke, and for an engine of another
+        package.
         """
-        if not self.engine.compacting:
+        if not self.engine.multipass:
             return None
         if self.kept:
             return self.kept.second_pass
