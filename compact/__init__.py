@@ -14,84 +14,71 @@ import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:  # for type checkers and editors; a test compares it with _HOMES
-    from compact.analysis.engines import Engine as Engine
-    from compact.analysis.engines import EngineCost as EngineCost
-    from compact.analysis.own_material import laboratory_tests as laboratory_tests
+# isort: off
+if TYPE_CHECKING:  # for type checkers and editors; a test compares the names with _HOMES
+    from compact.analysis.engines import Engine as Engine, EngineCost as EngineCost
+    from compact.api.own_material import laboratory_tests as laboratory_tests
     from compact.api.contacts import Contacts as Contacts
-    from compact.api.fields import Fields as Fields
-    from compact.api.fields import read_fields as read_fields
+    from compact.api.fields import Fields as Fields, read_fields as read_fields
     from compact.api.ranking import Ranking as Ranking
     from compact.api.resistance import CartResistance as CartResistance
-    from compact.api.scene import Scene as Scene
-    from compact.api.scene import load_scene as load_scene
-    from compact.api.scene import parse_scene as parse_scene
-    from compact.api.study import Process as Process
-    from compact.api.study import Study as Study
-    from compact.cams.machining import Cut as Cut
-    from compact.cams.machining import cut as cut
-    from compact.cams.profile import Cam as Cam
-    from compact.cams.profile import FlatFace as FlatFace
-    from compact.cams.profile import Pointed as Pointed
-    from compact.cams.profile import RollerFollower as RollerFollower
-    from compact.drive import Crank as Crank
-    from compact.drive import Rigid as Rigid
-    from compact.drive import Run as Run
-    from compact.drive import rank as rank
-    from compact.drive import simulate as simulate
-    from compact.engines.column import engine as column
-    from compact.engines.halfplane import galin as galin
-    from compact.engines.halfplane import hertz as hertz
-    from compact.engines.halfplane import pressure_exponent as pressure_exponent
-    from compact.engines.spectral import engine as spectral
+    from compact.api.scene import Scene as Scene, load_scene as load_scene, parse_scene as parse_scene
+    from compact.api.study import Process as Process, Study as Study
+    from compact.cams.machining import Cut as Cut, cut as cut
+    from compact.cams.profile import (
+        Cam as Cam,
+        FlatFace as FlatFace,
+        Pointed as Pointed,
+        RollerFollower as RollerFollower,
+    )
+    from compact.drive import Crank as Crank, Rigid as Rigid, Run as Run, rank as rank, simulate as simulate
+    from compact.engines.halfplane import galin as galin, hertz as hertz, pressure_exponent as pressure_exponent
     from compact.files import ResultsError as ResultsError
-    from compact.machine.cart import Balance as Balance
-    from compact.machine.cart import Cart as Cart
-    from compact.machine.cart import MotionResistance as MotionResistance
-    from compact.machine.cart import balance as balance
-    from compact.machine.elastic_drive import ElasticDrive as ElasticDrive
-    from compact.machine.elastic_drive import ElasticRun as ElasticRun
-    from compact.machine.elastic_drive import simulate_elastic as simulate_elastic
-    from compact.machine.motor_characteristics import Belt as Belt
-    from compact.machine.motor_characteristics import Kloss as Kloss
-    from compact.machine.motor_characteristics import LinearTorqueCurve as LinearTorqueCurve
-    from compact.machine.motor_drive import Motor as Motor
-    from compact.machine.motor_drive import MotorRun as MotorRun
-    from compact.machine.motor_drive import simulate_motor as simulate_motor
-    from compact.machine.roller_motors import CreepFreeRoller as CreepFreeRoller
-    from compact.machine.roller_motors import DrivenRoller as DrivenRoller
-    from compact.machine.roller_motors import RollerMotor as RollerMotor
-    from compact.material import mix as mix
-    from compact.material.laws import Elastic as Elastic
-    from compact.material.laws import Viscoelastic as Viscoelastic
-    from compact.material.mix import Mix as Mix
-    from compact.material.mix import prior as prior
+    from compact.machine.cart import (
+        Balance as Balance,
+        Cart as Cart,
+        MotionResistance as MotionResistance,
+        balance as balance,
+    )
+    from compact.machine.elastic_drive import (
+        ElasticDrive as ElasticDrive,
+        ElasticRun as ElasticRun,
+        simulate_elastic as simulate_elastic,
+    )
+    from compact.machine.motor_characteristics import (
+        Belt as Belt,
+        Kloss as Kloss,
+        LinearTorqueCurve as LinearTorqueCurve,
+    )
+    from compact.machine.motor_drive import Motor as Motor, MotorRun as MotorRun, simulate_motor as simulate_motor
+    from compact.machine.roller_motors import (
+        CreepFreeRoller as CreepFreeRoller,
+        DrivenRoller as DrivenRoller,
+        RollerMotor as RollerMotor,
+    )
+    from compact.material.laws import Elastic as Elastic, Viscoelastic as Viscoelastic
+    from compact.material.mix import Mix as Mix, prior as prior
     from compact.material.state_update import StateUpdate as StateUpdate
-    from compact.motion import LAWS as LAWS
-    from compact.motion import CamLimits as CamLimits
-    from compact.motion import Cycle as Cycle
-    from compact.motion import InfeasibleError as InfeasibleError
-    from compact.motion import Limits as Limits
-    from compact.motion import MotionProfile as MotionProfile
-    from compact.motion import law as law
-    from compact.motion import optimise as optimise
-    from compact.motion.minimum_criterion import ComplexLaw as ComplexLaw
-    from compact.motion.minimum_criterion import minimiser as minimiser
-    from compact.motion.tabulated import from_function as from_function
-    from compact.motion.tabulated import from_table as from_table
-    from compact.resistance import DryResistance as DryResistance
-    from compact.resistance import ResistanceMap as ResistanceMap
-    from compact.resistance import dry_resistance as dry_resistance
-    from compact.resistance import sample_resistance as sample_resistance
-    from compact.resistance import tabulated_resistance as tabulated_resistance
-    from compact.rolling_contact import ContactResult as ContactResult
-    from compact.rolling_contact import Layer as Layer
-    from compact.rolling_contact import Roller as Roller
+    from compact.motion.laws import LAWS as LAWS
+    from compact.motion.limits import CamLimits as CamLimits, InfeasibleError as InfeasibleError, Limits as Limits
+    from compact.motion.minimum_criterion import ComplexLaw as ComplexLaw, minimiser as minimiser
+    from compact.motion.optimal_motion import optimise as optimise
+    from compact.motion.profile import Cycle as Cycle, MotionProfile as MotionProfile, law as law
+    from compact.motion.tabulated import from_function as from_function, from_table as from_table
+    from compact.resistance import (
+        DryResistance as DryResistance,
+        ResistanceMap as ResistanceMap,
+        dry_resistance as dry_resistance,
+        sample_resistance as sample_resistance,
+        tabulated_resistance as tabulated_resistance,
+    )
+    from compact.rolling_contact import ContactResult as ContactResult, Layer as Layer, Roller as Roller
     from compact.scene.loader import SceneError as SceneError
+# isort: on
 
 _HOMES = {
     "analysis.engines": ("Engine", "EngineCost"),
-    "analysis.own_material": ("laboratory_tests",),
+    "api.own_material": ("laboratory_tests",),
     "api.contacts": ("Contacts",),
     "api.fields": ("Fields", "read_fields"),
     "api.ranking": ("Ranking",),

@@ -43,12 +43,25 @@ def test_every_study_has_a_test():
         "strength_of_loose_mix",
         "return_stroke",
         "moisture_density",
+        "open_codes",
         "hard_cases",
         "pore_air",
         "rank_laws",
         "ranking_with_air",
     }
     assert {path.stem for path in STUDIES.glob("*.py")} == tested
+
+
+@pytest.mark.slow
+def test_engines_agree_with_finite_elements_by_hand_and_name_the_open_codes_that_are_not_installed(capsys):
+    module = study("open_codes")
+    rows, missing = module.compare()
+    module.show(rows, missing, markdown=True)
+    found = {row.code: row.difference for row in rows}
+    assert found.keys() | set(missing) == {code for codes in module.CASES.values() for code in codes}
+    assert found.keys() >= {"spectral", "fem", "scikit-fem by hand", "hertz", "return mapping"}
+    assert all(abs(difference) < 5e-5 for difference in found.values())
+    assert capsys.readouterr().out.count("\n") == 2 + len(rows) + (len(missing) > 0)
 
 
 @pytest.mark.slow

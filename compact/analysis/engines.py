@@ -1,7 +1,8 @@
 """Registry of the contact engines: the module of each and its declared capabilities.
 
-Every engine is a module with `roll(layer, roller, material, speed) -> ContactResult`, imported on first use. No other
-module of the package has a table of engines, except `scene.engine_capabilities` for the values of scene keys.
+Every engine is a module with `roll(layer, roller, material, speed) -> ContactResult`, imported on first use. The engine
+"process" has all strokes of a scene in place of one pass, and `analysis.process_contact` computes them. No other module
+of the package has a table of engines, except `scene.engine_capabilities` for the values of scene keys.
 
 Other packages add engines by entry points of the group "compact.engines", each of which names an `Engine`:
 
@@ -80,6 +81,8 @@ class Engine:
         True for a layer of finite height, whose resistance depends on the speed; False for a half-plane.
     compacting : bool
         True for irreversible compaction, False for a linear layer.
+    forming : bool
+        True for all strokes of the forming process of a scene, in place of one pass over a layer.
     continuation : bool
         True if the contact at another speed is a valid initial guess.
     density_target : bool
@@ -111,6 +114,7 @@ class Engine:
     mix_parameters: tuple[str, ...]
     layered: bool = True
     compacting: bool = False
+    forming: bool = False
     continuation: bool = False
     density_target: bool = False
     rate_factor_only: bool = False
@@ -142,7 +146,7 @@ class Engine:
     @property
     def multipass(self) -> bool:
         """True if it computes passes over mix that an earlier pass has compacted."""
-        return self.compacting and self.name in _BUILT_IN
+        return self.compacting and not self.forming and self.name in _BUILT_IN
 
     @property
     def torque(self) -> bool:
@@ -209,6 +213,12 @@ _BUILT_IN: Mapping[str, Engine] = MappingProxyType({
             compacting=True, continuation=True, density_target=True, rate_factor_only=True, cheap=False,
             points_per_task=8,
             fields_module="compact.engines.compaction.results", low_fidelity="column",
+        ),
+        Engine(
+            "process", "compact.analysis.process_contact",
+            EngineCost(contact=0.4, first_contact=150.0, continued_contact=0.4),
+            (*_PLASTIC, "steel_friction"),
+            compacting=True, forming=True, rate_factor_only=True, cheap=False,
         ),
     )
 })  # fmt: skip

@@ -65,9 +65,9 @@ class Scene(loader.Scene):
             If a contact does not converge.
         """
         from compact.analysis.contact_cases import contact_record, contact_speeds, scene_mix
-        from compact.analysis.own_material import roll_material
         from compact.analysis.stages.contacts import ContactStage
         from compact.api.contacts import Contacts
+        from compact.api.own_material import roll_material
 
         scene = self._by(engine)
         stage = ContactStage(scene, scene_mix(scene))

@@ -1,5 +1,6 @@
 """Python interface: results of a scene as tables, datasets, figures and meshes, equal to those of a study."""
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -200,3 +201,11 @@ def test_files_without_fields_are_refused(tmp_path):
         compact.read_fields(other)
     with pytest.raises(ValueError, match=r"b.vtu: not a mesh that meshio reads"):
         compact.read_fields(tmp_path / "b.vtu")
+
+
+def test_type_checkers_see_every_public_name():
+    tree = ast.parse(Path(compact.__file__).read_text("utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+    seen = {alias.asname for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+    assert seen == set(compact.__all__)
+    assert not any(alias.asname != alias.name for node in block.body for alias in node.names)
