@@ -144,10 +144,12 @@ def roll(
     Parameters
     ----------
     layer : Layer
-        Layer of fresh mix, bonded, without plies; it may lie on a lower lift.
+        Layer of fresh mix, bonded, without plies; it may lie on a lower lift. Between a pair of rollers it is half the
+        mix, on the frictionless mid-plane.
     roller : Roller
         Roller of any profile; "deformed" is the circle, since columns move vertically. It prescribes an indentation,
-        load or peak pressure. "frictionless" and "free" rollers are equivalent.
+        load or peak pressure. "frictionless" and "free" rollers are equivalent. Mix between a pair of them moves with
+        the rollers and elongates nowhere; the resistance is then the torque of one roller over its radius.
     material : Compaction or Terrain
         Material law; terrain is computed by `rigid_wheel.roll_wheel`, which states the range of layer and roller.
     speed : float
@@ -172,7 +174,7 @@ def roll(
     """
     if isinstance(material, Terrain):
         return roll_wheel(layer, roller, material, speed, **options)
-    require_single_bonded_layer(layer)
+    require_column_layer(layer, roller)
     _require_compaction(material)
     lower = lower_columns(layer.lower_lift, material, roller.radius, speed)
     columns = (Column(layer.height, material.fed_density_ratio),)
@@ -443,10 +445,11 @@ def _build_result(
     )
 
 
-def require_single_bonded_layer(layer: rolling_contact.Layer) -> None:
-    """Raise ValueError unless a layer is bonded and of one mix."""
+def require_column_layer(layer: rolling_contact.Layer, roller: rolling_contact.Roller) -> None:
+    """Raise ValueError unless a layer is of one mix, and bonded or between a pair of rollers."""
     require_known("base", layer.base, get_args(rolling_contact.BaseCondition))
-    if layer.base == "slip":
+    rolling_contact.require_pair_of_rollers(layer, roller)
+    if layer.base == "slip" and roller.rolling != "pair":
         raise ValueError(
             "the engine column needs a `base` that is bonded, got 'slip': mix on a frictionless base spreads laterally "
             "and dilates, which columns do not; use the engine compaction"

@@ -11,6 +11,7 @@ import numpy as np
 
 from compact.engines.compaction.incremental_rolling import IncrementalRolling, RollingStep
 from compact.engines.compaction.results import CompactionContactResult
+from compact.engines.compaction.roller_contact import PairSurface
 from compact.engines.compaction.roller_frame import LayerState
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller, require_on_target
@@ -117,8 +118,11 @@ class DepthTarget:
             If either is not satisfied.
         """
         torques = None
-        if solution.contact.creepage is not None:
-            surface = solution.surface
+        surface = solution.surface
+        if isinstance(surface, PairSurface):
+            arm = surface.radius  # the feed force as a torque, so that the friction limit is its scale too
+            torques = 0.0, arm * surface.feed_force(solution.contact)
+        elif solution.contact.creepage is not None:
             torques = torque or 0.0, float(-surface.radius * (surface.weights @ solution.contact.shear))
         density = self.value if self.quantity == "exit_density_ratio" else None
         tolerance = TARGET_TOLERANCE

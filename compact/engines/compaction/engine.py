@@ -10,15 +10,15 @@ single mode, rolls on without jumps (`shear_line_search`).
 The error has three parts: of the mesh, from the change between the last two meshes, of first order; of the drift, the
 distance to the steady state along the slow mode; of the start, the scatter of that distance and the last transient.
 
-Range: frictionless, sliding, free and driven rollers, bonded and frictionless bases, contact angles up to some 25
-degrees where the mix has the voids. On a layer that is high compared with the contact length, the bow wave may grow
-without a steady state; then `HeapingError` is raised, for most such depths before any finite elements (`heaping`). A
-mean exit density ratio of 1 or more is refused. Times and errors: `studies/speed_against_error.py`.
+Range: frictionless, sliding, free and driven rollers, one roller of a pair, bonded and frictionless bases, contact
+angles up to some 25 degrees where the mix has the voids. On a layer that is high compared with the contact length, the
+bow wave may grow without a steady state; then `HeapingError` is raised, for most such depths before any finite elements
+(`heaping`). A mean exit density ratio of 1 or more is refused. Times and errors: `studies/speed_against_error.py`.
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, TypedDict, Unpack
+from typing import Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -53,7 +53,9 @@ from compact.rolling_contact import (
     HeapingError,
     Layer,
     Roller,
+    RollerCondition,
     require_moving,
+    require_pair_of_rollers,
     require_torque_allowed,
 )
 
@@ -144,7 +146,8 @@ def roll(
         the layer alone.
     roller : Roller
         Roller of any profile; "circle" and "parabola" have vertical pressure. A sliding roller has the traction f p on
-        the mix along the travel in the whole contact; a free or driven one sticks and slips.
+        the mix along the travel in the whole contact; a free or driven one sticks and slips. One of a pair draws the
+        mix in: its torque is such that no force acts along x; its resistance is its work over the length of fed mix.
     material : Compaction
         Constitutive law.
     speed : float
@@ -281,6 +284,7 @@ class RollingCase:
             profile=roller.profile,
             friction=0.0 if roller.rolling == "frictionless" else roller.friction,
             torque=(self.torque or 0.0) if rotates else None,
+            pair=roller.rolling == "pair",
             max_wave_height=np.inf if self.heaping is None else self.heaping.contact_height,
             progress=self.numerics.progress,
         )
@@ -438,7 +442,8 @@ def require_compactable(
         raise ValueError(f"`material` must be Compaction, got {type(material).__name__}; use the engine fem for others")
     if layer.plies:
         raise ValueError(f"`plies` are for linear layers, got {len(layer.plies)}; a compacting layer takes `fed_layer`")
-    require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
+    require_known("rolling", roller.rolling, get_args(RollerCondition))
+    require_pair_of_rollers(layer, roller)
     require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
     if fed_layer is not None and abs(fed_layer.height / layer.height - 1) > HEIGHT_TOLERANCE:
         raise ValueError(f"`layer` must be as high as `fed_layer`, {fed_layer.height!r} m, got {layer.height!r} m")

@@ -226,7 +226,7 @@ class SteadySearch:
                 is_met = abs(secant.last_miss) < self.target_tolerance
                 depth, is_final = depth if is_met else corrected, is_met and self.errors.total < self.tolerance
             self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else SETTLING_TOLERANCE
-            settling = SETTLING if depth == self.depth else FIRST_SETTLING
+            settling = SETTLING if depth == self.depth else self._settling_of_a_new_depth
             self._correct(depth, jump, FINAL_SETTLING if is_final else settling)
             if is_final:
                 self._advance_exactly()
@@ -330,15 +330,22 @@ class SteadySearch:
         quantity = self.target.quantity
         if quantity == "indentation":
             return self.depth
-        if quantity == "exit_density_ratio":
+        if quantity == "exit_density_ratio" and not self.rolling.frame.has_frictionless_base:
             return self._density_factor * self._geometric_density_ratio()
         return float(self.values[QUANTITIES.index(quantity)])
+
+    @property
+    def _settling_of_a_new_depth(self) -> float:
+        """Travel over the contact length after a change of the depth; longer where the exit column is the target."""
+        measured = self.target.quantity == "exit_density_ratio" and self.rolling.frame.has_frictionless_base
+        return FINAL_SETTLING if measured else FIRST_SETTLING
 
     def _geometric_density_ratio(self) -> float:
         """Density ratio of the fed mix in the height of the layer behind the roller at the present depth [-].
 
         The height is that of the roller and the recovery at the exit column, which the roller has passed before; the
-        density ratio of that column lags behind the depth. They differ by elastic strain and by elongation.
+        density ratio of that column lags behind the depth. They differ by elastic strain and by elongation, which on a
+        frictionless base is too large for this ratio.
         """
         rolling, frame = self.rolling, self.rolling.frame
         x, y = rolling.surface_positions.T
