@@ -23,7 +23,7 @@ from typing import Literal, TypedDict, Unpack, get_args
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction.depth_target import DepthTarget
+from compact.engines.compaction.depth_target import MAX_ELONGATED_SHARE, DepthTarget
 from compact.engines.compaction.finite_strain_kernels import announce_compilation
 from compact.engines.compaction.finite_strain_solid import SolidState
 from compact.engines.compaction.heaping import (
@@ -457,15 +457,28 @@ def require_compactable(
         )
     if roller.indentation is not None:
         lower = (layer.lower_lift and layer.lower_lift.thickness) if fed_layer is None else fed_layer.lower
-        _require_indentation(roller.indentation, layer.height, roller, fed_ratio, has_lower=bool(lower))
+        elongates = layer.base == "slip"
+        _require_indentation(
+            roller.indentation, layer.height, roller, fed_ratio, has_lower=bool(lower), elongates=elongates
+        )
 
 
-def _require_indentation(depth: float, height: float, roller: Roller, fed_ratio: float, *, has_lower: bool) -> None:
+def _require_indentation(
+    depth: float, height: float, roller: Roller, fed_ratio: float, *, has_lower: bool, elongates: bool
+) -> None:
     if roller.profile != "parabola" and depth >= roller.radius:
         raise ValueError(
             f"`indentation` must be less than the roller's `radius` {roller.radius!r} m, or its axle would be below "
             f"the mix in front, got {depth!r} m"
         )
+    deepest = MAX_ELONGATED_SHARE * height
+    if elongates and depth > deepest:
+        raise ValueError(
+            f"`indentation` must be at most {deepest:.6g} m on a frictionless base, got {depth!r} m in a layer of "
+            f"{height!r} m"
+        )
+    if elongates:  # beyond full density the mix leaves along the travel
+        return
     full = height * (1 - fed_ratio)
     if depth >= full and not has_lower:  # the depth includes the settlement of a lower lift
         raise ValueError(
