@@ -1,7 +1,8 @@
 """Registry of the contact engines: the module of each and its declared capabilities.
 
-Every engine is a module with `roll(layer, roller, material, speed) -> ContactResult`, imported on first use. No other
-module of the package has a table of engines, except `scene.engine_capabilities` for the values of scene keys.
+Every engine is a module with `roll(layer, roller, material, speed) -> ContactResult`, imported on first use. The engine
+"process" has all strokes of a scene in place of one pass, and `analysis.process_contact` computes them. No other module
+of the package has a table of engines, except `scene.engine_capabilities` for the values of scene keys.
 """
 
 from collections.abc import Callable, Mapping
@@ -71,6 +72,8 @@ class Engine:
         True for a layer of finite height, whose resistance depends on the speed; False for a half-plane.
     compacting : bool
         True for irreversible compaction, False for a linear layer.
+    forming : bool
+        True for all strokes of the forming process of a scene, in place of one pass over a layer.
     continuation : bool
         True if the contact at another speed is a valid initial guess.
     density_target : bool
@@ -102,6 +105,7 @@ class Engine:
     mix_parameters: tuple[str, ...]
     layered: bool = True
     compacting: bool = False
+    forming: bool = False
     continuation: bool = False
     density_target: bool = False
     rate_factor_only: bool = False
@@ -195,6 +199,12 @@ ENGINES: Mapping[str, Engine] = MappingProxyType({
             compacting=True, continuation=True, density_target=True, rate_factor_only=True, cheap=False,
             points_per_task=8,
             fields_module="compact.engines.compaction.results", low_fidelity="column",
+        ),
+        Engine(
+            "process", "compact.analysis.process_contact",
+            EngineCost(contact=0.4, first_contact=150.0, continued_contact=0.4),
+            (*_PLASTIC, "steel_friction"),
+            compacting=True, forming=True, rate_factor_only=True, cheap=False,
         ),
     )
 })  # fmt: skip

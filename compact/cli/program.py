@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 from cyclopts import App, CycloptsError, Parameter
 
 from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
-from compact.cli import checks
+from compact.cli import checks, interfaces
 from compact.cli.options import (
     DEFAULT_CONSOLE,
     INTERRUPTED,
@@ -43,7 +43,7 @@ app = App(
     help_format="plaintext",
     suppress_keyboard_interrupt=False,  # handled in `_exit_code`
 )
-for _command in (checks.material, checks.calibrate, checks.check, checks.validate):
+for _command in (checks.material, checks.calibrate, checks.check, checks.validate, interfaces.export):
     app.command(_command)
 
 
@@ -355,7 +355,9 @@ def process(
 
     progress, place = console.progress(), out or default_directory(scene, "process")
     given = read_scene(scene, console.quiet, changes)
-    study = ProcessStudy(given, "deep" if deep else "quick" if quick else "columns", progress.report)
+    stated = given.process and given.process.detail
+    detail = "deep" if deep else "quick" if quick else stated or "columns"
+    study = ProcessStudy(given, detail, progress.report)
     with claimed_directory(place, given.hash, force) as directory, progress:
         progress.begin("strokes of the process")
         write_process(study, directory)

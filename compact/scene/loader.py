@@ -166,7 +166,9 @@ class Scene(Table):
 
         Examples
         --------
-        scene.replaced(**{"mix.moisture": 0.11, "mix.overrides.effective_modulus": None})
+        ::
+
+            scene.replaced(**{"mix.moisture": 0.11, "mix.overrides.effective_modulus": None})
         """
         rules = _involving(changes, _rules(self._source))  # the others hold as they did
         return _checked(self._given(), self._source, changes, rules)

@@ -37,10 +37,11 @@ MixParameter = Literal[
     "rate_sensitivity", "reference_rate", "effective_modulus", "air_permeability", "occlusion_saturation",
     "cohesion_loose", "earth_pressure_coefficient", "dilatancy_angle", "shear_viscosity",
 ]  # fmt: skip
-Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
+Engine = Literal["formula", "column", "spectral", "fem", "compaction", "process"]
 MixLaw = Literal["ellipse", "drucker-prager-cap"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
+ProcessDetail = Literal["columns", "quick", "deep"]
 FeedLaw = Literal["room", "even", "first", "table"]
 NIP_ANGLE = 20.0  # [deg], default of `process.nip_angle`
 STROKES_LIMIT = 10_000  # [-], strokes on one section of a product
@@ -376,6 +377,9 @@ class Process(Table):
     )
     largest_grain: float | None = _optional("the size of the largest grains in m")
     layers: int = Field(default=20, ge=1, le=500, description="the number of merged layers of a section")
+    detail: ProcessDetail | None = _default(
+        None, 'the model: columns, or lumped lifts in two dimensions; default "quick" for the engine "process"'
+    )
 
 
 class Sleeve(Table):
@@ -419,6 +423,7 @@ class Given(Table):
     layer: Keys | None = _default(None, "keys of [layer]")
     contact: Keys | None = _default(None, "keys of [contact]")
     accuracy: Keys | None = _default(None, "keys of [accuracy]")
+    process: Keys | None = _default(None, "keys of [process]")
 
 
 class Compare(Table):
@@ -429,6 +434,7 @@ class Compare(Table):
     spectral: Given | None = None
     fem: Given | None = None
     compaction: Given | None = None
+    process: Given | None = None
 
 
 class Output(Table):

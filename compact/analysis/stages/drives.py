@@ -110,7 +110,7 @@ class DriveStage:
 
     @cached_property
     def other_durations(self) -> dict[float, "DriveStage"]:
-        """Drive stage by each other duration of a pass [s]; contacts and cart are the same."""
+        """Drive stage by each other duration of a pass [s]; contacts and cart of a single pass are the same."""
         return {duration: self.over(duration) for duration in self.scene.motion.other_durations}
 
     def over(self, duration: float) -> "DriveStage":
@@ -121,8 +121,9 @@ class DriveStage:
         ValueError
             When a law is faster than the resistance is known; `largest_speed` covers the durations of the scene.
         """
-        laws = LawStage(self.laws.prescribed, self.resistance, self.laws.cycles_over(duration))
-        return DriveStage(self.contacts, self.resistance, laws)
+        resistance = self.resistance.over(duration)
+        laws = LawStage(self.laws.prescribed, resistance, self.laws.cycles_over(duration))
+        return DriveStage(resistance.contacts, resistance, laws)
 
     @cached_property
     def cycle_energies(self) -> dict[str, float]:

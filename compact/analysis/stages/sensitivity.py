@@ -202,7 +202,8 @@ class _Variation:
     def _layer(self, changed: Stages, changes: dict[str, float]) -> tuple[float, ResistanceMap]:
         """Return load on a roller [N] and resistance by the engine, from new contacts if the layer changes."""
         if not self.engine.cheap:
-            return self.stages.contacts.roller_load, self.stages.resistance.map
+            stage = self.stages.resistance.over(changed.contacts.scene.motion.duration)
+            return stage.contacts.roller_load, stage.map
         if changes and not changes.keys() & set(CART_INPUTS):
             return _new_contacts(changed, self.largest_speed)
         if self.own_layer is None:

@@ -28,6 +28,7 @@ ENGINE_STYLES: Mapping[str, tuple[str, str, Any]] = {  # colour, mark and dash
     "spectral": (PALETTE[0], "s", "-."),
     "fem": (PALETTE[1], "D", (0, (5, 1.5, 1, 1.5, 1, 1.5))),
     "compaction": ("0.05", "^", "-"),
+    "process": (PALETTE[3], "v", (0, (7, 2))),
 }
 
 
