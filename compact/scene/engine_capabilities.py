@@ -8,8 +8,10 @@ geometry), so the engine replaces the value in both cases.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from typing import Any
 
+ENTRY_POINTS = "compact.engines"  # group of entry points by which other packages add engines
 OPTIONAL = (
     "machine.roller_condition",
     "machine.gap_geometry",
@@ -158,6 +160,14 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
 }  # fmt: skip
 
 
+BUILT_IN = tuple(LIMITS)  # engines of this package
+
+
+def installed_engines() -> tuple[str, ...]:
+    """Return the names of the engines of other packages: entry points of the group `ENTRY_POINTS`."""
+    return tuple(entry_points(group=ENTRY_POINTS).names)
+
+
 def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
     """Replace the values that an engine does not accept by the nearest accepted ones.
 
@@ -169,7 +179,7 @@ def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
         One for each replaced key, such as "spectral: frictionless roller in place of the free roller, as ...".
     """
     friction, sentences = scene.mix.overrides.steel_friction, []
-    for limit in LIMITS[engine]:
+    for limit in LIMITS.get(engine, ()):
         value = limit.value_in(scene)
         rolling = scene.machine.roller_condition
         if limit.takes(value, friction, rolling) or (scene.is_set(limit.key) and not limit.fixed):

@@ -7,11 +7,13 @@ Rules between the keys are in `constraints`; `loader` reads files into these tab
 """
 
 import warnings
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, field_validator
+from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, Strict, WrapValidator, field_validator
 
 from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
+from compact.scene.engine_capabilities import BUILT_IN, installed_engines
 
 # The keys of `motion.LAWS`, repeated because importing `motion` costs 0.7 s of scipy; a test compares the two.
 Law = Literal[
@@ -408,11 +410,20 @@ class Contact(Table):
     speeds: Numbers | None = _default(None, "the speeds of the computed contacts in m/s")
 
 
+def _installed_engine(value: Any, validate: Callable[[Any], Any]) -> Any:
+    """Accept the engines of other packages as well."""
+    return (
+        value if isinstance(value, str) and value not in BUILT_IN and value in installed_engines() else validate(value)
+    )
+
+
 class Accuracy(Table):
     """Contact engine and its relative error tolerance."""
 
     tolerance: float = Field(gt=0, lt=0.5, description="the relative error tolerance, 0.01 for 1 %")
-    engine: Engine = Field(description="the contact engine")
+    engine: Annotated[Engine, WrapValidator(_installed_engine), PlainSerializer(str, str)] = Field(
+        description="the contact engine"
+    )
 
 
 class Given(Table):

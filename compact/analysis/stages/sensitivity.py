@@ -24,7 +24,7 @@ from compact.analysis.engines import ENGINES
 from compact.analysis.pore_air import AirForces, has_air
 from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.stages.drives import Stages, build_stages
-from compact.contact import DryResistance
+from compact.analysis.stages.resistance import ResistanceLaw
 from compact.machine.cart import Cart
 from compact.machine.ranking import BUILD_TOLERANCE, ROUNDING_TIE
 from compact.material.mix import Parameter
@@ -225,7 +225,7 @@ def _new_contacts(stages: Stages, largest_speed: float) -> tuple[float, Resistan
     return float(load), ResistanceMap(np.array(speeds), forces, error=np.nan, return_ratio=contacts.return_ratios[1])
 
 
-def _least_peaks(cart: Cart, resistance: ResistanceMap | DryResistance, cycles: Mapping[str, Cycle]) -> End:
+def _least_peaks(cart: Cart, resistance: ResistanceLaw, cycles: Mapping[str, Cycle]) -> End:
     """Return the least peaks over all laws with a rigid drive."""
     least, law = dict.fromkeys(PEAKS, np.inf), dict.fromkeys(PEAKS, "")
     peaks: dict[str, dict[str, float]] = {peak: {} for peak in PEAKS}
