@@ -390,7 +390,7 @@ def _fields_wanted_are_computed(wanted, engine):
 
 @rule("output.items", "accuracy.engine")
 def _model_spread_wanted_has_a_law(wanted, engine):
-    if "model_spread" in wanted and engine not in ("column", "compaction"):
+    if "model_spread" in wanted and engine not in ("column", "compaction", "process"):
         return (
             f'holds "model_spread", the spread over the laws of the mix, which accuracy.engine = "{engine}" does not '
             'have; take it out, or choose "column" or "compaction"'
