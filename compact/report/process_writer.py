@@ -4,6 +4,7 @@ By columns every answer says two things: the load is a lower estimate, and the c
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -78,7 +79,7 @@ def process_summary(study: ProcessStudy) -> dict[str, Any]:
     return {
         "model": _statement(study),
         "rollers": study.scene.machine.rollers,
-        "per_roller": {name: json_number(value, PROCESS[name].unit) for name, value in _numbers(study).items()},
+        "per_roller": {name: json_number(value, PROCESS[name].unit) for name, value in process_numbers(study).items()},
         "mix_per_stroke": {name: json_number(study.mass_per_stroke(height), "kg") for name, height in grains.items()},
         "grains_of_a_section": {name: json_number(height, "m") for name, height in grains.items()},
         "parts": [
@@ -101,7 +102,7 @@ def process_summary(study: ProcessStudy) -> dict[str, Any]:
 
 def process_digest(study: ProcessStudy) -> str:
     """Return the results as lines of text."""
-    numbers = _numbers(study)
+    numbers = process_numbers(study)
     lines = [_statement(study), *_two_dimensional_lines(study), "", "one roller, columns"]
     for name, value in numbers.items():
         if value is not None:
@@ -125,7 +126,7 @@ def process_digest(study: ProcessStudy) -> str:
 def _statement(study: ProcessStudy) -> str:
     if study.two_dimensions is None:
         return COLUMNS_STATEMENT
-    return LIFTS_STATEMENT.format("with pore air one-way" if study.counts_air else "drained")
+    return LIFTS_STATEMENT.format(f"with {study.scene.mix.pore_air} pore air" if study.counts_air else "drained")
 
 
 def _two_dimensional_summary(study: ProcessStudy) -> dict[str, Any] | None:
@@ -143,6 +144,8 @@ def _two_dimensional_summary(study: ProcessStudy) -> dict[str, Any] | None:
         **{name: json_number(each.value, unit) | {"error": each.error, "lumping_error": each.lumping_error,
            "mesh_error": each.mesh_error, "extrapolated_share": each.extrapolated_share}
            for name, (each, unit) in estimates.items()},
+        "spread_over_the_mix": {force: study.mix_spread.bounds(force) for force in ("load", "resistance")},
+        "spread_by_parameter": [asdict(each) for each in study.mix_spread.effects],
         "air_is_counted": study.counts_air,
         "air_excess_behind": json_number(found.air_excess_behind, "Pa"),
         "load_centre": json_number(found.load_centre, "m"),
@@ -172,6 +175,9 @@ def _two_dimensional_lines(study: ProcessStudy) -> Iterator[str]:
     )  # fmt: skip
     for term, each in rows:
         yield f"{_line(term, format_quantity(each.value, 'N'))}  ± {each.error:.0%}"
+    for force in ("load", "resistance"):
+        low, high = study.mix_spread.bounds(force)
+        yield _line(f"spread of the {force} over Heckel slope and unloading modulus", f"x {low:.2f} to {high:.2f}")
     share = found.load_centre / study.scene.machine.roller_length
     yield _line("centre of the load, of the roller length", format_percent(share))
     yield _line("skew moment of the load", format_quantity(found.skew_moment, "Nm"))
@@ -206,7 +212,7 @@ def _flow_lines(study: ProcessStudy) -> Iterator[str]:
             yield _line(words, text)
 
 
-def _numbers(study: ProcessStudy) -> Mapping[str, float | None]:
+def process_numbers(study: ProcessStudy) -> Mapping[str, float | None]:
     """Return the results of one roller by the names of PROCESS."""
     row, machine, history = study.row, study.problem.machine, study.row.history
     own = {
@@ -222,7 +228,7 @@ def _numbers(study: ProcessStudy) -> Mapping[str, float | None]:
     return {name: own[name] if name in own else getattr(row, name) for name in PROCESS}
 
 
-def _stroke_columns(study: ProcessStudy) -> dict[str, Any]:
+def stroke_columns(study: ProcessStudy) -> dict[str, Any]:
     """Return the columns of strokes.csv by the names of STROKE."""
     history, edges = study.row.history, study.problem.machine.edges
     own = {"position": (edges[:-1] + edges[1:]) / 2}
@@ -231,7 +237,7 @@ def _stroke_columns(study: ProcessStudy) -> dict[str, Any]:
 
 def _stroke_table(study: ProcessStudy) -> tuple[tuple[str, ...], list[Any]]:
     """Return header and columns of strokes.csv; forces in two dimensions last, where they are computed."""
-    header, columns = tuple(column_names(STROKE)), list(_stroke_columns(study).values())
+    header, columns = tuple(column_names(STROKE)), list(stroke_columns(study).values())
     if study.two_dimensions is None:
         return header, columns
     return (*header, *LIFTED_HEADER), [*columns, *(study.forces.of_strokes(name) for name in ("load", "resistance"))]

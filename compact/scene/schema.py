@@ -7,11 +7,13 @@ Rules between the keys are in `constraints`; `loader` reads files into these tab
 """
 
 import warnings
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, field_validator
+from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, Strict, WrapValidator, field_validator
 
 from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
+from compact.scene.engine_capabilities import BUILT_IN, installed_engines
 
 # The keys of `motion.LAWS`, repeated because importing `motion` costs 0.7 s of scipy; a test compares the two.
 Law = Literal[
@@ -38,7 +40,7 @@ MixParameter = Literal[
     "cohesion_loose", "earth_pressure_coefficient", "dilatancy_angle", "shear_viscosity",
 ]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction", "process"]
-MixLaw = Literal["ellipse", "drucker-prager-cap"]
+MixLaw = Literal["ellipse", "drucker-prager-cap", "density-cap"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
 ProcessDetail = Literal["columns", "quick", "deep"]
@@ -172,7 +174,11 @@ class Mix(Table):
     moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
     density_ratio: float = _between(0.90, 0.99, "the required density ratio k of the product")
     law: MixLaw = _default(
-        "ellipse", "the yield surface of the engines that compact: an elliptic cap, or a cap with a shear line"
+        "ellipse",
+        "the yield surface of the engines that compact: an elliptic cap, a cap with a shear line, or tables of both",
+    )
+    cap_table: str | None = _default(
+        None, 'the CSV file of the tables over density of the law "density-cap", relative to the scene file'
     )
     pore_air: PoreAirModel = _default(
         "drained", "the pore air: without pressure, at the deformation without air, or coupled with the deformation"
@@ -408,11 +414,20 @@ class Contact(Table):
     speeds: Numbers | None = _default(None, "the speeds of the computed contacts in m/s")
 
 
+def _installed_engine(value: Any, validate: Callable[[Any], Any]) -> Any:
+    """Accept the engines of other packages as well."""
+    return (
+        value if isinstance(value, str) and value not in BUILT_IN and value in installed_engines() else validate(value)
+    )
+
+
 class Accuracy(Table):
     """Contact engine and its relative error tolerance."""
 
     tolerance: float = Field(gt=0, lt=0.5, description="the relative error tolerance, 0.01 for 1 %")
-    engine: Engine = Field(description="the contact engine")
+    engine: Annotated[Engine, WrapValidator(_installed_engine), PlainSerializer(str, str)] = Field(
+        description="the contact engine"
+    )
 
 
 class Given(Table):

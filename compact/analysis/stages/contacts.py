@@ -529,10 +529,10 @@ class ContactStage:
     def second_pass(self) -> tuple[float, float] | None:
         """Load and resistance of a second pass over those of the first, at the mean speed [-].
 
-        None for a linear layer, which recovers, for the formulas, which state one stroke, and for the strokes of a
-        process, which are passes over the same mix.
+        None for a linear layer, which recovers, for the formulas, which state one stroke, for the strokes of a process,
+        which are passes over the same mix, and for an engine of another package.
         """
-        if not self.engine.compacting or self.engine.forming:
+        if not self.engine.multipass:
             return None
         if self.kept:
             return self.kept.second_pass

@@ -22,8 +22,11 @@ from compact.contact import DryResistance
 from compact.machine.cart import Balance, Cart, MotionResistance
 from compact.machine.rigid_drive import steady_balance
 from compact.material.laws import Compaction
+from compact.numerics import Array
 from compact.resistance import ForceSample, ResistanceMap, sample_resistance
 from compact.rolling_contact import ContactResult, compaction_rate
+
+ResistanceLaw = ResistanceMap | DryResistance | Callable[[Array, Array], Array]
 
 LEAST_SPEED_SHARE = 1 / 50  # [-], of the largest speed; least speed of the samples
 
@@ -35,11 +38,15 @@ class ResistanceStage:
     ----------
     largest_speed : callable
         Returns the largest speed of the cart under the laws of the scene [m/s]; called for layered engines only.
+    given : callable, optional
+        Resistance in place of that of the engine, without an error estimate.
     """
 
-    def __init__(self, contacts: ContactStage, largest_speed: Callable[[], float]) -> None:
+    def __init__(
+        self, contacts: ContactStage, largest_speed: Callable[[], float], given: ResistanceLaw | None = None
+    ) -> None:
         self.contacts, self.scene, self.mix = contacts, contacts.scene, contacts.mix
-        self._largest_speed = largest_speed
+        self._largest_speed, self._given = largest_speed, given
         self._over: dict[float, ResistanceStage] = {}
 
     @cached_property
@@ -56,8 +63,10 @@ class ResistanceStage:
         return self.sampled_map(kept, self.largest_speed)
 
     @cached_property
-    def resistance(self) -> ResistanceMap | DryResistance:
+    def resistance(self) -> ResistanceLaw:
         """Resistance of the mix to one cart [N], a function of velocity and acceleration."""
+        if self._given is not None:
+            return self._given
         if self.contacts.engine.layered:
             return self.map
         return contact.dry_resistance(self.scene.machine.rollers * self.contacts.engineering.roller_resistance)
@@ -65,7 +74,7 @@ class ResistanceStage:
     @property
     def error(self) -> float | None:
         """Relative error estimate of the resistance [-], of the interpolation and the engine; None if unknown."""
-        if not self.contacts.engine.layered or self.map.engine_error is None:
+        if self._given is not None or not self.contacts.engine.layered or self.map.engine_error is None:
             return None
         return self.map.error + self.map.engine_error
 
@@ -74,7 +83,8 @@ class ResistanceStage:
         if self.contacts.process is None or duration == self.scene.motion.duration:
             return self
         if duration not in self._over:
-            self._over[duration] = ResistanceStage(self.contacts.over(duration), lambda: self.largest_speed)
+            over = self.contacts.over(duration)
+            self._over[duration] = ResistanceStage(over, lambda: self.largest_speed, self._given)
         return self._over[duration]
 
     @cached_property

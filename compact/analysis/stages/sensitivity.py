@@ -24,7 +24,7 @@ from compact.analysis.engines import ENGINES
 from compact.analysis.pore_air import AirForces, has_air
 from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.stages.drives import Stages, build_stages
-from compact.contact import DryResistance
+from compact.analysis.stages.resistance import ResistanceLaw
 from compact.machine.cart import Cart
 from compact.machine.ranking import BUILD_TOLERANCE, ROUNDING_TIE
 from compact.material.mix import Parameter
@@ -125,6 +125,8 @@ def _ranges(stages: Stages) -> dict[str, Range]:
     new_layer = engine.cheap and engine.compacting
     if scene.mix.law == "drucker-prager-cap":
         names = ["cohesion_loose" if name == "cohesion" else name for name in names]
+    if new_layer and scene.mix.law == "density-cap":
+        names = [name for name in names if name in engine.parameters_of(scene.mix.law)]
     if new_layer and has_air(scene):
         names += AIR_INPUTS
     ranges = {f"mix.overrides.{name}": (*_spread(mix.parameter(name)), mix.parameter(name).unit) for name in names}
@@ -225,7 +227,7 @@ def _new_contacts(stages: Stages, largest_speed: float) -> tuple[float, Resistan
     return float(load), ResistanceMap(np.array(speeds), forces, error=np.nan, return_ratio=contacts.return_ratios[1])
 
 
-def _least_peaks(cart: Cart, resistance: ResistanceMap | DryResistance, cycles: Mapping[str, Cycle]) -> End:
+def _least_peaks(cart: Cart, resistance: ResistanceLaw, cycles: Mapping[str, Cycle]) -> End:
     """Return the least peaks over all laws with a rigid drive."""
     least, law = dict.fromkeys(PEAKS, np.inf), dict.fromkeys(PEAKS, "")
     peaks: dict[str, dict[str, float]] = {peak: {} for peak in PEAKS}
