@@ -6,6 +6,7 @@ file. A result directory belongs to the scene whose hash its file `scene.hash` c
 
 import csv
 import json
+import logging
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -30,6 +31,9 @@ NETCDF_HDF5: NetcdfFormat = "NETCDF4"  # strings too
 # xarray backend of each format
 NETCDF_BACKENDS: dict[str, Literal["scipy", "h5netcdf"]] = {NETCDF_CLASSIC: "scipy", NETCDF_HDF5: "h5netcdf"}
 GENERIC_STEM = "scene"  # stem of the scene file that `compact new` writes into a folder of the user's name
+
+
+_LOG = logging.getLogger(__name__)
 
 
 class ResultsError(RuntimeError):
@@ -64,6 +68,7 @@ def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
             stream.flush()
             os.fsync(stream.fileno())
         temporary.replace(path)
+        _LOG.info("%s written", path)
     except OSError as error:
         raise ResultsError(f"{path}: could not be written: {error.strerror or error}") from error
     finally:
@@ -108,8 +113,17 @@ def write_columns(path: Path, header: Sequence[str], columns: Sequence["NDArray[
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write JSON, with infinity as "infinite" and nan as null."""
     with atomic_file(path) as stream:
-        json.dump(_json_value(content), stream, indent=2, allow_nan=False)
-        stream.write("\n")
+        stream.write(json_text(content) + "\n")
+
+
+def read_json(path: Path) -> Any:
+    """Read a file of `write_json`; infinity is "infinite" and nan is None."""
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def json_text(content: Mapping[str, Any]) -> str:
+    """Return JSON, with infinity as "infinite" and nan as null."""
+    return json.dumps(_json_value(content), indent=2, allow_nan=False)
 
 
 def _json_value(value: Any) -> Any:
@@ -117,6 +131,8 @@ def _json_value(value: Any) -> Any:
         return {str(key): _json_value(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_json_value(item) for item in value]
+    if isinstance(value, Path):
+        return str(value)
     if hasattr(value, "tolist"):
         return _json_value(value.tolist())
     if isinstance(value, float) and not math.isfinite(value):

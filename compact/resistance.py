@@ -246,7 +246,7 @@ class ResistanceMap:
 
     def _evaluate(self, velocity: Array, acceleration: Array) -> Array:
         slowest, speed = self.speeds[0], np.abs(velocity)
-        values = self._splines(np.log(np.clip(speed, slowest, self.speeds[-1])))
+        values = self.splines(np.log(np.clip(speed, slowest, self.speeds[-1])))
         force = values[:, 0]
         if self.exponent and np.min(speed) < slowest:
             force = force * np.minimum(speed / slowest, 1.0) ** self.exponent
@@ -274,7 +274,7 @@ class ResistanceMap:
         return self.unsteadiness(velocity, acceleration) >= UNSTEADINESS_LIMIT
 
     @cached_property
-    def _splines(self) -> PPoly:
+    def splines(self) -> PPoly:
         """Return splines of F, and of M where it is known, over ln v."""
         columns = [self.forces] if self.added_masses is None else [self.forces, self.added_masses]
         splines = [_monotone_spline(self.speeds, values) for values in columns]

@@ -4,7 +4,7 @@ An arrow that a chain of other arrows implies is left out.
 
     python docs/draw_architecture.py
 
-The layers come from `pyproject.toml`, the imports from the code. The drawing is `docs/architecture.png`.
+The layers come from `pyproject.toml`, the imports from the code. The drawing is `docs/figures/architecture.png`.
 """
 
 import tomllib
@@ -91,4 +91,4 @@ def draw() -> Figure:
 
 
 if __name__ == "__main__":
-    draw().savefig(ROOT / "docs" / "architecture.png")
+    draw().savefig(ROOT / "docs" / "figures" / "architecture.png")

@@ -7,10 +7,11 @@ The first command rolls the lift from scratch, 5 % deeper and at another speed b
 its own with its folder on the path. It prints processor seconds on one core, after a coarse contact that compiles.
 
 The second one computes a reference by two starts: the bow wave of the steady state is raised and lowered by a tenth
-along its slow mode, and the steady state is searched again from both. Their difference is the error of the start.
+along its slow mode, and the roller rolls on from both by increments, without any search. The waves approach the steady
+one from both sides, so that the two last states bracket load and resistance.
 
-Lift: 0.06 m thick, of 0.98 after compaction, with Heckel slope and initial density ratio of `docs/compaction.md`. The
-roller of 0.11 m is free with friction 0.35. Forces are those of one roller of 1.1642 m.
+Lift: 0.06 m thick, of 0.98 after compaction, with Heckel slope and initial density of `docs/theory/compaction.md`.
+The roller of 0.11 m is free with friction 0.35. Forces are those of one roller of 1.1642 m.
 """
 
 import argparse
@@ -29,7 +30,7 @@ RATE_EXPONENT = 0.0195  # [-], 4.6 % of the yield pressure in a decade of speed
 DEEPER = 1.05  # [-], depth of the neighbour over that of the lift
 ROLLER_LENGTH = 1.1642  # [m]
 WAVE_CHANGE = 0.1  # [-], of the area of the bow wave at either start of the reference
-REFERENCE_TOLERANCE = 5e-4  # [-], distance of the reference to the steady state
+REFERENCE_TRAVEL = 40.0  # [-], travel of the reference over the contact length; a wave relaxes in some 5
 COARSE = 4  # [-], elements per contact length of the contact that compiles
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 MEASURE = "--measure"  # option of the inner process
@@ -85,17 +86,33 @@ def compare(older, increments=None):
     ]
 
 
-def reference(increments=24, tolerance=REFERENCE_TOLERANCE, change=WAVE_CHANGE):
-    """Return loads and resistances [N] of the steady state and of two starts, below and above its bow wave."""
+def reference(increments=24, travel=REFERENCE_TRAVEL, change=WAVE_CHANGE):
+    """Return loads and resistances [N] of the search, and after a travel from below and above its bow wave.
+
+    The travel is one over the contact length. Values are means over the last contact length.
+    """
     from compact.engines.compaction.engine import roll
 
     layer, roller, mix = published_lift()
     steady = roll(layer, roller, mix, SPEED, increments=increments)
-    results = [steady]
+    results = [(steady.load * ROLLER_LENGTH, steady.resistance * ROLLER_LENGTH)]
     for share in (-change, change):
-        start = replace(steady, solution=moved(steady, share))
-        results.append(roll(layer, roller, mix, SPEED, increments=increments, start=start, steady_tolerance=tolerance))
-    return [(found.load * ROLLER_LENGTH, found.resistance * ROLLER_LENGTH) for found in results]
+        steps = rolled_on(moved(steady, share), round(travel * increments)).steps[-increments:]
+        results.append(
+            tuple(ROLLER_LENGTH * float(np.mean([getattr(s, name) for s in steps])) for name in ("load", "resistance"))
+        )
+    return results
+
+
+def rolled_on(rolling, steps):
+    """Return a roller after more steps at its depth, each to the full tolerance."""
+    from compact.engines.compaction.incremental_rolling import DAMPING, FINAL_DAMPING_RATIO, ROLLING_TOLERANCE
+
+    rolling.solver.tolerance = ROLLING_TOLERANCE
+    height = rolling.frame.mesh.height - rolling.depth
+    for _ in range(steps):
+        rolling.advance(height, FINAL_DAMPING_RATIO * DAMPING)
+    return rolling
 
 
 def moved(result, share):

@@ -9,7 +9,8 @@ load. The second one solves for coupled contacts: the pressure depends on speed 
 series over this ratio serves every permeability. A ratio at which the bow wave finds no steady state ends a series.
 
 Lift: 0.06 m thick, of 0.98 after compaction, 3 mm deep, with Heckel slope and initial density ratio of
-`docs/compaction.md`; mix of the prior without an effect of the rate. Changes are relative to the contact without air.
+`docs/theory/compaction.md`; mix of the prior without an effect of the rate.
+Changes are relative to the contact without air.
 """
 
 import argparse

@@ -33,7 +33,7 @@ from compact.rolling_contact import Layer, Roller
 LAYER, MIX = Layer(0.22), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))  # of the published machine
 ROLLER = Roller(0.11, indentation=0.003)
 THIN_LAYER, COMPACTING = Layer(0.1), Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)  # indented by 2 mm
-LIFT = Layer(0.062837)  # [m], published lift of 0.06 m after compaction; mix as calibrated in docs/compaction.md
+LIFT = Layer(0.062837)  # [m], published lift of 0.06 m after compaction; mix as calibrated in docs/theory/compaction.md
 LIFT_ROLLER = Roller(0.11, 0.003, 0.35, "free", "deformed")
 LIFT_MIX = Compaction(120e6, 0.3, 16.4518e-6, 0.72, 0.993464, 14.2815e3, 0.93576)
 COMPACTION_SETTINGS = (4, 7, 10, 14, 16)  # [-], elements per contact length

@@ -106,8 +106,10 @@ def test_roll_writes_one_contact(compact, tmp_path):
 
 
 def test_roll_by_finite_elements_writes_the_fields_of_a_free_roller(compact, tmp_path):
-    done = compact("roll", SMALL, "--engine", "fem", "--out", tmp_path / "contact")
+    picture = tmp_path / "layer.png"
+    done = compact("roll", SMALL, "--engine", "fem", "--picture", picture, "--out", tmp_path / "contact")
     assert done.returncode == 0, done.stderr
+    assert picture.read_bytes().startswith(b"\x89PNG")
     assert {path.name for path in (tmp_path / "contact").iterdir()} == {
         "contact.json", "fields", "fields.png", "fields.pvd", "pressure.csv", "pressure.png", "scene.hash",
     }  # fmt: skip

@@ -70,7 +70,7 @@ def test_messages_and_docstrings_use_terms_of_the_glossary(package):
 
 
 @pytest.mark.parametrize(
-    "page", [*sorted((ROOT / "docs").glob("*.md")), ROOT / "README.md"], ids=lambda path: path.name
+    "page", [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md"], ids=lambda path: path.name
 )
 def test_headings_use_terms_of_the_glossary(page):
     headings = [line for line in page.read_text("utf-8").split("\n") if line.startswith("#")]

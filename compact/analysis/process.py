@@ -2,7 +2,8 @@
 
 Columns give the load, its spread along the roller and the confined floor of the resistance. The floor is not for
 sizing, and the load is a lower estimate: shear and the density over the height need two dimensions. Lumped lifts
-compute these, of one thickness and on one mesh ("quick"), or of three thicknesses and on three meshes ("deep").
+compute these, of two thicknesses on one mesh ("quick"), or of three thicknesses and on three meshes ("deep"). Pore air
+enters them one-way, at the deformation of each lift without air; drained mix states its part alone.
 """
 
 from collections.abc import Callable
@@ -14,9 +15,10 @@ import numpy as np
 
 from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.analysis.machine_models import cart
+from compact.analysis.pore_air import pore_air_of
 from compact.engines.process.closures import FormingProblem, solve_closure
 from compact.engines.process.forming import Closure, ClosureKind, Feed, Fill, FormingMachine
-from compact.engines.process.lumped_lifts import simulate_lifts
+from compact.engines.process.lumped_lifts import MIDDLE_SHARE, lift_thickness, simulate_lifts
 from compact.engines.process.operating_map import DensityCurve, OperatingMap, density_curve, operating_map
 from compact.engines.process.roller_row import RollerRow
 from compact.engines.process.section import BiteError
@@ -24,18 +26,18 @@ from compact.engines.process.sleeve import FeedSleeve
 from compact.engines.process.two_dimensions import TwoDimensionalRow
 from compact.machine.cart import balance
 from compact.material.mix import Mix, bulk_density
+from compact.material.pore_air import PoreAir
 from compact.scene.loader import Scene, SceneError
 from compact.verification import published_machine
 
 MAP_MOULD_SHARES = tuple(2.0 ** (power / 8) for power in range(-16, 17))  # [-], speeds of the map over the scene's
 MAP_CART_SHARES = tuple(2.0 ** (power / 8) for power in range(-8, 9))  # [-], likewise
 Detail = Literal["columns", "quick", "deep"]
-LIFT_SHARES = (0.75, 0.9, 0.6)  # [-], thicknesses of the lifts over the bite at the nip angle; quick: the first
-LIFTS_MIN = 10  # [-], lifts of a sequence at least, so that those of a thin product are thinner
+LIFT_SHARES = (MIDDLE_SHARE, 0.9, 0.6)  # [-], of thicknesses of the lifts, see `lift_thickness`; quick: the first two
 INCREMENTS = (6, 9, 12)  # [-], elements per contact length of the meshes; quick: the first
 CASES: dict[Detail, tuple[tuple[float, int], ...]] = {  # share and increments of the sequences of lifts
     "columns": (),
-    "quick": ((LIFT_SHARES[0], INCREMENTS[0]),),
+    "quick": tuple((share, INCREMENTS[0]) for share in LIFT_SHARES[:2]),
     "deep": (
         *((share, INCREMENTS[0]) for share in LIFT_SHARES), *((LIFT_SHARES[0], count) for count in INCREMENTS[1:]),
     ),
@@ -160,28 +162,47 @@ class ProcessStudy:
     @cached_property
     def two_dimensions(self) -> TwoDimensionalRow | None:
         """Roller row in two dimensions; None by columns alone or without feed."""
-        total = float(self.row.history.make_up.sum())
-        if not CASES[self.detail] or not total:
+        make_up = self.row.history.make_up
+        if not CASES[self.detail] or not make_up.any():
             return None
         sequences = tuple(
             simulate_lifts(
                 self.problem, self.mix.steel_friction, self.row.history.rate_factor, self.row.product_density_ratio,
-                thickness=share * min(self.problem.machine.max_bite, total / LIFTS_MIN), increments=increments,
-                report=self.report,
+                thickness=lift_thickness(self.problem.machine, make_up, share), increments=increments,
+                air=self.pore_air, report=self.report,
             )
             for share, increments in CASES[self.detail]
         )  # fmt: skip
         return TwoDimensionalRow(self.row, sequences)
 
     @property
+    def pore_air(self) -> PoreAir | None:
+        """Pore air with its permeability at the density of [layer], as in `compact run`; None if it is occluded."""
+        try:
+            return pore_air_of(self.mix, self.scene.layer.fed_density_ratio)
+        except ValueError:
+            return None
+
+    @property
+    def counts_air(self) -> bool:
+        """True if load and resistance contain the pore air, in two dimensions alone."""
+        return self.scene.mix.pore_air != "drained" and self.two_dimensions is not None and self.pore_air is not None
+
+    @property
     def load(self) -> float:
         """Load of one roller by the best model computed [N]."""
-        return self.row.load if self.two_dimensions is None else self.two_dimensions.load.value
+        found = self.two_dimensions
+        if found is None:
+            return self.row.load
+        return found.load.value + (found.air_load.value if self.counts_air else 0.0)
 
     @property
     def resistance(self) -> float:
         """Resistance of one roller by the best model computed [N]."""
-        return self.row.resistance if self.two_dimensions is None else self.two_dimensions.resistance.value
+        found = self.two_dimensions
+        if found is None:
+            return self.row.resistance
+        return found.resistance.value + (found.air_resistance.value if self.counts_air else 0.0)
 
     @property
     def covered_width(self) -> float:
@@ -220,12 +241,15 @@ class ProcessStudy:
     @property
     def parts(self) -> tuple[ResistancePart, ...]:
         """Parts of the force that moves one cart."""
-        rollers, shear = self.scene.machine.rollers, None
+        rollers, shear, air = self.scene.machine.rollers, None, {}
         if self.two_dimensions is not None:
-            shear = rollers * (self.resistance - self.row.resistance)
+            shear = rollers * (self.two_dimensions.resistance.value - self.row.resistance)
+            if self.counts_air:
+                air["pore air, one-way (two dimensions)"] = rollers * self.two_dimensions.air_resistance.value
         forces = {
             "confined compression of the throughput": rollers * self.row.resistance,
             "shear, uneven density, bow wave (two dimensions)": shear,
+            **air,
             "mix sheared in the feed sleeves": self.sleeve_drag,
             "friction of the guide wheels": self.guide_friction,
         }
@@ -279,7 +303,10 @@ class ProcessStudy:
         loads = [("columns, a lower estimate", self.row.load)]
         rest = "density over the height and shear, roller length: not in columns"
         if self.two_dimensions is not None:
-            loads.append(("density over the height and shear (two dimensions)", self.load - self.row.load))
+            found = self.two_dimensions.load.value
+            loads.append(("density over the height and shear (two dimensions)", found - self.row.load))
+            if self.counts_air:
+                loads.append(("pore air, one-way (two dimensions)", self.load - found))
             rest = "roller length, law of the mix, other causes: not computed"
         loads.append((rest, load - self.load))
         unknown = f"{'' if self.two_dimensions else 'shear in two dimensions, '}other causes: not computed"
@@ -326,16 +353,24 @@ class ProcessStudy:
         )  # fmt: skip
 
     def _remarks_in_two_dimensions(self) -> tuple[str, ...]:
-        found = self.two_dimensions
+        found, air = self.two_dimensions, self.scene.mix.pore_air
         if found is None:
-            return ()
+            told = "no lumped lifts: nothing is fed, and columns alone answer"
+            return () if self.detail == "columns" else (told,)
         overpressed, beyond = found.of_product("overpressed_height"), found.load.extrapolated_share
         residual = max(sequence.largest_work_residual for sequence in found.sequences)
         stopped = next((sequence.stopped for sequence in found.sequences if sequence.stopped), "")
+        tension = float(self.mix.cohesion / np.tan(np.radians(self.mix.friction_angle)))
         return (
             f"the top {overpressed * 1e3:.0f} mm of the product exceed a density ratio of 1: pressed beyond the pores, "
             "outside the law of the mix; water and air would carry the load there" if overpressed else "",
             f"{beyond:.0%} of the load are extrapolated beyond the densest lift" if beyond else "",
             f"the energy balance of a lift closes within {residual:.1%} only" if residual > WORK_LIMIT else "",
             f"a sequence of lifts ends early: {stopped}" if stopped else "",
+            "lifts have the pore air one-way; where a bow wave exists, that is a lower bound"
+            if air == "coupled" else "",
+            "no pore air: it is occluded at layer.fed_density_ratio already, so that a permeability does not apply"
+            if self.pore_air is None else "",
+            f"an excess pressure of {found.air_excess_behind / 1e3:.0f} kPa behind the roller exceeds the tensile "
+            "strength of the mix: lifts may crack" if self.counts_air and found.air_excess_behind > tension else "",
         )  # fmt: skip

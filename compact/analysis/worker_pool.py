@@ -8,6 +8,7 @@ that were running are repeated one at a time; a task whose worker dies ATTEMPTS 
 Workers use one BLAS thread.
 """
 
+import logging
 import os
 import signal
 import threading
@@ -29,6 +30,7 @@ TASKS_PER_THREAD = 2  # of a cluster, so that no thread waits for its next task
 SCHEDULER_TIMEOUT = 20.0  # [s], to connect to a dask scheduler
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
+_LOG = logging.getLogger(__name__)
 Work = Callable[[Any], Any]
 Outcomes = list[tuple[Any, Any]]  # name of a task and its outcome
 
@@ -290,6 +292,7 @@ class ProcessExecutor:
             else:
                 self._repeated.append(replace(job, deaths=job.deaths + self._begun.is_set()))
         if broken:
+            _LOG.info("a worker process died; its tasks are repeated one at a time")
             self._rebuild_pool()
         return found
 

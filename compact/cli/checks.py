@@ -3,13 +3,24 @@
 Heavy modules are imported inside the commands, as in `compact.cli.program`.
 """
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from compact.cli.options import NO_RESULT, SUCCESS, Changes, Force, Quiet, ScenePath, print_error, read_scene
-from compact.files import default_directory
+from compact.cli.options import (
+    DEFAULT_CONSOLE,
+    NO_RESULT,
+    SUCCESS,
+    Changes,
+    Console,
+    Force,
+    ScenePath,
+    print_error,
+    read_scene,
+)
+from compact.files import default_directory, read_json
 
 
 def material(
@@ -19,7 +30,7 @@ def material(
     out: Path | None = None,
     changes: Changes = (),
     force: Force = False,
-    quiet: Quiet = False,
+    console: Console = DEFAULT_CONSOLE,
 ) -> None:
     """Apply the tests of a laboratory to the mix of a scene: oedometer, isotropic, biaxial, shear, unconfined strength.
 
@@ -33,15 +44,16 @@ def material(
     from compact.files import claimed_directory
     from compact.report.material_writer import material_digest, write_material_tests
 
-    given = read_scene(scene, quiet, changes)
+    given = read_scene(scene, console.quiet, changes)
     mix = scene_mix(given)
     programme = LaboratoryProgramme(compaction_material(given, mix), given.mix.density_ratio, mix.required_pressure)
     place = out or default_directory(scene, "material")
     with claimed_directory(place, given.hash, force) as directory:
         write_material_tests(programme, given.mix.law, directory)
-    if not quiet:
-        print(material_digest(programme, given.mix.law))
-        print(f"\nresults: {place}")
+    console.show(
+        lambda: f"{material_digest(programme, given.mix.law)}\n\nresults: {place}",
+        results=place, material=read_json(place / "material.json"),
+    )  # fmt: skip
 
 
 def calibrate(
@@ -54,7 +66,7 @@ def calibrate(
     increments: int | None = None,
     out: Path | None = None,
     changes: Changes = (),
-    quiet: Quiet = False,
+    console: Console = DEFAULT_CONSOLE,
 ) -> None:
     """Fit the Heckel slope and the initial density ratio of a scene to measurements of its plant.
 
@@ -73,25 +85,28 @@ def calibrate(
     """
     from compact.analysis import calibration
     from compact.files import write_json
-    from compact.report.progress import spinning
     from compact.scene.plant_data import read_measurements
 
     readings = read_measurements(measured)
     options: dict[str, Any] = {} if increments is None else {"increments": increments}
-    given = read_scene(scene, quiet, changes)
-    with spinning(f"fit by {engine}", quiet=quiet):
+    given = read_scene(scene, console.quiet, changes)
+    with console.progress() as progress:
+        progress.begin(f"fit by {engine}")
         found = calibration.calibrate(given, readings, engine, parameters, **options)
     path = out or default_directory(scene, "calibration.json")
-    write_json(path, calibration.calibration_summary(found))
-    if not quiet:
-        print(calibration.calibration_digest(found))
-        print(
-            f"\nfor the scene: --set mix.overrides.heckel_slope={found.heckel_slope:.6g} "
-            f"--set layer.fed_density_ratio={found.fed_density_ratio:.6g}\nresults: {path}"
-        )
+    summary = calibration.calibration_summary(found)
+    write_json(path, summary)
+    changed = (
+        f"--set mix.overrides.heckel_slope={found.heckel_slope:.6g} "
+        f"--set layer.fed_density_ratio={found.fed_density_ratio:.6g}"
+    )
+    console.show(
+        lambda: f"{calibration.calibration_digest(found)}\n\nfor the scene: {changed}\nresults: {path}",
+        results=path, calibration=summary,
+    )  # fmt: skip
 
 
-def check(*, markdown: bool = False) -> int:
+def check(*, markdown: bool = False, console: Console = DEFAULT_CONSOLE) -> int:
     """Print every published number with the computed value and the verdict; exit 1 if a value has changed.
 
     Parameters
@@ -102,11 +117,15 @@ def check(*, markdown: bool = False) -> int:
     from compact.verification import published_numbers
 
     rows = published_numbers.rows()
-    print(published_numbers.markdown(rows) if markdown else published_numbers.text_table(rows))
+    console.show(
+        lambda: published_numbers.markdown(rows) if markdown else published_numbers.text_table(rows),
+        numbers=[asdict(row) | {"unchanged": row.unchanged} for row in rows],
+    )
     changed = [row for row in rows if not row.unchanged]
     if changed:
         return print_error(f"{len(changed)} of {len(rows)} computed numbers have changed", NO_RESULT)
-    print(f"\n{len(rows)} numbers checked: all are unchanged")
+    if not (console.quiet or console.json):
+        print(f"\n{len(rows)} numbers checked: all are unchanged")
     return SUCCESS
 
 
@@ -116,7 +135,7 @@ def validate(
     *,
     out: Path | None = None,
     markdown: bool = False,
-    quiet: Quiet = False,
+    console: Console = DEFAULT_CONSOLE,
 ) -> int:
     """Compute the cases that others measured or computed, and print ours, theirs and the verdict; exit 1 if ours moves.
 
@@ -130,18 +149,17 @@ def validate(
         print the page docs/validation.md
     """
     from compact.report import validation_writer
-    from compact.report.progress import Progress
     from compact.validation.registry import evaluate_case, select_cases
 
     cases = select_cases(names)
     results = []
-    with Progress(total=sum(case.seconds for case in cases), quiet=quiet) as progress:
+    with console.progress(sum(case.seconds for case in cases)) as progress:
         for case in cases:
             progress.begin(case.name, case.seconds)
             results.append(evaluate_case(case))
     written = [] if out is None else validation_writer.write_validation(out, results)
-    if not quiet:
-        print(validation_writer.markdown_page(results) if markdown else validation_writer.text_table(results))
-        print("".join(f"  {path}\n" for path in written), end="")
+    files = "".join(f"\n  {path}" for path in written)
+    page = validation_writer.markdown_page if markdown else validation_writer.text_table
+    console.show(lambda: page(results) + files, files=written, cases=validation_writer.case_summaries(results))
     moved = sum(len(result.moved) for result in results)
     return print_error(f"{moved} computed numbers have moved from the recorded ones", NO_RESULT) if moved else SUCCESS

@@ -1,14 +1,19 @@
 """Options that commands share, exit codes, and the scene or study of a command."""
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from compact.files import OWNER_FILE, json_text
+
 if TYPE_CHECKING:
     from compact.analysis.study import Study
+    from compact.report.progress import Progress
     from compact.scene.loader import Scene
 
 SUCCESS, NO_RESULT, INVALID_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -23,8 +28,86 @@ Changes = Annotated[
     tuple[str, ...],
     Parameter(name="--set", negative="", help="change one key of the scene, such as mix.moisture=0.11; repeatable"),
 ]
-Force = Annotated[bool, Parameter(help="overwrite the results of another scene")]
-Quiet = Annotated[bool, Parameter(help="print errors only")]
+Force = Annotated[bool, Parameter(negative="", show_default=False, help="overwrite the results of another scene")]
+
+
+def _flag(meaning: str) -> Parameter:
+    return Parameter(negative="", show_default=False, help=meaning)
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Console:
+    """Output of a command on the terminal: options of every command that computes.
+
+    Parameters
+    ----------
+    verbose : int
+        1 for stages and files, 2 for the iterations of solvers too; on standard error.
+    """
+
+    quiet: Annotated[bool, _flag("print errors only")] = False
+    json: Annotated[bool, _flag("print the results as JSON in place of the digest")] = False
+    verbose: Annotated[
+        int, Parameter(count=True, show_default=False, help="log stages and files; twice: iterations of solvers too")
+    ] = 0
+    profile: Annotated[bool, _flag("print where the time went, stage by stage")] = False
+
+    def progress(self, total: float | None = None) -> "Progress":
+        """Return the line of progress, of a job of a total cost [s] or of unknown cost."""
+        from compact.report.progress import Progress
+
+        return Progress(total=total, quiet=self.quiet or bool(self.verbose))
+
+    def show(self, digest: Callable[[], str], **content: Any) -> None:
+        """Print the digest, or the content as JSON.
+
+        Parameters
+        ----------
+        digest : callable
+            Returns the text; not called where it is not printed.
+        **content : object
+            What the option --json prints.
+        """
+        if self.json:
+            print(json_text(content))
+        elif not self.quiet:
+            print(digest())
+
+    @contextmanager
+    def recorded(self) -> Iterator[None]:
+        """Log to standard error inside the block, and print the profile at its end, also after an error."""
+        if not (self.verbose or self.profile):
+            yield
+            return
+        from compact.report.stage_log import logged
+
+        with logged(self.verbose, self.profile):
+            yield
+
+
+DEFAULT_CONSOLE = Console()
+
+
+@contextmanager
+def kept_files(directory: Path, remedy: str) -> Iterator[None]:
+    """Add to an interrupt inside the block a note on the files that a directory keeps, and how they are used."""
+    try:
+        yield
+    except BaseException as error:
+        if is_interrupt(error):
+            with suppress(OSError):
+                names = [path.name for path in directory.rglob("*") if path.is_file()]
+                count = sum(name != OWNER_FILE for name in names)
+                error.add_note(
+                    f"{count} complete files are in {directory}; {remedy}" if count else "no file was written"
+                )
+        raise
+
+
+def is_interrupt(error: BaseException) -> bool:
+    """Return True for Ctrl-C, also while compiled code converts its result."""
+    return isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt)
 
 
 def read_study(

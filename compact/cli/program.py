@@ -14,22 +14,25 @@ from typing import Annotated, Literal
 from cyclopts import App, CycloptsError, Parameter
 
 from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
-from compact.cli import checks
+from compact.cli import checks, interfaces
 from compact.cli.options import (
+    DEFAULT_CONSOLE,
     INTERRUPTED,
     INVALID_INPUT,
     NO_RESULT,
     SUCCESS,
     Changes,
+    Console,
     Engine,
     Force,
-    Quiet,
     ScenePath,
+    is_interrupt,
+    kept_files,
     print_error,
     read_scene,
     read_study,
 )
-from compact.files import ResultsError, default_directory
+from compact.files import ResultsError, default_directory, json_text, read_json
 
 INTERRUPTED_MESSAGE = "interrupted; every file already written is whole"
 FORMER_OPTIONS = {"--indices": "--sobol", "--fit": "--parameters"}  # accepted for one release
@@ -40,7 +43,7 @@ app = App(
     help_format="plaintext",
     suppress_keyboard_interrupt=False,  # handled in `_exit_code`
 )
-for _command in (checks.material, checks.calibrate, checks.check, checks.validate):
+for _command in (checks.material, checks.calibrate, checks.check, checks.validate, interfaces.export):
     app.command(_command)
 
 
@@ -68,7 +71,10 @@ def _exit_code(arguments: Sequence[str]) -> int:
             warnings.simplefilter("error", RuntimeWarning)  # a result with a numerical warning is not a result
             warnings.filterwarnings("default", ".*accepted for one release", DeprecationWarning)
             current = [_current_option(argument) for argument in arguments]
-            return app(current, exit_on_error=False, print_error=True, result_action="return_value") or SUCCESS
+            command, bound, _ = app.parse_args(current, exit_on_error=False, print_error=True)
+            given = (each for each in bound.arguments.values() if isinstance(each, Console))
+            with next(given, DEFAULT_CONSOLE).recorded():
+                return command(*bound.args, **bound.kwargs) or SUCCESS
     except CycloptsError:  # printed by cyclopts, with the nearest option
         return INVALID_INPUT
     except BrokenPipeError:
@@ -82,9 +88,8 @@ def _exit_code(arguments: Sequence[str]) -> int:
 
 def _diagnosis(error: BaseException) -> tuple[object, int, bool]:
     """Message, exit code, and True for a failure that needs no traceback."""
-    interrupted = isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt)
-    if interrupted:  # the latter while compiled code converts its result
-        return INTERRUPTED_MESSAGE, INTERRUPTED, True
+    if is_interrupt(error):
+        return "; ".join([INTERRUPTED_MESSAGE, *getattr(error, "__notes__", ())]), INTERRUPTED, True
     if isinstance(error, MemoryError):
         return memory_sentence(error), NO_RESULT, True
     if isinstance(error, RuntimeWarning | ArithmeticError | ValueError):  # SceneError and other refused input
@@ -113,14 +118,15 @@ warnings.formatwarning = lambda message, *_, **__: f"compact: warning: {message}
 
 @app.command
 def new(directory: Path, /) -> None:
-    """Write a commented scene that runs as it is.
+    """Write a commented scene that runs as it is, and the schema by which editors complete its keys.
 
     Parameters
     ----------
     directory
         folder for scene.toml; created if absent, and an existing scene is never overwritten
     """
-    from compact.files import atomic_file
+    from compact.files import atomic_file, write_json
+    from compact.scene.json_schemas import SCENE_SCHEMA_FILE, scene_schema
     from compact.scene.loader import starter_scene
 
     path = directory / "scene.toml"
@@ -128,7 +134,22 @@ def new(directory: Path, /) -> None:
         raise ResultsError(f"{path}: exists already; give another directory")
     with atomic_file(path) as stream:
         stream.write(starter_scene())
+    write_json(directory / SCENE_SCHEMA_FILE, scene_schema())
     print(f"{path} written; next: compact run {path}")
+
+
+@app.command
+def schema(name: Literal["scene", "summary"] = "scene", /) -> None:
+    """Print the JSON schema of a scene file or of summary.json.
+
+    Parameters
+    ----------
+    name
+        file that the schema describes
+    """
+    from compact.scene.json_schemas import schema_of
+
+    print(json_text(schema_of(name)))
 
 
 @app.command
@@ -142,7 +163,7 @@ def run(
     over: str | None = None,
     changes: Changes = (),
     force: Force = False,
-    quiet: Quiet = False,
+    console: Console = DEFAULT_CONSOLE,
 ) -> None:
     """Compute the whole scene: resistance, motion laws, drive forces, ranking, cams, tables, figures and report.
 
@@ -159,13 +180,13 @@ def run(
     from compact.analysis.worker_pool import ProcessExecutor, cores
     from compact.report import text
     from compact.report import writer as report
-    from compact.report.progress import Progress
     from compact.rolling_contact import HeapingError
 
-    progress = Progress(quiet=quiet)
+    progress = console.progress()
     directory = out or default_directory(scene)
+    replacements = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
     study = read_study(
-        scene, quiet, {"accuracy.engine": engine, "accuracy.tolerance": tolerance}, changes, directory=directory,
+        scene, console.quiet, replacements, changes, directory=directory,
         step=lambda stage: progress.begin(stage, study.plan.cost(stage), total=study.plan.total_cost),
         progress=progress.report, durations=() if over is None else read_durations(over),
     )  # fmt: skip
@@ -173,13 +194,11 @@ def run(
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
     helpers = ProcessExecutor(min(cores(), len(others))) if others else None
     try:
-        with progress:
-            report.write_study(study, directory, force, helpers)
+        with kept_files(directory, "the same command computes the others"), progress:
+            summary = report.write_study(study, directory, force, helpers)
     except HeapingError as error:
         raise HeapingError(f"{error}; {text.other_resistances(study.scene)}", error.heaping) from error
-    if not quiet:
-        print(text.study_digest(study))
-        print(f"\nresults: {directory}")
+    console.show(lambda: f"{text.study_digest(study)}\n\nresults: {directory}", results=directory, summary=summary)
 
 
 @app.command
@@ -191,10 +210,11 @@ def roll(
     engine: Engine = None,
     material: str | None = None,
     slip: float | None = None,
+    picture: Path | None = None,
     out: Path | None = None,
     changes: Changes = (),
     force: Force = False,
-    quiet: Quiet = False,
+    console: Console = DEFAULT_CONSOLE,
 ) -> None:
     """Compute one contact of roller and layer: load, resistance, edges, pressure and fields, for every pass.
 
@@ -207,35 +227,45 @@ def roll(
         table [terrain]; needs contact.load or another target
     slip
         slip of the roller on terrain, above 0 driven, below 0 braked or towed; default that of the torque, free
+    picture
+        file for a picture of the displaced layer with its density ratio or pressure, such as layer.png; needs an engine
+        with fields, fem or compaction, and pyvista
     out
         folder of the results; default out/NAME-ENGINE, NAME as in `compact run`
     """
     from compact.files import claimed_directory
     from compact.report import contact_tables, text
-    from compact.report.progress import Progress
+    from compact.report.pictures import require_picture, write_picture
     from compact.scene.plausible_ranges import check_speed
 
     if material is not None or slip is not None:
-        _roll_on_terrain(scene, engine, material, slip, out, changes=changes, force=force, quiet=quiet)
+        if picture is not None:
+            raise ValueError("--picture shows the fields of fem and compaction; a wheel on terrain has none")
+        _roll_on_terrain(scene, engine, material, slip, out, changes=changes, force=force, console=console)
         return
-    progress = Progress(quiet=quiet)
-    study = read_study(scene, quiet, {"accuracy.engine": engine}, changes, progress=progress.report)
+    progress = console.progress()
+    study = read_study(scene, console.quiet, {"accuracy.engine": engine}, changes, progress=progress.report)
     if speed is not None:
         check_speed(speed, study.scene.unusual)
     speed = speed if speed is not None else study.scene.mean_speed
     name = study.scene.accuracy.engine
+    if picture is not None:
+        require_picture(picture, study.engine)
     place = out or default_directory(scene, name)
     with claimed_directory(place, study.scene.hash, force) as directory, progress:
         progress.begin(f"contact by {name}")
         passes = study.passes_at(speed)
         progress.begin("tables and figures")
         contact_tables.write_contact(directory, study, speed, passes)
-    if not quiet:
-        print(text.contact_digest(study, speed, passes))
-        print(f"\nresults: {directory}")
+        if picture is not None:
+            write_picture(picture, study.contact_stage.field_mesh(passes[0]), passes[0])
+    console.show(
+        lambda: f"{text.contact_digest(study, speed, passes)}\n\nresults: {directory}",
+        results=directory, contact=read_json(directory / "contact.json"),
+    )  # fmt: skip
 
 
-def _roll_on_terrain(path, engine, material, slip, out, *, changes, force, quiet) -> None:
+def _roll_on_terrain(path, engine, material, slip, out, *, changes, force, console) -> None:
     """Compute the roller of a scene on terrain, and write its files; arguments as of `roll`."""
     from compact.analysis.contact_cases import roll_on_terrain
     from compact.files import claimed_directory
@@ -250,9 +280,10 @@ def _roll_on_terrain(path, engine, material, slip, out, *, changes, force, quiet
     place = out or default_directory(path, "terrain")
     with claimed_directory(place, given.hash, force) as directory:
         write_terrain_contact(directory, contact)
-    if not quiet:
-        print(terrain_digest(contact))
-        print(f"\nresults: {place}")
+    console.show(
+        lambda: f"{terrain_digest(contact)}\n\nresults: {place}",
+        results=place, contact=read_json(place / "contact.json"),
+    )  # fmt: skip
 
 
 @app.command
@@ -266,7 +297,7 @@ def cam(
     tolerance: float = 1e-6,
     out: Path | None = None,
     changes: Changes = (),
-    quiet: Quiet = False,
+    console: Console = DEFAULT_CONSOLE,
 ) -> None:
     """Design the cam of constant breadth for one law: points as CSV, workshop drawing as SVG and DXF, animation.
 
@@ -288,12 +319,11 @@ def cam(
     from compact.cams import export as cam_files
     from compact.report import text
 
-    study = read_study(scene, quiet, {} if law.startswith("least-") else {"motion.laws": (law,)}, changes)
+    study = read_study(scene, console.quiet, {} if law.startswith("least-") else {"motion.laws": (law,)}, changes)
     made = study.law_stage.cam(law, follower)
     written = cam_files.write_cam_files(out or default_directory(scene, "cams"), study.scene, made, cutter, tolerance)
-    if not quiet:
-        print(text.cam_digest(law, made))
-        print("\n".join(f"  {path}" for path in written))
+    files = "\n".join(f"  {path}" for path in written)
+    console.show(lambda: f"{text.cam_digest(law, made)}\n{files}", files=written)
 
 
 @app.command
@@ -306,7 +336,7 @@ def process(
     out: Path | None = None,
     changes: Changes = (),
     force: Force = False,
-    quiet: Quiet = False,
+    console: Console = DEFAULT_CONSOLE,
 ) -> None:
     """Compute the forming process of a table [process]: strokes over a moving mould with feed before each.
 
@@ -322,16 +352,16 @@ def process(
     from compact.analysis.process import ProcessStudy
     from compact.files import claimed_directory
     from compact.report.process_writer import process_digest, write_process
-    from compact.report.progress import Progress
 
-    progress, place = Progress(quiet=quiet), out or default_directory(scene, "process")
-    given = read_scene(scene, quiet, changes)
+    progress, place = console.progress(), out or default_directory(scene, "process")
+    given = read_scene(scene, console.quiet, changes)
     study = ProcessStudy(given, "deep" if deep else "quick" if quick else "columns", progress.report)
     with claimed_directory(place, given.hash, force) as directory, progress:
         progress.begin("strokes of the process")
         write_process(study, directory)
-    if not quiet:
-        print(f"{process_digest(study)}\n\nresults: {place}")
+    console.show(
+        lambda: f"{process_digest(study)}\n\nresults: {place}", results=place, process=read_json(place / "process.json")
+    )
 
 
 @app.command
@@ -351,7 +381,7 @@ def sweep(
     tolerance: float | None = None,
     changes: Changes = (),
     force: Force = False,
-    quiet: Quiet = False,
+    console: Console = DEFAULT_CONSOLE,
 ) -> int:
     """Compute many scenes with keys varied on grids, lists or samples, and write one labelled netCDF file.
 
@@ -378,14 +408,13 @@ def sweep(
     """
     from compact.analysis.worker_pool import choose_executor
     from compact.report import sweep_writer
-    from compact.report.progress import Progress
     from compact.sweep import design as varying
     from compact.sweep import sobol_indices
     from compact.sweep.corrected import create_sweep
 
     workforce = choose_executor(workers, scheduler)
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
-    given, varied = read_scene(scene, quiet, changes, asked), [varying.read_design(text) for text in vary]
+    given, varied = read_scene(scene, console.quiet, changes, asked), [varying.read_design(text) for text in vary]
     many = create_sweep(given, varied, rank=rank, indices=sobol, direct=direct)
     directory, failed = out or default_directory(scene, "sweep"), 0
 
@@ -395,14 +424,17 @@ def sweep(
         progress.advance(points)
         progress.report(f"{failed} failed" if failed else "")
 
-    with Progress(total=many.steps, quiet=quiet) as progress:
+    remedy = "--resume computes the points that are missing"
+    with kept_files(directory, remedy), console.progress(many.steps) as progress:
         progress.begin(f"{many.steps} points", 0.0)
         table = many.run(directory, executor=workforce, resume=resume, force=force, step=step)
     indices = sobol_indices.of_table(table)
     sweep_writer.write_sweep_report(directory, table, indices)
-    if not quiet:
-        for name in many.broken:
-            print(f"compact: {name} was incomplete; its points have been computed again", file=sys.stderr)
-        digest = sweep_writer.sweep_digest(table, indices)
-        print(f"{digest}\n\n{many.computed} of {many.needed} computed now; results: {directory}")
+    for name in () if console.quiet else many.broken:
+        print(f"compact: {name} was incomplete; its points have been computed again", file=sys.stderr)
+    counts = f"{many.computed} of {many.needed} computed now"
+    console.show(
+        lambda: f"{sweep_writer.sweep_digest(table, indices)}\n\n{counts}; results: {directory}",
+        results=directory, points=many.needed, computed_now=many.computed, **sweep_writer.sweep_summary(table, indices),
+    )  # fmt: skip
     return SUCCESS if (table["reason"] == "").any() else print_error("no point has a result", NO_RESULT)

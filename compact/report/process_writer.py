@@ -5,14 +5,18 @@ By columns every answer says two things: the load is a lower estimate, and the c
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from compact.analysis.process import ProcessStudy
 from compact.engines.process.fields import process_frames
+from compact.engines.process.two_dimensions import TwoDimensionalRow
 from compact.files import write_columns, write_csv, write_figure, write_json, write_vtu_series
 from compact.quantities import PROCESS, STROKE, column_names
 from compact.report.figures.process import draw_lifts, draw_map, draw_section, draw_strokes
 from compact.report.number_format import format_percent, format_quantity, json_number
+
+if TYPE_CHECKING:
+    import meshio
 
 MAP_HEADER = ("mould_speed_m/s", "cart_speed_m/s", "strokes", "load_N", "resistance_N")
 PRODUCT_FIELDS = {"bottom_density_ratio": "1", "top_density_ratio": "1", "overpressed_height": "m", "surface": "m"}
@@ -23,13 +27,14 @@ COLUMNS_STATEMENT = (
     "and the density over the height need two dimensions"
 )
 LIFTS_STATEMENT = (
-    "lumped lifts in two dimensions, drained: load and resistance with the errors of lumping and mesh, without that of "
-    "the law of the mix; strokes and map by columns"
+    "lumped lifts in two dimensions, {}: load and resistance with the errors of lumping and mesh, without that of the "
+    "law of the mix; strokes and map by columns, drained"
 )
+STRIP_FACTORS = (1.0, 1.5)  # [-], of the stress on a rigid base over 2 P/(pi h0), of a half-plane and on a base
 LIFT_NAMES = (
     "thickness", "bite", "load", "resistance", "load_error", "resistance_error", "density_ratio",
     "bottom_density_ratio", "top_density_ratio", "overpressed_height", "surface", "peak_pressure",
-    "work_residual", "mass_residual",
+    "work_residual", "mass_residual", "air_load", "air_resistance", "air_excess_behind",
 )  # fmt: skip
 
 
@@ -57,7 +62,9 @@ def write_process(study: ProcessStudy, directory: Path) -> list[Path]:
     if study.two_dimensions is not None:
         files.append(write_csv(directory / "lifts.csv", ("increments", *LIFT_NAMES), _lift_rows(study)))
         files.append(write_figure(directory / "lifts.png", draw_lifts(study.two_dimensions)))
-    files += write_vtu_series(directory / "fields.pvd", "fields", "strokes", process_frames(study.row))
+        files += write_vtu_series(directory / "lifts.pvd", "lifts", "lift", _lift_frames(study.two_dimensions))
+    lifts = None if study.two_dimensions is None else study.two_dimensions.lumpings[0]
+    files += write_vtu_series(directory / "fields.pvd", "fields", "strokes", process_frames(study.row, lifts))
     summary = directory / "process.json"
     write_json(summary, process_summary(study))
     return [*files, summary]
@@ -115,7 +122,9 @@ def process_digest(study: ProcessStudy) -> str:
 
 
 def _statement(study: ProcessStudy) -> str:
-    return COLUMNS_STATEMENT if study.two_dimensions is None else LIFTS_STATEMENT
+    if study.two_dimensions is None:
+        return COLUMNS_STATEMENT
+    return LIFTS_STATEMENT.format("with pore air one-way" if study.counts_air else "drained")
 
 
 def _two_dimensional_summary(study: ProcessStudy) -> dict[str, Any] | None:
@@ -123,11 +132,18 @@ def _two_dimensional_summary(study: ProcessStudy) -> dict[str, Any] | None:
     found = study.two_dimensions
     if found is None:
         return None
-    estimates = {"load": (found.load, "N"), "resistance": (found.resistance, "N")}
+    estimates = {
+        "load": (found.load, "N"),
+        "resistance": (found.resistance, "N"),
+        "air_load": (found.air_load, "N"),
+        "air_resistance": (found.air_resistance, "N"),
+    }
     return {
         **{name: json_number(each.value, unit) | {"error": each.error, "lumping_error": each.lumping_error,
            "mesh_error": each.mesh_error, "extrapolated_share": each.extrapolated_share}
            for name, (each, unit) in estimates.items()},
+        "air_is_counted": study.counts_air,
+        "air_excess_behind": json_number(found.air_excess_behind, "Pa"),
         "load_centre": json_number(found.load_centre, "m"),
         "skew_moment": json_number(found.skew_moment, "Nm"),
         "specific_work": json_number(found.specific_work, "J/m3"),
@@ -148,7 +164,12 @@ def _two_dimensional_lines(study: ProcessStudy) -> Iterator[str]:
     if found is None:
         return
     yield from ("", "one roller, two dimensions")
-    for term, each in (("load on one roller", found.load), ("resistance of one roller", found.resistance)):
+    part = "" if study.counts_air else ", not counted"
+    rows = (
+        ("load on one roller, drained", found.load), ("resistance of one roller, drained", found.resistance),
+        (f"load by pore air{part}", found.air_load), (f"resistance by pore air{part}", found.air_resistance),
+    )  # fmt: skip
+    for term, each in rows:
         yield f"{_line(term, format_quantity(each.value, 'N'))}  ± {each.error:.0%}"
     share = found.load_centre / study.scene.machine.roller_length
     yield _line("centre of the load, of the roller length", format_percent(share))
@@ -157,7 +178,9 @@ def _two_dimensional_lines(study: ProcessStudy) -> Iterator[str]:
     for name, term in (("bottom_density_ratio", "bottom"), ("top_density_ratio", "top")):
         yield _line(f"density ratio of the {term} quarter", f"{found.of_product(name):.3f}")
     yield _line("height with a density ratio above 1", format_quantity(found.of_product("overpressed_height"), "m"))
-    yield _line("stress of the bottom's density over 2 P/(pi h0)", f"{found.strip_stress_ratio():.2f}")
+    low, high = STRIP_FACTORS
+    words = f"stress of the bottom's density over 2 P/(pi h0), {low:g} to {high:g} expected"
+    yield _line(words, f"{found.strip_stress_ratio():.2f}")
     residual = max(sequence.largest_work_residual for sequence in found.sequences)
     yield _line("largest residual of the energy balance of a pass", f"{residual:.1%}")
 
@@ -212,6 +235,13 @@ def _lift_rows(study: ProcessStudy) -> Iterator[tuple[float, ...]]:
     for sequence in found.sequences:
         for lift in sequence.lifts:
             yield sequence.increments, *(getattr(lift, name) for name in LIFT_NAMES)
+
+
+def _lift_frames(found: TwoDimensionalRow) -> Iterator[tuple[float, "meshio.Mesh"]]:
+    """Yield number and fields under the roller of the thinnest lifts."""
+    for number, lift in enumerate(found.lumpings[0].lifts, start=1):
+        if lift.mesh is not None:
+            yield float(number), lift.mesh
 
 
 def _map_rows(study: ProcessStudy) -> Iterator[tuple[float, ...]]:

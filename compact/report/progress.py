@@ -15,6 +15,7 @@ Let c be the cost of all finished stages, t_0 their time, t the elapsed time and
 the speed s = c/t_0 the work done is d = c + min(s (t - t_0), c_1), and (total - d) t/d remains.
 """
 
+import logging
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -32,6 +33,9 @@ REFRESH_RATE = 4  # [1/s]
 LEAST_SHARE = 0.02  # [-], of the work, below which the remaining time is not estimated
 BAR_WIDTH = 24  # characters
 
+STAGES = "compact.stages"  # logger of the stages, INFO, and of the lines of text on them, DEBUG
+
+_LOG = logging.getLogger(STAGES)
 Item = TypeVar("Item")
 
 
@@ -99,19 +103,26 @@ class Progress:
         """
         if not 0 <= cost < float("inf"):
             raise ValueError(f"`cost` of a stage must be finite and not negative, got {cost!r}; give seconds")
-        self._finished, self._finished_at, self._running = self._finished + self._running, self.elapsed, cost
-        self.stage, self.detail = stage, ""
+        _LOG.info("%s", stage)
+        self._switch(stage, cost)
         if total is not None:
             self.total = total
 
+    def _switch(self, stage: str, cost: float) -> None:
+        """Finish the running stage and make another one the running stage."""
+        self._finished, self._finished_at, self._running = self._finished + self._running, self.elapsed, cost
+        self.stage, self.detail = stage, ""
+
     def advance(self, cost: float = 1.0) -> None:
         """Count finished work of the running stage."""
-        self.begin(self.stage, 0.0)
+        self._switch(self.stage, 0.0)
         self._finished += cost
 
     def report(self, detail: str) -> None:
         """Show a line of text on the running stage; the callback of solvers."""
         self.detail = detail
+        if detail:
+            _LOG.debug("%s", detail)
 
     @property
     def elapsed(self) -> float:

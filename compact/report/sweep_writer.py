@@ -4,7 +4,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,7 @@ SHOWN_SENTENCES = 6  # [-], number of different sentences in the digest
 DIGEST_QUANTITIES = ("load", "resistance", "resistance_coefficient", "power", "capture_angle", "exit_density_ratio")
 SOBOL_HEADER = ("quantity", "input", "first", "first_low", "first_high", "total", "total_low", "total_high", "rows")
 SOBOL_FIELDS = SOBOL_HEADER[2:-1]
+NONE = (None, None, None)  # range of a quantity without a number
 DIGITS = re.compile(r"\d[\d.e+-]*")
 
 
@@ -66,6 +67,22 @@ def sweep_digest(table: "Dataset", sobol: SobolTable) -> str:
         text = ", ".join(f"{name} {share:.2f} ({low:.2f} to {high:.2f})" for name, share, low, high in shares)
         lines.append(f"  variance of {quantity}, first order: {text}")
     return "\n".join(lines)
+
+
+def sweep_summary(table: "Dataset", sobol: SobolTable) -> dict[str, Any]:
+    """Return counts, ranges of the quantities and Sobol indices of a sweep, for JSON."""
+    quantities = {}
+    for name in DIGEST_QUANTITIES:
+        values = table[name].values
+        low, middle, high = np.quantile(values[np.isfinite(values)], [0, 0.5, 1]) if np.isfinite(values).any() else NONE
+        quantities[name] = {"low": low, "median": middle, "high": high, "unit": SWEEP_POINT[name].unit}
+    first = {quantity: dict(zip(names, found.first, strict=True)) for quantity, (names, found) in sobol.items()}
+    return {
+        "engine": table.attrs["engine"],
+        "without_numbers": (table["reason"] != "").values.sum(),
+        "quantities": quantities,
+        "sobol_first": first,
+    }
 
 
 def _count_sentences(sentences: Iterable[str]) -> list[str]:

@@ -3,8 +3,10 @@
 import math
 import textwrap
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 from compact.files import atomic_file, write_csv, write_figure
 from compact.report.figures.validation import draw_case
@@ -34,6 +36,19 @@ def text_table(results: Sequence[CaseResult]) -> str:
         for remark in result.evaluation.remarks:
             lines += _wrapped(remark)
     return "\n".join([*lines[1:], "", counts_sentence(results)])
+
+
+def case_summaries(results: Sequence[CaseResult]) -> list[dict[str, Any]]:
+    """Return cases with their comparisons and verdicts, for JSON."""
+    return [
+        {
+            "case": result.case.name,
+            "title": result.case.title,
+            "engines": list(result.case.engines),
+            "comparisons": [asdict(each) | {"verdict": each.verdict} for each in result.comparisons],
+        }
+        for result in results
+    ]
 
 
 def counts_sentence(results: Sequence[CaseResult]) -> str:

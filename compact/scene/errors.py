@@ -226,7 +226,8 @@ REMOVED: dict[Key, str] = {  # keys of earlier releases without an equivalent, a
     ("mix", "reference_speed"): (
         "the yield pressure depends on the rate of compaction, and the Heckel slope is that at rest; take the key out, "
         "and multiply a slope that was measured under a roller by 1 + m ln(1 + rate/reference_rate), about 1.1, with "
-        "rate = v ln(k_out/k_in)/contact length in 1/s and m, reference_rate of mix.overrides (docs/guide.md)"
+        "rate = v ln(k_out/k_in)/contact length in 1/s and m, reference_rate of mix.overrides "
+        "(docs/theory/resistance.md)"
     ),
 }
 

@@ -246,7 +246,8 @@ def test_first_trial_is_the_shallowest(doubled):
 def test_fit_by_real_finite_elements_satisfies_the_measurements():
     """A thin layer under a large roller with friction; the calibrated scene reproduces the numbers.
 
-    The fit starts from its previous contacts and the check from scratch; they differ by less than both error estimates.
+    The fit starts from its previous contacts and the check from scratch; they differ by less than both error estimates,
+    of drift and start alone, since both are on one mesh.
     """
     thin = {"product.height": 0.1, "machine.roller_radius": 0.25, "motion.stroke": 0.8}
     measured = reading(load=16000.0, resistance_coefficient=0.1)
@@ -257,11 +258,9 @@ def test_fit_by_real_finite_elements_satisfies_the_measurements():
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-4)
     assert len(found.fit.history) < 9
     again = pressed(there, rolled.indentation)
-    errors = [
-        np.add(each.error_parts.drift, each.error_parts.start) for each in (again, rolled)
-    ]  # one mesh: no mesh error
-    error = np.sum(errors, axis=0)
-    assert np.all(error < 4e-3)
+    errors = np.array([np.add(each.error_parts.drift, each.error_parts.start) for each in (again, rolled)])
+    assert np.all(errors < 2e-3)
+    error = errors.sum(axis=0)
     assert again.load == pytest.approx(rolled.load, rel=error[0])
     assert again.resistance == pytest.approx(rolled.resistance, rel=error[1])
 
@@ -270,14 +269,13 @@ def test_fit_by_real_finite_elements_satisfies_the_measurements():
 def test_published_point_by_finite_elements():
     """K_H, fed density and depth as fitted on 4 increments, under the free roller of the scene.
 
-    From scratch the density is 4e-5 to 8e-5 less than that of the fit, 0.98, which starts from its last contacts.
-    Columns of points scatter by as much.
+    The three were fitted to contacts from scratch, as the one here.
     """
-    mix = {"mix.overrides.heckel_slope": 27.94665e-6, "layer.fed_density_ratio": 0.9683529}
-    rolled = pressed(load_scene(PUBLISHED, **mix), 2.827130e-3)
+    mix = {"mix.overrides.heckel_slope": 27.96034e-6, "layer.fed_density_ratio": 0.9683468}
+    rolled = pressed(load_scene(PUBLISHED, **mix), 2.826423e-3)
     assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
-    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=DENSITY_TOLERANCE)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=5e-5)
 
 
 LIFT = {"layer.lift_thickness": 0.06}
@@ -285,9 +283,12 @@ LIFT = {"layer.lift_thickness": 0.06}
 
 @pytest.mark.slow
 def test_published_point_by_finite_elements_in_lifts():
-    """K_H, fed density and depth as fitted on 4 increments; the prior has 9.6-21.6/MPa and .93-.955."""
-    mix = LIFT | {"mix.overrides.heckel_slope": 17.19993e-6, "layer.fed_density_ratio": 0.9302284}
-    rolled = pressed(load_scene(PUBLISHED, **mix), 3.361394e-3)
+    """K_H, fed density and depth as fitted on 4 increments; the prior has 9.6-21.6/MPa and .93-.955.
+
+    Trials a few 1e-5 apart scatter by 8e-5 in density, which the tolerance of the engine contains.
+    """
+    mix = LIFT | {"mix.overrides.heckel_slope": 17.19464e-6, "layer.fed_density_ratio": 0.9302728}
+    rolled = pressed(load_scene(PUBLISHED, **mix), 3.358617e-3)
     assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=DENSITY_TOLERANCE)
@@ -295,14 +296,13 @@ def test_published_point_by_finite_elements_in_lifts():
 
 @pytest.mark.slow
 def test_scene_calibrated_in_lifts_gives_the_published_point_at_default_settings():
-    """As fitted on 14 increments; rolling gives the density to 1e-4, which is 0.2 % of load and coefficient."""
-    mix = LIFT | {"mix.overrides.heckel_slope": 16.3796e-6, "layer.fed_density_ratio": 0.936217}
+    """As fitted to contacts from scratch on 14 increments."""
+    mix = LIFT | {"mix.overrides.heckel_slope": 16.37453e-6, "layer.fed_density_ratio": 0.9362456}
     scene = load_scene(PUBLISHED, **mix)
     rolled = roll_scene(scene, scene_mix(scene), 0.4 / 3, "compaction")
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-4)
-    at_density = 1 + 20 * (rolled.exit_density_ratio - 0.98)
-    assert rolled.load * 1.164 == pytest.approx(9740 * at_density, rel=3e-3)
-    assert rolled.resistance / rolled.load == pytest.approx(0.179 * at_density, rel=3e-3)
+    assert rolled.load * 1.164 == pytest.approx(9740, rel=3e-3)
+    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=3e-3)
 
 
 def pressed(scene, depth):

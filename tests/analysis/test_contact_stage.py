@@ -206,8 +206,10 @@ def test_initial_guess_supplies_the_layer_where_elastic_recovery_depends_on_spee
     assert calls[-1] == (layer, last, case.scene.mix.density_ratio)  # which the engine stretches
 
 
+@pytest.mark.slow
 def test_series_opens_in_pyvista(tmp_path):
-    pyvista = pytest.importorskip("pyvista")
+    import pyvista
+
     case = study(**CASE_G, **{"accuracy.engine": "fem", "contact.speeds": [0.3], "output.items": ["fields"]})
     report.write_study(case, tmp_path / "out")
     reader = pyvista.get_reader(tmp_path / "out" / "fields.pvd")

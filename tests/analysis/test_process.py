@@ -114,7 +114,7 @@ def test_command_writes_results_of_a_mould_at_rest(tmp_path, capsys):
 def test_lumped_lifts_enter_forces_files_and_words(monkeypatch, tmp_path, capsys):
     calls = []
 
-    def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, report):
+    def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, air, report):
         calls.append((thickness, increments))
         report("lift 1")
         load, work = (lambda k: 2e3 * np.exp(8 * (k - 0.75))), (lambda k: 1e5 * np.exp(10 * (k - 0.75)))
@@ -124,6 +124,13 @@ def test_lumped_lifts_enter_forces_files_and_words(monkeypatch, tmp_path, capsys
     found = ProcessStudy(load_scene(SCENE, **SHORT), "deep")
     shear = found.parts[1]
     assert shear.force == pytest.approx(2 * (found.resistance - found.row.resistance))
+    drained = found.two_dimensions
+    with_air = ProcessStudy(load_scene(SCENE, **SHORT, **{"mix.pore_air": "one-way"}), "quick")
+    part = with_air.two_dimensions.air_resistance.value
+    assert with_air.parts[2] == ("pore air, one-way (two dimensions)", 2 * part, with_air._work_of(2 * part))
+    assert with_air.load == with_air.two_dimensions.load.value + with_air.two_dimensions.air_load.value
+    assert found.load == drained.load.value
+    del calls[5:]
     assert [increments for _, increments in calls] == [6, 6, 6, 9, 12]
     assert [thickness / found.problem.machine.max_bite for thickness, _ in calls] == pytest.approx(
         [0.75, 0.9, 0.6, 0.75, 0.75]
@@ -141,7 +148,9 @@ def test_lumped_lifts_enter_forces_files_and_words(monkeypatch, tmp_path, capsys
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert {"lifts.csv", "lifts.png", "map.png", "map.csv"} <= names
     summary = json.loads((tmp_path / "out" / "process.json").read_text())["two_dimensions"]
-    assert summary["load"]["error"] == pytest.approx(np.hypot(0.05, 0.01), rel=1e-6)
+    assert summary["load"]["error"] == pytest.approx(0.01, rel=1e-3)
+    assert summary["air_load"]["value"] > 0
+    assert not summary["air_is_counted"]
     assert summary["sequences"][0]["lifts"] == 11
 
 

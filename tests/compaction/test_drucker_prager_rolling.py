@@ -88,7 +88,7 @@ def test_steady_state_by_search_is_that_of_marching():
 
 @pytest.mark.slow
 def test_high_wave_of_a_shear_line_becomes_steady():
-    """Fed at 0.92 with S 600 Pa m; within its error estimate of 1 m of rolling on the same mesh, `docs/strength.md`."""
+    """Fed at 0.92 with S 600 Pa m; within its error estimate of 1 m of rolling, `docs/theory/strength.md`."""
     mix = law(0.92, shear_viscosity=600.0)
     found = roll(Layer(0.06 * 0.98 / 0.92), Roller(0.11, DEPTH, 0.35, "free", "deformed"), mix, 0.133, increments=6)
     assert found.load * LENGTH == pytest.approx(6413, rel=found.error[0])

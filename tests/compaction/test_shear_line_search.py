@@ -135,7 +135,7 @@ def test_targets_are_met(target):
 
 
 def random_lift(seed):
-    """Layer, roller, mix and options of a random lift: `docs/strength.md`."""
+    """Layer, roller, mix and options of a random lift: `docs/theory/strength.md`."""
     draw = np.random.default_rng([17, seed])
     depth = height = 0.0
     while not 0.01 * height <= depth <= 0.06 * height or not height:

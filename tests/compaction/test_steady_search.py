@@ -20,10 +20,9 @@ PUBLISHED = (
     Roller(0.11, 0.003, 0.35, "free", "deformed"),
     Compaction(120e6, 0.3, ISOTROPIC, 0.72, SLOPE, 10e3 / np.tan(np.radians(35)), 0.93576),
 )
-# load and resistance of the published lift by 600 steps from two bow waves, 10 % above and 11 % below the steady one,
-# on 12 elements per contact length; they end within 3e-4 of each other (N over 1.1642 m of roller)
-TWO_STARTS = 9756.4 / 1.1642, 1751.6 / 1.1642
-SCATTER = 3e-4  # [-], of both
+# load and resistance of the published lift by 600 steps from two bow waves, 10 % above and below the steady one, on 12
+# elements per contact length: 9760.0 and 9758.3 N, 1752.6 and 1752.0 N over 1.1642 m of roller
+TWO_STARTS = 9759.1 / 1.1642, 1752.3 / 1.1642
 
 
 def step(travel, wave_area, **values):
@@ -128,7 +127,7 @@ def test_five_percent_deeper_and_back_gives_the_first_solution(coarse, layer, ro
 @pytest.mark.slow
 def test_published_lift_agrees_with_two_starts_above_and_below():
     rolled = roll(*PUBLISHED, 0.13, increments=12)
-    assert (rolled.load, rolled.resistance) == pytest.approx(TWO_STARTS, rel=STEADY_TOLERANCE + SCATTER)
+    assert (rolled.load, rolled.resistance) == pytest.approx(TWO_STARTS, rel=STEADY_TOLERANCE)
     assert rolled.error[0] < 0.03
     assert rolled.overdense_work == pytest.approx(0.4, abs=0.1)
 

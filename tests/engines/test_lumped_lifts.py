@@ -8,10 +8,11 @@ from lift_sequences import sequence
 
 from compact.analysis.multipass import Pass, passes
 from compact.engines.process.closures import FormingProblem, solve_closure
+from compact.engines.process.fields import process_frames
 from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
-from compact.engines.process.lumped_lifts import simulate_lifts
+from compact.engines.process.lumped_lifts import lift_thickness, simulate_lifts
 from compact.engines.process.roller_row import RollerRow
-from compact.engines.process.two_dimensions import SINGLE_LUMPING_ERROR, TwoDimensionalRow
+from compact.engines.process.two_dimensions import TwoDimensionalRow
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
@@ -29,30 +30,80 @@ def row():
     return RollerRow(problem, closure, solve_closure(problem, closure), 0.98)
 
 
+def pair(**functions):
+    """Lifts of two thicknesses on one mesh."""
+    return sequence(0.004, **functions), sequence(0.005, **functions)
+
+
 def test_forces_are_integrals_over_the_strokes(row):
     """Constant P gives P L, constant F/t the advance times the fed thickness."""
-    found = TwoDimensionalRow(row, (sequence(),))
+    found = TwoDimensionalRow(row, pair())
     assert found.load.value == pytest.approx(1e3 * 0.4, rel=1e-12)
     fed = row.history.make_up @ MACHINE.stroke_shares
     assert found.resistance.value == pytest.approx(1e5 * MACHINE.advance * fed, rel=1e-12)
     assert found.specific_work == pytest.approx(1e5 * fed / row.product_height, rel=1e-12)
     assert found.load.extrapolated_share == 0
-    assert found.load.lumping_error == SINGLE_LUMPING_ERROR["load"]
+    assert found.load.lumping_error == pytest.approx(0, abs=1e-12)
     assert found.load.mesh_error == pytest.approx(0.01)
     assert found.resistance.mesh_error == pytest.approx(0.05)
-    assert found.load.error == pytest.approx(np.hypot(0.05, 0.01))
+    assert found.load.error == pytest.approx(0.01)
+
+
+def test_air_is_in_proportion_to_the_mix_that_a_pass_displaces(row):
+    """P_air = c t and F_air = c t^2 of the lifts are those of the strokes with their make-up."""
+    found, made_up = TwoDimensionalRow(row, pair()), row.history.make_up
+    assert found.air_load.value == pytest.approx(2e4 * float(made_up @ row.lengths), rel=1e-12)
+    swept = MACHINE.advance * MACHINE.stroke_shares
+    assert found.air_resistance.value == pytest.approx(1e4 * float(made_up**2 @ swept), rel=1e-12)
+    assert found.air_load.error == pytest.approx(0, abs=1e-12)
+    assert found.air_excess_behind == 2e3
+
+
+def test_two_thicknesses_err_by_the_difference_of_a_line_and_a_power_law(row):
+    """Of F/t as a power of t the value is that of the line, and the error leads to the exact result."""
+    sequences = tuple(sequence(t, work=lambda k, t=t: 1e5 * t**-0.2) for t in (0.005, 0.006))
+    found, made_up = TwoDimensionalRow(row, sequences), row.history.make_up
+    exact = MACHINE.advance * float(1e5 * made_up**0.8 @ MACHINE.stroke_shares)
+    assert found.resistance.value * (1 + found.resistance.lumping_error) == pytest.approx(exact, rel=1e-9)
+    assert 0.05 < found.resistance.lumping_error < 0.1
+    with pytest.raises(ValueError, match="two thicknesses on one mesh at least, got 1"):
+        TwoDimensionalRow(row, (sequence(),))
 
 
 def test_exponential_forces_are_interpolated_and_extrapolated_exactly(row):
     def load(k):
         return 1e3 * np.exp(12 * k)
 
-    short, long = (TwoDimensionalRow(row, (sequence(to=to, load=load),)) for to in (0.85, 0.95))
+    short, long = (TwoDimensionalRow(row, pair(to=to, load=load)) for to in (0.85, 0.95))
     exact = float(load(row.history.density_ratio) @ row.lengths)
     assert long.load.value == pytest.approx(exact, rel=1e-9)
     assert short.load.value == pytest.approx(exact, rel=1e-9)
     assert 0.4 < short.load.extrapolated_share < 1
     assert row.centre_of(load(row.history.density_ratio)) > 0.2
+
+
+def test_fields_show_the_rows_of_the_lifts_at_the_density_of_the_strokes(row):
+    lifts = sequence()
+    profile = lifts.profile_at(0.9)
+    assert profile.heights.sum() == pytest.approx(0.22)
+    assert profile.density_ratios[[0, -1]] == pytest.approx([0.85, 0.95])
+    assert profile.lateral_stresses[[0, -1]] == pytest.approx([1e4, 3e4])
+    assert lifts.profile_at(0.75).density_ratios == pytest.approx(0.75)
+    *_, (count, mesh) = process_frames(row, lifts)
+    assert count == row.history.count
+    x, y = mesh.points[mesh.cells[0].data[:, 2], :2].T
+    assert y.max() == pytest.approx(0.22)
+    assert x.max() == pytest.approx(0.4)
+    last = mesh.cell_data["density_ratio"][0][mesh.cell_data["strokes"][0] == count]
+    assert last.mean() == pytest.approx(row.history.density_ratio[-1], abs=2e-3)
+
+
+def test_few_strokes_are_not_lumped():
+    """One stroke is one lift of its make-up; many strokes are at least ten lifts within the nip angle."""
+    assert lift_thickness(MACHINE, np.array([0.004]), 0.75) == pytest.approx(0.004)
+    many = np.full(75, 1e-3)
+    assert lift_thickness(MACHINE, many, 0.75) == pytest.approx(0.75 * MACHINE.max_bite)
+    assert lift_thickness(MACHINE, many[:20], 0.75) == pytest.approx(0.75 * 2e-3)
 
 
 def test_thickness_and_mesh_are_extrapolated(row):
@@ -74,7 +125,7 @@ def test_thickness_and_mesh_are_extrapolated(row):
 
 
 def test_profile_and_strip_stress_are_those_of_the_product(row):
-    found = TwoDimensionalRow(row, (sequence(),))
+    found = TwoDimensionalRow(row, pair())
     assert found.of_product("bottom_density_ratio") == pytest.approx(0.93 - 0.07, abs=1e-6)
     assert found.of_product("top_density_ratio") == pytest.approx(0.93 + 0.09, abs=1e-6)
     stress = MIX.confined_stress_ratio * (MIX.yield_pressure(0.88) + 14e3) - 14e3
@@ -85,7 +136,7 @@ def test_mould_at_rest_has_no_work_of_the_throughput(row):
     machine = replace(MACHINE, mould_speed=0.0, strokes=5)
     problem = replace(row.problem, machine=machine)
     still = RollerRow(problem, Closure("gap", 0.001), solve_closure(problem, Closure("gap", 0.001)), 0.98)
-    found = TwoDimensionalRow(still, (sequence(),))
+    found = TwoDimensionalRow(still, pair())
     assert found.resistance.value == 0
     assert np.isnan(found.specific_work)
     assert found.load.value == pytest.approx(1e3 * 0.4)

@@ -159,7 +159,7 @@ class ShearLineSearch(SteadySearch):
         if last.wave_slope > PLOUGHED * self.depth:
             pushed = f"grows by {100 * last.wave_slope / self.depth:.0f} % of the depth times the travel"
             raise heaping_error(self.rolling, f"{pushed}, without slowing down")
-        if last.wave_area > GROWN * first.wave_area:
+        if last.wave_area > GROWN * first.wave_area and not self._is_low(last):
             raise heaping_error(self.rolling, "has grown threefold without slowing down")
 
     def _correct_depth(self, secant: DepthSecant) -> bool:

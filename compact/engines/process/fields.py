@@ -1,5 +1,7 @@
 """Fields of a forming process along the roller, as meshes of rectangles in z (along the roller) and y (height).
 
+In two dimensions the rows of a section are those of the lumped lifts at its mean density.
+
 Frame n shows the mould after the n-th stroke since its start: the first section has had n strokes and lies farthest
 from the empty mould, and loose fill follows it.
 """
@@ -9,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from compact.engines.process.lumped_lifts import LiftSequence
 from compact.engines.process.roller_row import RollerRow
 from compact.engines.process.section import SectionState
 
@@ -19,7 +22,7 @@ FRAMES_MAX = 60  # [-], frames of a series; later strokes are shown at equal int
 FILL_SHARE = 0.15  # [-], length of the fill shown in front of the roller over that of the roller
 
 
-def process_frames(row: RollerRow) -> Iterator[tuple[float, "meshio.Mesh"]]:
+def process_frames(row: RollerRow, lifts: LiftSequence | None = None) -> Iterator[tuple[float, "meshio.Mesh"]]:
     """Yield the number of strokes since the start, and the fields.
 
     Cell data: density ratio [-], lateral stress at rest [Pa], number of strokes.
@@ -28,6 +31,8 @@ def process_frames(row: RollerRow) -> Iterator[tuple[float, "meshio.Mesh"]]:
     ----------
     row : RollerRow
         Forming process of one roller.
+    lifts : LiftSequence, optional
+        Lumped lifts; without them the layers of the columns are shown.
 
     Yields
     ------
@@ -36,10 +41,10 @@ def process_frames(row: RollerRow) -> Iterator[tuple[float, "meshio.Mesh"]]:
     count = row.history.count
     numbers = np.unique(np.linspace(1, count, min(count, FRAMES_MAX)).round().astype(int))
     for number in numbers.tolist():
-        yield float(number), _frame(row, number)
+        yield float(number), _frame(row, number, lifts)
 
 
-def _frame(row: RollerRow, number: int) -> "meshio.Mesh":
+def _frame(row: RollerRow, number: int, lifts: LiftSequence | None) -> "meshio.Mesh":
     """Return the mesh after a number of strokes since the start."""
     import meshio
 
@@ -52,7 +57,7 @@ def _frame(row: RollerRow, number: int) -> "meshio.Mesh":
         pieces.insert(0, (-FILL_SHARE * machine.roller_length, 0.0, 0, states[0]))
     points, values = [], []
     for low, high, strokes, state in pieces:
-        for bottom, top, ratio, stress in _rows(state):
+        for bottom, top, ratio, stress in _rows(state, lifts):
             points += [(low, bottom, 0.0), (high, bottom, 0.0), (high, top, 0.0), (low, top, 0.0)]
             values.append((ratio, stress, float(strokes)))
     cells = np.arange(len(points)).reshape(-1, 4)
@@ -61,10 +66,30 @@ def _frame(row: RollerRow, number: int) -> "meshio.Mesh":
     return meshio.Mesh(np.array(points), [("quad", cells)], cell_data=data)
 
 
-def _rows(state: SectionState) -> Iterator[tuple[float, float, float, float]]:
+def _rows(state: SectionState, lifts: LiftSequence | None) -> Iterator[tuple[float, float, float, float]]:
     """Yield bottom and top [m], density ratio [-] and lateral stress [Pa] of each layer."""
     bottom = 0.0
-    for column in state.columns:
-        top = bottom + column.height
-        yield bottom, top, column.density_ratio, column.lateral_stress
-        bottom = top
+    for height, ratio, stress in section_rows(state, lifts):
+        yield bottom, bottom + height, ratio, stress
+        bottom += height
+
+
+def section_rows(state: SectionState, lifts: LiftSequence | None) -> Iterator[tuple[float, float, float]]:
+    """Yield the rows of a section from the base upwards.
+
+    Parameters
+    ----------
+    state : SectionState
+        Section by columns.
+    lifts : LiftSequence or None
+        Lumped lifts, whose rows at the mean density of the section replace its layers.
+
+    Yields
+    ------
+    height, density_ratio, lateral_stress : float
+        Height [m], density ratio [-] and lateral stress at rest [Pa].
+    """
+    if lifts is None:
+        yield from ((column.height, column.density_ratio, column.lateral_stress) for column in state.columns)
+    else:
+        yield from zip(*(values.tolist() for values in lifts.profile_at(state.density_ratio)), strict=True)

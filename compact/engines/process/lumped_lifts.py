@@ -9,28 +9,50 @@ The load at a mean density hardly depends on t, and the resistance over t does; 
 the strokes (`two_dimensions`). The rate of compaction is that of the strokes: the speed of each pass is chosen so that
 the yield pressure has their rate factor.
 
+The stress of a contact spreads over the height of the section, which is several contact lengths. The last correction of
+the bow wave may therefore still move with the mix when the engine ends, and shows as a residual of the energy. Such a
+pass rolls on until its energy closes.
+
+With pore air, the excess pressure at the deformation of each pass adds its forces ("one-way"). Every pass starts from
+air at the pressure of the surroundings; the air flows at the speed of the cart.
+
 Behind the roller the surface sinks below the lowest generatrix, by up to 0.5 mm in the published machine and within a
 length of some contacts. It is not elastic recovery, which lifts the surface: the stress under the roller spreads into
 the loose mix below, and compacts it on while the roller is already ahead.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from compact.engines.compaction.engine import roll
-from compact.engines.compaction.results import CompactionContactResult
+from compact.engines.compaction.incremental_rolling import DAMPING, FINAL_DAMPING_RATIO
+from compact.engines.compaction.results import CompactionContactResult, build_result, field_mesh
 from compact.engines.compaction.roller_frame import LayerState, fresh_layer, rate_factor_at
+from compact.engines.compaction.steady_search import FINAL_TOLERANCE
+from compact.engines.pore_air.under_roller import RollerAir
 from compact.engines.process.closures import FormingProblem
+from compact.engines.process.forming import FormingMachine
 from compact.engines.process.section import QUARTER
 from compact.material.laws import Compaction
+from compact.material.pore_air import PoreAir
 from compact.numerics import Array
 from compact.rolling_contact import Layer, Roller
 
+if TYPE_CHECKING:
+    import meshio
+
 FILL_ROWS = 40  # [-], rows of the fill, resampled to those of the mesh by the engine
 STEADY_TOLERANCE = 1e-2  # [-], of load, resistance and density of a pass; small against the error of lumping
+LIFTS_MIN = 10  # [-], lifts of a sequence at least, so that those of a thin product are thinner
+MIDDLE_SHARE = 0.75  # [-], thickness of the lifts of the middle over their largest
+PROFILE_ROWS = 40  # [-], rows of equal height of a profile between two lifts
 LIFTS_MAX = 40  # [-], lifts of a sequence
+ENERGY_TOLERANCE = 1e-2  # [-], residual of the energy of a pass above which it rolls on
+SETTLING_SHARE = 1 / 3  # [-], of the height, travel after which the energy is evaluated again
+SETTLINGS_MAX = 4  # [-], of a pass; its mix has then passed the whole stress field since the last correction
 RATE_ROUNDING = 1e-12  # [-], rate factor less 1 below which the speed does not matter
 
 Report = Callable[[str], None]
@@ -43,7 +65,8 @@ class LumpedLift:
     Parameters
     ----------
     thickness, bite : float
-        Thickness of the lift, and height of the surface above the lowest generatrix [m].
+        Thickness of the lift, 0 of a section pressed without one, and height of the surface above the lowest
+        generatrix [m].
     load, resistance : float
         P and F [N/m].
     load_error, resistance_error : float
@@ -60,8 +83,14 @@ class LumpedLift:
         Largest pressure [Pa].
     work_residual, mass_residual : float
         Relative residuals of the balances of the pass [-].
-    row_heights, row_density_ratios : tuple of float
-        Rows behind the roller from the base upwards: heights [m] and density ratios [-].
+    row_heights, row_density_ratios, row_lateral_stresses : tuple of float
+        Rows behind the roller from the base upwards: heights [m], density ratios [-] and lateral stress at rest [Pa].
+    air_load, air_resistance : float
+        Forces of the excess pressure of the pore air at the deformation without air [N/m]; 0 without air.
+    air_excess_behind : float
+        Largest excess pressure of the air behind the contact [Pa].
+    mesh : meshio.Mesh or None
+        Fields under the roller (`results.field_mesh`).
     """
 
     thickness: float
@@ -81,6 +110,29 @@ class LumpedLift:
     mass_residual: float
     row_heights: tuple[float, ...]
     row_density_ratios: tuple[float, ...]
+    row_lateral_stresses: tuple[float, ...]
+    air_load: float = 0.0
+    air_resistance: float = 0.0
+    air_excess_behind: float = 0.0
+    mesh: "meshio.Mesh | None" = field(default=None, repr=False, compare=False)
+
+
+class SectionProfile(NamedTuple):
+    """Rows of a section of equal height, from the base upwards, arrays of shape (rows,).
+
+    Parameters
+    ----------
+    heights : ndarray
+        Heights [m].
+    density_ratios : ndarray
+        Density ratios [-].
+    lateral_stresses : ndarray
+        Lateral stress at rest, compression positive [Pa].
+    """
+
+    heights: Array
+    density_ratios: Array
+    lateral_stresses: Array
 
 
 @dataclass(frozen=True)
@@ -113,6 +165,24 @@ class LiftSequence:
         """Largest residual of the energy balance of a pass [-]."""
         return float(self.values("work_residual").max())
 
+    def profile_at(self, density_ratio: float) -> SectionProfile:
+        """Interpolate the rows behind the roller between the lifts at a mean density ratio [-].
+
+        Parameters
+        ----------
+        density_ratio : float
+            Mean density ratio [-]; below the first lift uniform loose mix enters, above the last its rows remain.
+        """
+        means = np.append(self.lifts[0].density_before, self.values("density_ratio"))
+        place = int(np.clip(np.searchsorted(means, density_ratio), 1, len(self.lifts)))
+        share = float(np.clip((density_ratio - means[place - 1]) / (means[place] - means[place - 1]), 0.0, 1.0))
+        after = np.array(_equal_rows(self.lifts[place - 1]))
+        if place > 1:
+            before = np.array(_equal_rows(self.lifts[place - 2]))
+        else:
+            before = np.multiply.outer([after[0, 0], means[0], 0.0], np.ones(PROFILE_ROWS))
+        return SectionProfile(*((1 - share) * before + share * after))
+
 
 def simulate_lifts(
     problem: FormingProblem,
@@ -122,6 +192,7 @@ def simulate_lifts(
     *,
     thickness: float,
     increments: int,
+    air: PoreAir | None = None,
     report: Report = lambda _: None,
 ) -> LiftSequence:
     """Press lifts of one thickness until the section has a mean density ratio.
@@ -138,6 +209,8 @@ def simulate_lifts(
         Thickness of a lift [m].
     increments : int
         Elements per contact length.
+    air : PoreAir, optional
+        Pore air of the feed, whose forces at the speed of the cart are added to the records.
     report : callable
         Called with a line of text after each lift.
 
@@ -147,7 +220,7 @@ def simulate_lifts(
         Without the lifts after one that has no steady state.
     """
     lifts: list[LumpedLift] = []
-    steps = _lifts(problem, friction, rate_factor, thickness, increments)
+    steps = _lifts(problem, friction, rate_factor, (thickness, increments), air)
     stopped = ""
     try:
         for lift in steps:
@@ -162,16 +235,41 @@ def simulate_lifts(
     return LiftSequence(thickness, increments, tuple(lifts), stopped)
 
 
+def lift_thickness(machine: FormingMachine, make_up: Array, share: float) -> float:
+    """Return the thickness of lumped lifts [m].
+
+    It is a share of the bite at the nip angle, or of a tenth of the feed if that is less. Strokes with a larger make-up
+    are not lumped: the lifts of the share `MIDDLE_SHARE` have their mean make-up.
+
+    Parameters
+    ----------
+    machine : FormingMachine
+        Machine with its nip angle.
+    make_up : ndarray
+        Thickness of the mix fed before each stroke [m], not all 0.
+    share : float
+        Share [-].
+    """
+    single = float(make_up[make_up > 0].mean()) / MIDDLE_SHARE
+    return share * min(machine.max_bite, max(float(make_up.sum()) / LIFTS_MIN, single))
+
+
 def _lifts(
-    problem: FormingProblem, friction: float, rate_factor: float, thickness: float, increments: int
+    problem: FormingProblem, friction: float, rate_factor: float, lumping: tuple[float, int], air: PoreAir | None
 ) -> Iterator[LumpedLift]:
-    """Yield lifts one after the other."""
+    """Yield lifts one after the other, of a thickness [m] and on a number of elements per contact length."""
+    thickness, increments = lumping
     machine = problem.machine
     material = replace(problem.material, fed_density_ratio=problem.feed.density_ratio)
     filling = replace(material, fed_density_ratio=problem.fill.density_ratio)
     state = fresh_layer(filling, np.full(FILL_ROWS, problem.fill.height / FILL_ROWS))
     while True:
-        raised = state.with_lift(thickness, material)
+        fed = thickness
+        if state.height + thickness - machine.height > machine.max_bite:
+            fed = 0.0  # a fill above the lowest generatrix, or elastic recovery: pressed alone
+        raised = state.with_lift(fed, material) if fed else state
+        while raised.height <= machine.height:  # lifts in a mould that is not full
+            raised = raised.with_lift(thickness, material)
         bite = raised.height - machine.height
         roller = Roller(machine.roller_radius, indentation=bite, friction=friction, rolling="free", profile="deformed")
         speed = _speed_of_rate(problem, material, raised, bite, rate_factor)
@@ -179,8 +277,39 @@ def _lifts(
             Layer(raised.height), roller, material, speed,
             fed_layer=raised, increments=increments, steady_tolerance=STEADY_TOLERANCE,
         )  # fmt: skip
-        yield _lift(passed, raised, thickness, bite)
+        passed = _with_closed_energy(passed)
+        record = _lift(passed, raised, fed)
+        yield record if air is None else _with_air(record, passed, air, machine.cart_speed)
         state = passed.exit
+
+
+def _with_closed_energy(passed: CompactionContactResult) -> CompactionContactResult:
+    """Return the pass after further travel until its energy closes, or the mix at its exit has left the last jump."""
+    rolling = passed.solution
+    height = rolling.steps[-1].bottom_height
+    count = int(np.ceil(SETTLING_SHARE * height / rolling.frame.step))
+    rolling.solver.tolerance = FINAL_TOLERANCE
+    for _ in range(SETTLINGS_MAX):
+        if (passed.work_residual or 0.0) < ENERGY_TOLERANCE:
+            break
+        for _ in range(count):
+            rolling.advance(height, FINAL_DAMPING_RATIO * DAMPING)
+        result = build_result(rolling, passed.layer, passed.roller, passed.material, passed.speed)
+        estimates = {name: getattr(passed, name) for name in ("error", "error_parts", "relaxation")}
+        passed = replace(result, **estimates)
+    return passed
+
+
+def _with_air(lift: LumpedLift, passed: CompactionContactResult, air: PoreAir, speed: float) -> LumpedLift:
+    """Return a record with the pore air at the deformation of its pass and at a speed [m/s]."""
+    under = RollerAir(passed.solution, air)
+    pressure = under.pressure(speed)
+    load, resistance = under.forces(pressure)
+    assert lift.mesh is not None  # of every pass
+    points = under.at_points(pressure)
+    lift.mesh.cell_data["air_pressure"] = [points.reshape(len(lift.mesh.cells[0].data), -1).mean(axis=1)]
+    behind = under.largest_excess_behind(pressure)
+    return replace(lift, air_load=load, air_resistance=resistance, air_excess_behind=behind)
 
 
 def _speed_of_rate(
@@ -194,7 +323,7 @@ def _speed_of_rate(
     return machine.cart_speed * float(np.expm1((rate_factor - 1) / m) / np.expm1((factor - 1) / m))
 
 
-def _lift(passed: CompactionContactResult, raised: LayerState, thickness: float, bite: float) -> LumpedLift:
+def _lift(passed: CompactionContactResult, raised: LayerState, thickness: float) -> LumpedLift:
     """Return the record of a pass."""
     state, error = passed.exit, passed.error
     assert error is not None  # the engine estimates its error
@@ -202,7 +331,7 @@ def _lift(passed: CompactionContactResult, raised: LayerState, thickness: float,
     ratio = state.points.density_ratio
     return LumpedLift(
         thickness=thickness,
-        bite=bite,
+        bite=passed.indentation,
         load=passed.load,
         resistance=passed.resistance,
         load_error=error[0],
@@ -218,7 +347,21 @@ def _lift(passed: CompactionContactResult, raised: LayerState, thickness: float,
         mass_residual=passed.mass_residual,
         row_heights=tuple(state.heights.tolist()),
         row_density_ratios=tuple(ratio.tolist()),
+        row_lateral_stresses=tuple((-state.points.stress[:, [0, 2]].mean(axis=1)).tolist()),
+        mesh=field_mesh(passed),
     )
+
+
+def _equal_rows(lift: LumpedLift) -> SectionProfile:
+    """Return rows of equal height behind a lift, by the means of its own rows."""
+    heights = np.array(lift.row_heights)
+    tops = np.append(0.0, np.cumsum(heights))
+    edges = np.linspace(0.0, tops[-1], PROFILE_ROWS + 1)
+
+    def means(values: tuple[float, ...]) -> Array:
+        return np.diff(np.interp(edges, tops, np.append(0.0, np.cumsum(heights * values)))) / np.diff(edges)
+
+    return SectionProfile(np.diff(edges), means(lift.row_density_ratios), means(lift.row_lateral_stresses))
 
 
 def _mean(values: Array, tops: Array, low: float, high: float) -> float:

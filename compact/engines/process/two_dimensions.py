@@ -7,9 +7,15 @@ density follows from the balance of mix, whatever the model. P and F/t come from
 density, the first at that behind a stroke, the second at the mean of both sides. Between lifts their logarithms are
 interpolated; beyond the last lift they are extrapolated, and the share of the result that is extrapolated is stated.
 
-With several thicknesses of the lifts, P and F/t are extrapolated linearly in the thickness to t_n at every density.
-Errors, added as independent ones: the difference to a parabola through three thicknesses; the finest mesh less the
+P and F/t are extrapolated linearly in the thickness of the lifts to t_n at every density. Errors, added as independent
+ones: the difference to a parabola through three thicknesses, or to a power law through two; the finest mesh less the
 limit of vanishing elements, of first order in 1/increments; without other meshes the estimate of the engine.
+
+The excess pressure of the pore air is in proportion to the mix that a pass displaces, as long as its flow is linear:
+
+    P_air(t_n) = P_air(t) t_n/t,    F_air/t_n = (F_air/t) t_n/t
+
+Both are taken from the thinnest lifts; the error is the difference to the thickest, and to the other meshes.
 """
 
 from collections.abc import Sequence
@@ -21,8 +27,6 @@ from compact.engines.process.confined_floor import confined_stress
 from compact.engines.process.lumped_lifts import LiftSequence
 from compact.engines.process.roller_row import RollerRow
 from compact.numerics import Array
-
-SINGLE_LUMPING_ERROR = {"load": 0.05, "resistance": 0.4}  # [-], of lifts of one thickness; difference to three
 
 
 @dataclass(frozen=True)
@@ -59,11 +63,16 @@ class TwoDimensionalRow:
     row : RollerRow
         Strokes of the columns.
     sequences : tuple of LiftSequence
-        Lifts; those with the least increments have different thicknesses, those of one thickness different increments.
+        Lifts; those with the least increments have different thicknesses, two or more, those of one thickness
+        different increments.
     """
 
     row: RollerRow
     sequences: tuple[LiftSequence, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.lumpings) < 2:
+            raise ValueError(f"`sequences` must have two thicknesses on one mesh at least, got {len(self.lumpings)}")
 
     @property
     def lumpings(self) -> tuple[LiftSequence, ...]:
@@ -89,9 +98,29 @@ class TwoDimensionalRow:
     @property
     def resistance(self) -> Estimate:
         """Resistance of the roller [N]; 0 of a mould at rest, whose work per stroke is not that of the row."""
-        weights = self.row.problem.machine.advance * self.row.history.make_up
+        return self._estimate("resistance", self._feed_weights)
+
+    @property
+    def _feed_weights(self) -> Array:
+        """Mix that each stroke presses over the advance of the mould [m2], of the last stroke its share."""
         machine = self.row.problem.machine
-        return self._estimate("resistance", weights * (machine.stroke_shares if machine.strokes is None else 1.0))
+        shares = machine.stroke_shares if machine.strokes is None else 1.0
+        return np.asarray(machine.advance * self.row.history.make_up * shares)
+
+    @property
+    def air_load(self) -> Estimate:
+        """Load by the excess pressure of the pore air [N]; 0 without air."""
+        return self._air_estimate("air_load", self.row.lengths)
+
+    @property
+    def air_resistance(self) -> Estimate:
+        """Resistance by the excess pressure of the pore air [N]; 0 without air, and of a mould at rest."""
+        return self._air_estimate("air_resistance", self._feed_weights)
+
+    @property
+    def air_excess_behind(self) -> float:
+        """Largest excess pressure behind the contact of the thinnest lifts [Pa], a tensile stress of the skeleton."""
+        return float(self.lumpings[0].values("air_excess_behind").max())
 
     @property
     def load_centre(self) -> float:
@@ -138,16 +167,23 @@ class TwoDimensionalRow:
         sequences : sequence of LiftSequence
             One or more sequences of different thicknesses.
         degree : int
-            Degree of the polynomial in the thickness; less than the number of sequences.
+            Degree of the polynomial in the thickness, less than the number of sequences; 0 for a power law.
         """
-        states = np.array([state.density_ratio for state in self.row.history.states])
-        density = states[1:] if name == "load" else (states[:-1] + states[1:]) / 2
+        density, made_up = self._densities(name), self.row.history.make_up
         table = np.array([_interpolated(sequence, name, density) for sequence in sequences])
         if len(sequences) == 1:
             return table[0]
         thickness = np.array([sequence.thickness for sequence in sequences])
+        if not degree:
+            slope, level = np.polyfit(np.log(thickness), np.log(table), 1)
+            return np.asarray(np.exp(level + slope * np.log(np.where(made_up > 0, made_up, thickness[0]))))
         powers = np.arange(degree, -1, -1)[:, None]
-        return np.sum(np.polyfit(thickness, table, degree) * self.row.history.make_up**powers, axis=0)
+        return np.sum(np.polyfit(thickness, table, degree) * made_up**powers, axis=0)
+
+    def _densities(self, name: str) -> Array:
+        """Mean density ratio of every stroke to which a force belongs [-]: behind it, or the mean of both sides."""
+        states = np.array([state.density_ratio for state in self.row.history.states])
+        return states[1:] if name.endswith("load") else (states[:-1] + states[1:]) / 2
 
     def _estimate(self, name: str, weights: Array) -> Estimate:
         lumpings, meshes = self.lumpings, self.meshes
@@ -155,10 +191,8 @@ class TwoDimensionalRow:
         value = float(forces @ weights)
         if value == 0:
             return Estimate(0.0, 0.0, 0.0, 0.0)
-        lumping = SINGLE_LUMPING_ERROR[name]
-        if len(lumpings) > 1:  # parabola of three thicknesses, or no extrapolation of two
-            other = self.at_strokes(name, lumpings, 2) if len(lumpings) > 2 else self.at_strokes(name, lumpings[:1])
-            lumping = abs(float(other @ weights) / value - 1)
+        other = self.at_strokes(name, lumpings, 2 if len(lumpings) > 2 else 0)
+        lumping = abs(float(other @ weights) / value - 1)
         mesh_limit = 1.0
         if len(meshes) > 1:
             sums = [float(self.at_strokes(name, [sequence]) @ weights) for sequence in meshes]
@@ -173,18 +207,51 @@ class TwoDimensionalRow:
         share = float(forces[beyond] @ weights[beyond]) / value
         return Estimate(value * mesh_limit, lumping, mesh, share)
 
+    def _air_estimate(self, name: str, weights: Array) -> Estimate:
+        """Return a force of the air by the thinnest lifts, with the differences to the thickest and between meshes."""
+        density, made_up = self._densities(name), self.row.history.make_up
+
+        def total(sequence: LiftSequence) -> float:
+            force = np.interp(density, _densities_of(sequence, name), _over_thickness(sequence, name))
+            per_feed = 1.0 if name == "air_load" else sequence.thickness
+            return float(force * made_up / per_feed @ weights)
+
+        value, thickest = total(self.lumpings[0]), total(self.lumpings[-1])
+        if not value:
+            return Estimate(0.0, 0.0, 0.0, 0.0)
+        meshes = [total(sequence) for sequence in self.meshes]
+        return Estimate(value, abs(thickest / value - 1), abs(meshes[-1] / meshes[0] - 1), 0.0)
+
 
 def _interpolated(sequence: LiftSequence, name: str, density: Array) -> Array:
     """Interpolate P, or F over the thickness, of a sequence at mean densities, linearly in the logarithm."""
-    ratio, force = sequence.values("density_ratio"), np.log(sequence.values(name))
-    if name == "resistance":
-        ratio, force = (ratio + sequence.values("density_before")) / 2, force - np.log(sequence.thickness)
+    ratio = _densities_of(sequence, name)
+    force = np.log(sequence.values(name) if name == "load" else _over_thickness(sequence, name))
     if len(ratio) == 1:
         return np.full(len(density), np.exp(force[0]))
     inside = np.interp(density, ratio, force)
     first, last = (force[1] - force[0]) / (ratio[1] - ratio[0]), (force[-1] - force[-2]) / (ratio[-1] - ratio[-2])
     below, above = np.minimum(density - ratio[0], 0.0), np.maximum(density - ratio[-1], 0.0)
     return np.exp(inside + first * below + last * above)
+
+
+def _densities_of(sequence: LiftSequence, name: str) -> Array:
+    """Return the mean density ratios of the lifts to which a force belongs [-], as of the strokes."""
+    ratio = sequence.values("density_ratio")
+    return ratio if name.endswith("load") else (ratio + sequence.values("density_before"))[_fed(sequence)] / 2
+
+
+def _over_thickness(sequence: LiftSequence, name: str) -> Array:
+    """Return a force of the lifts over their thickness [N/m2]; of a load, over that of the sequence."""
+    if name.endswith("load"):
+        return sequence.values(name) / sequence.thickness
+    fed = _fed(sequence)
+    return np.asarray(sequence.values(name)[fed] / sequence.values("thickness")[fed])
+
+
+def _fed(sequence: LiftSequence) -> Array:
+    """Return which passes press a lift; a section pressed without one has no work per mix."""
+    return np.asarray(sequence.values("thickness") > 0)
 
 
 def _engine_error(sequence: LiftSequence, name: str) -> float:

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from compact.analysis.process import ProcessStudy
+from compact.engines.process.fields import section_rows
 from compact.engines.process.section import SectionState
 from compact.engines.process.two_dimensions import TwoDimensionalRow
 from compact.quantities import STROKE
@@ -105,13 +106,10 @@ def _draw_mix(ax: Axes, study: ProcessStudy, norm: Normalize, slope: float, tail
 
 
 def _rows(study: ProcessStudy, state: SectionState) -> Iterator[tuple[float, float]]:
-    """Yield heights and density ratios of a section: of its layers, or of the lumped lift with the nearest density."""
-    if study.two_dimensions is None:
-        yield from ((column.height, column.density_ratio) for column in state.columns)
-        return
-    lifts = study.two_dimensions.lumpings[0].lifts
-    nearest = min(lifts, key=lambda lift: abs(lift.density_ratio - state.density_ratio))
-    yield from zip(nearest.row_heights, nearest.row_density_ratios, strict=True)
+    """Yield heights and density ratios of a section."""
+    found = study.two_dimensions
+    lifts = None if found is None else found.lumpings[0]
+    yield from ((height, ratio) for height, ratio, _ in section_rows(state, lifts))
 
 
 def _draw_machine(ax: Axes, study: ProcessStudy, span: tuple[float, float], slope: float, unit: float) -> None:

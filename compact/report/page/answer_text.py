@@ -1,7 +1,7 @@
 """Sentences and table of the answer that the terminal and the first screen of the page share.
 
-One line answers each question of a designer in docs/guide.md: the law, the force, the motor, the model, the agreement,
-another duration, a rigid drive, a stiffer mix, the first measurement, and the quantity that is held.
+One line answers each question of a designer in docs/how_to/answer.md: the law, the force, the motor, the model, the
+agreement, another duration, a rigid drive, a stiffer mix, the first measurement, and the quantity that is held.
 """
 
 import math

@@ -1,0 +1,18 @@
+# docker build -t compact .
+# docker run --rm -v "$PWD/out:/work/out" compact                    the published machine by all engines, minutes
+# docker run --rm -v "$PWD:/work" compact run mine/scene.toml        a scene of the present folder
+FROM python:3.13-slim AS build
+WORKDIR /source
+COPY pyproject.toml constraints.txt README.md LICENSE ./
+COPY compact compact
+RUN pip wheel --no-cache-dir --wheel-dir /wheels --constraint constraints.txt .
+
+FROM python:3.13-slim
+RUN --mount=type=bind,from=build,source=/wheels,target=/wheels pip install --no-cache-dir /wheels/*.whl
+RUN useradd --create-home --uid 1000 compact && install --directory --owner=compact /work
+COPY studies/scenes /scenes
+USER compact
+WORKDIR /work
+ENV MPLBACKEND=Agg
+ENTRYPOINT ["compact"]
+CMD ["run", "/scenes/loveikin-2015-engines.toml"]

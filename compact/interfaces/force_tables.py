@@ -1,0 +1,239 @@
+"""Tables of the force that opposes a cart, over velocity and acceleration, for other programs.
+
+    model = CartModel.of(study)
+    table = force_table(model, tolerance=1e-3)
+    write_modelica(table, "force.txt")
+
+The table has the resistance F(v, a) of the mix and the guide friction on one cart. It is interpolated linearly. Nodes
+are added until the interpolation meets the tolerance half-way between all nodes. At rest both forces are set-valued:
+between -v1 and v1, v1 = REST_SHARE of the mean speed, the table passes linearly through 0.
+
+| format | file | program |
+|---|---|---|
+| csv | one line for each node | Chrono, spreadsheets, any script |
+| modelica | text of `CombiTable2Ds`, velocity down, acceleration across | Modelica Standard Library |
+| simulink | MAT file, breakpoints and matrices | `n-D Lookup Table` of Simulink |
+"""
+
+import csv
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from io import BytesIO, StringIO
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import RegularGridInterpolator
+from scipy.io import loadmat, savemat
+
+from compact.analysis.study import Study
+from compact.files import atomic_file, write_bytes, write_csv
+from compact.machine.cart import Cart, balance
+from compact.numerics import Array
+from compact.numerics.validation import require_positive
+from compact.resistance import DryResistance, ResistanceMap
+
+REST_SHARE = 1e-3  # [-], of the mean speed, below which the table is linear through rest
+FIRST_NODES, MAX_NODES = 9, 513  # [-], velocities of one sign, and accelerations
+FORCES = ("resistance", "guide_friction", "opposing_force")  # [N]; the last one is the sum
+CSV_HEADER = ("velocity_m_s", "acceleration_m_s2", *(f"{name}_N" for name in FORCES))
+
+
+@dataclass(frozen=True)
+class CartModel:
+    """Forces on one cart along the rails, and the range of its motion.
+
+    Parameters
+    ----------
+    resistance : ResistanceMap or DryResistance
+        Resistance of the mix.
+    largest_speed, largest_acceleration : float
+        Range of the laws of the scene [m/s], [m/s2].
+    mean_speed : float
+        Stroke over duration [m/s].
+    """
+
+    cart: Cart
+    resistance: ResistanceMap | DryResistance
+    largest_speed: float
+    largest_acceleration: float
+    mean_speed: float
+
+    @classmethod
+    def of(cls, study: Study) -> "CartModel":
+        """Return the model of a study.
+
+        Raises
+        ------
+        ValueError
+            If the scene has end springs, whose force depends on the position.
+        """
+        if study.cart.end_springs is not None:
+            raise ValueError(
+                "drive.end_springs: their force depends on the position, which F(v, a) does not contain; remove the "
+                "table and add the springs to the other model"
+            )
+        peaks = [cycle.forward.peaks() for cycle in study.cycles.values()]
+        accelerations = [each.acceleration for each in peaks if np.isfinite(each.acceleration)]
+        speeds = [each.velocity for each in peaks]
+        fastest = float(study.resistance_map.speeds[-1]) if study.layered else max(speeds)
+        largest = max(accelerations, default=study.scene.mean_speed / study.scene.motion.duration)
+        return cls(study.cart, study.resistance, fastest, float(largest), study.scene.mean_speed)
+
+    def forces(self, velocity: ArrayLike, acceleration: ArrayLike) -> dict[str, Array]:
+        """Compute resistance, guide friction and their sum [N] at velocities [m/s] and accelerations [m/s2]."""
+        velocity, acceleration = np.broadcast_arrays(np.asarray(velocity, float), np.asarray(acceleration, float))
+        resistance = self.resistance(velocity, acceleration)
+        friction = balance(self.cart, acceleration, resistance, np.sign(velocity)).guide_friction
+        return dict(zip(FORCES, (resistance, friction, resistance + friction), strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class ForceTable:
+    """Forces on one cart over a grid.
+
+    Parameters
+    ----------
+    velocity : ndarray, shape (n,)
+        Ascending [m/s].
+    acceleration : ndarray, shape (m,)
+        Ascending [m/s2].
+    resistance, guide_friction, opposing_force : ndarray, shape (n, m)
+        Forces against the motion [N], with the sign of the velocity.
+    mass : float
+        Mass of the cart [kg], not part of the forces: drive force = mass * acceleration + opposing force.
+    interpolation_error : float
+        Largest error of linear interpolation over the largest force [-].
+    """
+
+    velocity: Array
+    acceleration: Array
+    resistance: Array
+    guide_friction: Array
+    opposing_force: Array
+    mass: float
+    interpolation_error: float = 0.0
+
+    def __call__(self, velocity: ArrayLike, acceleration: ArrayLike) -> Array:
+        """Interpolate the opposing force [N] linearly at velocities [m/s] and accelerations [m/s2]."""
+        grid = (self.velocity, self.acceleration)
+        points = np.stack(np.broadcast_arrays(velocity, acceleration), axis=-1)
+        return RegularGridInterpolator(grid, self.opposing_force)(points)
+
+
+def force_table(model: CartModel, tolerance: float) -> ForceTable:
+    """Tabulate the forces of a model.
+
+    Parameters
+    ----------
+    tolerance : float
+        Largest error of linear interpolation over the largest force [-].
+
+    Raises
+    ------
+    RuntimeError
+        If MAX_NODES nodes do not meet the tolerance.
+    """
+    require_positive(tolerance=tolerance)
+    speeds, accelerations = FIRST_NODES, FIRST_NODES
+    while True:
+        table = _tabulated(model, speeds, accelerations)
+        across, along = _interpolation_errors(model, table)
+        error = max(across, along)
+        if error <= tolerance:
+            return replace(table, interpolation_error=error)
+        speeds, accelerations = (2 * speeds - 1, accelerations) if across >= along else (speeds, 2 * accelerations - 1)
+        if max(speeds, accelerations) > MAX_NODES:
+            raise RuntimeError(
+                f"{MAX_NODES} nodes interpolate the force within {error:.1e} of its largest value, tolerance "
+                f"{tolerance:g}; raise the tolerance"
+            )
+
+
+def _tabulated(model: CartModel, speeds: int, accelerations: int) -> ForceTable:
+    """Return the table over numbers of speeds and accelerations."""
+    positive = np.geomspace(REST_SHARE * model.mean_speed, model.largest_speed, speeds)
+    velocity = np.concatenate([-positive[::-1], [0.0], positive])
+    acceleration = np.linspace(-1, 1, accelerations) * model.largest_acceleration
+    resistance, friction, total = model.forces(velocity[:, None], acceleration[None, :]).values()
+    return ForceTable(velocity, acceleration, resistance, friction, total, model.cart.mass)
+
+
+def _interpolation_errors(model: CartModel, table: ForceTable) -> tuple[float, float]:
+    """Errors of the opposing force between speeds and between accelerations, over its largest value; not at rest."""
+    moving = table.velocity[np.abs(table.velocity) > 0]
+    middle = (table.velocity[:-1] + table.velocity[1:]) / 2
+    middle = middle[np.abs(middle) > np.min(np.abs(moving))]
+    between = (table.acceleration[:-1] + table.acceleration[1:]) / 2
+    errors = []
+    for velocity, acceleration in ((middle, table.acceleration), (moving, between)):
+        grid = velocity[:, None], acceleration[None, :]
+        errors.append(np.max(np.abs(table(*grid) - model.forces(*grid)["opposing_force"])))
+    largest = np.max(np.abs(table.opposing_force))
+    return float(errors[0] / largest), float(errors[1] / largest)
+
+
+def write_force_csv(table: ForceTable, path: Path | str) -> Path:
+    """Write one line for each node, acceleration fastest; return the path."""
+    grids = np.meshgrid(table.velocity, table.acceleration, indexing="ij")
+    columns = [*grids, *(getattr(table, name) for name in FORCES)]
+    return write_csv(Path(path), CSV_HEADER, zip(*(column.ravel().tolist() for column in columns), strict=True))
+
+
+def read_force_csv(path: Path | str, mass: float) -> ForceTable:
+    """Read a table of `write_force_csv`, for a cart of a mass [kg]."""
+    rows = list(csv.reader(StringIO(Path(path).read_text("utf-8"))))
+    velocity, acceleration, *forces = np.array(rows[1:], dtype=float).T
+    axes = np.unique(velocity), np.unique(acceleration)
+    shape = len(axes[0]), len(axes[1])
+    resistance, friction, total = (force.reshape(shape) for force in forces)
+    return ForceTable(*axes, resistance, friction, total, mass)
+
+
+def write_modelica(table: ForceTable, path: Path | str) -> Path:
+    """Write the text file of `Modelica.Blocks.Tables.CombiTable2Ds`, one matrix for each force; return the path."""
+    with atomic_file(path) as stream:
+        stream.write(f"#1\n# force against the motion of a cart of {table.mass:.12g} kg in N; u1 m/s, u2 m/s2\n")
+        for name in FORCES:
+            corner = np.concatenate([[0.0], table.acceleration])
+            matrix = np.vstack([corner, np.column_stack([table.velocity, getattr(table, name)])])
+            stream.write(f"double {name}({matrix.shape[0]},{matrix.shape[1]})\n")
+            np.savetxt(stream, matrix, fmt="%.12g")
+    return Path(path)
+
+
+def read_modelica(path: Path | str, mass: float) -> ForceTable:
+    """Read a file of `write_modelica`, for a cart of a mass [kg]."""
+    lines = iter(line for line in Path(path).read_text("utf-8").splitlines() if not line.startswith("#"))
+    matrices = {}
+    for line in lines:
+        name, _, size = line.removeprefix("double ").partition("(")
+        rows = int(size.partition(",")[0])
+        matrices[name] = np.array([next(lines).split() for _ in range(rows)], dtype=float)
+    first = matrices[FORCES[0]]
+    resistance, friction, total = (matrices[name][1:, 1:] for name in FORCES)
+    return ForceTable(first[1:, 0], first[0, 1:], resistance, friction, total, mass)
+
+
+def write_simulink(table: ForceTable, path: Path | str) -> Path:
+    """Write a MAT file with the breakpoints, the matrices and the mass; return the path."""
+    buffer = BytesIO()
+    savemat(buffer, asdict(table))
+    return write_bytes(Path(path), buffer.getvalue())
+
+
+def read_simulink(path: Path | str) -> ForceTable:
+    """Read a file of `write_simulink`."""
+    found = loadmat(path, squeeze_me=True)
+    return ForceTable(**{name: found[name] for name in ForceTable.__dataclass_fields__})
+
+
+# File name and writer of each format
+TABLE_FORMATS: Mapping[str, tuple[str, Callable[[ForceTable, Path], Path]]] = MappingProxyType(
+    {
+        "csv": ("force.csv", write_force_csv),
+        "modelica": ("force.txt", write_modelica),
+        "simulink": ("force.mat", write_simulink),
+    }
+)

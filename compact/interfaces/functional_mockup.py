@@ -1,0 +1,197 @@
+"""Functional mock-up unit (FMI 2.0, co-simulation) of a cart with the resistance of its mix.
+
+    write_fmu(CartModel.of(study), "cart.fmu")
+
+The unit contains the sources in C and, where a compiler is found, the binary for this platform. The program that
+imports it needs neither Python nor this package; other platforms compile the sources (`fmpy compile cart.fmu`). Its
+functions are those of `compact.resistance` and `compact.machine.cart`, not a table: the numbers agree to rounding.
+
+| variable | unit | role |
+|---|---|---|
+| `velocity`, `acceleration` | m/s, m/s2 | inputs: prescribed motion |
+| `resistance`, `guide_friction`, `drive_force` | N | outputs for it; drive force = mass * acceleration + both |
+| `applied_force` | N | input: force of a drive on a cart that moves freely |
+| `cart_position`, `cart_velocity`, `cart_acceleration` | m, m/s, m/s2 | outputs for this force |
+| `start_position`, `start_velocity` | m, m/s | parameters |
+"""
+
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from hashlib import sha256
+from importlib.metadata import version
+from importlib.resources import files
+from io import BytesIO
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+from zipfile import ZIP_DEFLATED, ZipFile
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from compact.files import write_bytes
+from compact.interfaces.force_tables import CartModel
+from compact.resistance import ResistanceMap
+
+MODEL = "cart"
+SOURCE, DATA = "cart_fmu.c", "cart_data.h"
+COMPILERS = ("cc", "gcc", "clang")  # searched for where the variable CC is not set
+COMPILE_SECONDS = 120  # [s], limit
+LIBRARIES = {"linux": ("linux64", ".so"), "darwin": ("darwin64", ".dylib"), "win32": ("win64", ".dll")}
+DRY_RANGE = (1e-9, 1e9)  # [m/s], speeds of dry friction
+
+
+class Variable(NamedTuple):
+    """Variable of the unit, in the order of the value references of the sources."""
+
+    name: str
+    unit: str
+    causality: str
+    description: str
+
+
+VARIABLES = (
+    Variable("velocity", "m/s", "input", "prescribed velocity"),
+    Variable("acceleration", "m/s2", "input", "prescribed acceleration"),
+    Variable("applied_force", "N", "input", "force of a drive on the free cart"),
+    Variable("start_position", "m", "parameter", "initial position of the free cart"),
+    Variable("start_velocity", "m/s", "parameter", "initial velocity of the free cart"),
+    Variable("resistance", "N", "output", "resistance of the mix at the prescribed motion"),
+    Variable("guide_friction", "N", "output", "friction of the guide wheels at the prescribed motion"),
+    Variable("drive_force", "N", "output", "force of a drive that prescribes the motion"),
+    Variable("cart_position", "m", "output", "position of the free cart"),
+    Variable("cart_velocity", "m/s", "output", "velocity of the free cart"),
+    Variable("cart_acceleration", "m/s2", "output", "acceleration of the free cart"),
+)
+UNITS = {"m": {"m": 1}, "m/s": {"m": 1, "s": -1}, "m/s2": {"m": 1, "s": -2}, "N": {"kg": 1, "m": 1, "s": -2}}
+
+
+def write_fmu(model: CartModel, path: Path | str, title: str = "") -> Path:
+    """Write the unit of a cart.
+
+    Parameters
+    ----------
+    title : str
+        Description of the unit.
+
+    Returns
+    -------
+    Path
+        The path.
+
+    Raises
+    ------
+    RuntimeError
+        If the compiler fails.
+    """
+    source = (files("compact") / "data" / SOURCE).read_text("utf-8")
+    numbers = "\n".join(_definitions(model))
+    guid = sha256((source + numbers).encode()).hexdigest()[:32]
+    header = f'#define GUID "{guid}"\n{numbers}\n'
+    with BytesIO() as buffer:
+        with ZipFile(buffer, "w", ZIP_DEFLATED) as archive:
+            archive.writestr("modelDescription.xml", _description(guid, title))
+            archive.writestr(f"sources/{SOURCE}", source)
+            archive.writestr(f"sources/{DATA}", header)
+            if binary := _compiled(source, header):
+                folder, suffix = LIBRARIES[sys.platform]
+                archive.writestr(f"binaries/{folder}/{MODEL}{suffix}", binary)
+        return write_bytes(Path(path), buffer.getvalue())
+
+
+def has_binary(path: Path | str) -> bool:
+    """Return True if a unit contains a binary."""
+    with ZipFile(path) as archive:
+        return any(name.startswith("binaries/") for name in archive.namelist())
+
+
+def _definitions(model: CartModel) -> Iterator[str]:
+    """Yield the numbers of the sources as lines of C."""
+    cart, resistance = model.cart, model.resistance
+    if isinstance(resistance, ResistanceMap):
+        splines, columns = resistance.splines, resistance.splines.c
+        breaks, force = splines.x, columns[:, :, 0].T
+        mass = columns[:, :, 1].T if resistance.added_masses is not None else np.zeros_like(force)
+        limit = resistance.rate_limit if resistance.relaxation_time else 0.0
+        scalars = {"EXPONENT": resistance.exponent, "RETURN_RATIO": resistance.return_ratio, "RATE_LIMIT": limit}
+        fastest = float(resistance.speeds[-1])
+    else:
+        breaks, force, mass = np.log(DRY_RANGE), np.array([[0, 0, 0, resistance.force]]), np.zeros((1, 4))
+        scalars = {"EXPONENT": 0.0, "RETURN_RATIO": 1.0, "RATE_LIMIT": 0.0}
+        fastest = DRY_RANGE[1]
+    front, rear = cart.guide_positions
+    scalars |= {
+        "FASTEST": fastest, "CART_MASS": cart.mass, "WEIGHT": cart.weight, "FRONT": front, "REAR": rear,
+        "LIFT": float(np.sum(cart.roller_reactions)),
+        "LIFT_MOMENT": float(np.dot(cart.roller_reactions, cart.roller_positions)),
+        "RETURN_LOAD_RATIO": cart.return_load_ratio, "ARM": cart.pin_height + cart.roller_radius,
+        "GUIDE_FRICTION_COEFFICIENT": cart.guide_friction, "WHEEL_RADIUS": cart.guide_wheel_diameter / 2,
+    }  # fmt: skip
+    yield from (f"#define {name} ({value!r})" for name, value in scalars.items())
+    yield f"#define PIECES {len(force)}"
+    yield f"static const double BREAKS[PIECES + 1] = {_braces(breaks)};"
+    yield f"static const double FORCE[PIECES][4] = {_braces(force)};"
+    yield f"static const double MASS[PIECES][4] = {_braces(mass)};"
+
+
+def _braces(values: ArrayLike) -> str:
+    """Return an array as an initialiser of C, exact to the last bit."""
+    array = np.asarray(values, float)
+    entries = map(_braces, array) if array.ndim > 1 else map(repr, array.tolist())
+    return "{" + ", ".join(entries) + "}"
+
+
+def _description(guid: str, title: str) -> bytes:
+    """Return modelDescription.xml."""
+    root = ElementTree.Element(
+        "fmiModelDescription", fmiVersion="2.0", modelName=MODEL, guid=guid, description=title or "cart of compact",
+        generationTool=f"compact {version('compact')}", variableNamingConvention="flat",
+    )  # fmt: skip
+    unit = ElementTree.SubElement(
+        root, "CoSimulation", modelIdentifier=MODEL, canHandleVariableCommunicationStepSize="true",
+        canGetAndSetFMUstate="true",
+    )  # fmt: skip
+    ElementTree.SubElement(ElementTree.SubElement(unit, "SourceFiles"), "File", name=SOURCE)
+    definitions = ElementTree.SubElement(root, "UnitDefinitions")
+    for name, powers in UNITS.items():
+        entry = ElementTree.SubElement(definitions, "Unit", name=name)
+        ElementTree.SubElement(entry, "BaseUnit", {base: str(power) for base, power in powers.items()})
+    variables = ElementTree.SubElement(root, "ModelVariables")
+    structure = ElementTree.SubElement(root, "ModelStructure")
+    outputs, unknowns = (ElementTree.SubElement(structure, tag) for tag in ("Outputs", "InitialUnknowns"))
+    for number, each in enumerate(VARIABLES):
+        kind = {"parameter": "fixed"}.get(each.causality, "continuous")
+        entry = ElementTree.SubElement(
+            variables, "ScalarVariable", name=each.name, valueReference=str(number), causality=each.causality,
+            variability=kind, description=each.description,
+        )  # fmt: skip
+        real = ElementTree.SubElement(entry, "Real", unit=each.unit)
+        if each.causality == "output":
+            for parent in (outputs, unknowns):
+                ElementTree.SubElement(parent, "Unknown", index=str(number + 1))
+        else:
+            real.set("start", "0")
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+
+
+def _compiled(source: str, header: str) -> bytes | None:
+    """Return the shared library for this platform; None without a compiler, or on another kind of processor."""
+    named = os.environ.get("CC") or next(filter(shutil.which, COMPILERS), None)
+    if named is None or sys.platform not in LIBRARIES or platform.architecture()[0] != "64bit":
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        (place / SOURCE).write_text(source, encoding="utf-8")
+        (place / DATA).write_text(header, encoding="utf-8")
+        library = place / f"{MODEL}{LIBRARIES[sys.platform][1]}"
+        line = [*named.split(), "-std=c99", "-O2", "-fPIC", "-shared", "-o", str(library), str(place / SOURCE), "-lm"]
+        done = subprocess.run(line, capture_output=True, text=True, check=False, timeout=COMPILE_SECONDS)
+        if done.returncode:
+            raise RuntimeError(f"the compiler {named} failed: {done.stderr.strip()}; set CC to another, or to nothing")
+        return library.read_bytes()

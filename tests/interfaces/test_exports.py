@@ -1,0 +1,244 @@
+"""Exports: tables and a functional mock-up unit against the drive of the same scene, fields in every format."""
+
+import json
+import shutil
+from dataclasses import replace
+from zipfile import ZipFile
+
+import meshio
+import numpy as np
+import pytest
+from fmpy import extract, instantiate_fmu, read_model_description
+from fmpy.validation import validate_fmu
+
+from compact.analysis.study import Study
+from compact.cli import program as cli
+from compact.interfaces.field_formats import FIELD_FORMATS, FULL_TENSOR, write_fields
+from compact.interfaces.force_tables import (
+    FORCES,
+    CartModel,
+    force_table,
+    read_force_csv,
+    read_modelica,
+    read_simulink,
+    write_force_csv,
+    write_modelica,
+    write_simulink,
+)
+from compact.interfaces.functional_mockup import VARIABLES, has_binary, write_fmu
+from compact.motion import law
+from compact.resistance import ResistanceMap
+from compact.scene.loader import load_scene
+
+SMALL = "studies/scenes/small.toml"
+REFERENCE = {each.name: number for number, each in enumerate(VARIABLES)}
+SPEEDS = np.geomspace(0.01, 0.5, 6)
+WITH_MEMORY = ResistanceMap(SPEEDS, 900 * SPEEDS**0.3, 0.0, None, -40 / (1 + SPEEDS), 0.1, return_ratio=0.6)
+
+
+@pytest.fixture(scope="module")
+def study(request):
+    path = request.config.rootpath / SMALL
+    return Study(load_scene(path, **{"accuracy.engine": "column", "motion.laws": ["reversal-4"]}))
+
+
+@pytest.fixture(scope="module")
+def model(study):
+    return CartModel.of(study)
+
+
+@pytest.fixture(scope="module")
+def model_with_memory(model):
+    """The same cart on a layer with memory, whose return stroke is over compacted mix."""
+    cart = replace(model.cart, return_load_ratio=0.5)
+    return replace(model, cart=cart, resistance=WITH_MEMORY, largest_speed=0.5)
+
+
+@pytest.fixture
+def unit(tmp_path):
+    """Units of models, as another program imports them."""
+    if not any(map(shutil.which, ("cc", "gcc", "clang"))):
+        pytest.skip("no compiler")
+    opened = []
+
+    def imported(model, **starts):
+        path = write_fmu(model, tmp_path / "cart.fmu")
+        assert has_binary(path)
+        assert validate_fmu(str(path)) == []
+        opened.append(instantiate_fmu(extract(path, tmp_path / "fmu"), read_model_description(path)))
+        set_values(opened[-1], **starts)
+        opened[-1].setupExperiment()
+        opened[-1].enterInitializationMode()
+        opened[-1].exitInitializationMode()
+        return opened[-1]
+
+    yield imported
+    for each in opened:
+        each.terminate()
+        each.freeInstance()
+
+
+def set_values(unit, **values):
+    unit.setReal([REFERENCE[name] for name in values], list(map(float, values.values())))
+
+
+def value(unit, name):
+    return unit.getReal([REFERENCE[name]])[0]
+
+
+# functional mock-up unit
+
+
+def test_unit_has_the_forces_of_the_rigid_drive(study, model, unit):
+    cart, state = unit(model), study.runs["reversal-4"].state
+    moving = np.flatnonzero(np.abs(state.velocity) > 1e-6)[::5]
+    assert moving.size > 50
+    for k in moving:
+        set_values(cart, velocity=state.velocity[k], acceleration=state.acceleration[k])
+        assert value(cart, "resistance") == pytest.approx(state.resistance[k], rel=1e-13)
+        assert value(cart, "guide_friction") == pytest.approx(state.forces.guide_friction[k], rel=1e-13)
+        assert value(cart, "drive_force") == pytest.approx(state.forces.drive_force[k], rel=1e-13)
+
+
+def test_unit_has_memory_and_return_stroke(model_with_memory, unit):
+    cart = unit(model_with_memory)
+    for velocity in (-0.5, -0.1, -0.003, 0.003, 0.02, 0.49):  # below and above the slowest sample
+        for acceleration in (-2.0, -0.01, 0.0, 0.02, 3.0):  # within and beyond the limit of the added-mass term
+            set_values(cart, velocity=velocity, acceleration=acceleration)
+            forces = model_with_memory.forces(velocity, acceleration)
+            for name in ("resistance", "guide_friction"):
+                assert value(cart, name) == pytest.approx(float(forces[name]), rel=1e-12)
+
+
+@pytest.mark.parametrize("memory", [False, True])
+def test_force_of_a_law_moves_the_cart_of_the_unit_by_that_law(model, model_with_memory, unit, memory):
+    used, motion, steps = model_with_memory if memory else model, law("reversal-4", 0.4, 3.0), 1000
+    cart, step = unit(used), 3.0 / steps
+    position = []
+    for number in range(steps):
+        middle = (number + 0.5) / steps
+        velocity, acceleration = (float(motion.at_phase(np.array([middle]), order)[0]) for order in (1, 2))
+        force = used.cart.mass * acceleration + float(used.forces(velocity, acceleration)["opposing_force"])
+        set_values(cart, applied_force=force)
+        cart.doStep(number * step, step)
+        position.append(value(cart, "cart_position"))
+    exact = motion.at_phase(np.arange(1, steps + 1) / steps, 0)
+    assert np.max(np.abs(np.array(position) - exact)) < 2e-4 * 0.4
+
+
+def test_cart_of_the_unit_sticks_below_the_resistance_and_stops(model, unit):
+    cart = unit(model, start_velocity=0.1, start_position=0.2)
+    holding = float(model.forces(1e-9, 0.0)["opposing_force"])  # below it creeps, as F falls with the speed
+    cart.doStep(0.0, 2.0)  # coasts to rest, and remains there
+    stopped = value(cart, "cart_position")
+    assert value(cart, "cart_velocity") == 0
+    speeds = np.linspace(1e-6, 0.1, 2001)
+    braking = [float(model.forces(speed, 0.0)["opposing_force"]) for speed in speeds]
+    distance = model.cart.mass * np.trapezoid(speeds / braking, speeds)  # m v dv = -F dx
+    assert stopped - 0.2 == pytest.approx(distance, rel=1e-4)
+    for force, moves in ((holding, False), (-holding, False), (1.5 * holding, True)):
+        set_values(cart, applied_force=force)
+        cart.doStep(2.0, 0.1)
+        assert (value(cart, "cart_velocity") > 1e-3) == moves
+
+
+def test_unit_refuses_a_speed_beyond_the_samples(model, unit):
+    cart = unit(model)
+    set_values(cart, velocity=2 * model.largest_speed)
+    with pytest.raises(Exception, match="fmi2GetReal failed with status 3"):
+        value(cart, "drive_force")
+
+
+def test_unit_without_a_compiler_has_sources(model, tmp_path, monkeypatch):
+    monkeypatch.setattr("compact.interfaces.functional_mockup.shutil.which", lambda _: None)
+    monkeypatch.delenv("CC", raising=False)
+    path = write_fmu(model, tmp_path / "cart.fmu")
+    assert not has_binary(path)
+    with ZipFile(path) as archive:
+        assert {"sources/cart_fmu.c", "sources/cart_data.h"} <= set(archive.namelist())
+    assert validate_fmu(str(path)) == []
+
+
+# tables
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
+@pytest.mark.parametrize("memory", [False, True])
+def test_table_meets_its_tolerance_against_the_drive(study, model, model_with_memory, memory, tolerance):
+    used = model_with_memory if memory else model
+    table, state = force_table(used, tolerance), study.runs["reversal-4"].state
+    assert table.interpolation_error <= tolerance
+    moving = np.abs(state.velocity) > np.min(np.abs(table.velocity[table.velocity != 0]))
+    velocity, acceleration = state.velocity[moving], state.acceleration[moving]
+    exact = used.forces(velocity, acceleration)["opposing_force"]
+    assert np.max(np.abs(table(velocity, acceleration) - exact)) <= tolerance * np.max(np.abs(exact))
+
+
+FORMATS = {
+    "csv": (write_force_csv, lambda path: read_force_csv(path, 1000.0)),
+    "modelica": (write_modelica, lambda path: read_modelica(path, 1000.0)),
+    "simulink": (write_simulink, read_simulink),
+}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_table_is_the_same_when_read_back(model, name, tmp_path):
+    write, read = FORMATS[name]
+    table = force_table(model, 1e-2)
+    back = read(write(table, tmp_path / name))
+    for field in ("velocity", "acceleration", *FORCES, "mass"):
+        np.testing.assert_allclose(getattr(back, field), getattr(table, field), rtol=1e-11, atol=1e-12)
+
+
+def test_modelica_table_has_the_layout_of_the_standard_library(model, tmp_path):
+    table = force_table(model, 1e-2)
+    first, _, header, corner = write_modelica(table, tmp_path / "force.txt").read_text().splitlines()[:4]
+    assert first == "#1"
+    assert header == f"double resistance({table.velocity.size + 1},{table.acceleration.size + 1})"
+    assert corner.split()[0] == "0"
+
+
+# fields
+
+
+@pytest.mark.parametrize("name", FIELD_FORMATS)
+def test_fields_are_the_same_when_read_back(name, tmp_path):
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+    stress = np.arange(1.0, 7.0)[None, :]
+    cells = {"stress": [stress], "pressure": [np.array([-2.0])]}
+    mesh = meshio.Mesh(corners, [("quad", np.array([[0, 1, 2, 3]]))], {"displacement": 0.1 * corners}, cells)
+    path = write_fields(mesh, tmp_path / f"fields{FIELD_FORMATS[name][0]}", name)
+    back = meshio.read(path)
+    np.testing.assert_allclose(back.points, corners)
+    np.testing.assert_allclose(back.point_data["displacement"], 0.1 * corners)
+    found = np.ravel(back.cell_data["stress"][0])
+    np.testing.assert_allclose(found, stress[0, list(FULL_TENSOR)] if name == "gmsh" else stress[0])
+    if name == "gmsh":
+        np.testing.assert_allclose(found.reshape(3, 3), [[1, 4, 6], [4, 2, 5], [6, 5, 3]])
+
+
+# command
+
+
+def test_command_writes_all_tables(request, tmp_path, capsys):
+    scene = str(request.config.rootpath / SMALL)
+    formats = ["--format", "csv", "modelica", "simulink", "fmu"]
+    assert cli._exit_code(["export", scene, *formats, "--out", str(tmp_path), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {path.rpartition("/")[2] for path in found["files"]} == {"force.csv", "force.txt", "force.mat", "cart.fmu"}
+    assert found["mass"] == 1000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--format", "vtu"), 'needs fields, which the engine "formula" does not have; use --engine fem or compaction'),
+        (("--format", "fmu", "--set", "drive.end_springs={stiffness=1e3, preload=0, length=0.1}"), "drive.end_springs"),
+        (("--format", "csv", "--tolerance=-1"), "`tolerance` must be"),
+        (("--format", "stl"), "stl"),
+    ],
+)
+def test_command_refuses_in_a_sentence(request, tmp_path, capsys, arguments, words):
+    scene = str(request.config.rootpath / SMALL)
+    assert cli._exit_code(["export", scene, *arguments, "--out", str(tmp_path / "out")]) == 2
+    assert words in " ".join(capsys.readouterr().err.replace("│", " ").split())

@@ -1,0 +1,49 @@
+"""Packaging: one version, dependencies of pip and conda, versions of Python, a container that runs a scene."""
+
+import re
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+
+import yaml
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+CONDA_NAMES = {"matplotlib": "matplotlib-base"}  # of conda-forge, where they differ
+SUPPORTED = ("3.11", "3.12", "3.13", "3.14")
+
+
+def conda_dependency(requirement):
+    """Dependency of pip as conda writes it."""
+    name, bounds = re.fullmatch(r"([\w-]+)(\S*)", requirement).groups()
+    return f"{CONDA_NAMES.get(name, name)} {bounds}"
+
+
+def test_version_has_one_value():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text("utf-8"))
+    recipe = yaml.safe_load((ROOT / "conda" / "recipe.yaml").read_text("utf-8"))
+    assert {citation["version"], recipe["context"]["version"], version("compact")} == {PROJECT["version"]}
+
+
+def test_conda_recipe_has_the_dependencies_of_the_wheel():
+    recipe = yaml.safe_load((ROOT / "conda" / "recipe.yaml").read_text("utf-8"))
+    required = [f"python {PROJECT['requires-python']}", *map(conda_dependency, PROJECT["dependencies"])]
+    assert recipe["requirements"]["run"] == required
+
+
+def test_versions_of_python_are_those_of_the_workflow():
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "ci.yml").read_text("utf-8"))
+    assert tuple(workflow["jobs"]["tests"]["strategy"]["matrix"]["python"]) == SUPPORTED
+    named = [each.rpartition(" ")[2] for each in PROJECT["classifiers"] if re.search(r":: 3\.\d+$", each)]
+    assert tuple(named) == SUPPORTED
+
+
+def test_container_copies_what_exists():
+    lines = (ROOT / "Dockerfile").read_text("utf-8").splitlines()
+    copied = [name for line in lines if re.match(r"COPY (?!--)", line) for name in line.split()[1:-1]]
+    assert copied
+    assert all((ROOT / name).exists() for name in copied)
+    scene = re.search(r'CMD \["run", "/scenes/(.*)"\]', "\n".join(lines)).group(1)
+    assert (ROOT / "studies" / "scenes" / scene).exists()
+    kept = [line[1:] for line in (ROOT / ".dockerignore").read_text("utf-8").splitlines() if line.startswith("!")]
+    assert set(copied) <= set(kept)

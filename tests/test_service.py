@@ -1,0 +1,232 @@
+"""Service of the command: exit codes as documented, JSON, log, profile, interrupts, schemas that editors read."""
+
+import json
+import logging
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import fastjsonschema
+import pytest
+from interrupts import interrupted
+
+from compact.cli import options
+from compact.cli import program as cli
+from compact.report.progress import STAGES, Progress
+from compact.report.stage_log import StageProfile
+from compact.scene.json_schemas import scene_schema, summary_schema
+from compact.scene.loader import Scene, SceneError, parse_scene, starter_scene
+
+ROOT = Path(__file__).parents[1]
+SMALL = ROOT / "studies" / "scenes" / "small.toml"
+ERRORS_PAGE = (ROOT / "docs" / "reference" / "errors.md").read_text("utf-8")
+KNOWN_BY_CODE = {
+    options.SUCCESS: "success",
+    options.NO_RESULT: "no result",
+    options.INVALID_INPUT: "invalid input",
+    options.INTERRUPTED: "interrupted",
+}
+
+
+@pytest.fixture
+def call(monkeypatch, capsys):
+    """Call of the command in this process: exit code, standard output, standard error."""
+
+    def called(*arguments):
+        monkeypatch.setattr("sys.argv", ["compact", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        return ended.value.code, *capsys.readouterr()
+
+    return called
+
+
+# exit codes
+
+
+def test_documented_exit_codes_are_those_of_the_program():
+    table = dict(re.findall(r"^\| (\d+) \| ([a-z ]+) \|", ERRORS_PAGE, re.MULTILINE))
+    assert {int(code): meaning for code, meaning in table.items()} == KNOWN_BY_CODE
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (("--help",), options.SUCCESS),
+        (("--version",), options.SUCCESS),
+        (("rnu",), options.INVALID_INPUT),
+        (("run", "nowhere.toml"), options.INVALID_INPUT),
+        (("roll", SMALL, "--set", "mix.moisture=3"), options.INVALID_INPUT),
+        (("roll", SMALL, "--out", SMALL), options.NO_RESULT),
+    ],
+)
+def test_exit_code_of_a_call(call, arguments, code):
+    found, output, _ = call(*arguments)
+    assert found == code
+    assert (output == "") == (code != options.SUCCESS)
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "words"),
+    [
+        (KeyboardInterrupt(), options.INTERRUPTED, "every file already written is whole"),
+        (MemoryError(), options.NO_RESULT, "not enough memory"),
+        (RuntimeError("no steady state"), options.NO_RESULT, "no steady state"),
+        (ValueError("give the radius in m"), options.INVALID_INPUT, "give the radius in m"),
+        (ZeroDivisionError("division by zero"), options.NO_RESULT, "a number is divided by zero"),
+        (TypeError("boom"), options.NO_RESULT, "internal error, please report it"),
+    ],
+)
+def test_exit_code_of_an_error(capsys, monkeypatch, error, code, words):
+    def fail(*_, **__):
+        raise error
+
+    monkeypatch.setattr("compact.scene.loader.load_scene", fail)
+    assert cli._exit_code(["roll", str(SMALL)]) == code
+    output, message = capsys.readouterr()
+    assert output == ""
+    assert message.startswith("compact: ")
+    assert words in message
+
+
+ROLLS = """
+import sys, time
+from compact.analysis import contact_cases
+from compact.cli import main
+from compact.report import writer
+from compact.files import write_json
+
+def slow(study, directory, *_):
+    write_json(directory / "contacts.json", {{}})
+    print("begun", flush=True)
+    time.sleep(30)
+
+writer.write_study = slow
+sys.argv = ["compact", "run", {scene!r}, "--out", {out!r}]
+main()
+"""
+
+
+def test_interrupt_ends_within_a_second_and_states_what_was_kept(tmp_path):
+    code, seconds, message = interrupted(ROLLS.format(scene=str(SMALL), out=str(tmp_path / "out")))
+    assert code == options.INTERRUPTED
+    assert seconds < 1
+    assert f"1 complete files are in {tmp_path / 'out'}" in message
+    assert "Traceback" not in message
+
+
+# JSON
+
+
+def test_json_of_a_contact_is_all_that_is_printed(call, tmp_path):
+    code, output, _ = call("roll", SMALL, "--engine", "formula", "--out", tmp_path, "--json")
+    found = json.loads(output)
+    assert code == 0
+    assert found["results"] == str(tmp_path)
+    assert found["contact"] == json.loads((tmp_path / "contact.json").read_text())
+
+
+@pytest.mark.parametrize("items", ["[]", pytest.param("['report', 'cams']", marks=pytest.mark.slow)])
+def test_summary_satisfies_its_schema(call, tmp_path, items):
+    items = f"output.items={items}"
+    code, output, _ = call("run", SMALL, "--out", tmp_path, "--set", items, "--engine", "column", "--json")
+    summary = json.loads(output)["summary"]
+    assert code == 0
+    fastjsonschema.compile(summary_schema())(summary)
+    assert summary == json.loads((tmp_path / "summary.json").read_text())
+    described = summary_schema()["properties"].keys()
+    assert summary.keys() <= described, "describe new keys in compact/data/summary.schema.json"
+    for key in ("value", "law"):  # a schema that accepts anything would hold too
+        spoiled = json.loads(json.dumps(summary).replace(f'"{key}":', '"other":'))
+        with pytest.raises(fastjsonschema.JsonSchemaValueException):
+            fastjsonschema.compile(summary_schema())(spoiled)
+
+
+# schema of scenes
+
+
+def test_scenes_satisfy_the_schema():
+    validate = fastjsonschema.compile(scene_schema())
+    for path in (ROOT / "studies" / "scenes").glob("*.toml"):
+        scene = tomllib.loads(path.read_text("utf-8"))
+        if "machine" in scene:
+            validate(scene)
+    validate(tomllib.loads(starter_scene()))
+
+
+@pytest.mark.parametrize(
+    ("given", "wrong"),
+    [
+        ("mass = 1000.0", "mas = 1000.0"),
+        ("mass = 1000.0", "mass = -1.0"),
+        ("mass = 1000.0", 'mass = "heavy"'),
+        ('base = "bonded"', 'base = "glued"'),
+        ('laws = ["all"]', 'laws = ["cubc"]'),
+    ],
+)
+def test_schema_and_scene_refuse_the_same(given, wrong):
+    text = starter_scene().replace(given, wrong, 1)
+    with pytest.raises(fastjsonschema.JsonSchemaValueException):
+        fastjsonschema.compile(scene_schema())(tomllib.loads(text))
+    with pytest.raises(SceneError):
+        parse_scene(text)
+
+
+def test_schema_has_every_table_and_names_no_null():
+    schema = scene_schema()
+    assert schema["properties"].keys() == Scene.model_fields.keys()
+    assert '"null"' not in json.dumps(schema)
+    assert all(
+        key.get("description") or "$ref" in key for key in schema["definitions"]["Machine"]["properties"].values()
+    )
+
+
+def test_new_scene_names_the_schema_that_lies_next_to_it(call, tmp_path):
+    assert call("new", tmp_path)[0] == 0
+    first, _ = (tmp_path / "scene.toml").read_text().split("\n", 1)
+    assert first == "#:schema ./scene.schema.json"
+    assert json.loads((tmp_path / "scene.schema.json").read_text()) == json.loads(call("schema")[1])
+
+
+# log and profile
+
+
+def test_log_has_stages_and_files(call, tmp_path):
+    code, output, log = call("roll", SMALL, "--engine", "formula", "--out", tmp_path, "--verbose")
+    assert code == 0
+    assert "resistance/load" in output
+    assert re.search(r"^ +\d+\.\d\d s  stages: contact by formula$", log, re.MULTILINE)
+    assert re.search(r"s  files: .*contact\.json written$", log, re.MULTILINE)
+    assert not logging.getLogger("compact").handlers
+
+
+def test_profile_has_every_stage_and_adds_up(call, tmp_path):
+    _, _, table = call("roll", SMALL, "--engine", "formula", "--out", tmp_path, "--profile")
+    rows = re.findall(r"^(\w[\w ]*?) {2,}(\d*) +([\d.]+) +([\d.]+) +(\d+)%$", table, re.MULTILINE)
+    times = {name: float(wall) for name, _, wall, *_ in rows}
+    assert times.keys() == {"start", "contact by formula", "tables and figures", "total"}
+    assert times.pop("total") == pytest.approx(sum(times.values()), abs=0.03)
+
+
+def test_profile_counts_the_runs_of_a_stage():
+    profile, logger = StageProfile(), logging.getLogger(STAGES)
+    logger.addHandler(profile)
+    level, logger.level = logger.level, logging.INFO
+    try:
+        with Progress(quiet=True) as progress:
+            for stage in ("laws", "runs", "runs"):
+                progress.begin(stage)
+                progress.advance(0.5)
+    finally:
+        logger.removeHandler(profile)
+        logger.setLevel(level)
+    assert {name: each.runs for name, each in profile.stages.items()} == {"start": 1, "laws": 1, "runs": 2}
+
+
+def test_profile_is_printed_after_a_failure():
+    call = [sys.executable, "-m", "compact", "run", "nowhere.toml", "--profile"]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert done.returncode == options.INVALID_INPUT
+    assert re.search(r"^start +1 .*100%$", done.stderr, re.MULTILINE)
