@@ -28,7 +28,8 @@ def compiled(function: Callable[..., Any], nogil: bool = False) -> Callable[...,
     The compiled function is cached on disk until a source file that it depends on changes. With `nogil`, threads may
     call it at the same time.
     """
-    dispatcher = njit(error_model="numpy", cache=True, nogil=nogil, no_cfunc_wrapper=True)(function)
+    options: dict[str, Any] = {"no_cfunc_wrapper": True}  # an entry from C, which nothing calls
+    dispatcher: Any = njit(error_model="numpy", cache=True, nogil=nogil, **options)(function)
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)  # absent where numba does not cache
     if file:
         file._source_stamp = tuple(
@@ -44,7 +45,8 @@ def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
 
     Suits long functions with one caller.
     """
-    return njit(error_model="numpy", inline="always")(function)
+    made: Callable[..., Any] = njit(error_model="numpy", inline="always")(function)
+    return made
 
 
 class _Compilation(threading.local):
