@@ -1,9 +1,8 @@
 """Roller-compaction loads: a scene (machine, mix, motion) goes in, ranked motion laws come out.
 
     import compact
-    study = compact.Study(compact.load_scene("studies/scenes/loveikin-2015.toml"))
-    for place in study.rankings["peak_force"]:
-        print(place.rank, place.run.name, place.value)
+    scene = compact.load_scene("studies/scenes/loveikin-2015.toml")
+    print(scene.rank(by="peak_force").to_dataframe())
 
 Names are loaded from their modules when first used, so that a formula costs no finite elements. SI units, radians.
 
@@ -13,13 +12,82 @@ weights from 0 to 1; drive forces and powers between samples to 1e-8; moments of
 
 import warnings
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+# isort: off
+if TYPE_CHECKING:  # for type checkers and editors; a test compares the names with _HOMES
+    from compact.analysis.engines import Engine as Engine, EngineCost as EngineCost
+    from compact.api.own_material import laboratory_tests as laboratory_tests
+    from compact.api.contacts import Contacts as Contacts
+    from compact.api.fields import Fields as Fields, read_fields as read_fields
+    from compact.api.ranking import Ranking as Ranking
+    from compact.api.resistance import CartResistance as CartResistance
+    from compact.api.scene import Scene as Scene, load_scene as load_scene, parse_scene as parse_scene
+    from compact.api.study import Process as Process, Study as Study
+    from compact.cams.machining import Cut as Cut, cut as cut
+    from compact.cams.profile import (
+        Cam as Cam,
+        FlatFace as FlatFace,
+        Pointed as Pointed,
+        RollerFollower as RollerFollower,
+    )
+    from compact.drive import Crank as Crank, Rigid as Rigid, Run as Run, rank as rank, simulate as simulate
+    from compact.engines.halfplane import galin as galin, hertz as hertz, pressure_exponent as pressure_exponent
+    from compact.files import ResultsError as ResultsError
+    from compact.machine.cart import (
+        Balance as Balance,
+        Cart as Cart,
+        MotionResistance as MotionResistance,
+        balance as balance,
+    )
+    from compact.machine.elastic_drive import (
+        ElasticDrive as ElasticDrive,
+        ElasticRun as ElasticRun,
+        simulate_elastic as simulate_elastic,
+    )
+    from compact.machine.motor_characteristics import (
+        Belt as Belt,
+        Kloss as Kloss,
+        LinearTorqueCurve as LinearTorqueCurve,
+    )
+    from compact.machine.motor_drive import Motor as Motor, MotorRun as MotorRun, simulate_motor as simulate_motor
+    from compact.machine.roller_motors import (
+        CreepFreeRoller as CreepFreeRoller,
+        DrivenRoller as DrivenRoller,
+        RollerMotor as RollerMotor,
+    )
+    from compact.material.laws import Elastic as Elastic, Viscoelastic as Viscoelastic
+    from compact.material.mix import Mix as Mix, prior as prior
+    from compact.material.state_update import StateUpdate as StateUpdate
+    from compact.motion.laws import LAWS as LAWS
+    from compact.motion.limits import CamLimits as CamLimits, InfeasibleError as InfeasibleError, Limits as Limits
+    from compact.motion.minimum_criterion import ComplexLaw as ComplexLaw, minimiser as minimiser
+    from compact.motion.optimal_motion import optimise as optimise
+    from compact.motion.profile import Cycle as Cycle, MotionProfile as MotionProfile, law as law
+    from compact.motion.tabulated import from_function as from_function, from_table as from_table
+    from compact.resistance import (
+        DryResistance as DryResistance,
+        ResistanceMap as ResistanceMap,
+        dry_resistance as dry_resistance,
+        sample_resistance as sample_resistance,
+        tabulated_resistance as tabulated_resistance,
+    )
+    from compact.rolling_contact import ContactResult as ContactResult, Layer as Layer, Roller as Roller
+    from compact.scene.loader import SceneError as SceneError
+# isort: on
 
 _HOMES = {
-    "analysis.study": ("Study",),
+    "analysis.engines": ("Engine", "EngineCost"),
+    "api.own_material": ("laboratory_tests",),
+    "api.contacts": ("Contacts",),
+    "api.fields": ("Fields", "read_fields"),
+    "api.ranking": ("Ranking",),
+    "api.resistance": ("CartResistance",),
+    "api.scene": ("Scene", "load_scene", "parse_scene"),
+    "api.study": ("Process", "Study"),
     "cams.machining": ("Cut", "cut"),
     "cams.profile": ("Cam", "FlatFace", "Pointed", "RollerFollower"),
-    "resistance": ("DryResistance", "ResistanceMap", "dry_resistance", "sample_resistance"),
+    "resistance": ("DryResistance", "ResistanceMap", "dry_resistance", "sample_resistance", "tabulated_resistance"),
     "drive": ("Crank", "Rigid", "Run", "rank", "simulate"),
     "engines.halfplane": ("galin", "hertz", "pressure_exponent"),
     "files": ("ResultsError",),
@@ -30,11 +98,12 @@ _HOMES = {
     "machine.roller_motors": ("CreepFreeRoller", "DrivenRoller", "RollerMotor"),
     "material.laws": ("Elastic", "Viscoelastic"),
     "material.mix": ("Mix", "prior"),
+    "material.state_update": ("StateUpdate",),
     "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "MotionProfile", "law", "optimise"),
     "motion.minimum_criterion": ("ComplexLaw", "minimiser"),
-    "motion.tabulated": ("from_table",),
+    "motion.tabulated": ("from_function", "from_table"),
     "rolling_contact": ("Layer", "Roller", "ContactResult"),
-    "scene.loader": ("Scene", "SceneError", "load_scene", "parse_scene"),
+    "scene.loader": ("SceneError",),
 }
 # Modules under the names that `from compact import ...` has for them
 _ALIASES = {"column": "engines.column.engine", "spectral": "engines.spectral.engine", "mix": "material.mix"}

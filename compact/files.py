@@ -203,6 +203,41 @@ def write_vtu_series(
     yield collection
 
 
+def read_vtu_series(collection: str | Path) -> tuple[str, tuple[tuple[float, "meshio.Mesh"], ...]]:
+    """Read a series of fields from a PVD collection.
+
+    Parameters
+    ----------
+    collection : path
+        PVD file, as `write_vtu_series` writes it.
+
+    Returns
+    -------
+    parameter : str
+        Name of the series parameter, from the names of the files; "time" where these have none.
+    frames : tuple of (float, meshio.Mesh)
+        Value of the parameter and mesh of each file, in the order of the collection.
+
+    Raises
+    ------
+    ValueError
+        If the file is no collection of ParaView, or names a file that is missing or no mesh.
+    """
+    import meshio
+
+    path, frames, parameter = Path(collection), [], "time"
+    try:
+        for element in ElementTree.parse(path).getroot().iter("DataSet"):
+            file = element.attrib["file"]
+            frames.append((float(element.attrib["timestep"]), meshio.read(path.parent / file)))
+            parameter = Path(file).name.partition("=")[0] if "=" in file else parameter
+    except (OSError, LookupError, ValueError, ElementTree.ParseError, SystemExit, meshio.ReadError) as error:
+        raise ValueError(f"{path}: not a readable PVD collection ({error})") from None
+    if not frames:
+        raise ValueError(f"{path}: not a PVD collection, as it names no file")
+    return parameter, tuple(frames)
+
+
 def write_pvd_collection(path: str | Path, members: Iterable[tuple[float, Path]]) -> None:
     """Write a PVD collection of ParaView.
 

@@ -51,6 +51,7 @@ from compact.numerics import Array, BoolArray
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
 
 UNSTEADINESS_LIMIT = 0.1  # [-], |a| tau/|v| at which the expansion errs by at most 0.4 % on a Winkler foundation
+MIN_ROWS = 2  # [-], of a table; its error is unknown with as many
 MIN_SAMPLES = 5  # [-], initial samples of a map
 MAX_SAMPLES = 64  # [-], samples of a map
 BLOCK_SIZE = 8192  # [-], speeds evaluated together; they fit in the processor cache
@@ -347,6 +348,54 @@ def load_resistance_map(path: str | Path, key: str = "") -> ResistanceMap:
     contacts = tuple(ForceSample(at, force, _known_error(error), noise) for at, force, error, noise in rows)
     masses = columns.get("added_mass")
     return ResistanceMap(speeds, forces, error, _known_error(engine_error), masses, time, ratio, contacts)
+
+
+def tabulated_resistance(
+    speeds: ArrayLike, forces: ArrayLike, added_masses: ArrayLike | None = None, relaxation_time: float = 0.0
+) -> ResistanceMap:
+    """Return the resistance of a table of measured or computed forces over the speed.
+
+    Parameters
+    ----------
+    speeds : array_like, shape (n,)
+        Speeds [m/s], > 0, ascending, n >= 2.
+    forces : array_like, shape (n,)
+        Resistance of one cart at these speeds [N], against the motion.
+    added_masses : array_like, shape (n,), optional
+        Added masses [kg]; none by default.
+    relaxation_time : float
+        Longest relaxation time of the mix [s], which limits the effect of the acceleration; 0 without memory.
+
+    Returns
+    -------
+    ResistanceMap
+        Its error is the largest difference between a row and its prediction by the other rows, over the largest force.
+
+    Raises
+    ------
+    ValueError
+        If the columns differ in length, are not finite, or the speeds do not ascend from a positive value.
+
+    Examples
+    --------
+    >>> resistance = tabulated_resistance((0.05, 0.1, 0.2, 0.4), (2.9e3, 3.1e3, 3.3e3, 3.5e3))
+    >>> [round(float(resistance(v))) for v in (-0.2, 0.2, 0.3)]
+    [-3300, 3300, 3417]
+    """
+    speeds, forces = np.asarray(speeds, float), np.asarray(forces, float)
+    masses = None if added_masses is None else np.asarray(added_masses, float)
+    lengths = {np.shape(column) for column in (speeds, forces, masses) if column is not None}
+    if lengths != {(speeds.size,)} or speeds.size < MIN_ROWS:
+        raise ValueError(
+            f"`speeds`, `forces` and `added_masses` must be columns of one length >= {MIN_ROWS}, got shapes "
+            f"{sorted(lengths)}"
+        )
+    require_finite(speeds=speeds, forces=forces, added_masses=0.0 if masses is None else masses)
+    require_nonnegative(relaxation_time=relaxation_time)
+    if not (speeds[0] > 0 and np.all(np.diff(speeds) > 0)):
+        raise ValueError(f"`speeds` must ascend from a value above 0, got {speeds.tolist()}")
+    error = float(_cross_validation_errors(speeds, forces).max()) if speeds.size > MIN_ROWS else np.nan
+    return ResistanceMap(speeds, forces, error, None, masses, relaxation_time)
 
 
 def _known_error(error: float) -> float | None:

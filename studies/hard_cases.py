@@ -238,10 +238,27 @@ def main(names=None, out=None):
             result, error = f"refused: {refusal}", math.nan
         rows.append((name, reference, str(result), float(np.abs(error)), process_time() - start))
     if out:
-        from compact.files import write_csv
+        from compact.files import write_csv, write_figure
 
         write_csv(Path(out) / "hard_cases.csv", HEADER, rows)
+        write_figure(Path(out) / "hard_cases.png", draw(rows))
     return rows
+
+
+def draw(rows):
+    """Draw the relative error of each case that has one, below the name of its reference."""
+    from matplotlib.figure import Figure
+
+    from compact.report.figures.style import PALETTE
+
+    errors = {f"{name}\n({reference})": error for name, reference, _, error, _ in rows if not math.isnan(error)}
+    figure = Figure(figsize=(9.0, 0.8 + 0.42 * len(errors)), layout="constrained")
+    panel = figure.subplots()
+    panel.barh(list(errors), [max(error, 1e-16) for error in errors.values()], color=PALETTE[0], height=0.5)
+    panel.set(xscale="log", xlim=(1e-16, 1), xlabel="relative error to the reference in brackets [-]")
+    panel.tick_params(axis="y", labelsize=8)
+    panel.invert_yaxis()
+    return figure
 
 
 def show(rows):

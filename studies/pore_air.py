@@ -24,6 +24,7 @@ from compact.analysis.pore_air import air_curve, air_under
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
 from compact.engines.pore_air.coupled_rolling import roll_coupled
+from compact.files import write_figure
 from compact.material.pore_air import PoreAir, water_volume
 from compact.scene.loader import load_scene
 
@@ -115,6 +116,29 @@ def show_one_way(name, case, occlusions=OCCLUSIONS):
         print(f"{'':>10}a tenth of the load at {'no speed' if speed is None else f'{speed:.3g} m/s'} with 1e-13 m2")
 
 
+def draw(cases, occlusion=0.90):
+    """Draw the change of the resistance over the speed for each permeability, one panel for each of the cases."""
+    from matplotlib.figure import Figure
+
+    from compact.report.figures.style import PALETTE
+
+    speeds = np.geomspace(SPEEDS[0], SPEEDS[-1], 13)
+    figure = Figure(figsize=(10.0, 4.0), layout="constrained")
+    panels = figure.subplots(1, len(cases), sharey=True)
+    for panel, (name, case) in zip(panels, cases.items(), strict=True):
+        for style, occluded in (("--", None), ("-", occlusion)):
+            for colour, permeability, changes in zip(
+                PALETTE, PERMEABILITIES, one_way(case, occluded, speeds=speeds), strict=False
+            ):
+                label = f"{permeability:.0e} m2" if occluded else None
+                panel.loglog(speeds, 100 * changes[:, 1], style, color=colour, label=label)
+        panel.axhline(10, color="0.6", linewidth=0.8)
+        panel.set(xlabel="speed v [m/s]", ylim=(0.1, 300), title=name)
+    panels[0].set(ylabel="change of the resistance by pore air [%]")
+    panels[-1].legend(frameon=False, fontsize=8, title=f"dashed: open pores; full: occlusion at {occlusion:g}")
+    return figure
+
+
 def show_coupled(name, case, ratios, occlusion=None, fed=FED):
     """Print the coupled contacts next to the changes at the deformation without air."""
     wave = case[3].bow_wave
@@ -134,6 +158,7 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--coupled", action="store_true", help="coupled contacts in place of the tables")
     parser.add_argument("--increments", type=int, help="elements per contact length")
+    parser.add_argument("--out", type=Path, help="folder of the figure; default: no figure")
     given = parser.parse_args(arguments)
     case = rolled(given.increments)
     if given.coupled:
@@ -142,8 +167,11 @@ def main(arguments=None):
         loose = rolled(given.increments, fed=LOOSE, depth=LOOSE_DEPTH)
         show_coupled(f"fed at {LOOSE:g}, constant permeability", loose, RATIOS, fed=LOOSE)
     else:
+        cases = {"finite elements": case, "columns": columns()}
         show_one_way("finite elements", case)
-        show_one_way("columns", columns(), (None, 0.90))
+        show_one_way("columns", cases["columns"], (None, 0.90))
+        if given.out:
+            write_figure(given.out / "pore_air.png", draw(cases))
 
 
 if __name__ == "__main__":

@@ -15,11 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
 from compact.engines.compaction.engine import RollingCase, RollingNumerics
 from compact.engines.compaction.incremental_rolling import DAMPING, FINAL_DAMPING_RATIO, IncrementalRolling
 from compact.engines.compaction.roller_frame import transfer_state
+from compact.files import write_figure
 from compact.material.earth_pressure import cap_slope, drucker_prager_cap
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
@@ -150,7 +152,30 @@ def main(increments: Sequence[int] = (6, 12), names: Sequence[str] = (), out: Pa
         writer = csv.writer(file)
         writer.writerow(Pass.__dataclass_fields__)
         writer.writerows(vars(each).values() for each in found)
+    write_figure(path.with_suffix(".png"), draw(found))
     return found
+
+
+def draw(passes: Sequence[Pass]) -> Figure:
+    """Draw coefficient and bow wave of each case, one mark for each mesh; hollow marks are not steady."""
+    from compact.report.figures.style import PALETTE
+
+    names = list(dict.fromkeys(each.case for each in passes))
+    figure = Figure(figsize=(9.0, 0.8 + 0.32 * len(names)), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    meshes = sorted({each.increments for each in passes})
+    for colour, mesh in zip(PALETTE, meshes, strict=False):
+        for each in passes:
+            if each.increments == mesh:
+                mark = {"color": colour, "marker": "o", "markerfacecolor": colour if each.steady else "none"}
+                left.plot(each.resistance / each.load, names.index(each.case), **mark)
+                right.plot(1e3 * each.bow_wave, names.index(each.case), **mark)
+        right.plot([], [], "o", color=colour, label=f"{mesh} elements per contact length")
+    left.set(xlabel="rolling-resistance coefficient [-]", yticks=range(len(names)), yticklabels=names)
+    left.invert_yaxis()
+    right.set(xlabel="bow wave [mm]; hollow: not steady")
+    right.legend(frameon=False, fontsize=8)
+    return figure
 
 
 def row(result: Pass) -> str:

@@ -1,12 +1,22 @@
 """Registry of the contact engines: the module of each and its declared capabilities.
 
-Every engine is a module with `roll(layer, roller, material, speed) -> ContactResult`, imported on first use. No other
-module of the package has a table of engines, except `scene.engine_capabilities` for the values of scene keys.
+Every engine is a module with `roll(layer, roller, material, speed) -> ContactResult`, imported on first use. The engine
+"process" has all strokes of a scene in place of one pass, and `analysis.process_contact` computes them. No other module
+of the package has a table of engines, except `scene.engine_capabilities` for the values of scene keys.
+
+Other packages add engines by entry points of the group "compact.engines", each of which names an `Engine`:
+
+    [project.entry-points."compact.engines"]
+    winkler = "my_package.registration:WINKLER"
+
+A scene then accepts `accuracy.engine = "winkler"`. The engine receives `Layer`, `Roller` and a material law of the mix:
+`Compaction` if it is `compacting`, else `Viscoelastic`, or `Elastic` if it is not `layered`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.metadata import entry_points
 from types import MappingProxyType
 from typing import Any
 
@@ -14,12 +24,13 @@ from compact.material.laws import Elastic, Viscoelastic
 from compact.numerics.validation import require_known
 from compact.resistance import ResistanceExpansion
 from compact.rolling_contact import ContactResult, Layer, Roller
-from compact.scene.engine_capabilities import TORQUE_ENGINES
+from compact.scene.engine_capabilities import ENTRY_POINTS, TORQUE_ENGINES, installed_engines
 
 _LINEAR = ("required_pressure", "effective_modulus", "poisson", "instant_over_relaxed", "relaxation_time")
 _PLASTIC = ("heckel_slope", "unloading_modulus", "poisson", "friction_angle", "cohesion", "rate_sensitivity")
 
 
+_OF_TABLES = tuple(name for name in _PLASTIC if name != "rate_sensitivity")
 _OF_ELLIPSE, _OF_LINE = ("cohesion",), ("cohesion_loose", "dilatancy_angle", "shear_viscosity")
 
 
@@ -71,6 +82,8 @@ class Engine:
         True for a layer of finite height, whose resistance depends on the speed; False for a half-plane.
     compacting : bool
         True for irreversible compaction, False for a linear layer.
+    forming : bool
+        True for all strokes of the forming process of a scene, in place of one pass over a layer.
     continuation : bool
         True if the contact at another speed is a valid initial guess.
     density_target : bool
@@ -102,6 +115,7 @@ class Engine:
     mix_parameters: tuple[str, ...]
     layered: bool = True
     compacting: bool = False
+    forming: bool = False
     continuation: bool = False
     density_target: bool = False
     rate_factor_only: bool = False
@@ -118,9 +132,12 @@ class Engine:
 
         Parameters
         ----------
-        law : {"ellipse", "drucker-prager-cap"}
-            Yield surface of the mix. The earth pressure coefficient follows from the friction angle.
+        law : {"ellipse", "drucker-prager-cap", "density-cap"}
+            Yield surface of the mix. The earth pressure coefficient follows from the friction angle. Tables over the
+            density have no spread; the rate sensitivity is a constant of the mix.
         """
+        if self.compacting and law == "density-cap":
+            return tuple(name for name in self.mix_parameters if name not in _OF_TABLES)
         if not self.compacting or law == "ellipse":
             return self.mix_parameters
         return (*(name for name in self.mix_parameters if name not in _OF_ELLIPSE), *_OF_LINE)
@@ -129,6 +146,11 @@ class Engine:
     def sizing(self) -> bool:
         """True if the engine has the whole resistance and may size a drive; a linear layer has a part of it alone."""
         return self.compacting or not self.layered
+
+    @property
+    def multipass(self) -> bool:
+        """True if it computes passes over mix that an earlier pass has compacted."""
+        return self.compacting and not self.forming and self.name in _BUILT_IN
 
     @property
     def torque(self) -> bool:
@@ -160,7 +182,7 @@ class Engine:
         return options if estimate or not self.optional_estimate else options | {"estimate": False}
 
 
-ENGINES: Mapping[str, Engine] = MappingProxyType({
+_BUILT_IN: Mapping[str, Engine] = MappingProxyType({
     each.name: each
     for each in (
         Engine(
@@ -196,8 +218,41 @@ ENGINES: Mapping[str, Engine] = MappingProxyType({
             points_per_task=8,
             fields_module="compact.engines.compaction.results", low_fidelity="column",
         ),
+        Engine(
+            "process", "compact.analysis.process_contact",
+            EngineCost(contact=0.4, first_contact=150.0, continued_contact=0.4),
+            (*_PLASTIC, "steel_friction"),
+            compacting=True, forming=True, rate_factor_only=True, cheap=False,
+        ),
     )
 })  # fmt: skip
+
+
+class _Registry(Mapping[str, Engine]):
+    """Engines of this package, then those of other packages; the latter are loaded when first used."""
+
+    def __getitem__(self, name: str) -> Engine:
+        return _BUILT_IN.get(name) or _load_engine(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*_BUILT_IN, *(name for name in installed_engines() if name not in _BUILT_IN)))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))
+
+
+def _load_engine(name: str) -> Engine:
+    for entry in entry_points(group=ENTRY_POINTS, name=name):
+        engine = entry.load()
+        if not isinstance(engine, Engine) or engine.name != name:
+            raise ValueError(
+                f"the entry point {name} of the group {ENTRY_POINTS} must be an Engine called {name!r}, got {engine!r}"
+            )
+        return engine
+    raise KeyError(name)
+
+
+ENGINES: Mapping[str, Engine] = _Registry()
 
 
 def expand_resistance(

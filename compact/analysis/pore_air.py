@@ -326,7 +326,8 @@ def air_answer(curve: AirCurve, mix: Mix, mean_speed: float) -> AirAnswer:
 
 def has_air(scene: Scene) -> bool:
     """Return True if load and resistance of a scene contain pore air."""
-    return ENGINES[scene.accuracy.engine].compacting and scene.mix.pore_air != "drained"
+    engine = ENGINES[scene.accuracy.engine]
+    return engine.compacting and not engine.forming and scene.mix.pore_air != "drained"
 
 
 def is_coupled(scene: Scene) -> bool:

@@ -7,21 +7,27 @@ enters them one-way, at the deformation of each lift without air; drained mix st
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
 from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.analysis.machine_models import cart
 from compact.analysis.pore_air import pore_air_of
-from compact.engines.process.closures import FormingProblem, solve_closure
+from compact.engines.process.closures import ClosedProcess, FormingProblem, mean_bite, require_bite, solve_closure
 from compact.engines.process.forming import Closure, ClosureKind, Feed, Fill, FormingMachine
-from compact.engines.process.lumped_lifts import MIDDLE_SHARE, lift_thickness, simulate_lifts
+from compact.engines.process.lumped_lifts import (
+    MIDDLE_SHARE,
+    LiftSequence,
+    LumpedLift,
+    lift_thickness,
+    simulate_lifts,
+)
 from compact.engines.process.operating_map import DensityCurve, OperatingMap, density_curve, operating_map
 from compact.engines.process.roller_row import RollerRow
-from compact.engines.process.section import BiteError
+from compact.engines.process.section import BiteError, SectionOptions
 from compact.engines.process.sleeve import FeedSleeve
 from compact.engines.process.two_dimensions import TwoDimensionalRow
 from compact.machine.cart import balance
@@ -44,6 +50,7 @@ CASES: dict[Detail, tuple[tuple[float, int], ...]] = {  # share and increments o
 }  # fmt: skip
 WORK_LIMIT = 2e-2  # [-], residual of the energy balance of a pass
 UNFED_SHARE = 1e-6  # [-], of the product; less missing or surplus mix is rounding
+COLUMNS_ERROR = 1e-6  # [-], of the forces; difference of 3, 20 and 80 merged layers
 PRINTED_TOLERANCE = 1e-9  # [-], of roller radius and product height of the published machine
 
 
@@ -63,6 +70,45 @@ class ResistancePart(NamedTuple):
     cause: str
     force: float | None
     work: float | None
+
+
+class KnownLifts(NamedTuple):
+    """Lumped lifts that are computed already, for processes that differ in their speeds alone.
+
+    Parameters
+    ----------
+    sequences : tuple of LiftSequence
+        Lifts in two dimensions.
+    rate_factor : float
+        Factor of their yield pressure [-]; forces of other strokes are in proportion to theirs.
+    cart_speed : float
+        Speed of the cart [m/s], to which the forces of their pore air are in proportion.
+    """
+
+    sequences: tuple[LiftSequence, ...]
+    rate_factor: float
+    cart_speed: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the content of a JSON file, without the fields under the roller."""
+        bare = (replace(each, lifts=tuple(replace(lift, mesh=None) for lift in each.lifts)) for each in self.sequences)
+        return {**self._asdict(), "sequences": [asdict(each) for each in bare]}
+
+    @classmethod
+    def from_json(cls, content: dict[str, Any]) -> Self:
+        """Return the lifts of a JSON file."""
+        sequences = (
+            LiftSequence(
+                each["thickness"], each["increments"], tuple(map(_lift_of_json, each["lifts"])), each["stopped"]
+            )
+            for each in content["sequences"]
+        )
+        return cls(tuple(sequences), content["rate_factor"], content["cart_speed"])
+
+
+def _lift_of_json(content: dict[str, Any]) -> LumpedLift:
+    rows = {name: tuple(content[name]) for name in ("row_heights", "row_density_ratios", "row_lateral_stresses")}
+    return LumpedLift(**content | rows)
 
 
 class PrintedForce(NamedTuple):
@@ -96,6 +142,8 @@ class ProcessStudy:
         Columns alone, or with lumped lifts in two dimensions.
     report : callable
         Called with a line of text after each lift.
+    known : KnownLifts, optional
+        Lifts of the same section and mix; without them they are computed.
 
     Raises
     ------
@@ -106,6 +154,7 @@ class ProcessStudy:
     scene: Scene
     detail: Detail = "columns"
     report: Callable[[str], None] = field(default=lambda _: None, compare=False)
+    known: KnownLifts | None = None
 
     def __post_init__(self) -> None:
         if self.scene.process is None:
@@ -160,11 +209,13 @@ class ProcessStudy:
         return RollerRow(self.problem, self.closure, closed, self.scene.mix.density_ratio)
 
     @cached_property
-    def two_dimensions(self) -> TwoDimensionalRow | None:
-        """Roller row in two dimensions; None by columns alone or without feed."""
+    def lifts(self) -> KnownLifts | None:
+        """Lumped lifts in two dimensions; None by columns alone or without feed."""
         make_up = self.row.history.make_up
         if not CASES[self.detail] or not make_up.any():
             return None
+        if self.known is not None:
+            return self.known
         sequences = tuple(
             simulate_lifts(
                 self.problem, self.mix.steel_friction, self.row.history.rate_factor, self.row.product_density_ratio,
@@ -173,7 +224,50 @@ class ProcessStudy:
             )
             for share, increments in CASES[self.detail]
         )  # fmt: skip
-        return TwoDimensionalRow(self.row, sequences)
+        return KnownLifts(sequences, self.row.history.rate_factor, self.problem.machine.cart_speed)
+
+    @cached_property
+    def two_dimensions(self) -> TwoDimensionalRow | None:
+        """Roller row in two dimensions; None by columns alone or without feed."""
+        return self._in_two_dimensions(self.row)
+
+    def _in_two_dimensions(self, row: RollerRow) -> TwoDimensionalRow | None:
+        if self.lifts is None:
+            return None
+        rate_scale = row.history.rate_factor / self.lifts.rate_factor
+        return TwoDimensionalRow(
+            row, self.lifts.sequences, rate_scale, row.problem.machine.cart_speed / self.lifts.cart_speed
+        )
+
+    def row_at(self, speed: float) -> RollerRow:
+        """Compute the strokes under one roller at another speed of the cart [m/s], in strokes of the same duration.
+
+        The gap of the feed, or its thickness or pressure, is that of the closure at the mean speed. A place along the
+        travel is passed at nearly the same speed in every stroke, so that all strokes on a section have one rate.
+        """
+        if speed == self.problem.machine.cart_speed:
+            return self.row
+        problem = replace(self.problem, machine=replace(self.problem.machine, cart_speed=speed))
+        factor, closed = self.rate_factor_at(speed), self.row.closed
+        if self.closure.kind == "extrusion_pressure":
+            history = problem.at_pressure(self.closure.value, closed.offered, factor)
+            offered = closed.offered
+        else:
+            history = problem.with_amount(closed.amount, SectionOptions(factor, problem.layers))
+            offered = history.make_up
+        require_bite(problem.machine, history)
+        return replace(self.row, problem=problem, closed=ClosedProcess(history, closed.amount, offered))
+
+    def rate_factor_at(self, speed: float) -> float:
+        """Return the factor of the yield pressure [-] of strokes at a speed of the cart [m/s]."""
+        problem = replace(self.problem, machine=replace(self.problem.machine, cart_speed=abs(speed)))
+        return problem.rate_factor(mean_bite(self.row.history))
+
+    def forces_at(self, speed: float) -> "StrokeForces":
+        """Compute load and resistance of one roller at a speed of the cart [m/s], by the best model."""
+        row = self.row_at(speed)
+        found = self._in_two_dimensions(row)
+        return StrokeForces(row, found, self.problem.feed.strokes == "forward")
 
     @property
     def pore_air(self) -> PoreAir | None:
@@ -374,3 +468,71 @@ class ProcessStudy:
             f"an excess pressure of {found.air_excess_behind / 1e3:.0f} kPa behind the roller exceeds the tensile "
             "strength of the mix: lifts may crack" if self.counts_air and found.air_excess_behind > tension else "",
         )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class StrokeForces:
+    """Load and resistance of one roller in a forward stroke and in a return stroke.
+
+    With feed before forward strokes alone, the sections under the roller have had their first stroke in forward
+    direction, or one stroke later. In a forward stroke each of them gets the force of its last fed stroke, in a return
+    stroke that of its last stroke without feed. With feed before every stroke both directions are equal.
+
+    Parameters
+    ----------
+    row : RollerRow
+        Strokes of the columns.
+    found : TwoDimensionalRow or None
+        Roller row in two dimensions; None by columns alone.
+    forward_feed : bool
+        True if mix is fed before forward strokes alone.
+    """
+
+    row: RollerRow
+    found: TwoDimensionalRow | None
+    forward_feed: bool
+
+    @property
+    def load(self) -> float:
+        """Load in a forward stroke [N]."""
+        return self._totals[0] * self._share("load", 0)
+
+    @property
+    def resistance(self) -> float:
+        """Resistance in a forward stroke [N]."""
+        return self._totals[1] * self._share("resistance", 0)
+
+    @property
+    def return_ratios(self) -> tuple[float, float]:
+        """Load and resistance of a return stroke over those of a forward stroke [-]."""
+        if not self.forward_feed:
+            return 1.0, 1.0
+        load, resistance = (self._share(name, 1) / self._share(name, 0) for name in ("load", "resistance"))
+        return load, resistance
+
+    @property
+    def errors(self) -> tuple[float, float]:
+        """Relative errors of load and resistance [-]: of lumping and mesh, or of the merged layers of columns."""
+        if self.found is None:
+            return COLUMNS_ERROR, COLUMNS_ERROR
+        return self.found.load.error, self.found.resistance.error
+
+    @property
+    def _totals(self) -> tuple[float, float]:
+        if self.found is None:
+            return self.row.load, self.row.resistance
+        return self.found.load.value, self.found.resistance.value
+
+    def _share(self, name: str, direction: int) -> float:
+        """Return the force in a direction, 0 forward and 1 return, over the mean of both in the product [-]."""
+        if not self.forward_feed:
+            return 1.0
+        if self.found is None:
+            strokes = getattr(self.row.history, name)
+        else:
+            strokes = self.found.at_strokes(name, self.found.lumpings)
+            strokes = strokes * self.row.history.make_up if name == "resistance" else strokes
+        numbers = np.arange(len(strokes))
+        last = numbers - (numbers + direction) % 2  # the last stroke of the direction, -1 before the first
+        forces = np.where(last >= 0, strokes[np.maximum(last, 0)], 0.0)
+        return float(forces @ self.row.lengths) / float(strokes @ self.row.lengths)

@@ -21,6 +21,7 @@ from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mi
 from compact.analysis.engineering_summary import Engineering, Number
 from compact.analysis.engines import Engine
 from compact.analysis.pore_air import AirAnswer, AirCurve, AirForces, air_answer
+from compact.analysis.process_contact import is_for_sizing
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
 from compact.analysis.sizing.work_balance import WorkBalance, work_balance
@@ -174,6 +175,7 @@ class Study:
                 self.resistance_map,
                 self.air_curve,
                 None if self._contacts_by_law and "model_spread" not in self.__dict__ else self.model_spread,
+                None if self.contact_stage.process is None else self.contact_stage.process.lifts,
                 tuple(names),
             )
             yield from write_results(directory, results, self.contact_stage.key)
@@ -206,7 +208,7 @@ class Study:
 
         None without the output "report", and where the engine of the scene is not valid for sizing.
         """
-        if "report" not in self.scene.output.items or not self.engine.sizing:
+        if "report" not in self.scene.output.items or not is_for_sizing(self.scene):
             return None
         motion, kind = self.scene.motion, self.scene.drive.kind
         found = {by: verdict(self.models, motion.duration, kind, by) for by in self._sizing_peaks}

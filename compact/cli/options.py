@@ -21,7 +21,7 @@ MESSAGE_LIMIT, MESSAGE_END = 1000, 400  # [characters], longest message; kept of
 
 ScenePath = Annotated[Path, Parameter(help="scene file in TOML")]
 Engine = Annotated[
-    Literal["formula", "column", "spectral", "fem", "compaction"] | None,
+    Literal["formula", "column", "spectral", "fem", "compaction", "process"] | None,
     Parameter(help="contact engine that replaces the engine of the scene"),
 ]
 Changes = Annotated[

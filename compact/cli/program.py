@@ -355,7 +355,9 @@ def process(
 
     progress, place = console.progress(), out or default_directory(scene, "process")
     given = read_scene(scene, console.quiet, changes)
-    study = ProcessStudy(given, "deep" if deep else "quick" if quick else "columns", progress.report)
+    stated = given.process and given.process.detail
+    detail = "deep" if deep else "quick" if quick else stated or "columns"
+    study = ProcessStudy(given, detail, progress.report)
     with claimed_directory(place, given.hash, force) as directory, progress:
         progress.begin("strokes of the process")
         write_process(study, directory)

@@ -13,6 +13,7 @@ _HOME_OF = {
     "Limits": "limits",
     "MotionProfile": "profile",
     "OptimalMotion": "optimal_motion",
+    "from_function": "tabulated",
     "from_table": "tabulated",
     "law": "profile",
     "minimiser": "minimum_criterion",

@@ -242,6 +242,7 @@ def _steady(order: int, start: Mapping[int, float], end: Mapping[int, float]) ->
 
 # Arguments of `_steady`: order, derivatives prescribed at rest, and at the constant velocity. The position there is
 # free: its natural condition is added unless n derivatives are prescribed.
+#: Published motion laws by name, with the source of each.
 LAWS: Mapping[str, LawDefinition] = MappingProxyType(
     {
         "constant-velocity": LawDefinition(lambda _: point_to_point(1), "D 2.1"),

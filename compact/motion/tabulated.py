@@ -13,6 +13,7 @@ References
 P. H. C. Eilers and B. D. Marx, Statist. Sci. 11 (1996) 89.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,12 +22,14 @@ from scipy.interpolate import BSpline, PPoly
 
 from compact.motion.profile import MotionProfile
 from compact.numerics import Array
-from compact.numerics.validation import require_finite
+from compact.numerics.validation import require_finite, require_positive
 
 DEGREE = 5  # [-], of the spline
 FIXED_COEFFICIENTS = 2  # [-], at each end, by position and rest
 INTERVAL_LIMIT = 60  # [-], knot intervals; more resolve nothing that a cart can follow
 ROW_MINIMUM = 12  # [-], rows of a table
+FUNCTION_ROWS = 1201  # [-], times at which a function is evaluated; 20 per interval
+FUNCTION_TOLERANCE = 1e-6  # [-], root-mean-square deviation of a function from its fit over the stroke
 PENALTY_WEIGHTS = np.logspace(-12, 6, 73)  # [-], candidates of w over the mean diagonal of B'B
 
 
@@ -95,6 +98,45 @@ def from_table(time: ArrayLike, position: ArrayLike, name: str = "table") -> Tab
     return TabulatedMotion(
         name, float(stroke), float(duration), curve, False, float(stroke * np.sqrt(variance)), covariance, knots
     )
+
+
+def from_function(position: Callable[[Array], ArrayLike], duration: float, name: str = "function") -> TabulatedMotion:
+    """Fit a motion law to the travel as a function of time.
+
+    Parameters
+    ----------
+    position : callable
+        Travel [m] at an array of times [s], from rest at 0 to rest at the duration.
+    duration : float
+        Time of the pass [s], > 0.
+    name : str
+        Name of the law.
+
+    Returns
+    -------
+    TabulatedMotion
+        Piecewise polynomial of degree 5 on 60 intervals.
+
+    Raises
+    ------
+    ValueError
+        If the function is not from rest to rest, or not resolved by the intervals.
+
+    Examples
+    --------
+    >>> m = from_function(lambda t: 0.4 * np.sin(np.pi * t / 6) ** 2, duration=3.0)
+    >>> f"{m.peaks().velocity:.6f} m/s, exact {0.2 * np.pi / 3:.6f} m/s"
+    '0.209440 m/s, exact 0.209440 m/s'
+    """
+    require_positive(duration=duration)
+    time = np.linspace(0, duration, FUNCTION_ROWS)
+    found = from_table(time, np.broadcast_to(np.asarray(position(time), float), time.shape), name)
+    if found.scatter > FUNCTION_TOLERANCE * found.stroke:
+        raise ValueError(
+            f"the law '{name}' deviates from its fit by {found.scatter / found.stroke:.1e} of the stroke, tolerance "
+            f"{FUNCTION_TOLERANCE:g}: `position` must be smooth, and begin and end at rest"
+        )
+    return found
 
 
 def _valid_table(time: ArrayLike, position: ArrayLike) -> tuple[Array, Array]:

@@ -71,7 +71,7 @@ def _write_passes(passes: Sequence[tuple[float, Sequence[ContactResult]]], direc
 
 
 def write_pressure_figure(study: Study, directory: Path) -> Path:
-    """Draw the pressure along the contact at the mean speed, or at the nearest speed that was computed.
+    """Draw the pressure along the contact at the mean speed, or at the nearest speed; the section of a process.
 
     Returns
     -------
@@ -81,7 +81,10 @@ def write_pressure_figure(study: Study, directory: Path) -> Path:
     if standing := study.standing(directory, "pressure.png"):
         return standing[0]
     from compact.report.figures import contact as contact_figures
+    from compact.report.figures import process
 
+    if study.contact_stage.process is not None:
+        return write_figure(directory / "section.png", process.draw_section(study.contact_stage.process))
     speed, contact = study.contact_stage.typical
     return write_figure(directory / "pressure.png", contact_figures.draw_pressure(contact, study.exact, speed))
 

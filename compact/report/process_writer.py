@@ -52,7 +52,7 @@ def write_process(study: ProcessStudy, directory: Path) -> list[Path]:
         Files written.
     """
     files = [
-        write_columns(directory / "strokes.csv", column_names(STROKE), list(_stroke_columns(study).values())),
+        write_columns(directory / "strokes.csv", column_names(STROKE), list(stroke_columns(study).values())),
         write_figure(directory / "section.png", draw_section(study)),
         write_figure(directory / "strokes.png", draw_strokes(study)),
     ]
@@ -77,7 +77,7 @@ def process_summary(study: ProcessStudy) -> dict[str, Any]:
     return {
         "model": _statement(study),
         "rollers": study.scene.machine.rollers,
-        "per_roller": {name: json_number(value, PROCESS[name].unit) for name, value in _numbers(study).items()},
+        "per_roller": {name: json_number(value, PROCESS[name].unit) for name, value in process_numbers(study).items()},
         "mix_per_stroke": {name: json_number(study.mass_per_stroke(height), "kg") for name, height in grains.items()},
         "grains_of_a_section": {name: json_number(height, "m") for name, height in grains.items()},
         "parts": [
@@ -100,7 +100,7 @@ def process_summary(study: ProcessStudy) -> dict[str, Any]:
 
 def process_digest(study: ProcessStudy) -> str:
     """Return the results as lines of text."""
-    numbers = _numbers(study)
+    numbers = process_numbers(study)
     lines = [_statement(study), *_two_dimensional_lines(study), "", "one roller, columns"]
     for name, value in numbers.items():
         if value is not None:
@@ -205,7 +205,7 @@ def _flow_lines(study: ProcessStudy) -> Iterator[str]:
             yield _line(words, text)
 
 
-def _numbers(study: ProcessStudy) -> Mapping[str, float | None]:
+def process_numbers(study: ProcessStudy) -> Mapping[str, float | None]:
     """Return the results of one roller by the names of PROCESS."""
     row, machine, history = study.row, study.problem.machine, study.row.history
     own = {
@@ -221,7 +221,7 @@ def _numbers(study: ProcessStudy) -> Mapping[str, float | None]:
     return {name: own[name] if name in own else getattr(row, name) for name in PROCESS}
 
 
-def _stroke_columns(study: ProcessStudy) -> dict[str, Any]:
+def stroke_columns(study: ProcessStudy) -> dict[str, Any]:
     """Return the columns of strokes.csv by the names of STROKE."""
     history, edges = study.row.history, study.problem.machine.edges
     own = {"position": (edges[:-1] + edges[1:]) / 2}

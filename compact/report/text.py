@@ -39,7 +39,8 @@ DIGEST_NUMBER = "roller_force"
 DIGEST_LINES = 38  # [-]; the digest and the line of the results fit 40 lines
 PART_OF = re.compile(r" of \w+\)$")  # end of the share of a resistance in another
 SHORT_CELLS = {  # words of the table of models in the terminal
-    f"no: {answer_text.NOT_FOR_SIZING}": "no (part)", "discretisation error": "error", "mean resistance": "resistance",
+    f"no: {answer_text.NOT_FOR_SIZING}": "no (part)", f"no: {answer_text.CONFINED_FLOOR}": "no (floor)",
+    "discretisation error": "error", "mean resistance": "resistance",
     "least peak drive force": "least peak force", "least peak drive power": "least peak power",
 }  # fmt: skip
 BEST_LAWS = 3  # [-], laws of each criterion in the digest; the tables have all
@@ -198,6 +199,9 @@ def return_sentence(study: Study) -> str:
         One sentence without a full stop.
     """
     if not study.cycle_energies or study.second_pass is None:
+        if study.engine.forming:
+            load, resistance = study.contact_stage.return_ratios
+            return f"return stroke: {load:.1%} of the load and {resistance:.1%} of the resistance of the forward stroke"
         reason = "a linear layer recovers" if study.layered else "the formulas have no other state"
         return f"return stroke: over fresh mix, with the resistance of the forward stroke ({reason})"
     load, resistance = study.second_pass
@@ -220,6 +224,8 @@ def air_sentence(study: Study) -> str:
     air, model = study.pore_air, study.scene.mix.pore_air
     if not study.engine.compacting:
         return ""
+    if study.engine.forming:
+        return _air_of_process(study)
     if air is None:
         return (
             "pore air: the fed mix is occluded, so that its permeability does not apply; load and resistance have none"
@@ -243,6 +249,19 @@ def air_sentence(study: Study) -> str:
     behind, strength = air.at_mean_speed.excess_behind / 1e3, air.tensile_strength / 1e3
     exceeded = f"behind the roller {behind:.3g} kPa exceed the tensile strength {strength:.3g} kPa"
     return f"{sentence}; {exceeded}, so that the surface may crack"
+
+
+def _air_of_process(study: Study) -> str:
+    """State the part of the pore air in the strokes of a process."""
+    process = study.contact_stage.process
+    found = None if process is None else process.two_dimensions
+    if process is None or found is None or process.pore_air is None:
+        return "pore air: not computed by columns, nor of mix that is occluded as fed"
+    part = "part of load and resistance" if process.counts_air else "drained, not part of load and resistance"
+    return (
+        f"pore air: {part}; at the mean speed it adds {found.air_load.value / found.load.value:.1%} to the load and "
+        f"{found.air_resistance.value / found.resistance.value:.1%} to the resistance of a roller, without sleeves"
+    )
 
 
 def spread_sentence(study: Study) -> str:

@@ -84,7 +84,7 @@ def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) 
     study.count("report")
     items = study.scene.output.items
     pressure = contact_tables.write_pressure_figure(study, directory)
-    found = {"pressure": pressure.read_bytes(), **pictures}
+    found = {pressure.stem: pressure.read_bytes(), **pictures}
     if "fields" in items:
         found["fields"] = (directory / "fields.png").read_bytes()
     yield pressure

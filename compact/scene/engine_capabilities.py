@@ -8,14 +8,22 @@ geometry), so the engine replaces the value in both cases.
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from typing import Any
 
+ENTRY_POINTS = "compact.engines"  # group of entry points by which other packages add engines
 OPTIONAL = (
     "machine.roller_condition",
     "machine.gap_geometry",
     "layer.plies",
     "layer.lower_lift",
+    "layer.lift_thickness",
+    "contact.indentation",
+    "contact.load",
+    "contact.peak_pressure",
+    "contact.held",
 )  # keys that a scene need not have
+FORMING_ENGINE = "process"  # engine of all strokes of [process], no alternative to those of a single pass
 TORQUE_ENGINES = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
 
 NAMES = {  # of values, in the sentences about replacements
@@ -33,7 +41,11 @@ KINDS = {  # words for values that have no name of their own
     "layer.lower_lift": "lower lift",
     "layer.return_stroke": "{} mix under the return stroke",
     "machine.roller_condition": "{} roller",
+    "layer.lift_thickness": "lift of {:g} m",
     "contact.indentation": "prescribed depth of {:g} m",
+    "contact.load": "prescribed load of {:g} N",
+    "contact.peak_pressure": "prescribed pressure of {:g} Pa",
+    "contact.held": "constant {}",
     "mix.pore_air": "{} pore air",
 }
 
@@ -88,6 +100,7 @@ _NO_AIR = Limit("mix.pore_air", ("drained",), "its layer has no voids that close
 _ONE_WAY = Limit(
     "mix.pore_air", ("one-way", "drained"), "columns under a held height do not yield to the air", fixed=True
 )
+_TARGETS = ("indentation", "load", "peak_pressure", "held")
 _ONE_MIX = Limit("layer.plies", (None,), "its layer is of one mix")
 
 LIMITS: dict[str, tuple[Limit, ...]] = {
@@ -120,7 +133,27 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
     ),
     "fem": (_RIGID_BASE, _NO_AIR, *_RECOVERS),
     "compaction": (_ONE_MIX,),
+    "process": (
+        Limit("machine.roller_condition", ("free",), "its rollers roll freely over the bed"),
+        Limit("machine.gap_geometry", ("deformed",), "its lifts press the deformed surface", fixed=True),
+        Limit("layer.base", ("bonded",), "the mix sticks to the base of the mould"),
+        Limit("layer.passes", (1,), "the strokes of [process] are its passes"),
+        Limit("layer.return_stroke", ("fresh",), "`process.feeds` states the strokes that are fed", fixed=True),
+        Limit("layer.lift_thickness", (None,), "the whole height of the product lies under the roller"),
+        *(Limit(f"contact.{name}", (None,), "the closure of [process] determines the contact") for name in _TARGETS),
+        _ONE_MIX,
+        Limit("layer.lower_lift", (None,), "the whole height of the product lies under the roller"),
+        Limit("mix.pore_air", ("one-way", "drained"), "its lifts do not yield to the air", fixed=True),
+    ),
 }  # fmt: skip
+
+
+BUILT_IN = tuple(LIMITS)  # engines of this package
+
+
+def installed_engines() -> tuple[str, ...]:
+    """Return the names of the engines of other packages: entry points of the group `ENTRY_POINTS`."""
+    return tuple(entry_points(group=ENTRY_POINTS).names)
 
 
 def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
@@ -134,7 +167,7 @@ def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
         One for each replaced key, such as "spectral: frictionless roller in place of the free roller, as ...".
     """
     friction, sentences = scene.mix.overrides.steel_friction, []
-    for limit in LIMITS[engine]:
+    for limit in LIMITS.get(engine, ()):
         value = limit.value_in(scene)
         if limit.takes(value, friction) or (scene.is_set(limit.key) and not limit.fixed):
             continue
@@ -173,7 +206,11 @@ def _refusal(engine, limit):
         remedies = [f"give {_listed(limit.taken)}"] if any(limit.taken) else []
         remedies += ["take the key out"] if limit.key in OPTIONAL else []
         others = {name: [each for each in found if each.key == limit.key] for name, found in LIMITS.items()}
-        able = [name for name, found in others.items() if all(each.takes(value, friction) for each in found)]
+        able = [
+            name
+            for name, found in others.items()
+            if name != FORMING_ENGINE and all(each.takes(value, friction) for each in found)
+        ]
         got = f'"{value}"' if isinstance(value, str) else _name(limit.key, value)
         return (
             f'the engine "{engine}" takes no {got}, as {limit.why}; {", ".join(remedies)}, or choose accuracy.engine = '

@@ -14,12 +14,20 @@ from collections.abc import Iterable, Iterator, Mapping
 from hashlib import sha256
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, Self, TypeVar
 
 from pydantic import Field, PrivateAttr, ValidationError
 
 from compact.scene import errors, plausible_ranges, schema
-from compact.scene.constraints import ADVICE, RULES, Rule, catalogue_exists, sentences, tables_exist
+from compact.scene.constraints import (
+    ADVICE,
+    RULES,
+    Rule,
+    cap_tables_fit,
+    catalogue_exists,
+    sentences,
+    tables_exist,
+)
 from compact.scene.engine_capabilities import LIMITS, adapt, replaced
 from compact.scene.errors import Mistake, SceneError, Source
 from compact.scene.former_names import current_key, current_path, current_tables, current_value
@@ -66,6 +74,11 @@ class Scene(Table):
         return None if table is None else self._source.folder / table.file
 
     @property
+    def cap_table_path(self) -> Path | None:
+        """Path of the tables of the law "density-cap"; None without the key."""
+        return None if self.mix.cap_table is None else self._source.folder / self.mix.cap_table
+
+    @property
     def lift_thickness(self) -> float:
         """Thickness of one compacted lift [m]: that of `[layer]`, or the height of the product."""
         return self.layer.lift_thickness or self.product.height
@@ -86,9 +99,23 @@ class Scene(Table):
         given = {} if self.compare is None else self.compare.model_dump(exclude_none=True)
         return tuple(dict.fromkeys(([] if self.accuracy.engine == "formula" else ["formula"]) + list(given)))
 
-    def with_engine(self, engine: str) -> "Scene":
+    @classmethod
+    def load(cls, path: str | Path, /, **changes: object) -> Self:
+        """Read a scene from a TOML file; see `load_scene`."""
+        try:
+            text = _bytes(path).decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise SceneError([f"{path}:{errors.undecodable_sentence(error)}"]) from None
+        return _parsed(cls, text, str(path), changes)
+
+    @classmethod
+    def parse(cls, text: str, file: str = "<text>") -> Self:
+        """Read a scene from a TOML text; see `parse_scene`."""
+        return _parsed(cls, text, file, {})
+
+    def with_engine(self, engine: str) -> Self:
         """Return the scene of an engine of the comparison, with the keys of `[compare.ENGINE]` and no output items."""
-        given = None if self.compare is None else getattr(self.compare, engine)
+        given = getattr(self.compare, engine, None)
         changes: dict[str, object] = {"accuracy.engine": engine, "compare": None, "output.items": ()}
         if engine == "formula":  # compared with every engine, whatever the scene sets for that engine
             changes |= {limit.key: limit.taken[0] for limit in LIMITS[engine] if not limit.fixed}
@@ -140,14 +167,14 @@ class Scene(Table):
 
     @property
     def hash(self) -> str:
-        """Hash of every key but `title`, `unusual` and `[output]`, and of the contents of law tables and catalogue."""
+        """Hash of every key but `title`, `unusual` and `[output]`, and of the contents of the files that it names."""
         content = self.model_dump(exclude_none=True, exclude={"title", "unusual", "output"})
         digest = sha256(json.dumps(content, sort_keys=True).encode())
-        for path in (*self.table_paths, *([self.catalogue_path] if self.catalogue_path else [])):
+        for path in (*self.table_paths, *filter(None, (self.catalogue_path, self.cap_table_path))):
             digest.update(sha256(_bytes(path)).digest())
         return digest.hexdigest()
 
-    def replaced(self, **changes: object) -> "Scene":
+    def replaced(self, **changes: object) -> Self:
         """Return a new scene, validated like a file, with some keys changed.
 
         Parameters
@@ -162,10 +189,12 @@ class Scene(Table):
 
         Examples
         --------
-        scene.replaced(**{"mix.moisture": 0.11, "mix.overrides.effective_modulus": None})
+        ::
+
+            scene.replaced(**{"mix.moisture": 0.11, "mix.overrides.effective_modulus": None})
         """
         rules = _involving(changes, _rules(self._source))  # the others hold as they did
-        return _checked(self._given(), self._source, changes, rules)
+        return _checked(type(self), self._given(), self._source, changes, rules)
 
     def require_fields(self, **changes: object) -> None:
         """Validate changed keys one by one, without the rules between keys.
@@ -176,7 +205,7 @@ class Scene(Table):
             If a key is unknown, or its value is out of bounds or implausible.
         """
         data = self._given()
-        source, mistakes = _validated(data, self._source, changes)[1:]
+        source, mistakes = _validated(type(self), data, self._source, changes)[1:]
         mistakes += sentences(_involving(changes, plausible_ranges.REFUSALS), data, refused=mistakes)
         if mistakes:
             raise SceneError(source.report(mistakes))
@@ -184,6 +213,9 @@ class Scene(Table):
     def _given(self) -> dict[str, Any]:
         """Return the keys that the scene sets, as nested tables."""
         return self.model_dump(exclude_none=True, exclude_unset=True)
+
+
+AnyScene = TypeVar("AnyScene", bound=Scene)
 
 
 def load_scene(path: str | Path, /, **changes: object) -> Scene:
@@ -199,11 +231,7 @@ def load_scene(path: str | Path, /, **changes: object) -> Scene:
     SceneError
         If the file cannot be read or the scene has mistakes; the message lists all of them.
     """
-    try:
-        text = _bytes(path).decode("utf-8")
-    except UnicodeDecodeError as error:
-        raise SceneError([f"{path}:{errors.undecodable_sentence(error)}"]) from None
-    return _parsed(text, str(path), changes)
+    return Scene.load(path, **changes)
 
 
 def parse_scene(text: str, file: str = "<text>") -> Scene:
@@ -214,7 +242,7 @@ def parse_scene(text: str, file: str = "<text>") -> Scene:
     file : str
         File name for messages; law tables are searched in its folder.
     """
-    return _parsed(text, file, {})
+    return Scene.parse(text, file)
 
 
 def read_change(text: str) -> tuple[str, object]:
@@ -245,7 +273,7 @@ def _bytes(path: str | Path) -> bytes:
         raise SceneError([f"{path}: {errors.unreadable_sentence(path, error)}"]) from None
 
 
-def _parsed(text: str, file: str, changes: Mapping[str, object]) -> Scene:
+def _parsed(kind: type[AnyScene], text: str, file: str, changes: Mapping[str, object]) -> AnyScene:
     if text.startswith("\ufeff"):
         raise SceneError([f"{file}:1: starts with a byte-order mark; save the file as UTF-8 without BOM"])
     if not text.strip():
@@ -257,7 +285,7 @@ def _parsed(text: str, file: str, changes: Mapping[str, object]) -> Scene:
     source = current_tables(data, Source(file, errors.key_lines(text), remarks=errors.key_remarks(text)))
     if isinstance(data.get("unusual"), list):
         data["unusual"] = [current_path(key) if isinstance(key, str) else key for key in data["unusual"]]
-    return _checked(data, source, changes, _rules(source))
+    return _checked(kind, data, source, changes, _rules(source))
 
 
 def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, object]]:
@@ -270,7 +298,7 @@ def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, objec
 
 
 def _rules(source: Source) -> tuple[Rule, ...]:
-    own = tables_exist(source), catalogue_exists(source)
+    own = tables_exist(source), catalogue_exists(source), cap_tables_fit(source)
     return (*RULES, *PROCESS_RULES, *plausible_ranges.REFUSALS, *own)
 
 
@@ -280,8 +308,14 @@ def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:
     return [rule for rule in rules if rule.involves(keys)]
 
 
-def _checked(data: dict[str, Any], source: Source, changes: Mapping[str, object], rules: Iterable[Rule]) -> Scene:
-    scene, source, mistakes = _validated(data, source, changes)
+def _checked(
+    kind: type[AnyScene],
+    data: dict[str, Any],
+    source: Source,
+    changes: Mapping[str, object],
+    rules: Iterable[Rule],
+) -> AnyScene:
+    scene, source, mistakes = _validated(kind, data, source, changes)
     mistakes += sentences(rules, data, refused=mistakes)
     if not mistakes:
         scene._source = source
@@ -301,7 +335,7 @@ def _refused_comparisons(scene: Scene) -> Iterator[Mistake]:
 
 
 def _validated(
-    data: dict[str, Any], source: Source, changes: Mapping[str, object]
+    kind: type[Scene], data: dict[str, Any], source: Source, changes: Mapping[str, object]
 ) -> tuple[Any, Source, list[Mistake]]:
     """Return the scene of the changed data (None if a field refuses its value), its source and the mistakes."""
     mistakes: list[Mistake] = []
@@ -310,7 +344,7 @@ def _validated(
         mistakes += _change(data, key, current_value(key, value))
         source = source.changed(key)
     try:
-        return Scene.model_validate(data), source, mistakes
+        return kind.model_validate(data), source, mistakes
     except ValidationError as error:
         return None, source, mistakes + errors.field_mistakes(error, Scene)
 

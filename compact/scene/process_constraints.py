@@ -48,6 +48,23 @@ def _mould_moves_by_less_than_the_roller(speed, length, duration, dwell):
     return None
 
 
+@_process_rule("accuracy.engine", "process")
+def _engine_has_a_process(engine, process):
+    if engine != "process":
+        return None
+    if process is None:
+        return (
+            'is "process", and the table [process] is missing; give the mould\'s speed, the feed and one closure, or '
+            'choose "column" or "compaction" for a single pass'
+        )
+    if process["mould_speed"] == 0:
+        return (
+            'is "process", and process.mould_speed is 0: sections of a mould at rest have all had the same strokes, so '
+            "that the rollers have no steady resistance; give the speed of the mould"
+        )
+    return None
+
+
 @_process_rule("process.mould_speed", "product.mould_speed")
 def _mould_has_one_speed(speed, of_product):
     if None not in (speed, of_product) and speed != of_product:

@@ -7,11 +7,13 @@ Rules between the keys are in `constraints`; `loader` reads files into these tab
 """
 
 import warnings
+from collections.abc import Callable
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, field_validator
+from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, Strict, WrapValidator, field_validator
 
 from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
+from compact.scene.engine_capabilities import BUILT_IN, installed_engines
 
 # The keys of `motion.LAWS`, repeated because importing `motion` costs 0.7 s of scipy; a test compares the two.
 Law = Literal[
@@ -37,10 +39,11 @@ MixParameter = Literal[
     "rate_sensitivity", "reference_rate", "effective_modulus", "air_permeability", "occlusion_saturation",
     "cohesion_loose", "earth_pressure_coefficient", "dilatancy_angle", "shear_viscosity",
 ]  # fmt: skip
-Engine = Literal["formula", "column", "spectral", "fem", "compaction"]
-MixLaw = Literal["ellipse", "drucker-prager-cap"]
+Engine = Literal["formula", "column", "spectral", "fem", "compaction", "process"]
+MixLaw = Literal["ellipse", "drucker-prager-cap", "density-cap"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
+ProcessDetail = Literal["columns", "quick", "deep"]
 FeedLaw = Literal["room", "even", "first", "table"]
 NIP_ANGLE = 20.0  # [deg], default of `process.nip_angle`
 STROKES_LIMIT = 10_000  # [-], strokes on one section of a product
@@ -171,7 +174,11 @@ class Mix(Table):
     moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
     density_ratio: float = _between(0.90, 0.99, "the required density ratio k of the product")
     law: MixLaw = _default(
-        "ellipse", "the yield surface of the engines that compact: an elliptic cap, or a cap with a shear line"
+        "ellipse",
+        "the yield surface of the engines that compact: an elliptic cap, a cap with a shear line, or tables of both",
+    )
+    cap_table: str | None = _default(
+        None, 'the CSV file of the tables over density of the law "density-cap", relative to the scene file'
     )
     pore_air: PoreAirModel = _default(
         "drained", "the pore air: without pressure, at the deformation without air, or coupled with the deformation"
@@ -376,6 +383,9 @@ class Process(Table):
     )
     largest_grain: float | None = _optional("the size of the largest grains in m")
     layers: int = Field(default=20, ge=1, le=500, description="the number of merged layers of a section")
+    detail: ProcessDetail | None = _default(
+        None, 'the model: columns, or lumped lifts in two dimensions; default "quick" for the engine "process"'
+    )
 
 
 class Sleeve(Table):
@@ -404,11 +414,20 @@ class Contact(Table):
     speeds: Numbers | None = _default(None, "the speeds of the computed contacts in m/s")
 
 
+def _installed_engine(value: Any, validate: Callable[[Any], Any]) -> Any:
+    """Accept the engines of other packages as well."""
+    return (
+        value if isinstance(value, str) and value not in BUILT_IN and value in installed_engines() else validate(value)
+    )
+
+
 class Accuracy(Table):
     """Contact engine and its relative error tolerance."""
 
     tolerance: float = Field(gt=0, lt=0.5, description="the relative error tolerance, 0.01 for 1 %")
-    engine: Engine = Field(description="the contact engine")
+    engine: Annotated[Engine, WrapValidator(_installed_engine), PlainSerializer(str, str)] = Field(
+        description="the contact engine"
+    )
 
 
 class Given(Table):
@@ -419,6 +438,7 @@ class Given(Table):
     layer: Keys | None = _default(None, "keys of [layer]")
     contact: Keys | None = _default(None, "keys of [contact]")
     accuracy: Keys | None = _default(None, "keys of [accuracy]")
+    process: Keys | None = _default(None, "keys of [process]")
 
 
 class Compare(Table):
@@ -429,6 +449,7 @@ class Compare(Table):
     spectral: Given | None = None
     fem: Given | None = None
     compaction: Given | None = None
+    process: Given | None = None
 
 
 class Output(Table):

@@ -56,7 +56,7 @@ def test_search_for_a_load_takes_few_passes(count):
             circle(),
             Elastic(1e7, 0.3),
             SPEED,
-            "the engine column needs a `material` Compaction or Terrain, got Elastic; use",
+            "the engine column needs a `material` Compaction, Terrain or StateUpdate, got Elastic; use",
         ),
         (Layer(0.22), circle(), MIX, 0.0, "`speed` must not be 0, got 0: the resistance at rest is set-valued"),
         (Layer(0.22), circle(), MIX, np.nan, "`speed` must be finite, got nan"),

@@ -19,7 +19,7 @@ from compact.engines.spectral import engine as spectral
 from compact.report import text
 from compact.report import writer as report
 from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
-from compact.scene.engine_capabilities import LIMITS, adapt
+from compact.scene.engine_capabilities import FORMING_ENGINE, LIMITS, adapt
 from compact.scene.loader import Scene, SceneError, load_scene, parse_scene, starter_scene
 from compact.sweep import point as headline
 
@@ -50,7 +50,7 @@ def taken(engine, key, value, friction):
     return all(limit.takes(value, friction) or limit.fixed for limit in LIMITS[engine] if limit.key == key)
 
 
-@pytest.mark.parametrize("engine", LIMITS)
+@pytest.mark.parametrize("engine", [engine for engine in LIMITS if engine != FORMING_ENGINE])
 @pytest.mark.parametrize("friction", [0.0, 0.35])
 def test_table_and_engines_accept_the_same_values(engine, friction):
     study = Study(load_scene(SMALL, **{"mix.overrides.steel_friction": friction}))
@@ -75,7 +75,7 @@ def test_table_and_engines_accept_the_same_values(engine, friction):
 
 
 @pytest.mark.parametrize("name", ["loveikin-2015", "loveikin-2015-crank", "loveikin-2015-engines", "small", "starter"])
-@pytest.mark.parametrize("engine", LIMITS)
+@pytest.mark.parametrize("engine", [engine for engine in LIMITS if engine != FORMING_ENGINE])
 def test_scenes_leave_open_what_an_engine_may_replace(name, engine):
     scene = parse_scene(starter_scene()) if name == "starter" else load_scene(SMALL.with_name(f"{name}.toml"))
     beside = None if engine == scene.accuracy.engine or scene.compare is None else {"compare": None, "output.items": []}

@@ -108,7 +108,7 @@ def test_the_starter_shows_every_key_there_is():
     keys = set(re.findall(r"^(?:# )?(\w+) = ", starter_scene(), re.MULTILINE))
     tables = [field.annotation for field in Scene.model_fields.values()]
     known = {key for table in tables for part in getattr(table, "__args__", (table,)) for key in fields_of(part)}
-    beside = {"formula", "column", "spectral", "fem", "compaction"}
+    beside = {"formula", "column", "spectral", "fem", "compaction", "process"}
     tables = {"overrides", "motor", "optimise", "end_springs", "hydraulics", "lower_lift", "catalogue"}
     assert known - keys == tables | {"guide_bearing", "roller_bearing"} | beside
     shown = (Motor, BeltTable, Optimise, EndSpringTable, Hydraulics, LowerLift, BearingTable, CatalogueTable)
@@ -619,13 +619,13 @@ BROKEN = [
         "unknown engine",
         'engine = "formula"',
         'engine = "x"',
-        "accuracy.engine: must be one of formula, column, spectral, fem, compaction, got 'x'; give the contact engine",
+        "accuracy.engine: must be one of formula, column, spectral, fem, compaction, process, got 'x'; give the",
     ),
     refused(
         "engine not a text",
         'engine = "formula"',
         "engine = 1",
-        "accuracy.engine: must be one of formula, column, spectral, fem, compaction, got 1; give the contact engine",
+        "accuracy.engine: must be one of formula, column, spectral, fem, compaction, process, got 1; give the",
     ),
     refused(
         "unknown law",

@@ -198,10 +198,10 @@ class _Pass:
     def run(self, law: str) -> Any:
         """Return the run of a law under the drive of the scene."""
         if law not in self.runs:
-            motion, cycle = self.scene.motion, self.cycles[law]
+            motion, cycle, met = self.scene.motion, self.cycles[law], self.stages.resistance.over(self.duration)
             moved_by = machine_models.drive_of(self.scene, cycle)
             self.runs[law] = drive.simulate(
-                self.stages.resistance.cart, moved_by, cycle, self.stages.resistance.resistance,
+                met.cart, moved_by, cycle, met.resistance,
                 working=(motion.run_up, 1 - motion.run_down),
             )  # fmt: skip
         return self.runs[law]

@@ -8,6 +8,8 @@ A pass over fresh mix presses the strips of all rollers, n s L, from the initial
     mix carried away      v_mould (T + dwell) B h0         in the same time, by the mould
     work at throughput    work of a cycle over the mix carried away in a cycle
 
+The strokes of a forming process press what the mould carries away, from the density ratio of the feed.
+
 F is the resistance of the mix to one cart at its mean speed, h the lift thickness, s_v the vertical stress of Heckel's
 curve at rest. A pass requires at least the confined work of its mix; a linear layer requires less, as it recovers. If
 the rollers press more fresh mix than the mould carries away, the forces are those of a pass over fresh mix, not of the
@@ -122,15 +124,20 @@ def work_balance(stages: Stages) -> WorkBalance:
     if speed:
         advance = speed * (motion.duration + motion.dwell)
         carried, strokes = advance * product.width * product.height, machine.roller_length / advance
+    pressed, fresh = area * motion.stroke * scene.lift_thickness, 2 if scene.layer.return_stroke == "fresh" else 1
+    work = resistance / (area * scene.lift_thickness)
+    if contacts.process is not None:  # both strokes press what the mould carries away
+        before, pressed, fresh = contacts.process.problem.feed.density_ratio, contacts.process.product_volume, 2
+        work = resistance * motion.stroke / pressed
     return WorkBalance(
         law=run.name,
         density_ratios=(before, behind),
-        pass_work=resistance / (area * scene.lift_thickness),
+        pass_work=work,
         confined_work=heckel_work(before, behind, contacts.mix.heckel_slope),
         loose_work=heckel_work(LOOSE_DENSITY_RATIO, behind, contacts.mix.heckel_slope),
         cycle_work=float(np.sum(run.weights * run.state.resistance * run.state.velocity)),
-        pressed_volume=area * motion.stroke * scene.lift_thickness,
-        fresh_strokes=2 if scene.layer.return_stroke == "fresh" else 1,
+        pressed_volume=pressed,
+        fresh_strokes=fresh,
         carried_volume=carried,
         strokes_on_section=strokes,
     )

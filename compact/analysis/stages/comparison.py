@@ -34,8 +34,8 @@ class EngineComparison:
         Relative error estimate of the resistance [-].
     roller_load : float
         Load of one roller [N].
-    places_over : dict
-        Places by each other duration of a pass [s].
+    places_over, resistance_over : dict
+        Places and resistance by each other duration of a pass [s].
     """
 
     contacts: list[ContactRecord]
@@ -46,6 +46,7 @@ class EngineComparison:
     roller_load: float
     places: Places
     places_over: dict[float, Places]
+    resistance_over: dict[float, Callable]
     key: str
     counts: Counter[str]
     warned: tuple[str, ...]
@@ -78,7 +79,8 @@ def run_engine_alternative(scene: Scene, laws: KnownLaws, directory: Path | None
         second_pass = contacts.second_pass if scene.layer.return_stroke == "compacted" else None
     return EngineComparison(
         contacts.records, contacts.held, second_pass, resistance.resistance, resistance.error,
-        contacts.roller_load, places, places_over, contacts.key, counts,
+        contacts.roller_load, places, places_over,
+        {duration: resistance.over(duration).resistance for duration in places_over}, contacts.key, counts,
         tuple(dict.fromkeys(str(each.message) for each in warned)),
     )  # fmt: skip
 

@@ -29,6 +29,8 @@ from compact.analysis.pore_air import (
     is_coupled,
     pore_air_of,
 )
+from compact.analysis.process import ProcessStudy
+from compact.analysis.process_contact import process_air, process_contact, process_study
 from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
 from compact.analysis.stages.model_spread import ModelSpread, model_spread
 from compact.engines.halfplane import LineContact, galin
@@ -89,6 +91,9 @@ def roll_scene(
         If the engine does not converge, or the roller would reach the base.
     """
     used = ENGINES[engine or scene.accuracy.engine]
+    if used.forming:
+        with _named_errors(scene, used.name, speed):
+            return process_contact(process_study(scene, progress), speed)
     layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
     options = _engine_options(scene, used, held, progress)
     if guess := _continuable(used, initial_guess, layer, speed):
@@ -201,9 +206,10 @@ def added_mass(
     compaction. The added mass of a roller with stick and slip is that without friction; they differ by about a tenth.
     """
     used = ENGINES[scene.accuracy.engine]
-    layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
-    if isinstance(material, Compaction):
+    if used.compacting:
         return 0.0, 0.0
+    layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
+    assert not isinstance(material, Compaction)  # of a linear layer
     if used.torque and roller.rolling in ("free", "driven"):
         roller = replace(roller, rolling="frictionless")
     count("added mass")
@@ -361,9 +367,34 @@ class ContactStage:
         return found
 
     @cached_property
+    def process(self) -> ProcessStudy | None:
+        """Forming process of the scene; None for an engine of single passes."""
+        if not self.engine.forming:
+            return None
+        found = process_study(self.scene, self.progress)
+        return replace(found, known=self.kept.lifts) if self.kept else found
+
+    def first_pass(self, speed: float, initial_guess: ContactResult | None = None) -> ContactResult:
+        """Compute the first pass at a speed [m/s], under the quantity that is constant over speed."""
+        if self.process is not None:
+            with _named_errors(self.scene, self.engine.name, speed):
+                return process_contact(self.process, speed)
+        return roll_scene(self.scene, self.mix, speed, None, initial_guess, self.held, self.progress)
+
+    def over(self, duration: float) -> "ContactStage":
+        """Return the stage of another duration of a pass [s], with the lumped lifts of this one."""
+        scene = self.scene.replaced(**{"motion.duration": duration, "motion.other_durations": None})
+        other = ContactStage(scene, self.mix, self.count, None, self.progress)
+        if self.process is not None:
+            other.process = replace(self.process, scene=scene, known=self.process.lifts)
+        return other
+
+    @cached_property
     def reference(self) -> Passes:
         """All passes at the mean speed, where the contact reaches the target of the scene."""
         self.count("rolled")
+        if self.process is not None:
+            return (self.first_pass(self.scene.mean_speed),)
         return roll_passes(self.scene, self.mix, self.scene.mean_speed, progress=self.progress)
 
     @cached_property
@@ -373,6 +404,9 @@ class ContactStage:
             return None
         if self.kept:
             return self.kept.held
+        if self.process is not None:
+            depth = cast(LayerContactResult, self.reference[0]).indentation
+            return HeldQuantity("height", depth, self.scene.mean_speed)
         return contact_cases.hold_quantity(self.scene, self.mix) or contact_cases.hold_quantity(
             self.scene, self.mix, self.reference[0]
         )
@@ -391,6 +425,8 @@ class ContactStage:
             return self.reference
         held, guess = self.held, initial_guess or self.__dict__.get("reference")
         self.count("rolled")
+        if self.process is not None:
+            return (self.first_pass(speed),)
         return roll_passes(self.scene, self.mix, speed, guess, held, progress=self.progress)
 
     @property
@@ -423,7 +459,7 @@ class ContactStage:
         ValueError
             If the scene has pore air and its mix is occluded as fed.
         """
-        if not self.engine.compacting:
+        if not self.engine.compacting or self.engine.forming:
             return None
         if self.kept:
             return self.kept.air_curve
@@ -440,6 +476,11 @@ class ContactStage:
             speeds = contact_cases.contact_speeds(self.scene)
             curve = curve.with_coupled(coupled_samples(contact, air, curve, speeds, self.count))
         return curve
+
+    @property
+    def has_air(self) -> bool:
+        """True if load and resistance contain the pore air."""
+        return has_air(self.scene) if self.process is None else self.process.counts_air
 
     @property
     def requires_model_spread(self) -> bool:
@@ -463,6 +504,8 @@ class ContactStage:
 
     def air_forces(self, speed: float) -> AirForces | None:
         """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
+        if self.process is not None:
+            return process_air(self.process, speed)
         if not has_air(self.scene) or self.air_curve is None:
             return None
         return self.air_curve.at(speed, self.mix.air_permeability)
@@ -496,9 +539,10 @@ class ContactStage:
     def second_pass(self) -> tuple[float, float] | None:
         """Load and resistance of a second pass over those of the first, at the mean speed [-].
 
-        None for a linear layer, which recovers, and for the formulas, which state one stroke.
+        None for a linear layer, which recovers, for the formulas, which state one stroke, for the strokes of a process,
+        which are passes over the same mix, and for an engine of another package.
         """
-        if not self.engine.compacting:
+        if not self.engine.multipass:
             return None
         if self.kept:
             return self.kept.second_pass
@@ -527,5 +571,7 @@ class ContactStage:
     @property
     def return_ratios(self) -> tuple[float, float]:
         """Load and resistance of the return stroke over those of the forward stroke [-]."""
+        if self.process is not None:
+            return self.process.forces_at(self.scene.mean_speed).return_ratios
         compacted = self.scene.layer.return_stroke == "compacted"
         return self.second_pass if compacted and self.second_pass else (1.0, 1.0)

@@ -19,14 +19,14 @@ from compact.analysis.contact_cases import scene_mix
 from compact.analysis.ranking_uncertainty import Place, places
 from compact.analysis.stages.contacts import ContactStage, Count, Progress, no_count
 from compact.analysis.stages.laws import LawStage, PrescribedLaws
-from compact.analysis.stages.resistance import ResistanceStage
+from compact.analysis.stages.resistance import ResistanceLaw, ResistanceStage
 from compact.analysis.stages.torque_response import torque_response
 from compact.machine.crankshaft import CRANK_ANGLES, CrankshaftRevolution, simulate_crankshaft
 from compact.machine.ranking import Ranked
 from compact.machine.rigid_drive import InverseDynamics
 from compact.machine.roller_motors import RollerMotor, pull_range
 from compact.material.mix import Mix
-from compact.motion.profile import Cycle
+from compact.motion.profile import Cycle, MotionProfile
 from compact.scene.loader import Scene
 
 Runs = dict[str, Any]  # name of a law -> `Run`, `ElasticRun`, `HydraulicRun` or `MotorRun`
@@ -110,7 +110,7 @@ class DriveStage:
 
     @cached_property
     def other_durations(self) -> dict[float, "DriveStage"]:
-        """Drive stage by each other duration of a pass [s]; contacts and cart are the same."""
+        """Drive stage by each other duration of a pass [s]; contacts and cart of a single pass are the same."""
         return {duration: self.over(duration) for duration in self.scene.motion.other_durations}
 
     def over(self, duration: float) -> "DriveStage":
@@ -121,8 +121,9 @@ class DriveStage:
         ValueError
             When a law is faster than the resistance is known; `largest_speed` covers the durations of the scene.
         """
-        laws = LawStage(self.laws.prescribed, self.resistance, self.laws.cycles_over(duration))
-        return DriveStage(self.contacts, self.resistance, laws)
+        resistance = self.resistance.over(duration)
+        laws = LawStage(self.laws.prescribed, resistance, self.laws.cycles_over(duration))
+        return DriveStage(resistance.contacts, resistance, laws)
 
     @cached_property
     def cycle_energies(self) -> dict[str, float]:
@@ -200,6 +201,23 @@ class DriveStage:
 
 
 @dataclass(frozen=True)
+class OwnInputs:
+    """Inputs of a study that no scene file states.
+
+    Parameters
+    ----------
+    laws : tuple of MotionProfile
+        Motion laws in addition to those of the scene.
+    resistance : callable, optional
+        Resistance of the mix to one cart [N], a function of velocity [m/s] and acceleration [m/s2]; that of the engine
+        by default.
+    """
+
+    laws: tuple[MotionProfile, ...] = ()
+    resistance: ResistanceLaw | None = None
+
+
+@dataclass(frozen=True)
 class Stages:
     """Stages of one scene; the attributes of each are computed when first used."""
 
@@ -218,20 +236,23 @@ def build_stages(
     progress: Progress | None = None,
     known_laws: KnownLaws | None = None,
     shortest: float | None = None,
+    own: OwnInputs = OwnInputs(),
 ) -> Stages:
     """Build the stages of a scene; nothing is computed yet.
 
     Parameters
     ----------
+    own : OwnInputs
+        Laws and resistance of the caller.
     shortest : float, optional
         Shortest duration of a pass for which the resistance is required [s]; that of the scene by default.
     progress : callable, optional
         Called with lines of text by engines with continuation.
     """
-    prescribed = PrescribedLaws(scene, count, shortest)
+    prescribed = PrescribedLaws(scene, count, shortest, own.laws)
     if known_laws:
         prescribed.cycles = dict(known_laws[0])
     contacts = ContactStage(scene, mix or scene_mix(scene), count, directory, progress)
-    resistance = ResistanceStage(contacts, prescribed.largest_speed)
+    resistance = ResistanceStage(contacts, prescribed.largest_speed, own.resistance)
     laws = LawStage(prescribed, resistance, known_laws and known_laws[1])
     return Stages(prescribed, contacts, resistance, laws, DriveStage(contacts, resistance, laws))

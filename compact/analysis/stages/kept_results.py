@@ -14,7 +14,9 @@ from pathlib import Path
 from compact import resistance
 from compact.analysis import contact_cases
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity
+from compact.analysis.engines import ENGINES
 from compact.analysis.pore_air import AirCurve
+from compact.analysis.process import KnownLifts
 from compact.analysis.stages.model_spread import ModelSpread
 from compact.files import write_json
 from compact.material.mix import Mix
@@ -45,6 +47,8 @@ class KeptResults:
         Forces of the pore air over speed/permeability.
     model_spread : ModelSpread or None
         Contacts by the other laws of the mix.
+    lifts : KnownLifts or None
+        Lumped lifts of a forming process in two dimensions.
     """
 
     contacts: list[ContactRecord]
@@ -53,6 +57,7 @@ class KeptResults:
     resistance_map: ResistanceMap
     air_curve: AirCurve | None = None
     model_spread: ModelSpread | None = None
+    lifts: KnownLifts | None = None
     files: tuple[str, ...] = ()
 
 
@@ -74,6 +79,9 @@ def results_key(scene: Scene, mix: Mix) -> str:
         "speeds": contact_cases.contact_speeds(scene),
         "versions": [version(name) for name in PACKAGES],
     }
+    if ENGINES[scene.accuracy.engine].forming:
+        whole = {name: getattr(scene, name) for name in ("process", "sleeve", "motion")}
+        inputs["strokes"] = {name: table and table.model_dump(mode="json") for name, table in whole.items()}
     return sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
 
 
@@ -89,6 +97,7 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
             resistance.load_resistance_map(directory / MAP_FILE, key),
             more["air"] and AirCurve.from_json(more["air"]),
             more["model_spread"] and ModelSpread.from_json(more["model_spread"]),
+            more["lifts"] and KnownLifts.from_json(more["lifts"]),
             tuple(name for name in content["files"] if (directory / name).is_file()),
         )  # fmt: skip
     except (OSError, ValueError, KeyError, TypeError):  # no file, or a file of another form
@@ -107,6 +116,7 @@ def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[P
             "held": asdict(results.held), "second_pass": results.second_pass,
             "air": results.air_curve and asdict(results.air_curve),
             "model_spread": results.model_spread and results.model_spread.to_json(),
+            "lifts": results.lifts and results.lifts.to_json(),
         },
         "files": [name for name in results.files if name.startswith(KEPT_FILES)],
     })  # fmt: skip

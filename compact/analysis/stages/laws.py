@@ -1,7 +1,7 @@
 """Law stage of a study: the motion laws of the scene, the optimal laws of [motion.optimise], and their cams."""
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -15,7 +15,7 @@ from compact.cams.profile import Cam, FlatFace, Follower, LeastBreadth, Pointed,
 from compact.machine.cart import MotionResistance
 from compact.motion.limits import CamLimits, InfeasibleError, Limits
 from compact.motion.optimal_motion import OptimalMotion, optimal_law_name, optimise
-from compact.motion.profile import Cycle, law
+from compact.motion.profile import Cycle, MotionProfile, law
 from compact.numerics.validation import require_known
 from compact.scene.loader import Scene, SceneError
 from compact.scene.schema import Optimise
@@ -35,10 +35,14 @@ class PrescribedLaws:
     ----------
     shortest : float, optional
         Shortest duration of a pass for which the resistance is required [s]; that of the scene by default.
+    added : sequence of MotionProfile
+        Laws in addition to those of the scene.
     """
 
-    def __init__(self, scene: Scene, count: Count, shortest: float | None = None) -> None:
-        self.scene, self.count = scene, count
+    def __init__(
+        self, scene: Scene, count: Count, shortest: float | None = None, added: Sequence[MotionProfile] = ()
+    ) -> None:
+        self.scene, self.count, self._added = scene, count, tuple(added)
         duration = scene.motion.duration
         self.speed_ratio = duration / min(duration, shortest or duration, *scene.motion.other_durations)
 
@@ -46,7 +50,7 @@ class PrescribedLaws:
     def cycles(self) -> dict[str, Cycle]:
         """Forward and return strokes by name of the law."""
         cycles, dwell = {}, self.scene.motion.dwell
-        for forward in machine_models.laws(self.scene):
+        for forward in (*machine_models.laws(self.scene), *self._added):
             self.count("laws")
             cycles[forward.name] = forward.cycle(dwell, dwell)
         return cycles

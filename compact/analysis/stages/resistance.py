@@ -15,15 +15,18 @@ import numpy as np
 from compact import contact, resistance
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_inputs
-from compact.analysis.pore_air import has_air, nodes_of_map
+from compact.analysis.pore_air import nodes_of_map
 from compact.analysis.rate_law import sample_rate_law
-from compact.analysis.stages.contacts import ContactStage, added_mass, roll_scene
+from compact.analysis.stages.contacts import ContactStage, added_mass
 from compact.contact import DryResistance
 from compact.machine.cart import Balance, Cart, MotionResistance
 from compact.machine.rigid_drive import steady_balance
 from compact.material.laws import Compaction
+from compact.numerics import Array
 from compact.resistance import ForceSample, ResistanceMap, sample_resistance
 from compact.rolling_contact import ContactResult, compaction_rate
+
+ResistanceLaw = ResistanceMap | DryResistance | Callable[[Array, Array], Array]
 
 LEAST_SPEED_SHARE = 1 / 50  # [-], of the largest speed; least speed of the samples
 
@@ -35,11 +38,16 @@ class ResistanceStage:
     ----------
     largest_speed : callable
         Returns the largest speed of the cart under the laws of the scene [m/s]; called for layered engines only.
+    given : callable, optional
+        Resistance in place of that of the engine, without an error estimate.
     """
 
-    def __init__(self, contacts: ContactStage, largest_speed: Callable[[], float]) -> None:
+    def __init__(
+        self, contacts: ContactStage, largest_speed: Callable[[], float], given: ResistanceLaw | None = None
+    ) -> None:
         self.contacts, self.scene, self.mix = contacts, contacts.scene, contacts.mix
-        self._largest_speed = largest_speed
+        self._largest_speed, self._given = largest_speed, given
+        self._over: dict[float, ResistanceStage] = {}
 
     @cached_property
     def largest_speed(self) -> float:
@@ -55,8 +63,10 @@ class ResistanceStage:
         return self.sampled_map(kept, self.largest_speed)
 
     @cached_property
-    def resistance(self) -> ResistanceMap | DryResistance:
+    def resistance(self) -> ResistanceLaw:
         """Resistance of the mix to one cart [N], a function of velocity and acceleration."""
+        if self._given is not None:
+            return self._given
         if self.contacts.engine.layered:
             return self.map
         return contact.dry_resistance(self.scene.machine.rollers * self.contacts.engineering.roller_resistance)
@@ -64,9 +74,18 @@ class ResistanceStage:
     @property
     def error(self) -> float | None:
         """Relative error estimate of the resistance [-], of the interpolation and the engine; None if unknown."""
-        if not self.contacts.engine.layered or self.map.engine_error is None:
+        if self._given is not None or not self.contacts.engine.layered or self.map.engine_error is None:
             return None
         return self.map.error + self.map.engine_error
+
+    def over(self, duration: float) -> "ResistanceStage":
+        """Return the stage of another duration of a pass [s]; itself unless the forces depend on the duration."""
+        if self.contacts.process is None or duration == self.scene.motion.duration:
+            return self
+        if duration not in self._over:
+            over = self.contacts.over(duration)
+            self._over[duration] = ResistanceStage(over, lambda: self.largest_speed, self._given)
+        return self._over[duration]
 
     @cached_property
     def cart(self) -> Cart:
@@ -109,7 +128,7 @@ class ResistanceStage:
         else:
             pairs = [each[:3] for each in samples]
             sampled = sample_resistance(lambda at: self._new_sample(at)[1:3], least, speed, tolerance, pairs)
-        if has_air(self.scene):
+        if stage.has_air:
             sampled = self._with_air(sampled)
         return self._with_added_masses(replace(sampled, return_ratio=stage.return_ratios[1]))
 
@@ -127,6 +146,8 @@ class ResistanceStage:
         Under a constant load or pressure the depth changes with the speed; the factor there is a smooth function of it.
         """
         stage, mean = self.contacts, self.scene.mean_speed
+        if stage.process is not None:
+            return stage.process.rate_factor_at
         layer, roller, material = contact_inputs(self.scene, self.mix, stage.engine.name, mean, stage.held)
         assert isinstance(material, Compaction)  # of an engine with `rate_factor_only`
         depth = roller.indentation or min(stage.records, key=lambda each: abs(np.log(each.speed / mean))).indentation
@@ -158,13 +179,17 @@ class ResistanceStage:
         stage, rolled = self.contacts, self._rolled
         stage.count("resistance")
         guess = min(rolled, key=lambda each: abs(np.log(each[0] / speed)))[1] if rolled else None
-        result = roll_scene(self.scene, self.mix, speed, None, guess, stage.held, stage.progress)
+        result = stage.first_pass(speed, guess)
         rolled.append((speed, result))
         return self._sample(speed, result)
 
     def _sample(self, speed: float, result: ContactResult) -> ForceSample:
         error = (result.error or (None, None))[1]
-        return ForceSample(speed, self._roller_length * result.resistance, error, self.contacts.engine.noise(result))
+        process, force = self.contacts.process, self._roller_length * result.resistance
+        if process is not None and process.sleeve_drag:
+            error = None if error is None else error * force / (force + process.sleeve_drag)
+            force += process.sleeve_drag
+        return ForceSample(speed, force, error, self.contacts.engine.noise(result))
 
     def _with_added_masses(self, sampled: ResistanceMap) -> ResistanceMap:
         """Return the map with the added mass at its speeds; without it where the engine does not find it."""

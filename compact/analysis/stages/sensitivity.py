@@ -24,7 +24,7 @@ from compact.analysis.engines import ENGINES
 from compact.analysis.pore_air import AirForces, has_air
 from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.stages.drives import Stages, build_stages
-from compact.contact import DryResistance
+from compact.analysis.stages.resistance import ResistanceLaw
 from compact.machine.cart import Cart
 from compact.machine.ranking import BUILD_TOLERANCE, ROUNDING_TIE
 from compact.material.mix import Parameter
@@ -125,6 +125,8 @@ def _ranges(stages: Stages) -> dict[str, Range]:
     new_layer = engine.cheap and engine.compacting
     if scene.mix.law == "drucker-prager-cap":
         names = ["cohesion_loose" if name == "cohesion" else name for name in names]
+    if new_layer and scene.mix.law == "density-cap":
+        names = [name for name in names if name in engine.parameters_of(scene.mix.law)]
     if new_layer and has_air(scene):
         names += AIR_INPUTS
     ranges = {f"mix.overrides.{name}": (*_spread(mix.parameter(name)), mix.parameter(name).unit) for name in names}
@@ -202,7 +204,8 @@ class _Variation:
     def _layer(self, changed: Stages, changes: dict[str, float]) -> tuple[float, ResistanceMap]:
         """Return load on a roller [N] and resistance by the engine, from new contacts if the layer changes."""
         if not self.engine.cheap:
-            return self.stages.contacts.roller_load, self.stages.resistance.map
+            stage = self.stages.resistance.over(changed.contacts.scene.motion.duration)
+            return stage.contacts.roller_load, stage.map
         if changes and not changes.keys() & set(CART_INPUTS):
             return _new_contacts(changed, self.largest_speed)
         if self.own_layer is None:
@@ -224,7 +227,7 @@ def _new_contacts(stages: Stages, largest_speed: float) -> tuple[float, Resistan
     return float(load), ResistanceMap(np.array(speeds), forces, error=np.nan, return_ratio=contacts.return_ratios[1])
 
 
-def _least_peaks(cart: Cart, resistance: ResistanceMap | DryResistance, cycles: Mapping[str, Cycle]) -> End:
+def _least_peaks(cart: Cart, resistance: ResistanceLaw, cycles: Mapping[str, Cycle]) -> End:
     """Return the least peaks over all laws with a rigid drive."""
     least, law = dict.fromkeys(PEAKS, np.inf), dict.fromkeys(PEAKS, "")
     peaks: dict[str, dict[str, float]] = {peak: {} for peak in PEAKS}

@@ -307,7 +307,8 @@ def _held_ratios(stages: Stages) -> tuple[float, float] | None:
     The contacts agree at the mean speed.
     """
     scene = stages.contacts.scene
-    if not stages.contacts.engine.compacting or scene.contact is not None:
+    engine = stages.contacts.engine
+    if not engine.compacting or engine.forming or scene.contact is not None:
         return None
     with suppress(ValueError, RuntimeError):
         columns = scene.with_engine("column")

@@ -1,7 +1,8 @@
 """Verdict of a study: the models that may size a drive, their agreement, and the recommended law with its margin.
 
 A model is valid for sizing if it has the whole resistance: the formulas, and the engines with irreversible compaction.
-A linear layer has the viscoelastic part alone, about a seventh.
+A linear layer has the viscoelastic part alone, about a seventh. Of the forming process, lumped lifts in two dimensions
+have the whole, and columns the confined floor.
 
 A law is a contender for rank 1 by a criterion if any valid model has it first, or within its errors or the build
 tolerance of the first law, or has it first where the resistance is scaled to an end of the spread of the mix. A single
@@ -21,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.contact_cases import ContactRecord
-from compact.analysis.engines import ENGINES
+from compact.analysis.process_contact import is_for_sizing
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages.comparison import EngineComparison, Places
 from compact.analysis.stages.drives import Stages
@@ -150,11 +151,13 @@ def model_answers(
     own = {duration: drive.places} | {each: stage.places for each, stage in drive.other_durations.items()}
     lead = stages.resistance
     own_load = _loads(stages, stages.contacts.records, stages.contacts.roller_load)
-    found = [_answer(stages, scene.accuracy.engine, own, lead.resistance, own_load, lead.error, spread)]
+    own_force = {each: lead.over(each).resistance for each in own}
+    found = [_answer(stages, scene.accuracy.engine, own, own_force, own_load, lead.error, spread)]
     for name, other in comparison.items():
         places = {duration: other.places, **other.places_over}
         load = _loads(stages, other.contacts, other.roller_load)
-        found.append(_answer(stages, name, places, other.resistance, load, other.error, None))
+        force = {duration: other.resistance, **other.resistance_over}
+        found.append(_answer(stages, name, places, force, load, other.error, None))
     return found
 
 
@@ -168,14 +171,15 @@ def _loads(stages: Stages, contacts: Sequence[ContactRecord], load: float) -> Ca
 
 
 def _answer(
-    stages: Stages, engine: str, places: dict[float, Places], resistance: Any, load: Callable[[float], float],
-    error: float | None, spread: tuple[float, float] | None,
+    stages: Stages, engine: str, places: dict[float, Places], resistance: Mapping[float, Any],
+    load: Callable[[float], float], error: float | None, spread: tuple[float, float] | None,
 ) -> ModelAnswer:  # fmt: skip
     scene = stages.contacts.scene
     speeds = {duration: scene.motion.stroke / duration for duration in places}
-    forces = {each: float(np.ravel(resistance(np.array([v]), np.zeros(1)))[0]) for each, v in speeds.items()}
+    forces = {each: float(np.ravel(resistance[each](np.array([v]), np.zeros(1)))[0]) for each, v in speeds.items()}
     coefficients = {each: force / (scene.machine.rollers * load(speeds[each])) for each, force in forces.items()}
-    return ModelAnswer(engine, ENGINES[engine].sizing, places, forces, coefficients, error, spread)
+    valid = is_for_sizing(scene if engine == scene.accuracy.engine else scene.with_engine(engine))
+    return ModelAnswer(engine, valid, places, forces, coefficients, error, spread)
 
 
 def verdict(

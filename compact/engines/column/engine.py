@@ -39,9 +39,12 @@ from compact.engines.column.indentation_search import (
     solve_target,
 )
 from compact.engines.column.rigid_wheel import WheelContactResult, roll_wheel
-from compact.material.cap_plasticity import CapConstants, cap_constants, compacted_state
+from compact.engines.column.state_update_columns import StateUpdateContactResult, roll_state_update
+from compact.material.cap_plasticity import CapConstants, compacted_state, kernel_constants
+from compact.material.density_cap_return import TableConstants
 from compact.material.laws import Compaction
 from compact.material.pressure_sinkage import Terrain
+from compact.material.state_update import StateUpdate
 from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 
@@ -132,13 +135,17 @@ def roll(
 def roll(
     layer: rolling_contact.Layer, roller: rolling_contact.Roller, material: Terrain, speed: float, **options: Any
 ) -> WheelContactResult: ...
+@overload
+def roll(
+    layer: rolling_contact.Layer, roller: rolling_contact.Roller, material: StateUpdate, speed: float, **options: Any
+) -> StateUpdateContactResult: ...
 def roll(
     layer: rolling_contact.Layer,
     roller: rolling_contact.Roller,
-    material: Compaction | Terrain,
+    material: Compaction | Terrain | StateUpdate,
     speed: float,
     **options: Any,
-) -> ColumnContactResult | WheelContactResult:
+) -> ColumnContactResult | WheelContactResult | StateUpdateContactResult:
     """Compute one pass over a layer of fresh mix by the engine "column", or a wheel on terrain.
 
     Parameters
@@ -148,8 +155,9 @@ def roll(
     roller : Roller
         Roller of any profile; "deformed" is the circle, since columns move vertically. It prescribes an indentation,
         load or peak pressure. "frictionless" and "free" rollers are equivalent.
-    material : Compaction or Terrain
-        Material law; terrain is computed by `rigid_wheel.roll_wheel`, which states the range of layer and roller.
+    material : Compaction, Terrain or StateUpdate
+        Material law; terrain is computed by `rigid_wheel.roll_wheel`, an own law by
+        `state_update_columns.roll_state_update`, which state the range of layer and roller.
     speed : float
         Speed of the roller along x [m/s], not 0; it enters by its sign and by the rate of compaction in pc.
     **options
@@ -173,6 +181,8 @@ def roll(
     if isinstance(material, Terrain):
         return roll_wheel(layer, roller, material, speed, **options)
     require_single_bonded_layer(layer)
+    if isinstance(material, StateUpdate):
+        return roll_state_update(layer, roller, material, speed, **options)
     _require_compaction(material)
     lower = lower_columns(layer.lower_lift, material, roller.radius, speed)
     columns = (Column(layer.height, material.fed_density_ratio),)
@@ -397,10 +407,10 @@ def _rated_layer(layer: ColumnLayer, material: Compaction, radius: float, speed:
     fed_height = fed.unstressed_solid_height / material.fed_density_ratio
     deepest = fed_height * (1 - material.fed_density_ratio)  # a lower lift settles too
 
-    def law_at(indentation: float) -> CapConstants:
+    def law_at(indentation: float) -> CapConstants | TableConstants:
         depth = min(fed_height - fed.height + indentation, deepest)
         rate = rolling_contact.compaction_rate(speed, radius, fed_height, depth)
-        return cap_constants(material, material.rate_factor(rate))
+        return kernel_constants(material, material.rate_factor(rate))
 
     return replace(layer, law=law_at(layer.max_indentation), law_at=law_at)
 
@@ -473,6 +483,6 @@ def require_column_range(roller: rolling_contact.Roller, material: Compaction, s
 def _require_compaction(material: object) -> None:
     if not isinstance(material, Compaction):
         raise ValueError(
-            f"the engine column needs a `material` Compaction or Terrain, got {type(material).__name__}; use the "
-            "engine spectral or fem"
+            f"the engine column needs a `material` Compaction, Terrain or StateUpdate, got {type(material).__name__}; "
+            "use the engine spectral or fem"
         )

@@ -7,11 +7,11 @@ tolerance and the target is satisfied. A wave that requires ever larger jumps ha
 
 The error of a result has three parts:
 
-mesh    change between the last two meshes over (fine/coarse)^order - 1, with order 1 for the load and 1.5 for the
-        resistance at a given depth; at least half of what the change of the bow wave makes, since the forces of two
-        meshes may agree by chance. Ten random lifts, 14 against 24 elements per contact length, bound the orders.
-drift   distance to the steady state along the slow mode, before the last jump
-start   scatter of that distance, and the transient that is not part of the mode
+    mesh    change between the last two meshes over (fine/coarse)^order - 1, with order 1 for the load and 1.5 for the
+            resistance at a given depth; at least half of what the change of the bow wave makes, since the forces of two
+            meshes may agree by chance. Ten random lifts, 14 against 24 elements per contact length, bound the orders.
+    drift   distance to the steady state along the slow mode, before the last jump
+    start   scatter of that distance, and the transient that is not part of the mode
 
 At a given load, peak pressure or density both meshes are compared at the prescribed value. The resistance then takes
 over the drift of the load, times its exponent.

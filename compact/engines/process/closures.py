@@ -182,7 +182,7 @@ def solve_closure(problem: FormingProblem, closure: Closure) -> ClosedProcess:
     factor = problem.rate_factor(closure.value if closure.kind == "gap" else problem.machine.max_bite)
     for _ in range(RATE_ITERATIONS_MAX):
         closed = solve(problem, closure, factor)
-        before, factor = closed.history.rate_factor, problem.rate_factor(_mean_bite(closed.history))
+        before, factor = closed.history.rate_factor, problem.rate_factor(mean_bite(closed.history))
         if abs(factor / before - 1) <= RATE_TOLERANCE:
             break
     else:
@@ -235,8 +235,14 @@ def _room(surface: float, shares: Array, index: int, state: SectionState) -> flo
     return max(surface - state.height, 0.0) if shares[index] > 0 else 0.0
 
 
-def _mean_bite(history: SectionHistory) -> float:
-    """Return the mean bite [m], weighted by the make-up of the strokes; of equal weights without any."""
+def mean_bite(history: SectionHistory) -> float:
+    """Return the mean bite [m], weighted by the make-up of the strokes; of equal weights without any.
+
+    Parameters
+    ----------
+    history : SectionHistory
+        Strokes.
+    """
     weights = history.make_up if history.make_up.any() else np.ones(history.count)
     return float(np.average(np.maximum(history.bite, 0.0), weights=weights))
 

@@ -65,10 +65,16 @@ class TwoDimensionalRow:
     sequences : tuple of LiftSequence
         Lifts; those with the least increments have different thicknesses, two or more, those of one thickness
         different increments.
+    rate_scale : float
+        Rate factor of the strokes over that of the lifts [-], to which their forces are in proportion.
+    air_scale : float
+        Speed of the strokes over that of the lifts [-], to which the forces of their pore air are in proportion.
     """
 
     row: RollerRow
     sequences: tuple[LiftSequence, ...]
+    rate_scale: float = 1.0
+    air_scale: float = 1.0
 
     def __post_init__(self) -> None:
         if len(self.lumpings) < 2:
@@ -120,7 +126,7 @@ class TwoDimensionalRow:
     @property
     def air_excess_behind(self) -> float:
         """Largest excess pressure behind the contact of the thinnest lifts [Pa], a tensile stress of the skeleton."""
-        return float(self.lumpings[0].values("air_excess_behind").max())
+        return float(self.lumpings[0].values("air_excess_behind").max()) * self.air_scale
 
     @property
     def load_centre(self) -> float:
@@ -153,7 +159,7 @@ class TwoDimensionalRow:
     def strip_stress_ratio(self) -> float:
         """Return the confined stress of the bottom's density over 2 P/(pi h0), that of a line load on the base [-]."""
         problem, lift = self.row.problem, self.lumpings[0].lifts[-1]
-        strip = 2 * lift.load / (np.pi * problem.machine.height)
+        strip = 2 * self.rate_scale * lift.load / (np.pi * problem.machine.height)
         stress = confined_stress(problem.material, np.array([lift.bottom_density_ratio]), self.row.history.rate_factor)
         return float(stress[0]) / strip
 
@@ -170,7 +176,7 @@ class TwoDimensionalRow:
             Degree of the polynomial in the thickness, less than the number of sequences; 0 for a power law.
         """
         density, made_up = self._densities(name), self.row.history.make_up
-        table = np.array([_interpolated(sequence, name, density) for sequence in sequences])
+        table = self.rate_scale * np.array([_interpolated(sequence, name, density) for sequence in sequences])
         if len(sequences) == 1:
             return table[0]
         thickness = np.array([sequence.thickness for sequence in sequences])
@@ -214,7 +220,7 @@ class TwoDimensionalRow:
         def total(sequence: LiftSequence) -> float:
             force = np.interp(density, _densities_of(sequence, name), _over_thickness(sequence, name))
             per_feed = 1.0 if name == "air_load" else sequence.thickness
-            return float(force * made_up / per_feed @ weights)
+            return float(force * made_up / per_feed @ weights) * self.air_scale
 
         value, thickest = total(self.lumpings[0]), total(self.lumpings[-1])
         if not value:

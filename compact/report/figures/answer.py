@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from compact.analysis.stages.verdict import ModelAnswer
 from compact.quantities import MOTION, SPEED, TIME
-from compact.report.figures.ranking import ENGINE_STYLES
+from compact.report.figures.ranking import engine_style
 from compact.report.figures.style import law_style, panels
 
 SIZE = (5.0, 3.2)  # [inch], of the panels; two figures lie next to one another on a screen of 1280 px
@@ -47,7 +47,7 @@ def draw_models(models: Sequence[ModelAnswer], resistances: Mapping[str, Any], s
         limit = min(fastest, float(getattr(force, "speeds", [fastest])[-1]))
         speed = np.linspace(0, limit, POINTS)[1:]
         values = np.asarray(force(speed, np.zeros_like(speed))) / 1e3
-        color, _, dash = ENGINE_STYLES[model.engine]
+        color, _, dash = engine_style(model.engine)
         label = model.engine if model.valid else f"{model.engine}, not for sizing"
         width = 3.0 if number == 0 else 1.7
         ax.plot(speed, values, linestyle=dash, color=color, linewidth=width, label=label, zorder=3 if number else 2.5)

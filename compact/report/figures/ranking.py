@@ -28,7 +28,14 @@ ENGINE_STYLES: Mapping[str, tuple[str, str, Any]] = {  # colour, mark and dash
     "spectral": (PALETTE[0], "s", "-."),
     "fem": (PALETTE[1], "D", (0, (5, 1.5, 1, 1.5, 1, 1.5))),
     "compaction": ("0.05", "^", "-"),
+    "process": (PALETTE[3], "v", (0, (7, 2))),
 }
+OTHER_STYLE: tuple[str, str, Any] = (PALETTE[3], "v", (0, (4, 1.5)))  # of engines of other packages
+
+
+def engine_style(engine: str) -> tuple[str, str, Any]:
+    """Return colour, mark and dash of an engine; those of other packages share one."""
+    return ENGINE_STYLES.get(engine, OTHER_STYLE)
 
 
 def draw_rankings(
@@ -96,10 +103,10 @@ def draw_resistances(maps: Mapping[str, Any]) -> Figure:
     reference, first = next(iter(maps.items()))
     widths = np.linspace(4.0, 1.5, len(maps))  # the lower line is broader, so that none hides another
     for (engine, force), width in zip(reversed(list(maps.items())), widths, strict=True):
-        (color, _, dash), fastest = ENGINE_STYLES[engine], getattr(force, "speeds", first.speeds)[-1]
+        (color, _, dash), fastest = engine_style(engine), getattr(force, "speeds", first.speeds)[-1]
         speed = np.linspace(0, min(fastest, first.speeds[-1]), 801)[1:]
         ax.plot(speed, force(speed, 0.0) / 1e3, linestyle=dash, color=color, linewidth=width, label=engine)
-    color, label = ENGINE_STYLES[reference][0], f"{reference}, computed"
+    color, label = engine_style(reference)[0], f"{reference}, computed"
     ax.plot(first.speeds, first.forces / 1e3, "o", color=color, markersize=4, label=label)
     ax.set(xlabel=SPEED.axis_label, ylabel=MOTION["cart_resistance"].axis_label)
     ax.set(xlim=(0, 1.02 * first.speeds[-1]), ylim=(min(0.0, 1.1 * first.forces.min() / 1e3), None))
@@ -167,7 +174,7 @@ def _draw_marks(ax: Axes, by: str, order: list[Place], comparison: Mapping[str, 
         found = [(places[place.law].value * factor, row) for row, place in enumerate(order) if place.law in places]
         found = [mark for mark in found if np.isfinite(mark[0])]
         if found:
-            color, mark, _ = ENGINE_STYLES[engine]
+            color, mark, _ = engine_style(engine)
             value, row = np.transpose(found)
             style: dict[str, Any] = {"mfc": "white", "markersize": 4, "linestyle": "none", "clip_on": False}
             ax.plot(value, row + offset, mark, color=color, label=f"by {engine}", **style)
@@ -180,7 +187,7 @@ def _draw_excess(ax: Axes, excess: Mapping[str, Mapping[str, tuple[float, float]
     laws = sorted(reference, key=lambda law: min(found[law][0] for found in excess.values() if law in found))
     laws = sorted(laws[:most], key=lambda law: reference[law][0])
     for (engine, found), offset in zip(excess.items(), mark_offsets(len(excess)), strict=True):
-        color, mark, _ = ENGINE_STYLES[engine]
+        color, mark, _ = engine_style(engine)
         value, error = np.reshape([found.get(law, (np.nan, 0.0)) for law in laws], (-1, 2)).T
         style: dict[str, Any] = {"color": color, "mfc": "white", "markersize": 4, "lw": 0.8, "capsize": 2}
         error = np.where(error, error, np.nan)  # no whisker without an error

@@ -36,6 +36,7 @@ CONTACT_MODELS = {
     "spectral": "an elastic or viscoelastic layer on its base, solved in Fourier space",
     "fem": "an elastic or viscoelastic layer by finite elements",
     "compaction": "a layer with irreversible compaction by finite elements",
+    "process": "all strokes of the forming process, with feed before each and a moving mould",
 }
 
 

@@ -21,6 +21,8 @@ NOT_FOR_SIZING = "viscoelastic part only, not for sizing"
 MODEL_HEADER = (
     "model", "for sizing?", "mean resistance", "coefficient", "discretisation error", "model spread",
 )  # fmt: skip
+CONFINED_FLOOR = "confined floor, not for sizing"
+MODEL_NAMES = {"process": "forming process"}  # in the table of the models
 SPREAD_WORDS = {"formula": "not stated", "column": "no bow wave"}
 
 
@@ -90,7 +92,7 @@ def recommendations(study: Study) -> list[Recommendation]:
             CRITERIA[by].quantity.term, verdict.law, _three_digits(verdict.value, unit) + by_engine,
             "" if margin is None else _three_digits(verdict.value * (1 + margin), unit),
             "" if margin is None else format_percent(margin) + _without_heaping(study), _agreement(verdict, valid),
-            "" if valid else NOT_FOR_SIZING, _other_peaks(study, by, verdict.law),
+            "" if valid else _reason_against(sizing.engine), _other_peaks(study, by, verdict.law),
         ))  # fmt: skip
     return found
 
@@ -156,12 +158,12 @@ def model_table(study: Study, duration: float | None = None, drive: str | None =
         part = model.mean_resistance[duration] / lead.mean_resistance[duration]
         ratio = "" if model.valid == lead.valid else f" ({format_percent(part)} of {lead.engine})"
         rows.append([
-            model.engine, _validity(model.valid),
+            MODEL_NAMES.get(model.engine, model.engine), _validity(model.engine, model.valid),
             *(_first_cell(model, duration, drive, by) for by in criteria), force + ratio,
             f"{model.coefficient[duration]:.3f}", _error_cell(model), _spread_cell(model),
         ])  # fmt: skip
     for name, reason in _without_result(study).items():
-        rows.append([name, _validity(ENGINES[name].sizing), *["–"] * len(criteria), reason, *["–"] * 3])
+        rows.append([name, _validity(name, ENGINES[name].sizing), *["–"] * len(criteria), reason, *["–"] * 3])
     return [[MODEL_HEADER[0], MODEL_HEADER[1], *terms, *MODEL_HEADER[2:]], *rows]
 
 
@@ -173,8 +175,13 @@ def _without_result(study: Study) -> dict[str, str]:
     return {name: reason for reason, found in reasons.items() for name in found}
 
 
-def _validity(valid: bool) -> str:
-    return "yes" if valid else f"no: {NOT_FOR_SIZING}"
+def _validity(engine: str, valid: bool) -> str:
+    return "yes" if valid else f"no: {_reason_against(engine)}"
+
+
+def _reason_against(engine: str) -> str:
+    """State why a model is not valid for sizing."""
+    return CONFINED_FLOOR if engine == "process" else NOT_FOR_SIZING
 
 
 def _first_cell(model: ModelAnswer, duration: float, drive: str, by: str) -> str:

@@ -19,6 +19,11 @@ FIGURES = {  # name -> (description, caption)
         "Dots and crosses: engine of the scene, or formula. Line: exact theory of a half-plane at the required "
         "pressure of the mix. The roller moves to the right.",
     ),
+    "section": (
+        "Section through mould and roller with the density in colour, and load and density along the roller",
+        "Forming process at the mean speed. Every place under the roller has had one stroke more than its neighbour at "
+        "the empty mould; the forces of the drive are the sums over the roller.",
+    ),
     "contact": (
         "Load and rolling-resistance coefficient of one roller at each speed, with bars for the error estimate",
         "Load and rolling-resistance coefficient of one roller; bars are the error estimates of the engine.",

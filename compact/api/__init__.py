@@ -1,0 +1,1 @@
+"""Python interface for studies: a scene with its results as tables, figures and meshes; see `compact.api.scene`."""

@@ -1,0 +1,174 @@
+"""Fields inside the layer, computed or read from VTU and PVD files, for pyvista, tables, pictures and notebooks."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from compact.api.tables import build_frame
+from compact.files import read_vtu_series, write_vtu_series
+from compact.quantities import FIELD
+
+if TYPE_CHECKING:
+    import meshio
+    import pandas
+
+
+@dataclass(frozen=True, eq=False)
+class Fields:
+    """Meshes with fields, one or a series.
+
+    Parameters
+    ----------
+    frames : tuple of (float, meshio.Mesh)
+        Value of the series parameter, such as the speed [m/s] or the time [s], and mesh.
+    parameter : str
+        Name of the series parameter.
+    contacts : sequence of ContactResult
+        Contact of each mesh, whose roller pictures show; empty for fields from a file.
+    """
+
+    frames: tuple[tuple[float, "meshio.Mesh"], ...]
+    parameter: str = "frame"
+    contacts: Sequence[Any] = ()
+
+    @property
+    def mesh(self) -> "meshio.Mesh":
+        """The first mesh."""
+        return self.frames[0][1]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the fields with one value in each element."""
+        return tuple(name for name, values in self.mesh.cell_data.items() if np.ndim(values[0]) == 1)
+
+    def to_pyvista(self, displaced: bool = True) -> Any:
+        """Convert to pyvista.
+
+        Parameters
+        ----------
+        displaced : bool
+            True for the displaced layer, False for the layer as fed.
+
+        Returns
+        -------
+        pyvista.UnstructuredGrid or pyvista.MultiBlock
+            Grid with all point and cell data; of a series a block for each frame, called "PARAMETER=VALUE".
+        """
+        import pyvista
+
+        from compact.report.pictures import displaced_grid
+
+        convert = displaced_grid if displaced else pyvista.from_meshio
+        grids = {f"{self.parameter}={value:g}": convert(mesh) for value, mesh in self.frames}
+        return next(iter(grids.values())) if len(grids) == 1 else pyvista.MultiBlock(grids)
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Return the element means as a table: centre of the element as fed [m], and every field in its SI unit."""
+        columns: dict[str, list[Any]] = {self.parameter: [], "x": [], "y": []} | {name: [] for name in self.names}
+        for value, mesh in self.frames:
+            centres = mesh.points[mesh.cells[0].data].mean(axis=1)
+            columns[self.parameter] += [value] * len(centres)
+            columns["x"] += centres[:, 0].tolist()
+            columns["y"] += centres[:, 1].tolist()
+            for name in self.names:
+                columns[name] += np.asarray(mesh.cell_data[name][0]).tolist()
+        return build_frame(columns, {"x": FIELD["position"], "y": FIELD["height"]} | FIELD)
+
+    def to_vtk(self, directory: str | Path) -> Path:
+        """Write VTU files with a PVD collection of ParaView.
+
+        Parameters
+        ----------
+        directory : str or Path
+            Directory of fields.pvd; created where it is missing.
+
+        Returns
+        -------
+        Path
+            The collection.
+        """
+        *_, collection = write_vtu_series(Path(directory) / "fields.pvd", "fields", self.parameter, self.frames)
+        return collection
+
+    def picture(self, path: str | Path, field: str | None = None, frame: int = 0) -> Path:
+        """Write a picture of one field of the displaced layer, rendered off screen by pyvista.
+
+        Parameters
+        ----------
+        path : str or Path
+            PNG, JPEG, TIFF or BMP file.
+        field : str, optional
+            Name of the field; the density ratio, or the pressure of a linear layer, by default.
+        frame : int
+            Number of the mesh.
+
+        Returns
+        -------
+        Path
+            The file.
+        """
+        from compact.report.pictures import write_picture
+
+        return write_picture(Path(path), self.frames[frame][1], self._contact(frame), field)
+
+    def show(self, field: str | None = None, frame: int = 0) -> Any:
+        """Show one field in a window of pyvista, or in a notebook by its backend.
+
+        Parameters
+        ----------
+        field, frame
+            As of `picture`.
+        """
+        from compact.report.pictures import displaced_grid, shown_field
+
+        mesh = self.frames[frame][1]
+        return displaced_grid(mesh).plot(scalars=shown_field(mesh, field), cpos="xy", show_edges=True)
+
+    def _contact(self, frame: int) -> Any:
+        return self.contacts[frame] if self.contacts else None
+
+    def __repr__(self) -> str:
+        cells = sum(len(block.data) for block in self.mesh.cells)
+        return f"<fields {', '.join(self.names)} on {cells} elements, {len(self.frames)} frames>"
+
+    def _repr_png_(self) -> bytes | None:
+        """Return the picture that a notebook shows; None without pyvista."""
+        from compact.files import ResultsError
+        from compact.report.pictures import encode_picture, render_fields
+
+        try:
+            return encode_picture(render_fields(self.mesh, self._contact(0)))
+        except ResultsError:
+            return None
+
+
+def read_fields(path: str | Path) -> Fields:
+    """Read fields that `compact` or another program has written.
+
+    Parameters
+    ----------
+    path : str or Path
+        PVD collection, VTU file, or any other mesh that meshio reads.
+
+    Returns
+    -------
+    Fields
+
+    Raises
+    ------
+    ValueError
+        If the file is no such mesh.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".pvd":
+        parameter, frames = read_vtu_series(path)
+        return Fields(frames, parameter)
+    import meshio
+
+    try:
+        return Fields(((0.0, meshio.read(path)),))
+    except (OSError, SystemExit, meshio.ReadError) as error:
+        raise ValueError(f"{path}: not a mesh that meshio reads ({error}); give a PVD or VTU file") from None

@@ -1,0 +1,316 @@
+"""A scene that computes its own results: contacts, resistance, ranking, sweep, process and whole study.
+
+    import compact
+    scene = compact.load_scene("scene.toml")
+    scene.roll([0.05, 0.1, 0.2], engine="column").to_dataframe()
+    scene.rank(by="peak_power").plot()
+
+Each method returns a result with `to_dataframe`, `plot` and, where it applies, `to_xarray` and `to_vtk`; a sweep is an
+xarray dataset. Nothing is kept between calls: a `study` computes each stage once.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Literal
+
+from compact.scene import loader
+
+if TYPE_CHECKING:
+    import xarray
+
+    from compact.analysis.stages.resistance import ResistanceLaw
+    from compact.api.contacts import Contacts
+    from compact.api.ranking import OwnLaw, Ranking
+    from compact.api.resistance import CartResistance
+    from compact.api.study import Process, Study
+    from compact.material.state_update import StateUpdate
+
+HTML_TABLES = ("machine", "product", "mix", "layer", "motion", "drive", "accuracy")  # of a scene in a notebook
+
+
+class Scene(loader.Scene):
+    """One machine with one mix and one motion, and the methods that compute its results.
+
+    `load_scene`, `parse_scene` and `Scene.replaced` are the only constructors.
+    """
+
+    def roll(
+        self,
+        speeds: float | Sequence[float] | None = None,
+        *,
+        engine: str | None = None,
+        material: "StateUpdate | None" = None,
+    ) -> "Contacts":
+        """Compute the contact of one roller at some speeds.
+
+        Parameters
+        ----------
+        speeds : float or sequence of float, optional
+            Speeds of the roller [m/s]; those of the scene by default.
+        engine : str, optional
+            Contact engine; that of the scene by default. Keys of its table [compare.ENGINE] apply.
+        material : StateUpdate, optional
+            Own material in place of the mix, for the engine "column".
+
+        Returns
+        -------
+        Contacts
+
+        Raises
+        ------
+        ValueError
+            If the engine does not cover the scene, or does not take the material.
+        RuntimeError
+            If a contact does not converge.
+        """
+        from compact.analysis.contact_cases import contact_record, contact_speeds, scene_mix
+        from compact.analysis.stages.contacts import ContactStage
+        from compact.api.contacts import Contacts
+        from compact.api.own_material import roll_material
+
+        scene = self._by(engine)
+        stage = ContactStage(scene, scene_mix(scene))
+        wanted = contact_speeds(scene) if speeds is None else [speeds] if isinstance(speeds, int | float) else speeds
+        records, passes = [], list[tuple[Any, ...]]()
+        for speed in map(float, wanted):
+            if material is None:
+                passes.append(stage.passes_at(speed, passes[-1] if passes else None))
+                air = stage.air_forces_of(passes[-1][0], speed)
+            else:
+                passes.append((roll_material(scene, material, speed),))
+                air = None
+            records.append(contact_record(scene.accuracy.engine, speed, passes[-1], air))
+        return Contacts(tuple(records), tuple(passes), stage, self.title)
+
+    def resistance(self, *, engine: str | None = None) -> "CartResistance":
+        """Compute the resistance of the mix to one cart over the speeds of the motion laws.
+
+        Parameters
+        ----------
+        engine : str, optional
+            As of `roll`.
+
+        Returns
+        -------
+        CartResistance
+            A function of velocity [m/s] and acceleration [m/s2].
+        """
+        from compact.analysis.stages.drives import build_stages
+        from compact.api.resistance import CartResistance
+
+        scene = self._by(engine)
+        stages = build_stages(scene)
+        law, peaks = stages.resistance.resistance, [each.forward.peaks() for each in stages.prescribed.cycles.values()]
+        fastest = max((each.velocity for each in peaks), default=scene.mean_speed)
+        strongest = max((each.acceleration for each in peaks), default=0.0)
+        known = getattr(law, "speeds", (fastest,))[-1]
+        return CartResistance(law, scene.accuracy.engine, float(known), float(strongest), stages.resistance.error)
+
+    def rank(
+        self,
+        by: str | None = None,
+        *,
+        engine: str | None = None,
+        laws: "Mapping[str, OwnLaw] | None" = None,
+        resistance: "ResistanceLaw | None" = None,
+    ) -> "Ranking":
+        """Rank the motion laws by the demand on the drive of the scene.
+
+        Parameters
+        ----------
+        by : str, optional
+            Criterion, such as "peak_force"; the first of the scene by default.
+        engine : str, optional
+            As of `roll`.
+        laws : mapping, optional
+            Own laws in addition to those of the scene, by name: a `MotionProfile`, the travel [m] as a function of time
+            [s], or columns of time and travel.
+        resistance : callable, optional
+            Resistance of one cart [N] as a function F(v, a) of velocity [m/s] and acceleration [m/s2], in place of that
+            of the engine. It opposes the motion: F(-v, a) < 0 < F(v, a). The loads of the rollers remain those of the
+            engine.
+
+        Returns
+        -------
+        Ranking
+        """
+        from compact.analysis.stages.drives import OwnInputs, build_stages
+        from compact.api.ranking import own_laws, rank_laws
+        from compact.api.resistance import CartResistance
+        from compact.machine.ranking import CRITERIA
+        from compact.numerics.validation import require_known
+
+        criterion = by or self.drive.rank_by[0]
+        require_known("criterion", criterion, tuple(CRITERIA))
+        given = resistance.law if isinstance(resistance, CartResistance) else resistance
+        scene = self._by(engine)
+        return rank_laws(build_stages(scene, own=OwnInputs(own_laws(scene, laws or {}), given)), criterion)
+
+    def sweep(
+        self,
+        vary: Mapping[str, Any],
+        *,
+        engine: str | None = None,
+        rank: bool = False,
+        workers: int = 1,
+        out: str | Path | None = None,
+        direct: int | Literal["all"] | None = None,
+    ) -> "xarray.Dataset":
+        """Compute many scenes with keys varied, as `compact sweep` does.
+
+        Parameters
+        ----------
+        vary : mapping
+            Values by key path: a sequence of values, or a text LOW:HIGH:N for N values, ~N for N Sobol points over the
+            spread of a parameter of the mix.
+        engine : str, optional
+            As of `roll`.
+        rank : bool
+            True to rank the motion laws at every point as well.
+        workers : int
+            Worker processes; with more than one, a script needs `if __name__ == "__main__"`.
+        out : str or Path, optional
+            Directory of checkpoints and sweep.nc, whose points another call uses; none by default.
+        direct : int or "all", optional
+            Points that the engine "compaction" computes itself; columns corrected by them give the others.
+
+        Returns
+        -------
+        xarray.Dataset
+            Results over the varied keys, with units; `reason` says why a point has none.
+        """
+        from compact.analysis.worker_pool import choose_executor
+        from compact.sweep.corrected import create_sweep
+        from compact.sweep.design import Axis, read_design
+
+        varied = [
+            read_design(f"{key}={values}") if isinstance(values, str) else Axis(key, tuple(_plain(values)))
+            for key, values in vary.items()
+        ]
+        many = create_sweep(self._by(engine), varied, rank=rank, direct=direct)
+        with TemporaryDirectory() as temporary:
+            place = temporary if out is None else out
+            return many.run(place, executor=choose_executor(workers), resume=out is not None).load()
+
+    def forming_process(self, detail: Literal["columns", "quick", "deep"] = "columns") -> "Process":
+        """Compute the forming process of the table [process].
+
+        Parameters
+        ----------
+        detail : {"columns", "quick", "deep"}
+            Columns alone, or with lumped lifts in two dimensions on one mesh, or on three.
+
+        Returns
+        -------
+        Process
+            Its results are computed when first used.
+        """
+        from compact.api.study import Process
+
+        return Process(self, detail)
+
+    def study(self, *, engine: str | None = None) -> "Study":
+        """Return the whole study of the scene, whose results are computed when first used.
+
+        Parameters
+        ----------
+        engine : str, optional
+            As of `roll`.
+
+        Returns
+        -------
+        Study
+        """
+        from compact.api.study import Study
+
+        return Study(self._by(engine))
+
+    def run(self, out: str | Path | None = None, *, force: bool = False) -> "Study":
+        """Compute the whole study and write report, tables and figures, as `compact run` does.
+
+        Parameters
+        ----------
+        out : str or Path, optional
+            Directory of the results; out/NAME by default, with the name of the scene file.
+        force : bool
+            True to overwrite results of another scene.
+
+        Returns
+        -------
+        Study
+        """
+        from compact.api.study import Study
+        from compact.files import default_directory
+
+        directory = Path(out) if out is not None else default_directory(self.file)
+        study = Study(self, directory=directory)
+        study.write(directory, force)
+        return study
+
+    def _by(self, engine: str | None) -> "Scene":
+        """Return the scene of an engine; the scene itself for its own."""
+        return self if engine in (None, self.accuracy.engine) else self.with_engine(str(engine))
+
+    def __repr__(self) -> str:
+        title = self.title or "an untitled scene"
+        return f"<scene {title}, {self.file}, engine {self.accuracy.engine}>"
+
+    def __str__(self) -> str:
+        return repr(self)
+
+    def _repr_html_(self) -> str:
+        from compact.api.tables import render_html
+
+        rows = [
+            (table, key, str(value))
+            for table in HTML_TABLES
+            for key, value in getattr(self, table).model_dump(exclude_none=True).items()
+            if not isinstance(value, dict)
+        ]
+        columns = dict(zip(("table", "key", "value"), zip(*rows, strict=True), strict=True))
+        return render_html(repr(self)[1:-1], columns, {})
+
+
+def load_scene(path: str | Path, /, **changes: object) -> Scene:
+    """Read a scene from a TOML file.
+
+    Parameters
+    ----------
+    path : str or Path
+        Scene file.
+    **changes : object
+        Values by key path that replace keys of the file, such as `**{"mix.moisture": 0.11}`.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read or the scene has mistakes; the message lists all of them.
+    """
+    return Scene.load(path, **changes)
+
+
+def parse_scene(text: str, file: str = "<text>") -> Scene:
+    """Read a scene from a TOML text.
+
+    Parameters
+    ----------
+    text : str
+        Content of a scene file.
+    file : str
+        File name for messages; law tables are searched in its folder.
+
+    Returns
+    -------
+    Scene
+    """
+    return Scene.parse(text, file)
+
+
+def _plain(values: Any) -> list[Any]:
+    """Return values of an array or a sequence as plain Python values."""
+    return values.tolist() if hasattr(values, "tolist") else list(values)

@@ -1,0 +1,141 @@
+"""Whole study of a scene, and its forming process, with tables, figures and files."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from compact.analysis import process, study
+from compact.api.tables import build_frame, render_html
+from compact.machine.ranking import CRITERIA
+from compact.quantities import PROCESS, STROKE
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+CRITERION_QUANTITIES = {name: criterion.quantity for name, criterion in CRITERIA.items()}
+
+
+class Study(study.Study):
+    """Results of one scene, as `analysis.study.Study`, with tables, figures and files.
+
+    Examples
+    --------
+    >>> from compact.api.scene import load_scene
+    >>> study = Study(load_scene("studies/scenes/small.toml"))
+    >>> study
+    <study of Small: the published machine, three laws, engine formula, 3 laws>
+    >>> study.rankings["peak_power"][0].run.name
+    'cubic'
+    """
+
+    @property
+    def _columns(self) -> dict[str, list[Any]]:
+        criteria = list(self.rankings)
+        values = {by: {place.run.name: place.value for place in ranked} for by, ranked in self.rankings.items()}
+        order = [place.run.name for place in self.rankings[criteria[0]]]
+        return {"law": list(order)} | {by: [values[by][name] for name in order] for by in criteria}
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Return the values of all laws by each criterion of the scene, in SI units, in the order of the first."""
+        return build_frame(self._columns, CRITERION_QUANTITIES, "law")
+
+    def plot(self) -> "Figure":
+        """Draw the rankings of the laws by the criteria of the scene.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from compact.report.figures.ranking import draw_rankings
+
+        return draw_rankings(self.places[self.scene.drive.kind], {})
+
+    def write(self, directory: str | Path, force: bool = False) -> dict[str, Any]:
+        """Write report, tables and figures, as `compact run` does.
+
+        Parameters
+        ----------
+        directory : str or Path
+            Directory of the results; created where it is missing.
+        force : bool
+            True to overwrite results of another scene.
+
+        Returns
+        -------
+        dict
+            Content of summary.json.
+        """
+        from compact.report.writer import write_study
+
+        return write_study(self, directory, force)
+
+    def __repr__(self) -> str:
+        title = self.scene.title or "an untitled scene"
+        return f"<study of {title}, engine {self.scene.accuracy.engine}, {len(self.prescribed_laws.cycles)} laws>"
+
+    def _repr_html_(self) -> str:
+        columns = self._columns if "rankings" in self.drive_stage.__dict__ else {}  # a view starts no computation
+        return render_html(repr(self)[1:-1], columns, CRITERION_QUANTITIES)
+
+
+class Process(process.ProcessStudy):
+    """Forming process of a scene, as `analysis.process.ProcessStudy`, with tables, figures and files."""
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Return the strokes on a section as a table in SI units, per unit roller length."""
+        from compact.report.process_writer import stroke_columns
+
+        return build_frame(stroke_columns(self), STROKE)
+
+    def summary(self) -> "pandas.Series":
+        """Return the results of one roller by columns, in SI units; nan where a result does not exist."""
+        import pandas
+
+        from compact.report.process_writer import process_numbers
+
+        found = pandas.Series(dict(process_numbers(self)), dtype=float)
+        found.attrs["units"] = {name: quantity.unit for name, quantity in PROCESS.items()}
+        return found
+
+    def plot(self) -> "Figure":
+        """Draw the section of the mix along the roller.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from compact.report.figures.process import draw_section
+
+        return draw_section(self)
+
+    def write(self, directory: str | Path, force: bool = False) -> list[Path]:
+        """Write tables, figures, fields and process.json, as `compact process` does.
+
+        Parameters
+        ----------
+        directory, force
+            As of `Study.write`.
+
+        Returns
+        -------
+        list of Path
+            Files written.
+        """
+        from compact.files import claimed_directory
+        from compact.report.process_writer import write_process
+
+        with claimed_directory(directory, self.scene.hash, force) as place:
+            return write_process(self, place)
+
+    def __repr__(self) -> str:
+        strokes = f"{self.problem.machine.strokes_on_section:.4g} strokes on a section"
+        return f"<process of {self.scene.title or 'an untitled scene'}, {self.detail}, {strokes}>"
+
+    def _repr_html_(self) -> str:
+        numbers = self.summary().dropna()
+        columns = {
+            "quantity": [PROCESS[str(name)].term for name in numbers.index],
+            "value": numbers.tolist(),
+            "unit": [PROCESS[str(name)].unit for name in numbers.index],
+        }
+        return render_html(repr(self)[1:-1], columns, {})

@@ -1,0 +1,281 @@
+"""Column engine for an own material law: one pass of a roller over a layer whose law is a `StateUpdate`.
+
+A layer of one mix under a roller is kinematically determined in confined compression. With the gap of the roller and
+the indentation d, a column of fed height H has
+
+    h(x) = H - d + gap(x),    e_yy = ln(h/H),    P = int s_v dx,    F = int s_v dgap,    s_v = -s_yy.
+
+The law receives the increments of e_yy from the front edge to the lowest generatrix, and from there until s_v = 0, the
+rear edge. Both paths have equal increments of x. The integrals are trapezoidal sums. The number of increments is
+doubled until load and resistance change by less than a tolerance; their last change is the error estimate. The exit
+density ratio follows from the volume, k = k_fed H/h, and thus contains the elastic strain that remains.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from compact.material.state_update import StateUpdate
+from compact.numerics import Array
+from compact.numerics.validation import require_positive
+from compact.rolling_contact import ContactResult, Layer, Roller, require_moving, require_on_target, resistance_scale
+
+INCREMENTS = 64  # [-], of the front, at first
+INCREMENTS_MAX = 16_384  # [-], of the front; some second of a law in Python
+REBOUND_MAX = 2.0  # [-], rise of the gap behind the roller over the indentation, in which the unloading must end
+LEAST_INDENTATION = 1e-6  # [-], of the largest one, in the search for a target
+RTOL = 1e-4  # [-], default tolerance of load and resistance
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateUpdateContactResult(ContactResult):
+    """`ContactResult` over an own material.
+
+    Parameters
+    ----------
+    indentation : float
+        Indentation of the lowest generatrix below the layer before the pass [m].
+    exit_height, exit_density_ratio : float
+        Height [m] and density ratio [-] after the rebound.
+    state : object
+        State of the material after the pass.
+    increments : int
+        Increments of the front.
+    mass_residual : float
+        Relative residual of the mass balance [-]; 0, as the density follows from the volume.
+    """
+
+    indentation: float
+    exit_height: float
+    exit_density_ratio: float
+    state: Any
+    increments: int
+    mass_residual: float = 0.0
+
+
+def roll_state_update(
+    layer: Layer,
+    roller: Roller,
+    material: StateUpdate,
+    speed: float,
+    *,
+    exit_density_ratio: float | None = None,
+    rtol: float = RTOL,
+) -> StateUpdateContactResult:
+    """Compute one pass of a roller over a bonded layer of an own material.
+
+    Parameters
+    ----------
+    layer : Layer
+        Layer of one mix on a rigid base.
+    roller : Roller
+        Roller with the gap of a parabola or of a circle.
+    material : StateUpdate
+        Material law.
+    speed : float
+        Speed of the roller along x [m/s], of which the sign alone enters.
+    exit_density_ratio : float, optional
+        Density ratio after the pass [-], in place of the target of the roller.
+    rtol : float
+        Tolerance of load and resistance [-].
+
+    Returns
+    -------
+    StateUpdateContactResult
+
+    Raises
+    ------
+    ValueError
+        If no indentation reaches the target.
+    RuntimeError
+        If the increments do not suffice, or the rebound does not end.
+    """
+    require_moving(speed)
+    require_positive(rtol=rtol)
+    if layer.lower_lift is not None:
+        raise ValueError("an own material needs a layer on the rigid base, got a `lower_lift`; use a law of the mix")
+    gap = _Gap(roller.radius, 0.0 if roller.profile == "parabola" else 1.0)
+    name, target = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
+    path = _Path(layer, material, gap)
+    count = INCREMENTS
+    before = path.compute_pass(_indentation(path, name, target, count, rtol), count)
+    while True:
+        count *= 2
+        found = path.compute_pass(_indentation(path, name, target, count, rtol), count)
+        changes = (
+            abs(found.load - before.load) / found.load,
+            abs(found.resistance - before.resistance) / resistance_scale(found.resistance, found.load),
+        )
+        if max(changes) <= rtol:
+            break
+        if count >= INCREMENTS_MAX:
+            raise RuntimeError(
+                f"the contact over {material.name} changes by {max(changes):.1e} from {count // 2} to {count} "
+                f"increments, tolerance {rtol:g}; the law may jump, so smooth it or raise `rtol`"
+            )
+        before = found
+    result = found.result(changes, float(np.sign(speed)))
+    require_on_target(result, roller, 10 * rtol, exit_density_ratio=exit_density_ratio)
+    return result
+
+
+def required_height(height: float, exit_density_ratio: float, material: StateUpdate) -> float:
+    """Return the height of fresh mix for a product of a height [m] and a density ratio [-] after its rebound [m]."""
+    require_positive(height=height)
+    if not material.fed_density_ratio < exit_density_ratio < 1:
+        raise ValueError(
+            f"`exit_density_ratio` must lie between `fed_density_ratio` {material.fed_density_ratio!r} of "
+            f"{material.name} and 1, got {exit_density_ratio!r}"
+        )
+    return height * exit_density_ratio / material.fed_density_ratio
+
+
+def _indentation(path: "_Path", name: str, target: float, count: int, rtol: float) -> float:
+    """Return the indentation [m] at which a quantity of the pass equals its target."""
+    if name == "indentation":
+        if not target < path.deepest:
+            raise ValueError(
+                f"`indentation` must be less than {path.deepest:.6g} m, got {target!r}: it closes all pores"
+            )
+        return target
+    least, deepest = LEAST_INDENTATION * path.deepest, path.deepest * (1 - LEAST_INDENTATION)
+
+    def excess(indentation: float) -> float:
+        return float(getattr(path.compute_pass(indentation, count), name)) - target
+
+    if excess(deepest) < 0:
+        raise ValueError(
+            f"`{name}` {target:.6g} is not reached by {path.material.name} before its pores close; prescribe less"
+        )
+    return float(brentq(excess, least, deepest, rtol=min(rtol / 10, 1e-6)))
+
+
+@dataclass(frozen=True)
+class _Gap:
+    """Gap under a circle (c = 1) or a parabola (c = 0) of a radius R [m]."""
+
+    radius: float
+    circular: float
+
+    def __call__(self, x: Array) -> Array:
+        """Return the gap [m] at x [m]."""
+        if self.circular:
+            return x**2 / (self.radius + np.sqrt(self.radius**2 - x**2))
+        return x**2 / (2 * self.radius)
+
+    def edge(self, depth: float) -> float:
+        """Return x [m] at which the gap equals a depth [m]."""
+        return math.sqrt(depth * (2 * self.radius - self.circular * depth))
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """Pass at one indentation: x from the rear to the front edge [m], vertical stress [Pa], and states."""
+
+    path: "_Path"
+    indentation: float
+    x: Array
+    stress: Array
+    exit_height: float
+    state: Any
+    increments: int
+
+    @property
+    def load(self) -> float:
+        """Load [N/m]."""
+        return float(np.trapezoid(self.stress, self.x))
+
+    @property
+    def resistance(self) -> float:
+        """Resistance [N/m]."""
+        return float(np.trapezoid(self.stress, self.path.gap(self.x)))
+
+    @property
+    def peak_pressure(self) -> float:
+        """Largest vertical stress [Pa]."""
+        return float(self.stress.max())
+
+    @property
+    def exit_density_ratio(self) -> float:
+        """Density ratio after the rebound [-]."""
+        return self.path.material.fed_density_ratio * self.path.layer.height / self.exit_height
+
+    def result(self, error: tuple[float, float], direction: float) -> StateUpdateContactResult:
+        """Return the result in the fixed axis x."""
+        ascending = slice(None, None, int(direction))
+        return StateUpdateContactResult(
+            load=self.load, resistance=direction * self.resistance, leading=float(self.x[-1]),
+            trailing=float(self.x[0]), x=(direction * self.x)[ascending], pressure=self.stress[ascending],
+            shear_traction=np.zeros_like(self.x), error=error, peak_pressure=self.peak_pressure,
+            indentation=self.indentation, exit_height=self.exit_height, exit_density_ratio=self.exit_density_ratio,
+            state=self.state, increments=self.increments,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Path:
+    """Layer under a roller."""
+
+    layer: Layer
+    material: StateUpdate
+    gap: _Gap
+
+    @property
+    def deepest(self) -> float:
+        """Indentation [m] at which all pores are closed, or the roller sinks to its axis."""
+        closed = self.layer.height * (1 - self.material.fed_density_ratio)
+        return min(closed, self.gap.radius) if self.gap.circular else closed
+
+    def compute_pass(self, indentation: float, count: int) -> _Pass:
+        """Compute the pass at an indentation [m] with a number of increments of the front."""
+        lowest, front = self.layer.height - indentation, self.gap.edge(indentation)
+        ahead = np.linspace(front, 0.0, count + 1)
+        heights = lowest + self.gap(ahead)
+        heights[0] = self.layer.height
+        stresses, state = self._advance(self.material.initial_state, heights)
+        step, rear, behind = front / count, [0.0], [stresses[-1]]
+        limit = self.gap.edge(min(REBOUND_MAX * indentation, self.gap.radius * (1 - 1e-9)))
+        ended = behind[-1] <= 0
+        while not ended:
+            start, end = rear[-1], rear[-1] + step
+            if end > limit:
+                raise RuntimeError(
+                    f"the rebound of {self.material.name} does not end: a vertical stress of {behind[-1]:.6g} Pa "
+                    f"remains {start:.6g} m behind the lowest generatrix; use a smaller indentation"
+                )
+            remaining, after = self._unload(state, lowest, start, end)
+            if ended := remaining <= 0:
+                end, after = self._edge(state, lowest, start, end, behind[-1])
+            state = after
+            rear.append(end)
+            behind.append(0.0 if ended else remaining)
+        x = np.concatenate([-np.array(rear[:0:-1]), ahead[::-1]])
+        stress = np.concatenate([np.array(behind[:0:-1]), stresses[::-1]])
+        exit_height = float(lowest + self.gap(np.array(rear[-1])))
+        return _Pass(self, indentation, x, stress, exit_height, state, count)
+
+    def _advance(self, state: Any, heights: Array) -> tuple[Array, Any]:
+        """Return the vertical stress at each height of a path, the first one without stress, and the last state."""
+        stresses = np.zeros(len(heights))
+        for number, strain in enumerate(np.diff(np.log(heights)).tolist(), start=1):
+            stress, state, _ = self.material.advance(state, np.array([0.0, strain, 0.0, 0.0]))
+            stresses[number] = -stress[1]
+        return stresses, state
+
+    def _unload(self, state: Any, lowest: float, start: float, end: float) -> tuple[float, Any]:
+        """Return vertical stress and state after unloading from one place behind the roller to another."""
+        heights = lowest + self.gap(np.array([start, end]))
+        stresses, after = self._advance(state, heights)
+        return float(stresses[1]), after
+
+    def _edge(self, state: Any, lowest: float, start: float, end: float, stress: float) -> tuple[float, Any]:
+        """Return place and state where the vertical stress vanishes between two places."""
+
+        def stress_at(place: float) -> float:
+            return stress if place == start else self._unload(state, lowest, start, place)[0]
+
+        place = float(brentq(stress_at, start, end))
+        return place, self._unload(state, lowest, start, place)[1]

@@ -1,0 +1,195 @@
+"""Engine "process": resistance of all strokes to the drives, its map, durations, return stroke, and kept results."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lift_sequences import sequence
+
+from compact import drive
+from compact.analysis import machine_models, process
+from compact.analysis.process_contact import is_for_sizing
+from compact.analysis.stages.drives import build_stages
+from compact.analysis.study import Study
+from compact.report import writer
+from compact.report.page.answer_text import model_table
+from compact.resistance import ResistanceMap
+from compact.scene.loader import SceneError, load_scene
+
+SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "process.toml"
+MOTOR = {
+    "curve": "linear", "torque": 150.0, "speed": 157.0, "gear_ratio": 40.0, "inertia": 0.01, "flywheel_inertia": 5.0,
+}  # fmt: skip
+HYDRAULICS = {
+    "piston_area": 3e-3, "supply_pressure": 12e6, "pump_flow": 6e-3, "valve_area": 1e-4, "discharge_coefficient": 0.62,
+    "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
+}  # fmt: skip
+DRIVES = {
+    "rigid": {},
+    "elastic": {"drive.stiffness": 1e6, "drive.damping": 3e3, "drive.backlash": 1e-4},
+    "motor": {"drive.motor": MOTOR},
+    "hydraulic": {"drive.hydraulics": HYDRAULICS},
+}
+SMALL = {
+    "accuracy.engine": "process", "process.detail": "columns", "process.layers": 1, "machine.roller_length": 0.2,
+    "process.product_density_ratio": 0.9, "mix.density_ratio": 0.9, "layer.fed_density_ratio": 0.8,
+    "process.largest_grain": None,
+    "motion.laws": ["cubic", "cycloidal", "modified-trapezoid"], "output.items": [],
+}  # fmt: skip
+
+
+def scene(**changes):
+    return load_scene(SCENE, **SMALL | changes)
+
+
+@pytest.fixture(scope="module")
+def study():
+    return Study(scene())
+
+
+def test_resistance_is_that_of_rollers_and_sleeves(study):
+    found = study.contact_stage.process
+    assert found.sleeve_drag > 0
+    at_mean = study.resistance_map(study.scene.mean_speed)
+    assert at_mean == pytest.approx(2 * found.resistance + found.sleeve_drag, rel=1e-6)
+    assert study.roller_load == pytest.approx(found.load, rel=1e-12)
+    # the guide wheels are those of the cart, once
+    total = study.steady.drive_force[0]
+    assert total == pytest.approx(at_mean + found.guide_friction, rel=1e-6)
+    assert total == pytest.approx(sum(part.force for part in found.parts if part.force is not None), rel=1e-6)
+    without = Study(scene(sleeve=None))
+    assert without.resistance_map(study.scene.mean_speed) == pytest.approx(2 * found.resistance, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", DRIVES)
+def test_ranking_is_that_of_a_table_of_the_same_numbers(kind, study):
+    given = scene(**{"drive.kind": kind}, **DRIVES[kind])
+    contacts, stages = study.contact_stage, build_stages(given)
+    stages.contacts.__dict__ |= {
+        "process": contacts.process,
+        "records": contacts.records,
+        "reference": contacts.reference,
+    }
+    sampled = stages.resistance.map
+    table = ResistanceMap(sampled.speeds, sampled.forces, sampled.error)
+    cart = machine_models.cart(given, contacts.process.load)
+    working = (given.motion.run_up, 1 - given.motion.run_down)
+    runs = [
+        drive.simulate(cart, machine_models.drive_of(given, cycle), cycle, table, working=working)
+        for cycle in stages.laws.cycles.values()
+    ]
+    for by, ranked in stages.drive.rankings.items():
+        by_hand = drive.rank(runs, by)
+        assert [each.run.name for each in ranked] == [each.run.name for each in by_hand]
+        assert [each.value for each in ranked] == pytest.approx([each.value for each in by_hand], rel=1e-9)
+
+
+def test_map_holds_at_speeds_without_a_contact(study):
+    found, sampled = study.contact_stage.process, study.resistance_map
+    for share in (0.05, 0.2, 0.7, 1.9):
+        speed = share * study.scene.mean_speed
+        expected = 2 * found.forces_at(speed).resistance + found.sleeve_drag
+        assert sampled(speed) == pytest.approx(expected, rel=1e-3)
+        assert sampled(speed) == pytest.approx(expected, rel=max(sampled.error, 1e-6))
+
+
+def test_floor_grows_with_the_duration(study):
+    stage, longer = study.resistance_stage, 1.25 * study.scene.motion.duration
+    other = stage.over(longer)
+    assert stage.over(study.scene.motion.duration) is stage
+    assert stage.over(longer) is other
+    drag, speed = study.contact_stage.process.sleeve_drag, other.scene.mean_speed
+    floor = 2 * other.contacts.process.row.confined_floor + drag
+    assert other.map(speed) == pytest.approx(floor, rel=2e-3)
+    assert (other.map(speed) - drag) / (stage.map(speed) - drag) == pytest.approx(1.25, rel=0.02)
+    assert study.drive_stage.over(longer).resistance is other
+
+
+def test_feed_before_forward_strokes_alone_loads_them(study):
+    forward = Study(scene(**{"process.feeds": "forward"})).contact_stage
+    load, resistance = forward.return_ratios
+    assert resistance == pytest.approx(0, abs=0.01)
+    assert 0.05 < load < 0.5  # the elastic recovery alone
+    record = forward.reference[0]
+    length, row = forward.scene.machine.roller_length, forward.process.row
+    mean = record.resistance * length * (1 + resistance) / 2
+    assert mean == pytest.approx(row.resistance, rel=0.15)  # few strokes: their parity matters
+    assert study.contact_stage.return_ratios == (1.0, 1.0)
+
+
+def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, air, report):
+    report("lift 1")
+    return sequence(
+        thickness, increments, load=lambda k: 2e3 * np.exp(8 * (k - 0.75)), work=lambda k: 1e5 * np.exp(10 * (k - 0.75))
+    )
+
+
+def test_lumped_lifts_are_kept_with_the_results(monkeypatch, tmp_path):
+    monkeypatch.setattr(process, "simulate_lifts", lifts)
+    given = scene(**{"process.detail": None, "motion.other_durations": [1.0], "output.items": []})
+    first = Study(given)
+    writer.write_study(first, tmp_path / "out")
+    monkeypatch.setattr(process, "simulate_lifts", None)
+    again = Study(given, directory=tmp_path / "out")
+    assert again.kept is not None
+    assert again.contact_stage.process.lifts == first.contact_stage.process.lifts
+    assert again.rankings["peak_force"][0].value == first.rankings["peak_force"][0].value
+    model = again.models[0]
+    assert model.valid
+    assert model.mean_resistance[1.0] == pytest.approx(first.models[0].mean_resistance[1.0], rel=1e-9)
+    assert model.mean_resistance[1.0] != pytest.approx(model.mean_resistance[given.motion.duration], rel=1e-2)
+    force = 2 * first.contact_stage.process.resistance
+    drag = first.contact_stage.process.sleeve_drag
+    assert first.resistance_map.engine_error == pytest.approx(
+        first.contact_stage.process.two_dimensions.resistance.error * force / (force + drag), rel=0.02
+    )
+
+
+@pytest.mark.slow
+def test_report_has_the_row_of_the_process(monkeypatch, tmp_path):
+    monkeypatch.setattr(process, "simulate_lifts", lifts)
+    found = Study(scene(**{"process.detail": "deep", "output.items": ["report"]}))
+    writer.write_study(found, tmp_path)
+    assert (tmp_path / "section.png").exists()
+    page = (tmp_path / "report.html").read_text("utf-8")
+    assert "forming process" in page
+    rows = {row[0]: row for row in model_table(found)}
+    assert list(rows) == ["model", "forming process", "formula"]
+    assert rows["forming process"][1] == "yes"
+    assert {"formula", "process"} == set(found.verdicts[found.scene.motion.duration, "rigid", "peak_force"].values)
+
+
+def test_columns_are_not_for_sizing():
+    assert not is_for_sizing(scene())
+    assert is_for_sizing(scene(**{"process.detail": None}))
+    assert not is_for_sizing(scene(**{"accuracy.engine": "spectral", "machine.roller_condition": "frictionless"}))
+
+
+def test_comparison_takes_the_process():
+    given = scene(**{"accuracy.engine": "column", "compare": {"process": {"process": {"detail": "columns"}}}})
+    assert given.compared_engines == ("formula", "process")
+    other = given.with_engine("process")
+    assert (other.accuracy.engine, other.process.detail) == ("process", "columns")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"process": None, "sleeve": None}, r"accuracy.engine: is \"process\", and the table \[process\] is missing"),
+        ({"contact.load": 5e3}, r'the engine "process" takes no prescribed load of 5000 N, as the closure'),
+        ({"layer.passes": 2}, r'the engine "process" takes no 2 passes, as the strokes of \[process\] are its passes'),
+    ],
+)
+def test_scenes_without_a_steady_process_are_refused(changes, words):
+    with pytest.raises(SceneError, match=words):
+        load_scene(SCENE, **{"accuracy.engine": "process"} | changes)
+
+
+def test_another_speed_keeps_the_feed(study):
+    found = study.contact_stage.process
+    row = found.row_at(found.problem.machine.cart_speed * 0.5)
+    assert row.closed.amount == found.row.closed.amount
+    assert row.history.rate_factor < found.row.history.rate_factor
+    assert found.row_at(found.problem.machine.cart_speed) is found.row
+    assert replace(found, known=None).row_at(0.2).load == pytest.approx(found.row_at(0.2).load, rel=1e-9)

@@ -1,0 +1,72 @@
+"""Engines of other packages by entry points: a tiny installed distribution."""
+
+import sys
+from dataclasses import replace
+
+import pytest
+
+import compact
+from compact.analysis.engines import ENGINES
+
+SMALL = "studies/scenes/small.toml"
+PACKAGE = '''
+from compact.analysis.engines import Engine, EngineCost
+from compact.engines.column.engine import roll as roll_columns
+import dataclasses
+
+WINKLER = Engine("winkler", "winkler_engine", EngineCost(0.01, 0.1), ("heckel_slope",), compacting=True)
+MISNAMED = "no engine"
+
+def roll(layer, roller, material, speed):
+    """Return twice the load of columns."""
+    found = roll_columns(layer, dataclasses.replace(roller, rolling="frictionless"), material, speed)
+    return dataclasses.replace(found, load=2 * found.load)
+'''
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """Install a distribution with one engine, and one faulty entry point, in a folder of the path."""
+    (tmp_path / "winkler_engine.py").write_text(PACKAGE)
+    facts = tmp_path / "winkler_engine-1.0.dist-info"
+    facts.mkdir()
+    (facts / "METADATA").write_text("Metadata-Version: 2.1\nName: winkler-engine\nVersion: 1.0\n")
+    (facts / "entry_points.txt").write_text(
+        "[compact.engines]\nwinkler = winkler_engine:WINKLER\nbroken = winkler_engine:MISNAMED\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield
+    sys.modules.pop("winkler_engine", None)
+
+
+def test_engine_of_another_package_rolls_and_ranks(installed):
+    scene = compact.load_scene(SMALL, **{"accuracy.engine": "winkler"})
+    assert {*ENGINES} >= {"column", "winkler", "broken"}
+    columns = scene.roll(0.2, engine="column")
+    found = scene.roll(0.2)
+    assert found.engine == "winkler"
+    assert found[0].load == pytest.approx(2 * columns[0].load)
+    assert scene.replaced(**{"mix.moisture": 0.11}).accuracy.engine == "winkler"
+    assert {place.law for place in scene.rank()} == {"cubic", "reversal-3", "crank"}
+    assert compact.Study(scene).second_pass is None
+    assert scene.hash != scene.replaced(**{"accuracy.engine": "column"}).hash
+
+
+@pytest.mark.slow
+def test_report_of_an_engine_of_another_package(installed, tmp_path):
+    scene = compact.load_scene(SMALL, **{"accuracy.engine": "winkler", "output.items": ["tables"]})
+    scene.run(tmp_path / "out")
+    assert (tmp_path / "out" / "summary.json").exists()
+
+
+def test_faulty_entry_point_is_named(installed):
+    with pytest.raises(ValueError, match=r"the entry point broken of the group compact.engines must be an Engine"):
+        compact.load_scene(SMALL).roll(0.2, engine="broken")
+
+
+def test_engine_that_is_not_installed_is_refused():
+    with pytest.raises(compact.SceneError, match=r"accuracy.engine: must be one of formula, .* got 'winkler'"):
+        compact.load_scene(SMALL, **{"accuracy.engine": "winkler"})
+    with pytest.raises(KeyError):
+        ENGINES["winkler"]
+    assert replace(ENGINES["column"], name="winkler").multipass is False

@@ -1,0 +1,211 @@
+"""Python interface: results of a scene as tables, datasets, figures and meshes, equal to those of a study."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import meshio
+import numpy as np
+import pytest
+import xarray
+from matplotlib.figure import Figure
+
+import compact
+
+ROOT = Path(__file__).parents[2]
+SCENES = ROOT / "studies" / "scenes"
+SPEEDS = (0.05, 0.1, 0.2)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return compact.load_scene(SCENES / "small.toml", **{"accuracy.engine": "column", "drive.rank_by": ["peak_force"]})
+
+
+@pytest.fixture(scope="module")
+def contacts(scene):
+    return scene.roll(SPEEDS)
+
+
+@pytest.fixture(scope="module")
+def fields():
+    points = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.0], [0.0, 0.1, 0.0]])
+    lowered = {"displacement": np.tile([0.0, -0.01, 0.0], (4, 1))}
+    cells = [("quad", np.array([[0, 1, 2, 3]]))]
+    frames = tuple(
+        (speed, meshio.Mesh(points, cells, lowered, {"density_ratio": [np.array([0.9 + speed])]}))
+        for speed in (0.01, 0.02)
+    )
+    return compact.Fields(frames, "speed")
+
+
+def test_import_of_the_package_loads_no_heavy_module():
+    script = "import sys, compact; print(*sorted({name.split('.')[0] for name in sys.modules}))"
+    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
+    heavy = {"numpy", "scipy", "numba", "matplotlib", "xarray", "pandas", "pydantic", "meshio", "skfem", "pyvista"}
+    assert heavy & set(done.stdout.split()) == set()
+
+
+def test_scene_keeps_its_class_and_is_short_in_text(scene):
+    changed = scene.replaced(**{"mix.moisture": 0.11})
+    assert type(changed) is type(scene) is compact.Scene
+    assert changed.with_engine("formula").accuracy.engine == "formula"
+    assert repr(scene) == f"<scene Small: the published machine, three laws, {SCENES / 'small.toml'}, engine column>"
+    assert "roller_radius" in scene._repr_html_()
+    assert compact.parse_scene((SCENES / "small.toml").read_text("utf-8")).mix == scene.mix
+
+
+def test_contacts_equal_those_of_a_study_and_have_units(scene, contacts):
+    study = compact.Study(scene)
+    first = study.passes_at(SPEEDS[-1])[0]
+    frame = contacts.to_dataframe()
+    assert frame.index.tolist() == list(SPEEDS)
+    assert frame.loc[SPEEDS[-1], "resistance"] == first.resistance == contacts[-1].resistance
+    assert frame.attrs["units"]["load"] == "N/m"
+    dataset = contacts.to_xarray()
+    assert dataset["peak_pressure"].attrs == {"units": "Pa", "long_name": "peak contact pressure"}
+    assert float(dataset["load"].sel(speed=0.1)) == contacts[1].load
+    assert "creep" not in frame  # which no column has
+    assert isinstance(contacts.plot(), Figure)
+    assert repr(contacts) == "<3 contacts by column, 0.05 to 0.2 m/s, Small: the published machine, three laws>"
+    assert "load [N/m]" in contacts._repr_html_()
+
+
+def test_contacts_of_another_engine_and_of_the_formulas(scene):
+    assert scene.roll(0.2, engine="formula").to_dataframe()["load"].tolist() == pytest.approx(
+        [compact.Study(scene).engineering.roller_force / scene.machine.roller_length]
+    )
+    assert len(scene.roll(engine="spectral")) == 6
+    with pytest.raises(ValueError, match=r"no engine with fields 'column'; choose from fem, compaction"):
+        _ = scene.roll(0.2).fields
+
+
+def test_resistance_is_a_function_and_a_table(scene):
+    resistance = scene.resistance()
+    assert float(resistance(-0.1)) == -float(resistance(0.1)) == -float(compact.Study(scene).resistance(0.1))
+    frame = resistance.to_dataframe()
+    assert frame["resistance"].loc[resistance.law.speeds[0]] == resistance.law.forces[0]
+    assert resistance.to_xarray()["resistance"].attrs["units"] == "N"
+    assert isinstance(resistance.plot(), Figure)
+    assert isinstance(scene.resistance(engine="formula").plot(), Figure)
+    assert "<resistance by column" in repr(resistance)
+
+
+def test_ranking_equals_that_of_a_study(scene):
+    ranking, study = scene.rank(), scene.study()
+    assert ranking.by == "peak_force"
+    assert [place.law for place in ranking] == [place.run.name for place in study.rankings["peak_force"]]
+    assert ranking.to_dataframe()["peak_force"].tolist() == study.to_dataframe()["peak_force"].tolist()
+    assert isinstance(ranking.plot(), Figure)
+    assert repr(ranking) == f"<3 laws by peak drive force, rigid drive; first {ranking[0].law}>"
+    with pytest.raises(ValueError, match=r"did you mean 'peak_force'"):
+        scene.rank(by="peak_forc")
+
+
+def test_own_law_in_three_forms_has_one_value(scene):
+    def travel(time):
+        return 0.2 * (1 - np.cos(np.pi * time / 3.0))
+
+    time = np.linspace(0, 3.0, 601)
+    laws = {"function": travel, "table": (time, travel(time)), "profile": compact.law("harmonic", 0.4, 3.0)}
+    values = scene.rank(laws=laws).to_dataframe().set_index("law")["peak_force"]
+    assert values["function"] == pytest.approx(values["profile"], rel=1e-6)
+    assert values["table"] == pytest.approx(values["profile"], rel=1e-6)
+    with pytest.raises(ValueError, match=r"the law 'far' has the stroke 0.8, the scene motion.stroke = 0.4"):
+        scene.rank(laws={"far": lambda time: 2 * travel(time)})
+    with pytest.raises(ValueError, match=r"the law 'jumps' deviates from its fit by .* begin and end at rest"):
+        scene.rank(laws={"jumps": lambda time: 0.4 * time / 3.0})
+
+
+def test_own_resistance_replaces_that_of_the_engine(scene):
+    dry = scene.rank(resistance=compact.dry_resistance(3e3))
+    same = scene.rank(resistance=lambda v, a: 3e3 * np.sign(v) + 0 * a)
+    table = scene.rank(resistance=compact.tabulated_resistance([0.01, 0.1, 0.5], [3e3, 3e3, 3e3]))
+    assert dry[0].value == same[0].value == pytest.approx(table[0].value, rel=1e-12)
+    assert dry[0].error is None
+    again = scene.rank(resistance=scene.resistance())
+    assert again[0].value == scene.rank()[0].value
+    with pytest.raises(ValueError, match=r"oppose"):
+        scene.rank(resistance=lambda v, a: 3e3 + 0 * v + 0 * a)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "forces", "words"),
+    [
+        ([0.1], [1e3], "columns of one length >= 2"),
+        ([0.2, 0.1], [1e3, 1e3], "must ascend"),
+        ([0.1, 0.2], [1e3], "shapes"),
+    ],
+)
+def test_table_of_resistance_is_checked(speeds, forces, words):
+    with pytest.raises(ValueError, match=words):
+        compact.tabulated_resistance(speeds, forces)
+
+
+def test_sweep_is_a_dataset_whose_points_are_contacts(scene):
+    table = scene.sweep({"mix.moisture": np.array([0.09, 0.1]), "motion.duration": "2:4:2"})
+    assert isinstance(table, xarray.Dataset)
+    assert dict(table.sizes) == {"moisture": 2, "duration": 2}
+    point = scene.replaced(**{"mix.moisture": 0.1, "motion.duration": 2.0}).roll([0.2])[0]
+    assert float(table["load"].sel(moisture=0.1, duration=2)) == pytest.approx(point.load * scene.machine.roller_length)
+
+
+def test_process_has_strokes():
+    process = compact.load_scene(SCENES / "process.toml").forming_process()
+    assert len(process.to_dataframe()) == process.row.history.count
+    assert repr(process).startswith("<process of Forming process of the published machine, columns, 74.8")
+
+
+@pytest.mark.slow
+def test_process_has_numbers_and_a_figure():
+    process = compact.load_scene(SCENES / "process.toml").forming_process()
+    assert process.summary()["load"] == process.row.load
+    assert isinstance(process.plot(), Figure)
+    assert "load on one roller" in process._repr_html_()
+
+
+def test_study_writes_what_the_command_writes(tmp_path):
+    formula = compact.load_scene(SCENES / "small.toml", **{"output.items": ["tables"]})
+    study = formula.run(tmp_path / "out")
+    assert (tmp_path / "out" / "summary.json").exists()
+    assert study.to_dataframe().index[0] == study.rankings["peak_force"][0].run.name
+    assert "cubic" in study._repr_html_()
+    assert "cubic" not in formula.study()._repr_html_()  # a view starts no computation
+
+
+def test_fields_survive_writing_and_reading(fields, tmp_path):
+    again = compact.read_fields(fields.to_vtk(tmp_path))
+    assert again.parameter == "speed"
+    assert [value for value, _ in again.frames] == [0.01, 0.02]
+    assert again.to_dataframe().equals(fields.to_dataframe())
+    single = compact.read_fields(next((tmp_path / "fields").iterdir()))
+    assert single.names == ("density_ratio",)
+    assert repr(again) == "<fields density_ratio on 1 elements, 2 frames>"
+
+
+def test_fields_become_grids_of_the_displaced_layer(fields):
+    blocks = fields.to_pyvista()
+    assert blocks.keys() == ["speed=0.01", "speed=0.02"]
+    assert blocks[0].bounds[2:4] == pytest.approx((-0.01, 0.09))
+    assert compact.Fields(fields.frames[:1]).to_pyvista(displaced=False).bounds[2:4] == pytest.approx((0.0, 0.1))
+
+
+def test_files_without_fields_are_refused(tmp_path):
+    other = tmp_path / "a.pvd"
+    other.write_text("<VTKFile></VTKFile>")
+    with pytest.raises(ValueError, match=r"a.pvd: not a PVD collection, as it names no file"):
+        compact.read_fields(other)
+    other.write_text("text")
+    with pytest.raises(ValueError, match=r"a.pvd: not a readable PVD collection"):
+        compact.read_fields(other)
+    with pytest.raises(ValueError, match=r"b.vtu: not a mesh that meshio reads"):
+        compact.read_fields(tmp_path / "b.vtu")
+
+
+def test_type_checkers_see_every_public_name():
+    tree = ast.parse(Path(compact.__file__).read_text("utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")
+    seen = {alias.asname for node in block.body if isinstance(node, ast.ImportFrom) for alias in node.names}
+    assert seen == set(compact.__all__)
+    assert not any(alias.asname != alias.name for node in block.body for alias in node.names)

@@ -1,0 +1,71 @@
+"""Documentation: links between pages, reference of the public names, pages and results of the studies."""
+
+import importlib.util
+import re
+from pathlib import Path
+
+import pytest
+
+import compact
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = [*sorted(DOCS.rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+
+
+def gallery():
+    """Return the module that runs the studies."""
+    specification = importlib.util.spec_from_file_location("gallery", DOCS / "gallery" / "run.py")
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
+
+
+def anchors(page):
+    """Return the anchors of the headings of a page, as GitHub forms them."""
+    headings = re.findall(r"(?m)^#+ (.*)$", re.sub(r"(?ms)^```.*?^```$", "", page.read_text("utf-8")))
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def test_links_between_pages_lead_to_a_file_and_a_heading():
+    broken = []
+    for page in PAGES:
+        for link in re.findall(r"\]\(([^)\s]+)\)", re.sub(r"(?ms)^```.*?^```$", "", page.read_text("utf-8"))):
+            path, _, anchor = link.partition("#")
+            target = page.parent / path if path else page
+            if re.match(r"[a-z]+:", link):
+                continue
+            if not target.exists() or (anchor and anchor not in anchors(target)):
+                broken.append(f"{page.relative_to(ROOT)}: {link}")
+    assert broken == []
+
+
+def test_every_name_of_the_package_is_in_the_reference():
+    listed = set(re.findall(r"(?m)^   ~compact\.[\w.]*?(\w+)$", (DOCS / "reference" / "api.md").read_text("utf-8")))
+    assert listed == set(compact.__all__)
+
+
+def test_every_study_has_a_page_with_its_result():
+    runs, index = gallery().RUNS, (DOCS / "gallery" / "index.md").read_text("utf-8")
+    assert set(runs) == {path.stem for path in (ROOT / "studies").glob("*.py")}
+    for name, run in runs.items():
+        page = (DOCS / "gallery" / f"{name}.md").read_text("utf-8")
+        result = f"results/{name}{'.png' if run.figure else '.txt'}"
+        assert (DOCS / "gallery" / result).is_file()
+        assert result in page
+        assert f"({name}.md)" in index
+        command = re.search(rf"python studies/{name}\.py(.*)", page).group(1)
+        assert [part.strip('"') for part in re.findall(r'"[^"]*"|\S+', command)] == list(run.arguments)
+
+
+def test_a_study_that_fails_is_named(tmp_path, monkeypatch, capsys):
+    module = gallery()
+    monkeypatch.setitem(module.RUNS, "absent", module.Run(""))
+    assert module.main(["absent", "--out", str(tmp_path)]) == 1
+    assert re.search(r"absent .* exit code 2: .*No such file", capsys.readouterr().out)
+
+
+def test_an_unknown_study_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        gallery().main(["rank_all"])
+    assert "no study rank_all; choose from compaction_baseline, " in capsys.readouterr().err
