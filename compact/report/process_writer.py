@@ -4,6 +4,7 @@ By columns every answer says two things: the load is a lower estimate, and the c
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -124,7 +125,7 @@ def process_digest(study: ProcessStudy) -> str:
 def _statement(study: ProcessStudy) -> str:
     if study.two_dimensions is None:
         return COLUMNS_STATEMENT
-    return LIFTS_STATEMENT.format("with pore air one-way" if study.counts_air else "drained")
+    return LIFTS_STATEMENT.format(f"with {study.scene.mix.pore_air} pore air" if study.counts_air else "drained")
 
 
 def _two_dimensional_summary(study: ProcessStudy) -> dict[str, Any] | None:
@@ -142,6 +143,8 @@ def _two_dimensional_summary(study: ProcessStudy) -> dict[str, Any] | None:
         **{name: json_number(each.value, unit) | {"error": each.error, "lumping_error": each.lumping_error,
            "mesh_error": each.mesh_error, "extrapolated_share": each.extrapolated_share}
            for name, (each, unit) in estimates.items()},
+        "spread_over_the_mix": {force: study.mix_spread.bounds(force) for force in ("load", "resistance")},
+        "spread_by_parameter": [asdict(each) for each in study.mix_spread.effects],
         "air_is_counted": study.counts_air,
         "air_excess_behind": json_number(found.air_excess_behind, "Pa"),
         "load_centre": json_number(found.load_centre, "m"),
@@ -171,6 +174,9 @@ def _two_dimensional_lines(study: ProcessStudy) -> Iterator[str]:
     )  # fmt: skip
     for term, each in rows:
         yield f"{_line(term, format_quantity(each.value, 'N'))}  ± {each.error:.0%}"
+    for force in ("load", "resistance"):
+        low, high = study.mix_spread.bounds(force)
+        yield _line(f"spread of the {force} over Heckel slope and unloading modulus", f"x {low:.2f} to {high:.2f}")
     share = found.load_centre / study.scene.machine.roller_length
     yield _line("centre of the load, of the roller length", format_percent(share))
     yield _line("skew moment of the load", format_quantity(found.skew_moment, "Nm"))
