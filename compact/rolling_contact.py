@@ -22,7 +22,7 @@ from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_finite, require_known, require_positive
 
 BaseCondition = Literal["bonded", "slip"]
-RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
+RollerCondition = Literal["frictionless", "sliding", "free", "driven", "pair"]
 GapGeometry = Literal["parabola", "circle", "deformed"]
 
 MIN_RESISTANCE_RATIO = 1e-3  # [-], of the load; relative errors of smaller resistances refer to it, theory.md 3.1
@@ -160,10 +160,11 @@ class Roller:
         Indentation [m], > 0.
     friction : float
         Friction coefficient mu of mix on roller [-], >= 0.
-    rolling : {"frictionless", "sliding", "free", "driven"}
+    rolling : {"frictionless", "sliding", "free", "driven", "pair"}
         Traction on the mix: none, along the travel, zero in sum, or against the travel. The engines "formula" and
         "spectral" treat "driven" as full slip; "fem" and "compaction" solve stick and slip of a free or driven roller
-        under a torque.
+        under a torque. "pair" is one of two equal driven rollers with a gap, above the mid-plane of mix that they draw
+        in: a layer of half the height on a frictionless base, for "column" and "compaction".
     profile : {"parabola", "circle", "deformed"}
         Gap measured vertically to the parabola, vertically to the circle, or normal to the circle on the deformed
         surface.
@@ -264,6 +265,13 @@ def require_moving(speed: float) -> None:
         )
 
 
+def require_one_roller(roller: Roller) -> None:
+    """Require a known condition of a roller that is none of a pair, for engines of a linear layer."""
+    require_known("rolling", roller.rolling, get_args(RollerCondition))
+    if roller.rolling == "pair":
+        raise ValueError("`rolling` 'pair' needs mix that compacts; use the engine column or compaction")
+
+
 def require_known_case(layer: Layer, roller: Roller, speed: float) -> None:
     """Require a roller in motion [m/s] and known conditions of base, roller and gap."""
     require_moving(speed)
@@ -273,8 +281,23 @@ def require_known_case(layer: Layer, roller: Roller, speed: float) -> None:
             "compaction, or give `plies`"
         )
     require_known("base", layer.base, get_args(BaseCondition))
-    require_known("rolling", roller.rolling, get_args(RollerCondition))
+    require_one_roller(roller)
     require_known("profile", roller.profile, get_args(GapGeometry))
+
+
+def require_pair_of_rollers(layer: Layer, roller: Roller) -> None:
+    """Require friction and the mid-plane of the mix below a roller of a pair; other rollers have no condition."""
+    if roller.rolling != "pair":
+        return
+    require_known("base", layer.base, get_args(BaseCondition))
+    if layer.base != "slip":
+        raise ValueError(
+            f"`rolling` 'pair' needs the `base` 'slip', the mid-plane between the rollers, got {layer.base!r}"
+        )
+    if layer.lower_lift is not None:
+        raise ValueError("`rolling` 'pair' takes no `lower_lift`: the layer is half the mix between two rollers")
+    if not roller.friction:
+        raise ValueError("`rolling` 'pair' needs `friction`, by which the rollers draw the mix in, got 0")
 
 
 def require_torque_allowed(roller: Roller, torque: float | None) -> None:
@@ -361,6 +384,10 @@ class HeapingError(RuntimeError):
 
     def __str__(self) -> str:
         return str(self.args[0])
+
+
+class EquilibriumError(RuntimeError):
+    """No equilibrium was found; the message contains the smallest residual reached."""
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from compact.scene.loader import Scene
 from compact.scene.terrain_data import build_terrain, read_terrain
 
 COMPACTED = (  # fields of engines with irreversible compaction only
+    "torque", "nip_angle", "neutral_angle",
     "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
     "overdense_work", "mass_residual", "yield_residual", "equilibrium_residual",
     "air_load", "air_resistance", "air_excess_behind",
@@ -286,6 +287,9 @@ class ContactRecord:
         None for a linear layer.
     lower_height, lower_density_ratio : float or None
         Height [m] and mean density ratio [-] of the lower lift behind the first pass; None without one.
+    torque, nip_angle, neutral_angle : float or None
+        Torque on one roller of a pair per unit length [N], angle from which the mix sticks to it, and angle without
+        shear [rad]; None for other rollers and other engines.
     peak_density_ratio, overdense_work, yield_residual, equilibrium_residual : float or None
         Largest density ratio, share of the plastic work beyond the measured pressure curve, largest stress beyond the
         cap over its pressure and relative residual of the forces [-]; None except for the engine "compaction".
@@ -314,6 +318,9 @@ class ContactRecord:
     exit_height: float | None = None
     lower_height: float | None = None
     lower_density_ratio: float | None = None
+    torque: float | None = None
+    nip_angle: float | None = None
+    neutral_angle: float | None = None
     peak_density_ratio: float | None = None
     overdense_work: float | None = None
     mass_residual: float | None = None

@@ -14,7 +14,6 @@ V. S. Loveikin and K. I. Pochka, monograph on roller forming machines (D), eqs (
 
 import warnings
 from dataclasses import dataclass
-from typing import get_args
 
 import numpy as np
 
@@ -23,12 +22,11 @@ from compact.material.laws import Elastic
 from compact.numerics import Array
 from compact.numerics.validation import (
     require_between,
-    require_known,
     require_nonnegative,
     require_positive,
     require_that,
 )
-from compact.rolling_contact import ContactResult, Layer, Roller, RollerCondition, require_moving, require_on_target
+from compact.rolling_contact import ContactResult, Layer, Roller, require_moving, require_on_target, require_one_roller
 
 TARGET_TOLERANCE = 1e-9  # [-], relative, of the prescribed load or pressure
 CONTACT_SAMPLES = 201  # [-], points along the contact, denser at the edges where the pressure is steep
@@ -346,7 +344,7 @@ def _require_in_scope(layer: Layer, roller: Roller, material: Elastic, speed: fl
         )
     if roller.profile != "parabola":
         raise ValueError(f"the formula engine needs `profile` 'parabola', got {roller.profile!r}; use fem")
-    require_known("rolling", roller.rolling, get_args(RollerCondition))
+    require_one_roller(roller)
     for name in ("youngs_modulus", "poisson"):
         if not hasattr(material, name):
             got = type(material).__name__

@@ -242,6 +242,19 @@ def _roller_stays_above_the_base(indentation, height, lift):
         return f"must be below {key} = {most:g} m, got {indentation:g}; the base lies there"
 
 
+@rule("machine.roller_condition", "layer.base", "layer.lower_lift", "mix.overrides.steel_friction")
+def _pair_has_a_mid_plane_and_friction(rolling, base, lower, friction):
+    if rolling != "pair":
+        return None
+    if base != "slip":
+        return f'"pair" needs layer.base = "slip", the mid-plane between the rollers, got "{base}"; give "slip"'
+    if lower is not None:
+        return '"pair" has no lower lift, as the layer is half of the mix in the gap; take layer.lower_lift out'
+    if friction == 0:
+        return '"pair" needs friction, by which the rollers draw the mix in, got mix.overrides.steel_friction = 0'
+    return None
+
+
 @rule("machine.roller_torque", "machine.roller_condition")
 def _torque_turns_a_roller(torque, rolling):
     rolling = rolling or "free"  # the default

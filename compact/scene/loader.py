@@ -118,7 +118,11 @@ class Scene(Table):
         given = getattr(self.compare, engine, None)
         changes: dict[str, object] = {"accuracy.engine": engine, "compare": None, "output.items": ()}
         if engine == "formula":  # compared with every engine, whatever the scene sets for that engine
-            changes |= {limit.key: limit.taken[0] for limit in LIMITS[engine] if not limit.fixed}
+            changes |= {
+                limit.key: limit.taken[0]
+                for limit in LIMITS[engine]
+                if not limit.fixed and limit.value_in(self) not in limit.taken
+            }
         for table, keys in (given.model_dump(exclude_none=True) if given else {}).items():
             changes |= {f"{table}.{key}": value for key, value in _flat(keys)}
         return self.replaced(**changes)

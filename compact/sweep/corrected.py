@@ -161,7 +161,8 @@ class CorrectedSweep(Sweep):
         accepted: dict[str, Any] = {"accuracy.engine": self.low_fidelity}
         for limit in LIMITS.get(self.low_fidelity, ()):
             value = changes.get(limit.key, limit.value_in(self.scene))
-            if (limit.key in changes or self.scene.is_set(limit.key)) and value not in limit.taken:
+            rolling = self.scene.machine.roller_condition
+            if (limit.key in changes or self.scene.is_set(limit.key)) and not limit.takes(value, None, rolling):
                 accepted[limit.key] = limit.taken[0]
         if self.scene.machine.roller_torque is not None:
             accepted["machine.roller_torque"] = None

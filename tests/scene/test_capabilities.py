@@ -36,7 +36,7 @@ def doors(engine, layer, roller, material):
     if engine == "formula":
         formula._require_in_scope(layer, roller, material, SPEED)
     elif engine == "column":
-        column.require_single_bonded_layer(layer)
+        column.require_column_layer(layer, roller)
         column.require_column_range(roller, material, SPEED)
     elif engine == "spectral":
         spectral.require_spectral_range(layer, roller, material, SPEED)
@@ -46,8 +46,8 @@ def doors(engine, layer, roller, material):
         compaction.require_compactable(layer, roller, material, SPEED)
 
 
-def taken(engine, key, value, friction):
-    return all(limit.takes(value, friction) or limit.fixed for limit in LIMITS[engine] if limit.key == key)
+def taken(engine, key, value, friction, rolling=None):
+    return all(limit.takes(value, friction, rolling) or limit.fixed for limit in LIMITS[engine] if limit.key == key)
 
 
 @pytest.mark.parametrize("engine", [engine for engine in LIMITS if engine != FORMING_ENGINE])
@@ -61,7 +61,8 @@ def test_table_and_engines_accept_the_same_values(engine, friction):
         by_table = (
             taken(engine, "machine.roller_condition", rolling, friction)
             and taken(engine, "machine.gap_geometry", profile, friction)
-            and taken(engine, "layer.base", base, friction)
+            and taken(engine, "layer.base", base, friction, rolling)
+            and (rolling != "pair" or (base == "slip" and friction > 0))  # the rule of `constraints`
             and (not stack or taken(engine, "layer.plies", stack, friction))
         )
         shown = "parabola" if engine == "formula" else profile  # a fixed limit: `inputs` gives the engine its own

@@ -151,10 +151,12 @@ def roll(
     Parameters
     ----------
     layer : Layer
-        Layer of fresh mix, bonded, without plies; it may lie on a lower lift.
+        Layer of fresh mix, bonded, without plies; it may lie on a lower lift. Between a pair of rollers it is half the
+        mix, on the frictionless mid-plane.
     roller : Roller
         Roller of any profile; "deformed" is the circle, since columns move vertically. It prescribes an indentation,
-        load or peak pressure. "frictionless" and "free" rollers are equivalent.
+        load or peak pressure. "frictionless" and "free" rollers are equivalent. Mix between a pair of them moves with
+        the rollers and elongates nowhere; the resistance is then the torque of one roller over its radius.
     material : Compaction, Terrain or StateUpdate
         Material law; terrain is computed by `rigid_wheel.roll_wheel`, an own law by
         `state_update_columns.roll_state_update`, which state the range of layer and roller.
@@ -180,7 +182,7 @@ def roll(
     """
     if isinstance(material, Terrain):
         return roll_wheel(layer, roller, material, speed, **options)
-    require_single_bonded_layer(layer)
+    require_column_layer(layer, roller)
     if isinstance(material, StateUpdate):
         return roll_state_update(layer, roller, material, speed, **options)
     _require_compaction(material)
@@ -453,10 +455,11 @@ def _build_result(
     )
 
 
-def require_single_bonded_layer(layer: rolling_contact.Layer) -> None:
-    """Raise ValueError unless a layer is bonded and of one mix."""
+def require_column_layer(layer: rolling_contact.Layer, roller: rolling_contact.Roller) -> None:
+    """Raise ValueError unless a layer is of one mix, and bonded or between a pair of rollers."""
     require_known("base", layer.base, get_args(rolling_contact.BaseCondition))
-    if layer.base == "slip":
+    rolling_contact.require_pair_of_rollers(layer, roller)
+    if layer.base == "slip" and roller.rolling != "pair":
         raise ValueError(
             "the engine column needs a `base` that is bonded, got 'slip': mix on a frictionless base spreads laterally "
             "and dilates, which columns do not; use the engine compaction"

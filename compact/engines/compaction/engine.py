@@ -10,20 +10,20 @@ single mode, rolls on without jumps (`shear_line_search`).
 The error has three parts: of the mesh, from the change between the last two meshes, of first order; of the drift, the
 distance to the steady state along the slow mode; of the start, the scatter of that distance and the last transient.
 
-Range: frictionless, sliding, free and driven rollers, bonded and frictionless bases, contact angles up to some 25
-degrees where the mix has the voids. On a layer that is high compared with the contact length, the bow wave may grow
-without a steady state; then `HeapingError` is raised, for most such depths before any finite elements (`heaping`). A
-mean exit density ratio of 1 or more is refused. Times and errors: `studies/speed_against_error.py`.
+Range: frictionless, sliding, free and driven rollers, one roller of a pair, bonded and frictionless bases, contact
+angles up to some 25 degrees where the mix has the voids. On a layer that is high compared with the contact length, the
+bow wave may grow without a steady state; then `HeapingError` is raised, for most such depths before any finite elements
+(`heaping`). A mean exit density ratio of 1 or more is refused. Times and errors: `studies/speed_against_error.py`.
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, TypedDict, Unpack
+from typing import Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction.depth_target import DepthTarget
+from compact.engines.compaction.depth_target import MAX_ELONGATED_SHARE, DepthTarget
 from compact.engines.compaction.finite_strain_kernels import announce_compilation
 from compact.engines.compaction.finite_strain_solid import SolidState
 from compact.engines.compaction.heaping import (
@@ -53,7 +53,9 @@ from compact.rolling_contact import (
     HeapingError,
     Layer,
     Roller,
+    RollerCondition,
     require_moving,
+    require_pair_of_rollers,
     require_torque_allowed,
 )
 
@@ -144,7 +146,8 @@ def roll(
         the layer alone.
     roller : Roller
         Roller of any profile; "circle" and "parabola" have vertical pressure. A sliding roller has the traction f p on
-        the mix along the travel in the whole contact; a free or driven one sticks and slips.
+        the mix along the travel in the whole contact; a free or driven one sticks and slips. One of a pair draws the
+        mix in: its torque is such that no force acts along x; its resistance is its work over the length of fed mix.
     material : Compaction
         Constitutive law.
     speed : float
@@ -281,6 +284,7 @@ class RollingCase:
             profile=roller.profile,
             friction=0.0 if roller.rolling == "frictionless" else roller.friction,
             torque=(self.torque or 0.0) if rotates else None,
+            pair=roller.rolling == "pair",
             max_wave_height=np.inf if self.heaping is None else self.heaping.contact_height,
             progress=self.numerics.progress,
         )
@@ -438,7 +442,8 @@ def require_compactable(
         raise ValueError(f"`material` must be Compaction, got {type(material).__name__}; use the engine fem for others")
     if layer.plies:
         raise ValueError(f"`plies` are for linear layers, got {len(layer.plies)}; a compacting layer takes `fed_layer`")
-    require_known("rolling", roller.rolling, ("frictionless", "sliding", "free", "driven"))
+    require_known("rolling", roller.rolling, get_args(RollerCondition))
+    require_pair_of_rollers(layer, roller)
     require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
     if fed_layer is not None and abs(fed_layer.height / layer.height - 1) > HEIGHT_TOLERANCE:
         raise ValueError(f"`layer` must be as high as `fed_layer`, {fed_layer.height!r} m, got {layer.height!r} m")
@@ -452,15 +457,28 @@ def require_compactable(
         )
     if roller.indentation is not None:
         lower = (layer.lower_lift and layer.lower_lift.thickness) if fed_layer is None else fed_layer.lower
-        _require_indentation(roller.indentation, layer.height, roller, fed_ratio, has_lower=bool(lower))
+        elongates = layer.base == "slip"
+        _require_indentation(
+            roller.indentation, layer.height, roller, fed_ratio, has_lower=bool(lower), elongates=elongates
+        )
 
 
-def _require_indentation(depth: float, height: float, roller: Roller, fed_ratio: float, *, has_lower: bool) -> None:
+def _require_indentation(
+    depth: float, height: float, roller: Roller, fed_ratio: float, *, has_lower: bool, elongates: bool
+) -> None:
     if roller.profile != "parabola" and depth >= roller.radius:
         raise ValueError(
             f"`indentation` must be less than the roller's `radius` {roller.radius!r} m, or its axle would be below "
             f"the mix in front, got {depth!r} m"
         )
+    deepest = MAX_ELONGATED_SHARE * height
+    if elongates and depth > deepest:
+        raise ValueError(
+            f"`indentation` must be at most {deepest:.6g} m on a frictionless base, got {depth!r} m in a layer of "
+            f"{height!r} m"
+        )
+    if elongates:  # beyond full density the mix leaves along the travel
+        return
     full = height * (1 - fed_ratio)
     if depth >= full and not has_lower:  # the depth includes the settlement of a lower lift
         raise ValueError(

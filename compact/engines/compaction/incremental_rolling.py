@@ -18,11 +18,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from compact.engines.compaction.finite_strain_solid import FloatArray, SolidState
-from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver, Progress
-from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
+from compact.engines.compaction.newton import Equilibrium, IncrementSolver, Progress
+from compact.engines.compaction.roller_contact import (
+    ContactForces,
+    ContactTractions,
+    PairSurface,
+    RollerSurface,
+    RollingSurface,
+)
 from compact.engines.compaction.roller_frame import RollerFrame
 from compact.material.laws import DruckerPragerCap
-from compact.rolling_contact import GapGeometry, Heaping, HeapingError
+from compact.rolling_contact import EquilibriumError, GapGeometry, Heaping, HeapingError
 
 PENALTY = 0.15  # [-], normal penalty over unloading modulus/step
 PENALTY_ROWS = 20  # [-], layer height over the largest length that limits the penalty
@@ -88,6 +94,8 @@ class IncrementalRolling:
         Coulomb's coefficient of a rotating roller, else the traction ratio of a sliding one [-].
     torque : float or None
         Torque on a rotating roller, + along the travel [N]; None for a roller that does not rotate.
+    pair : bool
+        True for one roller of a pair, whose torque follows from the balance of forces along x.
     max_wave_height : float
         Height above the lowest generatrix that the bow wave may reach [m].
     progress : callable, optional
@@ -117,6 +125,7 @@ class IncrementalRolling:
         profile: GapGeometry = "deformed",
         friction: float = 0.0,
         torque: float | None = None,
+        pair: bool = False,
         max_wave_height: float = np.inf,
         progress: Progress | None = None,
     ) -> None:
@@ -124,11 +133,11 @@ class IncrementalRolling:
         material, height, nodes = frame.solid.material, frame.mesh.height, frame.surface_nodes
         penalty = PENALTY * material.unloading_modulus / min(frame.step, height / PENALTY_ROWS)
         geometry = frame.nodes[nodes], frame.surface_weights, radius, height, penalty, np.zeros(len(nodes)), profile
-        self.surface: RollerSurface = (
-            RollerSurface(*geometry, friction)
-            if torque is None
-            else RollingSurface(*geometry, friction=friction, tangential_force=-torque / radius)
-        )
+        self.surface: RollerSurface = RollerSurface(*geometry, friction)
+        if pair:
+            self.surface = PairSurface(*geometry, friction=friction)
+        elif torque is not None:
+            self.surface = RollingSurface(*geometry, friction=friction, tangential_force=-torque / radius)
         self.solver = IncrementSolver(frame.solid, nodes, ROLLING_TOLERANCE)
         self.state = frame.initial_state()
         self.displacement_change = np.zeros_like(self.state.displacement)

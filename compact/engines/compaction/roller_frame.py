@@ -440,7 +440,7 @@ class RollerFrame:
         return SolidState(self.with_uniform_rear_nodes(state.displacement), points, uniform(state.work))
 
     def with_uniform_rear_nodes(self, values: FloatArray) -> FloatArray:
-        """Return values of the nodes with those far behind the exit column as in one column.
+        """Return values of the nodes with those far behind the exit column as in one column, linear in elongated mix.
 
         Parameters
         ----------
@@ -450,6 +450,10 @@ class RollerFrame:
         behind, matrix = self._rear_nodes
         uniform = values.copy()
         uniform[behind] = matrix @ values
+        if self.has_frictionless_base:
+            along = self.to_rows(self.solid.displacement_gradient(values)[:, 0])[:, self._first_uniform_column]
+            ahead = self.nodes[behind, 0] - self.row_x[self._first_uniform_column]
+            uniform[behind, 0] += self.row_heights @ along / self.mesh.height * ahead
         return uniform
 
     @property
@@ -504,9 +508,7 @@ class RollerFrame:
 
     def _uniform_along_rows(self, profile):
         """Values of the Gauss points from a profile over the rows."""
-        values = np.empty((self._row_layout.size, *profile.shape[1:]))
-        values[self._row_layout] = profile[:, None]
-        return values
+        return self.to_points(np.repeat(profile[:, None], self._row_layout.shape[1], axis=1))
 
     def _convect_points(self, values, fed):
         """Values of the Gauss points one step upstream, linear between points, `fed` beyond the front."""
@@ -515,9 +517,7 @@ class RollerFrame:
         padded = np.concatenate([rows, fed[:, None]], axis=1)
         k, share = self._upstream_points
         share = share.reshape((1, -1) + (1,) * (rows.ndim - 2))
-        convected = np.empty_like(values)
-        convected[self._row_layout] = (1 - share) * padded[:, k] + share * padded[:, k + 1]
-        return convected
+        return self.to_points((1 - share) * padded[:, k] + share * padded[:, k + 1])
 
     @cached_property
     def _upstream_points(self):
