@@ -324,7 +324,8 @@ def _accept_step(u, buffers, problem, state, path):
     state.counts[ROW] += 1
     row = path[state.counts[ROW]]
     row[0] = u
-    row[1:] = y
+    for m in range(len(y)):  # assignments of arrays take seconds to compile
+        row[1 + m] = y[m]
 
 
 @compiled
