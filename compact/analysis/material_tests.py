@@ -26,6 +26,7 @@ from compact.numerics.validation import require_positive
 
 STEPS = 200  # [-], of one test
 AXIAL_STRAIN = 0.05  # [-], at the end of biaxial, unconfined and shear tests
+AXIAL_INCREMENTS = np.diff(AXIAL_STRAIN * np.linspace(0, 1, STEPS + 1) ** 2)  # [-], of the axial strain, first small
 LATERAL_SHARES = (0.125, 0.25)  # [-], lateral pressures of the biaxial tests over the pressure of the oedometer
 STRESS_TOLERANCE = 1e-9  # [-], of the lateral stress over the pressure of the oedometer
 MAX_ITERATIONS = 100  # [-], of the lateral strain in one step; some 5 are usual
@@ -291,7 +292,7 @@ def biaxial_compression(material: Compaction, pressure: float, density_ratio: fl
     MaterialTest
     """
     path = _Path(material, pressure, density_ratio)
-    for increment in np.diff(AXIAL_STRAIN * np.linspace(0, 1, STEPS + 1) ** 2):
+    for increment in AXIAL_INCREMENTS:
         path.advance_at_pressure(float(increment), pressure)
         if path.history[-1].density_ratio[0] > HECKEL_MAX_DENSITY_RATIO:
             break
@@ -303,21 +304,17 @@ def pure_shear(material: Compaction, pressure: float, density_ratio: float, spec
 
     Parameters
     ----------
-    material : Compaction
-        Constitutive law.
     pressure : float
         Confining pressure before the test [Pa].
-    density_ratio : float
-        Density ratio of the specimen [-].
-    specimen : {"loose", "compacted"}
-        Name of the specimen.
+    material, density_ratio, specimen
+        As of `biaxial_compression`.
 
     Returns
     -------
     MaterialTest
     """
     path = _Path(material, pressure, density_ratio)
-    for increment in np.diff(AXIAL_STRAIN * np.linspace(0, 1, STEPS + 1) ** 2):
+    for increment in AXIAL_INCREMENTS:
         path.advance(-float(increment), float(increment))
     return path.test("pure shear", specimen, pressure)
 

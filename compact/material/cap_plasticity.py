@@ -212,8 +212,10 @@ def _integrate_batch(first, end, law, state, strain, results):
         new_scalars[1, i] = after[5]
         new_scalars[2, i] = work[i] + dissipated
         if len(tangents):
-            tangents[i, :2] = derivatives[:2]
-            tangents[i, 2] = derivatives[3]
+            for j in range(3):  # assignments of arrays take seconds to compile
+                tangents[i, 0, j] = derivatives[0, j]
+                tangents[i, 1, j] = derivatives[1, j]
+                tangents[i, 2, j] = derivatives[3, j]
     return -1
 
 
