@@ -370,7 +370,7 @@ if __name__ == "__main__":
     if sys.argv[1:] == ["engines"]:
         from compact.files import write_csv
 
-        write_csv(RECORDED, RECORDED_HEADER, engines())
+        write_csv(RECORDED, RECORDED_HEADER, [(name, *(f"{each:.3g}" for each in row)) for name, *row in engines()])
         print(engine_table(read_recorded()))
     else:
         show(main(sys.argv[1:] or QUICK, out="out/speed_against_error"))
