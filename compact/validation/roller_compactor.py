@@ -3,8 +3,8 @@
 The mid-plane is a smooth base under half of the gap. Columns keep k h and Johanson k h cos t, so that the columns are
 compared with his pressure without the second cosine, and the effect of the cosine is a number of its own.
 
-Finite elements of half the powder above the smooth mid-plane have a nip angle of their own, where slip on the roll ends.
-The powder is Heckel's with a compressibility of about 4, that of microcrystalline cellulose; it is fed without
+Finite elements of half the powder above the smooth mid-plane have a nip angle of their own, where slip on the roll
+ends. The powder is Heckel's with a compressibility of about 4, that of microcrystalline cellulose; it is fed without
 pressure, as a layer of two thicknesses.
 """
 
@@ -154,7 +154,7 @@ def _evaluate_elements() -> Evaluation:
         comparisons.append(Comparison(
             f"nip_{name}", f"nip angle, {ahead}", "degrees", angle, float(np.degrees(nip)), NIP_EXPECTED,
             repeat=ELEMENTS_REPEAT,
-            note="the feed has no pressure here, and a thicker one has a larger nip angle; that of the source has one",
+            note="presumably by the pressure of the feed, which is 0 here; a thicker feed has a larger nip angle",
         ))  # fmt: skip
         excess = max(found.peak_pressure / columns.peak_pressure - 1, 0.0)
         text = f"peak pressure above that of columns at the same depth, {ahead}"
@@ -183,12 +183,12 @@ JOHANSON_ELEMENTS = ValidationCase(
     "Finite elements of two rolls that compact a powder, against Johanson",
     "model",
     ("compaction", "column"),
-    "Muliadi, Litster and Wassgren, Powder Technol. 221 (2012) 90, abstract: nip angles of finite elements and of Johanson "
-    "agree within 25 %, his stress at the gap is mostly the larger; their powder and tables are not available",
+    "Muliadi, Litster and Wassgren, Powder Technol. 221 (2012) 90, abstract: nip angles of finite elements and of "
+    "Johanson agree within 25 %, his stress at the gap is mostly the larger; their powder and tables are not available",
     "facts only",
-    "Rolls of 250 mm diameter, gap 5 mm, friction 0.35, powder with Heckel's slope 0.0115/MPa fed at a density ratio of 0.4 "
-    "without pressure. The elements compute half the layer on the smooth mid-plane; their nip angle is that at which slip "
-    "of the roll over the powder ends.",
+    "Rolls of 250 mm diameter, gap 5 mm, friction 0.35, powder with Heckel's slope 0.0115/MPa fed at a density ratio "
+    "of 0.4 without pressure. The elements compute half the layer on the smooth mid-plane; their nip angle is that at "
+    "which slip of the roll over the powder ends.",
     _evaluate_elements,
     seconds=4.0,
 )
