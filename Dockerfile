@@ -5,7 +5,7 @@ FROM python:3.13-slim AS build
 WORKDIR /source
 COPY pyproject.toml constraints.txt README.md LICENSE ./
 COPY compact compact
-RUN pip wheel --no-cache-dir --wheel-dir /wheels --constraint constraints.txt .
+RUN pip wheel --no-cache-dir --wheel-dir /wheels --constraint constraints.txt ".[cluster]"
 
 FROM python:3.13-slim
 RUN --mount=type=bind,from=build,source=/wheels,target=/wheels pip install --no-cache-dir /wheels/*.whl

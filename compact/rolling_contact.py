@@ -386,6 +386,10 @@ class HeapingError(RuntimeError):
         return str(self.args[0])
 
 
+class EquilibriumError(RuntimeError):
+    """No equilibrium was found; the message contains the smallest residual reached."""
+
+
 @dataclass(frozen=True)
 class Unsteady:
     """Contact that has not become steady within the largest travel, although its bow wave does not grow without end.

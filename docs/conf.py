@@ -41,6 +41,7 @@ html_math_renderer = "mathml"
 html_show_sourcelink = False
 html_copy_source = False
 pygments_style = "friendly"
+highlight_language = "none"  # equations of docstrings
 
 # Markdown: anchors of headings as on GitHub, and its fenced equations
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]

@@ -113,7 +113,7 @@ def test_interrupt_ends_within_a_second_and_states_what_was_kept(tmp_path):
     code, seconds, message = interrupted(ROLLS.format(scene=str(SMALL), out=str(tmp_path / "out")))
     assert code == options.INTERRUPTED
     assert seconds < 1
-    assert f"1 complete files are in {tmp_path / 'out'}" in message
+    assert f"1 file is in {tmp_path / 'out'}; the same command computes the others" in message
     assert "Traceback" not in message
 
 

@@ -136,6 +136,9 @@ def calibrate(
     ratio of cohesion and pressure.
     """
     _require_no_target(scene)
+    if scene.mix.law == "density-cap" and "heckel_slope" in unknowns:
+        words = "has tables in place of a Heckel slope; calibrate the initial density ratio alone, or change the law"
+        raise SceneError([f'{scene.file}: mix.law "density-cap" {words}'])
     _require_similar(initial_guess, measured, unknowns)
     model = _Model(scene, measured, tuple(unknowns))
     coarse, by_elements = None, engine == "compaction"

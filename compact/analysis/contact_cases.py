@@ -15,12 +15,14 @@ from compact import quantities
 from compact.analysis.engines import ENGINES
 from compact.analysis.pore_air import AirForces
 from compact.engines.column.rigid_wheel import WheelContactResult
+from compact.material.density_cap import density_dependent_cap
 from compact.material.earth_pressure import drucker_prager_cap
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
 from compact.numerics import Array
 from compact.numerics.validation import require_finite
 from compact.rolling_contact import ContactResult, Layer, LowerLift, Ply, Roller
+from compact.scene.cap_tables import read_cap_tables
 from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene
 from compact.scene.terrain_data import build_terrain, read_terrain
@@ -174,8 +176,12 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     phi and c are the angle of internal friction and the cohesion: the critical state line equals the Mohr-Coulomb
     limit in plane strain at constant volume. Confined compression follows the Heckel curve of mix tables. The slopes of
     the law "drucker-prager-cap" are those of `earth_pressure`, with the cohesion of loose mix and the earth pressure
-    coefficient at the required pressure.
+    coefficient at the required pressure. The law "density-cap" has the tables of the scene and, of the mix, its rate
+    sensitivity alone.
     """
+    if scene.cap_table_path is not None:
+        tables = read_cap_tables(scene.cap_table_path)
+        return density_dependent_cap(tables, scene.layer.fed_density_ratio, mix.rate_sensitivity, mix.reference_rate)
     common: dict[str, Any] = {
         "unloading_modulus": mix.unloading_modulus,
         "poisson": mix.poisson,

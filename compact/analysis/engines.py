@@ -30,6 +30,7 @@ _LINEAR = ("required_pressure", "effective_modulus", "poisson", "instant_over_re
 _PLASTIC = ("heckel_slope", "unloading_modulus", "poisson", "friction_angle", "cohesion", "rate_sensitivity")
 
 
+_OF_TABLES = tuple(name for name in _PLASTIC if name != "rate_sensitivity")
 _OF_ELLIPSE, _OF_LINE = ("cohesion",), ("cohesion_loose", "dilatancy_angle", "shear_viscosity")
 
 
@@ -131,9 +132,12 @@ class Engine:
 
         Parameters
         ----------
-        law : {"ellipse", "drucker-prager-cap"}
-            Yield surface of the mix. The earth pressure coefficient follows from the friction angle.
+        law : {"ellipse", "drucker-prager-cap", "density-cap"}
+            Yield surface of the mix. The earth pressure coefficient follows from the friction angle. Tables over the
+            density have no spread; the rate sensitivity is a constant of the mix.
         """
+        if self.compacting and law == "density-cap":
+            return tuple(name for name in self.mix_parameters if name not in _OF_TABLES)
         if not self.compacting or law == "ellipse":
             return self.mix_parameters
         return (*(name for name in self.mix_parameters if name not in _OF_ELLIPSE), *_OF_LINE)

@@ -19,12 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.material import cap_plasticity
+from compact.material.density_cap import DensityDependentCap
 from compact.material.drucker_prager_cap import return_to_line
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction
 from compact.numerics.validation import require_positive
 
 STEPS = 200  # [-], of one test
 AXIAL_STRAIN = 0.05  # [-], at the end of biaxial, unconfined and shear tests
+AXIAL_INCREMENTS = np.diff(AXIAL_STRAIN * np.linspace(0, 1, STEPS + 1) ** 2)  # [-], of the axial strain, first small
 LATERAL_SHARES = (0.125, 0.25)  # [-], lateral pressures of the biaxial tests over the pressure of the oedometer
 STRESS_TOLERANCE = 1e-9  # [-], of the lateral stress over the pressure of the oedometer
 MAX_ITERATIONS = 100  # [-], of the lateral strain in one step; some 5 are usual
@@ -242,6 +244,8 @@ def isotropic_compression(material: Compaction, pressure: float) -> MaterialTest
     -------
     MaterialTest
     """
+    if isinstance(material, DensityDependentCap):
+        return _isotropic_by_tables(material, pressure)
     constants = cap_plasticity.cap_constants(material, 1.0)
     k = densest = float(material.fed_density_ratio)
     p, strain, step = 0.0, 0.0, pressure / STEPS / constants.K
@@ -257,6 +261,15 @@ def isotropic_compression(material: Compaction, pressure: float) -> MaterialTest
         p, k, densest = float(found[1]), float(found[3]), float(found[4])
         rows.append((strain, p, k))
     volume, stress, ratio = np.array(rows).T
+    return MaterialTest("isotropic", "loose", 0.0, volume / 3, volume, stress, stress, stress, ratio)
+
+
+def _isotropic_by_tables(material: DensityDependentCap, pressure: float) -> MaterialTest:
+    """Compress powder with tables over the density by equal principal stresses, to the pressure or their end."""
+    path = material.tables.isotropic(material.fed_density_ratio, material.tables.density_ratio[-1])
+    used = slice(0, int(np.searchsorted(path.mean_pressure, pressure)) + 1)
+    stress, ratio = path.mean_pressure[used], path.density_ratio[used]
+    volume = np.log(ratio / material.fed_density_ratio) + path.elastic_strain[used]
     return MaterialTest("isotropic", "loose", 0.0, volume / 3, volume, stress, stress, stress, ratio)
 
 
@@ -279,7 +292,7 @@ def biaxial_compression(material: Compaction, pressure: float, density_ratio: fl
     MaterialTest
     """
     path = _Path(material, pressure, density_ratio)
-    for increment in np.diff(AXIAL_STRAIN * np.linspace(0, 1, STEPS + 1) ** 2):
+    for increment in AXIAL_INCREMENTS:
         path.advance_at_pressure(float(increment), pressure)
         if path.history[-1].density_ratio[0] > HECKEL_MAX_DENSITY_RATIO:
             break
@@ -291,21 +304,17 @@ def pure_shear(material: Compaction, pressure: float, density_ratio: float, spec
 
     Parameters
     ----------
-    material : Compaction
-        Constitutive law.
     pressure : float
         Confining pressure before the test [Pa].
-    density_ratio : float
-        Density ratio of the specimen [-].
-    specimen : {"loose", "compacted"}
-        Name of the specimen.
+    material, density_ratio, specimen
+        As of `biaxial_compression`.
 
     Returns
     -------
     MaterialTest
     """
     path = _Path(material, pressure, density_ratio)
-    for increment in np.diff(AXIAL_STRAIN * np.linspace(0, 1, STEPS + 1) ** 2):
+    for increment in AXIAL_INCREMENTS:
         path.advance(-float(increment), float(increment))
     return path.test("pure shear", specimen, pressure)
 

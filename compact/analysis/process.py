@@ -3,7 +3,7 @@
 Columns give the load, its spread along the roller and the confined floor of the resistance. The floor is not for
 sizing, and the load is a lower estimate: shear and the density over the height need two dimensions. Lumped lifts
 compute these, of two thicknesses on one mesh ("quick"), or of three thicknesses and on three meshes ("deep"). Pore air
-enters them one-way, at the deformation of each lift without air; drained mix states its part alone.
+enters them one-way or coupled; drained mix states its one-way part alone.
 """
 
 from collections.abc import Callable
@@ -20,11 +20,13 @@ from compact.engines.process.closures import ClosedProcess, FormingProblem, mean
 from compact.engines.process.forming import Closure, ClosureKind, Feed, Fill, FormingMachine
 from compact.engines.process.lumped_lifts import (
     MIDDLE_SHARE,
+    LiftAir,
     LiftSequence,
     LumpedLift,
     lift_thickness,
     simulate_lifts,
 )
+from compact.engines.process.mix_spread import MixSpread, mix_spread
 from compact.engines.process.operating_map import DensityCurve, OperatingMap, density_curve, operating_map
 from compact.engines.process.roller_row import RollerRow
 from compact.engines.process.section import BiteError, SectionOptions
@@ -33,6 +35,7 @@ from compact.engines.process.two_dimensions import TwoDimensionalRow
 from compact.machine.cart import balance
 from compact.material.mix import Mix, bulk_density
 from compact.material.pore_air import PoreAir
+from compact.numerics import Array
 from compact.scene.loader import Scene, SceneError
 from compact.verification import published_machine
 
@@ -48,6 +51,7 @@ CASES: dict[Detail, tuple[tuple[float, int], ...]] = {  # share and increments o
         *((share, INCREMENTS[0]) for share in LIFT_SHARES), *((LIFT_SHARES[0], count) for count in INCREMENTS[1:]),
     ),
 }  # fmt: skip
+SPREAD_PARAMETERS = ("heckel_slope", "unloading_modulus")  # of the mix, those that enter columns
 WORK_LIMIT = 2e-2  # [-], residual of the energy balance of a pass
 UNFED_SHARE = 1e-6  # [-], of the product; less missing or surplus mix is rounding
 COLUMNS_ERROR = 1e-6  # [-], of the forces; difference of 3, 20 and 80 merged layers
@@ -220,7 +224,7 @@ class ProcessStudy:
             simulate_lifts(
                 self.problem, self.mix.steel_friction, self.row.history.rate_factor, self.row.product_density_ratio,
                 thickness=lift_thickness(self.problem.machine, make_up, share), increments=increments,
-                air=self.pore_air, report=self.report,
+                air=self.lift_air, report=self.report,
             )
             for share, increments in CASES[self.detail]
         )  # fmt: skip
@@ -263,11 +267,23 @@ class ProcessStudy:
         problem = replace(self.problem, machine=replace(self.problem.machine, cart_speed=abs(speed)))
         return problem.rate_factor(mean_bite(self.row.history))
 
+    @cached_property
+    def forces(self) -> "StrokeForces":
+        """Load and resistance of one roller at the mean speed, by the best model."""
+        return self.forces_at(self.problem.machine.cart_speed)
+
     def forces_at(self, speed: float) -> "StrokeForces":
         """Compute load and resistance of one roller at a speed of the cart [m/s], by the best model."""
         row = self.row_at(speed)
         found = self._in_two_dimensions(row)
         return StrokeForces(row, found, self.problem.feed.strokes == "forward")
+
+    @cached_property
+    def mix_spread(self) -> MixSpread:
+        """Spread of load and resistance over parameters of the mix, by columns."""
+        known = (self.mix.parameter(name) for name in SPREAD_PARAMETERS)
+        ends = {each.name: (each.low, each.high) for each in known if each.low < each.high}
+        return mix_spread(self.row, ends)
 
     @property
     def pore_air(self) -> PoreAir | None:
@@ -276,6 +292,12 @@ class ProcessStudy:
             return pore_air_of(self.mix, self.scene.layer.fed_density_ratio)
         except ValueError:
             return None
+
+    @property
+    def lift_air(self) -> LiftAir | None:
+        """Pore air of the lumped lifts, coupled where the scene requires it; None if it is occluded."""
+        air = self.pore_air
+        return None if air is None else LiftAir(air, self.scene.mix.pore_air == "coupled")
 
     @property
     def counts_air(self) -> bool:
@@ -339,7 +361,7 @@ class ProcessStudy:
         if self.two_dimensions is not None:
             shear = rollers * (self.two_dimensions.resistance.value - self.row.resistance)
             if self.counts_air:
-                air["pore air, one-way (two dimensions)"] = rollers * self.two_dimensions.air_resistance.value
+                air["pore air (two dimensions)"] = rollers * self.two_dimensions.air_resistance.value
         forces = {
             "confined compression of the throughput": rollers * self.row.resistance,
             "shear, uneven density, bow wave (two dimensions)": shear,
@@ -400,7 +422,7 @@ class ProcessStudy:
             found = self.two_dimensions.load.value
             loads.append(("density over the height and shear (two dimensions)", found - self.row.load))
             if self.counts_air:
-                loads.append(("pore air, one-way (two dimensions)", self.load - found))
+                loads.append(("pore air (two dimensions)", self.load - found))
             rest = "roller length, law of the mix, other causes: not computed"
         loads.append((rest, load - self.load))
         unknown = f"{'' if self.two_dimensions else 'shear in two dimensions, '}other causes: not computed"
@@ -447,7 +469,7 @@ class ProcessStudy:
         )  # fmt: skip
 
     def _remarks_in_two_dimensions(self) -> tuple[str, ...]:
-        found, air = self.two_dimensions, self.scene.mix.pore_air
+        found = self.two_dimensions
         if found is None:
             told = "no lumped lifts: nothing is fed, and columns alone answer"
             return () if self.detail == "columns" else (told,)
@@ -461,8 +483,8 @@ class ProcessStudy:
             f"{beyond:.0%} of the load are extrapolated beyond the densest lift" if beyond else "",
             f"the energy balance of a lift closes within {residual:.1%} only" if residual > WORK_LIMIT else "",
             f"a sequence of lifts ends early: {stopped}" if stopped else "",
-            "lifts have the pore air one-way; where a bow wave exists, that is a lower bound"
-            if air == "coupled" else "",
+            "pore air enters one-way; where a bow wave exists, that is a lower bound"
+            if self.scene.mix.pore_air == "one-way" and self.counts_air else "",
             "no pore air: it is occluded at layer.fed_density_ratio already, so that a permeability does not apply"
             if self.pore_air is None else "",
             f"an excess pressure of {found.air_excess_behind / 1e3:.0f} kPa behind the roller exceeds the tensile "
@@ -510,6 +532,19 @@ class StrokeForces:
         load, resistance = (self._share(name, 1) / self._share(name, 0) for name in ("load", "resistance"))
         return load, resistance
 
+    def of_strokes(self, name: str) -> Array:
+        """Return the force of every stroke on a section per roller length [N/m], of lumped lifts on their own mesh.
+
+        Parameters
+        ----------
+        name : {"load", "resistance"}
+            Force.
+        """
+        if self.found is None:
+            return np.asarray(getattr(self.row.history, name))
+        forces = self.found.at_strokes(name, self.found.lumpings)
+        return forces * self.row.history.make_up if name == "resistance" else forces
+
     @property
     def errors(self) -> tuple[float, float]:
         """Relative errors of load and resistance [-]: of lumping and mesh, or of the merged layers of columns."""
@@ -527,11 +562,7 @@ class StrokeForces:
         """Return the force in a direction, 0 forward and 1 return, over the mean of both in the product [-]."""
         if not self.forward_feed:
             return 1.0
-        if self.found is None:
-            strokes = getattr(self.row.history, name)
-        else:
-            strokes = self.found.at_strokes(name, self.found.lumpings)
-            strokes = strokes * self.row.history.make_up if name == "resistance" else strokes
+        strokes = self.of_strokes(name)
         numbers = np.arange(len(strokes))
         last = numbers - (numbers + direction) % 2  # the last stroke of the direction, -1 before the first
         forces = np.where(last >= 0, strokes[np.maximum(last, 0)], 0.0)

@@ -28,7 +28,7 @@ from compact.analysis.sizing.work_balance import WorkBalance, work_balance
 from compact.analysis.stages import comparison
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
 from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
-from compact.analysis.stages.comparison import EngineComparison, Places, RankingAgreement
+from compact.analysis.stages.comparison import ComparisonAnswer, EngineComparison, Places, RankingAgreement
 from compact.analysis.stages.contacts import ContactStage, Count, Passes, Progress, no_count
 from compact.analysis.stages.costs import WorkPlan
 from compact.analysis.stages.drives import DriveStage, build_stages
@@ -50,7 +50,7 @@ from compact.machine.roller_motors import RollerMotor
 from compact.material.mix import Mix
 from compact.motion.profile import Cycle
 from compact.resistance import ResistanceMap
-from compact.rolling_contact import ContactResult, HeapingError, UnsteadyError
+from compact.rolling_contact import ContactResult, EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
 
@@ -308,7 +308,7 @@ class Study:
 
     @cached_property
     def comparison(self) -> dict[str, EngineComparison]:
-        """Results of each engine of the comparison by name, but of those in `heaping` and `unsteady`."""
+        """Results of each engine of the comparison by name, but of those without a steady state."""
         return {name: each for name, each in self._compared.items() if isinstance(each, EngineComparison)}
 
     @property
@@ -321,8 +321,13 @@ class Study:
         """Engines of the comparison by which the motion does not become steady, with the reason."""
         return {name: each for name, each in self._compared.items() if isinstance(each, UnsteadyError)}
 
+    @property
+    def without_equilibrium(self) -> dict[str, EquilibriumError]:
+        """Engines of the comparison that find no equilibrium, with the reason."""
+        return {name: each for name, each in self._compared.items() if isinstance(each, EquilibriumError)}
+
     @cached_property
-    def _compared(self) -> dict[str, EngineComparison | HeapingError | UnsteadyError]:
+    def _compared(self) -> dict[str, ComparisonAnswer]:
         """Results of each engine of the comparison by name."""
         if self._answers is None:
             with self.helped(SerialExecutor()):

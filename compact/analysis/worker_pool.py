@@ -14,7 +14,7 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -28,6 +28,8 @@ from typing import Any, Protocol, Self
 ATTEMPTS = 3  # deaths of a worker process after which its task is abandoned
 TASKS_PER_THREAD = 2  # of a cluster, so that no thread waits for its next task
 SCHEDULER_TIMEOUT = 20.0  # [s], to connect to a dask scheduler
+CLUSTER_POLL = 5.0  # [s], between two looks at the workers of a cluster
+WORKERLESS_LIMIT = 6 * 3600.0  # [s], without any worker, such as jobs that wait in the queue of a batch system
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 _LOG = logging.getLogger(__name__)
@@ -379,18 +381,62 @@ class DaskExecutor:
     @property
     def free(self) -> bool:
         """True if the cluster has fewer than TASKS_PER_THREAD tasks per thread."""
-        return len(self._futures) < TASKS_PER_THREAD * max(1, sum(self._client.nthreads().values()))
+        with self._loss_explained():
+            return len(self._futures) < TASKS_PER_THREAD * max(1, self._threads())
 
     def submit(self, name: Any, work: Work, task: Any) -> None:
         """Start a task."""
-        self._futures[self._client.submit(work, task, pure=False)] = name
+        with self._loss_explained():
+            self._futures[self._client.submit(work, task, pure=False)] = name
 
     def finished(self, timeout: float | None = None) -> Outcomes:
-        """Return the outcomes that are available, after at most `timeout` [s]; at least one without timeout."""
+        """Return the outcomes that are available, after at most `timeout` [s]; at least one without timeout.
+
+        Raises
+        ------
+        RuntimeError
+            If the scheduler is lost, or no worker is connected for WORKERLESS_LIMIT.
+        """
         distributed = _distributed()
-        with self._client.as_current():
-            done = distributed.wait(list(self._futures), timeout, return_when="FIRST_COMPLETED").done
-        return [(self._futures.pop(future), _dask_outcome(future, distributed.KilledWorker)) for future in done]
+        with self._loss_explained(), self._client.as_current():
+            done: set[Any] = set()
+            workerless = 0.0
+            while self._futures and not done:
+                try:
+                    period = CLUSTER_POLL if timeout is None else timeout
+                    done = distributed.wait(list(self._futures), period, return_when="FIRST_COMPLETED").done
+                except TimeoutError:
+                    if timeout is not None:
+                        break
+                    workerless = self._require_workers(workerless)
+            return [(self._futures.pop(future), _dask_outcome(future, distributed.KilledWorker)) for future in done]
+
+    def _threads(self) -> int:
+        """Return the number of threads of all workers that are connected."""
+        return sum(self._client.nthreads().values())
+
+    def _require_workers(self, workerless: float) -> float:
+        """Return the time without any worker [s], that of the last call by the last period."""
+        if self._threads():
+            return 0.0
+        if workerless == 0:
+            _LOG.warning("no worker is connected to %s; waiting for workers", self.address)
+        if workerless >= WORKERLESS_LIMIT:
+            raise RuntimeError(
+                f"no worker was connected to {self.address} for {WORKERLESS_LIMIT / 3600:g} h; start workers and "
+                "repeat the command with --resume"
+            )
+        return workerless + CLUSTER_POLL
+
+    @contextmanager
+    def _loss_explained(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, CancelledError) as error:  # of the connection; tasks of a lost scheduler are cancelled
+            raise RuntimeError(
+                f"the dask scheduler at {self.address} is lost ({type(error).__name__}); finished points are kept, "
+                "start a scheduler and repeat the command with --resume"
+            ) from error
 
 
 def _dask_outcome(future: Any, killed: type[Exception]) -> Any:

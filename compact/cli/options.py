@@ -90,19 +90,24 @@ DEFAULT_CONSOLE = Console()
 
 
 @contextmanager
-def kept_files(directory: Path, remedy: str) -> Iterator[None]:
-    """Add to an interrupt inside the block a note on the files that a directory keeps, and how they are used."""
+def interrupt_noted(sentence: Callable[[], str]) -> Iterator[None]:
+    """Add a note to an interrupt inside the block: what is kept, and how it is used."""
     try:
         yield
     except BaseException as error:
         if is_interrupt(error):
-            with suppress(OSError):
-                names = [path.name for path in directory.rglob("*") if path.is_file()]
-                count = sum(name != OWNER_FILE for name in names)
-                error.add_note(
-                    f"{count} complete files are in {directory}; {remedy}" if count else "no file was written"
-                )
+            error.add_note(sentence())
         raise
+
+
+def kept_files(directory: Path) -> str:
+    """State how many complete files a directory has."""
+    with suppress(OSError):
+        count = sum(path.is_file() and path.name != OWNER_FILE for path in directory.rglob("*"))
+        if count:
+            files = "1 file is" if count == 1 else f"{count} files are"
+            return f"{files} in {directory}; the same command computes the others"
+    return "no file was written"
 
 
 def is_interrupt(error: BaseException) -> bool:

@@ -26,6 +26,7 @@ from compact.cli.options import (
     Engine,
     Force,
     ScenePath,
+    interrupt_noted,
     is_interrupt,
     kept_files,
     print_error,
@@ -194,7 +195,7 @@ def run(
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
     helpers = ProcessExecutor(min(cores(), len(others))) if others else None
     try:
-        with kept_files(directory, "the same command computes the others"), progress:
+        with interrupt_noted(lambda: kept_files(directory)), progress:
             summary = report.write_study(study, directory, force, helpers)
     except HeapingError as error:
         raise HeapingError(f"{error}; {text.other_resistances(study.scene)}", error.heaping) from error
@@ -426,8 +427,10 @@ def sweep(
         progress.advance(points)
         progress.report(f"{failed} failed" if failed else "")
 
-    remedy = "--resume computes the points that are missing"
-    with kept_files(directory, remedy), console.progress(many.steps) as progress:
+    def kept() -> str:
+        return f"{many.computed} points of this run are kept in {directory}; --resume computes the others"
+
+    with interrupt_noted(kept), console.progress(many.steps) as progress:
         progress.begin(f"{many.steps} points", 0.0)
         table = many.run(directory, executor=workforce, resume=resume, force=force, step=step)
     indices = sobol_indices.of_table(table)

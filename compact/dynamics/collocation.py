@@ -29,7 +29,7 @@ from compact.dynamics.force_elements import (
     spring_force,
 )
 from compact.numerics import Array, IntArray
-from compact.numerics.jit import compiled
+from compact.numerics.jit import compiled, inlined
 
 POINTS = 9  # [-], of the collocation; the defect falls with the ninth power of the step
 DEFECT_POINTS = 16  # [-], cells between the points of an interval at which the defect is evaluated
@@ -103,7 +103,7 @@ class SlidingSolution(NamedTuple):
     evaluations: int
 
 
-@compiled
+@inlined
 def set_up_sliding(
     oscillator: OscillatorParameters,
     resistance: ResistanceTable,
@@ -127,7 +127,7 @@ def set_up_sliding(
     return SlidingProblem(oscillator, resistance, state, slip, linear, tolerance)
 
 
-@compiled
+@inlined
 def limit_sliding_step(problem: SlidingProblem, h: float) -> float:
     """Step h [s], shortened where the linearised motion grows."""
     oscillator, state, linear = problem.oscillator, problem.state, problem.linear
@@ -135,7 +135,7 @@ def limit_sliding_step(problem: SlidingProblem, h: float) -> float:
     return signals.limit_step(oscillator.mass + linear.added_mass, oscillator.damping + linear.damping, stiffness, h)
 
 
-@compiled
+@inlined
 def solve_sliding(problem: SlidingProblem, driven_end: Array, h: float, counter: IntArray) -> SlidingSolution:
     """Solve at most h [s] of sliding under driven_end(u) by collocation.
 
@@ -155,7 +155,9 @@ def solve_sliding(problem: SlidingProblem, driven_end: Array, h: float, counter:
         change = np.abs(values - previous).max()
         if not change < np.inf:
             return SlidingSolution(driven_end, elongation, remainder, False, (iteration + 1) * POINTS)
-        previous, remainder[:POINTS] = values, TO_COEFFICIENTS @ values
+        previous, coefficients = values, TO_COEFFICIENTS @ values
+        for j in range(POINTS):  # assignments of arrays take seconds to compile
+            remainder[j] = coefficients[j]
         elongation = _respond(problem, force + remainder, driven_end, h)
         if change <= problem.tolerance / 10:  # the remaining error falls by the same factor
             return SlidingSolution(driven_end, elongation, remainder, True, (iteration + 1) * POINTS)
@@ -206,7 +208,7 @@ def _remainder(problem, velocity, places, within):
     return velocities, remainder
 
 
-@compiled
+@inlined
 def _range_exit_fraction(problem, velocity, counter):
     """Fraction of a motion to a little beyond its exit from the smooth range; 1 where the exit has no effect."""
     slip, within = problem.slip, problem.linear.smooth_range
@@ -262,13 +264,13 @@ def evaluate_defect(
     return worst, fastest
 
 
-@compiled
+@inlined
 def step_ratio(defect: float, tolerance: float) -> float:
     """Ratio of the admissible step to the last one for its defect [N], for a uniformly smooth R."""
     return STEP_SAFETY * (tolerance / max(defect, 1e-300)) ** (1 / POINTS)
 
 
-@compiled
+@inlined
 def next_step_ratio(ratio: float, before: float, after: float) -> float:
     """Ratio of the next step to the last one, of which `ratio` was admissible.
 

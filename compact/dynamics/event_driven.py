@@ -27,7 +27,7 @@ from compact.dynamics import collocation
 from compact.dynamics import force_elements as elements
 from compact.dynamics import oscillator as signals
 from compact.numerics import Array, IntArray
-from compact.numerics.jit import compiled
+from compact.numerics.jit import compiled, inlined
 from compact.numerics.piecewise import PiecewisePolynomial
 
 MIN_STEP = 1e-13  # [-], of a piece of the driven-end motion; shorter steps are rounding
@@ -223,7 +223,7 @@ def advance(
     return DONE
 
 
-@compiled
+@inlined
 def _attempt_interval(oscillator, driven_end, resistance, progress, tolerance):
     """Attempt the next interval; the step is updated after sliding."""
     reals, counts, counter = progress
@@ -243,7 +243,7 @@ def _attempt_interval(oscillator, driven_end, resistance, progress, tolerance):
     return trial
 
 
-@compiled
+@inlined
 def _slip_direction(oscillator, resistance, state, position, velocity, last_event):
     """Direction of the interval after an event, with the driven end at a position [m] and a velocity [m/s]."""
     if state.velocity != 0:
@@ -257,7 +257,7 @@ def _slip_direction(oscillator, resistance, state, position, velocity, last_even
     return elements.breakaway_direction(oscillator, resistance, state.zone, pull + oscillator.damping * velocity)
 
 
-@compiled
+@inlined
 def _stick(oscillator, resistance, state, driven_end, h, counter):
     """Interval of at most h [s] of a cart at rest under driven_end(u)."""
     polynomial = driven_end.copy()
@@ -268,7 +268,7 @@ def _stick(oscillator, resistance, state, driven_end, h, counter):
     return TrialInterval(True, np.inf, 0, driven_end, elongation, end, event, 0, 0.0)
 
 
-@compiled
+@inlined
 def _slide(problem, driven_end, h, counter):
     """Interval of at most h [s] of a sliding cart under driven_end(u)."""
     driven_end, elongation, remainder, converged, evaluations = collocation.solve_sliding(
@@ -302,18 +302,19 @@ def _slide(problem, driven_end, h, counter):
     )
 
 
-@compiled
+@inlined
 def _sliding_event(problem, driven_end, elongation, counter):
     """First event (u, event) of sliding; (1, NO_EVENT) without one."""
     oscillator, state = problem.oscillator, problem.state
-    speed = signals.combine(elongation, driven_end, 0.0, -problem.slip, 0.0, problem.slip)
+    slip = 1.0 * problem.slip
+    speed = signals.combine(elongation, driven_end, 0.0, -slip, 0.0, slip)
     end, event = _earlier_event(1.0, NO_EVENT, speed, STOPPED, counter)
     if oscillator.end_springs.length > 0:
         end, event = _end_spring_event(oscillator, state, driven_end, elongation, end, event, counter)
     return _flank_event(oscillator, state, driven_end, elongation, end, event, counter)
 
 
-@compiled
+@inlined
 def _breakaway(oscillator, resistance, state, driven_end, elongation, counter):
     """First breakaway (u, event) of a cart at rest; (1, NO_EVENT) without one."""
     end, event = 1.0, NO_EVENT
@@ -344,7 +345,7 @@ def _flank_event(oscillator, state, driven_end, elongation, end, event, counter)
     return end, event
 
 
-@compiled
+@inlined
 def _end_spring_event(oscillator, state, driven_end, elongation, end, event, counter):
     """First contact with an end spring or its loss, or the given event before it."""
     ends, zone = oscillator.end_springs, state.zone
@@ -369,7 +370,7 @@ def _earlier_event(end, event, signal, candidate, counter):
     return (u, candidate) if u < end or (u == end and event == NO_EVENT) else (end, event)
 
 
-@compiled
+@inlined
 def _accept_interval(oscillator, driven_end, resistance, progress, trial, intervals):
     """Store an interval and move on to its end; repeat a doubtful breakaway over a shorter one instead."""
     reals, counts, _ = progress
@@ -395,19 +396,22 @@ def _accept_interval(oscillator, driven_end, resistance, progress, trial, interv
     reals[FRACTION] = 1.0 if complete else fraction + trial.end * scale / width
 
 
-@compiled
+@inlined
 def _store(intervals, n, start, trial, state):
     """Store an interval in row n."""
     signal = trial.elongation
     intervals.start[n], intervals.scale[n], intervals.duration[n] = start, signal.scale, trial.end * signal.scale
-    intervals.driven_end[n], intervals.elongation[n] = trial.driven_end, 0.0
-    intervals.elongation[n, : len(signal.polynomial)] = signal.polynomial
+    intervals.elongation[n] = 0.0
+    for j in range(len(trial.driven_end)):  # assignments of arrays take seconds to compile
+        intervals.driven_end[n, j] = trial.driven_end[j]
+    for j in range(len(signal.polynomial)):
+        intervals.elongation[n, j] = signal.polynomial[j]
     intervals.oscillation[n, 0], intervals.oscillation[n, 1] = signal.cosine, signal.sine
     intervals.oscillation[n, 2], intervals.oscillation[n, 3] = signal.decay, signal.discriminant
     intervals.slip[n], intervals.flank[n], intervals.zone[n] = trial.slip, state.flank, state.zone
 
 
-@compiled
+@inlined
 def _state_after(oscillator, resistance, state, trial):
     """State at the end of an interval."""
     elongation, velocity, flank, zone = signals.evaluate(trial.elongation, trial.end), 0.0, state.flank, state.zone
@@ -428,7 +432,7 @@ def _state_after(oscillator, resistance, state, trial):
     return elements.CartState(elongation, velocity, flank, zone)
 
 
-@compiled
+@inlined
 def _state_at_plate(oscillator, resistance, state, trial):
     """State of a cart that reaches or leaves the plate of an end spring; a slow one may come to rest there."""
     elongation, velocity, flank, zone = state

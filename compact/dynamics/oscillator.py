@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from compact.numerics import Array, IntArray
-from compact.numerics.jit import compiled
+from compact.numerics.jit import compiled, inlined
 
 SHORT_RANGE = 1 / 8  # [-], of u; longest part that is searched by its end values
 SHORT_OSCILLATION = 0.5  # [rad]; longest part of an oscillation that is searched by its end values
@@ -364,7 +364,7 @@ def solve_oscillator(
     return Signal(polynomial, 0.0, 0.0, decay, discriminant, h)
 
 
-@compiled
+@inlined
 def _particular_and_free(mass, damping, stiffness, force, elongation, rate, h):
     """Polynomial particular solution and free oscillation."""
     decay, discriminant, _, _ = characteristic_roots(mass, damping, stiffness)
@@ -377,7 +377,7 @@ def _particular_and_free(mass, damping, stiffness, force, elongation, rate, h):
     return Signal(polynomial[:n], cosine, rate - polynomial[1] / h + decay * cosine, decay, discriminant, h)
 
 
-@compiled
+@inlined
 def _power_series(mass, damping, stiffness, force, elongation, rate, h):
     """Power series of the response in u."""
     series, n = np.zeros(SERIES_TERMS), len(force)
@@ -392,7 +392,7 @@ def _power_series(mass, damping, stiffness, force, elongation, rate, h):
     return series
 
 
-@compiled
+@inlined
 def _overdamped_series(mass, slow, fast, force, elongation, rate, h):
     """Response for fast h > SERIES_REACH > slow h.
 

@@ -1,8 +1,9 @@
 """Cap plasticity with Heckel hardening: implicit integration of many material points.
 
 A strain increment is split into equal substeps. Each maps its elastic trial state back to the yield surface by backward
-Euler. The surface is the ellipse (`elliptic_cap`), or the ellipse with the shear line of Drucker and Prager
-(`drucker_prager_cap`).
+Euler. The surface is the ellipse (`elliptic_cap`), the ellipse with the shear line of Drucker and Prager
+(`drucker_prager_cap`), or a cap with tables over the density ratio (`density_cap_return`). The type of the constants
+selects the functions when they are compiled, so that each law has kernels of its own.
 
 References
 ----------
@@ -14,6 +15,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
+from compact.material.density_cap import DensityDependentCap
+from compact.material.density_cap_return import (
+    TableConstants,
+    elastic_table_path,
+    evaluate_tables,
+    for_tables,
+    integrate_table_point,
+    table_constants,
+)
 from compact.material.drucker_prager_cap import is_elastic_in_line, return_to_line
 from compact.material.elliptic_cap import (
     MAX_ITERATIONS,
@@ -59,6 +69,13 @@ class MaterialPoint:
     plastic_work: Array
 
 
+def kernel_constants(law: Compaction, rate_factor: float, travel: float = np.inf) -> CapConstants | TableConstants:
+    """Return the constants of a law for the compiled functions of this module; parameters as of `cap_constants`."""
+    if isinstance(law, DensityDependentCap):
+        return table_constants(law, rate_factor)
+    return cap_constants(law, rate_factor, travel)
+
+
 def initial_state(law: Compaction, n: int) -> MaterialPoint:
     """Return stress-free points at the initial density ratio of a law.
 
@@ -98,8 +115,9 @@ def compacted_state(
     -------
     MaterialPoint
     """
-    fresh, constants = initial_state(law, 1), cap_constants(law, rate_factor)
-    fed, stiffness = float(law.fed_density_ratio), constants.K + 4 * constants.G / 3
+    fresh, fed = initial_state(law, 1), float(law.fed_density_ratio)
+    bulk, shear, pressure = _limits(law, density_ratio, rate_factor)
+    stiffness = bulk + 4 * shear / 3
     if not fed < density_ratio < 1:
         raise ValueError(
             f"`density_ratio` of compacted mix must lie between that of the fed mix {fed:.6g} and 1, got "
@@ -117,11 +135,20 @@ def compacted_state(
         return strained(state, brentq(lambda part: strained(state, part).stress[0, 1], 0.0, rise, xtol=NO_STRAIN))
 
     low = float(np.log(density_ratio / fed))
-    high = low + 2 * hardening(constants, density_ratio)[0] / constants.K
+    high = low + 2 * pressure / bulk
     strain = brentq(lambda part: compacted(part).density_ratio[0] - density_ratio, low, high, xtol=NO_STRAIN)
     state = compacted(strain)
     stress = state.stress * [1.0, 0.0, 1.0, 0.0] if residual_stress else np.zeros((1, 4))
     return MaterialPoint(stress, state.density_ratio, state.max_density_ratio, np.zeros(1))
+
+
+def _limits(law, density_ratio, rate_factor):
+    """Return bulk modulus, shear modulus and isotropic yield pressure at a density ratio [Pa]."""
+    constants = kernel_constants(law, rate_factor)
+    if isinstance(constants, TableConstants):
+        tables = evaluate_tables(constants, density_ratio)
+        return tables[0], tables[2], tables[4] + tables[6]
+    return constants.K, constants.G, hardening(constants, density_ratio)[0]
 
 
 def integrate_points(
@@ -150,7 +177,7 @@ def integrate_points(
     require_positive(rate_factor=rate_factor)
     before = (strain, state.stress, state.density_ratio, state.max_density_ratio, state.plastic_work)
     strain, *arrays = (np.ascontiguousarray(values, dtype=float) for values in before)  # one layout, compiled once
-    n, constants = len(strain), cap_constants(law, rate_factor)
+    n, constants = len(strain), kernel_constants(law, rate_factor)
     stress, scalars = np.empty((n, 4)), np.empty((3, n))
     tangents = np.empty((n, 3, 3) if tangent else (0, 3, 3))
     for first in range(0, n, BATCH_POINTS):
@@ -176,7 +203,7 @@ def _integrate_batch(first, end, law, state, strain, results):
         before = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], max_density_ratio[i])
         part = (strain[i, 0], strain[i, 1], strain[i, 2])
         derivatives[:] = 0.0
-        converged, after, dissipated, _ = integrate_point(law, before, part, 0.0, 1.0, np.nan, derivatives)
+        converged, after, dissipated, _ = _point_step(law, before, part, 0.0, 1.0, np.nan, derivatives)
         if not converged:
             return i
         for j in range(4):
@@ -185,8 +212,10 @@ def _integrate_batch(first, end, law, state, strain, results):
         new_scalars[1, i] = after[5]
         new_scalars[2, i] = work[i] + dissipated
         if len(tangents):
-            tangents[i, :2] = derivatives[:2]
-            tangents[i, 2] = derivatives[3]
+            for j in range(3):  # assignments of arrays take seconds to compile
+                tangents[i, 0, j] = derivatives[0, j]
+                tangents[i, 1, j] = derivatives[1, j]
+                tangents[i, 2, j] = derivatives[3, j]
     return -1
 
 
@@ -223,12 +252,10 @@ def integrate_path(
         Plastic work and work of deformation [J/m3].
     """
     derivatives[:] = 0.0
-    p, q, deviator = _trial_state(law, before, strain)
-    densest = before[5] if law.flat else before[4]
     still = max(abs(strain[0]), abs(strain[1]), abs(strain[2])) <= NO_STRAIN  # interpolated states may lie outside
-    if still or _is_elastic(law, p, q, densest, carried):
-        end, converged, plastic_work = (*_stress(p, deviator, 1.0), before[4], densest), True, 0.0
-        _propagate(law, deviator, 1.0, NO_SLOPES, not law.flat, 1.0, derivatives)
+    elastic, end = _elastic_path(law, before, strain, still, carried, derivatives)
+    if elastic:
+        converged, plastic_work = True, 0.0
         work = _work(before, end, strain)
     else:
         steps, x = len(multipliers), 0.0
@@ -238,12 +265,23 @@ def integrate_path(
         for step in range(steps):
             start, guess = end, multipliers[step] if multipliers[step] > 0 else x
             limit = pressure + (carried - pressure) * ((step + 1) / steps)
-            good, end, dissipated, x = integrate_point(law, start, part, guess, 1 / steps, limit, derivatives)
+            good, end, dissipated, x = _point_step(law, start, part, guess, 1 / steps, limit, derivatives)
             multipliers[step] = x
             converged = converged and good
             plastic_work += dissipated
             work += _work(start, end, part)
     return converged, end, plastic_work, work
+
+
+@compiled
+def elastic_cap_path(law, before, strain, still, carried, derivatives):
+    """Return True if a path is elastic, and the state after it, for the ellipse with and without shear line."""
+    p, q, deviator = _trial_state(law, before, strain)
+    densest = before[5] if law.flat else before[4]
+    if not (still or _is_elastic(law, p, q, densest, carried)):
+        return False, before
+    _propagate(law, deviator, 1.0, NO_SLOPES, not law.flat, 1.0, derivatives)
+    return True, (*_stress(p, deviator, 1.0), before[4], densest)
 
 
 @compiled
@@ -360,3 +398,7 @@ def _propagate(law, deviator, scale, slopes, hardened, share, derivatives):
         derivatives[3, j] = scale * xy + change * sxy
         derivatives[4, j] = k + V
         derivatives[5, j] = k + V if hardened else densest
+
+
+_elastic_path = for_tables(elastic_table_path, otherwise=elastic_cap_path)
+_point_step = for_tables(integrate_table_point, otherwise=integrate_point)

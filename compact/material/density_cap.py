@@ -9,6 +9,8 @@ Below pa the shear line limits q, at constant density. Stresses are the moduli a
 
 Rigid-plastic powder in a die has q = 2 (p - pa)/(3 R^2), from a radial strain rate of zero.
 
+`DensityCap` has the tables, `DensityDependentCap` is the law of the finite elements (`density_cap_return`).
+
 References
 ----------
 I. C. Sinka, J. C. Cunningham and A. Zavaliangos, Powder Technol. 133 (2003) 33-43 (calibration by dies).
@@ -24,6 +26,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 
+from compact.material.laws import REFERENCE_RATE, DruckerPragerCap
 from compact.material.pressure_sinkage import DensityLaw
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
@@ -126,7 +129,7 @@ class DensityCap:
             raise ValueError(f"`poisson` must be below 0.5, got {max(self.poisson)!r}")
 
     @cached_property
-    def _curves(self) -> tuple[PchipInterpolator, ...]:
+    def curves(self) -> tuple[PchipInterpolator, ...]:
         """Curves of ln pb, d, tan beta and R over ln k."""
         tangent = np.tan(np.radians(self.friction_angle))
         values = (np.log(self.yield_pressure), self.cohesion, tangent, self.eccentricity)
@@ -134,7 +137,7 @@ class DensityCap:
 
     def cap(self, density_ratio: float) -> CapState:
         """Return the cap at a density ratio [-] within the tables."""
-        logarithm, d, tangent, R = (float(curve(np.log(density_ratio))) for curve in self._curves)
+        logarithm, d, tangent, R = (float(curve(np.log(density_ratio))) for curve in self.curves)
         return CapState((np.exp(logarithm) - R * d) / (1 + R * tangent), R, d, tangent)
 
     def elastic_moduli(self, density_ratio: float) -> tuple[float, float]:
@@ -239,6 +242,97 @@ class DensityCap:
             return None
         x = float(brentq(lambda x: stresses(x)[0], 0.0, largest, xtol=ROOT_TOLERANCE, rtol=1e-14))
         return (x, *stresses(x)[1:])
+
+
+@dataclass(frozen=True, kw_only=True)
+class DensityDependentCap(DruckerPragerCap):
+    """Irreversible compaction: a cap with the shear line of Drucker and Prager, both by tables over the density ratio.
+
+    All tables belong to the largest density ratio so far, so that the opening of powder in tension does not soften it.
+    The slopes and moduli of the base class are those of the powder as fed; `density_dependent_cap` sets them.
+
+    Parameters
+    ----------
+    tables : DensityCap
+        Tables of cap, line and moduli.
+    """
+
+    tables: DensityCap
+
+    def yield_pressure(self, density_ratio: ArrayLike) -> Array:
+        """Compute the isotropic yield pressure pb(k) [Pa] at rest.
+
+        Parameters
+        ----------
+        density_ratio : array_like
+            Density ratio k [-]. Beyond the tables pb continues along their tangent over ln k.
+
+        Returns
+        -------
+        ndarray
+            Pressure pb [Pa].
+        """
+        curve, place = self.tables.curves[0], np.log(np.asarray(density_ratio, dtype=float))
+        low, high = curve.x[[0, -1]]
+        inside = np.clip(place, low, high)
+        return np.exp(curve(inside)) * (1 + curve(high, 1) * np.maximum(place - high, 0.0))
+
+    def elastic_moduli(self, density_ratio: ArrayLike) -> tuple[float | Array, float | Array]:
+        """Return Young's modulus [Pa] and Poisson's ratio [-] at density ratios [-]."""
+        tables, ratio = self.tables, np.asarray(density_ratio, dtype=float)
+        columns = tables.youngs_modulus, tables.poisson
+        E, nu = (np.interp(ratio, tables.elastic_density_ratio, column) for column in columns)
+        return np.asarray(E), np.asarray(nu)
+
+
+def density_dependent_cap(
+    tables: DensityCap, fed_density_ratio: float, rate_sensitivity: float = 0.0, reference_rate: float = REFERENCE_RATE
+) -> DensityDependentCap:
+    """Build the law of a powder or mix fed at a density ratio within the tables.
+
+    Parameters
+    ----------
+    tables : DensityCap
+        Tables of cap, line and moduli.
+    fed_density_ratio : float
+        Initial density ratio [-], within the tables of the cap and below 1.
+    rate_sensitivity, reference_rate
+        As of `Compaction`; the rate raises pb.
+
+    Returns
+    -------
+    DensityDependentCap
+
+    Raises
+    ------
+    ValueError
+        If the density ratio lies outside the tables.
+    """
+    low, high = tables.density_ratio[0], tables.density_ratio[-1]
+    if not low < fed_density_ratio < min(high, 1.0):
+        raise ValueError(
+            f"`fed_density_ratio` must lie within the tables of the cap, above {low:g} and below {min(high, 1.0):g}, "
+            f"got {fed_density_ratio!r}"
+        )
+    _, eccentricity, cohesion, tangent = tables.cap(fed_density_ratio)
+    E, nu = (
+        float(np.interp(fed_density_ratio, tables.elastic_density_ratio, column))
+        for column in (tables.youngs_modulus, tables.poisson)
+    )
+    pressure = float(np.interp(fed_density_ratio, tables.density_ratio, tables.yield_pressure))
+    return DensityDependentCap(
+        unloading_modulus=E,
+        poisson=nu,
+        heckel_slope=float(-np.log1p(-fed_density_ratio) / pressure),
+        loose_density_ratio=low,
+        critical_slope=1 / eccentricity,
+        tensile_strength=cohesion / tangent,
+        fed_density_ratio=fed_density_ratio,
+        rate_sensitivity=rate_sensitivity,
+        reference_rate=reference_rate,
+        friction_slope=min(tangent, 1 / eccentricity),
+        tables=tables,
+    )
 
 
 def heckel_slope(density_ratio: ArrayLike, pressure: ArrayLike) -> float:

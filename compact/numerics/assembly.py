@@ -18,7 +18,7 @@ from skfem import Basis
 from compact.numerics import Array, IntArray
 
 
-def unit_moduli(poisson: float) -> Array:
+def unit_moduli(poisson: float | Array) -> Array:
     """Compute 2 mu, 2 mu, mu and lambda [-] for E = 1: stiffness against e_xx, e_yy, 2 e_xy and volumetric strain."""
     lame = poisson / ((1 + poisson) * (1 - 2 * poisson))
     shear = 1 / (2 * (1 + poisson))

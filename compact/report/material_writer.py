@@ -41,14 +41,14 @@ def material_summary(programme: LaboratoryProgramme, law: str) -> dict[str, Any]
     result: dict[str, Any] = {
         "law": law,
         "heckel_slope": {"value": slope, "unit": "1/Pa"},
-        "earth_pressure_coefficient": {"value": programme.earth_pressure_coefficient, "unit": "-"},
+        "earth_pressure_coefficient": {"value": programme.earth_pressure_coefficient, "unit": "1"},
         "pressure": {"value": programme.pressure, "unit": "Pa"},
         "specimens": {},
     }
     for specimen, ratio in (("loose", programme.material.fed_density_ratio), ("compacted", programme.density_ratio)):
         angle, cohesion = programme.mohr_coulomb(specimen)
         result["specimens"][specimen] = {
-            "density_ratio": {"value": float(ratio), "unit": "-"},
+            "density_ratio": {"value": float(ratio), "unit": "1"},
             "unconfined_strength": {"value": programme.test("unconfined", specimen).strength, "unit": "Pa"},
             "shear_strength": {"value": programme.test("pure shear", specimen).strength / 2, "unit": "Pa"},
             "friction_angle": {"value": angle, "unit": "deg"},

@@ -4,6 +4,7 @@ By columns every answer says two things: the load is a lower estimate, and the c
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
 MAP_HEADER = ("mould_speed_m/s", "cart_speed_m/s", "strokes", "load_N", "resistance_N")
 PRODUCT_FIELDS = {"bottom_density_ratio": "1", "top_density_ratio": "1", "overpressed_height": "m", "surface": "m"}
+LIFTED_HEADER = ("load_by_lifts_N/m", "resistance_by_lifts_N/m")
 ROUNDING = 1e-6  # [-], of the product; less mix is rounding
 CAUSE_WIDTH = 62  # [characters]
 COLUMNS_STATEMENT = (
@@ -52,7 +54,7 @@ def write_process(study: ProcessStudy, directory: Path) -> list[Path]:
         Files written.
     """
     files = [
-        write_columns(directory / "strokes.csv", column_names(STROKE), list(stroke_columns(study).values())),
+        write_columns(directory / "strokes.csv", *_stroke_table(study)),
         write_figure(directory / "section.png", draw_section(study)),
         write_figure(directory / "strokes.png", draw_strokes(study)),
     ]
@@ -124,7 +126,7 @@ def process_digest(study: ProcessStudy) -> str:
 def _statement(study: ProcessStudy) -> str:
     if study.two_dimensions is None:
         return COLUMNS_STATEMENT
-    return LIFTS_STATEMENT.format("with pore air one-way" if study.counts_air else "drained")
+    return LIFTS_STATEMENT.format(f"with {study.scene.mix.pore_air} pore air" if study.counts_air else "drained")
 
 
 def _two_dimensional_summary(study: ProcessStudy) -> dict[str, Any] | None:
@@ -142,6 +144,8 @@ def _two_dimensional_summary(study: ProcessStudy) -> dict[str, Any] | None:
         **{name: json_number(each.value, unit) | {"error": each.error, "lumping_error": each.lumping_error,
            "mesh_error": each.mesh_error, "extrapolated_share": each.extrapolated_share}
            for name, (each, unit) in estimates.items()},
+        "spread_over_the_mix": {force: study.mix_spread.bounds(force) for force in ("load", "resistance")},
+        "spread_by_parameter": [asdict(each) for each in study.mix_spread.effects],
         "air_is_counted": study.counts_air,
         "air_excess_behind": json_number(found.air_excess_behind, "Pa"),
         "load_centre": json_number(found.load_centre, "m"),
@@ -171,6 +175,9 @@ def _two_dimensional_lines(study: ProcessStudy) -> Iterator[str]:
     )  # fmt: skip
     for term, each in rows:
         yield f"{_line(term, format_quantity(each.value, 'N'))}  ± {each.error:.0%}"
+    for force in ("load", "resistance"):
+        low, high = study.mix_spread.bounds(force)
+        yield _line(f"spread of the {force} over Heckel slope and unloading modulus", f"x {low:.2f} to {high:.2f}")
     share = found.load_centre / study.scene.machine.roller_length
     yield _line("centre of the load, of the roller length", format_percent(share))
     yield _line("skew moment of the load", format_quantity(found.skew_moment, "Nm"))
@@ -226,6 +233,14 @@ def stroke_columns(study: ProcessStudy) -> dict[str, Any]:
     history, edges = study.row.history, study.problem.machine.edges
     own = {"position": (edges[:-1] + edges[1:]) / 2}
     return {name: own[name] if name in own else getattr(history, name) for name in STROKE}
+
+
+def _stroke_table(study: ProcessStudy) -> tuple[tuple[str, ...], list[Any]]:
+    """Return header and columns of strokes.csv; forces in two dimensions last, where they are computed."""
+    header, columns = tuple(column_names(STROKE)), list(stroke_columns(study).values())
+    if study.two_dimensions is None:
+        return header, columns
+    return (*header, *LIFTED_HEADER), [*columns, *(study.forces.of_strokes(name) for name in ("load", "resistance"))]
 
 
 def _lift_rows(study: ProcessStudy) -> Iterator[tuple[float, ...]]:

@@ -85,6 +85,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "comparison": _comparison(study),
         "heaping": {name: _heaping(error) for name, error in study.heaping.items()},
         "unsteady": {name: _unsteady(error) for name, error in study.unsteady.items()},
+        "no_equilibrium": {name: {"reason": str(error)} for name, error in study.without_equilibrium.items()},
         "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "evaluation_counts": dict(study.counts),
         "files": files,

@@ -182,7 +182,7 @@ def held_sentence(study: Study) -> str:
 
 
 def heaping_sentences(study: Study) -> Iterator[str]:
-    """State each engine of the comparison without a steady state: the mix heaps up, or the motion is not steady.
+    """State each engine of the comparison without a steady state: mix heaps up, no steady motion, no equilibrium.
 
     Yields
     ------
@@ -209,6 +209,8 @@ def heaping_sentences(study: Study) -> Iterator[str]:
             f"{contact.resistance:.4g} N/m, bow wave {contact.wave_height * 1e3:.3g} mm; reason and remedies in "
             "summary.json (unsteady)"
         )
+    for name in study.without_equilibrium:
+        yield f"{name}: no equilibrium, so that it has no resistance; reason in summary.json (no_equilibrium)"
 
 
 def other_resistances(scene: Scene) -> str:

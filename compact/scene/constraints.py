@@ -72,6 +72,30 @@ def catalogue_exists(source: Source) -> Rule:
     return Rule(("drive.catalogue.file",), lambda file: None if file is None else _missing((file,), source.folder))
 
 
+def cap_tables_fit(source: Source) -> Rule:
+    """Return the rule that the tables of `mix.cap_table` are valid and contain the densities of the scene."""
+
+    def broken(file, law, fed, product):
+        from compact.scene.cap_tables import read_cap_tables  # imports scipy
+
+        if law != "density-cap":
+            return None if file is None else 'is for mix.law "density-cap"; take it out, or choose that law'
+        if file is None:
+            return 'is missing, and mix.law is "density-cap"; give the CSV file of its tables over density'
+        try:
+            density = read_cap_tables(source.folder / file).density_ratio
+        except ValueError as error:
+            return f"names a file that breaks a rule: {error}"
+        if not (density[0] < fed and product <= density[-1]):
+            return (
+                f"has tables from {density[0]:g} to {density[-1]:g}, which must begin below layer.fed_density_ratio = "
+                f"{fed:g} and reach mix.density_ratio = {product:g}; extend the tables"
+            )
+        return None
+
+    return Rule(("mix.cap_table", "mix.law", "layer.fed_density_ratio", "mix.density_ratio"), broken)
+
+
 def rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Broken], Broken]:
     """Return a decorator that enters a function as the rule of some keys.
 
@@ -167,6 +191,15 @@ def _cap_has_the_earth_pressure(_, law, moisture, density_ratio, overrides):
             "mix.overrides.cohesion_loose"
         )
     return None
+
+
+@rule("mix.law", "process")
+def _process_has_constant_slopes(law, process):
+    if law == "density-cap" and process is not None:
+        return (
+            '"density-cap" is for the engines column and compaction, got it with the table [process]; take [process] '
+            "out, or choose another law"
+        )
 
 
 @rule("layer.lift_thickness", "product.height")
@@ -398,6 +431,15 @@ def _fields_wanted_are_computed(wanted, engine):
         return (
             f'holds "fields", which accuracy.engine = "{engine}" does not compute; take it out, or choose "fem" or '
             '"compaction"'
+        )
+
+
+@rule("output.items", "mix.law")
+def _model_spread_wanted_has_constants(wanted, law):
+    if "model_spread" in wanted and law == "density-cap":
+        return (
+            'holds "model_spread", which compares laws by the constants of the mix, and mix.law "density-cap" has '
+            "tables in their place; take it out, or choose another law"
         )
 
 

@@ -19,7 +19,15 @@ from typing import Any, Self, TypeVar
 from pydantic import Field, PrivateAttr, ValidationError
 
 from compact.scene import errors, plausible_ranges, schema
-from compact.scene.constraints import ADVICE, RULES, Rule, catalogue_exists, sentences, tables_exist
+from compact.scene.constraints import (
+    ADVICE,
+    RULES,
+    Rule,
+    cap_tables_fit,
+    catalogue_exists,
+    sentences,
+    tables_exist,
+)
 from compact.scene.engine_capabilities import LIMITS, adapt, replaced
 from compact.scene.errors import Mistake, SceneError, Source
 from compact.scene.former_names import current_key, current_path, current_tables, current_value
@@ -64,6 +72,11 @@ class Scene(Table):
         """Path of the motors of `[drive.catalogue]`; None without the table."""
         table = self.drive.catalogue
         return None if table is None else self._source.folder / table.file
+
+    @property
+    def cap_table_path(self) -> Path | None:
+        """Path of the tables of the law "density-cap"; None without the key."""
+        return None if self.mix.cap_table is None else self._source.folder / self.mix.cap_table
 
     @property
     def lift_thickness(self) -> float:
@@ -158,10 +171,10 @@ class Scene(Table):
 
     @property
     def hash(self) -> str:
-        """Hash of every key but `title`, `unusual` and `[output]`, and of the contents of law tables and catalogue."""
+        """Hash of every key but `title`, `unusual` and `[output]`, and of the contents of the files that it names."""
         content = self.model_dump(exclude_none=True, exclude={"title", "unusual", "output"})
         digest = sha256(json.dumps(content, sort_keys=True).encode())
-        for path in (*self.table_paths, *([self.catalogue_path] if self.catalogue_path else [])):
+        for path in (*self.table_paths, *filter(None, (self.catalogue_path, self.cap_table_path))):
             digest.update(sha256(_bytes(path)).digest())
         return digest.hexdigest()
 
@@ -289,7 +302,7 @@ def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, objec
 
 
 def _rules(source: Source) -> tuple[Rule, ...]:
-    own = tables_exist(source), catalogue_exists(source)
+    own = tables_exist(source), catalogue_exists(source), cap_tables_fit(source)
     return (*RULES, *PROCESS_RULES, *plausible_ranges.REFUSALS, *own)
 
 

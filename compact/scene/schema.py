@@ -40,7 +40,7 @@ MixParameter = Literal[
     "cohesion_loose", "earth_pressure_coefficient", "dilatancy_angle", "shear_viscosity",
 ]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction", "process"]
-MixLaw = Literal["ellipse", "drucker-prager-cap"]
+MixLaw = Literal["ellipse", "drucker-prager-cap", "density-cap"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
 ProcessDetail = Literal["columns", "quick", "deep"]
@@ -174,7 +174,11 @@ class Mix(Table):
     moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
     density_ratio: float = _between(0.90, 0.99, "the required density ratio k of the product")
     law: MixLaw = _default(
-        "ellipse", "the yield surface of the engines that compact: an elliptic cap, or a cap with a shear line"
+        "ellipse",
+        "the yield surface of the engines that compact: an elliptic cap, a cap with a shear line, or tables of both",
+    )
+    cap_table: str | None = _default(
+        None, 'the CSV file of the tables over density of the law "density-cap", relative to the scene file'
     )
     pore_air: PoreAirModel = _default(
         "drained", "the pore air: without pressure, at the deformation without air, or coupled with the deformation"

@@ -2,11 +2,16 @@
 
 A file holds the points of one task, one line of JSON each, after the SHA-256 checksum of all of them. Files are written
 atomically. A file with a wrong checksum is deleted, and its points are computed again.
+
+One command at a time writes to a directory, also on a disk that several machines share: it holds a lock file, which is
+created exclusively and names its host and process.
 """
 
 import json
-from collections.abc import Mapping
-from contextlib import suppress
+import os
+import platform
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -14,6 +19,7 @@ from typing import Any
 from compact.files import ResultsError, atomic_file
 
 SUFFIX = ".points"
+LOCK = "sweep.lock"  # file next to the directory of the checkpoints, while a command writes to it
 
 Points = dict[str, Any]  # results of one point by name
 
@@ -30,6 +36,32 @@ class Store:
     def __init__(self, directory: Path | str) -> None:
         self.directory = Path(directory)
         self.broken: list[str] = []
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Lock the directory inside the block.
+
+        Raises
+        ------
+        ResultsError
+            If another command holds the lock. The lock of a process of this machine that has ended is taken over.
+        """
+        path = self.directory.parent / LOCK
+        owner = f"process {os.getpid()} on {platform.node()}"
+        while True:
+            try:
+                with path.open("x", encoding="utf-8") as stream:
+                    stream.write(owner)
+                break
+            except FileExistsError:
+                _require_ended(path)
+            except OSError as error:
+                raise ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                path.unlink()
 
     def read(self) -> dict[str, Points]:
         """Read all points by key; delete broken files and partial files of killed runs."""
@@ -58,6 +90,35 @@ class Store:
         """Delete all points."""
         for path in self.directory.glob(f"*{SUFFIX}"):
             path.unlink()
+
+
+def _require_ended(path: Path) -> None:
+    """Delete the lock of a process of this machine that has ended; raise ResultsError for any other lock."""
+    try:
+        owner = path.read_text(encoding="utf-8")
+    except OSError:  # released meanwhile
+        return
+    process, _, host = owner.removeprefix("process ").partition(" on ")
+    if host == platform.node() and process.isdigit() and not _is_alive(int(process)):
+        path.unlink(missing_ok=True)
+        return
+    raise ResultsError(
+        f"{path}: {owner or 'another command'} writes to this directory; wait for it, give another --out, or delete "
+        "the file if that process has ended"
+    )
+
+
+def _is_alive(process: int) -> bool:
+    """Return True unless a process of this machine has ended; always on Windows, which has no such signal."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # of another user
+        return True
+    return True
 
 
 def _checksum(body: bytes) -> bytes:

@@ -173,7 +173,7 @@ class Sweep:
         ResultsError
             If the directory has checkpoints, and neither `resume` nor `force` is set.
         """
-        with claimed_directory(directory, self.scene.hash, force) as place:
+        with claimed_directory(directory, self.scene.hash, force) as place, Store(place / POINTS).locked():
             store = Store(place / POINTS)
             known = self._known(store, resume, force)
             table = self._table(self._results(store, known, executor, step))

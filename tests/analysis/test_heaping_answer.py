@@ -13,7 +13,8 @@ from compact.cli import program as cli
 from compact.engines.compaction import engine as compaction
 from compact.report import text
 from compact.report import writer as report
-from compact.rolling_contact import Heaping, HeapingError, Unsteady, UnsteadyError
+from compact.report.page.answer_text import model_table
+from compact.rolling_contact import EquilibriumError, Heaping, HeapingError, Unsteady, UnsteadyError
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"  # 0.22 m in one pass, which heaps up
@@ -64,6 +65,20 @@ def test_an_engine_of_the_comparison_that_is_not_steady_is_an_answer(tmp_path, m
         "resistance 900 N/m, bow wave 21.3 mm;"
     )
     assert sentence in " ".join(text.study_digest(case).split())
+
+
+def test_an_engine_of_the_comparison_without_equilibrium_is_an_answer(tmp_path, monkeypatch):
+    def fail(*_, **__):
+        raise EquilibriumError("step 7 of rolling: no equilibrium, residual 0.3 of the nodal forces")
+
+    monkeypatch.setattr(compaction, "roll", fail)
+    case = Study(load_scene(SMALL, **COMPARED))
+    summary = report.write_study(case, tmp_path / "out")
+    assert (summary["heaping"], summary["unsteady"], list(summary["comparison"])) == ({}, {}, ["formula"])
+    assert summary["no_equilibrium"]["compaction"]["reason"].endswith("residual 0.3 of the nodal forces")
+    assert "compaction: no equilibrium, so that it has no resistance;" in " ".join(text.study_digest(case).split())
+    (row,) = [row for row in model_table(case) if row[0] == "compaction"]
+    assert row[1:] == ["yes", "–", "–", "no equilibrium", "–", "–", "–"]
 
 
 def test_a_scene_led_by_an_engine_that_heaps_up_has_no_result(tmp_path, monkeypatch, capsys):

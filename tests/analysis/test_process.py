@@ -79,8 +79,9 @@ def test_remarks_state_under_feed_over_feed_and_thin_lifts(study):
     rich = ProcessStudy(load_scene(SCENE, **SHORT | pressed)).remarks
     assert rich[0].startswith("under-feed: the product has a density ratio of 0.8710 in place of 0.98")
     assert rich[1].startswith("over-feed: ")
-    poor = ProcessStudy(load_scene(SCENE, **SHORT | pressed, **{"process.offered_thickness": 0.0})).remarks
-    assert poor[1:] == (
+    poor = ProcessStudy(load_scene(SCENE, **SHORT | pressed, **{"process.offered_thickness": 0.0}), "quick").remarks
+    assert poor[-1] == "no lumped lifts: nothing is fed, and columns alone answer"
+    assert poor[1:-1] == (
         "no feed: the strokes compact the fill alone",
         "the roller touches nothing: the mix stays below the lowest generatrix, 0.22 m",
     )
@@ -127,7 +128,7 @@ def test_lumped_lifts_enter_forces_files_and_words(monkeypatch, tmp_path, capsys
     drained = found.two_dimensions
     with_air = ProcessStudy(load_scene(SCENE, **SHORT, **{"mix.pore_air": "one-way"}), "quick")
     part = with_air.two_dimensions.air_resistance.value
-    assert with_air.parts[2] == ("pore air, one-way (two dimensions)", 2 * part, with_air._work_of(2 * part))
+    assert with_air.parts[2] == ("pore air (two dimensions)", 2 * part, with_air._work_of(2 * part))
     assert with_air.load == with_air.two_dimensions.load.value + with_air.two_dimensions.air_load.value
     assert found.load == drained.load.value
     del calls[5:]

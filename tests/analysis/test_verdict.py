@@ -11,11 +11,13 @@ from pages import PageReader, answer_html
 
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages import uncertainty as stage
+from compact.analysis.stages.model_spread import LawVariant, ModelSpread
 from compact.analysis.stages.uncertainty import MIX, MODELS, mix_spread
 from compact.analysis.stages.verdict import ModelAnswer, contenders, verdict
 from compact.analysis.study import Study
 from compact.report import text
 from compact.report.page import answer_text
+from compact.rolling_contact import Heaping
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -123,6 +125,15 @@ def test_margin_is_the_root_of_the_sum_of_squares_and_falls_with_a_known_mix():
     parts = [known.source(name).increase(FORCE) for name in (MIX, MODELS)]
     assert known.margin(FORCE) == pytest.approx(np.hypot(*parts), rel=0.02)
     assert known.margin(FORCE, (MIX,)) < 0.3 * known.margin(FORCE)
+
+
+def test_margin_names_the_mix_that_heaps_up(monkeypatch):
+    heaped = LawVariant("drucker-prager-cap", 2500.0, heaping=Heaping(0.003, 0.7, 0.008, 0.27))
+    monkeypatch.setitem(study().__dict__, "model_spread", ModelSpread((heaped,)))
+    sentences = [each.sentence for each in answer_text.recommendations(study())]
+    assert all(
+        re.search(r"a margin of \d+ % without mix that heaps up \(cohesion 2.5 kPa\)$", each) for each in sentences
+    )
 
 
 def test_peak_changes_by_less_than_the_resistance_because_of_inertia():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from compact.analysis.material_tests import oedometer
-from compact.analysis.sizing.work_balance import WorkBalance, confined_work
+from compact.analysis.sizing.work_balance import WorkBalance, heckel_work
 from compact.analysis.study import Study
 from compact.material.laws import Compaction
 from compact.report.sizing.sentences import work_sentence, work_warnings
@@ -33,7 +33,7 @@ def test_confined_work_is_the_integral_in_closed_form():
     def primitive(k):
         return -np.log(c / (1 - k)) / k + np.log(k / (1 - k))
 
-    assert confined_work(a, b, slope) == pytest.approx(b * (primitive(b) - primitive(a)) / slope, rel=1e-9)
+    assert heckel_work(a, b, slope) == pytest.approx(b * (primitive(b) - primitive(a)) / slope, rel=1e-9)
 
 
 def test_confined_work_is_that_of_the_oedometer_of_stiff_mix():
@@ -46,7 +46,7 @@ def test_confined_work_is_that_of_the_oedometer_of_stiff_mix():
     # of the volume before: dw = s_v d(e_v) V, V = exp(-e_v); over the volume at the end
     work = np.trapezoid(test.axial_stress[:end] * np.exp(-test.axial_strain[:end]), test.axial_strain[:end])
     behind = test.density_ratio[end - 1]
-    assert confined_work(0.936, behind, 14.4e-6) == pytest.approx(work * behind / 0.936, rel=0.01)
+    assert heckel_work(0.936, behind, 14.4e-6) == pytest.approx(work * behind / 0.936, rel=0.01)
 
 
 def test_pass_of_columns_takes_the_work_of_confined_compression():

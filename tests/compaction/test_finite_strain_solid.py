@@ -15,10 +15,11 @@ from compact.engines.compaction.finite_strain_kernels import (
     strain_increment,
 )
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
-from compact.engines.compaction.newton import EquilibriumError, IncrementSolver
+from compact.engines.compaction.newton import IncrementSolver
 from compact.engines.compaction.roller_contact import ContactForces
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
+from compact.rolling_contact import EquilibriumError
 
 MIX = Compaction(120e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94, dry_side="ellipse")
 SQUARE = MeshQuad.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 1, 3))

@@ -1,16 +1,19 @@
 """Forming process in two dimensions: integrals over lumped lifts, extrapolation, and lifts by finite elements."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from lift_sequences import sequence
 
 from compact.analysis.multipass import Pass, passes
+from compact.engines.process import lumped_lifts
 from compact.engines.process.closures import FormingProblem, solve_closure
 from compact.engines.process.fields import process_frames
 from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
 from compact.engines.process.lumped_lifts import lift_thickness, simulate_lifts
+from compact.engines.process.mix_spread import mix_spread
 from compact.engines.process.roller_row import RollerRow
 from compact.engines.process.two_dimensions import TwoDimensionalRow
 from compact.material.laws import Compaction
@@ -28,6 +31,9 @@ def row():
     problem = FormingProblem(MACHINE, MIX, Fill(0.22, 0.75), Feed(0.75), 2)
     closure = Closure("product_density_ratio", 0.93)
     return RollerRow(problem, closure, solve_closure(problem, closure), 0.98)
+
+
+FIELDS = ("heckel_slope", "unloading_modulus")
 
 
 def pair(**functions):
@@ -89,13 +95,12 @@ def test_fields_show_the_rows_of_the_lifts_at_the_density_of_the_strokes(row):
     assert profile.density_ratios[[0, -1]] == pytest.approx([0.85, 0.95])
     assert profile.lateral_stresses[[0, -1]] == pytest.approx([1e4, 3e4])
     assert lifts.profile_at(0.75).density_ratios == pytest.approx(0.75)
-    *_, (count, mesh) = process_frames(row, lifts)
-    assert count == row.history.count
+    count, mesh = next(process_frames(row, lifts))
     x, y = mesh.points[mesh.cells[0].data[:, 2], :2].T
     assert y.max() == pytest.approx(0.22)
-    assert x.max() == pytest.approx(0.4)
-    last = mesh.cell_data["density_ratio"][0][mesh.cell_data["strokes"][0] == count]
-    assert last.mean() == pytest.approx(row.history.density_ratio[-1], abs=2e-3)
+    assert x.max() == pytest.approx(row.edges[1])
+    pressed = mesh.cell_data["density_ratio"][0][mesh.cell_data["strokes"][0] == count]
+    assert pressed.mean() == pytest.approx(row.history.density_ratio[0], abs=2e-3)
 
 
 def test_few_strokes_are_not_lumped():
@@ -140,6 +145,91 @@ def test_mould_at_rest_has_no_work_of_the_throughput(row):
     assert found.resistance.value == 0
     assert np.isnan(found.specific_work)
     assert found.load.value == pytest.approx(1e3 * 0.4)
+
+
+def test_spread_over_the_mix_is_that_of_columns():
+    """A mix of half the Heckel slope and twice the modulus is twice as stiff without tensile strength."""
+    machine, closure = replace(MACHINE, roller_length=0.11), Closure("product_density_ratio", 0.8)
+    problem = FormingProblem(machine, replace(MIX, tensile_strength=0.0), Fill(0.22, 0.75), Feed(0.75), 1)
+    base = RollerRow(problem, closure, solve_closure(problem, closure), 0.98)
+    found = mix_spread(base, {"heckel_slope": (6.5e-6, 26e-6), "unloading_modulus": (120e6, 30e6)})
+    slope, modulus = ({each.value: each for each in found.effects if each.name == n} for n in FIELDS)
+    assert slope[6.5e-6].resistance == pytest.approx(2, rel=5e-3)
+    assert slope[26e-6].resistance == pytest.approx(0.5, rel=5e-3)
+    material = replace(problem.material, heckel_slope=6.5e-6, unloading_modulus=120e6)
+    problem = replace(problem, material=material)
+    stiff = replace(base, problem=problem, closed=solve_closure(problem, closure))
+    assert stiff.load == pytest.approx(2 * base.load, rel=1e-6)
+    low, high = found.bounds("load")
+    logs = np.log([slope[6.5e-6].load, max(modulus[120e6].load, modulus[30e6].load)])
+    assert high == pytest.approx(np.exp(np.hypot(*logs)))
+    assert low < 0.6
+    assert found.refused == ()
+
+
+@pytest.fixture
+def fake_roll(monkeypatch):
+    """Passes that press a section to the lowest generatrix, uniformly and without elastic strain."""
+    bites = []
+
+    def press(layer, roller, material, speed, *, fed_layer, increments, steady_tolerance):
+        bites.append(roller.indentation)
+        share = 1 - roller.indentation / fed_layer.height
+        points = replace(fed_layer.points, density_ratio=fed_layer.points.density_ratio / share)
+        return SimpleNamespace(exit=replace(fed_layer, heights=fed_layer.heights * share, points=points))
+
+    def record(passed, raised, thickness):
+        found = sequence(to=0.8).lifts[0]
+        return replace(found, thickness=thickness, density_ratio=passed.exit.density_ratio)
+
+    monkeypatch.setattr(lumped_lifts, "roll", press)
+    monkeypatch.setattr(lumped_lifts, "_with_closed_energy", lambda passed: passed)
+    monkeypatch.setattr(lumped_lifts, "_lift", record)
+    return bites
+
+
+def lifts_of(fill, density_ratio=0.9):
+    problem = FormingProblem(MACHINE, MIX, fill, Feed(0.75))
+    return simulate_lifts(problem, 0.35, 1.0, density_ratio, thickness=0.005, increments=6)
+
+
+def test_mould_that_is_not_full_takes_lifts_until_the_roller_touches(fake_roll):
+    found = lifts_of(Fill(0.208, 0.75))
+    assert fake_roll[0] == pytest.approx(0.208 + 3 * 0.005 - 0.22)
+    assert fake_roll[1:] == pytest.approx([0.005] * (len(fake_roll) - 1))
+    assert found.lifts[-1].density_ratio >= 0.9
+
+
+def test_fill_above_the_generatrix_is_pressed_alone(fake_roll, row):
+    """Its lift and the fill together would be beyond the nip; its work belongs to no lift."""
+    found = lifts_of(Fill(0.2255, 0.75))
+    assert fake_roll[0] == pytest.approx(0.0055)
+    assert [lift.thickness for lift in found.lifts[:3]] == [0.0, 0.005, 0.005]
+    both = TwoDimensionalRow(row, (found, replace(found, thickness=0.004)))
+    assert np.isfinite(both.resistance.value)
+
+
+def test_dense_fill_takes_one_lift(fake_roll):
+    assert len(lifts_of(Fill(0.22, 0.93), 0.94).lifts) == 1
+
+
+def test_sequence_ends_where_nothing_becomes_denser(fake_roll, monkeypatch):
+    monkeypatch.setattr(lumped_lifts, "roll", lambda *a, fed_layer, **k: SimpleNamespace(exit=fed_layer))
+    assert len(lifts_of(Fill(0.22, 0.75)).lifts) == lumped_lifts.LIFTS_MAX
+
+
+def test_lift_without_a_steady_state_ends_the_sequence_or_is_refused(fake_roll, monkeypatch):
+    def fail(*args, **options):
+        if fake_roll:
+            raise RuntimeError("the mix heaps up; last step")
+        return press(*args, **options)
+
+    press = lumped_lifts.roll
+    monkeypatch.setattr(lumped_lifts, "roll", fail)
+    found = lifts_of(Fill(0.22, 0.75))
+    assert (len(found.lifts), found.stopped) == (1, "the mix heaps up")
+    with pytest.raises(RuntimeError, match="heaps up"):
+        lifts_of(Fill(0.22, 0.75))
 
 
 @pytest.mark.slow

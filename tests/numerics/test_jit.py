@@ -1,7 +1,10 @@
 """Cache of compiled functions: it follows changes of functions and constants in other modules."""
 
+import fcntl
 import importlib
 import sys
+import threading
+from pathlib import Path
 
 import pytest
 
@@ -94,3 +97,18 @@ def test_function_counts_as_compiled_while_its_cache_is_up_to_date(sample):
     middle = folder / "middle.py"
     middle.write_text(middle.read_text().replace("OFFSET = 5", "OFFSET = 60"))
     assert not is_compiled(imported(module))
+
+
+def test_a_process_waits_while_another_one_compiles(sample):
+    _, module = sample
+    function, found = imported(module), []
+    lock = Path(function._cache._cache_file._index_path).with_suffix(".lock")
+    lock.parent.mkdir(parents=True, exist_ok=True)
+    thread = threading.Thread(target=lambda: found.append(function()), daemon=True)
+    with lock.open("a") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        thread.start()
+        thread.join(0.2)
+        assert thread.is_alive()
+    thread.join()
+    assert found == [1060]

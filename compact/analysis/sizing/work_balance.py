@@ -128,13 +128,13 @@ def work_balance(stages: Stages) -> WorkBalance:
     work = resistance / (area * scene.lift_thickness)
     if contacts.process is not None:  # both strokes press what the mould carries away
         before, pressed, fresh = contacts.process.problem.feed.density_ratio, contacts.process.product_volume, 2
-        work = resistance * motion.stroke / pressed
+        work = resistance * (1 + stages.resistance.map.return_ratio) / 2 * motion.stroke / pressed
     return WorkBalance(
         law=run.name,
         density_ratios=(before, behind),
         pass_work=work,
-        confined_work=confined_work(before, behind, contacts.mix.heckel_slope),
-        loose_work=confined_work(LOOSE_DENSITY_RATIO, behind, contacts.mix.heckel_slope),
+        confined_work=heckel_work(before, behind, contacts.mix.heckel_slope),
+        loose_work=heckel_work(LOOSE_DENSITY_RATIO, behind, contacts.mix.heckel_slope),
         cycle_work=float(np.sum(run.weights * run.state.resistance * run.state.velocity)),
         pressed_volume=pressed,
         fresh_strokes=fresh,
@@ -143,8 +143,10 @@ def work_balance(stages: Stages) -> WorkBalance:
     )
 
 
-def confined_work(before: float, behind: float, heckel_slope: float) -> float:
-    """Compute the work of confined compression over the compacted volume [J/m3].
+def heckel_work(before: float, behind: float, heckel_slope: float) -> float:
+    """Compute the work of confined compression on Heckel's curve over the compacted volume [J/m3].
+
+    `confined_floor.confined_work` is that by a constitutive law, with its rate and several entries.
 
         w = k int s_v(k') dk'/k'^2,   s_v = ln[(1 - k0)/(1 - k')]/K_H
 
@@ -162,7 +164,7 @@ def confined_work(before: float, behind: float, heckel_slope: float) -> float:
 
     Examples
     --------
-    >>> f"{confined_work(0.936, 0.98, 14.4e-6) / 1e3:.2f} kJ/m3"
+    >>> f"{heckel_work(0.936, 0.98, 14.4e-6) / 1e3:.2f} kJ/m3"
     '6.33 kJ/m3'
     """
     work, _ = quad(lambda k: np.log((1 - LOOSE_DENSITY_RATIO) / (1 - k)) / k**2, before, behind, epsrel=1e-10)

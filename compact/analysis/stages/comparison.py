@@ -10,7 +10,7 @@ from pathlib import Path
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity
 from compact.analysis.ranking_uncertainty import Agreement, Place, agreement
 from compact.analysis.stages.drives import KnownLaws, build_stages
-from compact.rolling_contact import HeapingError, UnsteadyError
+from compact.rolling_contact import EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
 DIRECTORY = "comparison"  # under the results; kept results of the engines of the comparison
@@ -52,16 +52,17 @@ class EngineComparison:
     warned: tuple[str, ...]
 
 
-def run_engine_alternative(
-    scene: Scene, laws: KnownLaws, directory: Path | None
-) -> EngineComparison | HeapingError | UnsteadyError:
+ComparisonAnswer = EngineComparison | HeapingError | UnsteadyError | EquilibriumError
+
+
+def run_engine_alternative(scene: Scene, laws: KnownLaws, directory: Path | None) -> ComparisonAnswer:
     """Compute contacts, resistance and places of a scene with the engine of the comparison.
 
     Returns
     -------
-    EngineComparison, HeapingError or UnsteadyError
-        The error where the mix heaps up in front of the roller or the motion does not become steady, which are answers
-        too.
+    EngineComparison or an error
+        The error where the mix heaps up in front of the roller, the motion does not become steady or a step has no
+        equilibrium, which are answers too.
     """
     counts = Counter[str]()
     stages = build_stages(scene, count=lambda stage: counts.update([stage]), directory=directory, known_laws=laws)
@@ -72,7 +73,7 @@ def run_engine_alternative(
         try:
             places = stages.drive.places
             places_over = {duration: each.places for duration, each in stages.drive.other_durations.items()}
-        except (HeapingError, UnsteadyError) as error:
+        except (HeapingError, UnsteadyError, EquilibriumError) as error:
             return error
         # the second pass of a comparison is required by its own return stroke only
         second_pass = contacts.second_pass if scene.layer.return_stroke == "compacted" else None

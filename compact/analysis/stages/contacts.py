@@ -37,7 +37,15 @@ from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
 from compact.material.mix import Mix
 from compact.numerics.validation import NotFiniteError
-from compact.rolling_contact import ContactResult, HeapingError, Layer, LayerContactResult, Roller, UnsteadyError
+from compact.rolling_contact import (
+    ContactResult,
+    EquilibriumError,
+    HeapingError,
+    Layer,
+    LayerContactResult,
+    Roller,
+    UnsteadyError,
+)
 from compact.scene.loader import Scene
 
 SECOND_PASS_INCREMENTS = 7  # [-], elements per contact length of "compaction"; its resistance, 3 % of the first, +-4 %
@@ -257,6 +265,8 @@ def _named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
         raise HeapingError(f"{case}: {error}{hint}", error.heaping) from error
     except UnsteadyError as error:
         raise UnsteadyError(f"{case}: {error}", error.unsteady) from error
+    except EquilibriumError as error:
+        raise EquilibriumError(f"{case}: {error}") from error
     except RuntimeError as error:
         raise RuntimeError(f"{case}: {error}") from error
 

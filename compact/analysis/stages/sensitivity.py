@@ -125,6 +125,8 @@ def _ranges(stages: Stages) -> dict[str, Range]:
     new_layer = engine.cheap and engine.compacting
     if scene.mix.law == "drucker-prager-cap":
         names = ["cohesion_loose" if name == "cohesion" else name for name in names]
+    if new_layer and scene.mix.law == "density-cap":
+        names = [name for name in names if name in engine.parameters_of(scene.mix.law)]
     if new_layer and has_air(scene):
         names += AIR_INPUTS
     ranges = {f"mix.overrides.{name}": (*_spread(mix.parameter(name)), mix.parameter(name).unit) for name in names}

@@ -83,10 +83,8 @@ class ModelAnswer:
 
         Parameters
         ----------
-        duration : float
-            Duration of a pass [s].
-        drive, by : str
-            Kind of drive and criterion.
+        duration, drive, by
+            As of `first`.
 
         Returns
         -------

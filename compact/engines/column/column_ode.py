@@ -15,7 +15,8 @@ and dp/ds_v = 3/(2g) inside the yield surface. On the shear line D = +-M (p + pt
 
     dp/ds_v = 1/(1 +- 2M/3),   w/ds_v = (2G/K dp/ds_v - dD/ds_v)/(+-3G + 2G N),   dV = -N w,
 
-without its viscosity, since columns have no bands of shear. The heights h_i of the columns add up to the gap under the
+without its viscosity, since columns have no bands of shear. Mix with tables over the density ratio has the rates of
+`table_columns`. The heights h_i of the columns add up to the gap under the
 roller, so that ds_v = -dgap/sum (de/ds_v) h_i. The slope of the gap under a circle is unbounded at its upright side.
 The path is therefore integrated over the tangent t of half the central angle, u = 2 R t:
 
@@ -37,6 +38,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import DOP853
 
+from compact.engines.column.table_columns import is_below_centre, table_centre_stress, table_rates, table_yield_stress
+from compact.material.density_cap_return import TableConstants, for_tables
 from compact.material.elliptic_cap import CapConstants, hardening
 from compact.numerics import Array, BoolArray, IntArray
 from compact.numerics.jit import compiled
@@ -77,12 +80,15 @@ class ColumnStack(NamedTuple):
         Mean stresses p [Pa].
     max_density_ratio : ndarray
         Largest density ratios reached [-], which fix pc on the flat yield surface; 0 for k itself.
+    initial_strain : ndarray
+        Elastic volumetric strains of the mean stresses [-].
     """
 
     height: Array
     density_ratio: Array
     mean_stress: Array
     max_density_ratio: Array
+    initial_strain: Array
 
 
 class GapShape(NamedTuple):
@@ -101,7 +107,7 @@ class GapShape(NamedTuple):
 
 
 # material constants at the rolling speed, columns before the pass, shape of the roller, and strain measure
-ColumnProblem = tuple[CapConstants, ColumnStack, GapShape, int]
+ColumnProblem = tuple[CapConstants | TableConstants, ColumnStack, GapShape, int]
 
 
 class PathControl(NamedTuple):
@@ -195,7 +201,7 @@ def integrate_path(
     end = control.stress_end - direction * slack
     if counts[NEXT_COLUMN] < 0:
         for i in range(n):
-            event_stress[i] = _yield_stress(law, measure, stack, y, i, direction)
+            event_stress[i] = _yield_stress(law, _event_state(measure, stack, y, i), direction)
         counts[NEXT_COLUMN] = _next_event(event_stress, end, direction)
     tries_end = counts[STEPS_TRIED] + max_tries
     for _ in range(3 * n + 1):  # a column yields once and crosses to the supercritical side once
@@ -207,8 +213,9 @@ def integrate_path(
         event_stress[i] = direction * np.inf
         if not state.yielding[i]:
             state.yielding[i] = True
-            event_stress[i] = _critical_stress(law, measure, stack, path[counts[ROW], 1:], i, direction)
-            state.on_line[i] = _is_on_line(law, measure, stack, path[counts[ROW], 1:], i)
+            point = _event_state(measure, stack, path[counts[ROW], 1:], i)
+            event_stress[i] = _critical_stress(law, point, direction)
+            state.on_line[i] = _is_on_line(law, point)
         else:
             state.on_line[i] = False
         counts[NEXT_COLUMN] = _next_event(event_stress, end, direction)
@@ -317,7 +324,8 @@ def _accept_step(u, buffers, problem, state, path):
     state.counts[ROW] += 1
     row = path[state.counts[ROW]]
     row[0] = u
-    row[1:] = y
+    for m in range(len(y)):  # assignments of arrays take seconds to compile
+        row[1 + m] = y[m]
 
 
 @compiled
@@ -328,15 +336,17 @@ def _rates(u, y, out, problem, state):
     for i in range(len(stack.height)):
         p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
         k0, k_max = stack.density_ratio[i], state.max_density_ratio[i]
+        k = _density_ratio(measure, k0, V)
+        point = stress, p, V, k, k_max, k / k0 if measure == MASS_TRUE else 1.0
         regime = state.yielding[i], state.on_line[i]
-        dp, dV, dshear = _stress_rates(law, measure, k0, k_max, stress, p, V, regime)
+        dp, dV, dshear, elastic_rate, elastic_power, strain = _column_rates(law, stack, i, point, regime)
         height = stack.height[i]
         if measure == LOGARITHMIC:
-            height *= np.exp(-(V + (p - stack.mean_stress[i]) / law.K))
+            height *= np.exp(-(V + strain))
         D = 1.5 * (stress - p)
-        compliance += height * (dp / law.K + dV)
+        compliance += height * (elastic_rate + dV)
         plastic += height * (p * dV + D * dshear)
-        elastic += height * (p * dp / law.K + D * (1 - dp) / (2 * law.G))
+        elastic += height * elastic_power
         out[COLUMN_STATE + 2 * i], out[COLUMN_STATE + 2 * i + 1] = dp, dV
     dx, dgap = 1.0, 1.0  # dx/du, dgap/du
     if gap.radius > 0:
@@ -381,18 +391,44 @@ def stiffness_ratio(law: CapConstants, density_ratio: float) -> float:
 
 
 @compiled
-def _stress_rates(law, measure, k0, k_max, stress, p, V, regime):
+def cap_rates(law: CapConstants, stack: ColumnStack, i: int, point: tuple, regime: tuple) -> tuple:
+    """Return the rates of a column per unit of s_v, in the symbols of the module docstring.
+
+    Parameters
+    ----------
+    i : int
+        Index of the column.
+    point : tuple of float
+        s_v, p [Pa], V, k, the largest density ratio so far and d ln k/dV [-].
+    regime : tuple of bool
+        True if the column yields, and if it slides on the shear line.
+
+    Returns
+    -------
+    tuple of float
+        dp, dV, the plastic shear strain Q w, the elastic volumetric strain and the elastic work, all per unit of s_v,
+        and the elastic volumetric strain since the start [-].
+    """
+    stress, p, _, _, _, _ = point
+    dp, dV, dshear = _stress_rates(law, point, regime)
+    D = 1.5 * (stress - p)
+    power = p * dp / law.K + D * (1 - dp) / (2 * law.G)
+    return dp, dV, dshear, dp / law.K, power, (p - stack.mean_stress[i]) / law.K
+
+
+@compiled
+def _stress_rates(law, point, regime):
     """Return dp, dV and the plastic shear strain Q w per unit of s_v, in the symbols of the module docstring."""
+    stress, p, _, k, k_max, by_V = point
     yielding, on_line = regime
     ratio, g = 2 * law.G / law.K, 1.5 + 2 * law.G / law.K
     if not yielding:
         return 1.5 / g, 0.0, 0.0
-    k = _density_ratio(measure, k0, V)
     pc, H = hardening(law, max(k, k_max))
     if k < k_max:
         H = 0.0
-    elif measure == MASS_TRUE:
-        H *= k / k0
+    elif by_V != 1.0:
+        H *= by_V
     if on_line:
         sign = 1.0 if stress > p else -1.0
         dp = 1 / (1 + sign * law.friction / 1.5)
@@ -431,56 +467,63 @@ def _corner_pressure(law, pc):
 
 
 @compiled
-def _is_on_line(law, measure, stack, y, i):
-    """Return True if column i, which yields, lies on the shear line."""
+def _event_state(measure, stack, y, i):
+    """Return s_v, p and the density ratio of the yield surface of column i."""
+    k = _density_ratio(measure, stack.density_ratio[i], y[COLUMN_STATE + 2 * i + 1])
+    return y[STRESS], y[COLUMN_STATE + 2 * i], max(k, stack.max_density_ratio[i])
+
+
+@compiled
+def is_on_line(law: CapConstants, point: tuple) -> bool:
+    """Return True if a column that yields lies on the shear line; `point` as of `yield_stress`."""
+    _, p, k = point
     if not law.line:
         return False
-    p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
-    k = _density_ratio(measure, stack.density_ratio[i], V)
-    pc, _ = hardening(law, max(k, stack.max_density_ratio[i]))
+    pc, _ = hardening(law, k)
     return p + law.pt < _corner_pressure(law, pc) * CORNER_SIDE
 
 
 @compiled
-def _yield_stress(law, measure, stack, y, i, direction):
-    """Vertical stress at which column i yields in loading (direction 1) or unloading (-1)."""
-    p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
-    k = _density_ratio(measure, stack.density_ratio[i], V)
-    a, c, p0 = _yield_surface(law, hardening(law, max(k, stack.max_density_ratio[i]))[0])
+def yield_stress(law: CapConstants, point: tuple, direction: float) -> float:
+    """Vertical stress at which a column yields in loading (direction 1) or unloading (-1).
+
+    `point` contains s_v and p [Pa], and the density ratio of the yield surface [-].
+    """
+    stress, p, k = point
+    a, c, p0 = _yield_surface(law, hardening(law, k)[0])
     oedometric = law.K + 4 * law.G / 3
-    D, dp, dD = 1.5 * (y[STRESS] - p), direction * law.K / oedometric, direction * 2 * law.G / oedometric
+    D, dp, dD = 1.5 * (stress - p), direction * law.K / oedometric, direction * 2 * law.G / oedometric
     cap = _ellipse_crossing(p - c, D / law.M, 1.0, dp, dD / law.M, a)
     if law.line:  # the elastic range is the intersection of the ellipse and both lines
         for sign in (1.0, -1.0):
             distance, approach = law.friction * (p + law.pt) - sign * D, sign * dD - law.friction * dp
             if approach > 0:
                 cap = min(cap, max(distance / approach, 0.0))
-        return y[STRESS] + direction * cap
+        return stress + direction * cap
     if not law.flat or p + cap * dp >= c:
-        return y[STRESS] + direction * cap
+        return stress + direction * cap
     if p0 > -law.pt:
         tensile = _ellipse_crossing(p - p0, D / law.M, (a / (p0 + law.pt)) ** 2, dp, dD / law.M, a)
         if p + tensile * dp <= p0:
-            return y[STRESS] + direction * tensile
+            return stress + direction * tensile
     elif direction < 0:
         cutoff = max((p0 - p) / dp, 0.0)
         if abs(D + cutoff * dD) <= law.M * a:
-            return y[STRESS] + direction * cutoff
-    return y[STRESS] + direction * _ellipse_crossing(0.0, D / law.M, 0.0, dp, dD / law.M, a)
+            return stress + direction * cutoff
+    return stress + direction * _ellipse_crossing(0.0, D / law.M, 0.0, dp, dD / law.M, a)
 
 
 @compiled
-def _critical_stress(law, measure, stack, y, i, direction):
+def critical_stress(law: CapConstants, point: tuple, direction: float) -> float:
     """Vertical stress at which loading leaves the flat subcritical side or the shear line, where pc is constant."""
-    p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
-    k = _density_ratio(measure, stack.density_ratio[i], V)
-    pc, _ = hardening(law, max(k, stack.max_density_ratio[i]))
+    stress, p, k = point
+    pc, _ = hardening(law, k)
     _, c, _ = _yield_surface(law, pc)
     if law.line:
         distance = _corner_pressure(law, pc) - (p + law.pt)
-        rises = direction > 0 and y[STRESS] > p and distance > 0
-        return y[STRESS] + distance * (1 + law.friction / 1.5) if rises else direction * np.inf
-    return y[STRESS] + c - p if law.flat and direction > 0 and p < c else direction * np.inf
+        rises = direction > 0 and stress > p and distance > 0
+        return stress + distance * (1 + law.friction / 1.5) if rises else direction * np.inf
+    return stress + c - p if law.flat and direction > 0 and p < c else direction * np.inf
 
 
 @compiled
@@ -488,3 +531,9 @@ def _ellipse_crossing(y, z, r, dy, dz, a):
     """Largest t >= 0 at which r (y + t dy)^2 + (z + t dz)^2 = a^2."""
     square, half, rest = r * dy * dy + dz * dz, r * y * dy + z * dz, r * y * y + z * z - a * a
     return max(0.0, (np.sqrt(max(half * half - square * rest, 0.0)) - half) / square)
+
+
+_column_rates = for_tables(table_rates, otherwise=cap_rates)
+_yield_stress = for_tables(table_yield_stress, otherwise=yield_stress)
+_critical_stress = for_tables(table_centre_stress, otherwise=critical_stress)
+_is_on_line = for_tables(is_below_centre, otherwise=is_on_line)

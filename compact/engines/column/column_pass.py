@@ -16,7 +16,10 @@ import numpy as np
 
 from compact.engines.column import column_ode as ode
 from compact.engines.column.column_ode import STRESS, ColumnStack, GapShape, PathControl
-from compact.material.elliptic_cap import CapConstants, cap_constants, hardening
+from compact.engines.column.table_columns import isotropic_limits, moduli
+from compact.material.cap_plasticity import kernel_constants
+from compact.material.density_cap_return import TableConstants
+from compact.material.elliptic_cap import CapConstants
 from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.numerics.validation import require_fields
@@ -73,7 +76,7 @@ class ColumnLayer:
 
     Parameters
     ----------
-    law : CapConstants
+    law : CapConstants or TableConstants
         Material constants; with `law_at` those at the largest indentation.
     strain_measure : int
         One of the values of STRAINS.
@@ -83,12 +86,12 @@ class ColumnLayer:
         Material constants at an indentation [m], for mix whose yield pressure depends on the rate of compaction.
     """
 
-    law: CapConstants
+    law: CapConstants | TableConstants
     stack: ColumnStack
     gap: GapShape
     strain_measure: int
     lower_count: int = 0
-    law_at: Callable[[float], CapConstants] | None = None
+    law_at: Callable[[float], CapConstants | TableConstants] | None = None
 
     @property
     def without_lower(self) -> "ColumnLayer":
@@ -109,7 +112,7 @@ class ColumnLayer:
     @property
     def unstressed_solid_height(self) -> float:
         """Height that grains and water fill after release of the lateral stress [m]; passes do not change it."""
-        return float(self.stack.density_ratio * np.exp(self.stack.mean_stress / self.law.K) @ self.stack.height)
+        return float(self.stack.density_ratio * np.exp(self.stack.initial_strain) @ self.stack.height)
 
     @property
     def max_indentation(self) -> float:
@@ -132,17 +135,27 @@ class ColumnLayer:
     @property
     def stiffness_ratio(self) -> float:
         """Stiffness of the differential equation up to full density [-], an upper bound over the columns."""
+        if isinstance(self.law, TableConstants):
+            return 0.0  # no measured powder is as stiff
         return max(ode.stiffness_ratio(self.law, k) for k in self.stack.density_ratio.tolist())
 
     @property
     def oedometric_modulus(self) -> float:
         """Elastic modulus in confined compression [Pa]."""
-        return self.law.K + 4 * self.law.G / 3
+        bulk, shear = moduli(self.law, self._densest)
+        return float(bulk + 4 * shear / 3)
+
+    @property
+    def _densest(self) -> float:
+        """Largest density ratio of the columns so far [-]."""
+        return max(*self.stack.density_ratio.tolist(), *self.stack.max_density_ratio.tolist())
 
     @property
     def max_elastic_expansion(self) -> float:
         """Upper bound of the elastic volume strain released beyond the initial state, under lateral tension [-]."""
-        return (self.law.pt + max(0.0, float(self.stack.mean_stress.max()))) / self.law.K
+        densest = self._densest
+        strength = isotropic_limits(self.law, densest)[1]
+        return float((strength + max(0.0, float(self.stack.mean_stress.max()))) / moduli(self.law, densest)[0])
 
     def edge(self, depth: float) -> float:
         """Return x [m] at which the gap has risen by `depth` [m] above the lowest generatrix."""
@@ -161,8 +174,9 @@ class ColumnLayer:
 
     def stress_estimate(self, depth: float) -> float:
         """Estimate the vertical stress [Pa] at the lowest generatrix for an indentation `depth` [m]."""
-        law, densest = self.law, max(max(self.stack.density_ratio.tolist()), self.solid_height / (self.height - depth))
-        return min(self.oedometric_modulus * -math.log1p(-depth / self.height), hardening(law, densest)[0] + law.pt)
+        densest = max(max(self.stack.density_ratio.tolist()), self.solid_height / (self.height - depth))
+        pressure, strength, _ = isotropic_limits(self.law, densest)
+        return min(self.oedometric_modulus * -math.log1p(-depth / self.height), pressure + strength)
 
     def error_scale(self, depth: float, rtol: float) -> Array:
         """Return the error of each component of y allowed in one step, relative to its size at a depth [m]."""
@@ -177,7 +191,11 @@ class ColumnLayer:
 
     def elastic_strains(self, y: Array) -> Array:
         """Return the elastic volume strain [-] of each column since the start of the pass."""
-        return (y[ode.COLUMN_STATE :: 2] - self.stack.mean_stress) / self.law.K
+        mean = y[ode.COLUMN_STATE :: 2]
+        if isinstance(self.law, TableConstants):
+            densest = np.maximum(self.density_ratios(y), self.stack.max_density_ratio)
+            return mean / moduli(self.law, densest)[0] - self.stack.initial_strain
+        return (mean - self.stack.mean_stress) / self.law.K
 
     def heights(self, y: Array) -> Array:
         """Return the height [m] of each column for a state vector."""
@@ -314,5 +332,7 @@ def column_layer(
     """Build the `ColumnLayer` of columns at rest, from the base upwards, with pc multiplied by a rate factor [-]."""
     rows = [(each.height, each.density_ratio, each.lateral_stress, each.max_density_ratio) for each in columns]
     height, density_ratio, lateral_stress, max_density_ratio = np.array(rows, dtype=float).T.copy()
-    stack = ColumnStack(height, density_ratio, lateral_stress / 1.5, max_density_ratio)
-    return ColumnLayer(cap_constants(material, rate_factor), stack, gap, strain_measure, lower_count)
+    law, mean_stress = kernel_constants(material, rate_factor), lateral_stress / 1.5
+    strain = mean_stress / moduli(law, np.maximum(density_ratio, max_density_ratio))[0]
+    stack = ColumnStack(height, density_ratio, mean_stress, max_density_ratio, strain)
+    return ColumnLayer(law, stack, gap, strain_measure, lower_count)

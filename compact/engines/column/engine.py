@@ -40,7 +40,8 @@ from compact.engines.column.indentation_search import (
 )
 from compact.engines.column.rigid_wheel import WheelContactResult, roll_wheel
 from compact.engines.column.state_update_columns import StateUpdateContactResult, roll_state_update
-from compact.material.cap_plasticity import CapConstants, cap_constants, compacted_state
+from compact.material.cap_plasticity import CapConstants, compacted_state, kernel_constants
+from compact.material.density_cap_return import TableConstants
 from compact.material.laws import Compaction
 from compact.material.pressure_sinkage import Terrain
 from compact.material.state_update import StateUpdate
@@ -408,10 +409,10 @@ def _rated_layer(layer: ColumnLayer, material: Compaction, radius: float, speed:
     fed_height = fed.unstressed_solid_height / material.fed_density_ratio
     deepest = fed_height * (1 - material.fed_density_ratio)  # a lower lift settles too
 
-    def law_at(indentation: float) -> CapConstants:
+    def law_at(indentation: float) -> CapConstants | TableConstants:
         depth = min(fed_height - fed.height + indentation, deepest)
         rate = rolling_contact.compaction_rate(speed, radius, fed_height, depth)
-        return cap_constants(material, material.rate_factor(rate))
+        return kernel_constants(material, material.rate_factor(rate))
 
     return replace(layer, law=law_at(layer.max_indentation), law_at=law_at)
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from compact.engines.compaction.finite_strain_solid import FloatArray, SolidState
-from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver, Progress
+from compact.engines.compaction.newton import Equilibrium, IncrementSolver, Progress
 from compact.engines.compaction.roller_contact import (
     ContactForces,
     ContactTractions,
@@ -28,7 +28,7 @@ from compact.engines.compaction.roller_contact import (
 )
 from compact.engines.compaction.roller_frame import RollerFrame
 from compact.material.laws import DruckerPragerCap
-from compact.rolling_contact import GapGeometry, Heaping, HeapingError
+from compact.rolling_contact import EquilibriumError, GapGeometry, Heaping, HeapingError
 
 PENALTY = 0.15  # [-], normal penalty over unloading modulus/step
 PENALTY_ROWS = 20  # [-], layer height over the largest length that limits the penalty

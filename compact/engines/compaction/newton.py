@@ -27,6 +27,7 @@ from compact.engines.compaction.finite_strain_solid import (
     SolidState,
 )
 from compact.engines.compaction.roller_contact import ContactForces
+from compact.rolling_contact import EquilibriumError
 
 RESIDUAL_TOLERANCE = 1e-6  # [-], of the nodal forces
 MAX_ITERATIONS = 60  # [-], Newton iterations of one increment
@@ -39,10 +40,6 @@ FIRST_ELASTIC_SHARE = 0.005  # [-], share of the elastic stiffness that is added
 MAX_ELASTIC_SHARE = 10.0  # [-], share beyond which the increment fails
 
 Progress = Callable[[str], None]
-
-
-class EquilibriumError(RuntimeError):
-    """No equilibrium was found; the message contains the smallest residual reached."""
 
 
 class ContactSurface(Protocol):

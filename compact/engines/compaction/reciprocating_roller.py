@@ -23,13 +23,13 @@ from compact.engines.compaction.incremental_rolling import (
     IncrementalRolling,
     mean_pressure,
 )
-from compact.engines.compaction.newton import Equilibrium, EquilibriumError, IncrementSolver
+from compact.engines.compaction.newton import Equilibrium, IncrementSolver
 from compact.engines.compaction.results import exit_layer, state_mesh
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
 from compact.engines.compaction.roller_frame import LayerState, RollerFrame, rate_factor_at, stroke_mesh, transfer_state
 from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, Strokes
 from compact.material.laws import Compaction, DruckerPragerCap
-from compact.rolling_contact import Roller
+from compact.rolling_contact import EquilibriumError, Roller
 
 if TYPE_CHECKING:
     import meshio

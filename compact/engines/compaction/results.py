@@ -329,8 +329,10 @@ def relax_rows(
     strain = np.zeros((len(strain_along), 3))
     strain[:, 0] = strain_along
     material = solid.material
-    two_shear, _, shear, lame = material.unloading_modulus * unit_moduli(material.poisson)
-    elastic = np.diag([two_shear + lame, shear])
+    modulus, poisson = material.elastic_moduli(points.max_density_ratio)
+    two_shear, _, shear, lame = modulus * unit_moduli(poisson)
+    elastic = np.zeros((*np.shape(shear), 2, 2))
+    elastic[..., 0, 0], elastic[..., 1, 1] = two_shear + lame, shear
     for iteration in range(MAX_ITERATIONS):
         rest, tangent = cap_plasticity.integrate_points(
             material, points, strain, solid.rate_factor, tangent=iteration >= ELASTIC_ITERATIONS

@@ -176,8 +176,8 @@ class LayerState:
         material : Compaction
             Constitutive law.
         """
-        bulk = material.unloading_modulus / (3 - 6 * material.poisson)
-        elastic = np.exp(-self.points.stress[:, :3].mean(axis=1) / bulk)
+        modulus, poisson = material.elastic_moduli(self.points.max_density_ratio)
+        elastic = np.exp(-self.points.stress[:, :3].mean(axis=1) / (modulus / (3 - 6 * poisson)))
         return float(self.heights @ (self.points.density_ratio * elastic))
 
     def with_lift(self, lift_thickness: float, material: Compaction) -> "LayerState":

@@ -25,7 +25,6 @@ from compact.engines.compaction.bow_wave import QUANTITIES, WaveDrift
 from compact.engines.compaction.depth_target import DepthSecant
 from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.engines.compaction.incremental_rolling import DAMPING, FINAL_DAMPING_RATIO, heaping_error
-from compact.engines.compaction.newton import EquilibriumError
 from compact.engines.compaction.steady_search import (
     FINAL_TOLERANCE,
     FIRST_SETTLING,
@@ -41,6 +40,7 @@ from compact.engines.compaction.steady_search import (
     WaveGrowth,
 )
 from compact.material.laws import Compaction, DruckerPragerCap
+from compact.rolling_contact import EquilibriumError
 
 CYCLE = 2.0  # [-], travel of a cycle over the contact length
 MIN_CYCLES, MIN_WAVE_CYCLES = 2, 4  # [-], of a mesh, and of one with a wave

@@ -42,11 +42,10 @@ from compact.engines.compaction.incremental_rolling import (
     heaping_error,
     require_low_wave,
 )
-from compact.engines.compaction.newton import EquilibriumError
 from compact.engines.compaction.roller_contact import PairSurface
 from compact.engines.compaction.roller_frame import transfer_state
 from compact.material.laws import DruckerPragerCap
-from compact.rolling_contact import Unsteady, UnsteadyError
+from compact.rolling_contact import EquilibriumError, Unsteady, UnsteadyError
 
 FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle; new depths
 SETTLING, MEASURING = 0.8, 0.7  # [-], of the later cycles

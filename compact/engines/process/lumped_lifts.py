@@ -13,8 +13,9 @@ The stress of a contact spreads over the height of the section, which is several
 the bow wave may therefore still move with the mix when the engine ends, and shows as a residual of the energy. Such a
 pass rolls on until its energy closes.
 
-With pore air, the excess pressure at the deformation of each pass adds its forces ("one-way"). Every pass starts from
-air at the pressure of the surroundings; the air flows at the speed of the cart.
+Pore air adds the forces of its excess pressure at the deformation of each pass ("one-way"), or the changes of load and
+resistance by the coupled contact at the same height ("coupled"). Density and stress of the next pass are those without
+air. Every pass starts from air at the pressure of the surroundings; the air flows at the speed of the cart.
 
 Behind the roller the surface sinks below the lowest generatrix, by up to 0.5 mm in the published machine and within a
 length of some contacts. It is not elastic recovery, which lifts the surface: the stress under the roller spreads into
@@ -32,6 +33,7 @@ from compact.engines.compaction.incremental_rolling import DAMPING, FINAL_DAMPIN
 from compact.engines.compaction.results import CompactionContactResult, build_result, field_mesh
 from compact.engines.compaction.roller_frame import LayerState, fresh_layer, rate_factor_at
 from compact.engines.compaction.steady_search import FINAL_TOLERANCE
+from compact.engines.pore_air.coupled_rolling import roll_coupled
 from compact.engines.pore_air.under_roller import RollerAir
 from compact.engines.process.closures import FormingProblem
 from compact.engines.process.forming import FormingMachine
@@ -86,7 +88,7 @@ class LumpedLift:
     row_heights, row_density_ratios, row_lateral_stresses : tuple of float
         Rows behind the roller from the base upwards: heights [m], density ratios [-] and lateral stress at rest [Pa].
     air_load, air_resistance : float
-        Forces of the excess pressure of the pore air at the deformation without air [N/m]; 0 without air.
+        Changes of load and resistance by the pore air [N/m]; 0 without air.
     air_excess_behind : float
         Largest excess pressure of the air behind the contact [Pa].
     mesh : meshio.Mesh or None
@@ -115,6 +117,21 @@ class LumpedLift:
     air_resistance: float = 0.0
     air_excess_behind: float = 0.0
     mesh: "meshio.Mesh | None" = field(default=None, repr=False, compare=False)
+
+
+class LiftAir(NamedTuple):
+    """Pore air of the lifts.
+
+    Parameters
+    ----------
+    pore_air : PoreAir
+        Pore air with its permeability.
+    coupled : bool
+        True if the deformation of a pass yields to the air.
+    """
+
+    pore_air: PoreAir
+    coupled: bool = False
 
 
 class SectionProfile(NamedTuple):
@@ -192,7 +209,7 @@ def simulate_lifts(
     *,
     thickness: float,
     increments: int,
-    air: PoreAir | None = None,
+    air: LiftAir | None = None,
     report: Report = lambda _: None,
 ) -> LiftSequence:
     """Press lifts of one thickness until the section has a mean density ratio.
@@ -209,8 +226,8 @@ def simulate_lifts(
         Thickness of a lift [m].
     increments : int
         Elements per contact length.
-    air : PoreAir, optional
-        Pore air of the feed, whose forces at the speed of the cart are added to the records.
+    air : LiftAir, optional
+        Pore air, whose forces at the speed of the cart are added to the records.
     report : callable
         Called with a line of text after each lift.
 
@@ -255,7 +272,7 @@ def lift_thickness(machine: FormingMachine, make_up: Array, share: float) -> flo
 
 
 def _lifts(
-    problem: FormingProblem, friction: float, rate_factor: float, lumping: tuple[float, int], air: PoreAir | None
+    problem: FormingProblem, friction: float, rate_factor: float, lumping: tuple[float, int], air: LiftAir | None
 ) -> Iterator[LumpedLift]:
     """Yield lifts one after the other, of a thickness [m] and on a number of elements per contact length."""
     thickness, increments = lumping
@@ -300,15 +317,20 @@ def _with_closed_energy(passed: CompactionContactResult) -> CompactionContactRes
     return passed
 
 
-def _with_air(lift: LumpedLift, passed: CompactionContactResult, air: PoreAir, speed: float) -> LumpedLift:
-    """Return a record with the pore air at the deformation of its pass and at a speed [m/s]."""
-    under = RollerAir(passed.solution, air)
-    pressure = under.pressure(speed)
-    load, resistance = under.forces(pressure)
+def _with_air(lift: LumpedLift, passed: CompactionContactResult, air: LiftAir, speed: float) -> LumpedLift:
+    """Return a record with the pore air of its pass at a speed [m/s]."""
+    if air.coupled:
+        contact = roll_coupled(passed, air.pore_air, speed)
+        under, pressure = RollerAir(contact.rolling, air.pore_air), contact.pressure
+        behind = contact.largest_excess_behind
+        load, resistance = contact.load - passed.load, contact.resistance - passed.resistance
+    else:
+        under = RollerAir(passed.solution, air.pore_air)
+        pressure = under.pressure(speed)
+        behind, (load, resistance) = under.largest_excess_behind(pressure), under.forces(pressure)
     assert lift.mesh is not None  # of every pass
     points = under.at_points(pressure)
     lift.mesh.cell_data["air_pressure"] = [points.reshape(len(lift.mesh.cells[0].data), -1).mean(axis=1)]
-    behind = under.largest_excess_behind(pressure)
     return replace(lift, air_load=load, air_resistance=resistance, air_excess_behind=behind)
 
 

@@ -205,7 +205,10 @@ def simulate_section(
     columns, factor = _filled(fill, material, options.layers), options.rate_factor
     loosest = (*columns, Column(fill.height, feed.density_ratio))
     require_integrable(_stack(loosest, machine, material, factor), material)
-    state = SectionState(columns, _stack(columns, machine, material, factor).law)
+    law = _stack(columns, machine, material, factor).law
+    if not isinstance(law, CapConstants):
+        raise ValueError("the process needs a `material` with constants, got tables over the density; use another law")
+    state = SectionState(columns, law)
     rows, states = [], [state]
     for index in range(machine.stroke_count):
         added = make_up(index, state)

@@ -8,6 +8,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
+from compact.analysis.engines import ENGINES
 from compact.analysis.stages.uncertainty import FED, LAW, MARGIN_SOURCES, MIX, RankingUncertainty
 from compact.analysis.stages.verdict import ModelAnswer, Verdict
 from compact.analysis.study import Study
@@ -39,7 +40,7 @@ class Recommendation(NamedTuple):
     other : str
         Peak of the law by the other criterion; empty without one.
     margin : str
-        Margin in per cent.
+        Margin in per cent, and the mix that it leaves out.
     agreement : str
         Clause on the agreement of the models, or on the tie.
     """
@@ -90,10 +91,20 @@ def recommendations(study: Study) -> list[Recommendation]:
         found.append(Recommendation(
             CRITERIA[by].quantity.term, verdict.law, _three_digits(verdict.value, unit) + by_engine,
             "" if margin is None else _three_digits(verdict.value * (1 + margin), unit),
-            "" if margin is None else format_percent(margin), _agreement(verdict, valid),
-            "" if valid else _reason_against(sizing), _other_peaks(study, by, verdict.law),
+            "" if margin is None else format_percent(margin) + _without_heaping(study), _agreement(verdict, valid),
+            "" if valid else _reason_against(sizing.engine), _other_peaks(study, by, verdict.law),
         ))  # fmt: skip
     return found
+
+
+def _without_heaping(study: Study) -> str:
+    """Return the clause on the laws of the mix by which it heaps up, which have no resistance for the margin."""
+    variants = study.model_spread.variants if study.model_spread else ()
+    heaped = [each for each in variants if each.heaping is not None]
+    if not heaped:
+        return ""
+    cohesions = ", ".join(f"{each.cohesion_loose / 1e3:.3g}" for each in heaped if each.cohesion_loose is not None)
+    return f" without mix that heaps up{f' (cohesion {cohesions} kPa)' if cohesions else ''}"
 
 
 def _other_peaks(study: Study, by: str, law: str) -> str:
@@ -135,7 +146,7 @@ def model_table(study: Study, duration: float | None = None, drive: str | None =
     Returns
     -------
     list of list of str
-        Header and rows; linear engines are marked as not for sizing.
+        Header and rows; linear engines are marked as not for sizing. Engines without a steady state are last.
     """
     motion = study.scene.motion
     duration, drive = duration or motion.duration, drive or study.scene.drive.kind
@@ -147,16 +158,30 @@ def model_table(study: Study, duration: float | None = None, drive: str | None =
         part = model.mean_resistance[duration] / lead.mean_resistance[duration]
         ratio = "" if model.valid == lead.valid else f" ({format_percent(part)} of {lead.engine})"
         rows.append([
-            MODEL_NAMES.get(model.engine, model.engine), "yes" if model.valid else f"no: {_reason_against(model)}",
+            MODEL_NAMES.get(model.engine, model.engine), _validity(model.engine, model.valid),
             *(_first_cell(model, duration, drive, by) for by in criteria), force + ratio,
             f"{model.coefficient[duration]:.3f}", _error_cell(model), _spread_cell(model),
         ])  # fmt: skip
+    for name, reason in _without_result(study).items():
+        rows.append([name, _validity(name, ENGINES[name].sizing), *["–"] * len(criteria), reason, *["–"] * 3])
     return [[MODEL_HEADER[0], MODEL_HEADER[1], *terms, *MODEL_HEADER[2:]], *rows]
 
 
-def _reason_against(model: ModelAnswer) -> str:
+def _without_result(study: Study) -> dict[str, str]:
+    """Return the reason why an engine of the comparison has no resistance, in two words, by its name."""
+    reasons: dict[str, Mapping[str, RuntimeError]] = {
+        "heaps up": study.heaping, "not steady": study.unsteady, "no equilibrium": study.without_equilibrium,
+    }  # fmt: skip
+    return {name: reason for reason, found in reasons.items() for name in found}
+
+
+def _validity(engine: str, valid: bool) -> str:
+    return "yes" if valid else f"no: {_reason_against(engine)}"
+
+
+def _reason_against(engine: str) -> str:
     """State why a model is not valid for sizing."""
-    return CONFINED_FLOOR if model.engine == "process" else NOT_FOR_SIZING
+    return CONFINED_FLOOR if engine == "process" else NOT_FOR_SIZING
 
 
 def _first_cell(model: ModelAnswer, duration: float, drive: str, by: str) -> str:
