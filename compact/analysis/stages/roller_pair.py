@@ -36,7 +36,7 @@ class PairAnswer:
     rim_over_feed : float or None
         Speed of the rims over that of the fed mix [-]; None for columns, which move with the rollers.
     strip_over_feed : float
-        Speed of the strip over that of the fed mix, by its mass [-].
+        Speed of the strip over that of the fed mix, by its mass [-]; 1 for columns.
     power : float
         Power of both rollers over their length in the scene [W].
     johanson_compressibility : float or None
@@ -76,14 +76,14 @@ def pair_answer(scene: Scene, mix: Mix, result: ContactResult, speed: float) -> 
     assert isinstance(material, Compaction)  # of the engines that compute a pair
     found: Any = result
     gap = 2 * (layer.height - found.indentation)
-    mass = layer.height * material.fed_density_ratio
-    creep = getattr(result, "creep", None)
+    solids = layer.height * material.fed_density_ratio
+    creep, exit_layer = getattr(result, "creep", None), getattr(result, "exit", None)
     answer = PairAnswer(
         gap=gap,
         strip_thickness=2 * found.exit_height,
         entry_angle=float(np.arcsin(min(result.leading / roller.radius, 1.0))),
         rim_over_feed=None if creep is None else 1 + creep,
-        strip_over_feed=mass / (found.exit_height * found.exit_density_ratio),
+        strip_over_feed=1.0 if exit_layer is None else solids / exit_layer.solid_height(material),
         power=2 * abs(result.resistance * speed) * scene.machine.roller_length,
     )
     try:
