@@ -13,6 +13,7 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from compact.analysis.contact_cases import ContactRecord, TerrainContact
@@ -89,6 +90,9 @@ def draw_loads(contacts: Sequence[ContactRecord]) -> Figure:
     for ax, color, (name, (values, errors)) in zip(both, PALETTE, curves.items(), strict=False):
         ax.errorbar(speed, values, errors, fmt="o-", color=color, markersize=4)
         ax.set(xscale="log", xlabel=SPEED.axis_label, ylabel=CONTACT[name].axis_label)
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_major_formatter("{x:g}")
+        ax.xaxis.set_minor_formatter(NullFormatter())
         low, high = ax.get_ylim()
         least = LEAST_SPAN * np.abs(values).max()
         ax.set_ylim(min(low, values.min() - least), max(high, values.max() + least))
