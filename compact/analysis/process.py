@@ -35,6 +35,7 @@ from compact.engines.process.two_dimensions import TwoDimensionalRow
 from compact.machine.cart import balance
 from compact.material.mix import Mix, bulk_density
 from compact.material.pore_air import PoreAir
+from compact.numerics import Array
 from compact.scene.loader import Scene, SceneError
 from compact.verification import published_machine
 
@@ -265,6 +266,11 @@ class ProcessStudy:
         """Return the factor of the yield pressure [-] of strokes at a speed of the cart [m/s]."""
         problem = replace(self.problem, machine=replace(self.problem.machine, cart_speed=abs(speed)))
         return problem.rate_factor(mean_bite(self.row.history))
+
+    @cached_property
+    def forces(self) -> "StrokeForces":
+        """Load and resistance of one roller at the mean speed, by the best model."""
+        return self.forces_at(self.problem.machine.cart_speed)
 
     def forces_at(self, speed: float) -> "StrokeForces":
         """Compute load and resistance of one roller at a speed of the cart [m/s], by the best model."""
@@ -526,6 +532,19 @@ class StrokeForces:
         load, resistance = (self._share(name, 1) / self._share(name, 0) for name in ("load", "resistance"))
         return load, resistance
 
+    def of_strokes(self, name: str) -> Array:
+        """Return the force of every stroke on a section per roller length [N/m], of lumped lifts on their own mesh.
+
+        Parameters
+        ----------
+        name : {"load", "resistance"}
+            Force.
+        """
+        if self.found is None:
+            return np.asarray(getattr(self.row.history, name))
+        forces = self.found.at_strokes(name, self.found.lumpings)
+        return forces * self.row.history.make_up if name == "resistance" else forces
+
     @property
     def errors(self) -> tuple[float, float]:
         """Relative errors of load and resistance [-]: of lumping and mesh, or of the merged layers of columns."""
@@ -543,11 +562,7 @@ class StrokeForces:
         """Return the force in a direction, 0 forward and 1 return, over the mean of both in the product [-]."""
         if not self.forward_feed:
             return 1.0
-        if self.found is None:
-            strokes = getattr(self.row.history, name)
-        else:
-            strokes = self.found.at_strokes(name, self.found.lumpings)
-            strokes = strokes * self.row.history.make_up if name == "resistance" else strokes
+        strokes = self.of_strokes(name)
         numbers = np.arange(len(strokes))
         last = numbers - (numbers + direction) % 2  # the last stroke of the direction, -1 before the first
         forces = np.where(last >= 0, strokes[np.maximum(last, 0)], 0.0)

@@ -127,8 +127,10 @@ class Contacts(Sequence[ContactResult]):
         return self.fields.to_vtk(directory)
 
     def __repr__(self) -> str:
-        speeds = f"{min(self.speeds):.3g} to {max(self.speeds):.3g} m/s"
-        return f"<{len(self)} contacts by {self.engine}, {speeds}{', ' + self.title if self.title else ''}>"
+        words = f"contact by {self.engine} at {self.speeds[0]:.3g} m/s"
+        if len(self) > 1:
+            words = f"{len(self)} contacts by {self.engine}, {min(self.speeds):.3g} to {max(self.speeds):.3g} m/s"
+        return f"<{words}{', ' + self.title if self.title else ''}>"
 
     def _repr_html_(self) -> str:
         columns = self._columns

@@ -132,7 +132,8 @@ class Fields:
 
     def __repr__(self) -> str:
         cells = sum(len(block.data) for block in self.mesh.cells)
-        return f"<fields {', '.join(self.names)} on {cells} elements, {len(self.frames)} frames>"
+        frames = f", {len(self.frames)} frames" if len(self.frames) > 1 else ""
+        return f"<fields {', '.join(self.names)} on {cells} elements{frames}>"
 
     def _repr_png_(self) -> bytes | None:
         """Return the picture that a notebook shows; None without pyvista."""

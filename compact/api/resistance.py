@@ -87,7 +87,7 @@ class CartResistance:
         return ranking.draw_resistances({self.engine: drawn})
 
     def __repr__(self) -> str:
-        error = "error unknown" if self.error is None else f"error {self.error:.1%}"
+        error = "error unknown" if self.error is None else f"relative error {self.error:.1e}"
         speed = self.largest_speed
         return f"<resistance by {self.engine}, {float(self(speed)) / 1e3:.4g} kN at {speed:.3g} m/s, {error}>"
 

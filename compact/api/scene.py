@@ -263,9 +263,9 @@ class Scene(loader.Scene):
         from compact.api.tables import render_html
 
         rows = [
-            (table, key, str(value))
+            (table, key, _shown(value))
             for table in HTML_TABLES
-            for key, value in getattr(self, table).model_dump(exclude_none=True).items()
+            for key, value in getattr(self, table).model_dump(exclude_none=True, exclude_unset=True).items()
             if not isinstance(value, dict)
         ]
         columns = dict(zip(("table", "key", "value"), zip(*rows, strict=True), strict=True))
@@ -309,6 +309,13 @@ def parse_scene(text: str, file: str = "<text>") -> Scene:
     Scene
     """
     return Scene.parse(text, file)
+
+
+def _shown(value: Any) -> str:
+    """Return a value of a scene in text."""
+    if isinstance(value, tuple):
+        return ", ".join(map(_shown, value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _plain(values: Any) -> list[Any]:

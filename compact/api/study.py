@@ -132,10 +132,10 @@ class Process(process.ProcessStudy):
         return f"<process of {self.scene.title or 'an untitled scene'}, {self.detail}, {strokes}>"
 
     def _repr_html_(self) -> str:
-        numbers = self.summary().dropna()
+        numbers = {PROCESS[str(name)]: value for name, value in self.summary().dropna().items()}
         columns = {
-            "quantity": [PROCESS[str(name)].term for name in numbers.index],
-            "value": numbers.tolist(),
-            "unit": [PROCESS[str(name)].unit for name in numbers.index],
+            "quantity": [quantity.term for quantity in numbers],
+            "value": [value * quantity.plot_factor for quantity, value in numbers.items()],
+            "unit": [quantity.shown_unit for quantity in numbers],
         }
         return render_html(repr(self)[1:-1], columns, {})

@@ -8,13 +8,14 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from compact.quantities import Quantity, unit_symbol
+from compact.quantities import Quantity
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-HTML_ROWS = 30  # [-], rows of a table in a notebook; the middle of a longer one is left out
+HTML_ROWS = 60  # [-], rows of a table in a notebook; the middle of a longer one is left out
+CELL = "text-align: left; padding: 0.15em 1.2em 0.15em 0"  # style of a cell
 WORD = Quantity("", "")  # of a column without unit
 
 Columns = Mapping[str, Sequence[Any]]
@@ -78,7 +79,7 @@ def build_dataset(
 
 
 def render_html(title: str, columns: Columns, quantities: Quantities) -> str:
-    """Return a table with a title as HTML, units in the head, four digits.
+    """Return a table with a title as HTML: units of plots in the head, four digits.
 
     Parameters
     ----------
@@ -92,12 +93,18 @@ def render_html(title: str, columns: Columns, quantities: Quantities) -> str:
     str
     """
     frame = build_frame(columns, quantities)
+    for name in columns:
+        if (factor := quantities.get(name, WORD).plot_factor) != 1:
+            frame[name] = frame[name] * factor
     frame.columns = [_head(name, quantities.get(name, WORD)) for name in columns]
-    table = frame.to_html(index=False, max_rows=HTML_ROWS, float_format="{:.4g}".format, border=0, na_rep="")
+    table = frame.to_html(
+        index=False, max_rows=HTML_ROWS, float_format="{:.4g}".format, border=0, na_rep="", justify="left"
+    )
+    for tag in ("th", "td"):
+        table = table.replace(f"<{tag}>", f'<{tag} style="{CELL}">')
     return f"<p><b>{escape(title)}</b></p>{table}"
 
 
 def _head(name: str, quantity: Quantity) -> str:
-    unit = unit_symbol(quantity.unit)
-    words = name.replace("_", " ")
+    words, unit = name.replace("_", " "), quantity.shown_unit
     return f"{words} [{unit}]" if unit else words

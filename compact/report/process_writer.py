@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 MAP_HEADER = ("mould_speed_m/s", "cart_speed_m/s", "strokes", "load_N", "resistance_N")
 PRODUCT_FIELDS = {"bottom_density_ratio": "1", "top_density_ratio": "1", "overpressed_height": "m", "surface": "m"}
+LIFTED_HEADER = ("load_by_lifts_N/m", "resistance_by_lifts_N/m")
 ROUNDING = 1e-6  # [-], of the product; less mix is rounding
 CAUSE_WIDTH = 62  # [characters]
 COLUMNS_STATEMENT = (
@@ -53,7 +54,7 @@ def write_process(study: ProcessStudy, directory: Path) -> list[Path]:
         Files written.
     """
     files = [
-        write_columns(directory / "strokes.csv", column_names(STROKE), list(stroke_columns(study).values())),
+        write_columns(directory / "strokes.csv", *_stroke_table(study)),
         write_figure(directory / "section.png", draw_section(study)),
         write_figure(directory / "strokes.png", draw_strokes(study)),
     ]
@@ -232,6 +233,14 @@ def stroke_columns(study: ProcessStudy) -> dict[str, Any]:
     history, edges = study.row.history, study.problem.machine.edges
     own = {"position": (edges[:-1] + edges[1:]) / 2}
     return {name: own[name] if name in own else getattr(history, name) for name in STROKE}
+
+
+def _stroke_table(study: ProcessStudy) -> tuple[tuple[str, ...], list[Any]]:
+    """Return header and columns of strokes.csv; forces in two dimensions last, where they are computed."""
+    header, columns = tuple(column_names(STROKE)), list(stroke_columns(study).values())
+    if study.two_dimensions is None:
+        return header, columns
+    return (*header, *LIFTED_HEADER), [*columns, *(study.forces.of_strokes(name) for name in ("load", "resistance"))]
 
 
 def _lift_rows(study: ProcessStudy) -> Iterator[tuple[float, ...]]:

@@ -107,7 +107,8 @@ def test_floor_grows_with_the_duration(study):
 
 
 def test_feed_before_forward_strokes_alone_loads_them(study):
-    forward = Study(scene(**{"process.feeds": "forward"})).contact_stage
+    forward_study = Study(scene(**{"process.feeds": "forward"}))
+    forward, speed = forward_study.contact_stage, forward_study.scene.mean_speed
     load, resistance = forward.return_ratios
     assert resistance == pytest.approx(0, abs=0.01)
     assert 0.05 < load < 0.5  # the elastic recovery alone
@@ -115,6 +116,11 @@ def test_feed_before_forward_strokes_alone_loads_them(study):
     length, row = forward.scene.machine.roller_length, forward.process.row
     mean = record.resistance * length * (1 + resistance) / 2
     assert mean == pytest.approx(row.resistance, rel=0.15)  # few strokes: their parity matters
+    back, drag = -forward_study.resistance_map(-speed), forward.process.sleeve_drag
+    assert back == pytest.approx(2 * length * record.resistance * resistance + drag, rel=1e-3)
+    assert forward_study.work_balance.pass_work == pytest.approx(
+        (back + forward_study.resistance_map(speed)) / 2 * 0.4 / forward.process.product_volume, rel=1e-9
+    )
     assert study.contact_stage.return_ratios == (1.0, 1.0)
 
 

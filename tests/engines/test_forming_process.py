@@ -369,6 +369,16 @@ def test_map_of_speeds_agrees_with_direct_processes():
         density_curve(given, 0.98, 4)
 
 
+def test_few_strokes_on_a_thin_product_are_on_the_curve():
+    # with the bite at the nip angle one stroke passes the density and closes the pores; a smaller gap does not
+    thin = replace(MACHINE, height=0.08, mould_speed=MACHINE.roller_length / (6.75 * MACHINE.stroke_period))
+    direct = row_of(problem(thin, fill=Fill(0.08, 0.75), layers=1), Closure("product_density_ratio", 0.98))
+    curve = density_curve(direct.problem, 0.98, 12)
+    assert curve.least_strokes < 6.75
+    gap, *_ = curve.at(np.array([6.75]))
+    assert gap[0] == pytest.approx(direct.closed.amount, rel=0.05)
+
+
 def test_fields_hold_the_grains_of_the_sections():
     found = row_of(problem(at_rest(6)), Closure("gap", 0.002))
     frames = dict(process_frames(found))

@@ -12,11 +12,12 @@ from compact.engines.process import lumped_lifts
 from compact.engines.process.closures import FormingProblem, solve_closure
 from compact.engines.process.fields import process_frames
 from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
-from compact.engines.process.lumped_lifts import lift_thickness, simulate_lifts
+from compact.engines.process.lumped_lifts import LiftAir, lift_thickness, simulate_lifts
 from compact.engines.process.mix_spread import mix_spread
 from compact.engines.process.roller_row import RollerRow
 from compact.engines.process.two_dimensions import TwoDimensionalRow
 from compact.material.laws import Compaction
+from compact.material.pore_air import PoreAir
 from compact.rolling_contact import Layer, Roller
 
 MIX = Compaction(
@@ -251,3 +252,21 @@ def test_lifts_are_passes_of_finite_elements_and_close_their_balances():
     # `passes` starts with fresh mix of one row, which the mesh resamples likewise
     assert [lift.load for lift in found.lifts[:2]] == pytest.approx([each.load for each in results], rel=1e-2)
     assert [lift.resistance for lift in found.lifts[:2]] == pytest.approx([e.resistance for e in results], rel=2e-2)
+
+
+@pytest.mark.slow
+def test_air_of_a_lift_one_way_and_coupled():
+    """Twice the speed over the permeability has twice the force of nearly drained air; coupling is of its order."""
+    problem = FormingProblem(replace(MACHINE, height=0.05), MIX, Fill(0.05, 0.75), Feed(0.75))
+
+    def first(permeability, coupled):
+        air = LiftAir(PoreAir(permeability, 0.21, 0.75), coupled)
+        return simulate_lifts(problem, 0.35, 1.0, 0.76, thickness=0.003, increments=6, air=air).lifts[0]
+
+    drained, twice, coupled = first(4e-11, False), first(2e-11, False), first(4e-11, True)
+    assert 0 < drained.air_load < 0.05 * drained.load
+    assert twice.air_load == pytest.approx(2 * drained.air_load, rel=0.05)
+    assert twice.air_resistance == pytest.approx(2 * drained.air_resistance, rel=0.05)
+    assert coupled.load == drained.load
+    assert 0.3 * drained.air_load < coupled.air_load < 3 * drained.air_load
+    assert set(coupled.mesh.cell_data) >= {"density_ratio", "stress", "air_pressure"}

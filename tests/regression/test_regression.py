@@ -1,4 +1,4 @@
-"""Regression of six scenes: their numbers in `summary.json`, `ranking.csv` and the contact tables.
+"""Regression of seven scenes: their numbers in `summary.json`, `ranking.csv` and the contact tables.
 
 Each scene is a variant of `studies/scenes/small.toml`. The expected numbers are kept in `tests/regression/*.json`;
 `python tests/regression/test_regression.py` writes them anew, `--exact` compares them bit for bit.
@@ -57,6 +57,15 @@ SCENES = {
         "layer.fed_density_ratio": 0.94, "machine.gap_geometry": "deformed", "mix.overrides.unloading_modulus": 60e6,
         "mix.overrides.friction_angle": 44.0, "mix.overrides.heckel_slope": 11.4e-6,
     } | CONTACT | {"contact.speeds": [0.2], "contact.indentation": 0.001},
+    "process": {
+        "accuracy.engine": "process", "machine.roller_length": 0.2, "mix.density_ratio": 0.9,
+        "layer.fed_density_ratio": 0.8, "motion.duration": 1.0, "motion.other_durations": [0.8],
+        "process": {
+            "mould_speed": 0.015, "feed_density_ratio": 0.75, "feeds": "forward", "product_density_ratio": 0.9,
+            "detail": "columns", "layers": 2,
+        },
+        "sleeve": {"width": 0.18, "head": 0.5, "wall_friction": 0.35, "count": 2}, "output.items": ["tables"],
+    },
     "optimised": {
         "motion.optimise": {"objectives": ["peak_force"], "smoothness": 1, "acceleration": 0.6},
         "drive.end_springs": {"stiffness": 5e3, "preload": 200.0, "length": 0.1}, "drive.carts": 2,

@@ -128,7 +128,7 @@ def work_balance(stages: Stages) -> WorkBalance:
     work = resistance / (area * scene.lift_thickness)
     if contacts.process is not None:  # both strokes press what the mould carries away
         before, pressed, fresh = contacts.process.problem.feed.density_ratio, contacts.process.product_volume, 2
-        work = resistance * motion.stroke / pressed
+        work = resistance * (1 + stages.resistance.map.return_ratio) / 2 * motion.stroke / pressed
     return WorkBalance(
         law=run.name,
         density_ratios=(before, behind),

@@ -130,7 +130,15 @@ class ResistanceStage:
             sampled = sample_resistance(lambda at: self._new_sample(at)[1:3], least, speed, tolerance, pairs)
         if stage.has_air:
             sampled = self._with_air(sampled)
-        return self._with_added_masses(replace(sampled, return_ratio=stage.return_ratios[1]))
+        return self._with_added_masses(replace(sampled, return_ratio=self._return_ratio(sampled)))
+
+    def _return_ratio(self, sampled: ResistanceMap) -> float:
+        """Return the resistance of the return stroke over that of the forward stroke [-]; sleeves drag in both."""
+        ratio, process = self.contacts.return_ratios[1], self.contacts.process
+        if process is None or not process.sleeve_drag:
+            return ratio
+        share = process.sleeve_drag / float(sampled(self.scene.mean_speed))
+        return ratio * (1 - share) + share
 
     def _with_air(self, skeleton: ResistanceMap) -> ResistanceMap:
         """Return the map of a skeleton with the resistance by its pore air; its contacts remain those without."""

@@ -336,10 +336,11 @@ def _rates(u, y, out, problem, state):
     for i in range(len(stack.height)):
         p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
         k0, k_max = stack.density_ratio[i], state.max_density_ratio[i]
-        k = _density_ratio(measure, k0, V)
+        k = _density_ratio(measure, k0, V) if state.yielding[i] else k0  # else at most the largest so far
         point = stress, p, V, k, k_max, k / k0 if measure == MASS_TRUE else 1.0
         regime = state.yielding[i], state.on_line[i]
-        dp, dV, dshear, elastic_rate, elastic_power, strain = _column_rates(law, stack, i, point, regime)
+        start = stack.mean_stress[i], stack.initial_strain[i]
+        dp, dV, dshear, elastic_rate, elastic_power, strain = _column_rates(law, start, point, regime)
         height = stack.height[i]
         if measure == LOGARITHMIC:
             height *= np.exp(-(V + strain))
@@ -391,13 +392,13 @@ def stiffness_ratio(law: CapConstants, density_ratio: float) -> float:
 
 
 @compiled
-def cap_rates(law: CapConstants, stack: ColumnStack, i: int, point: tuple, regime: tuple) -> tuple:
+def cap_rates(law: CapConstants, start: tuple, point: tuple, regime: tuple) -> tuple:
     """Return the rates of a column per unit of s_v, in the symbols of the module docstring.
 
     Parameters
     ----------
-    i : int
-        Index of the column.
+    start : tuple of float
+        p [Pa] and elastic volumetric strain [-] before the pass.
     point : tuple of float
         s_v, p [Pa], V, k, the largest density ratio so far and d ln k/dV [-].
     regime : tuple of bool
@@ -413,7 +414,7 @@ def cap_rates(law: CapConstants, stack: ColumnStack, i: int, point: tuple, regim
     dp, dV, dshear = _stress_rates(law, point, regime)
     D = 1.5 * (stress - p)
     power = p * dp / law.K + D * (1 - dp) / (2 * law.G)
-    return dp, dV, dshear, dp / law.K, power, (p - stack.mean_stress[i]) / law.K
+    return dp, dV, dshear, dp / law.K, power, (p - start[0]) / law.K
 
 
 @compiled

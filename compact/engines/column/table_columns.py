@@ -12,8 +12,6 @@ Below pa the line D = +-(d + p tan beta) limits the deviator at constant volume,
 dilatancy. Neither the tables nor the moduli change below the largest density ratio so far.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -22,22 +20,19 @@ from compact.material.elliptic_cap import CapConstants, hardening
 from compact.numerics import Array
 from compact.numerics.jit import compiled
 
-if TYPE_CHECKING:
-    from compact.engines.column.column_ode import ColumnStack
-
 CENTRE_SIDE = 1e-12  # [-], of p below pa over it, from which powder is on the shear line
 
 
 @compiled
 def table_rates(
-    law: TableConstants, stack: "ColumnStack", i: int, state: tuple, regime: tuple
+    law: TableConstants, start: tuple, state: tuple, regime: tuple
 ) -> tuple[float, float, float, float, float, float]:
     """Return the rates of a column, as `column_ode.cap_rates`."""
     stress, p, _, k, k_max, by_V = state
     yielding, on_line = regime
     K, K_l, G, G_l, pa, pa_l, a, a_l, R, R_l, _, _, t, _ = evaluate_tables(law, max(k, k_max))
     D, ratio, g = 1.5 * (stress - p), 2 * G / K, 1.5 + 2 * G / K
-    strain = p / K - stack.initial_strain[i]
+    strain = p / K - start[1]
     if not yielding:
         dp = 1.5 / g
         return dp, 0.0, 0.0, dp / K, p * dp / K + D * (1 - dp) / (2 * G), strain

@@ -23,7 +23,6 @@ from compact.numerics import Array
 CURVE_LAYERS = 1  # [-], merged layers; the load differs by 1e-9 from that of 20
 CURVE_RTOL = 1e-6  # [-], error of a step of the integration
 GAP_FACTOR, GAP_FACTOR_LAST = 0.75, 0.97  # [-], from one gap to the next; nearer gaps at the end of the curve
-GAP_SHARE_MIN = 0.02  # [-], of the bite at the nip angle, of the first gap tried in vain
 STROKES_MAX = 250  # [-], strokes of a curve; a smaller gap has no place on it
 
 
@@ -114,19 +113,21 @@ def density_curve(problem: FormingProblem, density_ratio: float, most_strokes: f
     base = replace(problem, machine=machine, feed=feed)
     gap, factor, points = problem.machine.max_bite, GAP_FACTOR, list[tuple[float, ...]]()
     while factor < GAP_FACTOR_LAST:
-        point = _curve_point(base, gap, density_ratio)
+        try:
+            point = _curve_point(base, gap, density_ratio)
+        except OverfilledError:  # the stroke that passes the density closes the pores: few strokes leave such holes
+            gap *= GAP_FACTOR_LAST
+            continue
         if point is not None:
             points.append(point)
             gap *= factor
         elif points:  # the gap is too small: half the way back to the last one
             factor = np.sqrt(factor)
             gap = points[-1][1] * factor
-        else:  # the pores close before the section has the density
-            gap *= factor
-            if gap < GAP_SHARE_MIN * problem.machine.max_bite:
-                raise BiteError(
-                    f"no gap within the nip angle leads to the density ratio {density_ratio!r} in {limit} strokes"
-                )
+        else:
+            raise BiteError(
+                f"no gap within the nip angle leads to the density ratio {density_ratio!r} in {limit} strokes"
+            )
     strokes, gaps, load, work = np.array(points).T
     return DensityCurve(strokes, gaps, load, work, problem)
 
@@ -164,10 +165,7 @@ def operating_map(curve: DensityCurve, stroke: float, mould_speeds: Array, cart_
 def _curve_point(problem: FormingProblem, gap: float, density_ratio: float) -> tuple[float, ...] | None:
     """Return strokes, gap, mean load and work until a density ratio; None if it is not reached."""
     options = SectionOptions(problem.rate_factor(gap), CURVE_LAYERS, CURVE_RTOL, density_ratio)
-    try:
-        history = problem.with_amount(gap, options)
-    except OverfilledError:
-        return None
+    history = problem.with_amount(gap, options)
     ratio = np.array([state.density_ratio for state in history.states])
     if ratio[-1] < density_ratio:
         return None

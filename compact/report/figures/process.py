@@ -27,13 +27,14 @@ SECTION_COLOURS = "cividis_r"  # loose mix is light, dense mix is dark
 SLOPE_ANGLE = 35.0  # [deg], of the loose mix at the empty mould, as drawn
 PRODUCT_SHARE = 0.3  # [-], length of the product shown behind the roller over that of the roller
 DECORATION_SHARE = 0.17  # [-], of the roller length, least height to which words and arrows are in proportion
+PANEL_HEIGHT = 1.25  # [inch], of load, resistance and density along the roller
 HEADROOM = 1.1  # [-], of an axis over the largest value
 STEEL, STEEL_EDGE = "0.88", "0.35"
 MINUTE = 60.0  # [s]
 
 
 def draw_section(study: ProcessStudy) -> Figure:
-    """Draw the section through mould and roller with the density in colour, and load and density along the roller."""
+    """Draw the section through mould and roller with the density in colour, and load, resistance and density."""
     row, machine = study.row, study.problem.machine
     height, length = machine.height, machine.roller_length
     tail = PRODUCT_SHARE * length
@@ -42,10 +43,11 @@ def draw_section(study: ProcessStudy) -> Figure:
     unit = max(height, DECORATION_SHARE * length)  # of words and arrows, readable above a thin product too
     top = height + 2 * machine.roller_radius + 0.5 * unit
     scale = 10.0 / (span[1] - span[0])  # [inch/m]
-    heights = ((top + 0.32 * unit) * scale, 1.25, 1.25)
-    figure = Figure(figsize=(11.6, sum(heights) + 2.0))
+    heights = ((top + 0.32 * unit) * scale, *(PANEL_HEIGHT,) * 3)
+    figure = Figure(figsize=(11.6, sum(heights) + 2.25))
     width, total = figure.get_size_inches()
-    bottoms = (0.6 + heights[2] + 0.25 + heights[1] + 0.35, 0.6 + heights[2] + 0.25, 0.6)
+    lowest = [0.6 + place * (PANEL_HEIGHT + 0.25) for place in (2, 1, 0)]
+    bottoms = (lowest[0] + PANEL_HEIGHT + 0.35, *lowest)
     axes = [
         figure.add_axes((0.8 / width, bottom / total, 10.0 / width, tall / total))
         for bottom, tall in zip(bottoms, heights, strict=True)
@@ -62,10 +64,13 @@ def draw_section(study: ProcessStudy) -> Figure:
     figure.colorbar(colours, cax=bar, orientation="horizontal", extend=beyond)
     bar.set_title("density ratio k: left loose, right without pores", fontsize=9, loc="left")
     edges, history = row.edges, row.history
-    found = study.two_dimensions
-    load = history.load if found is None else found.at_strokes("load", found.lumpings)
-    axes[1].stairs(load / 1e3, edges, color=PALETTE[0], fill=True, alpha=0.35)
-    axes[1].stairs(load / 1e3, edges, color=PALETTE[0])
+    load = study.forces.of_strokes("load")
+    for ax, forces, colour in (
+        (axes[1], load / 1e3, PALETTE[0]),
+        (axes[2], study.forces.of_strokes("resistance"), "0.2"),
+    ):
+        ax.stairs(forces, edges, color=colour, fill=True, alpha=0.35)
+        ax.stairs(forces, edges, color=colour)
     centre = row.centre_of(load)
     axes[1].axvline(centre, color=PALETTE[1], linestyle="--")
     share = centre / length
@@ -73,12 +78,15 @@ def draw_section(study: ProcessStudy) -> Figure:
         centre - 0.01 * length, 0.9, f"centre of the load, {share:.0%} of the roller", color=PALETTE[1],
         transform=axes[1].get_xaxis_transform(), ha="right", va="top", fontsize=9,
     )  # fmt: skip
-    axes[1].set(xlim=span, ylim=(0, None), ylabel="load P\n[kN/m]")
-    axes[1].tick_params(labelbottom=False)
-    axes[2].stairs(history.density_ratio, edges, baseline=None, color=PALETTE[2])
-    axes[2].axhline(row.required_density_ratio, color="0.4", linestyle=":")
-    axes[2].text(span[0], row.required_density_ratio, " required", color="0.3", va="top", fontsize=9)
-    axes[2].set(xlim=span, ylabel="mean density\nratio k [-]", xlabel=f"{STROKE['position'].axis_label}")
+    axes[1].set(ylim=(0, None), ylabel="load P\n[kN/m]")
+    axes[2].set(ylim=(0, None), ylabel="resistance F\n[N/m]")
+    axes[3].stairs(history.density_ratio, edges, baseline=None, color=PALETTE[2])
+    axes[3].axhline(row.required_density_ratio, color="0.4", linestyle=":")
+    axes[3].text(span[0], row.required_density_ratio, " required", color="0.3", va="top", fontsize=9)
+    axes[3].set(ylabel="mean density\nratio k [-]", xlabel=f"{STROKE['position'].axis_label}")
+    for ax in axes[1:]:
+        ax.set_xlim(span)
+        ax.tick_params(labelbottom=ax is axes[-1])
     return figure
 
 

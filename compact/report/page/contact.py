@@ -20,7 +20,7 @@ FIGURES = {  # name -> (description, caption)
         "pressure of the mix. The roller moves to the right.",
     ),
     "section": (
-        "Section through mould and roller with the density in colour, and load and density along the roller",
+        "Section through mould and roller with the density in colour, and load, resistance and density along it",
         "Forming process at the mean speed. Every place under the roller has had one stroke more than its neighbour at "
         "the empty mould; the forces of the drive are the sums over the roller.",
     ),
