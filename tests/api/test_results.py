@@ -152,7 +152,7 @@ def test_sweep_is_a_dataset_whose_points_are_contacts(scene):
 def test_process_has_strokes():
     process = compact.load_scene(SCENES / "process.toml", **{"process.mould_speed": 0.1}).forming_process()
     assert len(process.to_dataframe()) == process.row.history.count
-    assert repr(process).startswith("<process of Forming process of the published machine, columns, 13.1 strokes")
+    assert repr(process).startswith("<process of Forming process of the published machine, columns, 13.09 strokes")
 
 
 @pytest.mark.slow
