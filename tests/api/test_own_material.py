@@ -43,7 +43,9 @@ def spring():
     return compact.StateUpdate(elastic, np.zeros(4), 0.94, name="spring")
 
 
-@pytest.mark.parametrize("target", [{"indentation": DEPTH}, {"load": 12e3}, {"peak_pressure": 250e3}])
+@pytest.mark.parametrize(
+    "target", [{"indentation": DEPTH}, {"load": 12e3}, pytest.param({"peak_pressure": 250e3}, marks=pytest.mark.slow)]
+)
 def test_law_of_the_mix_as_state_update_rolls_as_the_column_engine(own_mix, target):
     roller = Roller(R, profile="circle", **target)
     reference, found = (roll(Layer(FED_HEIGHT), roller, material, 0.2) for material in (MIX, own_mix))
