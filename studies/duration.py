@@ -1,6 +1,10 @@
 """First laws of the published machine over the duration of a pass, by the engines valid for sizing.
 
     python studies/duration.py
+    python studies/duration.py models [RESULTS]
+
+The second command prints the first laws and the resistance of every model of the main scene at the printed speed and at
+3 s, with their ratio to the linear layer that once led; it uses the maps in the folder RESULTS of `compact run`.
 
 The formula, columns and finite elements are calibrated to the printed 9740 N and 0.179 at 3 s a pass, so that they
 agree there by construction; over the duration they differ by the rate of compaction and by the pore air. The drive is
@@ -8,6 +12,7 @@ rigid. The height of the rollers is that of 3 s at every duration. Columns have 
 the formula. Finite elements roll a lift of assumed thickness.
 """
 
+import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -127,6 +132,36 @@ def show(answers):
             print(f"| {each.name} | {CRITERIA[by].quantity.term} |" + "".join(cells))
 
 
+def model_rows(study, old_lead="fem"):
+    """Return first laws and resistance by model at each duration, with the ratio to an engine that once led, as text.
+
+    Parameters
+    ----------
+    study : Study
+        Study with an engine for comparison; the drive is that of the scene.
+    """
+    drive = study.scene.drive.kind
+    old = next(model for model in study.models if model.engine == old_lead)
+    lines = [f"| pass | model | least peak force | least peak power | mean resistance | over `{old_lead}` |"]
+    lines.append("|---|---|---|---|---|---|")
+    for duration in old.places:
+        for model in study.models:
+            cells = [f"{duration:.3g} s", f"`{model.engine}`"]
+            for by in PEAKS:
+                order = model.places[duration][drive][by]
+                tie = " (tie)" if order[0].tie else ""
+                cells.append(f"{order[0].law} {order[0].value:.4g} {CRITERIA[by].unit}{tie}")
+            force = model.mean_resistance[duration]
+            lines.append(
+                "| " + " | ".join([*cells, f"{force:.4g} N", f"{force / old.mean_resistance[duration]:.3g}"]) + " |"
+            )
+    return "\n".join(lines)
+
+
 if __name__ == "__main__":
+    if sys.argv[1:2] == ["models"]:
+        results = Path(sys.argv[2]) if sys.argv[2:] else None
+        print(model_rows(Study(load_scene(SCENES / "loveikin-2015-engines.toml"), directory=results)))
+        sys.exit()
     show(main(out="out/duration"))
     print(f"{time.process_time():.0f} s of processor time")

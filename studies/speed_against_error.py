@@ -7,8 +7,14 @@ package and by the solvers of scipy, compared with the closed form of the harmon
 resistance map requires for its tolerance. Columns: compared with an integration to 1e-13. Compaction by finite elements
 takes minutes and is run on request, `speed_against_error.py compaction`: the published lift from scratch and as a
 neighbour 2 % deeper, processor seconds on one core.
+
+    python studies/speed_against_error.py engines
+
+prints the table of the engines in README.md, and writes its numbers to studies/recorded/engines.csv: errors and
+processor seconds of contacts of the published machine with the default settings; a minute.
 """
 
+import csv
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,7 +30,7 @@ from compact.engines.column import engine as column
 from compact.engines.spectral import engine as spectral
 from compact.machine.cart import Cart
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
-from compact.material.laws import Compaction, Viscoelastic
+from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.motion.profile import law
 from compact.report.progress import tracked
 from compact.resistance import sample_resistance
@@ -44,6 +50,33 @@ CART = Cart(
     mass=1000.0, weight=1e4, roller_positions=(0.0,), roller_reactions=(0.0,), guide_positions=(0.37, -0.37),
     pin_position=0.65, pin_height=0.1, roller_radius=0.11, guide_wheel_diameter=0.046, guide_friction=0.0,
 )  # fmt: skip
+RECORDED = Path(__file__).parent / "recorded" / "engines.csv"
+RECORDED_HEADER = ("engine", "discretisation_error", "least_seconds", "largest_seconds")
+ENGINE_WORDS = {  # engine -> model, model error, valid for sizing
+    "formula": (
+        "equations 1.1-1.10 of the monograph; half-plane theory of Galin and Hertz",
+        "not stated; reconstructed from a damaged print (60-95 % confidence)", "yes, calibrated",
+    ),
+    "column": (
+        "irreversible compaction in confined-compression (oedometric) columns; one pass or many",
+        "no bow wave: the resistance of a thick layer is a half to a third", "yes, calibrated",
+    ),
+    "spectral": (
+        "viscoelastic layer on a rigid base, steady rolling without friction or with full slip",
+        "viscoelastic part only", "no",
+    ),
+    "fem": (
+        "the same layer by plane-strain finite elements; stick and slip of free and driven rollers, fields",
+        "viscoelastic part only", "no",
+    ),
+    "compaction": (
+        "irreversible compaction by plane-strain finite elements in finite strain: bow wave, density over the height, "
+        "passes",
+        "strength of loose mix some -40 to +10 % of the resistance of the published machine, pore air, plane strain, "
+        "feed",
+        "yes",
+    ),
+}  # fmt: skip
 HEADER = ("benchmark", "method", "setting", "relative_error", "seconds", "work")
 
 
@@ -162,6 +195,80 @@ def compactions(settings, _):
         yield method, increments, error(found, exact[deeper]), seconds, len(found.solution.steps)
 
 
+def engines():
+    """Largest error of the resistance, and least and largest processor seconds of a contact, of every engine.
+
+    Layered engines are compared with a tolerance of 1e-8 (linear) and steps of 1e-13 (columns); the error of compaction
+    is its own estimate, that of the worse of load and resistance. The formula has no error.
+    """
+    from compact.engines import formula
+    from compact.engines.compaction import engine as compaction
+
+    speeds = np.geomspace(0.03, 0.45, 4)
+    pressed = replace(ROLLER, indentation=0.002, profile="circle")
+    loaded, secant = Roller(0.11, peak_pressure=0.203e6, friction=0.35, rolling="free"), Elastic(0.75e6, 0.3)
+    cases = {  # engine -> contact at a speed, and its exact resistance or none
+        "formula": (lambda v: formula.roll(LAYER, loaded, secant, v), None),
+        "column": (
+            lambda v: column.roll(THIN_LAYER, pressed, COMPACTING, v),
+            lambda v: column.roll(THIN_LAYER, pressed, COMPACTING, v, rtol=1e-13).resistance,
+        ),
+        "spectral": (
+            lambda v: spectral.roll(LAYER, ROLLER, MIX, v, rtol=1e-2),
+            lambda v: spectral.roll(LAYER, ROLLER, MIX, v, rtol=1e-8).resistance,
+        ),
+        "fem": (
+            lambda v: fem.roll(LAYER, ROLLER, MIX, v, tolerance=1e-2),
+            lambda v: spectral.roll(LAYER, ROLLER, MIX, v, rtol=1e-8).resistance,
+        ),
+        "compaction": (lambda v: compaction.roll(LIFT, LIFT_ROLLER, LIFT_MIX, v), None),
+    }
+    for name, (rolled, exact) in cases.items():
+        at, seconds, errors = speeds if name != "compaction" else speeds[-1:], [], []
+        rolled(at[0])  # compiles, and fills the caches of a first contact
+        for v in at:
+            begin = process_time()
+            found = rolled(v)
+            seconds.append(process_time() - begin)
+            if exact is not None:
+                errors.append(abs(found.resistance / exact(v) - 1))
+            elif name == "compaction":
+                errors.append(max(found.error))
+        yield name, max(errors, default=0.0), min(seconds), max(seconds)
+
+
+def engine_table(rows):
+    """Return the table of engines in Markdown from the rows of `engines`."""
+    lines = [
+        "| engine | model | discretisation error | model error | for sizing? | time of one contact |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, error, low, high in rows:
+        model, model_error, sizing = ENGINE_WORDS[name]
+        size = _error_words(name, error)
+        lines.append(f"| `{name}` | {model} | {size} | {model_error} | {sizing} | {_time_words(low, high)} |")
+    return "\n".join(lines)
+
+
+def _error_words(name, error):
+    if name == "formula":
+        return "none, closed form"
+    return "below 0.1 %" if error < 1e-3 else f"{100 * error:.1g} %"
+
+
+def _time_words(low, high):
+    """Return one or two seconds with one digit, such as 10-60 ms."""
+    unit, factor = ("s", 1.0) if high >= 0.95 else ("ms", 1e3) if high >= 0.95e-4 else ("µs", 1e6)
+    low, high = (float(f"{factor * each:.1g}") for each in (low, high))
+    return f"{low:g} {unit}" if low == high else f"{low:g}-{high:g} {unit}"
+
+
+def read_recorded():
+    """Return the recorded rows of `engines`."""
+    with RECORDED.open(newline="", encoding="utf-8") as file:
+        return [(name, *map(float, values)) for name, *values in list(csv.reader(file))[1:]]
+
+
 @dataclass(frozen=True)
 class Benchmark:
     """One figure.
@@ -260,4 +367,10 @@ def show(results):
 
 
 if __name__ == "__main__":
-    show(main(sys.argv[1:] or QUICK, out="out/speed_against_error"))
+    if sys.argv[1:] == ["engines"]:
+        from compact.files import write_csv
+
+        write_csv(RECORDED, RECORDED_HEADER, [(name, *(f"{each:.3g}" for each in row)) for name, *row in engines()])
+        print(engine_table(read_recorded()))
+    else:
+        show(main(sys.argv[1:] or QUICK, out="out/speed_against_error"))

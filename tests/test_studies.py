@@ -114,6 +114,21 @@ def test_duration_has_the_first_laws_of_every_model(capsys, tmp_path):
     assert (tmp_path / "duration.csv").read_text().count("\n") == 1 + len(module.rows(answers))
 
 
+def test_table_of_engines_in_the_readme_is_the_recorded_one():
+    """`python studies/speed_against_error.py engines` records and prints it."""
+    module = study("speed_against_error")
+    table = module.engine_table(module.read_recorded())
+    assert table in (STUDIES.parent / "README.md").read_text(encoding="utf-8")
+    assert "| `column` |" in table
+
+
+def test_recorded_times_have_one_digit():
+    module = study("speed_against_error")
+    assert [module._time_words(*each) for each in ((4.6e-4, 5.4e-4), (0.0123, 0.061), (0.12, 1.96), (3e-5, 3e-5))] == [
+        "0.5 ms", "10-60 ms", "0.1-2 s", "30 µs",
+    ]  # fmt: skip
+
+
 @pytest.mark.slow
 def test_formulas_laws_and_layers_are_timed_against_plain_code(capsys, tmp_path):
     module = study("speed_against_plain")

@@ -1,5 +1,6 @@
 """Verdict of all models, ranking under uncertainty, and the ten questions of a designer."""
 
+import importlib.util
 import math
 import re
 from functools import cache
@@ -243,3 +244,15 @@ def test_no_table_of_more_than_25_rows_is_unfolded():
     html = answer_html(study())
     unfolded = html.split("<details")[0]
     assert 0 < unfolded.count("<tr>") <= 25
+
+
+def test_models_at_both_durations_are_tabulated_with_the_ratio_to_the_old_lead():
+    """`python studies/duration.py models`; the linear layer has a part of the resistance at either duration."""
+    specification = importlib.util.spec_from_file_location("duration", SCENES.parent / "duration.py")
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    rows = [line.split(" | ") for line in module.model_rows(study(), "spectral").splitlines()[2:]]
+    assert [row[0].strip("| ") for row in rows] == ["0.889 s"] * 3 + ["3 s"] * 3
+    assert [row[1] for row in rows[:3]] == ["`column`", "`formula`", "`spectral`"]
+    ratios = [float(row[5].strip(" |")) for row in rows]
+    assert ratios == pytest.approx([11.5, 11.2, 1, 10.5, 10.4, 1], rel=0.02)

@@ -24,6 +24,9 @@ from compact.report.figures import (
     ranking as ranking_figures,
 )
 from compact.report.figures import (
+    sizing as sizing_figures,
+)
+from compact.report.figures import (
     style as figure_style,
 )
 from compact.report.figures.style import law_style
@@ -84,6 +87,20 @@ def test_curves_of_the_first_screen_differ_without_colour():
     styles = ranking_figures.ENGINE_STYLES.values()
     assert len({str(dash) for _, _, dash in styles}) == len({mark for _, mark, _ in styles}) == len(styles)
     assert len({str(dash) for dash in answer_figures.BEST_DASHES}) == answer_figures.BEST_LAWS
+
+
+def test_levels_of_the_shaft_differ_without_colour():
+    assert len({str(dash) for _, dash in sizing_figures.LEVELS.values()}) == len(sizing_figures.LEVELS)
+
+
+def test_labels_of_a_logarithmic_axis_do_not_overlap():
+    contacts = [
+        SimpleNamespace(speed=v, load=8e3, coefficient=0.18, load_error=None, resistance_error=None)
+        for v in (0.028, 0.45)
+    ]
+    axis = contact_figures.draw_loads(contacts).axes[0].xaxis
+    assert [label.get_text() for label in axis.get_ticklabels()] == ["0.03", "0.05", "0.1", "0.2", "0.3", "0.5"]
+    assert not any(label.get_text() for label in axis.get_ticklabels(minor=True))
 
 
 # laws and drives

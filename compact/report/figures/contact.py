@@ -13,13 +13,12 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from compact.analysis.contact_cases import ContactRecord, TerrainContact
 from compact.engines.halfplane import LineContact
 from compact.quantities import CONTACT, FIELD, MOTION, SPEED
-from compact.report.figures.style import DASHES, PALETTE, panels
+from compact.report.figures.style import DASHES, PALETTE, label_decades, panels
 from compact.resistance import ResistanceMap
 from compact.rolling_contact import ContactResult
 
@@ -52,7 +51,7 @@ def draw_pressure(contact: ContactResult, exact: LineContact, speed: float) -> F
     along, shear = np.sign(speed) * contact.x * 1e3, np.sign(speed) * contact.shear_traction / 1e3
     ax.plot(along, contact.pressure / 1e3, ".", markersize=3.5, color=PALETTE[0], label="pressure p")
     if np.any(shear):
-        ax.plot(along, shear, "x", markersize=3, color=PALETTE[1], label="shear q on the mix")
+        ax.plot(along, shear, "^", markersize=3.5, fillstyle="none", color=PALETTE[1], label="shear q on the mix")
     for draw_zero in (ax.axvline, ax.axhline):
         draw_zero(0, color="0.8", linewidth=0.8, zorder=0)
     ax.set(xlabel=FIELD["travel_position"].axis_label, ylabel=FIELD["contact_stress"].axis_label)
@@ -90,9 +89,7 @@ def draw_loads(contacts: Sequence[ContactRecord]) -> Figure:
     for ax, color, (name, (values, errors)) in zip(both, PALETTE, curves.items(), strict=False):
         ax.errorbar(speed, values, errors, fmt="o-", color=color, markersize=4)
         ax.set(xscale="log", xlabel=SPEED.axis_label, ylabel=CONTACT[name].axis_label)
-        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.xaxis.set_major_formatter("{x:g}")
-        ax.xaxis.set_minor_formatter(NullFormatter())
+        label_decades(ax.xaxis, *ax.get_xlim())
         low, high = ax.get_ylim()
         least = LEAST_SPAN * np.abs(values).max()
         ax.set_ylim(min(low, values.min() - least), max(high, values.max() + least))

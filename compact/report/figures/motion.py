@@ -17,7 +17,7 @@ from compact.cams.profile import Cam
 from compact.machine.crankshaft import CrankshaftRevolution
 from compact.motion.profile import Cycle
 from compact.quantities import CRITERIA, MOTION, TIME
-from compact.report.figures.style import FAMILIES, PALETTE, TITLE_HEIGHT, law_style, legend_below, panels
+from compact.report.figures.style import DASHES, FAMILIES, PALETTE, TITLE_HEIGHT, law_style, legend_below, panels
 
 CROP_RATIO = 3.0  # [-], limit of a figure of drives over the median of the peaks
 SHADED = "0.92"  # grey of the panel of an undercut cam
@@ -190,15 +190,15 @@ def draw_cams(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], followe
 
 
 def draw_crank_turns(turns: Mapping[str, CrankshaftRevolution]) -> Figure:
-    """Draw torque and power of the shaft over a turn for 1 to 4 carts, with dashed means."""
+    """Draw torque and power of the shaft over a turn for 1 to 4 carts, with thin lines of the means."""
     figure, (both,) = panels(1, 2, (4.4, 2.9), bottom=0.85)
     shafts = [key for key in turns if key.isdigit()]
-    for key, color in zip(shafts, colormaps["viridis"](np.linspace(0, 0.85, len(shafts))), strict=True):
+    for key, color, dash in zip(shafts, colormaps["viridis"](np.linspace(0, 0.85, len(shafts))), DASHES, strict=False):
         turn = turns[key]
         label = f"{key} cart{'s' if key != '1' else ''}"
         for ax, values in zip(both, (turn.torque, turn.power), strict=True):
-            ax.plot(np.degrees(turn.angle), values / 1e3, color=color, label=label)
-            ax.axhline(turn.mean(values) / 1e3, color=color, linestyle="--", linewidth=0.8)
+            ax.plot(np.degrees(turn.angle), values / 1e3, color=color, linestyle=dash, label=label)
+            ax.axhline(turn.mean(values) / 1e3, color=color, linestyle=dash, linewidth=0.7)
     for ax, name in zip(both, ("shaft_torque", "shaft_power"), strict=True):
         ax.set(xlabel=MOTION["crank_angle"].axis_label, ylabel=MOTION[name].axis_label, xticks=range(0, 361, 45))
         ax.margins(x=0)

@@ -5,25 +5,23 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import LawSizing
 from compact.machine.motor_sizing import SizingRule
 from compact.quantities import CRITERIA
-from compact.report.figures.style import PALETTE, law_style, panels
+from compact.report.figures.style import PALETTE, label_decades, law_style, panels
 
 PANEL = (5.2, 3.4)  # [inch]
 OTHERS: dict[str, Any] = {"color": "0.82", "linewidth": 0.8}
 FIRST_WIDTH = 2.2  # [pt]
-TICKS = (1, 2, 3, 5)  # of every decade
-DECADES = range(-6, 9)  # of times and peaks
 SHAFT_PANEL = (7.2, 3.0)  # [inch]
 LIMITS = ("rated", "peak")  # of the motor, drawn below the torques of the shaft
 QUARTER = 90  # [degrees], between ticks
-LEVELS = {"rms": (PALETTE[0], "--"), "mean": ("0.45", "--"), "rated": (PALETTE[1], "-"), "peak": (PALETTE[1], ":")}
+LEVELS: dict[str, tuple[str, Any]] = {  # colour and dash
+    "rms": (PALETTE[0], "--"), "mean": ("0.45", ":"), "rated": (PALETTE[1], "-."), "peak": (PALETTE[1], (0, (8, 2))),
+}  # fmt: skip
 
 
 def draw_durations(found: DurationStudy, own_duration: float) -> Figure:
@@ -65,19 +63,11 @@ def _draw_peak(ax: Axes, found: DurationStudy, by: str) -> None:
         ax.plot(cross.duration, cross.value * factor, "o", color="black", markersize=4, zorder=3)
         ax.annotate(f"{cross.duration:.3g} s", (cross.duration, cross.value * factor), (4, 4),
                     textcoords="offset points", fontsize="small")  # fmt: skip
-    _label_decades(ax.xaxis, times[0], times[-1])
-    _label_decades(ax.yaxis, *ax.get_ylim())
+    label_decades(ax.xaxis, times[0], times[-1])
+    label_decades(ax.yaxis, *ax.get_ylim())
     ax.set_xlim(times[0], times[-1])
     ax.grid(color="0.93")
     ax.legend(loc="upper right", fontsize="small", title="first law", title_fontsize="small")
-
-
-def _label_decades(axis: Axis, low: float, high: float) -> None:
-    """Label a logarithmic axis at 1, 2, 3 and 5 of every decade with plain numbers."""
-    marks = [mark * 10.0**decade for decade in DECADES for mark in TICKS]
-    axis.set_major_locator(FixedLocator([mark for mark in marks if low <= mark <= high]))
-    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axis.set_minor_formatter(NullFormatter())
 
 
 def draw_shaft_torque(sizing: LawSizing, rule: SizingRule) -> Figure:

@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
 FAMILIES: Mapping[str, Mapping[str, str]] = {  # family -> law -> colour, dark to light
@@ -31,6 +33,7 @@ FAMILIES: Mapping[str, Mapping[str, str]] = {  # family -> law -> colour, dark t
 }  # fmt: skip
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # other curves; Okabe and Ito
 DASHES = ("-", "--", ":", "-.", (0, (8, 2, 1, 2, 1, 2)))
+TICKS, DECADES = (1, 2, 3, 5), range(-6, 9)  # labels of a logarithmic axis
 TITLE_HEIGHT = 1.0  # [-], of a title above its panel; a fixed height saves measuring every label
 
 
@@ -86,3 +89,19 @@ def panels(
 def legend_below(figure: Figure, ax: Axes, columns: int) -> None:
     """Place the legend of one panel below all panels."""
     figure.legend(*ax.get_legend_handles_labels(), loc="lower center", ncols=columns, frameon=False)
+
+
+def label_decades(axis: Axis, low: float, high: float) -> None:
+    """Label a logarithmic axis at 1, 2, 3 and 5 of every decade with plain numbers.
+
+    Parameters
+    ----------
+    axis : Axis
+        Logarithmic axis.
+    low, high : float
+        Range of the labels.
+    """
+    marks = [mark * 10.0**decade for decade in DECADES for mark in TICKS]
+    axis.set_major_locator(FixedLocator([mark for mark in marks if low <= mark <= high]))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
