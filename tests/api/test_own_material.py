@@ -82,6 +82,8 @@ def test_scene_rolls_over_an_own_material_to_its_density(own_mix):
     assert found.exit_height == pytest.approx(scene.product.height, rel=1e-5)
     pressed = scene.replaced(**{"contact.load": 9e3}).roll(0.1, material=own_mix)[0]
     assert pressed.load == pytest.approx(9e3 / scene.machine.roller_length, rel=1e-4)
+    with pytest.raises(ValueError, match=r'an own material has no pore air; set mix.pore_air = "drained"'):
+        scene.replaced(**{"mix.pore_air": "one-way"}).roll(0.1, material=own_mix)
     with pytest.raises(ValueError, match=r"an own material needs the engine column and one pass, got fem and 1"):
         scene.roll(0.1, engine="fem", material=own_mix)
 
