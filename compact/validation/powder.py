@@ -1,7 +1,7 @@
 """Case of a compacting powder: the calibrated cap of microcrystalline cellulose in a die, and one ellipse over a range.
 
 The tables of the cap are those of others. Their stresses in the die are rigid-plastic; ours contain elastic strain. The
-engines `column` and `compaction` have them with the law "density-cap". With an ellipse they have one slope M, so that it
+engines `column` and `compaction` have the tables with the law "density-cap". An ellipse has one slope M, so that it
 represents the powder over a range of density only: M, tensile strength and moduli are those at the middle, and Heckel's
 line runs through both ends.
 """
