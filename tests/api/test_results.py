@@ -1,6 +1,7 @@
 """Python interface: results of a scene as tables, datasets, figures and meshes, equal to those of a study."""
 
 import ast
+import pickle
 import subprocess
 import sys
 from pathlib import Path
@@ -53,6 +54,7 @@ def test_scene_keeps_its_class_and_is_short_in_text(scene):
     assert changed.with_engine("formula").accuracy.engine == "formula"
     assert repr(scene) == f"<scene Small: the published machine, three laws, {SCENES / 'small.toml'}, engine column>"
     assert "roller_radius" in scene._repr_html_()
+    assert pickle.loads(pickle.dumps(scene)) == scene
     assert compact.parse_scene((SCENES / "small.toml").read_text("utf-8")).mix == scene.mix
 
 
@@ -68,6 +70,8 @@ def test_contacts_equal_those_of_a_study_and_have_units(scene, contacts):
     assert float(dataset["load"].sel(speed=0.1)) == contacts[1].load
     assert "creep" not in frame  # which no column has
     assert isinstance(contacts.plot(), Figure)
+    with pytest.raises(ValueError, match=r"`speeds` must hold at least one speed"):
+        scene.roll([])
     assert repr(contacts) == "<3 contacts by column, 0.05 to 0.2 m/s, Small: the published machine, three laws>"
     assert "load [kN/m]" in contacts._repr_html_()
 
@@ -114,6 +118,8 @@ def test_own_law_in_three_forms_has_one_value(scene):
     assert values["table"] == pytest.approx(values["profile"], rel=1e-6)
     with pytest.raises(ValueError, match=r"the law 'far' has the stroke 0.8, the scene motion.stroke = 0.4"):
         scene.rank(laws={"far": lambda time: 2 * travel(time)})
+    with pytest.raises(ValueError, match=r"the scene has a law 'cubic' already"):
+        scene.rank(laws={"cubic": travel})
     with pytest.raises(ValueError, match=r"the law 'jumps' deviates from its fit by .* begin and end at rest"):
         scene.rank(laws={"jumps": lambda time: 0.4 * time / 3.0})
 

@@ -3,6 +3,8 @@
 The figure is drawn from finished tests, in the axes of a soil laboratory.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -28,6 +30,23 @@ def draw_material_tests(programme: LaboratoryProgramme) -> Figure:
     _draw_earth_pressure(axes[0, 1], programme)
     _draw_shear(axes[1, 0], programme)
     _draw_paths(axes[1, 1], programme)
+    return figure
+
+
+def draw_stress_strain(tests: Sequence[MaterialTest]) -> Figure:
+    """Draw the axial stress of tests over their axial strain.
+
+    Parameters
+    ----------
+    tests : sequence of MaterialTest
+        Paths.
+    """
+    figure, ((ax,),) = panels(1, 1, (6.2, 3.4))
+    for number, test in enumerate(tests):
+        label = test.name if not test.lateral_pressure else f"{test.name}, {test.lateral_pressure / 1e3:.4g} kPa"
+        ax.plot(1e2 * test.axial_strain, test.axial_stress / 1e3, color=PALETTE[number % len(PALETTE)], label=label)
+    ax.set(xlabel="axial strain [%]", ylabel="axial stress [kPa]")
+    ax.legend(frameon=False, fontsize="small")
     return figure
 
 
