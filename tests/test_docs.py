@@ -69,3 +69,18 @@ def test_an_unknown_study_is_refused(capsys):
     with pytest.raises(SystemExit):
         gallery().main(["rank_all"])
     assert "no study rank_all; choose from compaction_baseline, " in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_studies_in_a_few_lines_run(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "studies").symlink_to(ROOT / "studies")
+    code = (DOCS / "examples" / "short_studies.py").read_text("utf-8")
+    exec(compile(code, "short_studies.py", "exec"), {"__name__": "short_studies"})
+    printed = capsys.readouterr().out
+    assert re.search(r"column +reversal-3 +\d+ W", printed)
+    assert len(re.findall(r"(?m)^ +\d\.\d s +cubic", printed)) == 4
+    shown = {name for name in gallery().RUNS if f"# [{name}]" in code}
+    pages = {name: (DOCS / "gallery" / f"{name}.md").read_text("utf-8") for name in shown}
+    assert len(shown) == 5
+    assert all(f":start-at: '# [{name}]'" in page for name, page in pages.items())
