@@ -1,6 +1,6 @@
 # docker build -t compact .
-# docker run --rm -v "$PWD/out:/work/out" compact                    the published machine by all engines, minutes
-# docker run --rm -v "$PWD:/work" compact run mine/scene.toml        a scene of the present folder
+# docker run --rm --user "$(id -u)" -v "$PWD:/work" compact                           the published machine, minutes
+# docker run --rm --user "$(id -u)" -v "$PWD:/work" compact run mine/scene.toml       a scene of the present folder
 FROM python:3.13-slim AS build
 WORKDIR /source
 COPY pyproject.toml constraints.txt README.md LICENSE ./
@@ -13,6 +13,6 @@ RUN useradd --create-home --uid 1000 compact && install --directory --owner=comp
 COPY studies/scenes /scenes
 USER compact
 WORKDIR /work
-ENV MPLBACKEND=Agg
+ENV MPLBACKEND=Agg MPLCONFIGDIR=/tmp/matplotlib NUMBA_CACHE_DIR=/tmp/numba
 ENTRYPOINT ["compact"]
 CMD ["run", "/scenes/loveikin-2015-engines.toml"]

@@ -1,6 +1,8 @@
 """Packaging: one version, dependencies of pip and conda, versions of Python, a container that runs a scene."""
 
 import re
+import subprocess
+import sys
 import tomllib
 from importlib.metadata import version
 from pathlib import Path
@@ -47,3 +49,12 @@ def test_container_copies_what_exists():
     assert (ROOT / "studies" / "scenes" / scene).exists()
     kept = [line[1:] for line in (ROOT / ".dockerignore").read_text("utf-8").splitlines() if line.startswith("!")]
     assert set(copied) <= set(kept)
+
+
+def test_notes_of_a_release_are_a_section_of_the_changelog():
+    call = [sys.executable, str(ROOT / ".ci" / "release_notes")]
+    notes = subprocess.run([*call, "Unreleased"], capture_output=True, text=True, check=True).stdout
+    assert notes.startswith("###")
+    refused = subprocess.run([*call, "99.0"], capture_output=True, text=True, check=False)
+    assert refused.returncode == 1
+    assert "no section [99.0]; move the lines of [Unreleased] there" in refused.stderr

@@ -17,6 +17,7 @@ from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.analysis.machine_models import cart
 from compact.analysis.pore_air import pore_air_of
 from compact.engines.process.closures import ClosedProcess, FormingProblem, mean_bite, require_bite, solve_closure
+from compact.engines.process.confined_floor import GrainShare, confined_work
 from compact.engines.process.forming import Closure, ClosureKind, Feed, Fill, FormingMachine
 from compact.engines.process.lumped_lifts import (
     MIDDLE_SHARE,
@@ -319,6 +320,26 @@ class ProcessStudy:
         if found is None:
             return self.row.resistance
         return found.resistance.value + (found.air_resistance.value if self.counts_air else 0.0)
+
+    def resistance_with(self, scene: Scene) -> float:
+        """Estimate the resistance to one cart with another mix [N], by the confined floor and the drag of the sleeves.
+
+        Shear and uneven density are assumed to be in proportion to the confined work.
+
+        Parameters
+        ----------
+        scene : Scene
+            Scene that differs from that of the study by its mix and the density ratio of its feed.
+        """
+        other, row = replace(self, scene=scene, known=None), self.row
+        total, problem = row.flow.fill + row.flow.fed, other.problem
+        entries = [
+            GrainShare(row.flow.fill / total, problem.fill.density_ratio),
+            GrainShare(row.flow.fed / total, problem.feed.density_ratio),
+        ]
+        factor = problem.rate_factor(mean_bite(row.history))
+        work = confined_work(problem.material, entries, row.product_density_ratio, factor)
+        return self.scene.machine.rollers * self.resistance * work / row.confined_work + (other.sleeve_drag or 0.0)
 
     @property
     def covered_width(self) -> float:

@@ -450,6 +450,6 @@ def _distributed() -> ModuleType:
     try:
         import distributed
     except ImportError:
-        remedy = "install it with `pip install '.[cluster]'`, or give --workers"
+        remedy = "install it with `pip install 'compact[cluster]'`, or give --workers"
         raise RuntimeError(f"a cluster needs dask; {remedy}") from None
     return distributed

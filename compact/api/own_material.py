@@ -14,6 +14,7 @@ from scipy.optimize import brentq
 from compact.analysis.contact_cases import contact_inputs, prescribed_target, scene_mix
 from compact.analysis.engines import ENGINES
 from compact.analysis.material_tests import AXIAL_STRAIN, LATERAL_SHARES, STEPS, MaterialTest
+from compact.analysis.pore_air import has_air
 from compact.engines.column.state_update_columns import required_height
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
@@ -58,6 +59,8 @@ def roll_material(scene: Scene, material: StateUpdate, speed: float) -> ContactR
             f"an own material needs the engine column and one pass, got {scene.accuracy.engine} and "
             f"{scene.layer.passes}; the other engines have no Python interface to the stress of a point"
         )
+    if has_air(scene):
+        raise ValueError(f'{scene.file}: an own material has no pore air; set mix.pore_air = "drained"')
     scene = scene.replaced(**{"layer.fed_density_ratio": material.fed_density_ratio})
     layer, roller, _ = contact_inputs(scene, scene_mix(scene), "column", speed)
     options: dict[str, Any] = {"rtol": scene.accuracy.tolerance / 10}

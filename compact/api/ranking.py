@@ -130,10 +130,12 @@ def own_laws(scene: Scene, laws: Mapping[str, OwnLaw]) -> tuple[MotionProfile, .
     Raises
     ------
     ValueError
-        If a law has another stroke or duration than the scene, or is not from rest to rest.
+        If a law has the name of one of the scene, another stroke or duration, or is not from rest to rest.
     """
     motion, found = scene.motion, []
     for name, given in laws.items():
+        if name in (*scene.law_names, *(path.stem for path in scene.table_paths)):
+            raise ValueError(f"the scene has a law '{name}' already; give the own law another name")
         if isinstance(given, MotionProfile):
             law = replace(given, name=name)
         elif callable(given):

@@ -64,6 +64,8 @@ class Scene(loader.Scene):
         RuntimeError
             If a contact does not converge.
         """
+        import numpy as np
+
         from compact.analysis.contact_cases import contact_record, contact_speeds, scene_mix
         from compact.analysis.stages.contacts import ContactStage
         from compact.api.contacts import Contacts
@@ -71,9 +73,11 @@ class Scene(loader.Scene):
 
         scene = self._by(engine)
         stage = ContactStage(scene, scene_mix(scene))
-        wanted = contact_speeds(scene) if speeds is None else [speeds] if isinstance(speeds, int | float) else speeds
+        wanted = [float(speed) for speed in np.atleast_1d(contact_speeds(scene) if speeds is None else speeds)]
+        if not wanted:
+            raise ValueError("`speeds` must hold at least one speed, got none; give speeds in m/s")
         records, passes = [], list[tuple[Any, ...]]()
-        for speed in map(float, wanted):
+        for speed in wanted:
             if material is None:
                 passes.append(stage.passes_at(speed, passes[-1] if passes else None))
                 air = stage.air_forces_of(passes[-1][0], speed)

@@ -25,7 +25,7 @@ class Study(study.Study):
     >>> study
     <study of Small: the published machine, three laws, engine formula, 3 laws>
     >>> study.rankings["peak_power"][0].run.name
-    'cubic'
+    'reversal-3'
     """
 
     @property

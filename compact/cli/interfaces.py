@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from compact.cli.options import DEFAULT_CONSOLE, Changes, Console, Engine, Force, ScenePath, read_study
+from compact.cli.options import DEFAULT_CONSOLE, Changes, Console, Engine, Force, ScenePath, read_scene
 from compact.files import default_directory
 
 Format = Literal["csv", "modelica", "simulink", "fmu", "vtu", "vtk", "xdmf", "gmsh"]
@@ -43,16 +43,16 @@ def export(
     out
         folder of the results; default out/NAME-export, NAME as in `compact run`
     """
+    given = read_scene(scene, console.quiet, changes, {"accuracy.engine": engine})
+
+    from compact.analysis.study import Study
     from compact.files import claimed_directory
     from compact.interfaces.field_formats import FIELD_FORMATS, write_fields
     from compact.interfaces.force_tables import TABLE_FORMATS, CartModel, force_table
     from compact.interfaces.functional_mockup import has_binary, write_fmu
 
     progress, place = console.progress(), out or default_directory(scene, "export")
-    study = read_study(
-        scene, console.quiet, {"accuracy.engine": engine}, changes, progress.begin, default_directory(scene),
-        progress.report,
-    )  # fmt: skip
+    study = Study(given, progress.begin, default_directory(scene), progress.report)
     with_fields = [name for name in formats if name in FIELD_FORMATS]
     if with_fields and study.engine.fields_module is None:
         raise ValueError(

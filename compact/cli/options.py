@@ -1,4 +1,4 @@
-"""Options that commands share, exit codes, and the scene or study of a command."""
+"""Options that commands share, exit codes, and the scene of a command."""
 
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,7 +12,6 @@ from cyclopts import Parameter
 from compact.files import OWNER_FILE, json_text
 
 if TYPE_CHECKING:
-    from compact.analysis.study import Study
     from compact.report.progress import Progress
     from compact.scene.loader import Scene
 
@@ -115,40 +114,6 @@ def is_interrupt(error: BaseException) -> bool:
     return isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt)
 
 
-def read_study(
-    path: Path,
-    quiet: bool,
-    replacements: Mapping[str, object],
-    changes: Sequence[str] = (),
-    step: Callable[[str], None] = lambda _: None,
-    directory: Path | None = None,
-    progress: Callable[[str], None] | None = None,
-    durations: Sequence[float] = (),
-) -> "Study":
-    """Load a scene file with some of its keys replaced, and return its study.
-
-    Parameters
-    ----------
-    path : Path
-        Scene file.
-    quiet : bool
-        True to print no advice.
-    replacements : mapping
-        Values by key of the scene, None for the value of the scene.
-    changes : sequence of str
-        Changes of the option --set, KEY=VALUE.
-    step, directory, progress, durations
-        Parameters of `Study`.
-
-    Returns
-    -------
-    Study
-    """
-    from compact.analysis.study import Study
-
-    return Study(read_scene(path, quiet, changes, replacements), step, directory, progress, durations)
-
-
 def read_scene(
     path: Path, quiet: bool, changes: Sequence[str] = (), replacements: Mapping[str, object] | None = None
 ) -> "Scene":
@@ -156,8 +121,14 @@ def read_scene(
 
     Parameters
     ----------
-    path, quiet, changes, replacements
-        As of `read_study`.
+    path : Path
+        Scene file.
+    quiet : bool
+        True to print no advice.
+    changes : sequence of str
+        Changes of the option --set, KEY=VALUE.
+    replacements : mapping
+        Values by key of the scene, None for the value of the scene.
 
     Returns
     -------

@@ -1,9 +1,11 @@
 """The command `compact`: each subcommand calls the analysis and the report, and prints a digest.
 
 Exit codes: 0 success, 1 no result (no convergence, files), 2 invalid input, 130 interrupted. Heavy modules are imported
-inside the commands, so that `--help` answers within a quarter of a second.
+inside the commands, so that `--help` answers within a quarter of a second, and after the scene is read, so that a
+refusal of the scene does not wait for them.
 """
 
+import gc
 import os
 import sys
 import warnings
@@ -31,7 +33,6 @@ from compact.cli.options import (
     kept_files,
     print_error,
     read_scene,
-    read_study,
 )
 from compact.files import ResultsError, default_directory, json_text, read_json
 
@@ -60,6 +61,7 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = SUCCESS
     if code == INTERRUPTED:  # an interrupt inside `eval` would make the interpreter end by the signal itself
+        gc.collect()  # releases semaphores of worker processes, which would be reported as leaked
         sys.stderr.flush()
         os._exit(code)
     sys.exit(code)
@@ -177,7 +179,11 @@ def run(
     over
         duration=LOW:HIGH:N, durations of a pass in s at which the laws are ranked again, with their crossovers
     """
+    replacements = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
+    given = read_scene(scene, console.quiet, changes, replacements)
+
     from compact.analysis.sizing.durations import read_durations
+    from compact.analysis.study import Study
     from compact.analysis.worker_pool import ProcessExecutor, cores
     from compact.report import text
     from compact.report import writer as report
@@ -185,11 +191,9 @@ def run(
 
     progress = console.progress()
     directory = out or default_directory(scene)
-    replacements = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
-    study = read_study(
-        scene, console.quiet, replacements, changes, directory=directory,
+    study = Study(
+        given, directory=directory, progress=progress.report, durations=() if over is None else read_durations(over),
         step=lambda stage: progress.begin(stage, study.plan.cost(stage), total=study.plan.total_cost),
-        progress=progress.report, durations=() if over is None else read_durations(over),
     )  # fmt: skip
     progress.total = study.plan.total_cost
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
@@ -234,18 +238,21 @@ def roll(
     out
         folder of the results; default out/NAME-ENGINE, NAME as in `compact run`
     """
-    from compact.files import claimed_directory
-    from compact.report import contact_tables, text
-    from compact.report.pictures import require_picture, write_picture
-    from compact.scene.plausible_ranges import check_speed
-
     if material is not None or slip is not None:
         if picture is not None:
             raise ValueError("--picture shows the fields of fem and compaction; a wheel on terrain has none")
         _roll_on_terrain(scene, engine, material, slip, out, changes=changes, force=force, console=console)
         return
+    given = read_scene(scene, console.quiet, changes, {"accuracy.engine": engine})
+
+    from compact.analysis.study import Study
+    from compact.files import claimed_directory
+    from compact.report import contact_tables, text
+    from compact.report.pictures import require_picture, write_picture
+    from compact.scene.plausible_ranges import check_speed
+
     progress = console.progress()
-    study = read_study(scene, console.quiet, {"accuracy.engine": engine}, changes, progress=progress.report)
+    study = Study(given, progress=progress.report)
     if speed is not None:
         check_speed(speed, study.scene.unusual)
     speed = speed if speed is not None else study.scene.mean_speed
@@ -317,10 +324,13 @@ def cam(
     out
         folder of the results; default out/NAME-cams, NAME as in `compact run`
     """
+    given = read_scene(scene, console.quiet, changes, {} if law.startswith("least-") else {"motion.laws": (law,)})
+
+    from compact.analysis.study import Study
     from compact.cams import export as cam_files
     from compact.report import text
 
-    study = read_study(scene, console.quiet, {} if law.startswith("least-") else {"motion.laws": (law,)}, changes)
+    study = Study(given)
     made = study.law_stage.cam(law, follower)
     written = cam_files.write_cam_files(out or default_directory(scene, "cams"), study.scene, made, cutter, tolerance)
     files = "\n".join(f"  {path}" for path in written)

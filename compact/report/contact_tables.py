@@ -8,6 +8,7 @@ import numpy as np
 
 from compact import quantities
 from compact.analysis.contact_cases import ContactRecord, TerrainContact, contact_record, contact_to_json
+from compact.analysis.stages.roller_pair import pair_answer
 from compact.analysis.study import Study
 from compact.files import write_columns, write_csv, write_figure, write_json, write_vtu_series
 from compact.report.number_format import json_number
@@ -105,10 +106,11 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     columns = first.x, first.pressure, first.shear_traction
     write_columns(directory / "pressure.csv", ("x_m", "pressure_Pa", "shear_traction_Pa"), columns)
     air = study.contact_stage.air_forces_of(first, speed)
-    replaced = {"replaced": list(study.scene.replacements[engine])}
-    write_json(
-        directory / "contact.json", contact_to_json(contact_record(engine, speed, tuple(passes), air)) | replaced
-    )
+    content = contact_to_json(contact_record(engine, speed, tuple(passes), air))
+    pair = pair_answer(study.scene, study.mix, first, speed)
+    if pair is not None:
+        content["pair"] = pair.to_json()
+    write_json(directory / "contact.json", content | {"replaced": list(study.scene.replacements[engine])})
     write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, study.exact, speed))
     if study.engine.compacting:
         list(_write_passes([(speed, passes)], directory))

@@ -16,6 +16,7 @@ from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages.comparison import resistances_without_wave
 from compact.analysis.stages.laws import COMPLIANT_DRIVES
 from compact.analysis.stages.model_spread import LawVariant
+from compact.analysis.stages.roller_pair import pair_answer
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
@@ -78,6 +79,9 @@ def _digest_sentences(study: Study) -> Iterator[str]:
     yield from (study.mix.density_achievable.reason, held_sentence(study), return_sentence(study), air_sentence(study))
     yield "" if study.over_durations is None else duration_sentence(study.over_durations)
     yield from _best_lines(study)
+    if study.scene.machine.roller_condition == "pair":
+        speed, contact = study.contact_stage.typical
+        yield "; ".join(pair_sentences(study, contact, speed))
     yield guide_sentence(study).partition("; for comparison")[0]
     yield from (coverage(study.scene, study.engineering), bearing_sentence(study.machine_sizing), work_sentence(study))
     yield from chain(*study.scene.replacements.values())
@@ -102,6 +106,7 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
     if study.held is not None:
         lines.append(held_sentence(study))
     lines += study.scene.replacements[engine]
+    lines += pair_sentences(study, first, speed)
     air = study.contact_stage.air_forces_of(first, speed)
     if air is not None:
         lines.append(
@@ -112,6 +117,37 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
         lines += ["", "pass   load [N/m]   resistance [N/m]   exit height [mm]   density ratio"]
         lines += [_pass_line(number, each) for number, each in enumerate(passes, start=1)]
     return "\n".join(lines)
+
+
+def pair_sentences(study: Study, contact: ContactResult, speed: float) -> list[str]:
+    """Describe a contact of a pair of rollers, compared with Johanson's theory; empty for other rollers.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the contact [m/s].
+    """
+    pair = pair_answer(study.scene, study.mix, contact, speed)
+    if pair is None:
+        return []
+    lines = [
+        f"one of two rollers: gap {1e3 * pair.gap:.3g} mm, strip {1e3 * pair.strip_thickness:.3g} mm, contact from "
+        f"{np.degrees(pair.entry_angle):.3g} degrees, both rollers {pair.power:.4g} W",
+    ]
+    if pair.rim_over_feed is not None:
+        rim, strip = pair.rim_over_feed - 1, pair.strip_over_feed / pair.rim_over_feed - 1
+        lines.append(f"the rims are {rim:.1%} faster than the fed mix, the strip {strip:.1%} faster than the rims")
+    angle = getattr(contact, "nip_angle", None)
+    nip = "" if angle is None else f"nip angle {np.degrees(angle):.3g} degrees"
+    if pair.johanson_nip_angle is not None and pair.johanson_load is not None:
+        ratio = pair.johanson_load / contact.load
+        lines.append(
+            f"{nip + '; ' if nip else ''}Johanson: nip angle {np.degrees(pair.johanson_nip_angle):.3g} degrees with K "
+            f"{pair.johanson_compressibility:.3g}, {ratio:.2f} times the load at this peak pressure"
+        )
+    elif nip:
+        lines.append(nip)
+    return lines
 
 
 def cam_digest(law: str, cam: Cam) -> str:

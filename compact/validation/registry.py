@@ -20,7 +20,7 @@ from compact.validation.plant_case import read_plant_case
 from compact.validation.plastic_limits import PRANDTL
 from compact.validation.plate_wheel import CMU_WHEEL
 from compact.validation.powder import PH102
-from compact.validation.roller_compactor import JOHANSON
+from compact.validation.roller_compactor import JOHANSON, JOHANSON_ELEMENTS
 from compact.validation.sand_oedometers import SAND
 from compact.validation.terramechanics import BEKKER, WONG_REECE
 
@@ -29,7 +29,19 @@ RECORDED_HEADER = ("case", "key", "ours", "theirs", "verdict")
 CASES: Mapping[str, ValidationCase] = MappingProxyType(
     {
         each.name: each
-        for each in (CMU_WHEEL, SAND, PH102, PA6, BEKKER, WONG_REECE, JOHANSON, CAM_CLAY, PRANDTL, IRONING)
+        for each in (
+            CMU_WHEEL,
+            SAND,
+            PH102,
+            PA6,
+            BEKKER,
+            WONG_REECE,
+            JOHANSON,
+            JOHANSON_ELEMENTS,
+            CAM_CLAY,
+            PRANDTL,
+            IRONING,
+        )
     }
 )
 

@@ -9,8 +9,10 @@ from lift_sequences import sequence
 
 from compact import drive
 from compact.analysis import machine_models, process
+from compact.analysis.process import ProcessStudy
 from compact.analysis.process_contact import is_for_sizing
 from compact.analysis.stages.drives import build_stages
+from compact.analysis.stages.uncertainty import mix_spread
 from compact.analysis.study import Study
 from compact.report import writer
 from compact.report.page.answer_text import model_table
@@ -199,3 +201,20 @@ def test_another_speed_keeps_the_feed(study):
     assert row.history.rate_factor < found.row.history.rate_factor
     assert found.row_at(found.problem.machine.cart_speed) is found.row
     assert replace(found, known=None).row_at(0.2).load == pytest.approx(found.row_at(0.2).load, rel=1e-9)
+
+
+def test_spread_over_the_mix_is_that_of_feed_work_and_sleeves(study):
+    found = study.contact_stage.process
+    own = study.resistance_map(study.scene.mean_speed)
+    assert found.resistance_with(study.scene) == pytest.approx(own, rel=1e-3)
+    slope = found.mix.heckel_slope
+    stiffer = study.scene.replaced(**{"mix.overrides.heckel_slope": slope / 2})
+    direct = ProcessStudy(stiffer)
+    rollers = found.resistance_with(stiffer) - found.sleeve_drag
+    assert rollers == pytest.approx(2 * direct.resistance, rel=0.01)
+    assert rollers / (2 * found.resistance) == pytest.approx(2, rel=0.1)
+    spread = mix_spread(study.scene, found)
+    assert "fed_density_ratio" in spread.names
+    assert spread.ranges["fed_density_ratio"] == pytest.approx((0.735, 0.765))
+    assert spread.low < 1 < spread.high
+    assert spread.fit > 0.98

@@ -43,7 +43,9 @@ def spring():
     return compact.StateUpdate(elastic, np.zeros(4), 0.94, name="spring")
 
 
-@pytest.mark.parametrize("target", [{"indentation": DEPTH}, {"load": 12e3}, {"peak_pressure": 250e3}])
+@pytest.mark.parametrize(
+    "target", [{"indentation": DEPTH}, {"load": 12e3}, pytest.param({"peak_pressure": 250e3}, marks=pytest.mark.slow)]
+)
 def test_law_of_the_mix_as_state_update_rolls_as_the_column_engine(own_mix, target):
     roller = Roller(R, profile="circle", **target)
     reference, found = (roll(Layer(FED_HEIGHT), roller, material, 0.2) for material in (MIX, own_mix))
@@ -80,6 +82,8 @@ def test_scene_rolls_over_an_own_material_to_its_density(own_mix):
     assert found.exit_height == pytest.approx(scene.product.height, rel=1e-5)
     pressed = scene.replaced(**{"contact.load": 9e3}).roll(0.1, material=own_mix)[0]
     assert pressed.load == pytest.approx(9e3 / scene.machine.roller_length, rel=1e-4)
+    with pytest.raises(ValueError, match=r'an own material has no pore air; set mix.pore_air = "drained"'):
+        scene.replaced(**{"mix.pore_air": "one-way"}).roll(0.1, material=own_mix)
     with pytest.raises(ValueError, match=r"an own material needs the engine column and one pass, got fem and 1"):
         scene.roll(0.1, engine="fem", material=own_mix)
 

@@ -121,7 +121,8 @@ def sensitivities(stages: Stages) -> list[Shift]:
 def _ranges(stages: Stages) -> dict[str, Range]:
     """Return the range of each input by its scene key."""
     scene, mix, engine = stages.contacts.scene, stages.contacts.mix, stages.contacts.engine
-    names = list(MIX_INPUTS[engine.name if engine.cheap else "formula"])
+    own_inputs = MIX_INPUTS.get(engine.name, engine.mix_parameters)  # the latter of an engine of another package
+    names = list(own_inputs if engine.cheap else MIX_INPUTS["formula"])
     new_layer = engine.cheap and engine.compacting
     if scene.mix.law == "drucker-prager-cap":
         names = ["cohesion_loose" if name == "cohesion" else name for name in names]

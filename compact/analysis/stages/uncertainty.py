@@ -4,10 +4,10 @@ Sources are the discretisation (mesh and resistance map), the parameters of the 
 valid models, the quantity held over speed, the mix under the return stroke, and the duration of a pass. Each source
 scales or replaces the resistance; the laws are simulated again at both of its ends with the drive of the scene.
 
-The mix is sampled with columns, which take milliseconds: the logarithm of the resistance over the prior is fitted by a
-quadratic polynomial in the parameters. Sobol indices (`scipy.stats.sobol_indices`) of the peak force of the
-recommended law then give the share of each parameter in the variance; the parameter with the largest share should be
-measured first.
+The mix is sampled with columns, which take milliseconds, or with the confined floor of a forming process: the
+logarithm of the resistance over the prior is fitted by a quadratic polynomial in the parameters. Sobol indices
+(`scipy.stats.sobol_indices`) of the peak force of the recommended law then give the share of each parameter in the
+variance; the parameter with the largest share should be measured first.
 
 References
 ----------
@@ -29,6 +29,7 @@ from scipy.stats import qmc, sobol_indices, uniform
 from compact import contact
 from compact.analysis.contact_cases import HeldQuantity, scene_mix
 from compact.analysis.engines import ENGINES
+from compact.analysis.process import ProcessStudy
 from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.stages.drives import Stages
 from compact.analysis.stages.verdict import ModelAnswer, Verdict
@@ -204,7 +205,7 @@ def ranking_uncertainty(
     """
     laws = {by: each.law for by, each in verdicts.items()}
     variation = _Variation(stages, laws)
-    mix = mix_spread(stages.contacts.scene)
+    mix = mix_spread(stages.contacts.scene, stages.contacts.process)
     sources = [each for each in _scaled_sources(variation, stages, mix, spread) if each is not None]
     sources += _other_models(models, verdicts)
     if compacted := variation.over_compacted_mix():
@@ -358,8 +359,15 @@ def _durations(model: ModelAnswer, verdicts: Mapping[str, Verdict]) -> Iterator[
 # mix
 
 
-def mix_spread(scene: Scene) -> MixSpread | None:
+def mix_spread(scene: Scene, process: ProcessStudy | None = None) -> MixSpread | None:
     """Sample the resistance at the mean speed over the parameters of the mix, by columns.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    process : ProcessStudy, optional
+        Forming process, whose confined floor replaces the pass of columns.
 
     Returns
     -------
@@ -367,15 +375,15 @@ def mix_spread(scene: Scene) -> MixSpread | None:
         None where columns do not cover the scene.
     """
     try:
-        columns = scene.with_engine("column")
-        base = roll_scene(columns, scene_mix(columns), scene.mean_speed).resistance
-    except (ValueError, RuntimeError):
+        columns = scene.with_engine("column") if process is None else scene
+    except ValueError:
         return None
+    base = _resistance_with(columns, {}, process)
     if not base > 0:
         return None
     ranges = parameter_ranges(columns, scene)
     names, count = tuple(ranges), len(ranges)
-    resistance = partial(_resistance_at, columns, ranges)
+    resistance = partial(_resistance_at, columns, ranges, process)
     shares = qmc.Sobol(count, rng=SEED).random(SAMPLES)
     found = np.array([resistance(share) for share in shares]) / base
     known = found > 0  # nan without a solution
@@ -392,7 +400,8 @@ def mix_spread(scene: Scene) -> MixSpread | None:
         ends = np.array([centre, centre])
         ends[:, index] = 0.0, 1.0
         alone[name] = resistance(ends[0]) / base, resistance(ends[1]) / base
-    twice = _resistance_with(columns, {"mix.overrides.heckel_slope": scene_mix(columns).heckel_slope / 2}) / base
+    stiffer = {"mix.overrides.heckel_slope": scene_mix(columns).heckel_slope / 2}
+    twice = _resistance_with(columns, stiffer, process) / base
     return MixSpread(
         float(low), float(high), fit, names, ranges, alone, {}, float(twice), tuple(coefficients.tolist())
     )  # fmt: skip
@@ -417,7 +426,7 @@ def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, f
         value = mix.parameter(name).value
         if low * value < high * value:
             ranges[name] = (low * value, high * value)
-    before = scene.layer.fed_density_ratio
+    before = _fed(scene)[1]
     step = DENSITY_STEP * (scene.mix.density_ratio - before)
     return ranges | {FED: (before - step, before + step)}
 
@@ -430,7 +439,7 @@ def _relative_range(parameter: Parameter, measured: bool) -> tuple[float, float]
 
 def _share_of(scene: Scene, name: str, low: float, high: float) -> float:
     """Return the position of the value of the scene in a range, 0 at its low and 1 at its high end [-]."""
-    value = scene.layer.fed_density_ratio if name == FED else scene_mix(scene).parameter(name).value
+    value = _fed(scene)[1] if name == FED else scene_mix(scene).parameter(name).value
     return math.log(value / low) / math.log(high / low) if low > 0 else (value - low) / (high - low)
 
 
@@ -439,17 +448,28 @@ def _value_at(share: float, low: float, high: float) -> float:
     return low * (high / low) ** share if low > 0 else low + share * (high - low)
 
 
-def _resistance_at(scene: Scene, ranges: Mapping[str, tuple[float, float]], shares: Sequence[float]) -> float:
-    """Return the resistance of a roller at positions in the ranges [N/m]; nan without a solution."""
-    keys = (f"layer.{FED}" if name == FED else f"mix.overrides.{name}" for name in ranges)
+def _fed(scene: Scene) -> tuple[str, float]:
+    """Return key and value of the initial density ratio: of the feed of a process, or of the layer before a pass."""
+    if scene.process is not None and ENGINES[scene.accuracy.engine].forming:
+        return "process.feed_density_ratio", scene.process.feed_density_ratio
+    return f"layer.{FED}", scene.layer.fed_density_ratio
+
+
+def _resistance_at(
+    scene: Scene, ranges: Mapping[str, tuple[float, float]], process: ProcessStudy | None, shares: Sequence[float]
+) -> float:
+    """Return the resistance at positions in the ranges; nan without a solution."""
+    keys = (_fed(scene)[0] if name == FED else f"mix.overrides.{name}" for name in ranges)
     values = (_value_at(float(share), *ends) for share, ends in zip(shares, ranges.values(), strict=True))
-    return _resistance_with(scene, dict(zip(keys, values, strict=True)))
+    return _resistance_with(scene, dict(zip(keys, values, strict=True)), process)
 
 
-def _resistance_with(scene: Scene, changes: Mapping[str, float]) -> float:
-    """Return the resistance of a roller for changed keys [N/m]; nan without a solution."""
+def _resistance_with(scene: Scene, changes: Mapping[str, float], process: ProcessStudy | None) -> float:
+    """Return the resistance of a roller [N/m], of a process of a cart [N], for changed keys; nan without solution."""
     try:
         changed = scene.replaced(**changes)
+        if process is not None:
+            return process.resistance_with(changed)
         return float(roll_scene(changed, scene_mix(changed), changed.mean_speed).resistance)
     except (ValueError, RuntimeError):
         return math.nan

@@ -15,6 +15,7 @@ J. R. Johanson, A rolling theory for granular solids, J. Appl. Mech. 32 (1965) 8
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +24,7 @@ from scipy.optimize import brentq
 
 from compact import rolling_contact
 from compact.engines.column.rigid_wheel import WheelContactResult, roll_wheel
+from compact.material.laws import Compaction
 from compact.material.pressure_sinkage import JohansonLaw, Terrain
 from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_that
@@ -58,6 +60,33 @@ class RollerPair:
         require_fields(self, positive="radius gap compressibility effective_friction_angle wall_friction_angle")
         wall, inner = self.wall_friction_angle, self.effective_friction_angle
         require_that(wall < inner < 90, wall, f"`wall_friction_angle` must be below {inner!r} and that below 90, got")
+
+    @classmethod
+    def of_mix(
+        cls, material: Compaction, radius: float, gap: float, exit_density_ratio: float, friction: float
+    ) -> Self:
+        """Return the pair for a mix that is compacted to a density ratio, with the constants of Johanson's powder.
+
+            K = ln(s_v,out/s_v,in)/ln(k_out/k_in),   delta = arcsin(M/sqrt(3)),   phi_w = arctan(friction)
+
+        s_v is the vertical stress of confined compression at both density ratios.
+
+        Parameters
+        ----------
+        material : Compaction
+            Constitutive law with the fed density ratio.
+        radius, gap : float
+            Radius of each roll and gap between them [m].
+        exit_density_ratio : float
+            Density ratio of the strip [-].
+        friction : float
+            Friction coefficient of powder on roll [-].
+        """
+        ratios, strength = np.array([material.fed_density_ratio, exit_density_ratio]), material.tensile_strength
+        stress = material.confined_stress_ratio * (material.yield_pressure(ratios) + strength) - strength
+        compressibility = float(np.diff(np.log(stress))[0] / np.diff(np.log(ratios))[0])
+        inner = float(np.degrees(np.arcsin(min(material.critical_slope / np.sqrt(3), 1.0))))
+        return cls(radius, gap, compressibility, inner, float(np.degrees(np.arctan(friction))))
 
     @property
     def gap_ratio(self) -> float:

@@ -377,8 +377,8 @@ def _pair_torque(solution: IncrementalRolling) -> float | None:
 def _pair_angles(solution: IncrementalRolling) -> tuple[float | None, float | None]:
     """Return nip and neutral angle of a roller of a pair [rad].
 
-    The nip angle lies half-way between two nodes, the neutral angle where the shear over its limit is interpolated to
-    zero.
+    The nip angle lies half-way between the first node that slips and the last one that sticks ahead of the neutral
+    angle, which may enclose some nodes of either kind. The neutral angle is interpolated to shear zero.
     """
     surface, contact = solution.surface, solution.contact
     if not isinstance(surface, PairSurface):
@@ -391,10 +391,11 @@ def _pair_angles(solution: IncrementalRolling) -> tuple[float | None, float | No
         return None, None
     first = drawn[0]
     neutral = float(np.interp(0.0, share[[first, first - 1]], angles[[first, first - 1]]))
-    slipping = np.flatnonzero((share <= -FULL_SLIP) & (angles > neutral))
-    if not len(slipping) or slipping[0] == first:
+    ahead = np.arange(len(angles)) >= first
+    slipping, sticking = (np.flatnonzero(ahead & kind) for kind in (share <= -FULL_SLIP, share > -FULL_SLIP))
+    if not len(slipping) or not len(sticking):
         return None, neutral
-    return float(angles[slipping[0] - 1] + angles[slipping[0]]) / 2, neutral
+    return float(angles[slipping[0]] + angles[sticking[-1]]) / 2, neutral
 
 
 def _contact_tractions(solution: IncrementalRolling) -> tuple[FloatArray, ...]:

@@ -38,6 +38,7 @@ CONTACT_MODELS = {
     "compaction": "a layer with irreversible compaction by finite elements",
     "process": "all strokes of the forming process, with feed before each and a moving mould",
 }
+OTHER_MODEL = "an engine of another package"
 
 
 def question(study: Study) -> dict[str, Any]:
@@ -47,7 +48,7 @@ def question(study: Study) -> dict[str, Any]:
         "scene": scene,
         "laws": list(study.cycles),
         "lift_thickness": scene.lift_thickness if scene.layer.lift_thickness else None,
-        "contact_model": CONTACT_MODELS[scene.accuracy.engine],
+        "contact_model": CONTACT_MODELS.get(scene.accuracy.engine, OTHER_MODEL),
     }
 
 
