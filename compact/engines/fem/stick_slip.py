@@ -151,7 +151,7 @@ def solve_shear(
     patch : ContactPatch
         Contact with its pressure.
     friction : FrictionCondition
-        Coefficient of friction, and tangential force or creepage.
+        Coefficient of friction and prescribed tangential force.
     nodes : ndarray, optional
         Positions of the tractions [m]; all surface nodes by default.
 
