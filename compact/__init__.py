@@ -17,9 +17,9 @@ from typing import TYPE_CHECKING, Any
 # isort: off
 if TYPE_CHECKING:  # for type checkers and editors; a test compares the names with _HOMES
     from compact.analysis.engines import Engine as Engine, EngineCost as EngineCost
-    from compact.api.own_material import laboratory_tests as laboratory_tests
     from compact.api.contacts import Contacts as Contacts
     from compact.api.fields import Fields as Fields, read_fields as read_fields
+    from compact.api.laboratory import LaboratoryTests as LaboratoryTests, laboratory_tests as laboratory_tests
     from compact.api.ranking import Ranking as Ranking
     from compact.api.resistance import CartResistance as CartResistance
     from compact.api.scene import Scene as Scene, load_scene as load_scene, parse_scene as parse_scene
@@ -78,9 +78,9 @@ if TYPE_CHECKING:  # for type checkers and editors; a test compares the names wi
 
 _HOMES = {
     "analysis.engines": ("Engine", "EngineCost"),
-    "api.own_material": ("laboratory_tests",),
     "api.contacts": ("Contacts",),
     "api.fields": ("Fields", "read_fields"),
+    "api.laboratory": ("LaboratoryTests", "laboratory_tests"),
     "api.ranking": ("Ranking",),
     "api.resistance": ("CartResistance",),
     "api.scene": ("Scene", "load_scene", "parse_scene"),

@@ -71,8 +71,8 @@ def roll_material(scene: Scene, material: StateUpdate, speed: float) -> ContactR
     return ENGINES["column"].roll(layer, roller, material, speed, **options)
 
 
-def laboratory_tests(material: StateUpdate, pressure: float) -> tuple[MaterialTest, ...]:
-    """Apply the laboratory tests of `material_tests` to loose mix of an own material.
+def own_material_tests(material: StateUpdate, pressure: float) -> tuple[MaterialTest, ...]:
+    """Apply the laboratory tests of `material_tests` to loose mix; see `laboratory.laboratory_tests`.
 
     Parameters
     ----------

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from compact.analysis.stages.resistance import ResistanceLaw
     from compact.api.contacts import Contacts
+    from compact.api.laboratory import LaboratoryTests
     from compact.api.ranking import OwnLaw, Ranking
     from compact.api.resistance import CartResistance
     from compact.api.study import Process, Study
@@ -213,6 +214,17 @@ class Scene(loader.Scene):
         from compact.api.study import Process
 
         return Process(self, detail)
+
+    def laboratory_tests(self) -> "LaboratoryTests":
+        """Apply the laboratory tests to the mix, as `compact material` does.
+
+        Returns
+        -------
+        LaboratoryTests
+        """
+        from compact.api.laboratory import tests_of_mix
+
+        return tests_of_mix(self)
 
     def study(self, *, engine: str | None = None) -> "Study":
         """Return the whole study of the scene, whose results are computed when first used.

@@ -1,10 +1,10 @@
 """Laboratory tests of a mix in a directory: material.csv, material.json, material.png, and their digest."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from compact.analysis.material_tests import LaboratoryProgramme
+from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest
 from compact.files import write_csv, write_figure, write_json
 from compact.report.figures.material import draw_material_tests
 
@@ -29,7 +29,7 @@ def write_material_tests(programme: LaboratoryProgramme, law: str, directory: Pa
     list of Path
         Files written.
     """
-    table = write_csv(directory / "material.csv", HEADER, _rows(programme))
+    table = write_csv(directory / "material.csv", HEADER, path_rows(programme.tests))
     summary = directory / "material.json"
     write_json(summary, material_summary(programme, law))
     return [table, summary, write_figure(directory / "material.png", draw_material_tests(programme))]
@@ -79,9 +79,9 @@ def material_digest(programme: LaboratoryProgramme, law: str) -> str:
     return "\n".join(lines)
 
 
-def _rows(programme: LaboratoryProgramme) -> Iterator[tuple[Any, ...]]:
-    """Yield the points of all tests."""
-    for test in programme.tests:
+def path_rows(tests: Sequence[MaterialTest]) -> Iterator[tuple[Any, ...]]:
+    """Yield the points of the paths of tests, in the columns of HEADER."""
+    for test in tests:
         columns = (
             test.axial_strain, test.volume_strain, test.axial_stress, test.lateral_stress, test.transverse_stress,
             test.mean_pressure, test.shear_stress, test.density_ratio,

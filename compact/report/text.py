@@ -41,6 +41,7 @@ DIGEST_LINES = 38  # [-]; the digest and the line of the results fit 40 lines
 PART_OF = re.compile(r" of \w+\)$")  # end of the share of a resistance in another
 SHORT_CELLS = {  # words of the table of models in the terminal
     f"no: {answer_text.NOT_FOR_SIZING}": "no (part)", f"no: {answer_text.CONFINED_FLOOR}": "no (floor)",
+    f"no: {answer_text.ONE_ROLLER}": "no (single)",
     "discretisation error": "error", "mean resistance": "resistance",
     "least peak drive force": "least peak force", "least peak drive power": "least peak power",
 }  # fmt: skip
@@ -234,6 +235,8 @@ def return_sentence(study: Study) -> str:
     str
         One sentence without a full stop.
     """
+    if study.scene.machine.roller_condition == "pair":
+        return "return stroke: a pair of rollers has none and turns on; a cycle is twice the forward stroke"
     if not study.cycle_energies or study.second_pass is None:
         if study.engine.forming:
             load, resistance = study.contact_stage.return_ratios

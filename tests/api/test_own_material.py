@@ -110,6 +110,17 @@ def test_laboratory_tests_of_an_elastic_material_have_closed_forms(spring):
     assert unconfined.strength == pytest.approx(E / (1 - NU**2) * unconfined.axial_strain[-1], rel=1e-7)
     assert shear.deviator_stress[-1] == pytest.approx(2 * E / (1 + NU) * shear.axial_strain[-1], rel=1e-12)
     assert np.ptp(shear.density_ratio) < 1e-15
+    assert repr(tests) == "<6 laboratory tests of spring>"
+    assert len(tests.to_dataframe()) == sum(len(each.axial_strain) for each in tests)
+    assert [len(panel.lines) for panel in tests.plot().axes] == [2, 4]
+    assert "strength [kPa]" in tests._repr_html_()
+
+
+def test_laboratory_tests_of_a_scene_are_those_of_the_command():
+    tests = compact.load_scene("studies/scenes/small.toml").laboratory_tests()
+    assert tests.programme is not None
+    assert tests[0] is tests.programme.test("oedometer")
+    assert set(tests.to_dataframe()["specimen"]) == {"loose", "compacted"}
 
 
 @pytest.mark.parametrize(

@@ -114,13 +114,11 @@ def test_unit_has_memory_and_return_stroke(model_with_memory, unit):
 def test_force_of_a_law_moves_the_cart_of_the_unit_by_that_law(model, model_with_memory, unit, memory):
     used, motion, steps = model_with_memory if memory else model, law("reversal-4", 0.4, 3.0), 1000
     cart, step = unit(used), 3.0 / steps
+    velocity, acceleration = (motion.at_phase((np.arange(steps) + 0.5) / steps, order) for order in (1, 2))
     position = []
-    for number in range(steps):
-        middle = (number + 0.5) / steps
-        velocity, acceleration = (float(motion.at_phase(np.array([middle]), order)[0]) for order in (1, 2))
-        force = used.cart.mass * acceleration + float(used.forces(velocity, acceleration)["opposing_force"])
+    for force in used.cart.mass * acceleration + used.forces(velocity, acceleration)["opposing_force"]:
         set_values(cart, applied_force=force)
-        cart.doStep(number * step, step)
+        cart.doStep(len(position) * step, step)
         position.append(value(cart, "cart_position"))
     exact = motion.at_phase(np.arange(1, steps + 1) / steps, 0)
     assert np.max(np.abs(np.array(position) - exact)) < 2e-4 * 0.4
@@ -133,7 +131,7 @@ def test_cart_of_the_unit_sticks_below_the_resistance_and_stops(model, unit):
     stopped = value(cart, "cart_position")
     assert value(cart, "cart_velocity") == 0
     speeds = np.linspace(1e-6, 0.1, 2001)
-    braking = [float(model.forces(speed, 0.0)["opposing_force"]) for speed in speeds]
+    braking = model.forces(speeds, 0.0)["opposing_force"]
     distance = model.cart.mass * np.trapezoid(speeds / braking, speeds)  # m v dv = -F dx
     assert stopped - 0.2 == pytest.approx(distance, rel=1e-4)
     for force, moves in ((holding, False), (-holding, False), (1.5 * holding, True)):

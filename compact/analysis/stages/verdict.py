@@ -179,6 +179,7 @@ def _answer(
     forces = {each: float(np.ravel(resistance[each](np.array([v]), np.zeros(1)))[0]) for each, v in speeds.items()}
     coefficients = {each: force / (scene.machine.rollers * load(speeds[each])) for each, force in forces.items()}
     valid = is_for_sizing(scene if engine == scene.accuracy.engine else scene.with_engine(engine))
+    valid = valid and (engine != "formula" or scene.machine.roller_condition != "pair")  # whose one roller it replaces
     return ModelAnswer(engine, valid, places, forces, coefficients, error, spread)
 
 

@@ -3,6 +3,8 @@
 The figure is drawn from finished tests, in the axes of a soil laboratory.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -28,6 +30,25 @@ def draw_material_tests(programme: LaboratoryProgramme) -> Figure:
     _draw_earth_pressure(axes[0, 1], programme)
     _draw_shear(axes[1, 0], programme)
     _draw_paths(axes[1, 1], programme)
+    return figure
+
+
+def draw_stress_strain(tests: Sequence[MaterialTest]) -> Figure:
+    """Draw the axial stress over the axial strain of compression tests, and of shear tests.
+
+    Parameters
+    ----------
+    tests : sequence of MaterialTest
+        Paths.
+    """
+    figure, (both,) = panels(1, 2, PANEL, gaps=(0.85, 0.0))
+    compressed = [test for test in tests if test.name in ("oedometer", "isotropic")]
+    for ax, shown in zip(both, (compressed, [test for test in tests if test not in compressed]), strict=True):
+        for color, test in zip(PALETTE, shown, strict=False):
+            label = f"{test.name}, {test.lateral_pressure * KPA:.4g} kPa" if test.lateral_pressure else test.name
+            ax.plot(1e2 * test.axial_strain, test.axial_stress * KPA, color=color, label=label)
+        ax.set(xlabel="axial strain [%]", ylabel="axial stress [kPa]")
+        ax.legend(frameon=False, fontsize="small")
     return figure
 
 

@@ -22,6 +22,7 @@ MODEL_HEADER = (
     "model", "for sizing?", "mean resistance", "coefficient", "discretisation error", "model spread",
 )  # fmt: skip
 CONFINED_FLOOR = "confined floor, not for sizing"
+ONE_ROLLER = "one roller instead of a pair, not for sizing"
 MODEL_NAMES = {"process": "forming process"}  # in the table of the models
 SPREAD_WORDS = {"formula": "not stated", "column": "no bow wave"}
 
@@ -181,7 +182,7 @@ def _validity(engine: str, valid: bool) -> str:
 
 def _reason_against(engine: str) -> str:
     """State why a model is not valid for sizing."""
-    return CONFINED_FLOOR if engine == "process" else NOT_FOR_SIZING
+    return {"process": CONFINED_FLOOR, "formula": ONE_ROLLER}.get(engine, NOT_FOR_SIZING)
 
 
 def _first_cell(model: ModelAnswer, duration: float, drive: str, by: str) -> str:
