@@ -8,8 +8,8 @@ density, the first at that behind a stroke, the second at the mean of both sides
 interpolated; beyond the last lift they are extrapolated, and the share of the result that is extrapolated is stated.
 
 P and F/t are extrapolated linearly in the thickness of the lifts to t_n at every density. Errors, added as independent
-ones: the difference to a parabola through three thicknesses, or to a power law through two; the finest mesh less the
-limit of vanishing elements, of first order in 1/increments; without other meshes the estimate of the engine.
+ones: the larger difference to a power law of the thickness and, of three, to a parabola; the finest mesh less the limit
+of vanishing elements, of first order in 1/increments; without other meshes the estimate of the engine.
 
 The excess pressure of the pore air is in proportion to the mix that a pass displaces, as long as its flow is linear:
 
@@ -197,8 +197,8 @@ class TwoDimensionalRow:
         value = float(forces @ weights)
         if value == 0:
             return Estimate(0.0, 0.0, 0.0, 0.0)
-        other = self.at_strokes(name, lumpings, 2 if len(lumpings) > 2 else 0)
-        lumping = abs(float(other @ weights) / value - 1)
+        others = [self.at_strokes(name, lumpings, degree) for degree in ((0, 2) if len(lumpings) > 2 else (0,))]
+        lumping = max(abs(float(other @ weights) / value - 1) for other in others)
         mesh_limit = 1.0
         if len(meshes) > 1:
             sums = [float(self.at_strokes(name, [sequence]) @ weights) for sequence in meshes]
