@@ -17,7 +17,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 STRESS = Quantity("stress", "Pa", "kPa")
-QUANTITIES = dict.fromkeys(("lateral_pressure", "axial_stress", "lateral_stress", "transverse_stress", "mean_pressure", "von_mises_stress", "strength"), STRESS)  # fmt: skip
+STRESSES = (
+    "lateral_pressure", "axial_stress", "lateral_stress", "transverse_stress", "mean_pressure", "von_mises_stress",
+    "strength",
+)  # fmt: skip
+QUANTITIES = dict.fromkeys(STRESSES, STRESS)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,26 @@ MM = 1e3  # [mm/m]
 def write_cam_files(
     directory: str | Path, scene: "Scene", cam: Cam, cutter_radius: float | None = None, tolerance: float = MICROMETRE
 ) -> list[Path]:
-    """Write points, drawing as SVG, animation and drawing as DXF of a cam for a cutter radius and a tolerance [m]."""
+    """Write points, drawing as SVG, animation and drawing as DXF of a cam.
+
+    Parameters
+    ----------
+    directory : str or Path
+        Folder of the files.
+    scene : Scene
+        Scene of the cam.
+    cam : Cam
+        Cam.
+    cutter_radius : float, optional
+        Radius of the cutter [m].
+    tolerance : float
+        Tolerance of the points [m].
+
+    Returns
+    -------
+    list of Path
+        Files written.
+    """
     outline = cut(cam, cutter_radius, tolerance)
     drawing = workshop_drawing.workshop_drawing(outline, scene.cam.bore if scene.cam else None)
     table = point_table(outline)

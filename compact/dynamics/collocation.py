@@ -113,7 +113,29 @@ def set_up_sliding(
     velocity: float,
     tolerance: float,
 ) -> SlidingProblem:
-    """Sliding problem of a state, with the driven end at a position [m] and a velocity [m/s]."""
+    """Sliding problem of a state, with the driven end at a position [m] and a velocity [m/s].
+
+    Parameters
+    ----------
+    oscillator : OscillatorParameters
+        Cart on its drive spring.
+    resistance : ResistanceTable
+        Resistance of the mix.
+    state : CartState
+        State at the start.
+    slip : int
+        Direction of the motion, +1 or -1.
+    position : float
+        Position of the driven end [m].
+    velocity : float
+        Velocity of the driven end [m/s].
+    tolerance : float
+        Largest defect of the resistance [N].
+
+    Returns
+    -------
+    SlidingProblem
+    """
     springs = spring_force(oscillator, state.flank, state.zone)
     pull = springs.stiffness * state.elongation - springs.driven_end_stiffness * position + springs.constant
     pull += oscillator.damping * (velocity - state.velocity)
@@ -225,7 +247,22 @@ def _range_exit_fraction(problem, velocity, counter):
 
 @compiled
 def range_exit(problem: SlidingProblem, velocity: signals.Signal, counter: IntArray) -> float:
-    """First u at which a motion leaves the smooth range of its start; 2.0 without an exit."""
+    """First u at which a motion leaves the smooth range of its start; 2.0 without an exit.
+
+    Parameters
+    ----------
+    problem : SlidingProblem
+        Cart that slides from a state.
+    velocity : Signal
+        Velocity v(u) [m/s].
+    counter : ndarray
+        Search counter, modified in place.
+
+    Returns
+    -------
+    float
+        u of the exit [-], 2.0 without one.
+    """
     slip, within, first = problem.slip, problem.linear.smooth_range, 2.0
     for sign, limit in ((1.0, within.low), (-1.0, within.high)):
         if 0 < limit < np.inf:
@@ -250,7 +287,24 @@ def range_exit(problem: SlidingProblem, velocity: signals.Signal, counter: IntAr
 def evaluate_defect(
     problem: SlidingProblem, velocity: signals.Signal, remainder: Array, until: float
 ) -> tuple[float, float]:
-    """Largest defect of r(u) [N] and largest |v| [m/s] for 0 <= u <= until."""
+    """Largest defect of r(u) [N] and largest |v| [m/s] for 0 <= u <= until.
+
+    Parameters
+    ----------
+    problem : SlidingProblem
+        Cart that slides from a state.
+    velocity : Signal
+        Velocity v(u) [m/s].
+    remainder : ndarray
+        Coefficients of r(u) [N].
+    until : float
+        Upper end of u [-].
+
+    Returns
+    -------
+    tuple of float
+        Largest defect [N] and largest |v| [m/s].
+    """
     places = until * DEFECT_NODES
     velocities, exact = _remainder(problem, velocity, places, FULL_RANGE)
     worst, fastest = 0.0, 0.0

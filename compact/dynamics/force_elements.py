@@ -79,7 +79,23 @@ FULL_RANGE = SmoothRange(0.0, np.inf, UNDETERMINED_SATURATION)
 
 @compiled
 def smooth_range(resistance: ResistanceTable, slip: int, velocity: float, acceleration: float) -> SmoothRange:
-    """Smooth range that a motion enters; slip is the sign of the motion."""
+    """Smooth range that a motion enters; slip is the sign of the motion.
+
+    Parameters
+    ----------
+    resistance : ResistanceTable
+        Resistance of the mix.
+    slip : int
+        Direction of the motion, +1 or -1.
+    velocity : float
+        Velocity of the cart [m/s].
+    acceleration : float
+        Acceleration of the cart [m/s^2].
+
+    Returns
+    -------
+    SmoothRange
+    """
     knots, speed = resistance.knots, slip * velocity
     margin = 1 + KNOT_TOLERANCE if slip * acceleration > 0 else 1 - KNOT_TOLERANCE
     k = np.searchsorted(knots, speed * margin, side="right")
@@ -90,7 +106,24 @@ def smooth_range(resistance: ResistanceTable, slip: int, velocity: float, accele
 
 @compiled
 def saturation_sign(rate_limit: float, slip: int, speed: float, acceleration: float) -> int:
-    """Sign of the saturated added-mass term, 0 within the limit."""
+    """Sign of the saturated added-mass term, 0 within the limit.
+
+    Parameters
+    ----------
+    rate_limit : float
+        Limit A of |a|/|v| [1/s].
+    slip : int
+        Direction of the motion, +1 or -1.
+    speed : float
+        Speed |v| [m/s].
+    acceleration : float
+        Acceleration of the cart [m/s^2].
+
+    Returns
+    -------
+    int
+        Sign of the saturated term, or 0.
+    """
     if rate_limit == np.inf or abs(acceleration) < rate_limit * speed:
         return 0
     return slip if acceleration == 0 else 1 if acceleration > 0 else -1  # at rest the cart accelerates with its slip
@@ -126,7 +159,22 @@ def evaluate_table(table: PiecewisePolynomial, speed: float, within: SmoothRange
 
 @compiled
 def steady_force(resistance: ResistanceTable, slip: int, velocity: float) -> float:
-    """Return F [N] at a velocity [m/s], as the limit from the side of the slip."""
+    """Return F [N] at a velocity [m/s], as the limit from the side of the slip.
+
+    Parameters
+    ----------
+    resistance : ResistanceTable
+        Resistance of the mix.
+    slip : int
+        Direction of the motion, +1 or -1.
+    velocity : float
+        Velocity of the cart [m/s].
+
+    Returns
+    -------
+    float
+        F [N].
+    """
     return evaluate_table(resistance.forward if slip > 0 else resistance.backward, slip * velocity, FULL_RANGE)[0]
 
 
@@ -140,7 +188,30 @@ def differentiate_resistance(
     acceleration: float,
     within: SmoothRange,
 ) -> tuple[float, float, float]:
-    """Return R [N], dR/dv [N s/m] and dR/da [kg], continued beyond a smooth range; table is F for the slip."""
+    """Return R [N], dR/dv [N s/m] and dR/da [kg], continued beyond a smooth range; table is F for the slip.
+
+    Parameters
+    ----------
+    table : PiecewisePolynomial
+        F for the slip [N] over |v|.
+    added_mass : PiecewisePolynomial
+        M [kg] over |v|.
+    rate_limit : float
+        Limit A of |a|/|v| [1/s].
+    slip : int
+        Direction of the motion, +1 or -1.
+    velocity : float
+        Velocity of the cart [m/s].
+    acceleration : float
+        Acceleration of the cart [m/s^2].
+    within : SmoothRange
+        Range whose polynomials are continued.
+
+    Returns
+    -------
+    tuple of float
+        R [N], dR/dv [N s/m] and dR/da [kg].
+    """
     speed = slip * velocity
     force, slope = evaluate_table(table, speed, within)
     if rate_limit == 0:
@@ -157,7 +228,26 @@ def differentiate_resistance(
 
 @compiled
 def solve_acceleration(resistance: ResistanceTable, slip: int, velocity: float, mass: float, force: float) -> float:
-    """Acceleration a [m/s^2] with m a + R(v, a) = force, for m + M > 0."""
+    """Acceleration a [m/s^2] with m a + R(v, a) = force, for m + M > 0.
+
+    Parameters
+    ----------
+    resistance : ResistanceTable
+        Resistance of the mix.
+    slip : int
+        Direction of the motion, +1 or -1.
+    velocity : float
+        Velocity of the cart [m/s].
+    mass : float
+        Mass m [kg].
+    force : float
+        Sum of the other forces on the cart [N].
+
+    Returns
+    -------
+    float
+        a [m/s^2].
+    """
     net = force - steady_force(resistance, slip, velocity)
     if resistance.rate_limit == 0:
         return net / mass
@@ -233,7 +323,21 @@ def engaged_spring(oscillator: OscillatorParameters, flank: int) -> tuple[float,
 
 @compiled
 def spring_force(oscillator: OscillatorParameters, flank: int, zone: int) -> SpringForce:
-    """Force of drive and end springs on a flank and in a zone."""
+    """Force of drive and end springs on a flank and in a zone.
+
+    Parameters
+    ----------
+    oscillator : OscillatorParameters
+        Cart on its drive spring.
+    flank : int
+        Flank in contact, as of `CartState`.
+    zone : int
+        Zone, as of `CartState`.
+
+    Returns
+    -------
+    SpringForce
+    """
     stiffness, offset = engaged_spring(oscillator, flank)
     if abs(zone) != NEAR_SPRING:
         return SpringForce(stiffness, 0.0, -stiffness * offset)
@@ -245,7 +349,22 @@ def spring_force(oscillator: OscillatorParameters, flank: int, zone: int) -> Spr
 
 @compiled
 def stiction_limits(oscillator: OscillatorParameters, resistance: ResistanceTable, zone: int) -> tuple[float, float]:
-    """Largest and smallest pull [N] under which a cart at rest stays at rest."""
+    """Largest and smallest pull [N] under which a cart at rest stays at rest.
+
+    Parameters
+    ----------
+    oscillator : OscillatorParameters
+        Cart on its drive spring.
+    resistance : ResistanceTable
+        Resistance of the mix.
+    zone : int
+        Zone, as of `CartState`.
+
+    Returns
+    -------
+    tuple of float
+        Largest and smallest pull [N].
+    """
     highest, lowest = steady_force(resistance, 1, 0.0), steady_force(resistance, -1, 0.0)
     if zone == AT_NEAR_PLATE:
         lowest -= oscillator.end_springs.preload
@@ -256,7 +375,24 @@ def stiction_limits(oscillator: OscillatorParameters, resistance: ResistanceTabl
 
 @compiled
 def breakaway_direction(oscillator: OscillatorParameters, resistance: ResistanceTable, zone: int, pull: float) -> int:
-    """Direction in which a cart at rest starts under a pull [N], 0 where friction or a plate holds it."""
+    """Direction in which a cart at rest starts under a pull [N], 0 where friction or a plate holds it.
+
+    Parameters
+    ----------
+    oscillator : OscillatorParameters
+        Cart on its drive spring.
+    resistance : ResistanceTable
+        Resistance of the mix.
+    zone : int
+        Zone, as of `CartState`.
+    pull : float
+        Force of the springs and the damper [N].
+
+    Returns
+    -------
+    int
+        +1, -1, or 0 at rest.
+    """
     highest, lowest = stiction_limits(oscillator, resistance, zone)
     tolerance = STICTION_TOLERANCE * (highest - lowest)
     return 1 if pull > highest + tolerance else -1 if pull < lowest - tolerance else 0

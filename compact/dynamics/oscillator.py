@@ -78,7 +78,22 @@ def new_search_counter() -> IntArray:
 
 @compiled
 def free_oscillation(decay: float, discriminant: float, t: float) -> tuple[float, float]:
-    """g0 and g1 at time t [s], in a form without overflow for a decaying oscillator."""
+    """g0 and g1 at time t [s], in a form without overflow for a decaying oscillator.
+
+    Parameters
+    ----------
+    decay : float
+        Decay s [1/s].
+    discriminant : float
+        D = s^2 - w0^2 [1/s^2].
+    t : float
+        Time [s].
+
+    Returns
+    -------
+    tuple of float
+        g0 [-] and g1 [s].
+    """
     if discriminant < 0:
         w, amplitude = np.sqrt(-discriminant), np.exp(-decay * t)
         return amplitude * np.cos(w * t), amplitude * np.sin(w * t) / w
@@ -115,7 +130,27 @@ def differentiate(signal: Signal) -> Signal:
 
 @compiled
 def combine(elongation: Signal, driven_end: Array, a: float, b: float, c: float, d: float) -> Signal:
-    """Return a e + b de/dt + c y + d dy/dt for the signal e and the polynomial y(u) of one interval."""
+    """Return a e + b de/dt + c y + d dy/dt for the signal e and the polynomial y(u) of one interval.
+
+    Parameters
+    ----------
+    elongation : Signal
+        Elongation e(u) [m].
+    driven_end : ndarray
+        Coefficients of the driven-end position y(u) [m].
+    a : float
+        Factor of e [-].
+    b : float
+        Factor of de/dt [s].
+    c : float
+        Factor of y [-].
+    d : float
+        Factor of dy/dt [s].
+
+    Returns
+    -------
+    Signal
+    """
     rate, h = differentiate(elongation), elongation.scale
     polynomial = a * elongation.polynomial + b / h * rate.polynomial
     for j in range(len(driven_end)):
@@ -152,7 +187,22 @@ def add(one: Signal, two: Signal) -> Signal:
 
 @compiled
 def substitute(polynomial: Array, start: float, width: float) -> Array:
-    """Coefficients of p(start + width u)."""
+    """Coefficients of p(start + width u).
+
+    Parameters
+    ----------
+    polynomial : ndarray
+        Coefficients of p in ascending order.
+    start : float
+        Value of the argument at u = 0 [-].
+    width : float
+        Increase of the argument over u from 0 to 1 [-].
+
+    Returns
+    -------
+    ndarray
+        Coefficients over u.
+    """
     out = polynomial.copy()
     n = len(out)
     for i in range(n):
@@ -167,7 +217,22 @@ def substitute(polynomial: Array, start: float, width: float) -> Array:
 
 @compiled
 def bounds(signal: Signal, low: float, high: float) -> tuple[float, float]:
-    """Lower and upper bound of q for low <= u <= high."""
+    """Lower and upper bound of q for low <= u <= high.
+
+    Parameters
+    ----------
+    signal : Signal
+        Signal q(u).
+    low : float
+        Lower end of the range of u [-].
+    high : float
+        Upper end of the range of u [-].
+
+    Returns
+    -------
+    tuple of float
+        Bounds of q.
+    """
     centred = substitute(signal.polynomial, (low + high) / 2, (high - low) / 2)
     radius = envelope(signal, low, high)
     for j in range(1, len(centred)):
@@ -177,7 +242,22 @@ def bounds(signal: Signal, low: float, high: float) -> tuple[float, float]:
 
 @compiled
 def envelope(signal: Signal, low: float, high: float) -> float:
-    """Upper bound of |A g0 + B g1| for low <= u <= high."""
+    """Upper bound of |A g0 + B g1| for low <= u <= high.
+
+    Parameters
+    ----------
+    signal : Signal
+        Signal q(u).
+    low : float
+        Lower end of the range of u [-].
+    high : float
+        Upper end of the range of u [-].
+
+    Returns
+    -------
+    float
+        Bound.
+    """
     if signal.cosine == 0 and signal.sine == 0:
         return 0.0
     latest, frequency = high * signal.scale, np.sqrt(abs(signal.discriminant))
@@ -192,7 +272,21 @@ def envelope(signal: Signal, low: float, high: float) -> float:
 
 @compiled
 def is_short(signal: Signal, low: float, high: float) -> bool:
-    """Return true for a range so short that its end values determine the extrema of the signal."""
+    """Return true for a range so short that its end values determine the extrema of the signal.
+
+    Parameters
+    ----------
+    signal : Signal
+        Signal q(u).
+    low : float
+        Lower end of the range of u [-].
+    high : float
+        Upper end of the range of u [-].
+
+    Returns
+    -------
+    bool
+    """
     if high - low > SHORT_RANGE:
         return False
     if signal.discriminant >= 0 or (signal.cosine == 0 and signal.sine == 0):
@@ -208,7 +302,22 @@ def magnitude(signal: Signal) -> float:
 
 @compiled
 def find_sign_change(signal: Signal, low: float, high: float) -> float:
-    """Root of q between low and high by the Illinois method, or low without a change of sign."""
+    """Root of q between low and high by the Illinois method, or low without a change of sign.
+
+    Parameters
+    ----------
+    signal : Signal
+        Signal q(u).
+    low : float
+        Lower end of the range of u [-].
+    high : float
+        Upper end of the range of u [-].
+
+    Returns
+    -------
+    float
+        u of the root [-].
+    """
     at_low, at_high = evaluate(signal, low), evaluate(signal, high)
     if (at_low > 0) == (at_high > 0):
         return low
@@ -281,7 +390,24 @@ def _short_downcrossing(signal, rate, low, high, zero):
 
 @compiled
 def max_abs_product(one: Signal, two: Signal, until: float, counter: IntArray) -> float:
-    """Compute the largest |q1 q2| for 0 <= u <= until; a lower bound if the search exceeds its limit."""
+    """Compute the largest |q1 q2| for 0 <= u <= until; a lower bound if the search exceeds its limit.
+
+    Parameters
+    ----------
+    one : Signal
+        First factor.
+    two : Signal
+        Second factor.
+    until : float
+        Upper end of u [-].
+    counter : ndarray
+        Search counter, modified in place.
+
+    Returns
+    -------
+    float
+        Largest |q1 q2|.
+    """
     best = 0.0
     for i in range(ZOOM_CELLS + 1):
         best = max(best, abs(evaluate(one, until * i / ZOOM_CELLS) * evaluate(two, until * i / ZOOM_CELLS)))
@@ -331,7 +457,22 @@ def _short_maximum(one, two, low, high):
 
 @compiled
 def characteristic_roots(mass: float, damping: float, stiffness: float) -> tuple[float, float, float, float]:
-    """Decay s, discriminant D, and the smaller and the larger |root| [1/s] of the oscillator."""
+    """Decay s, discriminant D, and the smaller and the larger |root| [1/s] of the oscillator.
+
+    Parameters
+    ----------
+    mass : float
+        Mass m [kg].
+    damping : float
+        Damping c [N s/m].
+    stiffness : float
+        Stiffness k [N/m].
+
+    Returns
+    -------
+    tuple of float
+        s [1/s], D [1/s^2] and both |roots| [1/s].
+    """
     decay, square = damping / (2 * mass), stiffness / mass
     discriminant = decay**2 - square
     if discriminant <= 0:
@@ -342,7 +483,24 @@ def characteristic_roots(mass: float, damping: float, stiffness: float) -> tuple
 
 @compiled
 def limit_step(mass: float, damping: float, stiffness: float, h: float) -> float:
-    """Step h [s], shortened for a growing oscillation to the reach of the power series."""
+    """Step h [s], shortened for a growing oscillation to the reach of the power series.
+
+    Parameters
+    ----------
+    mass : float
+        Mass m [kg].
+    damping : float
+        Damping c [N s/m].
+    stiffness : float
+        Stiffness k [N/m].
+    h : float
+        Length of the interval [s].
+
+    Returns
+    -------
+    float
+        Step [s].
+    """
     decay, _, slow, fast = characteristic_roots(mass, damping, stiffness)
     return h if decay > 0 or slow * h >= SERIES_REACH or fast * h <= SERIES_REACH else SERIES_REACH / fast
 

@@ -155,6 +155,7 @@ def test_sweep_is_a_dataset_whose_points_are_contacts(scene):
     assert float(table["load"].sel(moisture=0.1, duration=2)) == pytest.approx(point.load * scene.machine.roller_length)
 
 
+@pytest.mark.slow
 def test_process_has_strokes():
     process = compact.load_scene(SCENES / "process.toml", **{"process.mould_speed": 0.1}).forming_process()
     assert len(process.to_dataframe()) == process.row.history.count

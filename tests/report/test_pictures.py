@@ -47,6 +47,7 @@ def test_picture_shows_both_densities_the_roller_and_the_paper(layer, contact):
     assert at["right"].sum() > at["left"].sum() + 200  # cividis is lighter for denser mix
 
 
+@pytest.mark.slow
 def test_whole_layer_is_shown_without_a_contact(layer, tmp_path):
     path = pictures.write_picture(tmp_path / "layer.jpg", layer)
     assert path.read_bytes().startswith(b"\xff\xd8")

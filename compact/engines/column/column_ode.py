@@ -42,7 +42,7 @@ from compact.engines.column.table_columns import is_below_centre, table_centre_s
 from compact.material.density_cap_return import TableConstants, for_tables
 from compact.material.elliptic_cap import CapConstants, hardening
 from compact.numerics import Array, BoolArray, IntArray
-from compact.numerics.jit import compiled
+from compact.numerics.jit import compiled, inlined
 
 STAGES, ORDER = 12, 8  # [-], of the Dormand-Prince method
 A, C = np.vstack([DOP853.A, DOP853.B]), np.append(DOP853.C, 1.0)  # [-], Butcher tableau; last row: the step itself
@@ -233,7 +233,7 @@ def _next_event(event_stress, end, direction):
     return found
 
 
-@compiled
+@inlined
 def _integrate_to_stress(problem, control, state, path, stop, direction, tries_end):
     """Append steps to the path until s_v equals `stop` or u its end; return the status."""
     counts, u_end = state.counts, control.coordinate_end
@@ -290,7 +290,7 @@ def _runge_kutta_step(u, step, buffers, problem, state, error_scale):
     return error if error >= 0 else np.inf  # not a number if the step is far too long
 
 
-@compiled
+@inlined
 def _locate_event(u, step, buffers, problem, state, error_scale, stop):
     """Shorten a step by regula falsi (Illinois) so that it ends at s_v = `stop`; return success and the step."""
     start_stress = buffers.start[STRESS]
@@ -310,7 +310,7 @@ def _locate_event(u, step, buffers, problem, state, error_scale, stop):
     return False, high
 
 
-@compiled
+@inlined
 def _accept_step(u, buffers, problem, state, path):
     """Make the end of a step the start of the next, update the largest density ratios and append a row."""
     y, z, K = buffers
@@ -417,7 +417,7 @@ def cap_rates(law: CapConstants, start: tuple, point: tuple, regime: tuple) -> t
     return dp, dV, dshear, dp / law.K, power, (p - start[0]) / law.K
 
 
-@compiled
+@inlined
 def _stress_rates(law, point, regime):
     """Return dp, dV and the plastic shear strain Q w per unit of s_v, in the symbols of the module docstring."""
     stress, p, _, k, k_max, by_V = point

@@ -329,7 +329,27 @@ def column_layer(
     strain_measure: int,
     lower_count: int = 0,
 ) -> ColumnLayer:
-    """Build the `ColumnLayer` of columns at rest, from the base upwards, with pc multiplied by a rate factor [-]."""
+    """Build the `ColumnLayer` of columns at rest.
+
+    Parameters
+    ----------
+    columns : tuple of Column
+        Columns from the base upwards.
+    material : Compaction
+        Constitutive law.
+    rate_factor : float
+        Factor of pc [-].
+    gap : GapShape
+        Gap between roller and layer.
+    strain_measure : int
+        Measure of the strain, as of `column_ode`.
+    lower_count : int
+        Number of columns of a lower lift.
+
+    Returns
+    -------
+    ColumnLayer
+    """
     rows = [(each.height, each.density_ratio, each.lateral_stress, each.max_density_ratio) for each in columns]
     height, density_ratio, lateral_stress, max_density_ratio = np.array(rows, dtype=float).T.copy()
     law, mean_stress = kernel_constants(material, rate_factor), lateral_stress / 1.5

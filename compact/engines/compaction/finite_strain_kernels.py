@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.material.cap_plasticity import integrate_path
-from compact.numerics.jit import compiled, is_compiled
+from compact.numerics.jit import compiled, inlined, is_compiled
 
 SERIES_LIMIT = 1e-4  # [-], half the logarithm of the stretch ratio; below it atanh(z)/z is 1 + z^2/3 to rounding
 
@@ -35,7 +35,7 @@ def announce_compilation(report: Callable[[str], None] | None) -> None:
         report("compiling the kernels of `compaction`, once, some 10 s")
 
 
-@compiled
+@inlined
 def strain_increment(before: Gradient, after: Gradient, finite: bool) -> tuple:
     """Compute the strain of an increment between two displacement gradients.
 
@@ -88,7 +88,7 @@ def _stretch(xx, xy, yx, yy):
     return size / 2, (c * (xx - yy) + s * (yx + xy)) / 2, (c * (xy + yx) + s * (yy - xx)) / 2, c, s
 
 
-@compiled
+@inlined
 def strain_derivatives(before: Gradient, after: Gradient, finite: bool, derivatives: Array) -> None:
     """Write the derivatives of strain and rotation angle by the gradient after the increment.
 
@@ -133,7 +133,7 @@ def strain_derivatives(before: Gradient, after: Gradient, finite: bool, derivati
         derivatives[3, k] = angle
 
 
-@compiled
+@inlined
 def integrate_interval(
     law: tuple,
     values: Values,
@@ -186,7 +186,7 @@ def _rotate(xx, yy, xy, c, s):
     return c * c * xx + s * s * yy - turn, s * s * xx + c * c * yy + turn, c * s * (xx - yy) + (c * c - s * s) * xy
 
 
-@compiled
+@inlined
 def stress_derivatives(
     values: Values, frame: tuple, path_derivatives: Array, kinematics: Array, derivatives: Array
 ) -> None:
@@ -312,7 +312,7 @@ def _piola_stress(values, cofactors):
     return sxx * cxx + sxy * cyx, sxx * cxy + sxy * cyy, sxy * cxx + syy * cyx, sxy * cxy + syy * cyy
 
 
-@compiled
+@inlined
 def _piola_derivatives(values, cofactors, finite, derivatives, by_gradient):
     """Write the derivative of the Piola stress by the gradient after the increment, shape (4, 4)."""
     for k in range(4):
@@ -331,7 +331,7 @@ def _piola_derivatives(values, cofactors, finite, derivatives, by_gradient):
         by_gradient[3, 0] += syy
 
 
-@compiled
+@inlined
 def _add_forces(piola, area, shapes, forces):
     """Add the nodal forces of one point."""
     xx, xy, yx, yy = area * piola[0], area * piola[1], area * piola[2], area * piola[3]
@@ -340,7 +340,7 @@ def _add_forces(piola, area, shapes, forces):
         forces[2 * a + 1] += yx * shapes[a, 0] + yy * shapes[a, 1]
 
 
-@compiled
+@inlined
 def _add_stiffness(by_gradient, area, shapes, products, stiffness):
     """Add the stiffness of one point; `products` is a buffer of shape (4, 16)."""
     for m in range(4):

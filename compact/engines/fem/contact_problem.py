@@ -240,7 +240,25 @@ def solve_at_indentation(
     discretisation: Discretisation,
     initial_guess: ContactSolution | None = None,
 ) -> ContactSolution:
-    """Solve the contact at an indentation [m], with its shear where the roller turns with friction."""
+    """Solve the contact at an indentation, with its shear where the roller turns with friction.
+
+    Parameters
+    ----------
+    problem : RollingProblem
+        Layer, roller and speed.
+    surface : SurfaceCompliance
+        Compliance of the surface.
+    indentation : float
+        Indentation [m].
+    discretisation : Discretisation
+        Mesh and terms of the pressure.
+    initial_guess : ContactSolution, optional
+        Solution of a neighbouring contact.
+
+    Returns
+    -------
+    ContactSolution
+    """
     indenter, terms = problem.indenter(indentation), discretisation.terms
     patch, shear = (None, None) if initial_guess is None else (initial_guess.patch, initial_guess.shear)
     if patch is None or not problem.turns_with_friction:

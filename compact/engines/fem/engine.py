@@ -161,7 +161,28 @@ def roll(
 def require_linear_range(
     layer: Layer, roller: Roller, material: Elastic, speed: float, mesh: RowMesh | None, tolerance: float
 ) -> None:
-    """Require arguments that the linear finite-element engine covers."""
+    """Require arguments that the linear finite-element engine covers.
+
+    Parameters
+    ----------
+    layer : Layer
+        Layer.
+    roller : Roller
+        Roller.
+    material : Elastic
+        Constitutive law.
+    speed : float
+        Speed of the roller [m/s].
+    mesh : RowMesh or None
+        Mesh of the layer.
+    tolerance : float
+        Relative error tolerance [-].
+
+    Raises
+    ------
+    ValueError
+        If the engine does not cover an argument.
+    """
     require_known_case(layer, roller, speed)
     require_positive(tolerance=tolerance)
     if not isinstance(material, Elastic):

@@ -142,7 +142,23 @@ def solve_stick_slip(
 def solve_shear(
     surface: SurfaceCompliance, patch: ContactPatch, friction: FrictionCondition, nodes: Array | None = None
 ) -> ShearSolution:
-    """Solve Coulomb's law under the pressure of a patch, with tractions at given nodes [m] or at all surface nodes."""
+    """Solve Coulomb's law under the pressure of a patch.
+
+    Parameters
+    ----------
+    surface : SurfaceCompliance
+        Compliance of the surface.
+    patch : ContactPatch
+        Contact with its pressure.
+    friction : FrictionCondition
+        Coefficient of friction and prescribed tangential force.
+    nodes : ndarray, optional
+        Positions of the tractions [m]; all surface nodes by default.
+
+    Returns
+    -------
+    ShearSolution
+    """
     x = _nodes_between_edges(patch, surface.x if nodes is None else nodes)
     hats, share = _nodal_forces(surface, patch, x)
     bound = friction.friction * np.maximum(np.interp(x[1:-1], patch.x, patch.pressure), 0)

@@ -54,7 +54,7 @@ PROFILE_ROWS = 40  # [-], rows of equal height of a profile between two lifts
 LIFTS_MAX = 40  # [-], lifts of a sequence
 ENERGY_TOLERANCE = 1e-2  # [-], residual of the energy of a pass above which it rolls on
 SETTLING_SHARE = 1 / 3  # [-], of the height, travel after which the energy is evaluated again
-SETTLINGS_MAX = 4  # [-], of a pass; its mix has then passed the whole stress field since the last correction
+SETTLINGS_MAX = 8  # [-], of a pass; the wave relaxes over some ten contact lengths, 1.6 times the height
 RATE_ROUNDING = 1e-12  # [-], rate factor less 1 below which the speed does not matter
 
 Report = Callable[[str], None]

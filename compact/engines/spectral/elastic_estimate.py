@@ -48,7 +48,30 @@ class ElasticEstimate:
 
 @lru_cache(maxsize=256)
 def estimate_contact(layer: Layer, material: Elastic, radius: float, target: str, value: float) -> ElasticEstimate:
-    """Estimate the contact with a prescribed indentation [m], load [N/m] or peak pressure [Pa] under a radius [m]."""
+    """Estimate the contact for a prescribed quantity.
+
+    Parameters
+    ----------
+    layer : Layer
+        Layer.
+    material : Elastic
+        Constitutive law.
+    radius : float
+        Radius of the roller [m].
+    target : {"indentation", "load", "peak_pressure"}
+        Prescribed quantity.
+    value : float
+        Its value [m], [N/m] or [Pa].
+
+    Returns
+    -------
+    ElasticEstimate
+
+    Raises
+    ------
+    RuntimeError
+        If no contact has the prescribed value.
+    """
     log_a = np.log(initial_half_width(layer, material, radius, target, value))
     power, step, residual = 2.0, 0.0, 0.0
     for _ in range(ESTIMATE_STEPS_MAX):
@@ -66,7 +89,23 @@ def estimate_contact(layer: Layer, material: Elastic, radius: float, target: str
 
 
 def contact_of_half_width(layer: Layer, material: Elastic, radius: float, half_width: float) -> ElasticEstimate:
-    """Compute the contact of a half-width [m] under a radius [m]."""
+    """Compute the contact of a half-width.
+
+    Parameters
+    ----------
+    layer : Layer
+        Layer.
+    material : Elastic
+        Constitutive law.
+    radius : float
+        Radius of the roller [m].
+    half_width : float
+        Half-width of the contact [m].
+
+    Returns
+    -------
+    ElasticEstimate
+    """
     a, modulus = half_width, surface_modulus(layer, material)
     response = LayerResponse(layer, material.poisson, 0.0, creep_compliance((), 1.0, layer.height))
     system = assemble_system(response, ESTIMATE_MODES, a)
@@ -108,7 +147,26 @@ def quantise_half_width(half_width: float, widest: float) -> float:
 
 
 def initial_half_width(layer: Layer, material: Elastic, radius: float, target: str, value: float) -> float:
-    """Return a first guess of the half-width [m], by Hertz or as sqrt(R delta), at most two top plies."""
+    """Return a first guess of the half-width, by Hertz or as sqrt(R delta), at most two top plies.
+
+    Parameters
+    ----------
+    layer : Layer
+        Layer.
+    material : Elastic
+        Constitutive law.
+    radius : float
+        Radius of the roller [m].
+    target : str
+        Prescribed quantity, as of `estimate_contact`.
+    value : float
+        Its value [m], [N/m] or [Pa].
+
+    Returns
+    -------
+    float
+        Half-width [m].
+    """
     modulus = surface_modulus(layer, material)
     half_width = {
         "indentation": lambda depth: np.sqrt(radius * depth),

@@ -245,7 +245,24 @@ def _work_residual(problem, contact):
 
 
 def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:
-    """Raise ValueError unless a contact is in the range of the engine."""
+    """Require a contact in the range of the engine.
+
+    Parameters
+    ----------
+    layer : Layer
+        Layer.
+    roller : Roller
+        Roller.
+    material : Elastic
+        Constitutive law.
+    speed : float
+        Speed of the roller [m/s].
+
+    Raises
+    ------
+    ValueError
+        If the contact is outside the range.
+    """
     require_known_case(layer, roller, speed)
     if roller.profile == "deformed":
         raise ValueError("the engine spectral needs `profile` 'parabola' or 'circle', got 'deformed'; use fem")

@@ -34,19 +34,21 @@ def draw_material_tests(programme: LaboratoryProgramme) -> Figure:
 
 
 def draw_stress_strain(tests: Sequence[MaterialTest]) -> Figure:
-    """Draw the axial stress of tests over their axial strain.
+    """Draw the axial stress over the axial strain of compression tests, and of shear tests.
 
     Parameters
     ----------
     tests : sequence of MaterialTest
         Paths.
     """
-    figure, ((ax,),) = panels(1, 1, (6.2, 3.4))
-    for number, test in enumerate(tests):
-        label = test.name if not test.lateral_pressure else f"{test.name}, {test.lateral_pressure / 1e3:.4g} kPa"
-        ax.plot(1e2 * test.axial_strain, test.axial_stress / 1e3, color=PALETTE[number % len(PALETTE)], label=label)
-    ax.set(xlabel="axial strain [%]", ylabel="axial stress [kPa]")
-    ax.legend(frameon=False, fontsize="small")
+    figure, (both,) = panels(1, 2, PANEL, gaps=(0.85, 0.0))
+    compressed = [test for test in tests if test.name in ("oedometer", "isotropic")]
+    for ax, shown in zip(both, (compressed, [test for test in tests if test not in compressed]), strict=True):
+        for color, test in zip(PALETTE, shown, strict=False):
+            label = f"{test.name}, {test.lateral_pressure * KPA:.4g} kPa" if test.lateral_pressure else test.name
+            ax.plot(1e2 * test.axial_strain, test.axial_stress * KPA, color=color, label=label)
+        ax.set(xlabel="axial strain [%]", ylabel="axial stress [kPa]")
+        ax.legend(frameon=False, fontsize="small")
     return figure
 
 
