@@ -4,8 +4,8 @@ The mid-plane is a smooth base under half of the gap. Columns keep k h and Johan
 compared with his pressure without the second cosine, and the effect of the cosine is a number of its own.
 
 Finite elements of half the powder above the smooth mid-plane have a nip angle of their own, where slip on the roll
-ends. The powder is Heckel's with a compressibility of about 4, that of microcrystalline cellulose; it is fed without
-pressure, as a layer of two thicknesses.
+ends. The powder is microcrystalline cellulose by its calibrated cap tables; it is fed without pressure, as a layer of
+two thicknesses.
 """
 
 import numpy as np
@@ -13,9 +13,10 @@ import numpy as np
 from compact.engines.column import engine as column
 from compact.engines.column.roller_pair import RollerPair
 from compact.engines.compaction.engine import roll
-from compact.material.laws import Compaction
+from compact.material.density_cap import density_dependent_cap
 from compact.rolling_contact import Layer, Roller
 from compact.validation.case import Comparison, Evaluation, Panel, ValidationCase, numbers, ours, read_rows, theirs
+from compact.validation.powder import ph102
 
 RADIUS = 0.125  # [m], of the rolls; all ratios are independent of it
 EXACT = 1e-6  # [-], expected distance of integrals and distribution
@@ -23,10 +24,11 @@ NIP_PRESSURE = 1e6  # [Pa], to which all pressures are proportional
 REFERENCE = ("40", "20", "5", "0.02")  # friction angles [deg], K and S/D of the figure
 FEED_ANGLE = np.radians(20.0)  # [rad], assumed nip angle of the second source
 ROUNDED = 0.1  # [-], of a deviation that consists of rounding
-POWDER = Compaction(2e9, 0.2, 11.5e-9, 0.3, 1.1, 0.5e6, 0.4)
 HALF_GAP = 0.0025  # [m]
-FEEDS = {"thin": 0.0035, "thick": 0.0042}  # [m], halves of the fed layer
-FRICTION = 0.35  # [-], of powder on roll
+FED_RATIO = 0.5  # [-], of the cap tables
+FEEDS = {"thin": 0.0036, "thick": 0.0042}  # [m], halves of the fed layer, that touch beyond the nip angle
+FRICTION = 0.2  # [-], of powder on roll
+POWDER_SLOPE, POWDER_ANGLE = 4.0, 40.0  # [-], [deg], K of the powder by its tables, and an assumed angle of friction
 NIP_EXPECTED = 0.25  # [-], of nip angles of finite elements and of Johanson; Muliadi et al. 2012, abstract
 ELEMENTS_REPEAT = 1e-3  # [-], of finite elements, steady within 2e-3
 COSINE_EXPECTED = 0.25  # [-], of the stress at the gap with and without the second cosine
@@ -142,13 +144,13 @@ JOHANSON = ValidationCase(
 
 def _evaluate_elements() -> Evaluation:
     """Compare finite elements of two thicknesses of the feed with Johanson and with columns at the same depth."""
-    comparisons, panels = [], []
+    comparisons, panels, powder = [], [], density_dependent_cap(ph102(), FED_RATIO)
     for name, height in FEEDS.items():
         layer = Layer(height, base="slip")
         roller = Roller(RADIUS, height - HALF_GAP, FRICTION, "pair", "deformed")
-        found = roll(layer, roller, POWDER, 0.1)
-        columns = column.roll(layer, roller, POWDER, 0.1)
-        pair = RollerPair.of_mix(POWDER, RADIUS, 2 * HALF_GAP, found.exit_density_ratio, FRICTION)
+        found = roll(layer, roller, powder, 0.1)
+        columns = column.roll(layer, roller, powder, 0.1)
+        pair = RollerPair(RADIUS, 2 * HALF_GAP, POWDER_SLOPE, POWDER_ANGLE, float(np.degrees(np.arctan(FRICTION))))
         nip, ahead = pair.nip_angle, f"half of the fed layer {1e3 * height:g} mm"
         angle = 0.0 if found.nip_angle is None else float(np.degrees(found.nip_angle))
         comparisons.append(Comparison(
@@ -184,11 +186,13 @@ JOHANSON_ELEMENTS = ValidationCase(
     "model",
     ("compaction", "column"),
     "Muliadi, Litster and Wassgren, Powder Technol. 221 (2012) 90, abstract: nip angles of finite elements and of "
-    "Johanson agree within 25 %, his stress at the gap is mostly the larger; their powder and tables are not available",
+    "Johanson agree within 25 %, his stress at the gap is mostly the larger; their tables are not available",
     "facts only",
-    "Rolls of 250 mm diameter, gap 5 mm, friction 0.35, powder with Heckel's slope 0.0115/MPa fed at a density ratio "
-    "of 0.4 without pressure. The elements compute half the layer on the smooth mid-plane; their nip angle is that at "
-    "which slip of the roll over the powder ends.",
+    "Rolls of 250 mm diameter, gap 5 mm, friction 0.2, microcrystalline cellulose by the cap tables of avicel- "
+    "ph102, fed at a density ratio of 0.5 without pressure, thick enough to touch the rolls beyond Johanson's nip "
+    "angle. The elements compute half the layer on the smooth mid-plane; their nip angle is that at which slip of "
+    "the roll over the powder ends. Johanson's powder has K = 4 by the same tables, and an assumed effective "
+    "friction angle of 40 degrees.",
     _evaluate_elements,
-    seconds=4.0,
+    seconds=12.0,
 )

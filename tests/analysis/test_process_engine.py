@@ -14,6 +14,7 @@ from compact.analysis.process_contact import is_for_sizing
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.uncertainty import mix_spread
 from compact.analysis.study import Study
+from compact.engines.process.lumped_lifts import simulate_lifts
 from compact.report import writer
 from compact.report.page.answer_text import model_table
 from compact.resistance import ResistanceMap
@@ -218,3 +219,18 @@ def test_spread_over_the_mix_is_that_of_feed_work_and_sleeves(study):
     assert spread.ranges["fed_density_ratio"] == pytest.approx((0.735, 0.765))
     assert spread.low < 1 < spread.high
     assert spread.fit > 0.98
+
+
+@pytest.mark.slow
+def test_forces_of_lifts_are_in_proportion_to_the_rate_factor():
+    thin = load_scene(SCENE, **{"product.height": 0.06, "machine.roller_length": 0.4})
+    found = ProcessStudy(thin)
+    factors = found.row.history.rate_factor, found.rate_factor_at(thin.mean_speed / 16)
+    fast, slow = (
+        simulate_lifts(found.problem, found.mix.steel_friction, factor, 0.82, thickness=0.0025, increments=6)
+        for factor in factors
+    )
+    assert factors[1] / factors[0] == pytest.approx(0.951, abs=2e-3)
+    for name in ("load", "resistance"):
+        ratio = slow.values(name) / fast.values(name)
+        assert ratio == pytest.approx(np.full(len(ratio), factors[1] / factors[0]), rel=0.012)
