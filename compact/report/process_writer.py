@@ -177,7 +177,7 @@ def _two_dimensional_lines(study: ProcessStudy) -> Iterator[str]:
         yield f"{_line(term, format_quantity(each.value, 'N'))}  ± {each.error:.0%}"
     for force in ("load", "resistance"):
         low, high = study.mix_spread.bounds(force)
-        yield _line(f"spread of the {force} over Heckel slope and unloading modulus", f"x {low:.2f} to {high:.2f}")
+        yield _line(f"{force}, Heckel slope and modulus over their spread", f"x {low:.2f} to {high:.2f}")
     share = found.load_centre / study.scene.machine.roller_length
     yield _line("centre of the load, of the roller length", format_percent(share))
     yield _line("skew moment of the load", format_quantity(found.skew_moment, "Nm"))
@@ -186,7 +186,7 @@ def _two_dimensional_lines(study: ProcessStudy) -> Iterator[str]:
         yield _line(f"density ratio of the {term} quarter", f"{found.of_product(name):.3f}")
     yield _line("height with a density ratio above 1", format_quantity(found.of_product("overpressed_height"), "m"))
     low, high = STRIP_FACTORS
-    words = f"stress of the bottom's density over 2 P/(pi h0), {low:g} to {high:g} expected"
+    words = f"stress at the bottom over 2 P/(pi h0), {low:g} to {high:g} expected"
     yield _line(words, f"{found.strip_stress_ratio():.2f}")
     residual = max(sequence.largest_work_residual for sequence in found.sequences)
     yield _line("largest residual of the energy balance of a pass", f"{residual:.1%}")
