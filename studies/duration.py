@@ -20,6 +20,7 @@ from pathlib import Path
 from compact.analysis.sizing.durations import PEAKS, read_durations
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
+from compact.report.number_format import format_column
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
 
@@ -150,7 +151,7 @@ def model_rows(study, old_lead="fem"):
             for by in PEAKS:
                 order = model.places[duration][drive][by]
                 tie = " (tie)" if order[0].tie else ""
-                cells.append(f"{order[0].law} {order[0].value:.4g} {CRITERIA[by].unit}{tie}")
+                cells.append(f"{order[0].law} {format_column([order[0].value], CRITERIA[by].unit, 3)[0]}{tie}")
             force = model.mean_resistance[duration]
             lines.append(
                 "| " + " | ".join([*cells, f"{force:.4g} N", f"{force / old.mean_resistance[duration]:.3g}"]) + " |"

@@ -142,6 +142,7 @@ def test_lumped_lifts_are_kept_with_the_results(monkeypatch, tmp_path):
     monkeypatch.setattr(process, "simulate_lifts", None)
     again = Study(given, directory=tmp_path / "out")
     assert again.kept is not None
+    assert again.sensitivities  # of cart and formulas, without new lifts
     assert again.contact_stage.process.lifts == first.contact_stage.process.lifts
     assert again.rankings["peak_force"][0].value == first.rankings["peak_force"][0].value
     model = again.models[0]

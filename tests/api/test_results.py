@@ -189,6 +189,7 @@ def test_fields_survive_writing_and_reading(fields, tmp_path):
     assert repr(again) == "<fields density_ratio on 1 elements, 2 frames>"
 
 
+@pytest.mark.slow
 def test_fields_become_grids_of_the_displaced_layer(fields):
     blocks = fields.to_pyvista()
     assert blocks.keys() == ["speed=0.01", "speed=0.02"]

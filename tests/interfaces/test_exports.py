@@ -1,4 +1,7 @@
-"""Exports: tables and a functional mock-up unit against the drive of the same scene, fields in every format."""
+"""Exports: tables and a functional mock-up unit against the drive of the same scene, fields in every format.
+
+The units are imported by fmpy, of the extra `full`, in slow tests.
+"""
 
 import json
 import shutil
@@ -8,8 +11,6 @@ from zipfile import ZipFile
 import meshio
 import numpy as np
 import pytest
-from fmpy import extract, instantiate_fmu, read_model_description
-from fmpy.validation import validate_fmu
 
 from compact.analysis.study import Study
 from compact.cli import program as cli
@@ -59,6 +60,9 @@ def unit(tmp_path):
     """Units of models, as another program imports them."""
     if not any(map(shutil.which, ("cc", "gcc", "clang"))):
         pytest.skip("no compiler")
+    from fmpy import extract, instantiate_fmu, read_model_description
+    from fmpy.validation import validate_fmu
+
     opened = []
 
     def imported(model, **starts):
@@ -89,6 +93,7 @@ def value(unit, name):
 # functional mock-up unit
 
 
+@pytest.mark.slow
 def test_unit_has_the_forces_of_the_rigid_drive(study, model, unit):
     cart, state = unit(model), study.runs["reversal-4"].state
     moving = np.flatnonzero(np.abs(state.velocity) > 1e-6)[::5]
@@ -100,6 +105,7 @@ def test_unit_has_the_forces_of_the_rigid_drive(study, model, unit):
         assert value(cart, "drive_force") == pytest.approx(state.forces.drive_force[k], rel=1e-13)
 
 
+@pytest.mark.slow
 def test_unit_has_memory_and_return_stroke(model_with_memory, unit):
     cart = unit(model_with_memory)
     for velocity in (-0.5, -0.1, -0.003, 0.003, 0.02, 0.49):  # below and above the slowest sample
@@ -110,6 +116,7 @@ def test_unit_has_memory_and_return_stroke(model_with_memory, unit):
                 assert value(cart, name) == pytest.approx(float(forces[name]), rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [False, True])
 def test_force_of_a_law_moves_the_cart_of_the_unit_by_that_law(model, model_with_memory, unit, memory):
     used, motion, steps = model_with_memory if memory else model, law("reversal-4", 0.4, 3.0), 1000
@@ -124,6 +131,7 @@ def test_force_of_a_law_moves_the_cart_of_the_unit_by_that_law(model, model_with
     assert np.max(np.abs(np.array(position) - exact)) < 2e-4 * 0.4
 
 
+@pytest.mark.slow
 def test_cart_of_the_unit_sticks_below_the_resistance_and_stops(model, unit):
     cart = unit(model, start_velocity=0.1, start_position=0.2)
     holding = float(model.forces(1e-9, 0.0)["opposing_force"])  # below it creeps, as F falls with the speed
@@ -140,6 +148,7 @@ def test_cart_of_the_unit_sticks_below_the_resistance_and_stops(model, unit):
         assert (value(cart, "cart_velocity") > 1e-3) == moves
 
 
+@pytest.mark.slow
 def test_unit_refuses_a_speed_beyond_the_samples(model, unit):
     cart = unit(model)
     set_values(cart, velocity=2 * model.largest_speed)
@@ -147,7 +156,10 @@ def test_unit_refuses_a_speed_beyond_the_samples(model, unit):
         value(cart, "drive_force")
 
 
+@pytest.mark.slow
 def test_unit_without_a_compiler_has_sources(model, tmp_path, monkeypatch):
+    from fmpy.validation import validate_fmu
+
     monkeypatch.setattr("compact.interfaces.functional_mockup.shutil.which", lambda _: None)
     monkeypatch.delenv("CC", raising=False)
     path = write_fmu(model, tmp_path / "cart.fmu")

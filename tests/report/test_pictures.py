@@ -1,4 +1,4 @@
-"""Pictures of fields by pyvista, off screen."""
+"""Pictures of fields by pyvista of the extra `view`, off screen, in slow tests."""
 
 import sys
 from pathlib import Path
@@ -36,6 +36,7 @@ def contact():
     )
 
 
+@pytest.mark.slow
 def test_picture_shows_both_densities_the_roller_and_the_paper(layer, contact):
     colours = pictures.render_fields(layer, contact, size=(400, 200))
     assert colours.shape == (200, 400, 3)
@@ -53,6 +54,7 @@ def test_whole_layer_is_shown_without_a_contact(layer, tmp_path):
     assert path.read_bytes().startswith(b"\xff\xd8")
 
 
+@pytest.mark.slow
 def test_displaced_grid_keeps_data_and_moves_points(layer):
     grid = pictures.displaced_grid(layer)
     assert grid.bounds[2:4] == pytest.approx((-0.01, 0.09))

@@ -126,8 +126,9 @@ def work_balance(stages: Stages) -> WorkBalance:
         carried, strokes = advance * product.width * product.height, machine.roller_length / advance
     pressed, fresh = area * motion.stroke * scene.lift_thickness, 2 if scene.layer.return_stroke == "fresh" else 1
     work = resistance / (area * scene.lift_thickness)
-    if contacts.process is not None:  # both strokes press what the mould carries away
-        before, pressed, fresh = contacts.process.problem.feed.density_ratio, contacts.process.product_volume, 2
+    if contacts.process is not None:  # both strokes press what the mould carries away on the width of the rollers
+        before, fresh = contacts.process.problem.feed.density_ratio, 2
+        carried = pressed = contacts.process.product_volume
         work = resistance * (1 + stages.resistance.map.return_ratio) / 2 * motion.stroke / pressed
     return WorkBalance(
         law=run.name,

@@ -190,7 +190,9 @@ class _Variation:
         if not ENGINES[by].layered:
             return _least_peaks(changed.resistance.cart, changed.resistance.resistance, cycles)
         load, resistance = self._layer(changed, changes)
-        cart = machine_models.cart(changed.contacts.scene, load, changed.contacts.return_ratios[0])
+        over = self.stages.resistance.over(changed.contacts.scene.motion.duration)
+        contacts = changed.contacts if self.engine.cheap else over.contacts  # whose passes are not computed again
+        cart = machine_models.cart(changed.contacts.scene, load, contacts.return_ratios[0])
         return _least_peaks(cart, resistance, cycles)
 
     def _stretched_laws(self, changed: Stages) -> dict[str, Cycle]:
