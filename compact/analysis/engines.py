@@ -18,13 +18,16 @@ from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import entry_points
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 from compact.material.laws import Elastic, Viscoelastic
 from compact.numerics.validation import require_known
 from compact.resistance import ResistanceExpansion
 from compact.rolling_contact import ContactResult, Layer, Roller
 from compact.scene.engine_capabilities import ENTRY_POINTS, TORQUE_ENGINES, installed_engines
+from compact.scene.loader import Scene
+
+ProcessDetail = Literal["columns", "quick", "deep"]
 
 _LINEAR = ("required_pressure", "effective_modulus", "poisson", "instant_over_relaxed", "relaxation_time")
 _PLASTIC = ("heckel_slope", "unloading_modulus", "poisson", "friction_angle", "cohesion", "rate_sensitivity")
@@ -253,6 +256,17 @@ def _load_engine(name: str) -> Engine:
 
 
 ENGINES: Mapping[str, Engine] = _Registry()
+
+
+def process_detail(scene: Scene) -> ProcessDetail:
+    """Return the detail of the forming process of a scene by the engine "process", lumped lifts by default."""
+    return (scene.process and scene.process.detail) or "quick"
+
+
+def is_for_sizing(scene: Scene) -> bool:
+    """Return True if the engine of a scene has the whole resistance; columns have the confined floor of a process."""
+    engine = ENGINES[scene.accuracy.engine]
+    return engine.sizing and not (engine.forming and process_detail(scene) == "columns")
 
 
 def expand_resistance(

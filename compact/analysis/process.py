@@ -9,11 +9,12 @@ enters them one-way or coupled; drained mix states its one-way part alone.
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from compact.analysis.contact_cases import compaction_material, scene_mix
+from compact.analysis.engines import ProcessDetail
 from compact.analysis.machine_models import cart
 from compact.analysis.pore_air import pore_air_of
 from compact.engines.process.closures import ClosedProcess, FormingProblem, mean_bite, require_bite, solve_closure
@@ -42,10 +43,9 @@ from compact.verification import published_machine
 
 MAP_MOULD_SHARES = tuple(2.0 ** (power / 8) for power in range(-16, 17))  # [-], speeds of the map over the scene's
 MAP_CART_SHARES = tuple(2.0 ** (power / 8) for power in range(-8, 9))  # [-], likewise
-Detail = Literal["columns", "quick", "deep"]
 LIFT_SHARES = (MIDDLE_SHARE, 0.9, 0.6)  # [-], of thicknesses of the lifts, see `lift_thickness`; quick: the first two
 INCREMENTS = (6, 9, 12)  # [-], elements per contact length of the meshes; quick: the first
-CASES: dict[Detail, tuple[tuple[float, int], ...]] = {  # share and increments of the sequences of lifts
+CASES: dict[ProcessDetail, tuple[tuple[float, int], ...]] = {  # share and increments of the sequences of lifts
     "columns": (),
     "quick": tuple((share, INCREMENTS[0]) for share in LIFT_SHARES[:2]),
     "deep": (
@@ -157,7 +157,7 @@ class ProcessStudy:
     """
 
     scene: Scene
-    detail: Detail = "columns"
+    detail: ProcessDetail = "columns"
     report: Callable[[str], None] = field(default=lambda _: None, compare=False)
     known: KnownLifts | None = None
 

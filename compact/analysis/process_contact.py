@@ -23,13 +23,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compact.analysis.engines import ENGINES
+from compact.analysis.engines import process_detail
 from compact.analysis.pore_air import AirForces
-from compact.analysis.process import Detail, ProcessStudy
+from compact.analysis.process import ProcessStudy
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 
-DEFAULT_DETAIL: Detail = "quick"  # of the engine; columns are not for sizing
 NO_PROFILE = np.empty(0)  # the strokes under a roller have no common pressure along the contact
 
 
@@ -89,13 +88,7 @@ def process_study(scene: Scene, report: Callable[[str], None] | None = None) -> 
     report : callable, optional
         Called with a line of text after each lift.
     """
-    return ProcessStudy(scene, _detail(scene), report or (lambda _: None))
-
-
-def is_for_sizing(scene: Scene) -> bool:
-    """Return True if the engine of a scene has the whole resistance; columns have the confined floor of a process."""
-    engine = ENGINES[scene.accuracy.engine]
-    return engine.sizing and not (engine.forming and _detail(scene) == "columns")
+    return ProcessStudy(scene, process_detail(scene), report or (lambda _: None))
 
 
 def process_contact(study: ProcessStudy, speed: float) -> ProcessContactResult:
@@ -163,7 +156,3 @@ def process_air(study: ProcessStudy, speed: float) -> AirForces | None:
     length, share = machine.roller_length, abs(speed) / machine.cart_speed
     load, resistance = found.air_load.value, found.air_resistance.value
     return AirForces(share * load / length, share * resistance / length, share * found.air_excess_behind)
-
-
-def _detail(scene: Scene) -> Detail:
-    return (scene.process and scene.process.detail) or DEFAULT_DETAIL

@@ -19,9 +19,8 @@ from typing import Any
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
 from compact.analysis.engineering_summary import Engineering, Number
-from compact.analysis.engines import Engine
+from compact.analysis.engines import Engine, is_for_sizing
 from compact.analysis.pore_air import AirAnswer, AirCurve, AirForces, air_answer
-from compact.analysis.process_contact import is_for_sizing
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
 from compact.analysis.sizing.work_balance import WorkBalance, work_balance

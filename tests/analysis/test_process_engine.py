@@ -9,8 +9,8 @@ from lift_sequences import sequence
 
 from compact import drive
 from compact.analysis import machine_models, process
+from compact.analysis.engines import is_for_sizing
 from compact.analysis.process import ProcessStudy
-from compact.analysis.process_contact import is_for_sizing
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.uncertainty import mix_spread
 from compact.analysis.study import Study

@@ -150,7 +150,7 @@ def test_failed_background_task_raises():
 
 def test_cluster_requires_dask(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(RuntimeError, match=r"a cluster needs dask; install it with `pip install '.\[cluster\]'`"):
+    with pytest.raises(RuntimeError, match=r"a cluster needs dask; install it with `pip install 'compact\[cluster\]'`"):
         collected(square, [1], DaskExecutor("tcp://127.0.0.1:1"))
 
 

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -29,8 +29,6 @@ from compact.analysis.pore_air import (
     is_coupled,
     pore_air_of,
 )
-from compact.analysis.process import ProcessStudy
-from compact.analysis.process_contact import process_air, process_contact, process_study
 from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
 from compact.analysis.stages.model_spread import ModelSpread, model_spread
 from compact.engines.halfplane import LineContact, galin
@@ -47,6 +45,9 @@ from compact.rolling_contact import (
     UnsteadyError,
 )
 from compact.scene.loader import Scene
+
+if TYPE_CHECKING:
+    from compact.analysis.process import ProcessStudy
 
 SECOND_PASS_INCREMENTS = 7  # [-], elements per contact length of "compaction"; its resistance, 3 % of the first, +-4 %
 SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, by the elastic recovery, is smaller
@@ -92,6 +93,8 @@ def roll_scene(
     """
     used = ENGINES[engine or scene.accuracy.engine]
     if used.forming:
+        from compact.analysis.process_contact import process_contact, process_study
+
         with _named_errors(scene, used.name, speed):
             return process_contact(process_study(scene, progress), speed)
     layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
@@ -367,16 +370,20 @@ class ContactStage:
         return found
 
     @cached_property
-    def process(self) -> ProcessStudy | None:
+    def process(self) -> "ProcessStudy | None":
         """Forming process of the scene; None for an engine of single passes."""
         if not self.engine.forming:
             return None
+        from compact.analysis.process_contact import process_study
+
         found = process_study(self.scene, self.progress)
         return replace(found, known=self.kept.lifts) if self.kept else found
 
     def first_pass(self, speed: float, initial_guess: ContactResult | None = None) -> ContactResult:
         """Compute the first pass at a speed [m/s], under the quantity that is constant over speed."""
         if self.process is not None:
+            from compact.analysis.process_contact import process_contact
+
             with _named_errors(self.scene, self.engine.name, speed):
                 return process_contact(self.process, speed)
         return roll_scene(self.scene, self.mix, speed, None, initial_guess, self.held, self.progress)
@@ -505,6 +512,8 @@ class ContactStage:
     def air_forces(self, speed: float) -> AirForces | None:
         """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
         if self.process is not None:
+            from compact.analysis.process_contact import process_air
+
             return process_air(self.process, speed)
         if not has_air(self.scene) or self.air_curve is None:
             return None

@@ -10,18 +10,21 @@ from dataclasses import asdict, dataclass
 from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from compact import resistance
 from compact.analysis import contact_cases
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity
 from compact.analysis.engines import ENGINES
 from compact.analysis.pore_air import AirCurve
-from compact.analysis.process import KnownLifts
 from compact.analysis.stages.model_spread import ModelSpread
 from compact.files import write_json
 from compact.material.mix import Mix
 from compact.resistance import ResistanceMap
 from compact.scene.loader import Scene
+
+if TYPE_CHECKING:
+    from compact.analysis.process import KnownLifts
 
 MAP_FILE, CONTACTS_FILE = "resistance.nc", "contacts.json"
 KEPT_FILES = (  # prefixes of files that depend on the contacts alone
@@ -57,7 +60,7 @@ class KeptResults:
     resistance_map: ResistanceMap
     air_curve: AirCurve | None = None
     model_spread: ModelSpread | None = None
-    lifts: KnownLifts | None = None
+    lifts: "KnownLifts | None" = None
     files: tuple[str, ...] = ()
 
 
@@ -97,11 +100,18 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
             resistance.load_resistance_map(directory / MAP_FILE, key),
             more["air"] and AirCurve.from_json(more["air"]),
             more["model_spread"] and ModelSpread.from_json(more["model_spread"]),
-            more["lifts"] and KnownLifts.from_json(more["lifts"]),
+            more["lifts"] and _read_lifts(more["lifts"]),
             tuple(name for name in content["files"] if (directory / name).is_file()),
         )  # fmt: skip
     except (OSError, ValueError, KeyError, TypeError):  # no file, or a file of another form
         return None
+
+
+def _read_lifts(content: Any) -> "KnownLifts":
+    """Return the lumped lifts of a forming process."""
+    from compact.analysis.process import KnownLifts
+
+    return KnownLifts.from_json(content)
 
 
 def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[Path]:

@@ -14,7 +14,6 @@ from typing import Any, Self
 
 from compact.analysis.contact_cases import HeldQuantity, contact_inputs, scene_mix
 from compact.analysis.engines import ENGINES
-from compact.analysis.process_contact import process_contact, process_study
 from compact.material.mix import Mix
 from compact.rolling_contact import ContactResult, Heaping, HeapingError
 from compact.scene.loader import Scene
@@ -195,6 +194,8 @@ def spread_of(contacts: Sequence[LawVariant]) -> ModelSpread:
 def _roll(scene: Scene, mix: Mix, held: HeldQuantity) -> ContactResult:
     engine = ENGINES[scene.accuracy.engine]
     if engine.forming:
+        from compact.analysis.process_contact import process_contact, process_study
+
         return process_contact(process_study(scene), scene.mean_speed)
     layer, roller, material = contact_inputs(scene, mix, engine.name, scene.mean_speed, held)
     options: dict[str, Any] = {}

@@ -20,7 +20,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations_with_replacement
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +29,15 @@ from scipy.stats import qmc, sobol_indices, uniform
 from compact import contact
 from compact.analysis.contact_cases import HeldQuantity, scene_mix
 from compact.analysis.engines import ENGINES
-from compact.analysis.process import ProcessStudy
 from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.stages.drives import Stages
 from compact.analysis.stages.verdict import ModelAnswer, Verdict
 from compact.machine.ranking import value_of
 from compact.material.mix import Parameter, prior
 from compact.scene.loader import Scene
+
+if TYPE_CHECKING:
+    from compact.analysis.process import ProcessStudy
 
 SAMPLES = 128  # [-], of the mix by columns; three times the coefficients of a quadratic in seven parameters
 SOBOL_SAMPLES = 1024  # [-], of the fit; its indices then scatter by less than 0.01
@@ -359,7 +361,7 @@ def _durations(model: ModelAnswer, verdicts: Mapping[str, Verdict]) -> Iterator[
 # mix
 
 
-def mix_spread(scene: Scene, process: ProcessStudy | None = None) -> MixSpread | None:
+def mix_spread(scene: Scene, process: "ProcessStudy | None" = None) -> MixSpread | None:
     """Sample the resistance at the mean speed over the parameters of the mix, by columns.
 
     Parameters
@@ -456,7 +458,7 @@ def _fed(scene: Scene) -> tuple[str, float]:
 
 
 def _resistance_at(
-    scene: Scene, ranges: Mapping[str, tuple[float, float]], process: ProcessStudy | None, shares: Sequence[float]
+    scene: Scene, ranges: Mapping[str, tuple[float, float]], process: "ProcessStudy | None", shares: Sequence[float]
 ) -> float:
     """Return the resistance at positions in the ranges; nan without a solution."""
     keys = (_fed(scene)[0] if name == FED else f"mix.overrides.{name}" for name in ranges)
@@ -464,7 +466,7 @@ def _resistance_at(
     return _resistance_with(scene, dict(zip(keys, values, strict=True)), process)
 
 
-def _resistance_with(scene: Scene, changes: Mapping[str, float], process: ProcessStudy | None) -> float:
+def _resistance_with(scene: Scene, changes: Mapping[str, float], process: "ProcessStudy | None") -> float:
     """Return the resistance of a roller [N/m], of a process of a cart [N], for changed keys; nan without solution."""
     try:
         changed = scene.replaced(**changes)

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.contact_cases import ContactRecord
-from compact.analysis.process_contact import is_for_sizing
+from compact.analysis.engines import is_for_sizing
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages.comparison import EngineComparison, Places
 from compact.analysis.stages.drives import Stages
