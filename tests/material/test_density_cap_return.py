@@ -9,6 +9,7 @@ from compact.material.density_cap import DensityCap, density_dependent_cap
 from compact.material.laws import Compaction
 from compact.validation.powder import ph102
 
+pytestmark = pytest.mark.slow  # the kernels of this law compile for seconds
 LAW = density_dependent_cap(ph102(), 0.4)
 TABLES = tables_return.table_constants(LAW, 1.0)
 DEVIATOR = np.array([1.0, 1.0, 1.0, 2.0])  # weights of xx, yy, zz, xy in a product of deviators
@@ -118,7 +119,6 @@ def test_derivatives_of_the_tables(k):
     assert (ends[1] - ends[0])[::2] / (2 * h) == pytest.approx(values[1::2], rel=1e-7)
 
 
-@pytest.mark.slow
 def test_oedometer_of_the_kernel_is_the_die_of_the_tables():
     path, state, rows = LAW.tables.die(0.4, 0.85, 400), initial_state(LAW, 1), []
     increment = np.array([[0.0, -np.log(0.85 / 0.4) / 400, 0.0]])
@@ -133,7 +133,6 @@ def test_oedometer_of_the_kernel_is_the_die_of_the_tables():
     assert 0.4 < radial[-1] / axial[-1] < 0.65  # as published
 
 
-@pytest.mark.slow
 def test_level_line_and_constant_slopes_are_the_flat_ellipse():
     ellipse = Compaction(120e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.9)
     density = 0.72 + 0.279 * np.linspace(0.3, 0.97, 400)
@@ -160,7 +159,6 @@ def test_level_line_and_constant_slopes_are_the_flat_ellipse():
     assert np.median(np.abs(other_tangent - tangent)[inside].max(axis=(1, 2))) < 1e-4 * 160e6
 
 
-@pytest.mark.slow
 def test_powder_of_an_earlier_pass_keeps_a_lateral_stress():
     point = compacted_state(LAW, 0.6)
     assert point.density_ratio[0] == pytest.approx(0.6, abs=1e-12)
