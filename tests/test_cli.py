@@ -105,6 +105,7 @@ def test_roll_writes_one_contact(compact, tmp_path):
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_roll_by_finite_elements_writes_the_fields_of_a_free_roller(compact, tmp_path):
     picture = tmp_path / "layer.png"
     done = compact("roll", SMALL, "--engine", "fem", "--picture", picture, "--out", tmp_path / "contact")

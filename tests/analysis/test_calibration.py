@@ -106,6 +106,7 @@ def test_parameters_of_a_computed_column_are_recovered():
     assert found.rolled[0].exit_height == pytest.approx(0.22, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_parameters_of_an_independent_column_are_recovered():
     """Load and resistance by scipy along Heckel's curve: 8259.94 N/m and 1509.33 N/m at k_in .9325 and 14.2/MPa."""
     scene = load_scene(PUBLISHED).replaced(**{"machine.roller_length": 1.0, "mix.overrides.rate_sensitivity": 0.0})
@@ -184,6 +185,7 @@ def doubled():
     return found, double
 
 
+@pytest.mark.slow
 def test_fit_by_finite_elements_converges_in_few_runs(doubled):
     found, double = doubled
     rolled = found.rolled[0]
@@ -199,6 +201,7 @@ def test_fit_by_finite_elements_converges_in_few_runs(doubled):
     assert f"on 4 increments K_H {found.coarse.heckel_slope * 1e6:.4f} /MPa" in calibration_digest(found)
 
 
+@pytest.mark.slow
 def test_calibrated_scene_reproduces_the_last_trial(doubled):
     """Its depth is that of columns for a density increased by their deviation."""
     found, double = doubled
@@ -229,12 +232,14 @@ def test_initial_guess_starts_the_next_fit(doubled, monkeypatch):
     assert guessed.fed_density_ratio == pytest.approx(unguessed.fed_density_ratio, abs=2e-4)
 
 
+@pytest.mark.slow
 def test_refits_omit_parameters_without_effect_on_columns(doubled):
     refits = {refit.name: refit for refit in doubled[0].refits}
     assert "columns do not depend on it; calibrate with --set" in refits["mix.overrides.friction_angle"].reason
     assert not refits["mix.overrides.unloading_modulus"].reason
 
 
+@pytest.mark.slow
 def test_first_trial_is_the_shallowest(doubled):
     _, double = doubled
     angles = [np.arccos(1 - roller.indentation / roller.radius) for _, _, roller in double.calls]
@@ -398,6 +403,7 @@ def test_more_unknowns_than_data_are_refused():
         (None, ("heckel_slope", "fed_density_ratio"), "`initial_guess` must have 2 measurements, got 1"),
     ],
 )
+@pytest.mark.slow
 def test_initial_guess_of_other_measurements_is_refused(doubled, data, unknowns, message):
     one = reading(**(data or {"load": 9740.0}))
     measured = one if data else Measured(one.measurements * 2)

@@ -129,6 +129,7 @@ def test_summary_lists_every_file_and_counts_every_evaluation(written):
     assert summary["comparison"]["column"]["evaluation_counts"]["rolled"] == 2
 
 
+@pytest.mark.slow
 def test_every_engine_reuses_stored_contacts(written):
     _, summary, directory = written
     drawn = {path.name: path.read_bytes() for path in directory.glob("*.png")}

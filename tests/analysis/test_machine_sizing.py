@@ -97,6 +97,7 @@ def elastic(**changes):
     return sizing(**spring | changes).first
 
 
+@pytest.mark.slow
 def test_stiff_spring_requires_the_motor_of_a_rigid_drive():
     rigid = sizing(**{"motion.laws": ["cubic"]}).first
     assert elastic().required_power == pytest.approx(rigid.required_power, rel=0.01)

@@ -112,6 +112,7 @@ def test_command_writes_results_of_a_mould_at_rest(tmp_path, capsys):
     assert len(list((tmp_path / "out" / "fields").glob("strokes=*.vtu"))) == 3
 
 
+@pytest.mark.slow
 def test_lumped_lifts_enter_forces_files_and_words(monkeypatch, tmp_path, capsys):
     calls = []
 

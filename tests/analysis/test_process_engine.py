@@ -134,6 +134,7 @@ def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increment
     )
 
 
+@pytest.mark.slow
 def test_lumped_lifts_are_kept_with_the_results(monkeypatch, tmp_path):
     monkeypatch.setattr(process, "simulate_lifts", lifts)
     given = scene(**{"process.detail": None, "motion.other_durations": [1.0], "output.items": []})

@@ -113,6 +113,7 @@ def test_measured_parameter_has_a_range_of_a_tenth(tmp_path):
     assert found["heckel_slope"] == pytest.approx((slope / 1.5, slope * 1.5))
 
 
+@pytest.mark.slow
 def test_sobol_indices_sum_to_one_and_name_the_first_measurement():
     known = study().uncertainty
     for shares in known.mix.shares.values():

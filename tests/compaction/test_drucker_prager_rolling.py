@@ -54,6 +54,7 @@ def loose():
     return marched(law(), 4, 0.5)
 
 
+@pytest.mark.slow
 def test_carried_pressure_is_that_of_the_mix_in_steady_motion(loose):
     """The two-surface law is then satisfied: no point exceeds q = M P."""
     points, mix = loose.state.points, loose.frame.solid.material

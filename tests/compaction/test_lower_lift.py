@@ -177,6 +177,7 @@ def test_thinner_lower_lifts_tend_to_the_rigid_base(on_base, on_lift):
     assert losses[0] < losses[1] < losses[2] < 2 * losses[1]
 
 
+@pytest.mark.slow
 def test_lower_lift_takes_some_of_the_depth(on_base, on_lift):
     assert 0.005 < 1 - on_lift.load / on_base.load < 0.02
     assert 0.01 < 1 - on_lift.resistance / on_base.resistance < 0.03
@@ -186,6 +187,7 @@ def test_lower_lift_takes_some_of_the_depth(on_base, on_lift):
     assert on_lift.indentation == pytest.approx(0.003, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_mass_of_both_lifts_and_work_balance(on_lift):
     assert on_lift.mass_residual < 3e-4
     assert on_lift.work_residual < 0.02

@@ -224,6 +224,7 @@ def test_targets_are_reached(name, value):
     assert getattr(found, name) == pytest.approx(value, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_less_friction_draws_less_mix_in(rolled):
     smooth = roll(LAYER, replace(ROLLER, friction=0.2), POWDER, 0.2, increments=7)
     assert smooth.nip_angle < rolled.nip_angle

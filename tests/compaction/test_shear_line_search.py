@@ -114,6 +114,7 @@ def test_error_of_a_resistance_that_is_not_monotone_is_that_of_the_coarser_meshe
     assert mesh_errors(coarse, fine)[1] == pytest.approx(4 / 899)
 
 
+@pytest.mark.slow
 def test_loose_lift_is_steady_on_two_meshes():
     """Fed at 0.90; the search with jumps of the first mesh ended at 4077 and 529.6 N/m on 7 elements."""
     found = roll(*lift(0.9), 0.13, increments=7)

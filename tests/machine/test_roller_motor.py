@@ -237,6 +237,7 @@ def test_engine_reproduces_the_interpolated_traction(by_fem, time):
     assert own.resistance - pull + torque / R * (1 + result.creep[0]) == pytest.approx(kept, abs=1e-3 * own.load)
 
 
+@pytest.mark.slow
 def test_samples_cover_the_range_of_the_laws(by_fem):
     motors = by_fem.roller_motors["septic"]
     roller = motors.roller

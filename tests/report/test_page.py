@@ -192,6 +192,7 @@ def test_every_criterion_has_a_term():
     assert TERMS.keys() == CRITERIA.keys() == set(get_args(RankBy))
 
 
+@pytest.mark.slow
 def test_figures_of_the_page_are_those_of_the_files(tmp_path):
     study = Study(scene(**{"output.items": ["report", "figures"], "motion.laws": ["cubic"]}))
     report.write_study(study, tmp_path / "out")
@@ -263,6 +264,7 @@ def test_open_energy_balance_of_a_cycle_fails_its_check():
     assert "Built-in checks that fail: work over a cycle, cubic." in answer_words(study, failed)
 
 
+@pytest.mark.slow
 def test_open_energy_balance_of_a_contact_fails_its_check(written):
     study, _, _ = written
     broken = Study(study.scene.replaced(**{"output.items": []}))

@@ -337,6 +337,7 @@ def test_heckel_slope_explains_the_resistance_of_columns(tmp_path):
     assert (tmp_path / "sobol.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_maps_bands_and_best_laws_are_drawn(tmp_path):
     scene = SCENE.replaced(**{"motion.laws": ["parabolic", "septic"], "layer.fed_density_ratio": 0.92})
     table, _ = swept(

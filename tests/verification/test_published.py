@@ -259,6 +259,7 @@ def test_check_fails_on_a_changed_number(monkeypatch, capsys, rows):
     assert f"1 of {len(rows)} computed numbers have changed" in told.err
 
 
+@pytest.mark.slow
 def test_check_runs_as_a_command():
     done = subprocess.run([sys.executable, "-m", "compact.cli", "check"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
