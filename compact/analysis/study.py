@@ -205,13 +205,16 @@ class Study:
     def uncertainty(self) -> RankingUncertainty | None:
         """Effect of every source of uncertainty on the recommended laws.
 
-        None without the output "report", and where the engine of the scene is not valid for sizing.
+        None without the output "report", where the engine of the scene is not valid for sizing, and where no law has a
+        finite value.
         """
         if "report" not in self.scene.output.items or not is_for_sizing(self.scene):
             return None
         motion, kind = self.scene.motion, self.scene.drive.kind
         found = {by: verdict(self.models, motion.duration, kind, by) for by in self._sizing_peaks}
         known = {by: each for by, each in found.items() if each is not None}
+        if not known:
+            return None
         self.count("uncertainty")
         return ranking_uncertainty(self.stages, self.models, known, self.models[0].spread)
 

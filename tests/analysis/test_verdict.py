@@ -17,6 +17,7 @@ from compact.analysis.stages.uncertainty import MIX, MODELS, mix_spread
 from compact.analysis.stages.verdict import ModelAnswer, contenders, verdict
 from compact.analysis.study import Study
 from compact.report import text
+from compact.report import writer as report
 from compact.report.page import answer_text
 from compact.rolling_contact import Heaping
 from compact.scene.loader import load_scene
@@ -257,3 +258,13 @@ def test_models_at_both_durations_are_tabulated_with_the_ratio_to_the_old_lead()
     assert [row[1] for row in rows[:3]] == ["`column`", "`formula`", "`spectral`"]
     ratios = [float(row[5].strip(" |")) for row in rows]
     assert ratios == pytest.approx([11.5, 11.2, 1, 10.5, 10.4, 1], rel=0.02)
+
+
+def test_laws_without_a_finite_peak_leave_no_verdict_and_no_uncertainty(tmp_path):
+    study = Study(
+        load_scene(SCENES / "small.toml", **{"motion.laws": ["constant-velocity"], "output.items": ["report"]})
+    )
+    assert study.uncertainty is None
+    assert study.verdicts == {}
+    report.write_study(study, tmp_path / "out")
+    assert "the velocity jumps: impulsive force" in (tmp_path / "out" / "report.html").read_text()
