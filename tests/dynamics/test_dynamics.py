@@ -705,7 +705,9 @@ cli.main()
 def test_interrupt_ends_a_long_elastic_run_within_seconds(tmp_path):
     scene = str(Path(__file__).parents[2] / "studies/scenes/loveikin-2015.toml")
     code, seconds, message = interrupted(LONG.format(scene=scene, out=str(tmp_path / "out")))
-    assert (code, message) == (130, "compact: interrupted; every file already written is whole\n")
+    assert code == 130
+    assert message.startswith("compact: interrupted; every file already written is whole; ")
+    assert message.endswith("; the same command computes the others\n")
     assert seconds < 5  # one second on an idle machine
 
 
