@@ -103,7 +103,9 @@ def markdown_case(result: CaseResult, figures: str) -> str:
     if result.evaluation.panels:
         parts.append(f"![{case.title}]({figures}{case.name}.png)\n")
     parts.append(f"Source: {case.source}. Licence: {case.licence}.\n")
-    return "\n".join(textwrap.fill(part, TABLE_WIDTH) + "\n" if _is_prose(part) else part for part in parts)
+    return "\n".join(
+        textwrap.fill(part, TABLE_WIDTH, break_on_hyphens=False) + "\n" if _is_prose(part) else part for part in parts
+    )
 
 
 def write_validation(directory: Path, results: Sequence[CaseResult]) -> list[Path]:
