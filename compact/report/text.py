@@ -77,7 +77,8 @@ def _digest_sentences(study: Study) -> Iterator[str]:
     yield from (motor_sentence(study.machine_sizing), margin_sentence(study), *work_warnings(study.work_balance))
     yield from heaping_sentences(study)
     yield from (f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())
-    yield from (study.mix.density_achievable.reason, held_sentence(study), return_sentence(study), air_sentence(study))
+    yield from (study.mix.density_achievable.reason, held_sentence(study), sleeve_sentence(study))
+    yield from (return_sentence(study), air_sentence(study))
     yield "" if study.over_durations is None else duration_sentence(study.over_durations)
     yield from _best_lines(study)
     if study.scene.machine.roller_condition == "pair":
@@ -180,6 +181,23 @@ def held_sentence(study: Study) -> str:
         "peak_pressure": f"the peak pressure, {held.value / 1e3:.4g} kPa",
     }[held.name]
     return f"constant over speed: {quantity}, determined at {held.speed:.4g} m/s for {_target(study)}"
+
+
+def sleeve_sentence(study: Study) -> str:
+    """State the part of the feed sleeves in the resistance of a forming process, which follows from an assumed head.
+
+    Returns
+    -------
+    str
+        One sentence without a full stop; empty without feed sleeves.
+    """
+    process = study.contact_stage.process
+    if process is None or not process.sleeve_drag:
+        return ""
+    return (
+        f"feed sleeves: their drag, {process.sleeve_drag:.4g} N on a cart, is part of the resistance; it follows from "
+        "sleeve.head, which counts as full at every stroke, and has no error estimate"
+    )
 
 
 def heaping_sentences(study: Study) -> Iterator[str]:

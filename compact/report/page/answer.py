@@ -17,7 +17,14 @@ from compact.machine.ranking import CRITERIA
 from compact.report.number_format import format_percent, format_quantity
 from compact.report.page import answer_text
 from compact.report.page.blocks import Cell, Mark, Table, embed_figures
-from compact.report.text import air_sentence, guide_sentence, held_sentence, return_sentence, spread_sentence
+from compact.report.text import (
+    air_sentence,
+    guide_sentence,
+    held_sentence,
+    return_sentence,
+    sleeve_sentence,
+    spread_sentence,
+)
 
 ANSWER_CRITERIA = 2  # [-], number of criteria in the answer; the tables have the others
 FIRST_FIGURES = {
@@ -72,7 +79,7 @@ def first_screen(study: Study, pictures: Mapping[str, bytes]) -> dict[str, Any]:
         sources = Table("Sources of uncertainty: change of the peaks of the recommended laws", header, rows)
     lines = [
         *answer_text.duration_lines(study), answer_text.stiffness_sentence(study),
-        answer_text.measurement_sentence(study), spread_sentence(study), held_sentence(study),
+        answer_text.measurement_sentence(study), spread_sentence(study), sleeve_sentence(study), held_sentence(study),
     ]  # fmt: skip
     return {
         "recommendations": answer_text.recommendations(study),
