@@ -82,7 +82,15 @@ def minimise_quadratic(
 ) -> Array:
     """Minimise (1/2) x'Qx + c'x with Q positive semidefinite, shape (n, n), and |x_i| <= box_i."""
     A, b = _scaled(constraints.equality_matrix, constraints.equality_values)
-    G, h = _inequalities(constraints, box, A)
+    G, h = sparse.csr_array(constraints.inequality_matrix), np.asarray(constraints.inequality_bounds, float)
+    if box is not None:
+        bounded = np.flatnonzero(np.isfinite(box))
+        unit = sparse.csr_array(sparse.eye_array(len(box)))[bounded]
+        G, h = sparse.vstack([G, unit, -unit]), np.concatenate([h, box[bounded], box[bounded]])
+    G, h = _scaled(G, h)
+    # rows that the equalities determine have no interior
+    undetermined = np.abs(G @ linalg.null_space(A.toarray())).max(axis=1, initial=0.0) > NULL_SPACE_TOLERANCE
+    G, h = G[undetermined], h[undetermined]
     rows = sparse.csc_array(sparse.vstack([A, G]))
     rows.eliminate_zeros()
     cones = [clarabel.ZeroConeT(len(b)), clarabel.NonnegativeConeT(len(h))]
@@ -97,19 +105,6 @@ def minimise_quadratic(
         f"Clarabel did not solve a quadratic program of {len(cost)} unknowns to {CLARABEL_ACCEPTED:g}: "
         f"{' or '.join(dict.fromkeys(failures))}"
     )
-
-
-def _inequalities(constraints: LinearConstraints, box: Array | None, A: sparse.csr_array) -> tuple[Matrix, Array]:
-    """Scaled inequalities and box, without rows that the equalities determine: those have no interior."""
-    G, h = sparse.csr_array(constraints.inequality_matrix), np.asarray(constraints.inequality_bounds, float)
-    if box is not None:
-        bounded = np.flatnonzero(np.isfinite(box))
-        unit = sparse.csr_array(sparse.eye_array(len(box)))[bounded]
-        G, h = sparse.vstack([G, unit, -unit]), np.concatenate([h, box[bounded], box[bounded]])
-    G, h = _scaled(G, h)
-    free = linalg.null_space(A.toarray())
-    undetermined = np.abs(G @ free).max(axis=1, initial=0.0) > NULL_SPACE_TOLERANCE
-    return G[undetermined], h[undetermined]
 
 
 def _settings(equilibrate: bool) -> clarabel.DefaultSettings:

@@ -2,24 +2,33 @@
 
 numba keeps a compiled function until its own file changes. The machine code contains the functions and constants of
 other modules, so a change there would go unnoticed. `compiled` stamps the cache with every source file of the same
-package that the module of the function imports, directly or through other modules.
+package that the module of the function imports, directly or through other modules. A cache file without its checksum is
+written again; where no file can be written, functions are compiled in every process.
 
 Processes that need the same function at the same time compile it once: one of them compiles, the others wait for its
 file. Compilation is a third of the processor time of a first run.
 """
 
 import ast
-import fcntl
-import os
+import logging
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
+from hashlib import sha256
+from io import BytesIO
+from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock
 from numba import njit
+
+LOCK_TIMEOUT = 300.0  # [s], that one process compiles a function; then another process compiles it too
+DIGEST_SIZE = sha256().digest_size  # [byte], of the checksum at the end of a cache file
+
+_LOG = logging.getLogger(__name__)
 
 
 def compiled(function: Callable[..., Any], nogil: bool = False) -> Callable[..., Any]:
@@ -29,13 +38,19 @@ def compiled(function: Callable[..., Any], nogil: bool = False) -> Callable[...,
     call it at the same time.
     """
     options: dict[str, Any] = {"no_cfunc_wrapper": True}  # an entry from C, which nothing calls
-    dispatcher: Any = njit(error_model="numpy", cache=True, nogil=nogil, **options)(function)
+    options |= {"error_model": "numpy", "nogil": nogil}
+    try:
+        dispatcher: Any = njit(cache=True, **options)(function)
+    except RuntimeError:  # of numba: neither the package, nor the home, nor NUMBA_CACHE_DIR can be written
+        if parent_process() is None:
+            _tell("no folder for compiled code can be written: each run compiles; NUMBA_CACHE_DIR may name one")
+        return njit(**options)(function)
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)  # absent where numba does not cache
     if file:
         file._source_stamp = tuple(
-            (stat.st_mtime, stat.st_size) for stat in map(os.stat, sorted(source_files(function.__module__)))
+            sha256(Path(path).read_bytes()).hexdigest() for path in sorted(source_files(function.__module__))
         )
-        file._load_index = _readable(file._load_index)
+        _add_checksums(file)
         dispatcher.compile = _once(dispatcher.compile, Path(file._index_path).with_suffix(".lock"))
     return dispatcher
 
@@ -78,18 +93,15 @@ def _once(compile_types: Callable[[Any], Any], path: Path) -> Callable[[Any], An
 
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Hold the lock of a file, which ends with the process; without one where the folder allows none."""
-    with suppress(OSError):
+    """Hold the lock of a file, which ends with the process; without one where the folder or its disk allows none."""
+    lock = FileLock(path, timeout=LOCK_TIMEOUT)
+    with suppress(OSError, NotImplementedError):  # a timeout is an OSError
         path.parent.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
     try:
-        file = path.open("a")
-    except OSError:
         yield
-        return
-    with file:
-        with suppress(OSError):  # network file systems may have no locks
-            fcntl.flock(file, fcntl.LOCK_EX)
-        yield
+    finally:
+        lock.release()
 
 
 def is_compiled(function: Any) -> bool:
@@ -98,16 +110,54 @@ def is_compiled(function: Any) -> bool:
     return bool(function.signatures) or (file is not None and bool(file._load_index()))
 
 
-def _readable(load_index: Callable[[], dict[Any, Any]]) -> Callable[[], dict[Any, Any]]:
-    """Wrap the reader of a cache index, so that an index which names a class that is gone counts as empty."""
+def _add_checksums(file: Any) -> None:
+    """Let a cache file of numba end with a checksum; one that is damaged or cannot be written counts as absent."""
+    open_for_write, load_index, load_data, save = file._open_for_write, file._load_index, file._load_data, file.save
 
-    def load() -> dict[Any, Any]:
+    @contextmanager
+    def open_with_checksum(path: str) -> Iterator[BytesIO]:
+        content = BytesIO()
+        with open_for_write(path) as stream:
+            yield content
+            stream.write(content.getvalue() + sha256(content.getvalue()).digest())
+
+    def load_sound_index() -> dict[Any, Any]:
         try:
-            return load_index()
+            return load_index() if _is_sound(file._index_path) else {}
         except (AttributeError, ImportError):  # pickled argument types of another version of the package
             return {}
 
-    return load
+    def load_sound_data(name: str) -> Any:
+        if not _is_sound(file._data_path(name)):
+            raise FileNotFoundError(name)  # numba compiles
+        return load_data(name)
+
+    def save_if_possible(key: Any, data: Any) -> None:
+        try:
+            save(key, data)
+        except OSError as error:
+            _tell(f"compiled code cannot be kept: {error.strerror or error}; the next run compiles again")
+
+    file._open_for_write, file._load_index = open_with_checksum, load_sound_index
+    file._load_data, file.save = load_sound_data, save_if_possible
+
+
+def _is_sound(path: str) -> bool:
+    """Return True for a cache file that ends with its checksum; False for a missing or damaged one."""
+    try:
+        content = Path(path).read_bytes()
+    except OSError:
+        return False
+    sound = sha256(content[:-DIGEST_SIZE]).digest() == content[-DIGEST_SIZE:]
+    if not sound:
+        _tell("compiled code on disk is damaged, or of another version; it is compiled again")
+    return sound
+
+
+@cache
+def _tell(sentence: str) -> None:
+    """Log a sentence on the cache, once in a process."""
+    _LOG.warning(sentence)
 
 
 @cache

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import Polynomial, chebyshev
+from numpy.polynomial import Polynomial, chebyshev, polynomial
 from numpy.typing import ArrayLike
 
 from compact.numerics import Array
@@ -141,10 +141,7 @@ class PiecewisePolynomial(NamedTuple):
 
 def horner(coefficients: Array, u: Array) -> Array:
     """Evaluate polynomials, coefficients of shape (..., degree + 1) lowest first, at u by Horner's scheme."""
-    value = np.zeros(np.shape(u))
-    for j in range(coefficients.shape[-1] - 1, -1, -1):
-        value = value * u + coefficients[..., j]
-    return value
+    return np.asarray(polynomial.polyval(u, np.moveaxis(coefficients, -1, 0), tensor=False))
 
 
 def fit_piecewise(function: Function, breaks: ArrayLike, tolerance: float) -> PiecewisePolynomial:
@@ -166,25 +163,24 @@ def fit_piecewise(function: Function, breaks: ArrayLike, tolerance: float) -> Pi
     """
     breaks = np.asarray(breaks, float)
     low, high, span = breaks[:-1], breaks[1:], breaks[-1] - breaks[0]
-    accepted: list[tuple[float, float, Array]] = []
+    starts, pieces = [], []
     while low.size:
-        width, inset = (high - low)[:, None], BREAK_OFFSET * span
-        points = np.clip(low[:, None] + width * SAMPLE_POINTS, low[:, None] + inset, high[:, None] - inset)
+        inside, width = (low[:, None] + BREAK_OFFSET * span, high[:, None] - BREAK_OFFSET * span), high - low
+        points = np.clip(low[:, None] + width[:, None] * SAMPLE_POINTS, *inside)
         at_nodes, at_checks = np.split(function(points), [DEGREE + 1], axis=1)
         coefficients = at_nodes @ TO_CHEBYSHEV.T @ TO_POWERS.T
-        error = np.abs(coefficients @ CHECK_POWERS - at_checks).max(axis=1)
-        good = error <= tolerance
-        accepted += zip(low[good], high[good], coefficients[good], strict=True)
-        if np.any(~good & (high - low < MIN_PIECE * span)):
-            place = low[~good & (high - low < MIN_PIECE * span)][0]
-            raise ValueError(f"a jump of more than {tolerance:g} at {place:g}; supply a function without jumps")
+        good = np.abs(coefficients @ CHECK_POWERS - at_checks).max(axis=1) <= tolerance
+        starts.append(low[good])
+        pieces.append(coefficients[good])
+        if np.any(short := ~good & (width < MIN_PIECE * span)):
+            raise ValueError(f"a jump of more than {tolerance:g} at {low[short][0]:g}; supply a function without jumps")
         if np.count_nonzero(~good) > MAX_PIECES:
             raise ValueError(f"noise of more than {tolerance:g} throughout; supply a smooth function")
         middle = (low + high) / 2
         low, high = np.append(low[~good], middle[~good]), np.append(middle[~good], high[~good])
-    accepted.sort(key=lambda piece: piece[0])
-    coefficients = np.array([piece[2] for piece in accepted])
-    return PiecewisePolynomial(np.append([piece[0] for piece in accepted], breaks[-1]), coefficients)
+    start = np.concatenate(starts)
+    order = np.argsort(start)
+    return PiecewisePolynomial(np.append(start[order], breaks[-1]), np.concatenate(pieces)[order])
 
 
 def antiderivative(derivative: PiecewisePolynomial, start: Array) -> PiecewisePolynomial:

@@ -168,19 +168,12 @@ def fit_parameters(
         raise ValueError(
             f"{start.size} unknowns cannot be determined from {measured.size} data; measure more or fit fewer unknowns"
         )
-    if fine_model is not None:
-        slope = np.zeros((measured.size, start.size)) if correction is None else correction.slope
-        weights = np.ones(start.size) if varying is None else np.array(varying, dtype=float)
-        initial = Correction(np.full(measured.size, np.nan), slope, start, weights, 0, broyden_length)
-        return _space_mapping(coarse_model, measured, start, fine_model, tolerance, initial)
-    u, slopes, predicted = _least_squares(coarse_model, measured, start, correction)
-    return SpaceMappingFit(u, predicted, np.log(predicted / measured), slopes, correction)
-
-
-def _space_mapping(
-    coarse_model: Model, measured: Array, start: Array, fine_model: Model, tolerance: float, correction: Correction
-) -> SpaceMappingFit:
-    """Fit of the fine model, from a `Correction` of which only the slope is known."""
+    if fine_model is None:
+        u, slopes, predicted = _least_squares(coarse_model, measured, start, correction)
+        return SpaceMappingFit(u, predicted, np.log(predicted / measured), slopes, correction)
+    slope = np.zeros((measured.size, start.size)) if correction is None else correction.slope
+    weights = np.ones(start.size) if varying is None else np.array(varying, dtype=float)
+    correction = Correction(np.full(measured.size, np.nan), slope, start, weights, 0, broyden_length)
     u, last, max_step, at_optimum = start, None, MAX_STEP, False
     history: list[tuple[list[float], list[float]]] = []
     for _ in range(MAX_FINE_RUNS):

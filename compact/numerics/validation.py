@@ -3,8 +3,11 @@
 An error message contains the name in back-ticks, the rule, the value received and, where possible, the remedy.
 """
 
-from collections.abc import Callable, Collection, Iterable
+import reprlib
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import fields
 from difflib import get_close_matches
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -23,11 +26,44 @@ class NotFiniteError(ValueError):
     """Error for a quantity that contains nan or an infinity."""
 
 
-def _require(condition: Condition, rule: str, quantities: dict[str, ArrayLike]) -> None:
+def as_numbers(name: str, value: object) -> Array:
+    """Return a real number, or nested lists of them, as an array; raise ValueError for text, None and complex numbers.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the message.
+    """
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind == "O" and all(isinstance(each, Real) for each in array.flat):
+            array = array.astype(float)  # whole numbers beyond 64 bits, fractions
+    except (ValueError, OverflowError):  # lists of different lengths, numbers beyond 1.8e308
+        array = np.array(None)
+    if array.dtype.kind not in "biuf":
+        raise ValueError(f"`{name}` must be real numbers below 1.8e308, got {reprlib.repr(value)}; give SI units")
+    return array
+
+
+def require_number(**quantities: object) -> None:
+    """Require single real numbers; raise ValueError otherwise."""
+    for name, value in quantities.items():
+        if not isinstance(value, float) and as_numbers(name, value).ndim:
+            raise ValueError(f"`{name}` must be one number, got {reprlib.repr(value)}")
+
+
+def require_instance(kind: Any, words: str, **values: object) -> None:
+    """Require instances of a class, which `words` name; raise ValueError otherwise."""
+    for name, value in values.items():
+        if not isinstance(value, kind):
+            raise ValueError(f"`{name}` must be {words}, got {reprlib.repr(value)}")
+
+
+def _require(condition: Condition, rule: str, quantities: Mapping[str, ArrayLike], error: type = ValueError) -> None:
     for name, value in quantities.items():
         # a comparison with nan is false, so that nan is refused; plain floats avoid the cost of an array
-        if not (condition(value) if isinstance(value, float) else np.all(condition(np.asarray(value)))):
-            raise ValueError(f"`{name}` must be {rule}, got {_shown(value, condition)}")
+        if not (condition(value) if isinstance(value, float) else np.all(condition(as_numbers(name, value)))):
+            raise error(f"`{name}` must be {rule}, got {_shown(value, condition)}")
 
 
 def _shown(value: ArrayLike, condition: Condition) -> str:
@@ -51,17 +87,15 @@ def require_nonnegative(**quantities: ArrayLike) -> None:
 
 def require_finite(**quantities: ArrayLike) -> None:
     """Require all elements to be finite; raise NotFiniteError otherwise."""
-    try:
-        _require(np.isfinite, "finite", quantities)
-    except ValueError as error:
-        raise NotFiniteError(str(error)) from None
+    _require(np.isfinite, "finite", quantities, NotFiniteError)
 
 
 def require_fields(record: Any, *, positive: str = "", nonnegative: str = "", finite: str = "") -> None:
-    """Require the named fields of a record, separated by blanks, to be valid unless they are None."""
+    """Require the named fields of a record, separated by blanks, to be valid; None is where it is the default."""
+    optional = {each.name for each in fields(record) if each.default is None}
     for require, names in ((require_nonnegative, nonnegative), (require_positive, positive), (require_finite, finite)):
         values = {name: getattr(record, name) for name in names.split()}
-        require(**{name: value for name, value in values.items() if value is not None})
+        require(**{name: value for name, value in values.items() if value is not None or name not in optional})
 
 
 def require_between(low: float, high: float, **quantities: ArrayLike) -> None:
@@ -71,10 +105,9 @@ def require_between(low: float, high: float, **quantities: ArrayLike) -> None:
 
 def require_integers(**quantities: ArrayLike) -> None:
     """Require all elements to be whole numbers >= 1; raise ValueError otherwise."""
-    for name, value in quantities.items():
-        count = np.asarray(value)
-        whole = (count >= 1) & (count < np.inf) & (count == np.floor(count))
-        require_that(whole, value, f"`{name}` must be a whole number >= 1, got")
+    _require(
+        lambda value: (value >= 1) & (value < np.inf) & (value == np.floor(value)), "a whole number >= 1", quantities
+    )
 
 
 def require_that(condition: ArrayLike, value: ArrayLike, rule: str) -> None:
@@ -116,8 +149,14 @@ use a function that changes its sign with the velocity, for a constant force `co
     """
     if getattr(resistance, "odd", False):
         return
+    if not callable(resistance):
+        raise ValueError(
+            f"`resistance` must be a function of velocity and acceleration, got {reprlib.repr(resistance)}; for a "
+            "constant force use `compact.dry_resistance`"
+        )
     velocity = np.outer(list(directions), speed * OPPOSING_SPEEDS).ravel()
-    force = np.broadcast_to(np.asarray(resistance(velocity, np.zeros(velocity.shape)), float), velocity.shape)
+    force = as_numbers("resistance", resistance(velocity, np.zeros(velocity.shape)))
+    force = np.broadcast_to(np.asarray(force, float), velocity.shape)
     accelerates = np.sign(velocity) * force < -OPPOSING_ROUNDING * np.abs(force).max()
     if accelerates.any():
         v, wrong = velocity[accelerates][0], force[accelerates][0]
@@ -130,7 +169,7 @@ use a function that changes its sign with the velocity, for a constant force `co
 
 def require_known(kind: str, name: object, choices: Collection[str]) -> None:
     """Require a name of a kind among the choices; the message contains the closest choice and all choices."""
-    if name not in choices:
+    if not isinstance(name, str) or name not in choices:
         matches = get_close_matches(str(name), choices, n=1)
         hint = f"did you mean '{matches[0]}'? " if matches else ""
         raise ValueError(f"no {kind} '{name}'; {hint}choose from {', '.join(choices)}")

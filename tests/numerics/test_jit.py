@@ -1,15 +1,21 @@
 """Cache of compiled functions: it follows changes of functions and constants in other modules."""
 
-import fcntl
+import errno
 import importlib
+import os
+import subprocess
 import sys
 import threading
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
+from numba.core import caching
 
+from compact.numerics import jit
 from compact.numerics.jit import is_compiled, source_files
 
+ROOT = Path(__file__).parents[2]
 CALLER = """\
 from compact.numerics.jit import compiled
 {imports}
@@ -105,10 +111,78 @@ def test_a_process_waits_while_another_one_compiles(sample):
     lock = Path(function._cache._cache_file._index_path).with_suffix(".lock")
     lock.parent.mkdir(parents=True, exist_ok=True)
     thread = threading.Thread(target=lambda: found.append(function()), daemon=True)
-    with lock.open("a") as other:
-        fcntl.flock(other, fcntl.LOCK_EX)
+    with FileLock(lock):
         thread.start()
         thread.join(0.2)
         assert thread.is_alive()
     thread.join()
     assert found == [1060]
+
+
+# cache that cannot be written, or is damaged
+
+
+@pytest.fixture
+def told(caplog):
+    """Sentences on the cache."""
+    jit._tell.cache_clear()
+    return lambda: [record.getMessage() for record in caplog.records]
+
+
+def test_function_is_compiled_where_no_folder_can_be_written(sample, told, monkeypatch):
+    monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
+    assert imported(sample[1])() == 1060
+    assert told() == ["no folder for compiled code can be written: each run compiles; NUMBA_CACHE_DIR may name one"]
+
+
+@pytest.mark.parametrize("suffix", ["nbi", "nbc"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda content: b"",
+        lambda content: content[:-40],
+        lambda content: content[:200] + bytes([content[200] ^ 1]) + content[201:],
+    ],
+    ids=["empty", "truncated", "flipped bit"],
+)
+def test_damaged_cache_is_compiled_again(sample, told, suffix, damage):
+    folder, module = sample
+    assert compiled_result(module) == (1060, 0)
+    damaged = list((folder / "__pycache__").glob(f"caller*.{suffix}"))
+    assert damaged
+    for path in damaged:
+        path.write_bytes(damage(path.read_bytes()))
+    assert compiled_result(module) == (1060, 0)
+    assert told() == ["compiled code on disk is damaged, or of another version; it is compiled again"]
+    assert compiled_result(module) == (1060, 1)
+
+
+def test_function_is_compiled_though_the_disk_is_full(sample, told, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(caching.IndexDataCacheFile, "_save_index", full)
+    assert compiled_result(sample[1]) == (1060, 0)
+    assert told() == ["compiled code cannot be kept: No space left on device; the next run compiles again"]
+
+
+# without the locks of Unix
+
+WITHOUT_FCNTL = """
+import sys, warnings
+
+warnings.simplefilter("ignore")  # of filelock, that its locks are soft
+sys.modules |= dict.fromkeys(("fcntl", "resource", "termios", "pwd", "grp"))
+import caller
+
+print(caller.result())
+"""
+
+
+def test_package_compiles_without_modules_of_unix(sample):
+    folder, module = sample
+    code = WITHOUT_FCNTL.replace("caller", module)
+    path = str(folder.parent if "." in module else folder)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([path, str(ROOT)])}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
+    assert (done.stdout, done.stderr) == ("1060\n", "")
