@@ -1,9 +1,8 @@
 """Cap plasticity with Heckel hardening: implicit integration of many material points.
 
 A strain increment is split into equal substeps. Each maps its elastic trial state back to the yield surface by backward
-Euler. The surface is the ellipse (`elliptic_cap`), the ellipse with the shear line of Drucker and Prager
-(`drucker_prager_cap`), or a cap with tables over the density ratio (`density_cap_return`). The type of the constants
-selects the functions when they are compiled, so that each law has kernels of its own.
+Euler. The surface is the ellipse (`elliptic_cap`), or the ellipse with the shear line of Drucker and Prager
+(`drucker_prager_cap`).
 
 References
 ----------
@@ -15,15 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from compact.material.density_cap import DensityDependentCap
-from compact.material.density_cap_return import (
-    TableConstants,
-    elastic_table_path,
-    evaluate_tables,
-    for_tables,
-    integrate_table_point,
-    table_constants,
-)
 from compact.material.drucker_prager_cap import is_elastic_in_line, return_to_line
 from compact.material.elliptic_cap import (
     MAX_ITERATIONS,
@@ -69,13 +59,6 @@ class MaterialPoint:
     plastic_work: Array
 
 
-def kernel_constants(law: Compaction, rate_factor: float, travel: float = np.inf) -> CapConstants | TableConstants:
-    """Return the constants of a law for the compiled functions of this module; parameters as of `cap_constants`."""
-    if isinstance(law, DensityDependentCap):
-        return table_constants(law, rate_factor)
-    return cap_constants(law, rate_factor, travel)
-
-
 def initial_state(law: Compaction, n: int) -> MaterialPoint:
     """Return stress-free points at the initial density ratio of a law.
 
@@ -116,8 +99,8 @@ def compacted_state(
     MaterialPoint
     """
     fresh, fed = initial_state(law, 1), float(law.fed_density_ratio)
-    bulk, shear, pressure = _limits(law, density_ratio, rate_factor)
-    stiffness = bulk + 4 * shear / 3
+    constants = cap_constants(law, rate_factor)
+    stiffness = constants.K + 4 * constants.G / 3
     if not fed < density_ratio < 1:
         raise ValueError(
             f"`density_ratio` of compacted mix must lie between that of the fed mix {fed:.6g} and 1, got "
@@ -135,20 +118,11 @@ def compacted_state(
         return strained(state, brentq(lambda part: strained(state, part).stress[0, 1], 0.0, rise, xtol=NO_STRAIN))
 
     low = float(np.log(density_ratio / fed))
-    high = low + 2 * pressure / bulk
+    high = low + 2 * hardening(constants, density_ratio)[0] / constants.K
     strain = brentq(lambda part: compacted(part).density_ratio[0] - density_ratio, low, high, xtol=NO_STRAIN)
     state = compacted(strain)
     stress = state.stress * [1.0, 0.0, 1.0, 0.0] if residual_stress else np.zeros((1, 4))
     return MaterialPoint(stress, state.density_ratio, state.max_density_ratio, np.zeros(1))
-
-
-def _limits(law, density_ratio, rate_factor):
-    """Return bulk modulus, shear modulus and isotropic yield pressure at a density ratio [Pa]."""
-    constants = kernel_constants(law, rate_factor)
-    if isinstance(constants, TableConstants):
-        tables = evaluate_tables(constants, density_ratio)
-        return tables[0], tables[2], tables[4] + tables[6]
-    return constants.K, constants.G, hardening(constants, density_ratio)[0]
 
 
 def integrate_points(
@@ -177,7 +151,7 @@ def integrate_points(
     require_positive(rate_factor=rate_factor)
     before = (strain, state.stress, state.density_ratio, state.max_density_ratio, state.plastic_work)
     strain, *arrays = (np.ascontiguousarray(values, dtype=float) for values in before)  # one layout, compiled once
-    n, constants = len(strain), kernel_constants(law, rate_factor)
+    n, constants = len(strain), cap_constants(law, rate_factor)
     stress, scalars = np.empty((n, 4)), np.empty((3, n))
     tangents = np.empty((n, 3, 3) if tangent else (0, 3, 3))
     for first in range(0, n, BATCH_POINTS):
@@ -203,7 +177,7 @@ def _integrate_batch(first, end, law, state, strain, results):
         before = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], max_density_ratio[i])
         part = (strain[i, 0], strain[i, 1], strain[i, 2])
         derivatives[:] = 0.0
-        converged, after, dissipated, _ = _point_step(law, before, part, 0.0, 1.0, np.nan, derivatives)
+        converged, after, dissipated, _ = integrate_point(law, before, part, 0.0, 1.0, np.nan, derivatives)
         if not converged:
             return i
         for j in range(4):
@@ -265,7 +239,7 @@ def integrate_path(
         for step in range(steps):
             start, guess = end, multipliers[step] if multipliers[step] > 0 else x
             limit = pressure + (carried - pressure) * ((step + 1) / steps)
-            good, end, dissipated, x = _point_step(law, start, part, guess, 1 / steps, limit, derivatives)
+            good, end, dissipated, x = integrate_point(law, start, part, guess, 1 / steps, limit, derivatives)
             multipliers[step] = x
             converged = converged and good
             plastic_work += dissipated
@@ -274,7 +248,7 @@ def integrate_path(
 
 
 @compiled
-def elastic_cap_path(law, before, strain, still, carried, derivatives):
+def _elastic_path(law, before, strain, still, carried, derivatives):
     """Return True if a path is elastic, and the state after it, for the ellipse with and without shear line."""
     p, q, deviator = _trial_state(law, before, strain)
     densest = before[5] if law.flat else before[4]
@@ -398,7 +372,3 @@ def _propagate(law, deviator, scale, slopes, hardened, share, derivatives):
         derivatives[3, j] = scale * xy + change * sxy
         derivatives[4, j] = k + V
         derivatives[5, j] = k + V if hardened else densest
-
-
-_elastic_path = for_tables(elastic_table_path, otherwise=elastic_cap_path)
-_point_step = for_tables(integrate_table_point, otherwise=integrate_point)

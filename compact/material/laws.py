@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from compact.material.confined_compression import ConfinedMix, elastic_polynomial
 from compact.numerics import Array
-from compact.numerics.validation import require_fields, require_known, require_positive
+from compact.numerics.validation import as_numbers, require_fields, require_known, require_number, require_positive
 
 HECKEL_MAX_DENSITY_RATIO = 0.99  # [-], end of measured curves; beyond, pc keeps the modulus k dpc/dk of the curve
 REFERENCE_RATE = 1e-3  # [1/s], of a laboratory compression test: some 5 % of strain in a minute
@@ -28,11 +28,12 @@ HeckelTest = Literal["isotropic", "confined"]
 
 
 def _require_poisson(poisson: float) -> None:
+    require_number(poisson=poisson)
     if not 0 <= poisson < 0.5:
         raise ValueError(f"`poisson` must lie in [0, 0.5), got {poisson!r}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Elastic:
     """Isotropic linear elastic layer.
 
@@ -57,7 +58,7 @@ class Elastic:
         return self.youngs_modulus / (1 - self.poisson**2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Viscoelastic(Elastic):
     """Viscoelastic layer: a Prony series on the relaxed modulus.
 
@@ -74,7 +75,7 @@ class Viscoelastic(Elastic):
 
     Examples
     --------
-    >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
+    >>> mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))
     >>> mix.instant_modulus, abs(mix.complex_modulus(10.0))
     (20000000.0, 15811388.300841896)
     """
@@ -83,7 +84,8 @@ class Viscoelastic(Elastic):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not all(len(branch) == 2 for branch in self.branches):
+        shape = as_numbers("branches", self.branches).shape
+        if shape != (0,) and (len(shape) != 2 or shape[1] != 2):
             raise ValueError(f"`branches` must be pairs (stiffness share, relaxation time), got {self.branches!r}")
         for share, time in self.branches:
             require_positive(stiffness_share=share, relaxation_time=time)
@@ -112,7 +114,7 @@ class Viscoelastic(Elastic):
         return self.youngs_modulus * (1 + sum(terms))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Compaction:
     """Irreversible compaction: an elliptic cap that hardens along Heckel's curve, elastic inside.
 
@@ -214,13 +216,13 @@ class Compaction:
         modulus, poisson = float(self.unloading_modulus), float(self.poisson)
         return elastic_polynomial(
             ConfinedMix(
-                modulus / (3 - 6 * poisson),
-                modulus / (2 + 2 * poisson),
-                float(self.critical_slope),
-                float(self.tensile_strength),
-                float(self.heckel_slope),
-                float(self.loose_density_ratio),
-                HECKEL_MAX_DENSITY_RATIO,
+                bulk_modulus=modulus / (3 - 6 * poisson),
+                shear_modulus=modulus / (2 + 2 * poisson),
+                critical_slope=float(self.critical_slope),
+                tensile_strength=float(self.tensile_strength),
+                heckel_slope=float(self.heckel_slope),
+                loose_density_ratio=float(self.loose_density_ratio),
+                max_density_ratio=HECKEL_MAX_DENSITY_RATIO,
             )
         )
 

@@ -22,13 +22,20 @@ Practice, Wiley 1996, section 16.7 (secondary compression).
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.material.laws import REFERENCE_RATE
 from compact.numerics import Array
-from compact.numerics.validation import require_between, require_known, require_nonnegative, require_positive
+from compact.numerics.validation import (
+    require_between,
+    require_known,
+    require_nonnegative,
+    require_number,
+    require_positive,
+)
 
 GRAIN_DENSITY = 2650.0  # [kg/m3], density of the solids
 WATER_DENSITY = 1000.0  # [kg/m3], density of water
@@ -40,7 +47,7 @@ OCCLUSION_SATURATION = 0.90  # [-], saturation at which the paths of the air are
 RATE_SENSITIVITY = 0.02  # [-], 4.6 % per decade; C_alpha/C_c of granular soils is .02 +- .01, of powders 0 to .05
 OPERATING_RATE = 0.2  # [1/s], of the published machine; .13 to .25 at .13 m/s, which changes f by 1 %
 PUBLISHED_MOISTURE, PUBLISHED_DENSITY_RATIO = 0.10, 0.98  # [-], of the published machine
-PUBLISHED_TOLERANCE = 1e-9  # [-], of moisture and density ratio
+STATE_TOLERANCE = 1e-9  # [-], of moisture and density ratio
 CALIBRATED_SPREAD = 1.5  # [-], factor of the spread of parameters calibrated to the published machine
 ROLLING_PRESSURE = 0.5e6  # [Pa], largest required pressure at which rolling achieves the density
 ROLLING_SATURATION = 0.95  # [-], largest saturation at which pore water does not carry the roller
@@ -302,10 +309,52 @@ def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] 
     values["cohesion_loose"] = overrides.get("cohesion_loose", values["cohesion"])
     jaky = 1 - float(np.sin(np.radians(values["friction_angle"])))
     values["earth_pressure_coefficient"] = overrides.get("earth_pressure_coefficient", jaky)
-    distance = max(abs(moisture - PUBLISHED_MOISTURE), abs(density_ratio - PUBLISHED_DENSITY_RATIO))
-    published = distance < PUBLISHED_TOLERANCE
+    published = is_same_state((moisture, density_ratio), (PUBLISHED_MOISTURE, PUBLISHED_DENSITY_RATIO))
     parameters = (_parameter(name, float(values[name]), name in overrides, published) for name in PARAMETER_NAMES)
     return Mix(float(moisture), float(density_ratio), tuple(parameters))
+
+
+def is_same_state(first: tuple[float, float], second: tuple[float, float]) -> bool:
+    """Return True for two equal pairs of moisture and density ratio [-]."""
+    return bool(np.allclose(first, second, rtol=0, atol=STATE_TOLERANCE))
+
+
+def scaled_fits(
+    moisture: float, density_ratio: float, overrides: Mapping[str, float], fitted_at: Mapping[str, Any] | None
+) -> dict[str, float]:
+    """Return fitted overrides at another moisture and density ratio than those of the fit.
+
+        value = fitted value x prior(W, k)/prior(W, k of the fit)
+
+    Parameters
+    ----------
+    moisture, density_ratio : float
+        Moisture W and density ratio k [-].
+    overrides : mapping of str to float
+        Values by name, as of `prior`.
+    fitted_at : mapping, optional
+        `moisture` and `density_ratio` of the fit, and names of its `parameters`; those that are no overrides or not in
+        CALIBRATED are left out.
+
+    Returns
+    -------
+    dict of str to float
+        The scaled values; empty at the moisture and density ratio of the fit.
+
+    Examples
+    --------
+    >>> fit = {"moisture": 0.10, "density_ratio": 0.98, "parameters": ["heckel_slope"]}
+    >>> f"{scaled_fits(0.08, 0.98, {'heckel_slope': 15.23e-6}, fit)['heckel_slope'] * 1e6:.2f} /MPa"
+    '8.38 /MPa'
+    """
+    if fitted_at is None:
+        return {}
+    state, fitted = (moisture, density_ratio), (fitted_at["moisture"], fitted_at["density_ratio"])
+    if is_same_state(state, fitted):
+        return {}
+    here, there = prior(*state), prior(*fitted)
+    names = (name for name in fitted_at["parameters"] if name in CALIBRATED and name in overrides)
+    return {name: overrides[name] * getattr(here, name) / getattr(there, name) for name in names}
 
 
 def table_nodes() -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -385,6 +434,7 @@ def _require_phases(moisture: ArrayLike, density_ratio: ArrayLike) -> None:
 
 def _require_override(name: str, value: float) -> None:
     require_known("mix parameter", name, PARAMETER_NAMES)
+    require_number(**{name: value})
     if name in MAY_BE_ZERO:
         require_nonnegative(**{name: value})
     elif name == "poisson" and not 0 <= value < 0.5:
@@ -452,7 +502,7 @@ def _table() -> tuple[Array, Array, dict[str, Array]]:
     """Nodes of moisture and density ratio, and each column of mix.csv, shape (moistures, ratios)."""
     from importlib.resources import files  # its import costs 40 ms, which scenes without a mix avoid
 
-    text = files("compact").joinpath("data/mix.csv").read_text().splitlines()
+    text = files("compact").joinpath("data/mix.csv").read_text("utf-8").splitlines()
     header = text[0].split(",")
     cells = np.array([line.split(",") for line in text[1:]], dtype=float).T
     moistures, ratios = np.unique(cells[0]), np.unique(cells[1])

@@ -37,7 +37,7 @@ BOUND_WIDTH = 0.25  # [-], of the least voids, over which they are approached
 OCCLUDED_SHARE = 1e-9  # [-], least permeability over that as fed; the slow tests of pressure curves are drained
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class PoreAir:
     """Pore air of a mix with its permeability.
 

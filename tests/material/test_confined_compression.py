@@ -30,7 +30,15 @@ def ellipse(friction_angle, modulus=120e6, **other):
 
 def constants(law):
     K, G = law.unloading_modulus / (3 - 6 * law.poisson), law.unloading_modulus / (2 + 2 * law.poisson)
-    return ConfinedMix(K, G, law.critical_slope, law.tensile_strength, law.heckel_slope, law.loose_density_ratio, 0.99)
+    return ConfinedMix(
+        bulk_modulus=K,
+        shear_modulus=G,
+        critical_slope=law.critical_slope,
+        tensile_strength=law.tensile_strength,
+        heckel_slope=law.heckel_slope,
+        loose_density_ratio=law.loose_density_ratio,
+        max_density_ratio=0.99,
+    )
 
 
 def angle_by_time_steps(law):
