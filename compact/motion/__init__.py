@@ -1,6 +1,5 @@
 """Motion laws of the cart: published laws, laws from tables, and optimal laws for a machine."""
 
-import warnings
 from importlib import import_module
 from typing import Any
 
@@ -19,14 +18,10 @@ _HOME_OF = {
     "minimiser": "minimum_criterion",
     "optimise": "optimal_motion",
 }
-_RENAMED = {"Motion": "MotionProfile"}  # former names, accepted for one release
 __all__ = [*_HOME_OF]
 
 
 def __getattr__(name: str) -> Any:
-    if name in _RENAMED:
-        warnings.warn(f"compact.motion.{name} is now compact.motion.{_RENAMED[name]}", DeprecationWarning, stacklevel=2)
-        name = _RENAMED[name]
     if name not in _HOME_OF:
         raise AttributeError(f"module 'compact.motion' has no attribute {name!r}")
     return getattr(import_module(f"compact.motion.{_HOME_OF[name]}"), name)

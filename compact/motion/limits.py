@@ -20,7 +20,7 @@ from compact.motion.laws import SUM_TOLERANCE
 from compact.motion.pitch_curve import PitchCurve
 from compact.motion.profile import END_CONDITIONS, EndCondition, MotionProfile
 from compact.numerics import Array
-from compact.numerics.validation import require_between, require_fields, require_known
+from compact.numerics.validation import require_between, require_fields, require_known, require_number
 
 # Bounded derivatives: order and unit, by the name of their limit
 BOUNDED_DERIVATIVES: Mapping[str, tuple[int, str]] = MappingProxyType(
@@ -58,6 +58,8 @@ class CamLimits:
 
     def __post_init__(self) -> None:
         require_fields(self, positive="breadth roller_radius", nonnegative="dwell radius_of_curvature profile_radius")
+        if self.pressure_angle is not None:
+            require_number(pressure_angle=self.pressure_angle)
         if self.pressure_angle is not None and not 0 < self.pressure_angle < np.pi / 2:
             raise ValueError(
                 f"`pressure_angle` must lie in (0, pi/2) rad, got {self.pressure_angle!r}; use None for no limit"
@@ -115,6 +117,7 @@ class Limits:
 
     def __post_init__(self) -> None:
         require_fields(self, positive=" ".join([*BOUNDED_DERIVATIVES, "run_up", "run_down"]))
+        require_number(run_up=self.run_up, run_down=self.run_down)
         if self.run_up + self.run_down > 1 + SUM_TOLERANCE:
             raise ValueError(f"`run_up` + `run_down` must not exceed 1, got {self.run_up!r} + {self.run_down!r}")
         require_between(0, 1, steady_tolerance=self.steady_tolerance)

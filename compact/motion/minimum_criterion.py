@@ -19,6 +19,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from compact.numerics import Array
+from compact.numerics.validation import require_number
 
 Mode = Callable[[Array, int], Array]  # odd solution about z = 1/2, by phase and order of derivative
 
@@ -57,6 +58,7 @@ def minimiser(order: int, start: Mapping[int, float], end: Mapping[int, float]) 
     for z, prescribed in ((0, start), (1, end)):
         for k, value in sorted(_with_natural_conditions(order, prescribed).items()):
             rows.append([math.perm(j, k) * z ** (j - k) if j >= k else 0 for j in range(2 * order)])
+            require_number(value=value)
             right_side.append(value)
     matrix = np.array(rows, float)
     if np.linalg.matrix_rank(matrix) < 2 * order:
@@ -116,6 +118,7 @@ class ComplexLaw:
 
     def __post_init__(self) -> None:
         d1, d2 = self.energy_weight, self.acceleration_weight
+        require_number(energy_weight=d1, acceleration_weight=d2)
         if not (d1 >= 0 and d2 >= 0 and d1 + d2 <= 1 + 1e-15):
             raise ValueError(
                 f"`energy_weight` and `acceleration_weight` must be >= 0 with a sum <= 1, got {d1!r} and {d2!r}"

@@ -8,15 +8,17 @@ programming on a spline space (`sequential_programming`).
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 
 from compact.motion.limits import Limits
 from compact.motion.objectives import OBJECTIVES, Resistance
-from compact.motion.profile import MotionProfile
+from compact.motion.profile import LARGEST, SMALLEST, MotionProfile
 from compact.motion.sequential_programming import DriveCriterion, find_optimal_law
 from compact.numerics import validation
 
+PROGRAM_TOLERANCE = 1e-6  # [-], of the largest value of a derivative: a smaller jump is left by the convex programs
 PIECES_LIMIT = 1024  # [-], of an optimal law: dense programs of 0.1 GB; the memory grows with the square of the pieces
 
 
@@ -40,6 +42,7 @@ class OptimalMotion(MotionProfile):
     refinement: float = np.nan
     steps: int = 0
     limits: Limits = field(default_factory=Limits)
+    jump_tolerance: ClassVar[float] = PROGRAM_TOLERANCE
 
 
 def optimise(  # noqa: PLR0913, public signature: each argument is one physical input
@@ -99,6 +102,7 @@ def optimise(  # noqa: PLR0913, public signature: each argument is one physical 
     >>> f"{m.value:.3f} N = 4 m stroke/duration^2, gap below 1e-9: {m.gap < 1e-9}"
     '177.778 N = 4 m stroke/duration^2, gap below 1e-9: True'
     """
+    validation.require_instance((str, Mapping), "the name of an objective, or weights by name", objective=objective)
     weights = {objective: 1.0} if isinstance(objective, str) else dict(objective)
     resistances = (resistance,) if callable(resistance) else tuple(resistance)
     _require_valid(objective, weights, stroke, duration, mass, resistances, quantile, pieces)
@@ -124,7 +128,9 @@ def optimal_law_name(objectives: Iterable[str]) -> str:
 def _require_valid(objective, weights, stroke, duration, mass, resistances, quantile, pieces):
     for name in weights:
         validation.require_known("objective", name, tuple(OBJECTIVES))
+    validation.require_number(stroke=stroke, duration=duration, mass=mass, quantile=quantile)
     validation.require_positive(stroke=stroke, duration=duration, quantile=quantile)
+    validation.require_between(SMALLEST, LARGEST, stroke=stroke, duration=duration)
     validation.require_nonnegative(mass=mass, weights=list(weights.values()))
     if not any(weights.values()):
         raise ValueError(f"`objective` must have at least one weight > 0, got {objective!r}; raise a weight")

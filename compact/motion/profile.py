@@ -10,7 +10,7 @@ import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,13 +19,23 @@ from scipy.interpolate import PPoly
 from compact.motion.laws import LAWS, LawParameters, NormalisedCurve
 from compact.numerics import Array
 from compact.numerics.piecewise import find_roots, graded_grid, integrate
-from compact.numerics.validation import require_finite, require_known, require_nonnegative, require_positive
+from compact.numerics.validation import (
+    as_numbers,
+    require_between,
+    require_finite,
+    require_known,
+    require_nonnegative,
+    require_number,
+    require_positive,
+)
 
 EndCondition = Literal["reversal", "dwell"]
 END_CONDITIONS: tuple[EndCondition, ...] = get_args(EndCondition)
 DERIVATIVE_NAMES = ("position", "velocity", "acceleration", "jerk", "snap")
 JUMP_TOLERANCE = 1e-9  # [-], of the largest value of the derivative: a smaller jump is rounding
 PHASE_ROUNDING = 8 * np.finfo(float).eps  # [-], of the phase: distance between the two sides of a breakpoint
+HIGHEST_ORDER = 20  # [-], of a derivative
+SMALLEST, LARGEST = 1e-20, 1e20  # [m], [s], between which all derivatives and their squares are finite numbers
 TIME_TOLERANCE = 1e-12  # [-], of the duration: a time beyond the ends by less is rounding
 
 
@@ -64,6 +74,10 @@ def law(
     '0.600 m/s^2, 3.69504 m/s^3'
     """
     require_known("motion law", name, tuple(LAWS))
+    require_number(
+        stroke=stroke, duration=duration, run_up=run_up, run_down=run_down, energy_weight=energy_weight,
+        acceleration_weight=acceleration_weight, rod_length=1.0 if rod_length is None else rod_length,
+    )  # fmt: skip
     require_positive(stroke=stroke, duration=duration)
     if rod_length is not None:
         require_positive(rod_length=rod_length)
@@ -162,12 +176,14 @@ class MotionProfile(TravelDerivatives):
     duration: float
     curve: NormalisedCurve
     retraces: bool = False
+    jump_tolerance: ClassVar[float] = JUMP_TOLERANCE
+
+    def __post_init__(self) -> None:
+        require_between(SMALLEST, LARGEST, stroke=self.stroke, duration=self.duration)
 
     def derivative(self, time: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order] at times [s] of any shape within [0, duration]."""
-        if not (isinstance(order, int) and order >= 0):
-            raise ValueError(f"`order` of a derivative must be a whole number >= 0, got {order!r}")
-        time = np.asarray(time, float)
+        time = np.asarray(as_numbers("time", time), float)
         slack = TIME_TOLERANCE * self.duration
         if time.size and not (time.min() >= -slack and time.max() <= self.duration + slack):
             raise ValueError(f"`time` must lie in [0, {self.duration:g}] s, got {time.min():g} to {time.max():g}")
@@ -175,7 +191,8 @@ class MotionProfile(TravelDerivatives):
 
     def at_phase(self, z: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order] at phase z = t/T in [0, 1]."""
-        return self._scale(order) * self.curve(z, nu=order)
+        _require_order(order)
+        return self._scale(order) * self.curve(as_numbers("z", z), nu=order)
 
     def peaks(self) -> Peaks:
         """Return the `Peaks` inside the pieces, from the roots of the next derivative; impulses are excluded."""
@@ -191,7 +208,7 @@ class MotionProfile(TravelDerivatives):
         found, breaks = [], self.curve.x
         grid, limits = graded_grid(breaks), [self._one_sided_limits(k, end_condition) for k in range(1, 6)]
         for k, (values, slopes) in enumerate(itertools.pairwise(limits), start=1):
-            smallest = JUMP_TOLERANCE * max(1.0, np.abs(self.curve(grid, nu=k)).max())
+            smallest = self.jump_tolerance * max(1.0, np.abs(self.curve(grid, nu=k)).max())
             rounding = PHASE_ROUNDING * np.abs(slopes).max(axis=0)
             for i in np.flatnonzero(np.abs(values[1] - values[0]) > smallest + rounding):
                 before, after = (self._scale(k) * values[:, i]).tolist()
@@ -204,6 +221,7 @@ class MotionProfile(TravelDerivatives):
 
     def criterion(self, order: int, end_condition: EndCondition = "reversal") -> float:
         """Return J_k = int (x^(k))^2 dt over one pass [m^2/s^(2k-1)]; infinite where x^(k) contains an impulse."""
+        _require_order(order)
         if any(jump.order < order for jump in self.discontinuities(end_condition)):
             return np.inf
         return self._scale(order) ** 2 * self.duration * integrate(lambda z: self.curve(z, nu=order) ** 2, self.curve.x)
@@ -374,3 +392,8 @@ def extremum_candidates(curve: NormalisedCurve, order: int) -> Array:
         return np.concatenate([edges, roots[np.isfinite(roots)]])
     # the grid resolves a plateau next to a thin boundary layer, where the next derivative is zero without a sign change
     return np.concatenate([edges, graded_grid(curve.x), find_roots(lambda z: curve(z, nu=order + 1), curve.x)])
+
+
+def _require_order(order: object) -> None:
+    if not (isinstance(order, int) and 0 <= order <= HIGHEST_ORDER):
+        raise ValueError(f"`order` of a derivative must be a whole number from 0 to {HIGHEST_ORDER}, got {order!r}")

@@ -44,8 +44,9 @@ PEAK_SAMPLES = 33  # [-], of a piece: samples of the search for peaks between th
 PEAK_TOLERANCE = 1e-5  # [-], relative, by which a peak between the nodes may exceed those at the nodes
 EXCHANGE_ROUNDS = 8  # [-], of adding such peaks to the nodes; 2 to 4 are usual
 STEP_LIMIT = 60  # [-], convex subproblems on one set of pieces
-GAP_TOLERANCE = 1e-5  # [-], largest optimality gap of a result
+GAP_TOLERANCE = 1e-6  # [-], largest optimality gap of a result
 DECREASE_TOLERANCE = 1e-9  # [-], relative predicted decrease at which a search ends
+FINE_DECREASE = 1e-14  # [-], the same where the gap, of the order of its square root, remains too large
 RADIUS_TOLERANCE = 1e-9  # [-], of the largest unknown: smallest trust region
 ACTIVE_TOLERANCE = 1e-6  # [-], relative to the worst sample, within which samples contribute their curvature
 RESTORATION_TOLERANCE = 1e-4  # [-], relative increase of the radius below which the feasibility restoration ends
@@ -296,10 +297,13 @@ class OptimalLaw(NamedTuple):
     steps: int
 
 
-def trust_region_search(problem: OptimisationProblem, unknowns: Array) -> tuple[Array, float, int]:
+def trust_region_search(
+    problem: OptimisationProblem, unknowns: Array, decrease: float = DECREASE_TOLERANCE
+) -> tuple[Array, float, int]:
     """Minimise the criterion by sequential convex programming from coefficients [-] within the constraints.
 
-    Returns the stationary law, its criterion and the number of accepted steps.
+    The search ends at a relative predicted decrease [-]. Returns the stationary law, its criterion and the number of
+    accepted steps.
     """
     radius, models = np.inf, problem.linearise(unknowns)
     value = problem.counted_samples(models)[1]
@@ -311,10 +315,7 @@ def trust_region_search(problem: OptimisationProblem, unknowns: Array) -> tuple[
             change, predicted = subproblem.solve(radius)
             models = problem.linearise(unknowns + change)
             reached = problem.counted_samples(models)[1]
-            if (
-                value - predicted <= DECREASE_TOLERANCE * abs(value)
-                or radius < RADIUS_TOLERANCE * np.abs(unknowns).max()
-            ):
+            if value - predicted <= decrease * abs(value) or radius < RADIUS_TOLERANCE * np.abs(unknowns).max():
                 return (unknowns + change, reached, steps) if reached <= value else (unknowns, value, steps)
             ratio = (value - reached) / (value - predicted)
             longest = np.abs(change).max()
@@ -367,6 +368,10 @@ def find_optimal_law(
         steps += taken
     unknowns = problem.constraints.project(unknowns)
     gap = optimality_gap(problem, unknowns)
+    if gap > GAP_TOLERANCE:
+        unknowns, value, taken = trust_region_search(problem, unknowns, FINE_DECREASE)
+        unknowns, steps = problem.constraints.project(unknowns), steps + taken
+        gap = optimality_gap(problem, unknowns)
     if gap > GAP_TOLERANCE:
         raise RuntimeError(
             f"the search ended after {steps} steps without a stationary law: criterion {value:g}, optimality gap "

@@ -22,7 +22,7 @@ from scipy.interpolate import BSpline, PPoly
 
 from compact.motion.profile import MotionProfile
 from compact.numerics import Array
-from compact.numerics.validation import require_finite, require_positive
+from compact.numerics.validation import as_numbers, require_finite, require_number, require_positive
 
 DEGREE = 5  # [-], of the spline
 FIXED_COEFFICIENTS = 2  # [-], at each end, by position and rest
@@ -128,9 +128,10 @@ def from_function(position: Callable[[Array], ArrayLike], duration: float, name:
     >>> f"{m.peaks().velocity:.6f} m/s, exact {0.2 * np.pi / 3:.6f} m/s"
     '0.209440 m/s, exact 0.209440 m/s'
     """
+    require_number(duration=duration)
     require_positive(duration=duration)
     time = np.linspace(0, duration, FUNCTION_ROWS)
-    found = from_table(time, np.broadcast_to(np.asarray(position(time), float), time.shape), name)
+    found = from_table(time, np.broadcast_to(as_numbers("position", position(time)), time.shape), name)
     if found.scatter > FUNCTION_TOLERANCE * found.stroke:
         raise ValueError(
             f"the law '{name}' deviates from its fit by {found.scatter / found.stroke:.1e} of the stroke, tolerance "
@@ -141,7 +142,7 @@ def from_function(position: Callable[[Array], ArrayLike], duration: float, name:
 
 def _valid_table(time: ArrayLike, position: ArrayLike) -> tuple[Array, Array]:
     """Time and position as arrays, or ValueError."""
-    time, position = np.asarray(time, float), np.asarray(position, float)
+    time, position = (np.asarray(as_numbers(*each), float) for each in (("time", time), ("position", position)))
     if time.shape != position.shape or time.ndim != 1 or time.size < ROW_MINIMUM:
         raise ValueError(
             f"`time` and `position` must be columns of one length >= {ROW_MINIMUM}, "
