@@ -35,9 +35,15 @@ POINTS = 9  # [-], of the collocation; the defect falls with the ninth power of 
 DEFECT_POINTS = 16  # [-], cells between the points of an interval at which the defect is evaluated
 COLLOCATION_ITERATIONS = 25  # [-], of the collocation; 1 for dry friction, 2 to 6 are usual
 MIN_STEP_RATIO, MAX_STEP_RATIO, STEP_SAFETY = 0.2, 6.0, 0.9  # [-], of the step control
+STEPS_PER_OCTAVE = 8  # [-], of the grid of steps
+LEAST_RHO = 1 + 1e-3  # [-], of Bernstein's ellipse; an interval up to rest is within reach
+FORCE_ROUNDING = 2e-12  # [-], of R; a thousand times the rounding of a defect by it
+VELOCITY_ROUNDING = 2e-13  # [-], of the velocity of the driven end; a thousand times the rounding of a velocity
+RESOLVED_DEFECT = 1e-3  # [-], of the tolerance; a larger defect determines the step, whatever its rounding
 STOP_STEP_RATIO = 0.05  # [-]; smallest step ratio while the cart comes to rest
 OVERSHOOT = 1.1  # [-], of the time to an event; the shortened interval still contains the event
 EARLIEST_SATURATION = 1e-2  # [-], of an interval; earlier changes of the saturation are rounding at the limit
+PULL_ROUNDING = 1e-10  # [-], of the pull; a smaller force of inertia is rounding and does not select a smooth range
 NODES = np.sin(np.pi * np.arange(POINTS) / (2 * (POINTS - 1))) ** 2
 DEFECT_NODES = np.arange(DEFECT_POINTS + 1) / DEFECT_POINTS
 TO_COEFFICIENTS = np.linalg.inv(np.vander(NODES, increasing=True))
@@ -140,7 +146,8 @@ def set_up_sliding(
     pull = springs.stiffness * state.elongation - springs.driven_end_stiffness * position + springs.constant
     pull += oscillator.damping * (velocity - state.velocity)
     a = solve_acceleration(resistance, slip, state.velocity, oscillator.mass, pull)
-    within = smooth_range(resistance, slip, state.velocity, a)
+    steady = abs(oscillator.mass * a) <= PULL_ROUNDING * abs(pull)
+    within = smooth_range(resistance, slip, state.velocity, 0.0 if steady else a)
     table = resistance.forward if slip > 0 else resistance.backward
     force, damping, added_mass = differentiate_resistance(
         table, resistance.added_mass, resistance.rate_limit, slip, state.velocity, a, within
@@ -319,24 +326,37 @@ def evaluate_defect(
 
 
 @inlined
-def step_ratio(defect: float, tolerance: float) -> float:
-    """Ratio of the admissible step to the last one for its defect [N], for a uniformly smooth R."""
-    return STEP_SAFETY * (tolerance / max(defect, 1e-300)) ** (1 / POINTS)
+def step_ratio(problem: SlidingProblem, driven_end_velocity: float, defect: float) -> float:
+    """Ratio of the admissible step to the last one for its defect [N], for a uniformly smooth R.
+
+    A defect that rounding of force and velocity affects counts as one that it does not.
+    """
+    linear = problem.linear
+    rounding = FORCE_ROUNDING * abs(linear.force) + VELOCITY_ROUNDING * abs(linear.damping * driven_end_velocity)
+    resolved = min(rounding / problem.tolerance, RESOLVED_DEFECT)
+    return STEP_SAFETY * max(defect / problem.tolerance, resolved, 1e-300) ** (-1 / POINTS)
 
 
 @inlined
-def next_step_ratio(ratio: float, before: float, after: float) -> float:
-    """Ratio of the next step to the last one, of which `ratio` was admissible.
+def round_step(step: float) -> float:
+    """Longest step [s] of a geometric grid up to a step [s], so that rounding of a defect does not change the steps."""
+    return 2.0 ** (np.floor(STEPS_PER_OCTAVE * np.log2(step)) / STEPS_PER_OCTAVE)
+
+
+@inlined
+def next_step(step: float, ratio: float, before: float, after: float) -> float:
+    """Step [s] after a step [s], of which `ratio` was admissible.
 
     A power of |v| is singular at rest. Over an interval from speed `before` to `after` [m/s] the error of the
     interpolation falls by the parameter of Bernstein's ellipse, rho = |(1 + s)/(1 - s)| with s^2 = after/before, per
-    point.
+    point. A step that reaches rest is not rounded: it would end before.
     """
     s = np.sqrt(after / max(before, 1e-300))
     if abs(1 - s) < 1e-3:
-        return min(ratio, MAX_STEP_RATIO)
+        return round_step(step * min(ratio, MAX_STEP_RATIO))
     if s > 1e3:
-        return MAX_STEP_RATIO
-    rho = max((1 + s) / abs(1 - s) / ratio, 1 + 1e-3)
+        return round_step(step * MAX_STEP_RATIO)
+    rho = max((1 + s) / abs(1 - s) / ratio, LEAST_RHO)
     end = (rho - 1) / (rho + 1) if s < 1 else (rho + 1) / (rho - 1)
-    return min(max(s**2 * (1 - end**2) / (1 - s**2), STOP_STEP_RATIO), MAX_STEP_RATIO)
+    longest = step * min(max(s**2 * (1 - end**2) / (1 - s**2), STOP_STEP_RATIO), MAX_STEP_RATIO)
+    return longest if s < 1 and rho == LEAST_RHO else round_step(longest)

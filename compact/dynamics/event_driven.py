@@ -34,6 +34,7 @@ MIN_STEP = 1e-13  # [-], of a piece of the driven-end motion; shorter steps are 
 MAX_ATTEMPTS = 1000  # [-], of one interval; each is shorter by a tenth or more, 300 reach MIN_STEP
 STICK_STEP = 1e-7  # [-], of a piece of the driven-end motion; a cart that stops again within such a step sticks
 PLATE_REST_SPEED = 1e-7  # [-], of the largest speed; a slower cart does not rebound from the plate of an end spring
+REST_ROUNDING = 1e-12  # [-], of the largest speed; a slower cart at the end of an interval is at rest
 WORK_SLICE = 100_000  # [-], evaluations of R and searched ranges of one compiled call; 0.1 s or less
 
 # status of `integrate` and `advance`
@@ -286,17 +287,17 @@ def _slide(problem, driven_end, h, counter):
         end, event = exit_place, RANGE_EXIT
         defect, max_speed = collocation.evaluate_defect(problem, velocity, remainder, end)
         evaluations += collocation.DEFECT_POINTS
-    ratio = collocation.step_ratio(defect, tolerance)
+    ratio = collocation.step_ratio(problem, driven_end[1] / scale, defect)
     if defect > tolerance:
         step = scale * min(max(ratio, collocation.MIN_STEP_RATIO), collocation.OVERSHOOT * end)
+        step = collocation.round_step(step)
     elif event == STOPPED:
         step = scale
     elif event == RANGE_EXIT or scale < h:  # the resistance ended the interval, not the step
         step = h
     else:
-        step = scale * collocation.next_step_ratio(
-            ratio, abs(signals.evaluate(velocity, 0.0)), abs(signals.evaluate(velocity, end))
-        )
+        before, after = abs(signals.evaluate(velocity, 0.0)), abs(signals.evaluate(velocity, end))
+        step = collocation.next_step(scale, ratio, before, after)
     return TrialInterval(
         defect <= tolerance, step, problem.slip, driven_end, elongation, end, event, evaluations, max_speed
     )
@@ -393,7 +394,8 @@ def _accept_interval(oscillator, driven_end, resistance, progress, trial, interv
     reals[ELONGATION], reals[VELOCITY] = end.elongation, end.velocity
     counts[FLANK], counts[ZONE] = end.flank, end.zone
     complete = scale == (1 - fraction) * width and trial.event == NO_EVENT
-    reals[FRACTION] = 1.0 if complete else fraction + trial.end * scale / width
+    reached = fraction + trial.end * scale / width
+    reals[FRACTION] = 1.0 if complete or reached > 1 - MIN_STEP else reached  # a remainder below it is rounding
 
 
 @inlined
@@ -417,6 +419,8 @@ def _state_after(oscillator, resistance, state, trial):
     elongation, velocity, flank, zone = signals.evaluate(trial.elongation, trial.end), 0.0, state.flank, state.zone
     if trial.slip != 0 and trial.event != STOPPED:
         velocity = signals.evaluate(signals.cart_velocity(trial.elongation, trial.driven_end), trial.end)
+        if abs(velocity) <= REST_ROUNDING * resistance.forward.breaks[-1]:
+            velocity = 0.0
     if trial.event == FLANK_OPENED:
         flank = 0
     elif trial.event in (FRONT_FLANK_CLOSED, REAR_FLANK_CLOSED):

@@ -33,6 +33,7 @@ ROOT_ROUNDING = 1e-6  # [-], of half an element; imaginary part of a double root
 NEWTON_ITERATIONS = 60  # [-], of Newton's method; 4 to 8 are usual
 NEWTON_TOLERANCE = 1e-12  # [-], of the largest E; change at convergence
 MIN_ENERGY_RATIO = 0.2  # [-], of E; a Newton step reduces E no further
+MAX_ENERGY_RATIO = 1e12  # [-], energy over its first guess, beyond which Newton steps diverge
 RESIDUAL_PERTURBATION = 1e-7  # [-], relative; finite differences of the residual
 MAX_ELEMENTS = 20_000  # [-]; dozens are usual, the number doubles in each refinement of a noisy torque
 MAX_REFINEMENTS = 30  # [-]; 2 to 5 are usual, more for a steep motor curve and little inertia
@@ -153,12 +154,17 @@ def solve_shaft_speed(
 
 def _solve_elements(residual, angle, width, energy, periodic):
     """Solve for E at the nodes by Newton's method; return E and the number of iterations."""
+    largest = MAX_ENERGY_RATIO * energy.max()
     for iteration in range(1, NEWTON_ITERATIONS + 1):
         change = _newton_step(residual, angle, width, energy, periodic)
-        limits = (1 - MIN_ENERGY_RATIO) * energy / np.maximum(-change, 1e-300)
-        energy = energy + min(1.0, np.min(np.where(change < 0, limits, np.inf))) * change
+        largest_fall = np.max(-change / energy, initial=1 - MIN_ENERGY_RATIO)
+        energy = energy + (1 - MIN_ENERGY_RATIO) / largest_fall * change
         if np.abs(change).max() <= NEWTON_TOLERANCE * energy.max():
             return energy, iteration
+        if energy.max() > largest:
+            raise RuntimeError(
+                "the speed of the shaft did not converge: Newton steps diverge; use a stronger motor or more inertia"
+            )
     slowest = np.unravel_index(energy.argmin(), energy.shape)
     raise RuntimeError(
         f"the speed of the shaft did not converge in {NEWTON_ITERATIONS} Newton steps: it falls to "

@@ -7,7 +7,15 @@ from typing import NamedTuple
 import numpy as np
 
 from compact.dynamics.event_driven import Intervals
-from compact.dynamics.force_elements import AT_NEAR_PLATE, NEAR_SPRING, CartState, OscillatorParameters, ResistanceTable
+from compact.dynamics.force_elements import (
+    AT_NEAR_PLATE,
+    KNOT_TOLERANCE,
+    NEAR_SPRING,
+    CartState,
+    OscillatorParameters,
+    ResistanceTable,
+)
+from compact.dynamics.oscillator import ZERO_TOLERANCE
 from compact.numerics import Array, IntArray
 from compact.numerics.piecewise import PiecewisePolynomial, clenshaw_curtis, horner
 
@@ -64,8 +72,8 @@ class Trajectory:
 
     def _cell_edges(self, i: int, duration: float) -> Array:
         """Edges [s] of cells of interval i in each of which the oscillation turns by `CELL_ANGLE` at most."""
-        cosine, sine, decay, discriminant = self.intervals.oscillation[i]
-        if not (cosine or sine):
+        _, _, decay, discriminant = self.intervals.oscillation[i]
+        if not self._oscillates(i, duration):
             return np.linspace(0, duration, 3)
         if discriminant >= 0:  # two real roots; bisection towards the start, where the faster one decays
             halvings = math.ceil(math.log2(max(2.0, duration * (abs(decay) + math.sqrt(discriminant)))))
@@ -76,10 +84,16 @@ class Trajectory:
 
     def _cell_count(self, i: int, duration: float) -> int:
         """Count the cells that resolve the oscillation of interval i, 0 without one."""
-        cosine, sine, decay, discriminant = self.intervals.oscillation[i]
-        if not (cosine or sine) or discriminant >= 0:
+        _, _, decay, discriminant = self.intervals.oscillation[i]
+        if not self._oscillates(i, duration) or discriminant >= 0:
             return 0
         return math.ceil(oscillation_time(decay, duration) * math.sqrt(decay**2 - discriminant) / CELL_ANGLE)
+
+    def _oscillates(self, i: int, duration: float) -> bool:
+        """Return true if the free oscillation of interval i is larger than rounding of the elongation."""
+        cosine, sine, _, discriminant = np.abs(self.intervals.oscillation[i])
+        amplitude = cosine + sine * min(duration, 1 / math.sqrt(discriminant) if discriminant else math.inf)
+        return bool(amplitude > ZERO_TOLERANCE * np.abs(self.intervals.elongation[i]).max())
 
     def locate(self, time: Array) -> tuple[IntArray, Array]:
         """Interval indices i and places u of times [s] within the trajectory."""
@@ -129,7 +143,9 @@ class Trajectory:
         elongation, rate = self.elongation(i, u)
         slip, pull = self.intervals.slip[i], self.drive_force(i, u) + self.end_spring_force(i, u)
         velocity: Array = np.where(slip != 0, self.driven_end(i, u, 1) - rate, 0.0)
-        force, slope, added_mass, mass_slope = self._resistance_terms(slip, velocity)
+        inside = np.clip(u, KNOT_TOLERANCE, self.intervals.duration[i] / self.intervals.scale[i] * (1 - KNOT_TOLERANCE))
+        within = self.driven_end(i, inside, 1) - self.elongation(i, inside)[1]
+        force, slope, added_mass, mass_slope = self._resistance_terms(slip, velocity, within)
         mass, rate_limit = self.oscillator.mass, self.resistance.rate_limit
         limit = np.full(np.shape(velocity), np.inf) if rate_limit == np.inf else rate_limit * (slip * velocity)
         unsaturated = (pull - force) / (mass + added_mass)
@@ -152,16 +168,16 @@ class Trajectory:
         compressed = np.abs(self.intervals.zone[i]) == NEAR_SPRING
         return pull_rate - np.where(compressed, self.oscillator.end_springs.stiffness, 0.0) * velocity
 
-    def _resistance_terms(self, slip, velocity):
-        """F, dF/dv, M and dM/d|v| on the side of the slip."""
-        speed = slip * velocity
+    def _resistance_terms(self, slip, velocity, within):
+        """F, dF/dv, M and dM/d|v| on the side of the slip; the slopes are limits from inside the interval."""
+        speed, within = slip * velocity, slip * within
         tables = self.resistance.forward, self.resistance.backward
-        forward, backward = ((table(speed), _table_slope(table, speed)) for table in tables)
+        forward, backward = ((table(speed), _table_slope(table, within)) for table in tables)
         force, slope = (np.where(slip > 0, one, other) for one, other in zip(forward, backward, strict=True))
         if self.resistance.rate_limit == 0:
             return force, slip * slope, 0.0, 0.0
         added_mass = self.resistance.added_mass
-        return force, slip * slope, added_mass(speed), _table_slope(added_mass, speed)
+        return force, slip * slope, added_mass(speed), _table_slope(added_mass, within)
 
     def energy(self, state: CartState, driven_end: float = 0.0) -> float:
         """Energy of cart and springs [J] in a state, with the driven end at a position [m]."""

@@ -36,7 +36,7 @@ from numpy.typing import ArrayLike
 
 from compact.numerics import Array
 from compact.numerics.piecewise import find_roots
-from compact.numerics.validation import require_fields, require_finite
+from compact.numerics.validation import as_numbers, require_fields, require_finite, require_instance
 
 # force of the mix on all rollers of a cart [N] over velocity [m/s] and acceleration [m/s^2]
 Resistance = Callable[[Array, Array], ArrayLike]
@@ -161,6 +161,9 @@ class Cart:
             nonnegative="return_load_ratio mass weight roller_reactions guide_friction guide_wheel_diameter",
             finite="roller_positions guide_positions pin_position pin_height",
         )
+        for name in ("roller_positions", "roller_reactions", "guide_positions"):
+            if as_numbers(name, getattr(self, name)).ndim != 1:
+                raise ValueError(f"`{name}` must be a list of numbers, got {getattr(self, name)!r}")
         if len(self.roller_positions) != len(self.roller_reactions):
             raise ValueError(
                 f"`roller_reactions` must be one per roller, got {len(self.roller_reactions)} "
@@ -246,9 +249,11 @@ def balance(
     The reactions are linear in H, N_i = A_i + B_i H. Thus H - s f (|N1| + |N2|) = m a + W - S is piecewise linear and
     increasing for f (|B1| + |B2|) < 1, and one of the four pairs of signs satisfies it.
     """
+    require_instance(Cart, "a Cart", cart=cart)
     require_finite(
-        acceleration=acceleration, resistance=resistance, rod_tangent=rod_tangent, end_spring_force=end_spring_force
-    )
+        acceleration=acceleration, resistance=resistance, rod_tangent=rod_tangent, end_spring_force=end_spring_force,
+        direction=direction,
+    )  # fmt: skip
     a, force_of_mix, sign, tangent, end_force = np.broadcast_arrays(
         acceleration, resistance, direction, rod_tangent, end_spring_force
     )

@@ -24,7 +24,7 @@ from functools import cached_property
 
 import numpy as np
 
-from compact.dynamics.event_driven import peak_force_and_power
+from compact.dynamics.event_driven import MIN_STEP, peak_force_and_power
 from compact.dynamics.trajectory import (
     CELL_ANGLE,
     CELL_POINTS,
@@ -104,15 +104,21 @@ def simulate_elastic(
     Raises
     ------
     ValueError
-        If the resistance does not oppose the motion or jumps at a speed other than 0, or if the oscillation needs more
-        than `MAX_SAMPLES` samples.
+        If the resistance does not oppose the motion or jumps at a speed other than 0, if the period of the oscillation
+        is not resolved, or if the oscillation needs more than `MAX_SAMPLES` samples.
     RuntimeError
         If the integration ends early or no periodic regime is found.
+
+    Notes
+    -----
+    In double precision a step shorter than `MIN_STEP` of a piece of the law, of duration T, is rounding. A radian of
+    the oscillation must last as long, sqrt(m/k) >= MIN_STEP T, which limits the stiffness to m/(MIN_STEP T)^2.
     """
     require_positive(mass=cart.mass, tolerance=tolerance)
     require_known("regime", regime, REGIMES)
     cycle = motion if isinstance(motion, Cycle) else motion.cycle()
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
+    _require_resolved_period(cart, drive, cycle)
     _require_resolvable(cart, drive, cycle, _expected_samples(cart, drive, cycle))
     problem = PeriodicProblem(cart, drive, cycle, resistance, tolerance)
     if regime == "rest":
@@ -124,6 +130,18 @@ def simulate_elastic(
     trajectory = Trajectory(problem.oscillator, intervals, problem.resistance, start, end)
     _require_resolvable(cart, drive, cycle, trajectory.sample_count)
     return ElasticRun(cart, cycle, resistance, working, trajectory, problem.cost, drive.include_added_mass)
+
+
+def _require_resolved_period(cart, drive, cycle):
+    """Require an oscillation of which a radian is no shorter than the shortest step."""
+    shortest = MIN_STEP * max(leg.duration * np.diff(leg.breakpoints()).max() for leg in cycle.legs())
+    if math.sqrt(cart.mass / drive.stiffness) < shortest:
+        raise ValueError(
+            f"`stiffness` {drive.stiffness:g} N/m: the cart oscillates with a period of "
+            f"{2 * math.pi * math.sqrt(cart.mass / drive.stiffness):.3g} s, of which steps of {shortest:.3g} s, the "
+            f"shortest in double precision, resolve no radian; use at most {cart.mass / shortest**2:.3g} N/m, or a "
+            "rigid drive"
+        )
 
 
 def _expected_samples(cart, drive, cycle):
@@ -198,23 +216,22 @@ class ElasticRun(rigid_drive.CycleStatistics):
 
     @cached_property
     def state(self) -> rigid_drive.DriveState:
-        """Motion and forces of the cart; at rest, mix and guides share the pull in the ratio of their limits."""
+        """Motion and forces of the cart.
+
+        Slower than the integration resolves, mix and guides share its resistance in the ratio of their limits.
+        """
         i, u, _ = self._points
         position, velocity, acceleration, jerk, resisting = self.trajectory.kinematics(i, u)
         force, end_force = self.trajectory.drive_force(i, u), self.trajectory.end_spring_force(i, u)
         slip, zero, pull = self.trajectory.intervals.slip[i], np.zeros(force.shape), force + end_force
-        moves, direction = slip != 0, np.where(slip != 0, slip, np.sign(pull))
-        slowest = (
-            direction * rigid_drive.STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
-        )
-        mix = rigid_drive.evaluate_resistance(
-            self.resistance, np.where(velocity != 0, velocity, slowest), self.include_added_mass * acceleration
-        )
+        direction, slowest = np.where(slip != 0, slip, np.sign(pull)), self.trajectory.resistance.knots[0]
+        velocity = np.where(slip * velocity > 0, velocity, 0.0)  # rounding at the ends of a slip
+        moving = direction * np.maximum(np.abs(velocity), slowest)  # limit from inside the motion
+        mix = rigid_drive.evaluate_resistance(self.resistance, moving, self.include_added_mass * acceleration)
         limit = balance(self.cart, zero, mix, direction).drive_force
         share = np.divide(mix, limit, out=np.zeros(mix.shape), where=limit != 0)
-        mix = np.where(moves, mix, pull * share)
-        moving_direction = np.where(moves, direction, 0.0)
-        reactions = balance(self.cart, acceleration, mix, moving_direction, end_spring_force=end_force)
+        mix = np.where(np.abs(velocity) < slowest, resisting * share, mix)
+        reactions = balance(self.cart, acceleration, mix, slip, end_spring_force=end_force)
         forces = Balance(force, reactions.front_reaction, reactions.rear_reaction, resisting - mix)
         return rigid_drive.DriveState(position, velocity, acceleration, jerk, mix, zero, forces)
 

@@ -227,13 +227,13 @@ class HydraulicRun(Run):
         first, last = np.flatnonzero(force >= FORCE_ROUNDING * force.max())[[0, -1]]
         return phases[first] if first else 0.0, phases[last] if last < len(phases) - 1 else 1.0
 
-    def simulate_stroke(self) -> "HydraulicStroke":
+    def simulate_stroke(self, rtol: float = STROKE_TOLERANCE) -> "HydraulicStroke":
         """Simulate the forward stroke under these valve areas with compressible oil, from the initial pressures."""
         dynamics, valves = self.inverse_dynamics, self.valve_flow
         pressures = float(valves.inlet_pressure[0]), float(valves.outlet_pressure[0])
         stroke = dynamics.cycle.forward.stroke
         return simulate_stroke(
-            dynamics.cart, self.hydraulic, stroke, self.valve_areas(), dynamics.resistance, pressures
+            dynamics.cart, self.hydraulic, stroke, self.valve_areas(), dynamics.resistance, pressures, rtol=rtol
         )
 
 
@@ -348,8 +348,8 @@ class _Circuit:
             state[1] = 0.0
             direction = 0 if direction else 1 if solution.t_events[0].size else -1
         raise RuntimeError(
-            f"the integration of the cart ended at {time:g} s of {end:g} s: it alternates between motion and rest; "
-            "check `resistance` near rest"
+            f"the integration of the cart ended at {time:.3g} s of {end:.3g} s: it alternates between motion and rest; "
+            "use stiffer oil (a larger `bulk_modulus`, a smaller `dead_volume`), or check `resistance` near rest"
         )
 
     def spring_energy(self, position: float) -> float:

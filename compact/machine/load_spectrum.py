@@ -18,12 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 import rainflow
 
+from compact.machine.ranking import group_equal
 from compact.numerics import Array
 from compact.numerics.validation import require_integers, require_known, require_positive
 
 LIFE_EXPONENTS = {"ball": 3.0, "roller": 10 / 3}  # kind of bearing -> p [-]
 VALID_SHARE = 0.5  # [-], of the rating; largest equivalent load for which ISO 281 is valid
-ROUNDING_RANGE = 1e-9  # [-], of the largest |load|; smaller load cycles are rounding
+ROUNDING_RANGE = 1e-7  # [-], of the largest |load|; smaller load cycles, and smaller differences, are rounding
 SECONDS_PER_HOUR = 3600.0  # [s]
 
 
@@ -65,14 +66,21 @@ def count_cycles(history: Array) -> list[LoadCycle]:
     load = np.asarray(history, float)
     start = int(load.argmax())
     repeated = np.concatenate([load[start:], load[: start + 1]])
-    least = ROUNDING_RANGE * float(np.abs(load).max())
-    counts: dict[tuple[float, float], float] = {}
-    for width, mean, count, *_ in rainflow.extract_cycles(repeated):
-        if width > least:
-            digits = round(-math.log10(least))
-            key = (round(float(width), digits), round(float(mean), digits))
-            counts[key] = counts.get(key, 0.0) + float(count)
-    return [LoadCycle(*key, count) for key, count in sorted(counts.items(), reverse=True)]
+    largest = float(np.abs(load).max())
+    extracted = (map(float, cycle[:3]) for cycle in rainflow.extract_cycles(repeated))
+    cycles = [LoadCycle(*cycle) for cycle in extracted]
+    cycles = [each for each in cycles if each.range > ROUNDING_RANGE * largest]
+    found = []
+    for alike in _grouped(cycles, "range", largest):
+        for same in _grouped(alike, "mean", largest):
+            found.append(LoadCycle(same[0].range, same[0].mean, sum(each.count for each in same)))
+    return found
+
+
+def _grouped(cycles: list[LoadCycle], quantity: str, largest: float) -> list[list[LoadCycle]]:
+    """Group cycles of equal range or mean, largest first."""
+    values = [-getattr(each, quantity) for each in cycles]
+    return [[cycles[i] for i in group] for group in group_equal(values, largest, ROUNDING_RANGE)]
 
 
 @dataclass(frozen=True)
@@ -113,7 +121,7 @@ class BearingLife:
     equivalent_load : float
         P of one bearing [N].
     million_revolutions : float
-        L10, which 90 % of bearings reach, in million revolutions; infinite without load.
+        L10, which 90 % of bearings reach, in million revolutions; infinite without load or travel.
     hours : float
         L10 of continuous operation [h].
     valid : bool
@@ -153,6 +161,9 @@ def bearing_life(bearing: Bearing, load: Array, travelled: Array, radius: float,
     """
     require_positive(radius=radius, period=period)
     exponent, distance = bearing.exponent, float(np.sum(travelled))
+    if not distance:  # a cart that its drive does not move
+        standing = float(np.max(np.abs(load / bearing.count)))
+        return BearingLife(standing, math.inf, math.inf, standing <= VALID_SHARE * bearing.dynamic_rating)
     moment = float(np.sum(travelled * np.abs(load / bearing.count) ** exponent)) / distance
     equivalent = moment ** (1 / exponent)
     revolutions = (bearing.dynamic_rating / equivalent) ** exponent if equivalent else math.inf

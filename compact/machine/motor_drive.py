@@ -27,7 +27,7 @@ from compact.machine.shaft_load import RIGID, CartsOnShaft
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics import Array
 from compact.numerics.piecewise import find_maximum, interior_grid
-from compact.numerics.validation import require_fields, require_opposing
+from compact.numerics.validation import require_fields, require_nonnegative, require_opposing, require_positive
 
 SPEED_TRIALS = 200  # [-], speeds between rest and no load for the first guess
 GUESS_POINTS = 18  # [-], per piece of the law, ends included; mean torque of the first guess
@@ -156,6 +156,8 @@ def simulate_motor(
     rigid_drive.require_law_of_drive(motor.rod, cycle)
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     load = ShaftLoad(cart, cycle, resistance, motor.angles, motor.rod, motor=motor)
+    require_positive(tolerance=tolerance)
+    require_nonnegative(start_speed=0.0 if start_speed is None else start_speed)
     speed = _first_guess(load) if start_speed is None else start_speed
     revolution = solve_shaft_speed(load.residual, load.breaks(), speed, tolerance, periodic=start_speed is None)
     run = MotorRun(load, revolution, working)

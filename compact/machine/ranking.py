@@ -1,8 +1,9 @@
 """Ranking of motion laws by a requirement on their drive, with the margin to the next law."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from types import MappingProxyType
 from typing import Any
 
@@ -118,29 +119,69 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
     Returns
     -------
     list of Ranked
-        Values that are equal but for rounding share a rank. Infinite values are last, followed by nan; all of them
-        share the last rank. The margin of the last finite value is infinite before infinite values, nan without them.
+        Values that are equal but for rounding share a rank, in the given order. Infinite values are last, followed by
+        nan; all of them share the last rank. The margin of the last finite value is infinite before infinite values,
+        nan without them.
     """
     require_known("criterion", by, tuple(CRITERIA))
+    runs = list(runs)
+    if strange := [run for run in runs if not hasattr(run, by)]:
+        raise ValueError(f"`runs` must be runs of a drive, got {strange[0]!r}; `compact.simulate` returns one")
     criterion = CRITERIA[by]
-    ordered = sorted(((value_of(run, by), run) for run in runs), key=lambda pair: (math.isnan(pair[0]), pair[0]))
-    values = [value for value, _ in ordered]
+    runs = list(runs)
+    values = [value_of(run, by) for run in runs]
+    groups = group_equal(values, criterion.floor)
     ranked: list[Ranked] = []
-    least = math.nan  # smallest value of the present rank
-    for i, (value, run) in enumerate(ordered):
-        if not math.isfinite(value):
-            reason = criterion.infinite_because if run.shocks else "zero force at the mean speed"
-            ranked.append(Ranked(len(ordered), run, value, math.nan, reason))
-            continue
-        shared = _equal(least, value, criterion)
-        least = least if shared else value
-        larger = next((other for other in values[i:] if not _equal(least, other, criterion)), math.nan)
-        scale = criterion.scale(value)
-        margin = (larger - value) / scale if scale else math.nan
-        ranked.append(Ranked(ranked[-1].rank if shared else i + 1, run, value, margin, ""))
+    for group, behind in zip_longest(groups, groups[1:], fillvalue=()):
+        first, larger = len(ranked) + 1, min((values[i] for i in behind), default=math.nan)
+        for i in group:
+            if not math.isfinite(values[i]):
+                reason = criterion.infinite_because if runs[i].shocks else "zero force at the mean speed"
+                ranked.append(Ranked(len(runs), runs[i], values[i], math.nan, reason))
+                continue
+            scale = criterion.scale(values[i])
+            margin = (larger - values[i]) / scale if scale else math.nan
+            ranked.append(Ranked(first, runs[i], values[i], margin, ""))
     return ranked
 
 
-def _equal(a: float, b: float, criterion: Criterion) -> bool:
+def group_equal(values: Sequence[float], floor: float = 0.0, rounding: float = ROUNDING_TIE) -> list[list[int]]:
+    """Group values that are equal but for rounding; every order of laws is taken from these groups.
+
+    Parameters
+    ----------
+    values : sequence of float
+        Values of one unit, infinite and nan ones allowed.
+    floor : float
+        Smallest scale of differences between values, in their unit.
+    rounding : float
+        Difference of equal values over the larger of value and floor [-].
+
+    Returns
+    -------
+    list of list of int
+        Positions of the values, smallest first; those of equal values in the given order. Nan is last.
+
+    Examples
+    --------
+    >>> group_equal([3.0, 2.0 * (1 + 1e-15), 2.0])
+    [[1, 2], [0]]
+    """
+    found: list[list[int]] = []
+    least = math.nan  # smallest value of the present group
+    for i in sorted(range(len(values)), key=lambda i: (math.isnan(values[i]), values[i])):
+        if not _equal(least, values[i], floor, rounding):
+            least = values[i]
+            found.append([])
+        found[-1].append(i)
+    return [sorted(group) for group in found]
+
+
+def first_of(values: Sequence[float], floor: float = 0.0) -> int:
+    """Return the position of the smallest value; the first of several that are equal but for rounding."""
+    return group_equal(values, floor)[0][0]
+
+
+def _equal(a: float, b: float, floor: float, rounding: float) -> bool:
     """Return true for values that differ by rounding only; nan equals nothing, infinity no finite value."""
-    return a == b or abs(a - b) <= ROUNDING_TIE * max(criterion.scale(a), criterion.scale(b)) < math.inf
+    return a == b or abs(a - b) <= rounding * max(abs(a), abs(b), floor) < math.inf

@@ -20,7 +20,7 @@ from compact.machine.cart import Balance, Cart, Resistance, balance
 from compact.motion.profile import Cycle, Discontinuity, Leg, MotionProfile
 from compact.numerics import Array, BoolArray
 from compact.numerics.piecewise import BREAK_OFFSET, clenshaw_curtis, find_maximum, interior_grid
-from compact.numerics.validation import require_opposing, require_positive
+from compact.numerics.validation import as_numbers, require_instance, require_opposing, require_positive
 
 SAMPLES_PER_PIECE = 129  # [-], Chebyshev points per piece of a motion; integrals of smooth laws to rounding
 STANDSTILL_SPEED_RATIO = 1e-12  # [-], of the mean speed; stands for the limit v -> 0
@@ -354,11 +354,14 @@ def simulate(
     ValueError
         If the resistance is not finite or does not oppose the motion, or if the law is not that of the crank.
     """
-    if not 0 <= working[0] < working[1] <= 1:
+    if as_numbers("working", working).shape != (2,) or not 0 <= working[0] < working[1] <= 1:
         raise ValueError(f"`working` must be two fractions, 0 <= first < second <= 1, got {working!r}")
+    require_instance(Cart, "a Cart", cart=cart)
+    require_instance((MotionProfile, Cycle), "a motion law or its Cycle", motion=motion)
     cycle = motion if isinstance(motion, Cycle) else motion.cycle()
     if hasattr(drive, "run"):
         return drive.run(cart, cycle, resistance, working)
+    require_instance((Rigid, Crank), "a drive, such as Rigid()", drive=drive)
     require_law_of_drive(drive, cycle)
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     dynamics = InverseDynamics(cart, drive, cycle, resistance)

@@ -20,6 +20,7 @@ from compact.machine.elastic_drive import ElasticDrive
 from compact.machine.hydraulic_drive import Hydraulic
 from compact.machine.motor_characteristics import LinearTorqueCurve
 from compact.machine.motor_drive import Motor
+from compact.machine.ranking import ROUNDING_TIE, first_of
 from compact.machine.rigid_drive import SAMPLES_PER_PIECE
 from compact.motion.profile import LAWS, Cycle, law
 from compact.resistance import ResistanceMap
@@ -413,6 +414,13 @@ def test_ties_share_a_rank():
     assert [place.value for place in found] == sorted(place.value for place in found)
 
 
+def test_equal_values_keep_the_order_of_the_scene():
+    found = rank(runs(d=3.0, b=2.0 * (1 + 1e-15), c=2.0, a=1.0, e=2.0 * (1 - 1e-15)))
+    assert [place.run.name for place in found] == ["a", "b", "c", "e", "d"]
+    assert [place.rank for place in found] == [1, 2, 2, 2, 5]
+    assert first_of([2.0 * (1 + 1e-15), 2.0]) == 0
+
+
 def test_margin_is_relative_to_the_next_larger_value():
     found = rank(runs(a=2.0, b=2.0, c=3.0, d=3.3))
     assert [place.margin for place in found] == pytest.approx([0.5, 0.5, 0.1, math.nan], rel=1e-12, nan_ok=True)
@@ -468,7 +476,7 @@ def test_every_criterion_ranks_real_runs(criterion):
     found = rank([simulate(CART, Rigid(), published_law(name), dry(3562.0)) for name in LAWS], criterion)
     values = [place.value for place in found]
     assert len(found) == len(LAWS)
-    assert values == sorted(values)
+    assert values == pytest.approx(sorted(values), rel=ROUNDING_TIE)
     assert all((place.reason != "") == (place.value == math.inf) for place in found)
 
 
@@ -507,7 +515,7 @@ def test_rank_counts_the_smaller_values(values):
     found = rank([SimpleNamespace(name=i, peak_force=value, shocks=("jump",)) for i, value in enumerate(values)])
     assert found[0].rank == (1 if math.isfinite(found[0].value) else len(values))
     for earlier, later in itertools.pairwise(found):
-        assert earlier.value <= later.value
+        assert earlier.value <= later.value or earlier.rank == later.rank
         assert later.rank in (earlier.rank, found.index(later) + 1, len(values))
 
 

@@ -49,6 +49,14 @@ def test_constant_load_has_no_cycles_and_rounding_is_none():
     assert count_cycles(7.0 + 1e-12 * np.array([0.0, 1.0, 0.0, 1.0])) == []
 
 
+@pytest.mark.parametrize("noise", [0.0, 1e-9, -1e-9])
+def test_cycles_that_differ_by_rounding_are_one_and_equal_ranges_are_in_order_of_the_mean(noise):
+    """Of the run, whose tolerance is 1e-8: 15e-8 is on the edge between two rounded ranges."""
+    twins = [0.0, 9.0, 1.0, 3.0 + 15e-8 + noise, 1.0, 3.0 + 15e-8, 1.0, 9.0, 5.0, 7.0 + 15e-8 - noise, 5.0, 9.0]
+    found = [(round(each.range, 6), round(each.mean, 6), each.count) for each in count_cycles(twins)]
+    assert found == [(9.0, 4.5, 1.0), (8.0, 5.0, 1.0), (4.0, 7.0, 1.0), (2.0, 6.0, 1.0), (2.0, 2.0, 2.0)]
+
+
 def test_sine_is_one_cycle_of_its_amplitude():
     (cycle,) = count_cycles(3 + 2 * np.sin(np.linspace(0, 2 * np.pi, 1001)))
     assert (cycle.range, cycle.mean, cycle.count) == (pytest.approx(4.0, rel=1e-4), pytest.approx(3.0, abs=1e-4), 1.0)
@@ -75,6 +83,11 @@ def test_equivalent_load_is_the_mean_of_the_damage():
 def test_bearings_that_share_a_load_live_longer_by_its_power(load, count):
     one, shared = (bearing_life(Bearing(20e3, "roller", n), np.full(1, load), np.ones(1), 0.1, 1.0) for n in (1, count))
     assert shared.million_revolutions / one.million_revolutions == pytest.approx(count ** (10 / 3))
+
+
+def test_bearing_of_a_cart_at_rest_has_an_infinite_life():
+    life = bearing_life(Bearing(20e3, "ball", count=2), np.full(3, -6e3), np.zeros(3), radius=0.1, period=2.0)
+    assert (life.equivalent_load, life.million_revolutions, life.hours, life.valid) == (3e3, math.inf, math.inf, True)
 
 
 def test_life_without_load_is_infinite_and_heavy_loads_are_outside_the_standard():

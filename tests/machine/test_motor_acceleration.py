@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from published import CART_OF_C
 
+from compact.dynamics.shaft_speed import solve_shaft_speed
 from compact.machine.crankshaft import CRANK_ANGLES
 from compact.machine.motor_acceleration import simulate_acceleration_phase
 from compact.machine.motor_characteristics import Kloss, LinearTorqueCurve
@@ -73,3 +74,11 @@ def test_motor_too_weak_for_stiction_does_not_start():
     weak = Motor(Kloss(20.0, 0.02, 157.0), 150.0, 0.0, 1e3, (np.pi / 2,))
     with pytest.raises(RuntimeError, match=r"the motor does not start: it delivers .* N m on the shaft at rest"):
         simulate_acceleration_phase(CART_OF_C, weak, published("cubic"), dry)
+
+
+def test_a_speed_that_grows_without_bound_does_not_converge():
+    def residual(angle, energy, acceleration):
+        return 1e-12 * acceleration - (1 + energy) ** -0.01
+
+    with pytest.raises(RuntimeError, match=r"speed of the shaft did not converge: Newton steps diverge; use a strong"):
+        solve_shaft_speed(residual, [0.0, 1.0], 1.0, 1e-9, periodic=False)

@@ -170,7 +170,12 @@ def test_creep_rises_with_the_pull_and_knows_no_speed_where_samples_know_none(sh
 def test_driven_roller_on_a_thick_layer_agrees_with_carter():
     """Incompressible layer: pressure and shear are uncoupled, even terms in the torque are of second order in a/R."""
     radius, friction, half_width = 1.0, 0.3, 0.02
-    parameters = Layer(1.0), Roller(radius, half_width**2 / 2, friction, "driven", "deformed"), Elastic(1e7, 0.49), 1.0
+    parameters = (
+        Layer(1.0),
+        Roller(radius, indentation=half_width**2 / 2, friction=friction, rolling="driven", profile="deformed"),
+        Elastic(youngs_modulus=1e7, poisson=0.49),
+        1.0,
+    )
     free = fem.roll(*parameters, torque=0.0, estimate=False)
     shares = np.array([-0.99, -0.84, -0.51, 0, 0.51, 0.84, 0.99])
     samples = [fem.roll(*parameters, torque=s * friction * radius * free.load, estimate=False) for s in shares]
@@ -203,26 +208,32 @@ def by_fem():
     rolled = [
         fem.roll(*contact_inputs(study.scene, study.mix, "fem", speed), speed, estimate=False) for speed in SPEEDS
     ]
-    study.contact_stage.records = [
+    study.stages.contacts.records = [
         contact_cases.contact_record("fem", *each) for each in zip(SPEEDS, [(one,) for one in rolled], strict=True)
     ]
     whole = ROLLERS * study.scene.machine.roller_length
-    study.resistance_stage.resistance = ResistanceMap(
+    study.stages.resistance.resistance = ResistanceMap(
         np.array(SPEEDS), whole * np.array([each.resistance for each in rolled]), 0.0
     )
-    study.contact_stage.kept = None
+    study.stages.contacts.kept = None
     return study
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("time", sampled([0.8, 5.1], [5.1]))
 def test_engine_reproduces_the_interpolated_traction(by_fem, time):
-    motors, scene = by_fem.roller_motors["septic"], by_fem.scene
+    motors, scene = by_fem.stages.drive.roller_motors["septic"], by_fem.scene
     (velocity,), result = motors.traction_over(np.array([time]))
     speed, way, length = abs(velocity), np.sign(velocity), scene.machine.roller_length
     layer, roller, material = contact_inputs(scene, by_fem.mix, "fem", speed)
     own = fem.roll(layer, roller, material, speed, estimate=False)
-    held = Roller(R, own.indentation, by_fem.mix.steel_friction, "driven", scene.machine.gap_geometry)
+    held = Roller(
+        R,
+        indentation=own.indentation,
+        friction=by_fem.mix.steel_friction,
+        rolling="driven",
+        profile=scene.machine.gap_geometry,
+    )
     torque = way * result.torque[0] / length
     rolled = fem.roll(layer, held, material, speed, torque=torque, estimate=False)
     assert result.creep[0] == pytest.approx(rolled.creep, abs=0.02 * np.ptp(motors.roller.creeps))
@@ -239,7 +250,7 @@ def test_engine_reproduces_the_interpolated_traction(by_fem, time):
 
 @pytest.mark.slow
 def test_samples_cover_the_range_of_the_laws(by_fem):
-    motors = by_fem.roller_motors["septic"]
+    motors = by_fem.stages.drive.roller_motors["septic"]
     roller = motors.roller
     assert by_fem.counts["driven"] == roller.torques.size
     assert roller.torques.shape[0] == len(SPEEDS)
@@ -252,7 +263,7 @@ def test_samples_cover_the_range_of_the_laws(by_fem):
 
 
 def test_samples_end_at_the_coulomb_limit(by_fem):
-    contacts = copy(by_fem.contact_stage)
+    contacts = copy(by_fem.stages.contacts)
     contacts.records = by_fem.contacts[:1]
     roller = torque_response(contacts, (-1e9, 1e9))
     shares = roller.torques[0] / (by_fem.mix.steel_friction * R * roller.loads[0])
@@ -269,14 +280,14 @@ def test_failed_solution_warns_and_leaves_out_the_creep(by_fem, monkeypatch):
 
     monkeypatch.setattr(fem_engine, "roll", slides)
     with pytest.warns(UserWarning, match="creep of the driven rollers is left out: the roller slides"):
-        result = torque_response(by_fem.contact_stage, (-100.0, 900.0))
-    assert result == CreepFreeRoller(R, by_fem.roller_load, by_fem.mix.steel_friction)
+        result = torque_response(by_fem.stages.contacts, (-100.0, 900.0))
+    assert result == CreepFreeRoller(R, by_fem.stages.contacts.roller_load, by_fem.mix.steel_friction)
 
 
 def test_engines_without_torque_have_no_creep():
     study = Study(load_scene(SCENES / "small.toml"))
-    assert {motors.roller for motors in study.roller_motors.values()} == {
-        CreepFreeRoller(R, study.roller_load, study.mix.steel_friction)
+    assert {motors.roller for motors in study.stages.drive.roller_motors.values()} == {
+        CreepFreeRoller(R, study.stages.contacts.roller_load, study.mix.steel_friction)
     }
     assert study.counts["driven"] == 0
 
@@ -289,7 +300,7 @@ def test_creep_of_the_compaction_engine():
     scene = load_scene(SCENES / "small.toml", **changes, **wanted)
     study, speed = Study(scene), scene.motion.stroke / scene.motion.duration
     free = compaction.roll(*contact_inputs(scene, study.mix, "compaction", speed), speed, increments=6)
-    contacts = study.contact_stage
+    contacts = study.stages.contacts
     contacts.records = [contact_cases.contact_record("compaction", each, (free,)) for each in (speed, 2 * speed)]
     contacts.passes = [(speed, (free,))]
     load = scene.machine.roller_length * free.load
