@@ -1,9 +1,18 @@
 """Engine "spectral": steady rolling on a linear layer of plies over a rigid base, by a Galerkin method.
 
 Plane strain, elastic or viscoelastic layer, bonded or frictionless base. The roller is frictionless or in full slip
-with the traction f p. `rolling_problem` solves the contact with a given number of modes; the number is raised until the
-estimated errors are below the tolerance. The error estimate compares with the next number of modes, at the same target.
-It adds the boundary layers of branches that are too fast for either.
+with the traction f p. The pressure on the unknown contact |x - centre| <= a is
+
+    p = (E* a/2R) (1 - xi)^(1 - alpha) (1 + xi)^alpha sum b_k Q_{k-1}(xi),    cot(pi alpha) = f (1 - 2 nu)/(2 - 2 nu).
+
+It vanishes at both edges with the exponents of the instantaneous response, 1/2 without friction. In contact the surface
+has the slope of the roller, u' = -gap'. Tested with polynomials over the same edge powers this is a linear system for
+the b_k, see `galerkin_system`, and one more row for the centre. The half-width follows from the prescribed indentation,
+load or peak pressure by a secant method. Lengths are seen along the travel, speed > 0.
+
+The number of modes is raised until the estimated errors are below the tolerance. The error estimate compares with the
+next number of modes, at the same target. It adds the boundary layers of branches that are too fast for either. The
+elastic frictionless contact under a parabola with few modes is an estimate for meshes and initial guesses.
 
 Limits: small strains, no inertia, no stick.
 
@@ -12,23 +21,26 @@ References
 K. L. Johnson, Contact Mechanics, CUP 1985, sections 2.7, 5.8; S. C. Hunter, J. Appl. Mech. 28 (1961) 611.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import lu_factor, lu_solve
 from threadpoolctl import threadpool_limits
 
-from compact.engines.spectral.galerkin_system import assemble_system, power_spectrum
-from compact.engines.spectral.rolling_problem import (
-    HALF_WIDTH_STEP,
-    ModeRefinement,
-    build_rolling_problem,
-    describe_history,
-    solve_contact,
-    solve_pressure,
+from compact.engines.spectral.galerkin_system import (
+    GalerkinSystem,
+    LayerResponse,
+    assemble_system,
+    creep_compliance,
+    power_spectrum,
+    pressure_polynomials,
 )
-from compact.material.laws import Elastic
+from compact.material.laws import Elastic, Viscoelastic
+from compact.numerics import Array
 from compact.numerics.validation import require_positive
 from compact.rolling_contact import (
     ContactResult,
@@ -39,18 +51,7 @@ from compact.rolling_contact import (
     resistance_scale,
 )
 
-MODE_COUNTS = (
-    16,
-    24,
-    36,
-    54,
-    80,
-    120,
-    180,
-    270,
-    405,
-    610,
-)  # [-], modes tried in turn; the error is estimated from the next
+MODE_COUNTS = 16, 24, 36, 54, 80, 120, 180, 270, 405, 610  # [-], tried in turn; the error is estimated from the next
 SPECTRAL_RTOL = 1e-5  # [-], default tolerance of load and resistance, a tenth of that of the peak pressure
 SPECTRAL_RTOL_MAX = 1e-3  # [-], error with the most modes above which the contact is not returned
 TARGET_RTOL = 1e-9  # [-], residual of the prescribed quantity that is guaranteed
@@ -59,6 +60,132 @@ MODE_ERROR_FACTOR = 2.0  # [-], error over the change to the next number of mode
 PEAK_ERROR_RATIO = 10  # [-], tolerance of the peak pressure over that of the load
 SPECTRUM_LIMIT = 100.0  # [-], wave number times half-width from which the spectrum is a power law
 PRESSURE_SAMPLES = 201  # [-], points along the contact, denser at its edges
+TRACTION_SIGN = {"frictionless": 0, "free": 0, "sliding": 1, "driven": -1}  # [-], of the traction on the mix
+HALF_WIDTH_TOLERANCE = 1e-12  # [-], residual of the target at which the half-width is accepted
+HALF_WIDTH_STEPS_MAX = 60  # [-], of the secant method, and of Newton's method for the centre
+HALF_WIDTH_STEP = 1e-4  # [-], relative, for derivatives by the half-width; its square: the smallest useful secant
+CENTRE_TOLERANCE = 1e-14  # [-], last step of the centre over the half-width
+CIRCLE_SHARE_MAX = 0.9  # [-], largest half-width over the radius of a circle
+ESTIMATE_MODES = 12  # [-], pressure polynomials of the elastic estimate
+ESTIMATE_TOLERANCE = 1e-6  # [-], residual of its target
+HALF_WIDTH_SHARE_MIN = 1e-12  # [-], over the height; below it the contact is narrower than an atom
+WIDTH_RATIO = 1.2  # [-], of the half-widths that share a mesh where the indentation is not prescribed
+WIDTH_ITERATIONS = 4  # [-], fixed-point iterations for the modulus at the frequency of the contact
+INITIAL_WIDTH_MAX = 2.0  # [-], initial half-width over the top ply, since wide contacts cost more modes
+
+
+class ModeRefinement(NamedTuple):
+    """Solution with one number of modes.
+
+    Attributes
+    ----------
+    modes, half_width : int, float
+        Number of pressure polynomials, and half-width a [m].
+    load, resistance : float
+        Forces per unit roller length [N/m].
+    error : tuple of float
+        Estimated relative errors of load and resistance [-].
+    """
+
+    modes: int
+    half_width: float
+    load: float
+    resistance: float
+    error: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class RollingProblem:
+    """Steady rolling contact without its half-width.
+
+    Parameters
+    ----------
+    contact_modulus : float
+        Relaxed E* of the top ply [Pa].
+    radius : float
+        Roller radius R [m].
+    profile : str
+        "parabola" or "circle".
+    target, value : str, float
+        Prescribed "indentation" [m], "load" [N/m] or "peak_pressure" [Pa], and its value.
+    """
+
+    response: LayerResponse
+    contact_modulus: float
+    radius: float
+    profile: str
+    target: str
+    value: float
+
+    @property
+    def max_half_width(self) -> float:
+        """Largest half-width of the search [m]; a circle ends at its radius."""
+        return CIRCLE_SHARE_MAX * self.radius if self.profile == "circle" else np.inf
+
+    def gap(self, x: Array) -> Array:
+        """Return the height [m] of the roller above its lowest generatrix at x [m], free of cancellation."""
+        R = self.radius
+        return x**2 / (2 * R if self.profile == "parabola" else R + np.sqrt(R**2 - x**2))
+
+    def slope(self, x: Array) -> tuple[Array, Array]:
+        """Return gap' [-] and gap'' [1/m] at x [m]."""
+        R = self.radius
+        if self.profile == "parabola":
+            return x / R, np.full_like(x, 1 / R)
+        root = np.sqrt((R - x) * (R + x))
+        return x / root, R**2 / root**3
+
+
+@dataclass(frozen=True)
+class ContactSolution:
+    """Contact of one half-width in which the surface has the slope of the roller.
+
+    Parameters
+    ----------
+    centre : float
+        Middle of the contact [m] from the lowest generatrix.
+    coefficients : ndarray
+        Coefficients b_k of the pressure [-], shape (modes,).
+    scale : float
+        E* a/2R [Pa].
+    indentation : float
+        Indentation [m].
+    load, resistance : float
+        Forces per unit roller length [N/m].
+    """
+
+    system: GalerkinSystem
+    centre: float
+    coefficients: Array
+    scale: float
+    indentation: float
+    load: float
+    resistance: float
+
+    @property
+    def half_width(self) -> float:
+        """Half-width a [m]."""
+        return self.system.half_width
+
+    def pressure(self, xi: Array | float) -> Array:
+        """Return the pressure p [Pa] at xi in [-1, 1]."""
+        alpha = self.system.basis.trailing_exponent
+        polynomials = pressure_polynomials(xi, alpha, len(self.coefficients))
+        return self.scale * (1 - xi) ** (1 - alpha) * (1 + xi) ** alpha * (self.coefficients @ polynomials)
+
+    @property
+    def peak_position(self) -> float:
+        """Position xi of the largest pressure [-], by successive refinement of a grid."""
+        centre, reach = 0.0, 1.0
+        for _ in range(4):
+            xi = np.clip(centre + reach * np.linspace(-1, 1, 41), -1, 1)
+            centre, reach = xi[np.argmax(self.pressure(xi))], reach / 20
+        return float(centre)
+
+    @property
+    def peak_pressure(self) -> float:
+        """Largest pressure [Pa]."""
+        return float(self.pressure(self.peak_position))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +250,7 @@ def roll(
     --------
     >>> from compact.material.laws import Viscoelastic
     >>> from compact.rolling_contact import Layer, Roller
-    >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
+    >>> mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))
     >>> rolled = roll(Layer(0.22), Roller(0.11, indentation=0.003), mix, speed=0.3)
     >>> f"load {rolled.load:.1f} N/m, resistance {rolled.resistance:.2f} N/m"
     'load 20455.8 N/m, resistance 392.89 N/m'
@@ -275,3 +402,152 @@ def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, spee
         raise ValueError(
             f"the engine spectral needs a `material` Elastic or Viscoelastic, got {type(material).__name__}; use fem"
         )
+
+
+def build_rolling_problem(
+    layer: Layer, roller: Roller, material: Elastic, speed: float
+) -> tuple[RollingProblem, float]:
+    """Build the `RollingProblem` of a contact at a speed [m/s] of either sign, and a first guess of its half-width [m].
+
+    The guess is that of Hertz or sqrt(R delta), at most `INITIAL_WIDTH_MAX` top plies.
+    """
+    (target, value), radius = roller.target, roller.radius
+    modulus = material.contact_modulus * layer.top.stiffness
+    half_width = {
+        "indentation": np.sqrt(radius * value),
+        "load": np.sqrt(4 * value * radius / (np.pi * modulus)),
+        "peak_pressure": 2 * radius * value / modulus,
+    }[target]
+    if half_width < HALF_WIDTH_SHARE_MIN * layer.height:
+        raise RuntimeError(
+            f"the roller does not touch the layer: `{target}` {value!r} makes a contact of {half_width:.1g} m; raise it"
+        )
+    friction = TRACTION_SIGN[roller.rolling] * roller.friction
+    creep = creep_compliance(getattr(material, "branches", ()), abs(speed), layer.height)
+    response = LayerResponse(layer, material.poisson, friction, creep)
+    problem = RollingProblem(response, modulus, radius, roller.profile, target, value)
+    return problem, float(min(half_width, INITIAL_WIDTH_MAX * layer.top.thickness, problem.max_half_width))
+
+
+def solve_contact(
+    problem: RollingProblem,
+    modes: int,
+    half_width: float,
+    history: list[ModeRefinement],
+    tolerance: float = HALF_WIDTH_TOLERANCE,
+) -> ContactSolution:
+    """Find the half-width at which the contact has its target, from a first guess [m]; messages state the history.
+
+    Notes
+    -----
+    Secant method for the logarithm of the target over the logarithm of the half-width.
+    """
+    log_a, residual, power, step = np.log(half_width), None, 2.0, 0.0
+    for _ in range(HALF_WIDTH_STEPS_MAX):
+        contact = solve_pressure(problem, assemble_system(problem.response, modes, np.exp(log_a)), modes)
+        value = getattr(contact, problem.target)
+        if not 0 < value < np.inf:
+            raise RuntimeError(
+                f"`{problem.target}` must be positive, got {value:.3g} at the half-width {np.exp(log_a):.3g} m; "
+                f"{describe_history(history)}"
+            )
+        previous, residual = residual, np.log(value / problem.value)
+        if abs(step) > HALF_WIDTH_STEP**2:
+            power = np.clip((residual - previous) / step, 0.5, 20)
+        step = np.clip(-residual / power, -1, min(1, np.log(problem.max_half_width) - log_a))
+        if abs(residual) < tolerance:
+            return contact
+        log_a += step
+    raise RuntimeError(
+        f"half-width not found in {HALF_WIDTH_STEPS_MAX} steps with {modes} modes, relative residual of "
+        f"`{problem.target}` {residual:.1g}; {describe_history(history)}"
+    )
+
+
+def solve_pressure(problem: RollingProblem, system: GalerkinSystem, modes: int) -> ContactSolution:
+    """Solve for the pressure on a given half-width with as many tests T_m, m >= 1, as modes; T_0 gives the centre."""
+    basis, R, a = system.basis, problem.radius, system.half_width
+    tests = basis.tests[: modes + 1]
+    factors = lu_factor(system.matrix[1 : modes + 1, :modes])
+    elimination = lu_solve(factors, system.matrix[0, :modes], trans=1)
+    centre = _find_centre(problem, basis.nodes, a, tests[0] - elimination @ tests[1:])
+    b = lu_solve(factors, tests[1:] @ problem.slope(centre + a * basis.nodes)[0] * (R / a))
+    scale = problem.contact_modulus * a / (2 * R)
+    load = scale * a * basis.unit_load * b[0]
+    depth = a**2 / R * (system.depths[:modes] @ b) + tests[0] @ problem.gap(centre + a * basis.nodes)
+    inclination = basis.pressures[:modes] @ problem.slope(centre + a * basis.pressure_nodes)[0]
+    return ContactSolution(
+        system,
+        centre,
+        b,
+        scale,
+        indentation=depth / tests[0].sum(),
+        load=load,
+        resistance=scale * a * (b @ inclination) + problem.response.friction * load,
+    )
+
+
+def _find_centre(problem, nodes, a, row):
+    """Middle of the contact [m] at which the equation of T_0 holds, by Newton's method."""
+    centre = 0.0
+    for _ in range(HALF_WIDTH_STEPS_MAX):
+        if abs(centre) + a >= problem.radius and problem.profile == "circle":
+            raise RuntimeError(
+                f"the contact, {a:.3g} m to either side of {centre:.3g} m, is wider than the circle of radius "
+                f"{problem.radius:.3g} m; reduce the load or the indentation"
+            )
+        slope, curvature = problem.slope(centre + a * nodes)
+        step = (row @ slope) / (row @ curvature)
+        centre -= step
+        if abs(step) <= CENTRE_TOLERANCE * a:
+            return centre
+    raise RuntimeError(
+        f"centre of the contact not found in {HALF_WIDTH_STEPS_MAX} steps, last step {step:.1g} m at a half-width of "
+        f"{a:.3g} m"
+    )
+
+
+def expected_half_width(layer: Layer, roller: Roller, material: Elastic, speed: float) -> float:
+    """Estimate the half-width [m] of a rolling contact.
+
+    It is that of the relaxed modulus if the indentation is prescribed, else that of the modulus at the frequency
+    speed/half-width, quantised. The error is 1e-3, and a few percent if the contact is many times as wide as the top
+    ply is thick.
+    """
+    target = replace(roller, friction=0.0, rolling="frictionless", profile="parabola")
+    half_width = relaxed = _elastic_half_width(layer, target, material.youngs_modulus, material.poisson)
+    if roller.indentation is not None or not isinstance(material, Viscoelastic) or not material.branches:
+        return relaxed
+    for _ in range(WIDTH_ITERATIONS):
+        modulus = float(abs(material.complex_modulus(speed / half_width)))
+        half_width = _elastic_half_width(layer, target, modulus, material.poisson)
+    return quantise_half_width(half_width, relaxed)
+
+
+@lru_cache(maxsize=256)
+def _elastic_half_width(layer, roller, modulus, poisson):
+    """Estimated half-width [m] on an elastic layer."""
+    elastic = Elastic(youngs_modulus=modulus, poisson=poisson)
+    problem, half_width = build_rolling_problem(layer, roller, elastic, 1.0)
+    return float(solve_contact(problem, ESTIMATE_MODES, half_width, [], ESTIMATE_TOLERANCE).half_width)
+
+
+def quantise_half_width(half_width: float, widest: float) -> float:
+    """Round a half-width [m] up to the widest over a power of WIDTH_RATIO, so that several speeds share a mesh."""
+    return float(widest / WIDTH_RATIO ** np.floor(np.log(widest / half_width) / np.log(WIDTH_RATIO)))
+
+
+def contact_of_half_width(layer: Layer, material: Elastic, radius: float, half_width: float) -> ContactSolution:
+    """Estimate the elastic frictionless contact of a half-width [m] under a parabola of a radius [m]."""
+    elastic = Elastic(youngs_modulus=material.youngs_modulus, poisson=material.poisson)
+    problem, _ = build_rolling_problem(layer, Roller(radius, indentation=half_width**2 / radius), elastic, 1.0)
+    return solve_pressure(problem, assemble_system(problem.response, ESTIMATE_MODES, half_width), ESTIMATE_MODES)
+
+
+def describe_history(history: list[ModeRefinement]) -> str:
+    """Describe the solutions with fewer modes in one line, for messages."""
+    steps = (
+        f"{step.modes} modes: a {step.half_width:.6g} m, load {step.load:.8g} N/m, error {max(step.error):.1g}"
+        for step in history
+    )
+    return f"history: {'; '.join(steps) or 'none'}"

@@ -1,15 +1,43 @@
-"""Galerkin matrix of a rolling contact on a linear layer, in Jacobi polynomials.
+"""Galerkin matrix of a rolling contact on a linear layer of plies, in Jacobi polynomials.
 
-Under a surface pressure p and the traction f p the surface of a linear layer has the slope u' = -(2/E*) C S p. S
-multiplies the Fourier transform of p (exp(-ikx), k > 0) by -i L - f M, and C, the creep along the path of the mix, by
-(1/E(k))/(1/E*):
+**Contact.** Under a surface pressure p and the traction f p the surface of a linear layer has the slope
+u' = -(2/E*) C S p. S multiplies the Fourier transform of p (exp(-ikx), k > 0) by -i L - f M, and C, the creep along the
+path of the mix, by (1/E(k))/(1/E*):
 
     S = S0 - i (L - 1) - f (M - b),   S0 p = (1/pi) PV int p(s)/(x - s) ds - f b p,   b = (1 - 2 nu)/(2 - 2 nu).
 
-L - 1 and M - b, see `layer_compliance`, decay as exp(-2 k depth) with the depth of the first interface or of the base.
-The contribution of the layer is therefore a short quadrature. E* is that of the top ply. S0, the half-plane with its
-singular edges, is exact in Jacobi polynomials, and so is each creep branch of C applied to it, see
-`creep_branch_matrices`. x is in half-widths, positive along the travel, from the middle of the contact.
+L - 1 and M - b decay as exp(-2 k depth) with the depth of the first interface or of the base. The contribution of the
+layer is therefore a short quadrature. E* is that of the top ply. S0, the half-plane with its singular edges, is exact
+in Jacobi polynomials, and so is each creep branch of C applied to it, see `creep_branch_matrices`. x is in half-widths,
+positive along the travel, from the middle of the contact.
+
+**Polynomials.**
+
+    pressure: (1 - x)^A (1 + x)^B sum b_k Q_{k-1}(x), k = 1 ... modes;  tests: T_m(x)/((1 - x)^A (1 + x)^B),
+    A = 1 - alpha,  B = alpha,  -1 <= x <= 1
+
+The leading edge has the exponent A and the trailing edge the exponent B. Q and T are orthonormal under the weights
+(1 - x)^A (1 + x)^B and (1 - x)^-A (1 + x)^-B; T_0 is counted twice, so that T_m is Chebyshev's cos(m arccos x) without
+friction. The half-plane maps Q_{k-1} to T_k/sin(pi alpha).
+
+**Layer.** Under tractions that vary as exp(ikx) each ply, in plane strain with K = 3 - 4 nu, carries four waves. With y
+in units of 1/k, u_x = i U, s_xy = i k mu T and s_yy = k mu S, two waves decay downwards,
+
+    (U, V, T, S) = (1, 1, 2, 2) e^y  and  (y, y - K, 2y + 1 - K, 2y - 1 - K) e^y,
+
+and two upwards, their mirror images. The ratio of upward to downward waves is a 2 x 2 reflection matrix. That of the
+base follows from its boundary condition. It is carried through each ply, where it decays by exp(-2 k thickness), and
+across each interface by continuity of displacement and traction. No exponential grows, so that neither short waves nor
+stiff plies lose digits.
+
+Under a roller at steady speed, d/dt = -v d/dx. The compliance is multiplied by that of the Prony series at the
+frequency -v k, which is a sum of branches 1/(1 - i k length) with lengths v theta.
+
+References
+----------
+K. L. Johnson, Contact Mechanics, CUP 1985, section 5.8, for one ply; F. Erdogan, G. D. Gupta, T. S. Cook, Numerical
+solution of singular integral equations, in: G. C. Sih (ed.), Methods of Analysis and Solutions of Crack Problems,
+Noordhoff 1973.
 """
 
 from dataclasses import dataclass
@@ -17,15 +45,309 @@ from functools import lru_cache
 from itertools import accumulate
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh_tridiagonal
 from scipy.special import digamma
 
-from compact.engines.spectral.jacobi_basis import JacobiBasis, build_jacobi_basis
-from compact.engines.spectral.layer_compliance import DECAY_DEPTH, LayerResponse, wave_grid
+from compact.engines.halfplane import pressure_exponent
 from compact.numerics import Array
+from compact.rolling_contact import Layer
 
+WAVELENGTH_MAX = 1e4  # [-], over 2 pi heights; beyond it the compliance is proportional to k, and digits would be lost
+CREEP_LENGTH_BOUNDS = 1e-30, 1e10  # [-], over the height; beyond them speed is indistinguishable from 0 or infinity
+PANEL_POINTS = 10  # [-], Gauss points on each panel of the wave-number grid
+DECAY_DEPTH = 20.0  # [-], k depth from which exp(-2 k depth) is neglected
 HALF_WIDTH_MAX = 100.0  # [-], over the top ply; its grid of waves needs 0.1 GB, which grows with the square
 MILLER_MODES = 30  # [-], least number of modes above the last at which the downward recurrence of ratios starts
 BETA_SATURATED = 50.0  # [-], beta from which one edge of the contact does not influence the other: exp(-2 beta) = 0
+
+
+@dataclass(frozen=True)
+class JacobiBasis:
+    """Pressure and test polynomials for one pair of edge exponents.
+
+    Parameters
+    ----------
+    trailing_exponent : float
+        alpha of (1.4) [-].
+    nodes, tests : ndarray
+        Gauss points x of the tests, and T_m there times the weights, shape (modes + 1, n).
+    pressure_nodes, pressures : ndarray
+        Gauss points x of the pressure, and Q_{k-1} there times the weights, shape (modes, n).
+    """
+
+    trailing_exponent: float
+    nodes: Array
+    tests: Array
+    pressure_nodes: Array
+    pressures: Array
+
+    @property
+    def modes(self) -> int:
+        """Number of pressure polynomials."""
+        return len(self.tests) - 1
+
+    @property
+    def sine(self) -> float:
+        """Value of sin(pi alpha) [-]."""
+        return np.sin(np.pi * self.trailing_exponent)
+
+    @property
+    def unit_test(self) -> float:
+        """Integral of the test T_0 [-], the square root of 2 pi/sin(pi alpha)."""
+        return np.sqrt(2 * np.pi / self.sine)
+
+    @property
+    def unit_load(self) -> float:
+        """Integral of the pressure for b_1 = 1 [-], the square root of 2 pi alpha (1 - alpha)/sin(pi alpha)."""
+        alpha = self.trailing_exponent
+        return np.sqrt(2 * np.pi * alpha * (1 - alpha) / self.sine)
+
+    def transforms(self, tau: Array) -> NDArray[np.complex128]:
+        """Compute G_m = m int T_m (exp(i tau x) - 1)/(i tau) dx, factor 1 for m = 0, shape (modes + 1, n), at tau > 0.
+
+        By Rodrigues' formula (-1)^(m-1) G_m is the Fourier transform of the pressure for b_m = 1.
+        """
+        half = np.multiply.outer(self.nodes, tau / 2)
+        sine = np.sin(half)
+        rows = np.concatenate([sine * np.cos(half), sine * sine], axis=1)
+        real, imaginary = np.split(self.tests @ rows, 2, axis=1)
+        order = np.maximum(np.arange(len(self.tests)), 1)
+        return (real + 1j * imaginary) * order[:, None] * (2 / tau)
+
+
+@lru_cache(maxsize=64)
+def build_jacobi_basis(trailing_exponent: float, modes: int, points: int) -> JacobiBasis:
+    """Build the basis of `modes` pressure polynomials at `points` Gauss points."""
+    A, B = 1 - trailing_exponent, trailing_exponent
+    total = np.pi / np.sin(np.pi * B)
+    recurrence = _jacobi_recurrence(-A, -B, points)
+    nodes, vectors = eigh_tridiagonal(*recurrence)  # Golub and Welsch
+    tests = _orthonormal_polynomials(nodes, *recurrence, total, modes + 1)
+    tests[0] *= np.sqrt(2)  # T_0 = 1 belongs to T_m = cos(m arccos x)
+    tests *= total * vectors[0] ** 2
+    pressure_nodes, vectors = eigh_tridiagonal(*_jacobi_recurrence(A, B, points))
+    pressures = pressure_polynomials(pressure_nodes, B, modes) * (2 * A * B * total * vectors[0] ** 2)
+    return JacobiBasis(B, nodes, tests, pressure_nodes, pressures)
+
+
+def pressure_polynomials(x: Array | float, trailing_exponent: float, modes: int) -> Array:
+    """Evaluate Q_0 ... Q_{modes - 1}, orthonormal under (1 - x)^A (1 + x)^B, shape (modes, n) or (modes,)."""
+    A, B = 1 - trailing_exponent, trailing_exponent
+    total = 2 * np.pi * A * B / np.sin(np.pi * B)
+    return _orthonormal_polynomials(x, *_jacobi_recurrence(A, B, modes + 1), total, modes)
+
+
+def _jacobi_recurrence(a: float, b: float, size: int) -> tuple[Array, Array]:
+    """Diagonal and off-diagonal of the recurrence of orthonormal Jacobi polynomials with a + b = -1 or 1."""
+    n = np.arange(size)
+    if a + b > 0:
+        return (b - a) / ((2 * n + 1) * (2 * n + 3)), np.sqrt((n + a) * (n + b))[1:] / (2 * n + 1)[1:]
+    diagonal = np.where(n == 0, b - a, (a - b) / ((2 * n - 1) * (2 * n + 1)))
+    return diagonal, np.sqrt((n + a) * (n + b) * np.where(n == 1, 2, 1))[1:] / (2 * n - 1)[1:]
+
+
+def _orthonormal_polynomials(x, diagonal, off_diagonal, total, count):
+    """First `count` orthonormal polynomials of a recurrence at x, shape (count, n)."""
+    values = np.zeros((count, *np.shape(x)))
+    values[0] = 1 / np.sqrt(total)
+    previous = np.zeros(np.shape(x))
+    for n in range(count - 1):
+        values[n + 1] = ((x - diagonal[n]) * values[n] - previous) / off_diagonal[n]
+        previous = off_diagonal[n] * values[n]
+    return values
+
+
+@dataclass(frozen=True)
+class CreepCompliance:
+    """Compliance over its relaxed value on the path of the mix, C = instant + sum share/(1 - i k length).
+
+    Parameters
+    ----------
+    instant : float
+        Instantaneous compliance [-].
+    shares : ndarray
+        Shares of the branches [-], shape (n,); `instant` and the shares of a material add up to 1.
+    lengths : ndarray
+        Retardation lengths v theta [m], ascending, shape (n,).
+    """
+
+    instant: float
+    shares: Array
+    lengths: Array
+
+    @property
+    def relaxed(self) -> float:
+        """Compliance C at k = 0 [-]."""
+        return self.instant + self.shares.sum()
+
+    def at(self, wave_number: Array) -> NDArray[np.complex128]:
+        """Evaluate C [-] at wave numbers k [1/m]."""
+        terms = self.shares / (1 - 1j * np.multiply.outer(wave_number, self.lengths))
+        return self.instant + terms.sum(axis=-1)
+
+
+def creep_spectrum(branches: tuple[tuple[float, float], ...]) -> tuple[float, Array, Array]:
+    """Convert a relaxation spectrum 1 + sum share_i exp(-t/time_i) to that of creep.
+
+        Theta = diag(t) + r r^T,  r = sqrt(share time);  retardation times theta = eigenvalues of Theta,
+        shares (v.r)^2/theta of its eigenvectors v
+
+    Returns
+    -------
+    instant : float
+        Instantaneous compliance over the relaxed one [-].
+    shares, times : ndarray
+        Shares of the branches [-], which add up to 1 with `instant`, and retardation times [s], ascending; shape (n,).
+    """
+    stiffness, time = np.array(branches, dtype=float).reshape(-1, 2).T
+    root = np.sqrt(stiffness * time)
+    theta, vectors = np.linalg.eigh(np.diag(time) + np.outer(root, root))
+    return float(1 / (1 + stiffness.sum())), (vectors.T @ root) ** 2 / theta, theta
+
+
+def creep_compliance(branches: tuple[tuple[float, float], ...], speed: float, height: float) -> CreepCompliance:
+    """Build the `CreepCompliance` of a relaxation spectrum at a speed [m/s] on a layer of a height [m].
+
+    Examples
+    --------
+    >>> creep = creep_compliance(((1.0, 0.1),), speed=2.0, height=0.2)
+    >>> f"{creep.instant}, {creep.shares[0]:.3f}, {creep.lengths[0]:.3f}"
+    '0.5, 0.500, 0.400'
+    """
+    instant, shares, times = creep_spectrum(branches)
+    return CreepCompliance(instant, shares, height * np.clip(speed / height * times, *CREEP_LENGTH_BOUNDS))
+
+
+@dataclass(frozen=True)
+class LayerResponse:
+    """Response of a layer to a pressure and a proportional traction that move at a steady speed.
+
+    Parameters
+    ----------
+    poisson : float
+        Poisson's ratio nu [-].
+    friction : float
+        Traction on the mix over the pressure, f [-], positive along the travel.
+    """
+
+    layer: Layer
+    poisson: float
+    friction: float
+    creep: CreepCompliance
+
+    @property
+    def trailing_exponent(self) -> float:
+        """Edge exponent alpha of (1.4) [-]; it is independent of the modulus and thus of creep."""
+        return float(pressure_exponent(self.poisson, self.friction))
+
+    @property
+    def coupling(self) -> float:
+        """Coupling of traction and normal displacement on the half-plane, f b = cot(pi alpha) [-]."""
+        return self.friction * (1 - 2 * self.poisson) / (2 - 2 * self.poisson)
+
+    @property
+    def top_thickness(self) -> float:
+        """Thickness of the top ply [m]."""
+        return self.layer.top.thickness
+
+    @property
+    def far_coupling(self) -> float:
+        """Coupling f M at k = 0 [-]; on a frictionless base the traction raises the surface far ahead."""
+        return self.coupling + self.friction * float(compliance_deviation(0.0, self.layer, self.poisson)[1])
+
+    def symbols(self, half_width: float) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
+        """Evaluate zeta, weights, L - 1, M - b and C [-] on a grid for a half-width of the contact [m]."""
+        width = 2.0 ** np.floor(np.log2(min(2.0, 2.5 * self.top_thickness / half_width)))
+        longest = max((self.layer.height, *self.creep.lengths)) / self.top_thickness
+        decades = 6 + int(np.ceil(np.log10(longest)))
+        zeta, weight, normal, shear = _layer_symbols(self.layer, self.poisson, decades, width)
+        return zeta, weight, normal, shear, self.creep.at(zeta / self.top_thickness)
+
+    def dissipation_symbol(self, wave_number: Array) -> Array:
+        """Evaluate L Im C - f M Re C [-], the share of the work of a pressure wave k [1/m] that is not returned."""
+        normal, shear = compliance_deviation(wave_number, self.layer, self.poisson)
+        creep = self.creep.at(wave_number)
+        return (1 + normal) * creep.imag - (self.coupling + self.friction * shear) * creep.real
+
+
+@lru_cache(maxsize=64)
+def wave_grid(decades: int, width: float, end: float = DECAY_DEPTH) -> tuple[Array, Array]:
+    """Build nodes and weights, shape (n,), of a composite Gauss rule on (0, end).
+
+    Panels grow fourfold over the resolved decades below 1, to a largest width [-].
+    """
+    start = min(1.0, width)
+    growing = start * 4.0 ** np.arange(-np.ceil(decades / np.log10(4)), 0)
+    even = np.linspace(start, end, 1 + int(np.ceil((end - start) / width)))
+    edges = np.concatenate([[0], growing, even])
+    node, weight = np.polynomial.legendre.leggauss(PANEL_POINTS)
+    half = np.diff(edges)[:, None] / 2
+    return (edges[:-1, None] + half * (1 + node)).ravel(), (half * weight).ravel()
+
+
+@lru_cache(maxsize=64)
+def _layer_symbols(layer, poisson, decades, width):
+    """Nodes zeta, weights, L - 1 and M - b on the `wave_grid`."""
+    zeta, weight = wave_grid(decades, width)
+    return zeta, weight, *compliance_deviation(zeta / layer.top.thickness, layer, poisson)
+
+
+def compliance_deviation(wave_number: Array | float, layer: Layer, poisson: float) -> tuple[Array, Array]:
+    """Compute the deviation of the surface compliance from that of the half-plane.
+
+    Parameters
+    ----------
+    wave_number : ndarray
+        Wave numbers k [1/m], >= 0, shape (n,).
+    poisson : float
+        Poisson's ratio nu [-].
+
+    Returns
+    -------
+    normal, shear : ndarray
+        L - 1 and M - b [-], shape (n,). L and M are the normal displacements under a pressure and under a shear
+        traction, over that of the half-plane of the top ply under a pressure. b = (1 - 2 nu)/(2 - 2 nu) is M of the
+        half-plane.
+
+    Notes
+    -----
+    For one ply, with z = k H,
+
+        L = (2K sinh 2z - 4z)/(2K cosh 2z + 4z^2 + 1 + K^2) bonded,  L = (cosh 2z - 1)/(sinh 2z + 2z) without friction.
+
+    Examples
+    --------
+    >>> from compact.rolling_contact import Layer, Ply
+    >>> one, two = Layer(1.0), Layer(1.0, plies=(Ply(thickness=0.8, stiffness=20.0), Ply(thickness=0.2, stiffness=1.0)))
+    >>> [f"{compliance_deviation(np.array([1.0]), layer, 0.3)[0][0]:.6f}" for layer in (one, two)]
+    ['-0.584248', '-0.901422']
+    """
+    k = np.maximum(wave_number, 1 / (WAVELENGTH_MAX * layer.height))
+    K = 3 - 4 * poisson  # (U, V, T, S) at y = 0 of the waves that decay downwards and of those that decay upwards
+    down = np.array([[1, 0], [1, -K], [2, 1 - K], [2, -1 - K]])
+    up = down * np.array([1, -1, -1, 1])[:, None]
+    reflection = _surface_reflection(k, layer, down, up)
+    half_plane = down[:2] @ np.linalg.inv(down[2:])
+    deviation = (up[:2] - half_plane @ up[2:]) @ reflection @ np.linalg.inv(down[2:] + up[2:] @ reflection)
+    normal, shear = deviation[..., 1, 1] / (1 - poisson), -deviation[..., 1, 0] / (1 - poisson)
+    return normal + (1 + normal) * (wave_number / k - 1), shear
+
+
+def _surface_reflection(k, layer, down, up):
+    """Reflection matrix of everything below the surface, shape (n, 2, 2)."""
+    fixed = [0, 1] if layer.base == "bonded" else [1, 2]
+    reflection, below = -np.linalg.solve(up[fixed], down[fixed]), None
+    for ply in layer.stack:
+        if below is not None:
+            ratio = below / ply.stiffness
+            continuity = np.array([1, 1, ratio, ratio])  # displacement and traction
+            waves = np.linalg.solve(np.hstack([down, up]), continuity[:, None] * (down + up @ reflection))
+            reflection = waves[..., 2:, :] @ np.linalg.inv(waves[..., :2, :])
+        z = (k * ply.thickness)[..., None, None]
+        transfer = np.exp(-z) * (np.eye(2) - z * np.array([[0, 1], [0, 0]]))
+        reflection, below = transfer @ reflection @ transfer, ply.stiffness
+    return reflection
 
 
 def creep_branch_matrices(beta: Array, trailing_exponent: float, modes: int) -> Array:

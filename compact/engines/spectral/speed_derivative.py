@@ -27,10 +27,7 @@ from scipy.linalg import lu_factor, lu_solve
 from threadpoolctl import threadpool_limits
 
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral import rolling_problem
-from compact.engines.spectral.galerkin_system import assemble_system
-from compact.engines.spectral.jacobi_basis import pressure_polynomials
-from compact.engines.spectral.layer_compliance import CreepCompliance
+from compact.engines.spectral.galerkin_system import CreepCompliance, assemble_system, pressure_polynomials
 from compact.material.laws import Elastic
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
@@ -73,7 +70,7 @@ def expand_resistance(
     if not branches:
         rolled = spectral.roll(layer, roller, material, speed)
         return ResistanceExpansion(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, relaxation_time=0.0)
-    problem, half_width = rolling_problem.build_rolling_problem(layer, roller, material, speed)
+    problem, half_width = spectral.build_rolling_problem(layer, roller, material, speed)
     time = max(time for _, time in branches)
     with threadpool_limits(1):  # the matrices are too small for threads
         resistance, slope, added_mass, error = _refine_modes(problem, half_width, rtol, time * abs(speed))
@@ -91,7 +88,7 @@ def _refine_modes(problem, half_width, rtol, length):
     """Return F_ss, v dF_ss/dv, v^2 M and the error of M, with the modes that `rtol` requires; `length` is v tau [m]."""
     masses, errors, longest = [], [], problem.response.creep.lengths[-1]
     for modes in spectral.MODE_COUNTS:
-        contact = rolling_problem.solve_contact(problem, modes, half_width, [])
+        contact = spectral.solve_contact(problem, modes, half_width, [])
         half_width = contact.half_width
         if not LENGTH_ERROR * half_width < ADDED_MASS_RTOL_MAX * longest:
             raise RuntimeError(
@@ -145,8 +142,8 @@ class ContactLinearisation:
     A surface is represented by -u' under T_0 ... T_modes and u under T_0, also of shape (modes + 2,).
     """
 
-    problem: rolling_problem.RollingProblem
-    contact: rolling_problem.ContactSolution
+    problem: spectral.RollingProblem
+    contact: spectral.ContactSolution
 
     @property
     def x(self) -> Array:
