@@ -1,7 +1,7 @@
 """Rolling contact by finite elements: one entry for linear and for compacting layers, selected by the material.
 
-The engine "fem" solves elastic and viscoelastic layers, in steady motion (`engines.fem.engine`) and in any motion
-(`engines.fem.transient`); the engine "compaction" solves compacting layers (`engines.compaction`).
+The engine "fem" solves elastic and viscoelastic layers in steady motion (`engines.fem.engine`); the engine "compaction"
+solves compacting layers, in steady motion and in any motion (`engines.compaction`).
 """
 
 from pathlib import Path
@@ -12,11 +12,12 @@ from compact.engines.fem.engine import roll as roll_linear
 from compact.files import write_vtu
 from compact.material.laws import Compaction, Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
-from compact.rolling_contact import ContactResult, Layer, PrescribedMotion, Roller, TransientResult
+from compact.rolling_contact import ContactResult, Layer, PrescribedMotion, Roller
 
 if TYPE_CHECKING:
     import meshio
 
+    from compact.engines.compaction.reciprocating import CompactionTransientResult
     from compact.engines.compaction.results import CompactionContactResult
 
 __all__ = ["FemContactResult", "fields", "roll", "travel", "write_fields"]
@@ -55,7 +56,8 @@ def roll(
     --------
     >>> from compact.material.laws import Elastic
     >>> from compact.rolling_contact import Layer, Roller
-    >>> result = roll(Layer(0.22), Roller(0.11, indentation=0.003), Elastic(10e6, 0.3), speed=0.2)
+    >>> mix = Elastic(youngs_modulus=10e6, poisson=0.3)
+    >>> result = roll(Layer(0.22), Roller(0.11, indentation=0.003), mix, speed=0.2)
     >>> f"load {result.load / 1e3:.2f} kN/m, edge {result.leading * 1e3:.2f} mm"
     'load 15.09 kN/m, edge 13.85 mm'
     """
@@ -71,38 +73,33 @@ def roll(
 
 
 def travel(
-    layer: Layer, roller: Roller, material: Elastic | Compaction, motion: PrescribedMotion, **accuracy: Any
-) -> TransientResult:
-    """Simulate a roller in any motion, reversals included.
+    layer: Layer, roller: Roller, material: Compaction, motion: PrescribedMotion, **accuracy: Any
+) -> "CompactionTransientResult":
+    """Simulate a roller in any motion over a compacting layer, reversals included.
 
     Parameters
     ----------
     layer, roller, material
-        As of `roll`; the roller has an `indentation`.
+        As of `roll`, with irreversible compaction; the roller has an `indentation`.
     motion : PrescribedMotion
         Motion with `position` and `velocity` over time [s] and `duration` [s]: a `Motion`, a `Cycle` or a user's class.
     **accuracy
-        Torque and numerical parameters of `simulate_transient` for linear layers, `simulate_reciprocating` for
-        compacting ones.
+        Torque and numerical parameters of `simulate_reciprocating`.
 
-    Examples
-    --------
-    >>> from compact.material.laws import Viscoelastic
-    >>> from compact.motion.profile import law
-    >>> from compact.rolling_contact import Layer, Roller
-    >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
-    >>> stroke = law("quintic", stroke=0.1, duration=1.0)
-    >>> result = travel(Layer(0.22), Roller(0.11, indentation=0.003), mix, stroke, estimate=False)
-    >>> f"{result.resistance.max():.0f} N/m at most, {result.resistance[-1]:.0f} N/m as it comes to rest"
-    '505 N/m at most, 168 N/m as it comes to rest'
+    Raises
+    ------
+    ValueError
+        If the layer does not compact: linear layers have steady motion alone, and the first order of the acceleration
+        by `engines.fem.speed_derivative`.
     """
-    if isinstance(material, Compaction):
-        from compact.engines.compaction.reciprocating import simulate_reciprocating
+    from compact.engines.compaction.reciprocating import simulate_reciprocating
 
-        return simulate_reciprocating(layer, roller, material, motion, **accuracy)
-    from compact.engines.fem.transient import simulate_transient
-
-    return simulate_transient(layer, roller, material, motion, **accuracy)
+    if not isinstance(material, Compaction):
+        raise ValueError(
+            f"`material` must be Compaction, got {type(material).__name__}: linear layers are solved in steady motion, "
+            "and to first order in the acceleration by `compact.analysis.engines.expand_resistance`"
+        )
+    return simulate_reciprocating(layer, roller, material, motion, **accuracy)
 
 
 def fields(result: "FemContactResult | CompactionContactResult") -> "meshio.Mesh":

@@ -7,19 +7,20 @@ import pytest
 
 from compact import mesh
 from compact.analysis.engines import expand_resistance as spectral_expansion
-from compact.engines.fem import contact_problem, discretisation, surface_compliance
+from compact.engines.fem import compliance, contact_problem
+from compact.engines.fem import engine as fem_engine
+from compact.engines.fem.compliance import NodalField
 from compact.engines.fem.convected_memory import creep_function, retardation_operator
 from compact.engines.fem.speed_derivative import expand_resistance
-from compact.engines.fem.surface import NodalField
 from compact.material.laws import Elastic, Viscoelastic
 from compact.resistance import UNSTEADINESS_LIMIT
 from compact.rolling_contact import Layer, Ply, Roller
 
 R = 0.11
-BONDED, SLIP = Layer(0.22), Layer(0.22, "slip")
-PLIES = Layer(0.22, plies=(Ply(0.17, 1.0), Ply(0.05, 3.0)))
-MIX = Viscoelastic(10e6, 0.3, branches=((1.0, 0.05),))  # table e2 of contact.md
-THREE = Viscoelastic(10e6, 0.3, branches=((0.5, 0.02), (1.0, 0.1), (0.3, 1.0)))
+BONDED, SLIP = Layer(0.22), Layer(0.22, base="slip")
+PLIES = Layer(0.22, plies=(Ply(thickness=0.17, stiffness=1.0), Ply(thickness=0.05, stiffness=3.0)))
+MIX = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.05),))  # table e2 of contact.md
+THREE = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((0.5, 0.02), (1.0, 0.1), (0.3, 1.0)))
 COARSE = mesh.mesh_for_error(0.22, 0.026, 2e-3)
 
 
@@ -37,7 +38,9 @@ def scale(found):
 
 
 def test_elastic_layer_has_no_added_mass():
-    found = expand_resistance(BONDED, roller_at(friction=0.3, rolling="sliding"), Elastic(10e6, 0.3), 0.3)
+    found = expand_resistance(
+        BONDED, roller_at(friction=0.3, rolling="sliding"), Elastic(youngs_modulus=10e6, poisson=0.3), 0.3
+    )
     assert (found.slope, found.added_mass, found.error, found.relaxation_time) == (0.0, 0.0, 0.0, 0.0)
     assert found.resistance > 0
 
@@ -72,8 +75,10 @@ def test_layer_of_table_e2(speed, resistance, slope, mass):
 
 def test_thin_layer_on_a_frictionless_base_is_the_winkler_foundation_of_table_e():
     """contact.md e at De = 1: F R^2/(kr b^4) and M R^2/(kr b^3 tau^2)."""
-    radius, height, mix = 100.0, 0.1, Viscoelastic(0.91, 0.3, branches=((1.0, 1.0),))
-    found = expand_resistance(Layer(height, "slip"), Roller(radius, indentation=0.5 / radius), mix, 1.0, estimate=False)
+    radius, height, mix = 100.0, 0.1, Viscoelastic(youngs_modulus=0.91, poisson=0.3, branches=((1.0, 1.0),))
+    found = expand_resistance(
+        Layer(height, base="slip"), Roller(radius, indentation=0.5 / radius), mix, 1.0, estimate=False
+    )
     units = radius**2 * height
     assert (found.resistance * units, found.added_mass * units) == pytest.approx((0.10445711, 0.030866), rel=0.01)
 
@@ -107,7 +112,7 @@ def test_agreement_with_the_spectral_engine(case):
 @pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "speed"), [(5.0, 0.3), pytest.param(20.0, 0.01, marks=pytest.mark.slow)])
 def test_slope_and_added_mass_of_stiff_branches_are_within_half_a_percent(ratio, speed):
-    mix = Viscoelastic(10e6, 0.3, branches=((ratio - 1, 0.05),))
+    mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((ratio - 1, 0.05),))
     exact = spectral_expansion(BONDED, roller_at(), mix, speed)
     found = expand_resistance(BONDED, roller_at(), mix, speed, estimate=False)
     assert found.slope == pytest.approx(exact.slope, rel=5e-3)
@@ -131,12 +136,12 @@ def test_error_estimate_covers_the_true_error():
 def test_derivative_of_the_compliance_with_respect_to_stretch(layer):
     rows, step = mesh.graded_mesh(0.22, 0.02, 4), 1e-3
     wider, narrower = (
-        surface_compliance.surface_compliance(
+        compliance.surface_compliance(
             mesh.RowMesh(rows.x * (1 + side * step), rows.y), 0.3, layer, 0.03, True, 0
         ).response
         for side in (1, -1)
     )
-    exact = surface_compliance.stretch_derivative(rows, 0.3, layer, 0.03, True, 0).response
+    exact = compliance.stretch_derivative(rows, 0.3, layer, 0.03, True, 0).response
     assert np.abs((wider - narrower) / (2 * step) - exact).max() < 1e-5 * np.abs(exact).max()
 
 
@@ -153,7 +158,7 @@ def accelerated_resistance(roller, speed, acceleration, steps, times, tolerance)
     creep = creep_function(MIX)
     (share,), (time,), step = creep.shares, creep.times, times * creep.times[0] / steps
     problem = contact_problem.RollingProblem(SLIP, roller, MIX, speed - acceleration * step * steps)
-    grid = discretisation.initial_discretisation(problem, None, tolerance)  # the edges move on the mesh
+    grid = fem_engine.initial_discretisation(problem, None, tolerance)  # the edges move on the mesh
     window, factor = contact_problem.WINDOW * grid.half_width, 1 + 1.5 * time / step
     elastic = contact_problem.elastic_surface(problem, grid.mesh, window)
     contact = contact_problem.solve_at_target(problem, contact_problem.steady_surface(problem, grid.mesh, window), grid)
@@ -200,10 +205,8 @@ def test_loaded_zone_widens_for_every_contact(monkeypatch):
 
 @pytest.mark.slow
 def test_stiffness_is_factorised_once(monkeypatch):
-    calls, splu = [], surface_compliance.splu
-    monkeypatch.setattr(
-        surface_compliance, "splu", lambda *given, **options: calls.append(1) or splu(*given, **options)
-    )
+    calls, splu = [], compliance.splu
+    monkeypatch.setattr(compliance, "splu", lambda *given, **options: calls.append(1) or splu(*given, **options))
     expand_resistance(Layer(0.21), roller_at(), MIX, 0.3, estimate=False)
     assert len(calls) == 1
 

@@ -2,9 +2,9 @@
 
     u = C(v) S f + u0,    n.u = d under the pressure,    target(indentation) = prescribed value
 
-S is the compliance of the elastic layer (`surface_compliance`), C(v) its retardation by the material at the speed
-(`convected_memory`). The contact at an indentation is that of `contact_patch`, with the shear of `stick_slip` where the
-roller turns. The secant method in logarithms finds the indentation of a prescribed load or peak pressure.
+S is the compliance of the elastic layer (`compliance`), C(v) its retardation by the material at the speed
+(`convected_memory`). The contact at an indentation is that of `contact`, with its shear where the roller turns. The
+secant method in logarithms finds the indentation of a prescribed load or peak pressure.
 """
 
 from collections.abc import Callable
@@ -13,11 +13,21 @@ from typing import TypeVar
 
 import numpy as np
 
-from compact.engines.fem import contact_patch
+from compact.engines.fem.compliance import SurfaceCompliance, stretch_derivative, surface_compliance
+from compact.engines.fem.contact import (
+    BeyondWindowError,
+    ContactPatch,
+    Edges,
+    FrictionCondition,
+    Indenter,
+    ShearSolution,
+    UnresolvedError,
+    beyond_circle_message,
+    solve_contact_patch,
+    solve_stick_slip,
+    with_peak_pressures,
+)
 from compact.engines.fem.convected_memory import steady_creep_operator
-from compact.engines.fem.stick_slip import FrictionCondition, ShearSolution, solve_stick_slip
-from compact.engines.fem.surface import SurfaceCompliance
-from compact.engines.fem.surface_compliance import stretch_derivative, surface_compliance
 from compact.engines.halfplane import pressure_exponent
 from compact.material.laws import Elastic
 from compact.mesh import RowMesh
@@ -79,12 +89,10 @@ class RollingProblem:
         """Relative tolerance of a prescribed load or peak pressure [-]."""
         return STICK_SECANT_TOLERANCE if self.turns_with_friction else SECANT_TOLERANCE
 
-    def indenter(self, indentation: float) -> contact_patch.Indenter:
+    def indenter(self, indentation: float) -> Indenter:
         """Roller at an indentation [m]."""
         exponent = float(pressure_exponent(self.material.poisson, self.traction_ratio))
-        return contact_patch.Indenter(
-            self.roller.radius, indentation, self.roller.profile, self.traction_ratio, exponent
-        )
+        return Indenter(self.roller.radius, indentation, self.roller.profile, self.traction_ratio, exponent)
 
     def tangential_force(self, direction: float) -> float:
         """Sum of the shear traction under the torque over the relaxed modulus [m], for a direction of travel."""
@@ -96,8 +104,8 @@ class ContactSolution:
     """Contact of an indenter on a surface, in units of the relaxed modulus."""
 
     surface: SurfaceCompliance
-    indenter: contact_patch.Indenter
-    patch: contact_patch.ContactPatch
+    indenter: Indenter
+    patch: ContactPatch
     shear: ShearSolution | None = None
 
     @property
@@ -146,7 +154,7 @@ class Discretisation:
     half_width: float
     indentation: float
     terms: int
-    edges: contact_patch.Edges | None = None
+    edges: Edges | None = None
 
 
 def solve_contact(
@@ -169,11 +177,9 @@ def expand_window(discretisation: Discretisation, solve: Callable[[float], Found
     for _ in range(MAX_WINDOWS):
         try:
             return solve(window)
-        except contact_patch.BeyondWindowError as beyond:
+        except BeyondWindowError as beyond:
             window, reason = WINDOW_GROWTH * window, beyond
-    raise contact_patch.UnresolvedError(
-        f"the contact extends beyond a loaded zone of {window:.3g} m to either side: {reason}"
-    )
+    raise UnresolvedError(f"the contact extends beyond a loaded zone of {window:.3g} m to either side: {reason}")
 
 
 def steady_surface(problem: RollingProblem, mesh: RowMesh, window: float) -> SurfaceCompliance:
@@ -225,9 +231,9 @@ def solve_at_target(
         slope = INITIAL_POWER if len(logs) == 1 else (errors[-1] - errors[-2]) / (logs[-1] - logs[-2])
         log = log - np.clip(errors[-1] / slope, -MAX_LOG_STEP, MAX_LOG_STEP)
     if beyond is not None:
-        raise RuntimeError(contact_patch.beyond_circle_message(beyond.patch.edges, problem.roller.radius))
+        raise RuntimeError(beyond_circle_message(beyond.patch.edges, problem.roller.radius))
     nearest = int(np.argmin(np.abs(errors)))
-    raise contact_patch.UnresolvedError(
+    raise UnresolvedError(
         f"`{name}` {value:.6g} is not reached in {len(logs)} secant steps; the nearest is "
         f"{np.expm1(errors[nearest]):+.1e} off, at an indentation of {1e3 * np.exp(logs[nearest]):.4g} mm"
     )
@@ -262,9 +268,9 @@ def solve_at_indentation(
     indenter, terms = problem.indenter(indentation), discretisation.terms
     patch, shear = (None, None) if initial_guess is None else (initial_guess.patch, initial_guess.shear)
     if patch is None or not problem.turns_with_friction:
-        patch = contact_patch.solve_contact_patch(surface, indenter, terms, patch, discretisation.edges)
+        patch = solve_contact_patch(surface, indenter, terms, patch, discretisation.edges)
     if not problem.turns_with_friction:
-        return ContactSolution(surface, indenter, contact_patch.with_peak_pressures(surface, indenter, patch))
+        return ContactSolution(surface, indenter, with_peak_pressures(surface, indenter, patch))
     direction = problem.direction
     friction = FrictionCondition(problem.roller.friction, problem.tangential_force(direction), direction)
     return ContactSolution(surface, indenter, *solve_stick_slip(surface, indenter, terms, friction, patch, shear))

@@ -13,16 +13,10 @@ Steady motion: d/dt = -v d/dx in coordinates of the roller, so that z_k = M_k w 
 
     z - l dz/dx = w,    l = v theta_k.
 
-Unsteady motion: with the position s(t) of the roller, w at the point X is w(X - s(t), t). Over a time step w is taken
-linear in time at each x = X - s, and
-
-    z_k <- exp(-T/theta_k) z_k + int exp(-(T - t)/theta_k) w(X - s(t), t) dt/theta_k.
-
-All updates are exact for the interpolation that they name.
+M_k is exact for the interpolation of w that it names.
 
 References
 ----------
-R. L. Taylor, K. S. Pister and G. L. Goudreau, Int. J. Numer. Meth. Eng. 2 (1970) 45: recursion for internal variables;
 N. W. Tschoegl, The phenomenological theory of linear viscoelastic behavior (Springer, 1989): interconversion of
 creep and relaxation functions.
 """
@@ -30,9 +24,8 @@ creep and relaxation functions.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
-from compact.engines.fem.surface import interpolate
+from compact.engines.spectral.galerkin_system import creep_spectrum
 from compact.material.laws import Elastic
 from compact.numerics import Array
 
@@ -62,8 +55,6 @@ class CreepFunction:
 def creep_function(material: Elastic) -> CreepFunction:
     """Convert the Prony series of a material to its creep function.
 
-    With S = 1 + sum share and g = sqrt(share/time) the retardation rates are the eigenvalues of diag(1/time) - g g'/S.
-
     Parameters
     ----------
     material : Elastic or Viscoelastic
@@ -72,19 +63,12 @@ def creep_function(material: Elastic) -> CreepFunction:
     Examples
     --------
     >>> from compact.material.laws import Viscoelastic
-    >>> creep = creep_function(Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),)))
+    >>> creep = creep_function(Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),)))
     >>> f"{creep.instant:.3f} instantaneous, {creep.shares[0]:.3f} with {creep.times[0]:.3f} s"
     '0.500 instantaneous, 0.500 with 0.200 s'
     """
-    branches = getattr(material, "branches", ())
-    if not branches:
-        return CreepFunction(1.0)
-    share, time = np.array(branches, dtype=float).T
-    total = 1 + share.sum()
-    g = np.sqrt(share / time)
-    rate, mode = np.linalg.eigh(np.diag(1 / time) - np.outer(g, g) / total)
-    shares = (g @ mode) ** 2 / (total**2 * rate)
-    return CreepFunction(float(1 / total), tuple(shares.tolist()), tuple((1 / rate).tolist()))
+    instant, shares, times = creep_spectrum(getattr(material, "branches", ()))
+    return CreepFunction(instant, tuple(shares.tolist()), tuple(times.tolist()))
 
 
 def steady_creep_operator(x: Array, material: Elastic, speed: float) -> Array:
@@ -136,16 +120,6 @@ def retarded_along_rows(values: Array, x: Array, length: float) -> Array:
     return z
 
 
-def step_weights(count: int, interval: float, time: float) -> Array:
-    """Weights of values at count + 1 even instants in the last z of time dz/dt + z = value, z = 0 at the start [s]."""
-    zeroth, first, _ = _exponential_moments(np.array(interval / count / time))
-    decay = np.exp(-interval / count / time * np.arange(count)[::-1])
-    weights = np.zeros(count + 1)
-    weights[:-1] += decay * (zeroth - first)
-    weights[1:] += decay * first
-    return weights
-
-
 def _exponential_moments(y: Array) -> tuple[Array, ...]:
     """int_0^1 r^k y exp(-y (1 - r)) dr for k = 0, 1, 2."""
     g, w = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
@@ -165,78 +139,3 @@ def _quadratic_weights(reach: Array, size: Array, middle: Array, length: float) 
     r, m = reach / size, middle / size  # in units of the element
     first, second = first * r, second * r**2
     return (zeroth - first * (1 + m) / m + second / m, (first - second) / (m * (1 - m)), (second - m * first) / (1 - m))
-
-
-@dataclass(frozen=True, eq=False)
-class InternalVariableStep:
-    """Update of the internal variables z_k of k branches over a time step.
-
-    Parameters
-    ----------
-    shares : ndarray
-        Compliances J_k [-], shape (k,).
-    positions : ndarray
-        Positions of the roller at even instants [m], shape (n,).
-    fractions : ndarray
-        Fraction of the step at each instant [-], which is the share of the new w, shape (n,).
-    weights : ndarray
-        Weights of w at the instants, shape (k, n).
-    decays : ndarray
-        Factors exp(-T/theta_k) of the previous z_k, shape (k,).
-    """
-
-    shares: Array
-    positions: Array
-    fractions: Array
-    weights: Array
-    decays: Array
-
-    def decayed(self, internal: Array) -> Array:
-        """Remainder of the previous internal variables [m], shape (k, ..., m)."""
-        return self.decays.reshape(-1, *[1] * (internal.ndim - 1)) * internal
-
-    def updated(self, x: Array, places: Array, internal: Array, old: Array, new: Array) -> Array:
-        """Integrate the internal variables [m], shape (k, ..., m), at points of the layer [m] over the step.
-
-        `old` and `new` are the elastic displacements at the nodes x in coordinates of the roller [m], shape (..., n).
-        """
-        passed = np.array([
-            interpolate(x, (1 - fraction) * old + fraction * new, clipped_to_mesh(x, places - position))
-            for position, fraction in zip(self.positions, self.fractions, strict=True)
-        ])  # fmt: skip
-        return self.decayed(internal) + np.tensordot(self.weights, passed, axes=1)
-
-
-def internal_variable_step(creep: CreepFunction, positions: Array, interval: float) -> InternalVariableStep:
-    """Set up the update of the internal variables over an interval [s], positions [m] at even instants."""
-    count, times = len(positions) - 1, np.array(creep.times)
-    weights = np.array([step_weights(count, interval, time) for time in times]).reshape(-1, count + 1)
-    fractions = np.linspace(0, 1, count + 1)
-    return InternalVariableStep(np.array(creep.shares), positions, fractions, weights, np.exp(-interval / times))
-
-
-def retarded_displacement(shares: Array | tuple[float, ...], places: Array, internal: Array, x: Array) -> Array:
-    """Interpolate sum_k J_k z_k [m] from points of the layer, shape (k, ..., m), to others, shape (..., q)."""
-    return np.tensordot(shares, CubicSpline(places, internal, axis=-1)(x), axes=1)
-
-
-def steady_internal_variables(creep: CreepFunction, nodes: Array, displacement: Array, speed: float, x: Array) -> Array:
-    """Compute internal variables of steady motion, shape (k, ..., m), at points x [m] that may lie behind the mesh.
-
-    The displacement w [m] is given at nodes in coordinates of the roller [m]; at speed 0 the layer is relaxed, z_k = w.
-    """
-    inside = clipped_to_mesh(nodes, x)
-    z = np.empty((len(creep.times), *displacement.shape[:-1], len(x)))
-    for branch, time in enumerate(creep.times):
-        length = abs(time * speed)
-        if length:
-            decay = np.exp(-np.abs(inside - x) / length)
-            z[branch] = interpolate(nodes, displacement @ retardation_operator(nodes, time * speed).T, inside) * decay
-        else:
-            z[branch] = interpolate(nodes, displacement, inside)
-    return z
-
-
-def clipped_to_mesh(nodes: Array, x: Array) -> Array:
-    """Move points x [m] beyond the mesh to its ends, where the layer is at rest."""
-    return np.clip(x, nodes[0], nodes[-1])

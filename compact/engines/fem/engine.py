@@ -1,10 +1,14 @@
 """Engine "fem": a rigid roller in steady motion over a linear layer of quadratic elements in plane strain.
 
-The elastic layer is factorised once per mesh, Poisson's ratio and base and condensed to its surface
-(`surface_compliance`). The material at a speed retards that compliance along the surface (`convected_memory`). The
-contact with free edges is solved on it (`contact_patch`), with zones of stick and slip where the roller turns
-(`stick_slip`). The load is the sum of the surface tractions, the resistance that of the pressure on the slope of the
-roller and of the shear. The energy balance uses stresses and strains inside the layer (`fields`).
+The elastic layer is factorised once per mesh, Poisson's ratio and base and condensed to its surface (`compliance`). The
+material at a speed retards that compliance along the surface (`convected_memory`). The contact with free edges is
+solved on it (`contact`), with zones of stick and slip where the roller turns. The load is the sum of the surface
+tractions, the resistance that of the pressure on the slope of the roller and of the shear. The energy balance uses
+stresses and strains inside the layer (`fields`).
+
+The first discretisation fits the elastic contact, so that all speeds at one indentation share a mesh and its factorised
+stiffness. Retardation times that are short compared with the passage of the roller produce boundary layers at the edges
+of the contact. Refined discretisations centre a mesh, finer at the edges, on the contact found last.
 
 Range at default settings: contact half-widths from 0.001 to 3 layer heights (to 40 on a frictionless base); nu from 0
 to 0.49; v tau/a from 1e-4 to 1e4; friction to 1.
@@ -25,7 +29,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact.engines.fem.contact_patch import UnresolvedError, beyond_circle_message
+from compact.engines.fem.compliance import shape_matrix
+from compact.engines.fem.contact import INITIAL_TERMS, UnresolvedError, beyond_circle_message
 from compact.engines.fem.contact_problem import (
     ContactSolution,
     Discretisation,
@@ -35,18 +40,11 @@ from compact.engines.fem.contact_problem import (
     solve_contact,
     steady_surface,
 )
-from compact.engines.fem.discretisation import (
-    MAX_LEVEL,
-    MAX_TERMS,
-    MAX_UNKNOWNS,
-    initial_discretisation,
-    refined_discretisation,
-    spectral_estimate,
-)
 from compact.engines.fem.fields import LoadedLayer, dissipated_work
-from compact.engines.fem.surface import shape_matrix
+from compact.engines.spectral import engine as spectral
+from compact.engines.spectral.engine import SpectralContactResult
 from compact.material.laws import Elastic
-from compact.mesh import DEFAULT_ERROR, RowMesh
+from compact.mesh import DEFAULT_ERROR, EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh, mesh_for_error
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
 from compact.rolling_contact import (
@@ -65,6 +63,19 @@ EXTRA_TERMS = 2  # [-], pressure terms added on the refined mesh of the error es
 ERROR_FACTOR = 2.0  # [-], error estimate over the difference from the refined solution, see `_error_estimate`
 SCATTER_FACTOR = 0.15  # [-], error estimate per scatter of the peak pressure, where the difference is small by chance
 COMMON_ERROR = 3e-6  # [-], of both meshes
+MIN_HALF_WIDTH = 1e-7  # [-], of a contact over the layer height, that a mesh of the layer can resolve
+BASE_TERMS = 12  # [-], of the pressure; more resolve thinner boundary layers, but blur the edges beyond the mesh
+TERMS_PER_WIDTH = 0.5  # [-], per half-width over the top ply, within whose thickness the pressure of a thin ply falls
+MAX_TERMS = 30  # [-], of the first discretisation
+ROUGH_TOLERANCE = 1e-2  # [-], of a prescribed load or peak pressure in the contact for which a mesh is chosen
+MAX_LEVEL = 4  # [-], of refinement where the estimated error exceeds the tolerance; the first mesh has level 0
+ELEMENT_GROWTH = 1.4  # [-], ratio of elements per half-width from one level to the next, from level 2
+EDGE_GROWTH = 4  # [-], ratio of the refinement at the edges of the contact from one level to the next
+MAX_EDGE_REFINEMENT = 128  # [-], elements inside the contact over those at its edges
+FIRST_TERM_GROWTH = 2.0  # [-], ratio of pressure terms of level 1 to level 0
+TERM_GROWTH = 1.5  # [-], ratio of pressure terms from one level to the next, from level 2
+SPECTRAL_TOLERANCE = 1e-2  # [-], of the contact by the spectral engine to which a refined mesh is fitted
+MAX_UNKNOWNS = 60_000  # [-], of a refined mesh; the mesh of its error estimate has four times as many
 MESH_ROUNDING = 1e-6  # [-], of the layer height, by which a mesh may miss the surface or an interface
 
 
@@ -145,7 +156,8 @@ def roll(
     Examples
     --------
     >>> from compact.rolling_contact import Layer, Roller
-    >>> rolled = roll(Layer(0.22), Roller(0.11, indentation=0.003), Elastic(10e6, 0.3), speed=0.2)
+    >>> mix = Elastic(youngs_modulus=10e6, poisson=0.3)
+    >>> rolled = roll(Layer(0.22), Roller(0.11, indentation=0.003), mix, speed=0.2)
     >>> f"load {rolled.load / 1e3:.2f} kN/m, edge {rolled.leading * 1e3:.2f} mm"
     'load 15.09 kN/m, edge 13.85 mm'
     """
@@ -364,3 +376,88 @@ def _end_work(problem: RollingProblem, contact: ContactSolution) -> float:
     E, nu, Q = problem.material.youngs_modulus, problem.material.poisson, contact.forces[0].sum()
     tension_stiffness = sum(ply.stiffness * ply.thickness for ply in problem.layer.stack)
     return float(E * (1 - nu**2) * Q**2 / (2 * tension_stiffness))
+
+
+def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolerance: float) -> Discretisation:
+    """Discretisation for the elastic contact on a given mesh or one for a relative tolerance of the forces [-].
+
+    A prescribed load or peak pressure requires a rough solution with few terms, whose width may select a finer mesh.
+    """
+    half_width = spectral.expected_half_width(problem.layer, problem.roller, problem.material, problem.speed)
+    fitted = _fitted(problem, half_width, mesh, tolerance)
+    if problem.roller.indentation is not None:
+        return fitted
+    sliding = problem
+    if problem.turns_with_friction:
+        sliding = replace(problem, roller=replace(problem.roller, rolling="frictionless"))
+    rough = solve_contact(sliding, replace(fitted, terms=INITIAL_TERMS), ROUGH_TOLERANCE)
+    reach = max(-rough.patch.trailing, rough.patch.leading)
+    if mesh is None and reach < fitted.half_width / spectral.WIDTH_RATIO**2:
+        fitted = _fitted(problem, spectral.quantise_half_width(reach, fitted.half_width), mesh, tolerance)
+    return replace(fitted, indentation=rough.indenter.indentation)
+
+
+def fitted_discretisation(problem: RollingProblem, tolerance: float) -> Discretisation:
+    """Discretisation of refinement level 1, whose mesh fits the contact at its own speed."""
+    refined = refined_discretisation(problem, 1, tolerance, spectral_estimate(problem))
+    return refined or initial_discretisation(problem, None, tolerance)
+
+
+def refined_discretisation(
+    problem: RollingProblem, level: int, tolerance: float, similar: FemContactResult | SpectralContactResult | None
+) -> Discretisation | None:
+    """Discretisation of a level of refinement from 1 to `MAX_LEVEL`, or None beyond `MAX_UNKNOWNS`.
+
+    The mesh is fitted to the edges of a similar contact, or of the elastic contact.
+    """
+    if similar is None:
+        first = initial_discretisation(problem, None, tolerance)
+        edges, indentation = (-first.half_width, first.half_width), first.indentation
+    else:
+        edges, indentation = (similar.trailing, similar.leading), similar.indentation
+        edges = edges if problem.speed > 0 else (-edges[1], -edges[0])
+    layer, half_width = problem.layer, (edges[1] - edges[0]) / 2
+    elements = int(np.ceil(elements_for(tolerance) * ELEMENT_GROWTH ** (level - 1)))
+    at_edge = min(EDGE_REFINEMENT * EDGE_GROWTH**level, MAX_EDGE_REFINEMENT)
+    mesh = graded_mesh(
+        layer.height,
+        half_width * (1 + 0.5 / (elements * at_edge)),  # places the edges within an element, not on a node
+        elements,
+        centre=(edges[0] + edges[1]) / 2,
+        interfaces=layer.interfaces,
+        edge=at_edge,
+    )
+    if mesh.dofs > MAX_UNKNOWNS:
+        return None
+    terms = _pressure_terms(layer, half_width) * FIRST_TERM_GROWTH * TERM_GROWTH ** (level - 1)
+    return Discretisation(mesh, half_width, indentation, int(terms), None if similar is None else edges)
+
+
+def spectral_estimate(problem: RollingProblem) -> SpectralContactResult | None:
+    """Contact by the engine "spectral" without stick and with a vertical gap; None where that engine has none."""
+    roller = problem.roller
+    if not problem.traction_ratio:
+        roller = replace(roller, rolling="frictionless")
+    if roller.profile == "deformed":
+        roller = replace(roller, profile="parabola")
+    try:
+        return spectral.roll(problem.layer, roller, problem.material, problem.speed, rtol=SPECTRAL_TOLERANCE)
+    except RuntimeError:
+        return None
+
+
+def _fitted(problem: RollingProblem, half_width: float, mesh: RowMesh | None, tolerance: float) -> Discretisation:
+    """Discretisation for a half-width [m], with the indentation of the elastic contact."""
+    layer = problem.layer
+    if half_width < MIN_HALF_WIDTH * layer.height:
+        raise RuntimeError(f"a contact of {2 * half_width:.1g} m is too narrow for a mesh; use spectral")
+    return Discretisation(
+        mesh or mesh_for_error(layer.height, half_width, tolerance, layer.interfaces),
+        half_width,
+        spectral.contact_of_half_width(layer, problem.material, problem.roller.radius, half_width).indentation,
+        _pressure_terms(layer, half_width),
+    )
+
+
+def _pressure_terms(layer: Layer, half_width: float) -> int:
+    return int(min(BASE_TERMS + TERMS_PER_WIDTH * half_width / layer.top.thickness, MAX_TERMS))

@@ -6,26 +6,18 @@ creep function dissipates, per length rolled and unit volume,
     W' = E sum_k J_k (e - z_k) : c : (e - z_k)/l_k,    l_k = |v| theta_k,
 
 where z_k is the retarded strain. Retardation of the elastic displacement along each line of nodes gives that of the
-viscoelastic layer, in steady motion and at chosen instants of an unsteady one.
+viscoelastic layer.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from skfem import Basis
 
-from compact.engines.fem.convected_memory import (
-    creep_function,
-    internal_variable_step,
-    retardation_operator,
-    retarded_along_rows,
-    retarded_displacement,
-    steady_internal_variables,
-)
-from compact.engines.fem.surface_compliance import LayerStiffness, element_moduli, layer_stiffness
+from compact.engines.fem.compliance import LayerStiffness, element_moduli, layer_stiffness
+from compact.engines.fem.convected_memory import creep_function, retardation_operator, retarded_along_rows
 from compact.material.laws import Elastic
 from compact.mesh import RowMesh
 from compact.numerics import Array
@@ -35,11 +27,7 @@ from compact.rolling_contact import Layer
 if TYPE_CHECKING:
     import meshio
 
-    from compact.engines.fem.engine import FemContactResult
-    from compact.engines.fem.transient import TransientState
-
 GAUSS_WEIGHTS = np.array([5, 8, 5]) / 18  # [-], of the three streamlines in a row of elements
-COLUMN_ROUNDING = 1e-9  # [-], of the layer height, by which the nodes of a column may differ in x
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +85,15 @@ class LoadedLayer:
         return np.einsum("eqsb,eb->eqs", strain_matrix(self.basis), displacement, optimize=True)
 
 
-def field_mesh(result: "FemContactResult") -> "meshio.Mesh":
+class LayerContact(Protocol):
+    """Contact that knows the layer under its forces."""
+
+    @property
+    def loaded_layer(self) -> LoadedLayer:
+        """Layer under the forces on its surface."""
+
+
+def field_mesh(result: LayerContact) -> "meshio.Mesh":
     """Compute the fields inside the layer under a roller in steady motion.
 
     Returns
@@ -124,53 +120,6 @@ def dissipated_work(loaded: LoadedLayer) -> float:
     lags = _strain_lags(loaded, strain)
     remaining = (share * np.sum(stiff * lag**2, axis=-1)[:, outlet] for share, _, stiff, lag in lags)
     return float(inside + sum(heights @ energy / 2 for energy in remaining))
-
-
-def transient_frames(
-    layer: Layer,
-    material: Elastic,
-    mesh: RowMesh,
-    states: Sequence["TransientState"],
-    positions: Callable[[float, float], Array],
-    initial_velocity: float,
-    times: Sequence[float],
-) -> tuple[tuple[float, "meshio.Mesh"], ...]:
-    """Compute the time [s] and the fields at chosen instants of an unsteady motion, steady before the first state.
-
-    `positions(begin, end)` returns positions of the roller at even instants between two times [m]; the velocity [m/s]
-    is that before the first state. The nodes of the mesh lie in vertical columns. `position` [m] is a value of every
-    cell.
-    """
-    if np.ptp(mesh.x, axis=0).max() > COLUMN_ROUNDING * mesh.height:
-        raise ValueError("`frames` need a `mesh` whose nodes lie in vertical columns, got inclined ones; omit `mesh`")
-    creep = creep_function(material)
-    stiffness = layer_stiffness(mesh, material.poisson, layer)
-    lines, basis = stiffness.lines, stiffness.basis
-    x, places = basis.doflocs[0][lines[0]], states[0].places
-    frames: list[tuple[float, meshio.Mesh]] = []
-
-    def elastic_solution(state: "TransientState") -> tuple[LoadedLayer, Array]:
-        loaded = LoadedLayer(mesh, layer, material, state.forces)
-        return loaded, loaded.elastic_displacement()[lines].transpose(2, 0, 1)  # (2, lines, n)
-
-    def add_frame(state: "TransientState", loaded: LoadedLayer, elastic: Array, internal: Array) -> None:
-        retarded = retarded_displacement(creep.shares, places, internal, x + state.position)
-        u = np.empty((basis.N, 2))
-        u[lines] = (creep.instant * elastic + retarded).transpose(1, 2, 0)
-        position = np.full(basis.nelems, state.position)
-        frames.append((state.time, _mesh_with_data(loaded, u, position=position)))
-
-    loaded, elastic = elastic_solution(states[0])
-    internal = steady_internal_variables(creep, x, elastic, initial_velocity, places - states[0].position)
-    if states[0].time in times:
-        add_frame(states[0], loaded, elastic, internal)
-    for before, now in pairwise(state for state in states if state.time <= max(times)):
-        previous, (loaded, elastic) = elastic, elastic_solution(now)
-        step = internal_variable_step(creep, positions(before.time, now.time), now.time - before.time)
-        internal = step.updated(x, places, internal, previous, elastic)
-        if now.time in times:
-            add_frame(now, loaded, elastic, internal)
-    return tuple(frames)
 
 
 def _mesh_with_data(loaded: LoadedLayer, displacement: Array, **cells: Array) -> "meshio.Mesh":

@@ -22,6 +22,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact.engines.fem import engine as fem_engine
+from compact.engines.fem.compliance import NodalField, SurfaceCompliance
 from compact.engines.fem.contact_problem import (
     ContactSolution,
     Discretisation,
@@ -32,8 +33,6 @@ from compact.engines.fem.contact_problem import (
     steady_surface,
 )
 from compact.engines.fem.convected_memory import creep_function, retardation_operator, steady_creep_operator
-from compact.engines.fem.discretisation import fitted_discretisation, initial_discretisation
-from compact.engines.fem.surface import NodalField, SurfaceCompliance
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
 from compact.numerics import Array
@@ -100,9 +99,9 @@ def expand_resistance(
     time = max(time for _, time in branches)
     with threadpool_limits(1):  # the matrices are small; threads cost more than they save
         if mesh:
-            discretisation = initial_discretisation(problem, mesh, tolerance)
+            discretisation = fem_engine.initial_discretisation(problem, mesh, tolerance)
         else:
-            discretisation = fitted_discretisation(problem, tolerance)
+            discretisation = fem_engine.fitted_discretisation(problem, tolerance)
         resistance, slope, added_mass = expand_window(discretisation, partial(_expansion, problem, discretisation))
         error = None
         if estimate:
