@@ -15,8 +15,7 @@ and dp/ds_v = 3/(2g) inside the yield surface. On the shear line D = +-M (p + pt
 
     dp/ds_v = 1/(1 +- 2M/3),   w/ds_v = (2G/K dp/ds_v - dD/ds_v)/(+-3G + 2G N),   dV = -N w,
 
-without its viscosity, since columns have no bands of shear. Mix with tables over the density ratio has the rates of
-`table_columns`. The heights h_i of the columns add up to the gap under the
+without its viscosity, since columns have no bands of shear. The heights h_i of the columns add up to the gap under the
 roller, so that ds_v = -dgap/sum (de/ds_v) h_i. The slope of the gap under a circle is unbounded at its upright side.
 The path is therefore integrated over the tangent t of half the central angle, u = 2 R t:
 
@@ -33,13 +32,12 @@ References
 E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I, Springer 1993, II.5, II.10.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import DOP853
 
-from compact.engines.column.table_columns import is_below_centre, table_centre_stress, table_rates, table_yield_stress
-from compact.material.density_cap_return import TableConstants, for_tables
 from compact.material.elliptic_cap import CapConstants, hardening
 from compact.numerics import Array, BoolArray, IntArray
 from compact.numerics.jit import compiled, inlined
@@ -80,15 +78,12 @@ class ColumnStack(NamedTuple):
         Mean stresses p [Pa].
     max_density_ratio : ndarray
         Largest density ratios reached [-], which fix pc on the flat yield surface; 0 for k itself.
-    initial_strain : ndarray
-        Elastic volumetric strains of the mean stresses [-].
     """
 
     height: Array
     density_ratio: Array
     mean_stress: Array
     max_density_ratio: Array
-    initial_strain: Array
 
 
 class GapShape(NamedTuple):
@@ -105,9 +100,29 @@ class GapShape(NamedTuple):
     radius: float
     circular: float
 
+    def at(self, x: Array) -> Array:
+        """Return the gap of a roller [m] at x [m]."""
+        R = self.radius
+        return x**2 / (R + np.sqrt(R**2 - x**2) if self.circular else 2 * R)
+
+    def edge(self, depth: float) -> float:
+        """Return x [m] at which the gap has risen by `depth` [m] above the lowest generatrix."""
+        R, c = self
+        return math.sqrt(depth * (2 * R - c * depth)) if R else depth
+
+    def front(self, depth: float) -> float:
+        """Return the coordinate u [m] at which the gap has risen by `depth` [m]."""
+        R, c = self
+        return 2 * R * math.sqrt(depth / (2 * R - c * depth)) if R else depth
+
+    def positions(self, u: Array) -> Array:
+        """Return x [m] of coordinates u [m]."""
+        R, c = self
+        return u / (1 + c * (u / (2 * R)) ** 2) if R else u
+
 
 # material constants at the rolling speed, columns before the pass, shape of the roller, and strain measure
-ColumnProblem = tuple[CapConstants | TableConstants, ColumnStack, GapShape, int]
+ColumnProblem = tuple[CapConstants, ColumnStack, GapShape, int]
 
 
 class PathControl(NamedTuple):
@@ -201,7 +216,7 @@ def integrate_path(
     end = control.stress_end - direction * slack
     if counts[NEXT_COLUMN] < 0:
         for i in range(n):
-            event_stress[i] = _yield_stress(law, _event_state(measure, stack, y, i), direction)
+            event_stress[i] = yield_stress(law, _event_state(measure, stack, y, i), direction)
         counts[NEXT_COLUMN] = _next_event(event_stress, end, direction)
     tries_end = counts[STEPS_TRIED] + max_tries
     for _ in range(3 * n + 1):  # a column yields once and crosses to the supercritical side once
@@ -214,8 +229,8 @@ def integrate_path(
         if not state.yielding[i]:
             state.yielding[i] = True
             point = _event_state(measure, stack, path[counts[ROW], 1:], i)
-            event_stress[i] = _critical_stress(law, point, direction)
-            state.on_line[i] = _is_on_line(law, point)
+            event_stress[i] = critical_stress(law, point, direction)
+            state.on_line[i] = is_on_line(law, point)
         else:
             state.on_line[i] = False
         counts[NEXT_COLUMN] = _next_event(event_stress, end, direction)
@@ -337,17 +352,14 @@ def _rates(u, y, out, problem, state):
         p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
         k0, k_max = stack.density_ratio[i], state.max_density_ratio[i]
         k = _density_ratio(measure, k0, V) if state.yielding[i] else k0  # else at most the largest so far
-        point = stress, p, V, k, k_max, k / k0 if measure == MASS_TRUE else 1.0
-        regime = state.yielding[i], state.on_line[i]
-        start = stack.mean_stress[i], stack.initial_strain[i]
-        dp, dV, dshear, elastic_rate, elastic_power, strain = _column_rates(law, start, point, regime)
-        height = stack.height[i]
+        point = stress, p, k, k_max, k / k0 if measure == MASS_TRUE else 1.0
+        dp, dV, dshear = _stress_rates(law, point, state.yielding[i], state.on_line[i])
+        height, D = stack.height[i], 1.5 * (stress - p)
         if measure == LOGARITHMIC:
-            height *= np.exp(-(V + strain))
-        D = 1.5 * (stress - p)
-        compliance += height * (elastic_rate + dV)
+            height *= np.exp(-(V + (p - stack.mean_stress[i]) / law.K))
+        compliance += height * (dp / law.K + dV)
         plastic += height * (p * dV + D * dshear)
-        elastic += height * elastic_power
+        elastic += height * (p * dp / law.K + D * (1 - dp) / (2 * law.G))
         out[COLUMN_STATE + 2 * i], out[COLUMN_STATE + 2 * i + 1] = dp, dV
     dx, dgap = 1.0, 1.0  # dx/du, dgap/du
     if gap.radius > 0:
@@ -391,37 +403,13 @@ def stiffness_ratio(law: CapConstants, density_ratio: float) -> float:
     return 4 * law.G * stress_ratio * (1 + 9 / (4 * M2)) / (1.5 + 2 * law.G / law.K) * total
 
 
-@compiled
-def cap_rates(law: CapConstants, start: tuple, point: tuple, regime: tuple) -> tuple:
-    """Return the rates of a column per unit of s_v, in the symbols of the module docstring.
-
-    Parameters
-    ----------
-    start : tuple of float
-        p [Pa] and elastic volumetric strain [-] before the pass.
-    point : tuple of float
-        s_v, p [Pa], V, k, the largest density ratio so far and d ln k/dV [-].
-    regime : tuple of bool
-        True if the column yields, and if it slides on the shear line.
-
-    Returns
-    -------
-    tuple of float
-        dp, dV, the plastic shear strain Q w, the elastic volumetric strain and the elastic work, all per unit of s_v,
-        and the elastic volumetric strain since the start [-].
-    """
-    stress, p, _, _, _, _ = point
-    dp, dV, dshear = _stress_rates(law, point, regime)
-    D = 1.5 * (stress - p)
-    power = p * dp / law.K + D * (1 - dp) / (2 * law.G)
-    return dp, dV, dshear, dp / law.K, power, (p - start[0]) / law.K
-
-
 @inlined
-def _stress_rates(law, point, regime):
-    """Return dp, dV and the plastic shear strain Q w per unit of s_v, in the symbols of the module docstring."""
-    stress, p, _, k, k_max, by_V = point
-    yielding, on_line = regime
+def _stress_rates(law, point, yielding, on_line):
+    """Return dp, dV and the plastic shear strain Q w per unit of s_v, in the symbols of the module docstring.
+
+    `point` has s_v, p, k, the largest density ratio so far and d ln k/dV.
+    """
+    stress, p, k, k_max, by_V = point
     ratio, g = 2 * law.G / law.K, 1.5 + 2 * law.G / law.K
     if not yielding:
         return 1.5 / g, 0.0, 0.0
@@ -532,9 +520,3 @@ def _ellipse_crossing(y, z, r, dy, dz, a):
     """Largest t >= 0 at which r (y + t dy)^2 + (z + t dz)^2 = a^2."""
     square, half, rest = r * dy * dy + dz * dz, r * y * dy + z * dz, r * y * y + z * z - a * a
     return max(0.0, (np.sqrt(max(half * half - square * rest, 0.0)) - half) / square)
-
-
-_column_rates = for_tables(table_rates, otherwise=cap_rates)
-_yield_stress = for_tables(table_yield_stress, otherwise=yield_stress)
-_critical_stress = for_tables(table_centre_stress, otherwise=critical_stress)
-_is_on_line = for_tables(is_below_centre, otherwise=is_on_line)

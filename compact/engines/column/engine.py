@@ -26,24 +26,19 @@ from compact.engines.column.column_pass import (
     PLATE,
     STIFFNESS_RATIO_MAX,
     STRAINS,
+    TARGET_TOLERANCE,
     Column,
     ColumnLayer,
     PassResult,
     column_layer,
-)
-from compact.engines.column.indentation_search import (
-    TARGET_TOLERANCE,
     plate_indentation,
     solve_exit_density,
     solve_plate_density,
     solve_target,
 )
-from compact.engines.column.rigid_wheel import WheelContactResult, roll_wheel
 from compact.engines.column.state_update_columns import StateUpdateContactResult, roll_state_update
-from compact.material.cap_plasticity import CapConstants, compacted_state, kernel_constants
-from compact.material.density_cap_return import TableConstants
+from compact.material.cap_plasticity import CapConstants, cap_constants, compacted_state
 from compact.material.laws import Compaction
-from compact.material.pressure_sinkage import Terrain
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
@@ -133,37 +128,31 @@ def roll(
 ) -> ColumnContactResult: ...
 @overload
 def roll(
-    layer: rolling_contact.Layer, roller: rolling_contact.Roller, material: Terrain, speed: float, **options: Any
-) -> WheelContactResult: ...
-@overload
-def roll(
     layer: rolling_contact.Layer, roller: rolling_contact.Roller, material: StateUpdate, speed: float, **options: Any
 ) -> StateUpdateContactResult: ...
 def roll(
     layer: rolling_contact.Layer,
     roller: rolling_contact.Roller,
-    material: Compaction | Terrain | StateUpdate,
+    material: Compaction | StateUpdate,
     speed: float,
     **options: Any,
-) -> ColumnContactResult | WheelContactResult | StateUpdateContactResult:
-    """Compute one pass over a layer of fresh mix by the engine "column", or a wheel on terrain.
+) -> ColumnContactResult | StateUpdateContactResult:
+    """Compute one pass over a layer of fresh mix by the engine "column".
 
     Parameters
     ----------
     layer : Layer
-        Layer of fresh mix, bonded, without plies; it may lie on a lower lift. Between a pair of rollers it is half the
-        mix, on the frictionless mid-plane.
+        Layer of fresh mix, bonded, without plies; it may lie on a lower lift.
     roller : Roller
         Roller of any profile; "deformed" is the circle, since columns move vertically. It prescribes an indentation,
-        load or peak pressure. "frictionless" and "free" rollers are equivalent. Mix between a pair of them moves with
-        the rollers and elongates nowhere; the resistance is then the torque of one roller over its radius.
-    material : Compaction, Terrain or StateUpdate
-        Material law; terrain is computed by `rigid_wheel.roll_wheel`, an own law by
-        `state_update_columns.roll_state_update`, which state the range of layer and roller.
+        load or peak pressure. "frictionless" and "free" rollers are equivalent.
+    material : Compaction or StateUpdate
+        Material law; an own law is computed by `state_update_columns.roll_state_update`, which states the range of
+        layer and roller.
     speed : float
         Speed of the roller along x [m/s], not 0; it enters by its sign and by the rate of compaction in pc.
     **options
-        Keywords of `roll_over`, or of `roll_wheel`: slip or torque.
+        Keywords of `roll_over`.
 
     Returns
     -------
@@ -173,15 +162,13 @@ def roll(
     Examples
     --------
     >>> from compact.rolling_contact import Layer, Roller
-    >>> mix = Compaction(120e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
-    ...                  tensile_strength=14e3, fed_density_ratio=0.94)
+    >>> mix = Compaction(unloading_modulus=120e6, poisson=0.3, heckel_slope=13e-6,
+    ...                  loose_density_ratio=0.72, critical_slope=1.2, tensile_strength=14e3, fed_density_ratio=0.94)
     >>> fed = required_feed(0.22, 0.98, mix, speed=0.2)
     >>> rolled = roll(Layer(fed.height), Roller(0.11, indentation=fed.indentation, profile="circle"), mix, speed=0.2)
     >>> f"P {rolled.load:.0f} N/m, F/P {rolled.resistance / rolled.load:.3f}, k {rolled.exit_density_ratio:.3f}"
     'P 10035 N/m, F/P 0.165, k 0.980'
     """
-    if isinstance(material, Terrain):
-        return roll_wheel(layer, roller, material, speed, **options)
     require_column_layer(layer, roller)
     if isinstance(material, StateUpdate):
         return roll_state_update(layer, roller, material, speed, **options)
@@ -230,7 +217,7 @@ def roll_over(
     require_positive(rtol=rtol)
     gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
     stack = (*lower, *columns)
-    layer = _integrable(column_layer(stack, material, 1.0, gap, STRAINS[strain], len(lower)), material)
+    layer = require_integrable(column_layer(stack, material, 1.0, gap, STRAINS[strain], len(lower)), material)
     if material.rate_sensitivity:
         layer = _rated_layer(layer, material, roller.radius, speed)
     if exit_density_ratio is None:
@@ -305,35 +292,21 @@ def required_feed(
         raise ValueError("`radius` must be given for a mix with a rate sensitivity, got None")
     factor, lower = 1.0, lower_columns(lower_lift, material, radius, speed)
     for _ in range(FEED_TRIALS_MAX):
-        feed, before = _feed_at(height, exit_density_ratio, material, factor, rtol, lower), factor
+        result, _ = solve_plate_density(_unit_layer(material, factor), exit_density_ratio, rtol)
+        rolling_contact.require_target_reached(
+            "exit_density_ratio", exit_density_ratio, result.density_ratio, TARGET_TOLERANCE * rtol
+        )
+        scale, settlement = height / result.columns[0].height, 0.0
+        if lower:
+            below = column_layer(lower, material, factor, PLATE, STRAINS["logarithmic"])
+            settlement = plate_indentation(require_integrable(below, material), result.peak_pressure, rtol)
+        feed, before = RequiredFeed(height=scale, indentation=scale * result.indentation + settlement), factor
         if radius is not None:
             rate = rolling_contact.compaction_rate(speed, radius, feed.height, feed.indentation)
             factor = material.rate_factor(rate)
         if abs(factor / before - 1) <= rtol:
             return feed
     raise RuntimeError(f"the rate of compaction still changes by {abs(factor / before - 1):.1e}; raise `rtol`")
-
-
-def _feed_at(
-    height: float,
-    exit_density_ratio: float,
-    material: Compaction,
-    rate_factor: float,
-    rtol: float,
-    lower: tuple[Column, ...],
-) -> RequiredFeed:
-    """Return the feed for a product [m], [-] with pc multiplied by a rate factor [-]."""
-    layer = _unit_layer(material, rate_factor)
-    result, _ = solve_plate_density(layer, exit_density_ratio, rtol)
-    rolling_contact.require_target_reached(
-        "exit_density_ratio", exit_density_ratio, result.density_ratio, TARGET_TOLERANCE * rtol
-    )
-    scale = height / result.columns[0].height
-    settlement = 0.0
-    if lower:
-        below = _integrable(column_layer(lower, material, rate_factor, PLATE, STRAINS["logarithmic"]), material)
-        settlement = plate_indentation(below, result.peak_pressure, rtol)
-    return RequiredFeed(height=scale, indentation=scale * result.indentation + settlement)
 
 
 def simulate_oedometer(
@@ -357,8 +330,8 @@ def simulate_oedometer(
 
     Examples
     --------
-    >>> mix = Compaction(120e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
-    ...                  tensile_strength=14e3, fed_density_ratio=0.94)
+    >>> mix = Compaction(unloading_modulus=120e6, poisson=0.3, heckel_slope=13e-6,
+    ...                  loose_density_ratio=0.72, critical_slope=1.2, tensile_strength=14e3, fed_density_ratio=0.94)
     >>> test = simulate_oedometer(mix, (100e3, 200e3, 0.0))
     >>> [f"{k:.4f}" for k in test.density_ratio], f"residual stress {test.lateral_stress[-1] / 1e3:.0f} kPa"
     (['0.9400', '0.9707', '0.9707'], 'residual stress 43 kPa')
@@ -383,17 +356,11 @@ def simulate_oedometer(
 def _unit_layer(material: Compaction, rate_factor: float) -> ColumnLayer:
     """Fresh mix of unit height under a plate."""
     column = Column(1.0, material.fed_density_ratio)
-    return _integrable(column_layer((column,), material, rate_factor, PLATE, STRAINS["logarithmic"]), material)
+    return require_integrable(column_layer((column,), material, rate_factor, PLATE, STRAINS["logarithmic"]), material)
 
 
-def _integrable(layer: ColumnLayer, material: Compaction) -> ColumnLayer:
+def require_integrable(layer: ColumnLayer, material: Compaction) -> ColumnLayer:
     """Return a layer; raise ValueError if its equation is too stiff for an explicit method."""
-    require_integrable(layer, material)
-    return layer
-
-
-def require_integrable(layer: ColumnLayer, material: Compaction) -> None:
-    """Raise ValueError if the equation of a layer is too stiff for an explicit method."""
     if not layer.stiffness_ratio < STIFFNESS_RATIO_MAX:
         limit = material.unloading_modulus * STIFFNESS_RATIO_MAX / layer.stiffness_ratio
         raise ValueError(
@@ -401,6 +368,7 @@ def require_integrable(layer: ColumnLayer, material: Compaction) -> None:
             f"{material.unloading_modulus!r}: the mix is nearly rigid-plastic; use a tenth of the limit, which changes "
             "the resistance by less than 1e-3"
         )
+    return layer
 
 
 def _rated_layer(layer: ColumnLayer, material: Compaction, radius: float, speed: float) -> ColumnLayer:
@@ -409,10 +377,10 @@ def _rated_layer(layer: ColumnLayer, material: Compaction, radius: float, speed:
     fed_height = fed.unstressed_solid_height / material.fed_density_ratio
     deepest = fed_height * (1 - material.fed_density_ratio)  # a lower lift settles too
 
-    def law_at(indentation: float) -> CapConstants | TableConstants:
+    def law_at(indentation: float) -> CapConstants:
         depth = min(fed_height - fed.height + indentation, deepest)
         rate = rolling_contact.compaction_rate(speed, radius, fed_height, depth)
-        return kernel_constants(material, material.rate_factor(rate))
+        return cap_constants(material, material.rate_factor(rate))
 
     return replace(layer, law=law_at(layer.max_indentation), law_at=law_at)
 
@@ -424,7 +392,7 @@ def _build_result(
     loading, unloading = result.loading[::-1], result.unloading[::-1]
     x = np.concatenate([-unloading[:, 0], loading[1:, 0]])
     pressure = np.concatenate([unloading[:, 1], loading[1:, 1]])
-    x = result.layer.positions(x)
+    x = result.layer.gap.positions(x)
     ascending = slice(None, None, int(direction))
     load, resistance, (plastic, elastic) = result.load, result.resistance, result.work
     scale = rolling_contact.resistance_scale(resistance, load)
@@ -456,10 +424,10 @@ def _build_result(
 
 
 def require_column_layer(layer: rolling_contact.Layer, roller: rolling_contact.Roller) -> None:
-    """Raise ValueError unless a layer is of one mix, and bonded or between a pair of rollers."""
+    """Raise ValueError unless a layer is of one mix, and bonded."""
     require_known("base", layer.base, get_args(rolling_contact.BaseCondition))
-    rolling_contact.require_pair_of_rollers(layer, roller)
-    if layer.base == "slip" and roller.rolling != "pair":
+    require_known("rolling", roller.rolling, get_args(rolling_contact.RollerCondition))
+    if layer.base == "slip":
         raise ValueError(
             "the engine column needs a `base` that is bonded, got 'slip': mix on a frictionless base spreads laterally "
             "and dilates, which columns do not; use the engine compaction"
@@ -486,6 +454,6 @@ def require_column_range(roller: rolling_contact.Roller, material: Compaction, s
 def _require_compaction(material: object) -> None:
     if not isinstance(material, Compaction):
         raise ValueError(
-            f"the engine column needs a `material` Compaction, Terrain or StateUpdate, got {type(material).__name__}; "
+            f"the engine column needs a `material` Compaction or StateUpdate, got {type(material).__name__}; "
             "use the engine spectral or fem"
         )

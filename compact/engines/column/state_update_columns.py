@@ -11,13 +11,13 @@ doubled until load and resistance change by less than a tolerance; their last ch
 density ratio follows from the volume, k = k_fed H/h, and thus contains the elastic strain that remains.
 """
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
+from compact.engines.column.column_ode import GapShape
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
@@ -97,14 +97,14 @@ def roll_state_update(
     require_positive(rtol=rtol)
     if layer.lower_lift is not None:
         raise ValueError("an own material needs a layer on the rigid base, got a `lower_lift`; use a law of the mix")
-    gap = _Gap(roller.radius, 0.0 if roller.profile == "parabola" else 1.0)
     name, target = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
-    path = _Path(layer, material, gap)
+    path = _Path(layer, material, GapShape(roller.radius, 0.0 if roller.profile == "parabola" else 1.0))
     count = INCREMENTS
     before = path.compute_pass(_indentation(path, name, target, count, rtol), count)
     while True:
         count *= 2
-        found = path.compute_pass(_indentation(path, name, target, count, rtol), count)
+        indentation = _indentation(path, name, target, count, rtol)
+        found = path.compute_pass(indentation, count)
         changes = (
             abs(found.load - before.load) / found.load,
             abs(found.resistance - before.resistance) / resistance_scale(found.resistance, found.load),
@@ -117,7 +117,15 @@ def roll_state_update(
                 f"increments, tolerance {rtol:g}; the law may jump, so smooth it or raise `rtol`"
             )
         before = found
-    result = found.result(changes, float(np.sign(speed)))
+    direction = np.sign(speed)
+    ascending = slice(None, None, int(direction))
+    result = StateUpdateContactResult(
+        load=found.load, resistance=float(direction * found.resistance), leading=float(found.x[-1]),
+        trailing=float(found.x[0]), x=(direction * found.x)[ascending], pressure=found.stress[ascending],
+        shear_traction=np.zeros_like(found.x), error=changes, peak_pressure=found.peak_pressure,
+        indentation=indentation, exit_height=found.exit_height, exit_density_ratio=found.exit_density_ratio,
+        state=found.state, increments=count,
+    )  # fmt: skip
     require_on_target(result, roller, 10 * rtol, exit_density_ratio=exit_density_ratio)
     return result
 
@@ -154,34 +162,16 @@ def _indentation(path: "_Path", name: str, target: float, count: int, rtol: floa
 
 
 @dataclass(frozen=True)
-class _Gap:
-    """Gap under a circle (c = 1) or a parabola (c = 0) of a radius R [m]."""
-
-    radius: float
-    circular: float
-
-    def __call__(self, x: Array) -> Array:
-        """Return the gap [m] at x [m]."""
-        if self.circular:
-            return x**2 / (self.radius + np.sqrt(self.radius**2 - x**2))
-        return x**2 / (2 * self.radius)
-
-    def edge(self, depth: float) -> float:
-        """Return x [m] at which the gap equals a depth [m]."""
-        return math.sqrt(depth * (2 * self.radius - self.circular * depth))
-
-
-@dataclass(frozen=True)
 class _Pass:
-    """Pass at one indentation: x from the rear to the front edge [m], vertical stress [Pa], and states."""
+    """Pass at one indentation: x from the rear to the front edge [m], vertical stress [Pa], and the state behind."""
 
-    path: "_Path"
-    indentation: float
     x: Array
     stress: Array
+    gap: Array
+    peak_pressure: float
     exit_height: float
+    exit_density_ratio: float
     state: Any
-    increments: int
 
     @property
     def load(self) -> float:
@@ -191,28 +181,7 @@ class _Pass:
     @property
     def resistance(self) -> float:
         """Resistance [N/m]."""
-        return float(np.trapezoid(self.stress, self.path.gap(self.x)))
-
-    @property
-    def peak_pressure(self) -> float:
-        """Largest vertical stress [Pa]."""
-        return float(self.stress.max())
-
-    @property
-    def exit_density_ratio(self) -> float:
-        """Density ratio after the rebound [-]."""
-        return self.path.material.fed_density_ratio * self.path.layer.height / self.exit_height
-
-    def result(self, error: tuple[float, float], direction: float) -> StateUpdateContactResult:
-        """Return the result in the fixed axis x."""
-        ascending = slice(None, None, int(direction))
-        return StateUpdateContactResult(
-            load=self.load, resistance=direction * self.resistance, leading=float(self.x[-1]),
-            trailing=float(self.x[0]), x=(direction * self.x)[ascending], pressure=self.stress[ascending],
-            shear_traction=np.zeros_like(self.x), error=error, peak_pressure=self.peak_pressure,
-            indentation=self.indentation, exit_height=self.exit_height, exit_density_ratio=self.exit_density_ratio,
-            state=self.state, increments=self.increments,
-        )  # fmt: skip
+        return float(np.trapezoid(self.stress, self.gap))
 
 
 @dataclass(frozen=True)
@@ -221,7 +190,7 @@ class _Path:
 
     layer: Layer
     material: StateUpdate
-    gap: _Gap
+    gap: GapShape
 
     @property
     def deepest(self) -> float:
@@ -233,29 +202,35 @@ class _Path:
         """Compute the pass at an indentation [m] with a number of increments of the front."""
         lowest, front = self.layer.height - indentation, self.gap.edge(indentation)
         ahead = np.linspace(front, 0.0, count + 1)
-        heights = lowest + self.gap(ahead)
+        heights = lowest + self.gap.at(ahead)
         heights[0] = self.layer.height
         stresses, state = self._advance(self.material.initial_state, heights)
-        step, rear, behind = front / count, [0.0], [stresses[-1]]
         limit = self.gap.edge(min(REBOUND_MAX * indentation, self.gap.radius * (1 - 1e-9)))
-        ended = behind[-1] <= 0
-        while not ended:
-            start, end = rear[-1], rear[-1] + step
+        rear, behind = [0.0], [stresses[-1]]
+
+        def unload(place: float) -> tuple[float, Any]:
+            stress, after = self._advance(state, lowest + self.gap.at(np.array([rear[-1], place])))
+            return float(stress[1]), after
+
+        while behind[-1] > 0:
+            end = rear[-1] + front / count
             if end > limit:
                 raise RuntimeError(
                     f"the rebound of {self.material.name} does not end: a vertical stress of {behind[-1]:.6g} Pa "
-                    f"remains {start:.6g} m behind the lowest generatrix; use a smaller indentation"
+                    f"remains {rear[-1]:.6g} m behind the lowest generatrix; use a smaller indentation"
                 )
-            remaining, after = self._unload(state, lowest, start, end)
-            if ended := remaining <= 0:
-                end, after = self._edge(state, lowest, start, end, behind[-1])
+            remaining, after = unload(end)
+            if remaining <= 0:
+                end = float(brentq(lambda place: behind[-1] if place == rear[-1] else unload(place)[0], rear[-1], end))
+                remaining, after = 0.0, unload(end)[1]
             state = after
             rear.append(end)
-            behind.append(0.0 if ended else remaining)
+            behind.append(remaining)
         x = np.concatenate([-np.array(rear[:0:-1]), ahead[::-1]])
         stress = np.concatenate([np.array(behind[:0:-1]), stresses[::-1]])
-        exit_height = float(lowest + self.gap(np.array(rear[-1])))
-        return _Pass(self, indentation, x, stress, exit_height, state, count)
+        exit_height = float(lowest + self.gap.at(np.array(rear[-1])))
+        density_ratio = self.material.fed_density_ratio * self.layer.height / exit_height
+        return _Pass(x, stress, self.gap.at(x), float(stress.max()), exit_height, density_ratio, state)
 
     def _advance(self, state: Any, heights: Array) -> tuple[Array, Any]:
         """Return the vertical stress at each height of a path, the first one without stress, and the last state."""
@@ -264,18 +239,3 @@ class _Path:
             stress, state, _ = self.material.advance(state, np.array([0.0, strain, 0.0, 0.0]))
             stresses[number] = -stress[1]
         return stresses, state
-
-    def _unload(self, state: Any, lowest: float, start: float, end: float) -> tuple[float, Any]:
-        """Return vertical stress and state after unloading from one place behind the roller to another."""
-        heights = lowest + self.gap(np.array([start, end]))
-        stresses, after = self._advance(state, heights)
-        return float(stresses[1]), after
-
-    def _edge(self, state: Any, lowest: float, start: float, end: float, stress: float) -> tuple[float, Any]:
-        """Return place and state where the vertical stress vanishes between two places."""
-
-        def stress_at(place: float) -> float:
-            return stress if place == start else self._unload(state, lowest, start, place)[0]
-
-        place = float(brentq(stress_at, start, end))
-        return place, self._unload(state, lowest, start, place)[1]
