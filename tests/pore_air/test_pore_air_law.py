@@ -10,7 +10,9 @@ FED = 0.936
 
 
 def pore_air(occlusion=0.90, permeability=1e-13, moisture=0.10, fed=FED):
-    return PoreAir(permeability, water_volume(moisture), fed, occlusion)
+    return PoreAir(
+        permeability=permeability, water=water_volume(moisture), fed_density_ratio=fed, occlusion_saturation=occlusion
+    )
 
 
 @pytest.mark.parametrize("moisture", [0.08, 0.10, 0.12])

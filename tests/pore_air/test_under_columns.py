@@ -7,21 +7,30 @@ import pytest
 
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
-from compact.engines.pore_air import under_columns
-from compact.engines.pore_air.under_columns import ColumnAir
-from compact.engines.pore_air.under_roller import RollerAir
+from compact.engines.pore_air import steady_flow
+from compact.engines.pore_air.steady_flow import ColumnAir, RollerAir
 from compact.material.laws import Compaction
 from compact.material.pore_air import PoreAir, water_volume
 from compact.rolling_contact import Layer, Roller
 
-MIX = Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
+MIX = Compaction(
+    unloading_modulus=20e6,
+    poisson=0.3,
+    heckel_slope=13e-6,
+    loose_density_ratio=0.72,
+    critical_slope=1.2,
+    tensile_strength=14e3,
+    fed_density_ratio=0.94,
+)
 LAYER = Layer(0.05)
-ROLLER = Roller((8 * 0.05) ** 2 / 0.003, 0.0015, profile="circle")
+ROLLER = Roller((8 * 0.05) ** 2 / 0.003, indentation=0.0015, profile="circle")
 
 
 def columns(permeability, occlusion=None, roller=ROLLER):
     found = column.roll(LAYER, roller, MIX, 0.2)
-    air = PoreAir(permeability, water_volume(0.10), 0.94, occlusion)
+    air = PoreAir(
+        permeability=permeability, water=water_volume(0.10), fed_density_ratio=0.94, occlusion_saturation=occlusion
+    )
     under = ColumnAir(
         air, LAYER.height, found.exit_height, found.indentation, found.leading, found.trailing, roller.radius,
         roller.profile,
@@ -61,7 +70,7 @@ def test_elements_along_the_contact_are_fine_enough(permeability, monkeypatch):
         return np.array(under.forces(under.pressure(0.2)))
 
     fine = forces()
-    monkeypatch.setattr(under_columns, "ELEMENTS", 240)
+    monkeypatch.setattr(steady_flow, "ELEMENTS", 240)
     np.testing.assert_allclose(forces(), fine, rtol=3e-3)
 
 

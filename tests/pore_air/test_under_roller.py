@@ -7,7 +7,7 @@ import pytest
 
 from compact.engines.compaction.engine import roll
 from compact.engines.pore_air.coupled_rolling import roll_coupled
-from compact.engines.pore_air.under_roller import RollerAir
+from compact.engines.pore_air.steady_flow import RollerAir
 from compact.material.laws import Compaction
 from compact.material.pore_air import PoreAir, water_volume
 from compact.rolling_contact import Layer, LowerLift, Roller
@@ -16,7 +16,7 @@ WATER = water_volume(0.10)
 
 
 def pore_air(permeability, occlusion=None, fed=0.94):
-    return PoreAir(permeability, WATER, fed, occlusion)
+    return PoreAir(permeability=permeability, water=WATER, fed_density_ratio=fed, occlusion_saturation=occlusion)
 
 
 def test_without_drainage_boyles_law_holds_at_every_point(contact):
@@ -56,7 +56,15 @@ def test_hard_cases_converge_with_their_mass(contact, occlusion):
     air = 0.10  # moisture, whose fed saturation is 0.767
     fed = 0.94 if occlusion != 0.76 else 0.935
     for permeability in (1e-17, 1e-15, 1e-13, 1e-11, 1e-9):
-        under = RollerAir(contact.solution, PoreAir(permeability, water_volume(air), fed, occlusion))
+        under = RollerAir(
+            contact.solution,
+            PoreAir(
+                permeability=permeability,
+                water=water_volume(air),
+                fed_density_ratio=fed,
+                occlusion_saturation=occlusion,
+            ),
+        )
         for speed in (1e-4, 1e-2, 1.0, 10.0):
             found = under.pressure(speed)
             assert abs(found.mass_residual) < 1e-6
@@ -89,7 +97,8 @@ def work_residual(rolling, excess=0.0):
 @pytest.mark.parametrize("profile", ["deformed", "circle", "parabola"])
 def test_air_below_a_lower_lift_and_every_profile_in_either_direction(contact, profile):
     """Boyle's law in the rows of both lifts, and forces of either direction alike."""
-    roller, layer = replace(contact.roller, profile=profile), Layer(0.06, lower_lift=LowerLift(0.05, 0.97))
+    roller = replace(contact.roller, profile=profile)
+    layer = Layer(0.06, lower_lift=LowerLift(thickness=0.05, density_ratio=0.97))
     forces = []
     for speed in (0.2, -0.2):
         found = roll(layer, roller, contact.material, speed, increments=4)
@@ -116,9 +125,17 @@ def test_work_of_the_coupled_contact_is_that_of_skeleton_and_air(contact):
 @pytest.mark.slow
 def test_one_way_and_coupled_agree_over_a_wide_thin_layer():
     """Columns do not move sideways, and without a bow wave the skeleton hardly changes."""
-    mix = Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
+    mix = Compaction(
+        unloading_modulus=20e6,
+        poisson=0.3,
+        heckel_slope=13e-6,
+        loose_density_ratio=0.72,
+        critical_slope=1.2,
+        tensile_strength=14e3,
+        fed_density_ratio=0.94,
+    )
     height, depth = 0.05, 0.0015
-    roller = Roller((8 * height) ** 2 / (2 * depth), depth, profile="deformed")
+    roller = Roller((8 * height) ** 2 / (2 * depth), indentation=depth, profile="deformed")
     contact = roll(Layer(height), roller, mix, 0.2, increments=12)
     air = pore_air(1e-12)
     under = RollerAir(contact.solution, air)

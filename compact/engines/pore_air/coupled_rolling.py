@@ -22,8 +22,7 @@ from compact.engines.compaction.incremental_rolling import DAMPING, IncrementalR
 from compact.engines.compaction.newton import IncrementSolver
 from compact.engines.compaction.results import CompactionContactResult
 from compact.engines.compaction.shear_line_search import search_class
-from compact.engines.pore_air.steady_flow import AirPressure
-from compact.engines.pore_air.under_roller import RollerAir
+from compact.engines.pore_air.steady_flow import AirPressure, RollerAir
 from compact.material.pore_air import PoreAir
 from compact.numerics import Array
 

@@ -13,15 +13,30 @@ The streamline-upwind Petrov-Galerkin method stabilises the convection along x. 
 that thin drained layers along the surface do not oscillate. Both are of second order. Newton's method solves for p; its
 steps are cut where they would leave p > 0 or raise the residual.
 
+**Under a roller.** The total stress is the effective stress less the excess pressure p - p0, so that on the roller, at
+a constant deformation,
+
+    load = int (p - p0) dx,    resistance = int (p - p0) dy    along the contact
+
+Load and resistance of the skeleton are those of the contact without air. `RollerAir` has the deformed layer of the
+engine "compaction"; the grid are its Gauss points, which know deformation and density, and the lines of its boundary.
+
+`ColumnAir` has the heights of confined columns: of the gap under the roller, h(x) = h_min + gap(x), as fed ahead of the
+contact, and the exit height behind it. No air leaves through roller and base, so that the mean pressure of the height
+flows along x. Outside the contact the surface is drained. The mean pressure of a parabola over the height leaks there
+by s = 3 K_yy/H^2. Columns do not move sideways, so that air changes no height under the roller; it extends the contact
+behind by a length that is neglected.
+
 References
 ----------
 A. N. Brooks and T. J. R. Hughes, Comput. Methods Appl. Mech. Eng. 32 (1982) 199 (streamline upwinding); C. A. J.
 Fletcher, Comput. Methods Appl. Mech. Eng. 37 (1983) 225 (group formulation).
 """
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.linalg import solve_banded
@@ -30,8 +45,13 @@ from skfem import Basis, BilinearForm, ElementLineP1, ElementQuad1, Mesh, MeshLi
 from skfem.helpers import dot, grad, mul
 from threadpoolctl import threadpool_limits
 
+from compact.material.pore_air import PoreAir
 from compact.numerics import Array, BoolArray
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+from compact.rolling_contact import GapGeometry
+
+if TYPE_CHECKING:
+    from compact.engines.compaction.incremental_rolling import IncrementalRolling
 
 RESIDUAL_TOLERANCE = 1e-10  # [-], residual of a node over the sum of its fluxes
 MAX_ITERATIONS = 60  # [-], Newton iterations; 3 to 12 are usual
@@ -41,6 +61,10 @@ SMALL_PECLET = 1e-3  # [-], element Peclet number below which coth Pe - 1/Pe is 
 LARGE_PECLET = 1e9  # [-], bound of the element Peclet number where the mix is impermeable
 GAUSS = 0.5 + np.array([-1.0, 1.0]) / np.sqrt(12)  # [-], points of order 3 on the unit interval
 WEIGHTS = np.full(2, 0.5)  # [-], of the two points of Gauss, and of the two ends of an interval
+ELEMENTS = 480  # [-], along the contact of columns; the load changes by 3e-3 at most from 240
+OUTER_LENGTH = 6.0  # [-], length ahead and behind over the height as fed
+OUTER_GROWTH = 1.06  # [-], ratio of neighbouring elements there
+DRAINAGE = 3.0  # [-], leakage of a parabola with one drained end: (dp/dy)/(mean p) times the height
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,26 +179,23 @@ class AirFlow:
 
         return csr_array(flow.assemble(self.basis))
 
-    def leaking(self, speed: float) -> csr_array:
-        """Return the matrix of the leakage by p^2/2 at a speed [m/s], shape (n m, n m)."""
-        assert self.leakage is not None  # called with a leakage only
-        rate, delay = self.basis.interpolate(self.leakage.ravel()), self._delays(speed)
-
-        @BilinearForm
-        def leak(u: Any, w: Any, _: Any) -> Any:
-            return rate * u * (w - speed * delay * grad(w)[0])
-
-        return csr_array(leak.assemble(self.basis))
-
-    def convection(self, speed: float) -> csr_array:
-        """Return the matrix of the convection of a p at a speed [m/s], upwinded along x, shape (n m, n m)."""
-        delay = self._delays(speed)
+    def operators(self, speed: float) -> tuple[csr_array, csr_array]:
+        """Return the matrices of a p and of (p^2 - p0^2)/2 at a speed [m/s], shape (n m, n m), upwinded along x."""
+        delay, diffusion = self._delays(speed), self.diffusion
 
         @BilinearForm
         def convect(m: Any, w: Any, _: Any) -> Any:
             return -speed * (w - speed * delay * grad(w)[0]) * grad(m)[0]
 
-        return csr_array(convect.assemble(self.basis))
+        if self.leakage is not None:
+            rate = self.basis.interpolate(self.leakage.ravel())
+
+            @BilinearForm
+            def leak(u: Any, w: Any, _: Any) -> Any:
+                return rate * u * (w - speed * delay * grad(w)[0])
+
+            diffusion = diffusion + csr_array(leak.assemble(self.basis))
+        return csr_array(convect.assemble(self.basis)), diffusion
 
     def _delays(self, speed: float) -> Array:
         """Return the time by which the test functions of each element are shifted upstream [s], shape (elements, 1).
@@ -266,9 +287,7 @@ class _Operators:
     def __init__(self, flow: AirFlow, speed: float) -> None:
         self.volume, self.ambient = flow.air_volume.ravel(), flow.ambient_pressure
         self.fixed, self.width = flow.fixed, len(flow.y) + 1
-        self.convection, self.diffusion = flow.convection(speed), flow.diffusion
-        if flow.leakage is not None:
-            self.diffusion = self.diffusion + flow.leaking(speed)
+        self.convection, self.diffusion = flow.operators(speed)
         self.magnitudes = abs(self.convection), abs(self.diffusion)
         self.bands = tuple(_band(matrix, self.width) for matrix in (self.convection, self.diffusion))
 
@@ -307,3 +326,241 @@ def _band(matrix: csr_array, width: int) -> Array:
     band = np.zeros((2 * width + 1, matrix.shape[0]))
     np.add.at(band, (width + entries.row - entries.col, entries.col), entries.data)
     return band
+
+
+class AirUnderContact(ABC):
+    """Pore air in a contact, at any speed."""
+
+    @property
+    @abstractmethod
+    def flow(self) -> AirFlow:
+        """Flow of the air on its grid."""
+
+    @property
+    @abstractmethod
+    def contact(self) -> tuple[float, float]:
+        """Trailing and leading edge of the contact on the grid [m]."""
+
+    @property
+    @abstractmethod
+    def surface(self) -> Array:
+        """Positions of the surface of the grid [m], shape (2, n)."""
+
+    @property
+    def on_roller(self) -> slice | BoolArray:
+        """Nodes of the surface whose pressure acts on the roller; elsewhere it is that of the surroundings."""
+        return slice(None)
+
+    def pressure(self, speed: float, start: AirPressure | None = None) -> AirPressure:
+        """Solve for the pressure of the air, of columns for its mean over the height.
+
+        Parameters
+        ----------
+        speed : float
+            Speed of the roller along x [m/s], not 0.
+        start : AirPressure, optional
+            Pressure at another speed as initial guess.
+
+        Returns
+        -------
+        AirPressure
+        """
+        return self.flow.solve(abs(speed), start)
+
+    def forces(self, pressure: AirPressure) -> tuple[float, float]:
+        """Return load and resistance of the air on the roller [N/m].
+
+        Parameters
+        ----------
+        pressure : AirPressure
+            Pressure of the air.
+
+        Returns
+        -------
+        load, resistance : float
+            Forces per unit length of the roller [N/m].
+        """
+        excess, (x, y) = pressure.excess[self.on_roller, -1], self.surface[:, self.on_roller]
+        return float(np.trapezoid(excess, x)), float(np.trapezoid(excess, y))
+
+    def largest_excess_behind(self, pressure: AirPressure) -> float:
+        """Return the largest excess pressure behind the contact [Pa].
+
+        The total stress on horizontal planes vanishes there, so that it is a tensile stress of the skeleton.
+
+        Parameters
+        ----------
+        pressure : AirPressure
+            Pressure of the air.
+
+        Returns
+        -------
+        float
+            Excess pressure [Pa]; 0 if there is none.
+        """
+        return max(float(pressure.excess[pressure.flow.x < self.contact[0]].max()), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnAir(AirUnderContact):
+    """Pore air in the columns under a roller.
+
+    Parameters
+    ----------
+    air : PoreAir
+        Pore air with its permeability.
+    height, exit_height, indentation : float
+        Height of the layer as fed and behind the roller, depth of the lowest generatrix [m].
+    leading, trailing : float
+        Edges of the contact, positive ahead [m].
+    radius : float
+        Radius of the roller [m].
+    profile : {"parabola", "circle", "deformed"}
+        Geometry of the gap; "deformed" is the circle.
+    """
+
+    air: PoreAir
+    height: float
+    exit_height: float
+    indentation: float
+    leading: float
+    trailing: float
+    radius: float
+    profile: GapGeometry = "circle"
+
+    @cached_property
+    def flow(self) -> AirFlow:
+        """Flow of the air along the columns; nodes uniform along the contact with its edges, growing beyond."""
+        inner = np.linspace(self.trailing, self.leading, ELEMENTS + 1)
+        step = inner[1] - inner[0]
+        count = int(np.ceil(np.log1p(OUTER_LENGTH * self.height / step * (OUTER_GROWTH - 1)) / np.log(OUTER_GROWTH)))
+        outer = np.cumsum(step * OUTER_GROWTH ** np.arange(1, count + 1))
+        x = np.concatenate([inner[0] - outer[::-1], inner, inner[-1] + outer])
+        ratio = self.heights(x) / self.height
+        fed = self.air.fed_density_ratio
+        voids = self.air.bounded(ratio / fed - 1)
+        mobility = np.zeros((2, 2, len(x), 1))
+        mobility[0, 0, :, 0] = self.air.mobility(voids) * ratio
+        mobility[1, 1, :, 0] = self.air.mobility(voids) / ratio
+        outside = (x < self.trailing) | (x > self.leading)
+        return AirFlow(
+            x=x,
+            y=np.zeros(1),
+            air_volume=(fed * voids)[:, None],
+            mobility=mobility,
+            drained=np.zeros((len(x), 1), dtype=bool),
+            ambient_pressure=self.air.ambient_pressure,
+            leakage=DRAINAGE / self.height**2 * mobility[1, 1] * outside[:, None],
+        )
+
+    @property
+    def contact(self) -> tuple[float, float]:
+        """Trailing and leading edge of the contact [m]."""
+        return self.trailing, self.leading
+
+    @property
+    def surface(self) -> Array:
+        """Positions of the surface [m], shape (2, n)."""
+        return np.array([self.flow.x, self.heights(self.flow.x)])
+
+    @property
+    def on_roller(self) -> BoolArray:
+        """Nodes between the edges; the mean pressure of the height does not vanish beyond."""
+        return (self.flow.x >= self.trailing) & (self.flow.x <= self.leading)
+
+    def heights(self, x: Array) -> Array:
+        """Compute the heights of the columns.
+
+        Parameters
+        ----------
+        x : ndarray
+            Positions from the lowest generatrix [m], ascending in the direction of the travel.
+
+        Returns
+        -------
+        ndarray
+            Heights [m].
+        """
+        inside = np.clip(x, self.trailing, self.leading)
+        if self.profile == "parabola":
+            gap = inside**2 / (2 * self.radius)
+        else:
+            gap = inside**2 / (self.radius + np.sqrt(np.maximum(self.radius**2 - inside**2, 0.0)))
+        heights = self.height - self.indentation + gap
+        return np.where(x > self.leading, self.height, np.where(x < self.trailing, self.exit_height, heights))
+
+
+@dataclass(frozen=True, eq=False)
+class RollerAir(AirUnderContact):
+    """Pore air in the deformed layer under a roller in steady motion.
+
+    Parameters
+    ----------
+    rolling : IncrementalRolling
+        Steady solution of the skeleton.
+    air : PoreAir
+        Pore air with its permeability.
+    """
+
+    rolling: "IncrementalRolling"
+    air: PoreAir
+
+    @cached_property
+    def flow(self) -> AirFlow:
+        """Flow of the air on the grid, in the fed configuration, through which the mix moves straight along -x."""
+        frame = self.rolling.frame
+        gradient = frame.solid.displacement_gradient(self.rolling.state.displacement)
+        xx, xy, yx, yy = (gradient + np.array([1.0, 0, 0, 1.0])).T
+        volume_ratio = xx * yy - xy * yx
+        density_ratio = np.broadcast_to(frame.fed_layer.stacked.points.density_ratio[:, None], frame.to_rows(xx).shape)
+        voids = self.air.bounded(frame.to_rows(volume_ratio) / density_ratio - 1)
+        # J C^-1 with C = F'F, the permeability of the fed configuration over that of the mix
+        tensor = np.array([[xy * xy + yy * yy, -xx * xy - yx * yy], [-xx * xy - yx * yy, xx * xx + yx * yx]])
+        tensor /= volume_ratio
+        mobility = np.array([[frame.to_rows(each) for each in row] for row in tensor]) * self.air.mobility(voids)
+        first, last = frame.mesh.x[-1, [0, -1]]
+        bottom, top = frame.mesh.y[[0, -1]]
+        x, y = np.concatenate([[first], frame.row_x, [last]]), np.concatenate([[bottom], frame.row_y, [top]])
+        drained = np.zeros((len(x), len(y)), dtype=bool)
+        drained[:, -1] = (x < self.contact[0]) | (x > self.contact[1])
+        return AirFlow(x, y, _on_grid(density_ratio * voids), _on_grid(mobility), drained, self.air.ambient_pressure)
+
+    @cached_property
+    def surface(self) -> Array:
+        """Positions of the surface of the grid [m], shape (2, n); x of the fed mix if the gap is measured there."""
+        rolling, x = self.rolling, self.flow.x
+        fed = rolling.frame.nodes[rolling.frame.surface_nodes]
+        moved = rolling.surface_positions if rolling.surface.profile == "deformed" else fed
+        return np.array(
+            [np.interp(x, fed[:, 0], moved[:, 0]), np.interp(x, fed[:, 0], rolling.surface_positions[:, 1])]
+        )
+
+    @cached_property
+    def contact(self) -> tuple[float, float]:
+        """Trailing and leading edge of the contact in the fed configuration [m]."""
+        frame = self.rolling.frame
+        x = frame.nodes[frame.surface_nodes, 0]
+        touching = np.flatnonzero(self.rolling.contact.pressure > 0)
+        first, last = touching[0], touching[-1]
+        return float((x[first - 1] + x[first]) / 2), float((x[last] + x[last + 1]) / 2)
+
+    def at_points(self, pressure: AirPressure) -> Array:
+        """Return the excess pressure at the Gauss points of the engine [Pa].
+
+        Parameters
+        ----------
+        pressure : AirPressure
+            Pressure of the air.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Excess pressure [Pa].
+        """
+        return self.rolling.frame.to_points(pressure.excess[1:-1, 1:-1].T)
+
+
+def _on_grid(rows: Array) -> Array:
+    """Values by rows, shape (..., rows, columns), on the nodes of the grid, shape (..., columns + 2, rows + 2)."""
+    width = [(0, 0)] * (rows.ndim - 2) + [(1, 1), (1, 1)]
+    return np.pad(np.swapaxes(rows, -1, -2), width, mode="edge")
