@@ -14,6 +14,7 @@ V. S. Loveikin and K. I. Pochka, monograph on roller forming machines (D), eqs (
 
 import warnings
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 
@@ -22,11 +23,12 @@ from compact.material.laws import Elastic
 from compact.numerics import Array
 from compact.numerics.validation import (
     require_between,
+    require_known,
     require_nonnegative,
     require_positive,
     require_that,
 )
-from compact.rolling_contact import ContactResult, Layer, Roller, require_moving, require_on_target, require_one_roller
+from compact.rolling_contact import ContactResult, Layer, Roller, RollerCondition, require_moving, require_on_target
 
 TARGET_TOLERANCE = 1e-9  # [-], relative, of the prescribed load or pressure
 CONTACT_SAMPLES = 201  # [-], points along the contact, denser at the edges where the pressure is steep
@@ -288,7 +290,8 @@ def roll(
     >>> from compact.material.laws import Elastic
     >>> from compact.rolling_contact import Layer, Roller
     >>> roller = Roller(0.11, peak_pressure=0.203e6, friction=0.35, rolling="free")
-    >>> result = roll(Layer(0.22), roller, Elastic(0.75e6, 0.3), speed=0.16, rolling_friction=0.17)
+    >>> mix = Elastic(youngs_modulus=0.75e6, poisson=0.3)
+    >>> result = roll(Layer(0.22), roller, mix, speed=0.16, rolling_friction=0.17)
     >>> f"{result.load:.0f} N/m, resistance {result.resistance:.0f} N/m, angle {np.degrees(result.capture_angle):.1f}"
     '15224 N/m, resistance 2885 N/m, angle 29.3'
     """
@@ -344,7 +347,7 @@ def _require_in_scope(layer: Layer, roller: Roller, material: Elastic, speed: fl
         )
     if roller.profile != "parabola":
         raise ValueError(f"the formula engine needs `profile` 'parabola', got {roller.profile!r}; use fem")
-    require_one_roller(roller)
+    require_known("rolling", roller.rolling, get_args(RollerCondition))
     for name in ("youngs_modulus", "poisson"):
         if not hasattr(material, name):
             got = type(material).__name__

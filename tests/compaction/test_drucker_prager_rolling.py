@@ -37,7 +37,7 @@ def law(fed=0.9, **other):
 def marched(mix, increments, travel, height=None):
     """Roller after incremental rolling of the published lift at a residual of 1e-3."""
     height = 0.06 * 0.98 / mix.fed_density_ratio if height is None else height
-    roller = Roller(0.11, DEPTH, 0.35, "free", "deformed")
+    roller = Roller(0.11, indentation=DEPTH, friction=0.35, rolling="free", profile="deformed")
     case = RollingCase(Layer(height), roller, mix, 0.133, None, None, RollingNumerics())
     rolling = case.roller_at_rest(case.create_frame(DEPTH, increments))
     rolling.solver.tolerance = 1e-3
@@ -79,7 +79,13 @@ def test_coefficient_of_loose_mix_is_that_of_the_table(loose):
 @pytest.mark.slow
 def test_steady_state_by_search_is_that_of_marching():
     mix = law()
-    found = roll(Layer(0.06 * 0.98 / 0.9), Roller(0.11, DEPTH, 0.35, "free", "deformed"), mix, 0.133, increments=6)
+    found = roll(
+        Layer(0.06 * 0.98 / 0.9),
+        Roller(0.11, indentation=DEPTH, friction=0.35, rolling="free", profile="deformed"),
+        mix,
+        0.133,
+        increments=6,
+    )
     step = marched(mix, 6, 0.8).steps[-1]
     assert found.load == pytest.approx(step.load, rel=0.02)
     assert found.resistance == pytest.approx(step.resistance, rel=0.01)
@@ -91,7 +97,13 @@ def test_steady_state_by_search_is_that_of_marching():
 def test_high_wave_of_a_shear_line_becomes_steady():
     """Fed at 0.92 with S 600 Pa m; within its error estimate of 1 m of rolling, `docs/theory/strength.md`."""
     mix = law(0.92, shear_viscosity=600.0)
-    found = roll(Layer(0.06 * 0.98 / 0.92), Roller(0.11, DEPTH, 0.35, "free", "deformed"), mix, 0.133, increments=6)
+    found = roll(
+        Layer(0.06 * 0.98 / 0.92),
+        Roller(0.11, indentation=DEPTH, friction=0.35, rolling="free", profile="deformed"),
+        mix,
+        0.133,
+        increments=6,
+    )
     assert found.load * LENGTH == pytest.approx(6413, rel=found.error[0])
     assert found.resistance * LENGTH == pytest.approx(928, rel=found.error[1])
     assert max(found.error) < 0.15
@@ -128,7 +140,7 @@ def test_reciprocating_strokes_balance_their_work(changes):
     """Both surfaces are satisfied in every step; a step without equilibrium iterates the carried pressure."""
     mix = law(**changes)
     cycle = profile_law("quintic", 0.12, 3.0).cycle()
-    roller = Roller(0.11, DEPTH, profile="deformed")
+    roller = Roller(0.11, indentation=DEPTH, profile="deformed")
     found = simulate_reciprocating(Layer(0.06 * 0.98 / 0.9), roller, mix, cycle, increments=4, estimate=False)
     assert found.input_work[-1] == pytest.approx(found.stored_work[-1], rel=0.02)
     assert found.resistance.max() > 400.0

@@ -21,7 +21,16 @@ from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.rolling_contact import EquilibriumError
 
-MIX = Compaction(120e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94, dry_side="ellipse")
+MIX = Compaction(
+    unloading_modulus=120e6,
+    poisson=0.3,
+    heckel_slope=13e-6,
+    loose_density_ratio=0.72,
+    critical_slope=1.2,
+    tensile_strength=14e3,
+    fed_density_ratio=0.94,
+    dry_side="ellipse",
+)
 SQUARE = MeshQuad.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 1, 3))
 # independent solution, e_y < 0: e_x = -0.3 e_y and 0.3 e_y, gamma = e_y, oedometer: strain (xx, yy, 2 xy);
 # stress (xx, yy, zz, xy) [kPa] and density ratio

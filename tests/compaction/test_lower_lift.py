@@ -35,12 +35,31 @@ SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015.toml"
 SLOPE = float(np.sqrt(3) * np.sin(np.radians(35)))
 ISOTROPIC = 14.96e-6 * (1 + np.sqrt(1 + 4 * SLOPE**2 / 9)) / 2
 # the published lift, as in test_steady_search
-LIFT, ROLLER = Layer(0.06 * 0.98 / 0.93576), Roller(0.11, 0.003, 0.35, "free", "deformed")
-MIX = Compaction(120e6, 0.3, ISOTROPIC, 0.72, SLOPE, 10e3 / np.tan(np.radians(35)), 0.93576)
+LIFT = Layer(0.06 * 0.98 / 0.93576)
+ROLLER = Roller(0.11, indentation=0.003, friction=0.35, rolling="free", profile="deformed")
+MIX = Compaction(
+    unloading_modulus=120e6,
+    poisson=0.3,
+    heckel_slope=ISOTROPIC,
+    loose_density_ratio=0.72,
+    critical_slope=SLOPE,
+    tensile_strength=10e3 / np.tan(np.radians(35)),
+    fed_density_ratio=0.93576,
+)
 CIRCLE = replace(ROLLER, profile="circle")
-LOWER = LowerLift(0.06, 0.98)
+LOWER = LowerLift(thickness=0.06, density_ratio=0.98)
 ON_LIFT = replace(LIFT, lower_lift=LOWER)
-HEIGHT, THIN = 0.1147, Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94, dry_side="ellipse")
+HEIGHT = 0.1147
+THIN = Compaction(
+    unloading_modulus=20e6,
+    poisson=0.3,
+    heckel_slope=13e-6,
+    loose_density_ratio=0.72,
+    critical_slope=1.2,
+    tensile_strength=14e3,
+    fed_density_ratio=0.94,
+    dry_side="ellipse",
+)
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +149,7 @@ def test_column_on_an_elastic_lower_lift_settles_by_its_oedometric_strain():
 
 
 def test_column_reaches_an_exit_density_that_yields_the_lower_lift_too():
-    layer = replace(LIFT, lower_lift=LowerLift(0.06, 0.95))
+    layer = replace(LIFT, lower_lift=LowerLift(thickness=0.06, density_ratio=0.95))
     rolled = column.roll(layer, CIRCLE, MIX, 0.13, exit_density_ratio=0.97)
     assert rolled.exit_density_ratio == pytest.approx(0.97, abs=1e-8)
     assert rolled.lower_density_ratio == pytest.approx(0.97, abs=1e-4)  # nearly the same path to the same stress
@@ -140,8 +159,8 @@ def test_column_reaches_an_exit_density_that_yields_the_lower_lift_too():
 @pytest.mark.parametrize("ratio", [0.98, 0.95], ids=["elastic", "yielding"])
 def test_thin_layers_tend_to_columns_in_series(ratio):
     """Contact length ten times both heights together, small strain; P .1 %, F .3 % beside the error of columns."""
-    layer = Layer(HEIGHT, lower_lift=LowerLift(HEIGHT, ratio))
-    roller = Roller((20 * HEIGHT) ** 2 / (2 * 0.036 * HEIGHT), 0.036 * HEIGHT)
+    layer = Layer(HEIGHT, lower_lift=LowerLift(thickness=HEIGHT, density_ratio=ratio))
+    roller = Roller((20 * HEIGHT) ** 2 / (2 * 0.036 * HEIGHT), indentation=0.036 * HEIGHT)
     columns = column.roll(layer, roller, THIN, 0.2, strain="small")
     rolled = roll(layer, roller, THIN, 0.2, strain="small", increments=12)
     assert rolled.load == pytest.approx(columns.load, rel=3e-3)
@@ -216,7 +235,7 @@ def test_neighbour_on_a_lower_lift_equals_a_solution_from_scratch(on_lift):
 def test_exit_of_a_first_pass_as_lower_lift_equals_its_description(on_base):
     """The density of the first pass varies over the height; its mean determines load and resistance within .2 %."""
     fed = replace(fresh_layer(MIX, np.array([LIFT.height])), lower=on_base.exit)
-    described = LowerLift(on_base.exit_height, on_base.exit_density_ratio)
+    described = LowerLift(thickness=on_base.exit_height, density_ratio=on_base.exit_density_ratio)
     chained = roll(LIFT, ROLLER, MIX, 0.13, increments=4, fed_layer=fed)
     rolled = roll(replace(LIFT, lower_lift=described), ROLLER, MIX, 0.13, increments=4)
     assert chained.load == pytest.approx(rolled.load, rel=2e-3)
@@ -270,11 +289,17 @@ def test_record_holds_the_lower_lift():
 @pytest.mark.parametrize(
     ("compute", "message"),
     [
-        (lambda: LowerLift(0.06, 1.0), "`density_ratio` of the lower lift must be below 1, got 1.0"),
-        (lambda: LowerLift(0.0, 0.98), "`thickness` must be positive and finite, got 0.0"),
-        (lambda: Layer(0.06, plies=(Ply(0.06, 1.0),), lower_lift=LOWER), "with a `lower_lift` must have no `plies`"),
         (
-            lambda: roll(replace(LIFT, lower_lift=LowerLift(0.06, 0.9)), ROLLER, MIX, 0.13),
+            lambda: LowerLift(thickness=0.06, density_ratio=1.0),
+            "`density_ratio` of the lower lift must be below 1, got 1.0",
+        ),
+        (lambda: LowerLift(thickness=0.0, density_ratio=0.98), "`thickness` must be positive and finite, got 0.0"),
+        (
+            lambda: Layer(0.06, plies=(Ply(thickness=0.06, stiffness=1.0),), lower_lift=LOWER),
+            "with a `lower_lift` must have no `plies`",
+        ),
+        (
+            lambda: roll(replace(LIFT, lower_lift=LowerLift(thickness=0.06, density_ratio=0.9)), ROLLER, MIX, 0.13),
             "`density_ratio` of compacted mix must lie between that of the fed mix 0.93576 and 1, got 0.9",
         ),
         (
@@ -282,7 +307,9 @@ def test_record_holds_the_lower_lift():
             "`fed_layer` on a `lower_lift` must have a state `lower` of it, got None",
         ),
         (
-            lambda: spectral.roll(ON_LIFT, replace(CIRCLE, rolling="frictionless"), Elastic(1e6, 0.3), 0.13),
+            lambda: spectral.roll(
+                ON_LIFT, replace(CIRCLE, rolling="frictionless"), Elastic(youngs_modulus=1e6, poisson=0.3), 0.13
+            ),
             "a `lower_lift` must lie under mix that compacts, got one under a linear layer",
         ),
         (

@@ -32,8 +32,20 @@ def random_scene(seed, heights=PRODUCT):
     isotropic = mix.heckel_slope * (1 + np.sqrt(1 + 4 * slope**2 / 9)) / 2
     strength = float(mix.cohesion / np.tan(angle))
     fed = k / (1 + depth / height)
-    material = Compaction(mix.unloading_modulus, mix.poisson, isotropic, LOOSE_DENSITY_RATIO, slope, strength, fed)
-    return Layer(height + depth), Roller(radius, depth, friction, "free", "deformed"), material
+    material = Compaction(
+        unloading_modulus=mix.unloading_modulus,
+        poisson=mix.poisson,
+        heckel_slope=isotropic,
+        loose_density_ratio=LOOSE_DENSITY_RATIO,
+        critical_slope=slope,
+        tensile_strength=strength,
+        fed_density_ratio=fed,
+    )
+    return (
+        Layer(height + depth),
+        Roller(radius, indentation=depth, friction=friction, rolling="free", profile="deformed"),
+        material,
+    )
 
 
 def random_request(seed):
@@ -80,14 +92,38 @@ def calibrated_scene(height, depth, heckel_slope, fed):
     """A published scene with the mix fitted to it."""
     slope = float(np.sqrt(3) * np.sin(np.radians(35)))
     isotropic = heckel_slope * (1 + np.sqrt(1 + 4 * slope**2 / 9)) / 2
-    material = Compaction(120e6, 0.3, isotropic, LOOSE_DENSITY_RATIO, slope, 10e3 / np.tan(np.radians(35)), fed)
-    return Layer(height * 0.98 / fed), Roller(0.11, depth, 0.35, "free", "deformed"), material
+    material = Compaction(
+        unloading_modulus=120e6,
+        poisson=0.3,
+        heckel_slope=isotropic,
+        loose_density_ratio=LOOSE_DENSITY_RATIO,
+        critical_slope=slope,
+        tensile_strength=10e3 / np.tan(np.radians(35)),
+        fed_density_ratio=fed,
+    )
+    return (
+        Layer(height * 0.98 / fed),
+        Roller(0.11, indentation=depth, friction=0.35, rolling="free", profile="deformed"),
+        material,
+    )
 
 
 SOLVED = {
     **{f"lift {seed}": random_scene(seed, LIFT) for seed in range(40)},
     **{f"product {seed}": random_scene(seed) for seed in (2, 3, 25)},
-    "steep": (Layer(0.23), Roller(0.11, 0.009), Compaction(120e6, 0.3, 28e-6, LOOSE_DENSITY_RATIO, 1.2, 14e3, 0.935)),
+    "steep": (
+        Layer(0.23),
+        Roller(0.11, indentation=0.009),
+        Compaction(
+            unloading_modulus=120e6,
+            poisson=0.3,
+            heckel_slope=28e-6,
+            loose_density_ratio=LOOSE_DENSITY_RATIO,
+            critical_slope=1.2,
+            tensile_strength=14e3,
+            fed_density_ratio=0.935,
+        ),
+    ),
     "published lift": calibrated_scene(0.06, 0.003, 14.96e-6, 0.93576),
     "published lift of 40 mm": calibrated_scene(0.04, 0.0033, 11.7e-6, 0.905),
     "published product": calibrated_scene(0.22, 0.00275, 24.95e-6, 0.9687),
@@ -104,7 +140,7 @@ def test_estimate_accepts_scenes_with_a_computed_steady_state(scene, no_solution
 
 @pytest.mark.parametrize("seed", UNSOLVED)
 def test_estimate_refuses_products_that_heap_up(seed, no_solution):
-    message = r"heaps up in front of the roller \(an estimate\); feed the mix in lifts of"
+    message = r"the rest heaps up in front of the roller \(an estimate\); "
     with pytest.raises(HeapingError, match=message):
         roll(*random_scene(seed), 0.13)
 
@@ -122,8 +158,16 @@ def test_rolling_ends_early_if_the_mix_heaps_up(monkeypatch):
 
 SLIDING = (
     Layer(0.0732),
-    Roller(0.119, 0.00152, 0.31, "sliding", "deformed"),
-    Compaction(107e6, 0.308, 15.1e-6, 0.72, 0.972, 13.2e3, 0.957),
+    Roller(0.119, indentation=0.00152, friction=0.31, rolling="sliding", profile="deformed"),
+    Compaction(
+        unloading_modulus=107e6,
+        poisson=0.308,
+        heckel_slope=15.1e-6,
+        loose_density_ratio=0.72,
+        critical_slope=0.972,
+        tensile_strength=13.2e3,
+        fed_density_ratio=0.957,
+    ),
 )
 
 

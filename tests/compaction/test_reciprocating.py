@@ -17,10 +17,19 @@ from compact.rolling_contact import Layer, Ply, Roller
 
 LENGTH = float(np.sqrt(2 * 0.11 * 0.002))  # contact length on the high layer
 # wide thin layer, for which columns are accurate: contact length ahead of ten heights
-THIN = Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94, dry_side="ellipse")
+THIN = Compaction(
+    unloading_modulus=20e6,
+    poisson=0.3,
+    heckel_slope=13e-6,
+    loose_density_ratio=0.72,
+    critical_slope=1.2,
+    tensile_strength=14e3,
+    fed_density_ratio=0.94,
+    dry_side="ellipse",
+)
 HEIGHT = 0.02
 DEPTH = 0.03 * HEIGHT
-WIDE = Roller((10 * HEIGHT) ** 2 / (2 * DEPTH), DEPTH)
+WIDE = Roller((10 * HEIGHT) ** 2 / (2 * DEPTH), indentation=DEPTH)
 WIDE_LENGTH = 10 * HEIGHT
 
 
@@ -378,9 +387,15 @@ def test_steps_require_few_iterations(thin):
     ("changes", "message"),
     [
         ({"roller": Roller(0.11, load=5e3)}, "`indentation` must be given .*, got its load"),
-        ({"layer": Layer(0.1, "slip")}, "`base` must be 'bonded', got 'slip'"),
-        ({"layer": Layer(0.1, plies=(Ply(0.05, 1.0), Ply(0.05, 2.0)))}, "`plies` are for linear layers"),
-        ({"roller": Roller(0.11, 0.002, 0.3, "driven")}, "`torque` must be given for a 'driven' roller"),
+        ({"layer": Layer(0.1, base="slip")}, "`base` must be 'bonded', got 'slip'"),
+        (
+            {"layer": Layer(0.1, plies=(Ply(thickness=0.05, stiffness=1.0), Ply(thickness=0.05, stiffness=2.0)))},
+            "`plies` are for linear layers",
+        ),
+        (
+            {"roller": Roller(0.11, indentation=0.002, friction=0.3, rolling="driven")},
+            "`torque` must be given for a 'driven' roller",
+        ),
         ({"torque": 10.0}, "`torque` needs a roller that is 'free' or 'driven'"),
         ({"material": "mix"}, "`material` must be Compaction, got str"),
         ({"lift_thickness": -0.01}, "`lift_thickness` must be zero or positive"),
@@ -388,7 +403,7 @@ def test_steps_require_few_iterations(thin):
         ({"increments": 0.5}, "`increments` must be a whole number"),
         ({"instants": (np.nan,)}, "`instants` must be finite"),
         ({"strain": "log"}, "no strain 'log'"),
-        ({"roller": Roller(0.11, 0.01)}, "would press mix"),
+        ({"roller": Roller(0.11, indentation=0.01)}, "would press mix"),
     ],
 )
 def test_arguments_out_of_range_are_refused(layer, roller, mix, changes, message):

@@ -18,10 +18,18 @@ from compact.rolling_contact import Layer, Roller
 
 R, H = 0.11, 0.1
 LAYER = Layer(H)
-MIX = Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
+MIX = Compaction(
+    unloading_modulus=60e6,
+    poisson=0.3,
+    heckel_slope=13e-6,
+    loose_density_ratio=0.72,
+    critical_slope=1.2,
+    tensile_strength=14e3,
+    fed_density_ratio=0.94,
+)
 UNYIELDING = replace(MIX, heckel_slope=1e-12, tensile_strength=1e12)
 SHALLOW, FRICTION = 5e-4, 0.3  # indentation [m] and friction [-] on mix that does not yield
-FREE = Roller(R, 0.002, FRICTION, "free", "deformed")
+FREE = Roller(R, indentation=0.002, friction=FRICTION, rolling="free", profile="deformed")
 PROFILES = ["deformed", "circle", "parabola"]
 
 
@@ -107,12 +115,19 @@ def roll_unyielding(profile, torque, count):
     rolling = IncrementalRolling(frame, R, profile=profile, friction=FRICTION, torque=torque)
     for bottom_height in H - SHALLOW * np.minimum(np.arange(1, 6 * count) / count, 1):
         rolling.advance(bottom_height, damping=0.0)
-    return build_result(rolling, LAYER, Roller(R, SHALLOW, FRICTION, "driven", profile), UNYIELDING, 0.2)
+    return build_result(
+        rolling,
+        LAYER,
+        Roller(R, indentation=SHALLOW, friction=FRICTION, rolling="driven", profile=profile),
+        UNYIELDING,
+        0.2,
+    )
 
 
 def roll_both(profile, share, count):
     """Results of both engines under a torque that is a share of the friction limit."""
-    roller, mix = Roller(R, SHALLOW, FRICTION, "driven", profile), Elastic(MIX.unloading_modulus, MIX.poisson)
+    roller = Roller(R, indentation=SHALLOW, friction=FRICTION, rolling="driven", profile=profile)
+    mix = Elastic(youngs_modulus=MIX.unloading_modulus, poisson=MIX.poisson)
     frictionless = fem.roll(LAYER, replace(roller, rolling="frictionless"), mix, 0.2, estimate=False)
     torque = share * FRICTION * R * frictionless.load
     linear = fem.roll(LAYER, roller, mix, 0.2, torque=torque, estimate=False)
@@ -179,7 +194,9 @@ def test_high_friction_sticks_except_at_the_edges():
 @pytest.mark.slow
 def test_roller_braked_to_its_limit_slides():
     """The limit is that of the tractions normal to the roller, 2.6 % more here than friction times load."""
-    sliding = roll_high_layer(Roller(R, 0.002, 0.15, "sliding", "deformed"), increments=4)
+    sliding = roll_high_layer(
+        Roller(R, indentation=0.002, friction=0.15, rolling="sliding", profile="deformed"), increments=4
+    )
     torque = -0.99 * R * total_shear(sliding)
     braked = roll_high_layer(replace(FREE, friction=0.15, rolling="driven"), torque=torque, increments=4)
     assert braked.load == pytest.approx(sliding.load, rel=5e-3)
@@ -235,7 +252,7 @@ def test_deep_free_rollers_become_steady(friction):
 
 @pytest.mark.slow
 def test_opposite_directions_are_mirror_images():
-    roller = Roller(2.0, 0.002, FRICTION, "driven", "circle")
+    roller = Roller(2.0, indentation=0.002, friction=FRICTION, rolling="driven", profile="circle")
     options = {"torque": 500.0, "strain": "small", "increments": 6}
     there, back = (roll(LAYER, roller, MIX, sign * 0.2, **options) for sign in (1, -1))
     assert (back.load, -back.resistance, back.creep) == (there.load, there.resistance, there.creep)

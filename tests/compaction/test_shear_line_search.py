@@ -26,7 +26,11 @@ def law(fed=0.9, **other):
 
 
 def lift(fed):
-    return Layer(0.06 * 0.98 / fed), Roller(0.11, DEPTH, 0.35, "free", "deformed"), law(fed, shear_viscosity=600.0)
+    return (
+        Layer(0.06 * 0.98 / fed),
+        Roller(0.11, indentation=DEPTH, friction=0.35, rolling="free", profile="deformed"),
+        law(fed, shear_viscosity=600.0),
+    )
 
 
 def step(travel, load=5e3, resistance=700.0, wave_area=0.0):
@@ -129,7 +133,14 @@ def test_loose_lift_is_steady_on_two_meshes():
 def test_targets_are_met(target):
     layer, _, mix = lift(0.9)
     options = {"exit_density_ratio": target["exit_density_ratio"]} if "exit_density_ratio" in target else {}
-    roller = Roller(0.11, DEPTH if options else None, 0.35, "free", "deformed", load=target.get("load"))
+    roller = Roller(
+        0.11,
+        indentation=DEPTH if options else None,
+        friction=0.35,
+        rolling="free",
+        profile="deformed",
+        load=target.get("load"),
+    )
     found = roll(layer, roller, mix, 0.13, increments=7, **options)
     name, value = next(iter(target.items()))
     assert getattr(found, name) == pytest.approx(value, rel=1e-3)
@@ -155,7 +166,11 @@ def random_lift(seed):
         loose_density_ratio=LOOSE_DENSITY_RATIO,
     )  # fmt: skip
     torque = {"torque": float(draw.uniform(-0.3, 0.5) * friction * radius * 3000)} if rolling == "driven" else {}
-    return (Layer(height + depth), Roller(radius, depth, friction, rolling, "deformed"), material), torque
+    return (
+        Layer(height + depth),
+        Roller(radius, indentation=depth, friction=friction, rolling=rolling, profile="deformed"),
+        material,
+    ), torque
 
 
 @pytest.mark.slow

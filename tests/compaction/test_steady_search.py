@@ -17,8 +17,16 @@ SLOPE = float(np.sqrt(3) * np.sin(np.radians(35)))
 ISOTROPIC = 14.96e-6 * (1 + np.sqrt(1 + 4 * SLOPE**2 / 9)) / 2
 PUBLISHED = (
     Layer(0.06 * 0.98 / 0.93576),
-    Roller(0.11, 0.003, 0.35, "free", "deformed"),
-    Compaction(120e6, 0.3, ISOTROPIC, 0.72, SLOPE, 10e3 / np.tan(np.radians(35)), 0.93576),
+    Roller(0.11, indentation=0.003, friction=0.35, rolling="free", profile="deformed"),
+    Compaction(
+        unloading_modulus=120e6,
+        poisson=0.3,
+        heckel_slope=ISOTROPIC,
+        loose_density_ratio=0.72,
+        critical_slope=SLOPE,
+        tensile_strength=10e3 / np.tan(np.radians(35)),
+        fed_density_ratio=0.93576,
+    ),
 )
 # load and resistance of the published lift by 600 steps from two bow waves, 10 % above and below the steady one, on 12
 # elements per contact length: 9760.0 and 9758.3 N, 1752.6 and 1752.0 N over 1.1642 m of roller
@@ -170,7 +178,7 @@ def test_exit_density_is_met_in_the_same_loop():
 
 
 def test_error_has_three_parts(layer, roller, mix):
-    rolled = roll(Layer(0.06), Roller(0.5, 0.002), mix, 0.2, increments=6)
+    rolled = roll(Layer(0.06), Roller(0.5, indentation=0.002), mix, 0.2, increments=6)
     parts = rolled.error_parts
     assert rolled.error == pytest.approx(np.sum([parts.mesh, parts.drift, parts.start], axis=0))
     assert all(value >= 0 for pair in (parts.mesh, parts.drift, parts.start) for value in pair)

@@ -35,7 +35,9 @@ def test_rate_is_speed_times_strain_over_contact_length():
 def test_rate_transfers_between_radii_and_depths(scale):
     """A machine of another size has the rate, hence the pressures, of this one at a speed in proportion."""
     here = roll(Layer(FED_HEIGHT), circle(), RATED, SPEED)
-    there = roll(Layer(scale * FED_HEIGHT), Roller(scale * R, scale * DEPTH, profile="circle"), RATED, scale * SPEED)
+    there = roll(
+        Layer(scale * FED_HEIGHT), Roller(scale * R, indentation=scale * DEPTH, profile="circle"), RATED, scale * SPEED
+    )
     assert there.peak_pressure == pytest.approx(here.peak_pressure, rel=1e-9)
     assert there.load == pytest.approx(scale * here.load, rel=1e-9)
 

@@ -8,21 +8,19 @@ import pytest
 from lift_sequences import sequence
 
 from compact.analysis.multipass import Pass, passes
-from compact.engines.process import lumped_lifts
-from compact.engines.process.closures import FormingProblem, solve_closure
+from compact.engines.process import lifts as lumped_lifts
 from compact.engines.process.fields import process_frames
 from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
-from compact.engines.process.lumped_lifts import LiftAir, lift_thickness, simulate_lifts
-from compact.engines.process.mix_spread import mix_spread
+from compact.engines.process.lifts import LiftAir, TwoDimensionalRow, lift_thickness, simulate_lifts
 from compact.engines.process.roller_row import RollerRow
-from compact.engines.process.two_dimensions import TwoDimensionalRow
+from compact.engines.process.section import FormingProblem, solve_closure
 from compact.material.laws import Compaction
 from compact.material.pore_air import PoreAir
 from compact.rolling_contact import Layer, Roller
 
 MIX = Compaction(
-    60e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2, tensile_strength=14e3,
-    fed_density_ratio=0.75,
+    unloading_modulus=60e6, poisson=0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
+    tensile_strength=14e3, fed_density_ratio=0.75,
 )  # fmt: skip
 MACHINE = FormingMachine(0.11, 0.4, 0.22, 0.45, 0.4 / 0.45, 1.05 / 60, 20.0)
 
@@ -152,26 +150,6 @@ def test_mould_at_rest_has_no_work_of_the_throughput(row):
     assert found.load.value == pytest.approx(1e3 * 0.4)
 
 
-def test_spread_over_the_mix_is_that_of_columns():
-    """A mix of half the Heckel slope and twice the modulus is twice as stiff without tensile strength."""
-    machine, closure = replace(MACHINE, roller_length=0.11), Closure("product_density_ratio", 0.8)
-    problem = FormingProblem(machine, replace(MIX, tensile_strength=0.0), Fill(0.22, 0.75), Feed(0.75), 1)
-    base = RollerRow(problem, closure, solve_closure(problem, closure), 0.98)
-    found = mix_spread(base, {"heckel_slope": (6.5e-6, 26e-6), "unloading_modulus": (120e6, 30e6)})
-    slope, modulus = ({each.value: each for each in found.effects if each.name == n} for n in FIELDS)
-    assert slope[6.5e-6].resistance == pytest.approx(2, rel=5e-3)
-    assert slope[26e-6].resistance == pytest.approx(0.5, rel=5e-3)
-    material = replace(problem.material, heckel_slope=6.5e-6, unloading_modulus=120e6)
-    problem = replace(problem, material=material)
-    stiff = replace(base, problem=problem, closed=solve_closure(problem, closure))
-    assert stiff.load == pytest.approx(2 * base.load, rel=1e-6)
-    low, high = found.bounds("load")
-    logs = np.log([slope[6.5e-6].load, max(modulus[120e6].load, modulus[30e6].load)])
-    assert high == pytest.approx(np.exp(np.hypot(*logs)))
-    assert low < 0.6
-    assert found.refused == ()
-
-
 @pytest.fixture
 def fake_roll(monkeypatch):
     """Passes that press a section to the lowest generatrix, uniformly and without elastic strain."""
@@ -264,7 +242,7 @@ def test_air_of_a_lift_one_way_and_coupled():
     problem = FormingProblem(replace(MACHINE, height=0.05), MIX, Fill(0.05, 0.75), Feed(0.75))
 
     def first(permeability, coupled):
-        air = LiftAir(PoreAir(permeability, 0.21, 0.75), coupled)
+        air = LiftAir(PoreAir(permeability=permeability, water=0.21, fed_density_ratio=0.75), coupled)
         return simulate_lifts(problem, 0.35, 1.0, 0.76, thickness=0.003, increments=6, air=air).lifts[0]
 
     drained, twice, coupled = first(4e-11, False), first(2e-11, False), first(4e-11, True)

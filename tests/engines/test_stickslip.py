@@ -21,8 +21,8 @@ from compact.rolling_contact import Layer, Roller
 
 H, R, DEPTH, NU = 0.22, 0.11, 0.006, 0.3
 LAYER = Layer(H)
-MIX = Elastic(1.0, NU)
-SLS = Viscoelastic(1.0, NU, branches=((1.0, 1.0),))  # v tau is v
+MIX = Elastic(youngs_modulus=1.0, poisson=NU)
+SLS = Viscoelastic(youngs_modulus=1.0, poisson=NU, branches=((1.0, 1.0),))  # v tau is v
 FREE, DRIVEN, BRAKED = 0.0, 0.5, -0.5  # torque over the friction limit
 FRICTIONLESS_LOAD = 3.4452e-3  # of MIX at DEPTH; times friction the reference of torques
 
@@ -172,9 +172,9 @@ def shifted(values):
 @cache
 def both_contacts(material, speed, friction, share, cells):
     """Contact by finite and by boundary elements under the same torque."""
-    plain = fem.roll(LAYER, Roller(R, DEPTH), material, speed, estimate=False)
+    plain = fem.roll(LAYER, Roller(R, indentation=DEPTH), material, speed, estimate=False)
     torque = share * friction * R * plain.load
-    roller = Roller(R, DEPTH, friction=friction, rolling="driven")
+    roller = Roller(R, indentation=DEPTH, friction=friction, rolling="driven")
     rolled = fem.roll(LAYER, roller, material, speed, torque=torque, estimate=False)
     half_width = (plain.leading - plain.trailing) / 2
     margin = 1.15 + abs(plain.leading + plain.trailing) / 2 / half_width
@@ -194,7 +194,7 @@ def test_symbols_agree_with_the_modes(zeta, poisson):
 
 def test_boundary_elements_with_little_friction_agree_with_the_spectral_engine():
     found = roll_by_boundary_elements(MIX, 1.0, 1e-4, 0.0, 0.0206, cells=40)
-    exact = spectral.roll(LAYER, Roller(R, DEPTH), MIX, 1.0, rtol=1e-8)
+    exact = spectral.roll(LAYER, Roller(R, indentation=DEPTH), MIX, 1.0, rtol=1e-8)
     assert found.load == pytest.approx(exact.load, rel=2e-4)
     assert found.pressure.max() == pytest.approx(exact.peak_pressure, rel=2e-3)
 
@@ -231,7 +231,7 @@ def test_free_roller_with_high_friction_sticks_completely():
     for height in (100 * a, 200 * a):
         load = np.pi * a**2 / (4 * R) * (1 + 4 * gamma**2)
         roller = Roller(R, load=load, friction=1.0, rolling="free")
-        rolled = fem.roll(Layer(height), roller, Elastic(1 - NU**2, NU), 1.0, estimate=False)
+        rolled = fem.roll(Layer(height), roller, Elastic(youngs_modulus=1 - NU**2, poisson=NU), 1.0, estimate=False)
         fields = np.interp(x, rolled.x, rolled.pressure), np.interp(x, rolled.x, rolled.shear_traction)
         numbers.append(np.concatenate([*fields, [rolled.creep]]))
     thick = 2 * numbers[1] - numbers[0]  # to a half-plane
@@ -317,7 +317,7 @@ def test_signs_of_torque_creepage_and_resistance():
 
 def rolled_by(material, speed, friction, share):
     """Contact of a driven roller; its torque is a share of friction times `FRICTIONLESS_LOAD`."""
-    turned = Roller(R, DEPTH, friction=friction, rolling="driven")
+    turned = Roller(R, indentation=DEPTH, friction=friction, rolling="driven")
     torque = share * friction * R * FRICTIONLESS_LOAD
     return fem.roll(LAYER, turned, material, speed, torque=torque, estimate=False)
 
@@ -343,17 +343,17 @@ def test_limits_of_slow_and_fast_rolling_are_elastic(deborah, modulus, share):
     ("layer", "poisson", "friction", "share", "indentation"),
     [
         (LAYER, 0.074, 0.037, 0.5, 0.00235),  # all nodes slip in an iteration, which leaves the creepage undetermined
-        (Layer(H, "slip"), 0.005, 0.288, 0.9, 0.00032),
+        (Layer(H, base="slip"), 0.005, 0.288, 0.9, 0.00032),
         (LAYER, 0.065, 0.777, 0.0, 0.00088),  # an edge converges to a node
-        (Layer(H, "slip"), 0.137, 0.934, 0.0, 0.00046),  # pressure and shear converge slowly
+        (Layer(H, base="slip"), 0.137, 0.934, 0.0, 0.00046),  # pressure and shear converge slowly
         (LAYER, 0.3, 3.0, 0.0, 0.0005),
     ],
     ids=["all-slip", "narrow-stick", "edge-on-node", "slow-convergence", "full-stick"],
 )
 def test_difficult_contact_converges(layer, poisson, friction, share, indentation):
-    mix = Elastic(1.0, poisson)
-    limit = friction * R * fem.roll(layer, Roller(R, indentation), mix, 1.0, estimate=False).load
-    roller = Roller(R, indentation, friction=friction, rolling="driven")
+    mix = Elastic(youngs_modulus=1.0, poisson=poisson)
+    limit = friction * R * fem.roll(layer, Roller(R, indentation=indentation), mix, 1.0, estimate=False).load
+    roller = Roller(R, indentation=indentation, friction=friction, rolling="driven")
     rolled = fem.roll(layer, roller, mix, 1.0, torque=share * limit, estimate=False)
     assert rolled.work_residual < 5e-3
 
@@ -374,10 +374,12 @@ COARSE = mesh.graded_mesh(H, 0.0206, 6)
     st.sampled_from(["parabola", "circle", "deformed"]),
 )
 def test_coulomb_law_holds_and_reversal_mirrors_the_contact(poisson, friction, share, decade, base, profile):
-    mix, layer, speed = Viscoelastic(1.0, poisson, branches=((1.0, 1.0),)), Layer(H, base), 0.02 * 10**decade
+    mix = Viscoelastic(youngs_modulus=1.0, poisson=poisson, branches=((1.0, 1.0),))
+    layer = Layer(H, base=base)
+    speed = 0.02 * 10**decade
     numerics = {"mesh": COARSE, "estimate": False}
-    limit = friction * R * fem.roll(layer, Roller(R, DEPTH, profile=profile), mix, speed, **numerics).load
-    roller = Roller(R, DEPTH, friction=friction, rolling="driven", profile=profile)
+    limit = friction * R * fem.roll(layer, Roller(R, indentation=DEPTH, profile=profile), mix, speed, **numerics).load
+    roller = Roller(R, indentation=DEPTH, friction=friction, rolling="driven", profile=profile)
     forth, back = (fem.roll(layer, roller, mix, sign * speed, torque=share * limit, **numerics) for sign in (1, -1))
     assert np.all(np.abs(forth.shear_traction) <= friction * (forth.pressure + 0.03 * forth.peak_pressure))
     assert np.trapezoid(forth.shear_traction, forth.x) == pytest.approx(-share * limit / R, abs=2e-3 * forth.load)

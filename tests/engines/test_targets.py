@@ -17,11 +17,25 @@ from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.rolling_contact import Layer, Roller, require_on_target, require_target_reached
 
 R, SPEED = 0.11, 0.2
-MIX = Compaction(120e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
-LINEAR = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
+MIX = Compaction(
+    unloading_modulus=120e6,
+    poisson=0.3,
+    heckel_slope=13e-6,
+    loose_density_ratio=0.72,
+    critical_slope=1.2,
+    tensile_strength=14e3,
+    fed_density_ratio=0.94,
+)
+LINEAR = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))
 LAYER, THIN = Layer(0.22), Layer(0.06)
 TOLERANCES = {"formula": 1e-9, "column": 1e-8, "spectral": 1e-9, "fem": 1e-8, "compaction": 1e-3}
-MATERIALS = {"formula": Elastic(10e6, 0.3), "column": MIX, "spectral": LINEAR, "fem": LINEAR, "compaction": MIX}
+MATERIALS = {
+    "formula": Elastic(youngs_modulus=10e6, poisson=0.3),
+    "column": MIX,
+    "spectral": LINEAR,
+    "fem": LINEAR,
+    "compaction": MIX,
+}
 REFUSALS = (
     "must be less than|must lie between|is undefined on a half-plane|is wider than the circle|beyond its edge|"
     "too narrow|"

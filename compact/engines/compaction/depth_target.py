@@ -11,14 +11,12 @@ import numpy as np
 
 from compact.engines.compaction.incremental_rolling import IncrementalRolling, RollingStep
 from compact.engines.compaction.results import CompactionContactResult
-from compact.engines.compaction.roller_contact import PairSurface
 from compact.engines.compaction.roller_frame import LayerState
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller, require_on_target
 
 TARGET_TOLERANCE = 1e-3  # [-], of a prescribed load or peak pressure
 DENSITY_TOLERANCE = 1e-4  # [-], of a prescribed exit density ratio; columns of points scatter by as much
-ELONGATED_TOLERANCE = 5e-4  # [-], under a pair of rollers, where the strip elongates
 MIN_TARGET_RATIO = 1e-3  # [-], least extrapolated load or pressure over the target
 MIN_DENSITY_INCREASE = 1e-6  # [-], least extrapolated increase of the density ratio
 STRAIN_DEPTH = 1.5  # [-], depth of the strained mix over the contact length, for the first depth
@@ -26,7 +24,7 @@ PEAK_FACTOR = 1.15  # [-], peak pressure over the yield pressure of the exit den
 MEAN_FACTOR = 0.7  # [-], load over peak pressure and contact length ahead, for the first depth; about Hertz's 2/3
 MAX_DEPTH_FACTOR = 1.4  # [-], largest ratio of successive depths
 MAX_DEPTH_SHARE = 0.98  # [-], largest depth over that of full density at the exit
-MAX_ELONGATED_SHARE = 0.7  # [-], largest depth over the layer height on a frictionless base; of a target, under a pair
+MAX_ELONGATED_SHARE = 0.7  # [-], largest depth over the layer height on a frictionless base
 EXPONENTS = {  # [-], first, least and largest exponent of a quantity over the depth
     "load": (1.2, 0.3, 3.0), "peak_pressure": (1.0, 0.3, 3.0), "exit_density_ratio": (1.0, 0.7, 1.4),
 }  # fmt: skip
@@ -62,10 +60,6 @@ class DepthTarget:
         self.height, self.roller, self.material = layer.height, roller, material
         self.fed_ratio = material.fed_density_ratio if fed_layer is None else fed_layer.density_ratio
         self.max_depth = MAX_DEPTH_SHARE * layer.height * (1 - self.fed_ratio)
-        elongates = roller.rolling == "pair"  # the strip; a free roller on a smooth base heaps up at such depths
-        self.density_tolerance = ELONGATED_TOLERANCE if elongates else DENSITY_TOLERANCE
-        if elongates:
-            self.max_depth = MAX_ELONGATED_SHARE * layer.height
         if lower is not None:
             self.max_depth += MAX_DEPTH_SHARE * lower.height * max(1 - lower.density_ratio, 0.0)
         self.densest = self.fed_ratio if fed_layer is None else float(fed_layer.points.density_ratio.max())
@@ -125,10 +119,7 @@ class DepthTarget:
         """
         torques = None
         surface = solution.surface
-        if isinstance(surface, PairSurface):
-            arm = surface.radius  # the feed force as a torque, so that the friction limit is its scale too
-            torques = 0.0, arm * surface.feed_force(solution.contact)
-        elif solution.contact.creepage is not None:
+        if solution.contact.creepage is not None:
             torques = torque or 0.0, float(-surface.radius * (surface.weights @ solution.contact.shear))
         density = self.value if self.quantity == "exit_density_ratio" else None
         tolerance = TARGET_TOLERANCE
@@ -150,7 +141,7 @@ class DepthTarget:
     def tolerance(self) -> float:
         """Tolerance of `log_miss` [-]."""
         if self.quantity == "exit_density_ratio":
-            return self.density_tolerance / (self.value - self.fed_ratio)
+            return DENSITY_TOLERANCE / (self.value - self.fed_ratio)
         return TARGET_TOLERANCE
 
 

@@ -10,7 +10,7 @@ single mode, rolls on without jumps (`shear_line_search`).
 The error has three parts: of the mesh, from the change between the last two meshes, of first order; of the drift, the
 distance to the steady state along the slow mode; of the start, the scatter of that distance and the last transient.
 
-Range: frictionless, sliding, free and driven rollers, one roller of a pair, bonded and frictionless bases, contact
+Range: frictionless, sliding, free and driven rollers, bonded and frictionless bases, contact
 angles up to some 25 degrees where the mix has the voids. On a layer that is high compared with the contact length, the
 bow wave may grow without a steady state; then `HeapingError` is raised, for most such depths before any finite elements
 (`heaping`). A mean exit density ratio of 1 or more is refused. Times and errors: `studies/speed_against_error.py`.
@@ -29,7 +29,7 @@ from compact.engines.compaction.finite_strain_solid import SolidState
 from compact.engines.compaction.heaping import (
     MAX_CONTACT_ANGLE,
     HeapingEstimate,
-    remedies,
+    remedy,
     require_no_heaping,
 )
 from compact.engines.compaction.incremental_rolling import IncrementalRolling
@@ -55,7 +55,6 @@ from compact.rolling_contact import (
     Roller,
     RollerCondition,
     require_moving,
-    require_pair_of_rollers,
     require_torque_allowed,
 )
 
@@ -146,8 +145,7 @@ def roll(
         the layer alone.
     roller : Roller
         Roller of any profile; "circle" and "parabola" have vertical pressure. A sliding roller has the traction f p on
-        the mix along the travel in the whole contact; a free or driven one sticks and slips. One of a pair draws the
-        mix in: its torque is such that no force acts along x; its resistance is its work over the length of fed mix.
+        the mix along the travel in the whole contact; a free or driven one sticks and slips.
     material : Compaction
         Constitutive law.
     speed : float
@@ -284,7 +282,6 @@ class RollingCase:
             profile=roller.profile,
             friction=0.0 if roller.rolling == "frictionless" else roller.friction,
             torque=(self.torque or 0.0) if rotates else None,
-            pair=roller.rolling == "pair",
             max_wave_height=np.inf if self.heaping is None else self.heaping.contact_height,
             progress=self.numerics.progress,
         )
@@ -406,14 +403,14 @@ def _to_result(case: RollingCase, search: SteadySearch, mesh: tuple[float, float
 
 
 def _run(search: SteadySearch, case: RollingCase) -> None:
-    """Run a search; its errors name remedies for a depth in fresh mix without a steady state."""
+    """Run a search; its errors name a remedy for a depth in fresh mix without a steady state."""
     try:
         search.run()
     except RuntimeError as error:
         depth = search.target.required_depth
         if case.heaping is None or depth is None or case.fed_layer is not None:
             raise
-        advice = remedies(case.heaping, depth, for_density=search.target.quantity == "exit_density_ratio")
+        advice = remedy(case.heaping, depth, for_density=search.target.quantity == "exit_density_ratio")
         raise type(error)(f"{error}; {advice}", *error.args[1:]) from error
 
 
@@ -443,7 +440,6 @@ def require_compactable(
     if layer.plies:
         raise ValueError(f"`plies` are for linear layers, got {len(layer.plies)}; a compacting layer takes `fed_layer`")
     require_known("rolling", roller.rolling, get_args(RollerCondition))
-    require_pair_of_rollers(layer, roller)
     require_known("profile", roller.profile, ("parabola", "circle", "deformed"))
     if fed_layer is not None and abs(fed_layer.height / layer.height - 1) > HEIGHT_TOLERANCE:
         raise ValueError(f"`layer` must be as high as `fed_layer`, {fed_layer.height!r} m, got {layer.height!r} m")

@@ -22,7 +22,6 @@ References
 L. Prandtl, Ueber die Haerte plastischer Koerper, Nachr. Ges. Wiss. Goettingen (1920) 74-85.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,7 +38,6 @@ BEARING_RATIO = 1.3  # [-], mean pressure over the bearing capacity of a half-pl
 CONFINEMENT = 0.5  # [-], increase of the bearing capacity with contact length over height by the rigid base
 LOAD_RATIO = 2.0  # [-], load over pressure times length, with the hardening of the mix
 REMEDY_RESERVE = 1.2  # [-], limit over required depth of a remedy
-REMEDY_TRIALS = 200  # [-], parts of a layer, depth or density range that are tried as remedies
 DENSEST_TABULATED = 1.3  # [-], density ratio up to which confined compression is tabulated
 TABLE_SIZE = 3000  # [-], points of that table
 INTEGRATION_ROWS = 200  # [-], of the integral over the height
@@ -132,7 +130,7 @@ def require_no_heaping(estimate: HeapingEstimate, name: str, value: float, depth
     Raises
     ------
     HeapingError
-        If the limit is exceeded; the message contains the limit and remedies from the same estimate.
+        If the limit is exceeded; the message contains the limit and a remedy from the same estimate.
     """
     angle = f"{np.degrees(estimate.contact_angle):.3g} degrees"
     contact = f"a contact of {angle}, {_millimetres(estimate.contact_length)} long,"
@@ -159,65 +157,34 @@ def require_no_heaping(estimate: HeapingEstimate, name: str, value: float, depth
     raise HeapingError(
         f"{rule}: the bearing capacity is about {estimate.bearing_pressure / 1e3:.3g} kPa over {contact} which "
         "compacts the voids no further, and the rest heaps up in front of the roller (an estimate); "
-        + remedies(estimate, depth, for_density=name == "exit_density_ratio"),
+        + remedy(estimate, depth, for_density=name == "exit_density_ratio"),
         heaping,
     )
 
 
-def remedies(estimate: HeapingEstimate, depth: float, *, for_density: bool) -> str:
-    """Return a clause with changes of a scene that each suffice for a depth by the estimate.
+def remedy(estimate: HeapingEstimate, depth: float, *, for_density: bool) -> str:
+    """Return a clause with the depth, or the exit density, at the limit of the estimate.
 
     Parameters
     ----------
     estimate : HeapingEstimate
-        Limits of the layer; the remedies use REMEDY_CONTACT_ANGLE if that is smaller.
+        Limits of the layer; the remedy uses REMEDY_CONTACT_ANGLE if that is smaller, and REMEDY_RESERVE.
     depth : float
         Required depth [m].
     for_density : bool
-        True if the depth follows from the exit density and changes with the fed density.
+        True if the depth follows from the exit density.
     """
-    if _suffices(estimate, depth):
-        return "reduce the depth, feed the mix in lifts, or use a larger roller"
-    found = [*_lift_remedy(estimate, depth)]
-    found += _feed_remedy(estimate, depth) if for_density else _depth_remedy(estimate, depth)
-    return "; or ".join(found) or "use a larger roller"
-
-
-def _suffices(estimate: HeapingEstimate, depth: float) -> bool:
-    """Return whether a layer accommodates a depth [m] with reserve."""
     angle = min(estimate.contact_angle, REMEDY_CONTACT_ANGLE)
-    return replace(estimate, contact_angle=angle).max_depth >= REMEDY_RESERVE * depth
-
-
-def _shares() -> FloatArray:
-    return np.linspace(1, 0, REMEDY_TRIALS, endpoint=False)[1:]
-
-
-def _lift_remedy(estimate: HeapingEstimate, depth: float) -> Iterator[str]:
-    for share in _shares():
-        if _suffices(replace(estimate, height=share * estimate.height), share * depth):
-            yield f"feed the mix in lifts of at most {share * (estimate.height - depth):.2g} m (`layer.lift_thickness`)"
-            return
-
-
-def _feed_remedy(estimate: HeapingEstimate, depth: float) -> Iterator[str]:
-    height, fed = estimate.height, estimate.material.fed_density_ratio
-    exit_ratio = fed * height / (height - depth)
-    for share in _shares()[::-1] if exit_ratio < 1 else ():
-        ratio = float(fed + share * (exit_ratio - fed))
-        fed_height = (height - depth) * exit_ratio / ratio
-        denser = replace(estimate.material, fed_density_ratio=ratio)
-        changed = replace(estimate, height=fed_height, material=denser)
-        if _suffices(changed, depth + fed_height - height):
-            yield f"feed the mix at a density ratio of at least {ratio:.3f} (`layer.fed_density_ratio`)"
-            return
-
-
-def _depth_remedy(estimate: HeapingEstimate, depth: float) -> Iterator[str]:
-    for share in _shares():
-        if _suffices(estimate, share * depth):
-            yield f"reduce the depth to at most {_millimetres(share * depth)} (`contact.indentation`)"
-            return
+    limit = replace(estimate, contact_angle=angle).max_depth / REMEDY_RESERVE
+    if depth <= limit:
+        return "reduce the depth, feed the mix in lifts, or use a larger roller"
+    if not for_density:
+        return f"reduce the depth to at most {_millimetres(limit)} (`contact.indentation`)"
+    ratio = estimate.material.fed_density_ratio * estimate.height / (estimate.height - limit)
+    return (
+        f"this layer reaches a density ratio of {ratio:.3f}; feed it denser (`layer.fed_density_ratio`) or in lifts "
+        "(`layer.lift_thickness`)"
+    )
 
 
 def _millimetres(length: float) -> str:

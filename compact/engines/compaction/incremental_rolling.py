@@ -22,7 +22,6 @@ from compact.engines.compaction.newton import Equilibrium, IncrementSolver, Prog
 from compact.engines.compaction.roller_contact import (
     ContactForces,
     ContactTractions,
-    PairSurface,
     RollerSurface,
     RollingSurface,
 )
@@ -94,8 +93,6 @@ class IncrementalRolling:
         Coulomb's coefficient of a rotating roller, else the traction ratio of a sliding one [-].
     torque : float or None
         Torque on a rotating roller, + along the travel [N]; None for a roller that does not rotate.
-    pair : bool
-        True for one roller of a pair, whose torque follows from the balance of forces along x.
     max_wave_height : float
         Height above the lowest generatrix that the bow wave may reach [m].
     progress : callable, optional
@@ -125,7 +122,6 @@ class IncrementalRolling:
         profile: GapGeometry = "deformed",
         friction: float = 0.0,
         torque: float | None = None,
-        pair: bool = False,
         max_wave_height: float = np.inf,
         progress: Progress | None = None,
     ) -> None:
@@ -134,9 +130,7 @@ class IncrementalRolling:
         penalty = PENALTY * material.unloading_modulus / min(frame.step, height / PENALTY_ROWS)
         geometry = frame.nodes[nodes], frame.surface_weights, radius, height, penalty, np.zeros(len(nodes)), profile
         self.surface: RollerSurface = RollerSurface(*geometry, friction)
-        if pair:
-            self.surface = PairSurface(*geometry, friction=friction)
-        elif torque is not None:
+        if torque is not None:
             self.surface = RollingSurface(*geometry, friction=friction, tangential_force=-torque / radius)
         self.solver = IncrementSolver(frame.solid, nodes, ROLLING_TOLERANCE)
         self.state = frame.initial_state()

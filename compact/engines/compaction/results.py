@@ -11,7 +11,7 @@ import numpy as np
 
 from compact.engines.compaction.finite_strain_solid import POINT_FIELDS, FiniteStrainSolid, FloatArray, SolidState
 from compact.engines.compaction.incremental_rolling import IncrementalRolling
-from compact.engines.compaction.roller_contact import PairSurface, RollingSurface
+from compact.engines.compaction.roller_contact import RollingSurface
 from compact.engines.compaction.roller_frame import LayerState, RollerFrame
 from compact.material import cap_plasticity
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction
@@ -28,7 +28,6 @@ MAX_ITERATIONS = 2100  # [-], of the exit state at rest; one as a rule, hundreds
 ELASTIC_ITERATIONS = 2000  # [-], of them with the elastic stiffness, which converge monotonically; then Newton's method
 ELASTIC_SHARE = 1e-4  # [-], of the elastic stiffness, added to the tangent of yielding mix, which may be singular
 STRESS_TOLERANCE = 1e-9  # [-], stress on horizontal planes at rest over the unloading modulus
-FULL_SLIP = 1 - 1e-9  # [-], shear over the friction limit from which a node of a pair slips
 MIN_RESISTANCE = 1e-3  # [-], least scale of the work residual over the load
 
 
@@ -42,13 +41,6 @@ class CompactionContactResult(ContactResult):
         Depth of the lowest generatrix below the fed surface [m].
     creep : float or None
         Creepage, angular speed x radius/speed - 1, of a roller that sticks and slips [-], else None.
-    torque : float or None
-        Torque per unit length that drives a roller of a pair [N], else None.
-    nip_angle : float or None
-        Angle of the roller from which the mix sticks to it, for a roller of a pair [rad]; ahead of it the rim slips
-        over the mix. None if the whole contact slips or sticks.
-    neutral_angle : float or None
-        Largest angle at which the mix moves ahead of the rim of a roller of a pair or sticks to it without shear [rad].
     exit : LayerState
         Exit state by rows from the base up, for the next pass, with the lower lift behind the roller.
     exit_height : float
@@ -82,9 +74,6 @@ class CompactionContactResult(ContactResult):
 
     indentation: float = 0.0
     creep: float | None = None
-    torque: float | None = None
-    nip_angle: float | None = None
-    neutral_angle: float | None = None
     exit: LayerState = None  # type: ignore[assignment]  # set by `build_result`, like those below
     exit_height: float = 0.0
     exit_density_ratio: float = 0.0
@@ -139,7 +128,6 @@ def build_result(
     direction = 1.0 if speed > 0 else -1.0
     x, pressure, shear = _contact_tractions(solution)
     _require_grip(solution)
-    nip_angle, neutral_angle = _pair_angles(solution)
     exit_state, length_ratio = exit_layer(frame, state, frame.exit_column)
     solid, lower = frame.solid.material, exit_state.lower
     return CompactionContactResult(
@@ -154,9 +142,6 @@ def build_result(
         peak_pressure=float(pressure.max()),
         indentation=frame.mesh.height - last.bottom_height,
         creep=solution.contact.creepage,
-        torque=_pair_torque(solution),
-        nip_angle=nip_angle,
-        neutral_angle=neutral_angle,
         exit=exit_state,
         exit_height=exit_state.height,
         exit_density_ratio=exit_state.density_ratio,
@@ -245,8 +230,7 @@ def work_residual(solution: IncrementalRolling) -> float:
     sliding = np.sum(surface.tangents(solution.state.displacement[nodes]) * slip, axis=1)
     # the work of rotation, - (1 + creepage) times the sum of the shear, cancels with its share of the slip
     slip_work = np.sum(surface.weights * solution.contact.shear * sliding)
-    force = surface.feed_force(solution.contact) if isinstance(surface, PairSurface) else resistance
-    return float(abs(force - deformation - slip_work) / max(abs(resistance), MIN_RESISTANCE * load))
+    return float(abs(resistance - deformation - slip_work) / max(abs(resistance), MIN_RESISTANCE * load))
 
 
 def _overdense_work(solution: IncrementalRolling) -> float:
@@ -353,49 +337,10 @@ def _require_grip(solution: IncrementalRolling) -> None:
     if not isinstance(solution.surface, RollingSurface):
         return
     utilisation = solution.surface.friction_utilisation(solution.contact)
-    if isinstance(solution.surface, PairSurface):
-        if utilisation >= FULL_SLIP:
-            raise RuntimeError(
-                "the rollers slip over the whole contact and do not draw the mix in; increase the friction or feed a "
-                "thinner layer"
-            )
-        return
     if utilisation >= 1:
         raise RuntimeError(
             f"the roller skids: the torque requires {utilisation:.3g} times the friction limit; reduce the torque"
         )
-
-
-def _pair_torque(solution: IncrementalRolling) -> float | None:
-    """Return the torque on a roller of a pair per unit length [N], else None."""
-    surface = solution.surface
-    if not isinstance(surface, PairSurface):
-        return None
-    return -surface.radius * float(surface.weights @ solution.contact.shear)
-
-
-def _pair_angles(solution: IncrementalRolling) -> tuple[float | None, float | None]:
-    """Return nip and neutral angle of a roller of a pair [rad].
-
-    The nip angle lies half-way between the first node that slips and the last one that sticks ahead of the neutral
-    angle, which may enclose some nodes of either kind. The neutral angle is interpolated to shear zero.
-    """
-    surface, contact = solution.surface, solution.contact
-    if not isinstance(surface, PairSurface):
-        return None, None
-    touching = np.flatnonzero(contact.pressure > 0)
-    angles = surface.arcs(solution.state.displacement[solution.frame.surface_nodes])[touching] / surface.radius
-    share = contact.shear[touching] / (surface.friction * contact.pressure[touching])
-    drawn = np.flatnonzero(share < 0)
-    if not len(drawn) or drawn[0] == 0:
-        return None, None
-    first = drawn[0]
-    neutral = float(np.interp(0.0, share[[first, first - 1]], angles[[first, first - 1]]))
-    ahead = np.arange(len(angles)) >= first
-    slipping, sticking = (np.flatnonzero(ahead & kind) for kind in (share <= -FULL_SLIP, share > -FULL_SLIP))
-    if not len(slipping) or not len(sticking):
-        return None, neutral
-    return float(angles[slipping[0]] + angles[sticking[-1]]) / 2, neutral
 
 
 def _contact_tractions(solution: IncrementalRolling) -> tuple[FloatArray, ...]:

@@ -24,13 +24,6 @@ changes, sticking nodes have no slip and slipping nodes are at their bound for a
 monotonically with the creepage, so one creepage satisfies the torque; it depends on the displacement and couples all
 sticking nodes.
 
-One roller of a pair, above the mid-plane of the layer between two equal rollers (`PairSurface`):
-
-    sum of weight (pressure n_x + shear t_x) = feed force = 0
-
-The mix ahead is at rest, so that the travel of the roller is the feed; no force along x acts on the mix far ahead or
-behind. The creepage is then that of the rim over the fed mix: both rollers draw the mix in.
-
 References
 ----------
 J. C. Simo and T. A. Laursen, An augmented Lagrangian treatment of contact problems involving friction, Computers and
@@ -277,8 +270,7 @@ class RollingSurface(RollerSurface):
         bound, travel = self.friction * normal.pressure, self.position - self.start_position
         stiffness = SHEAR_PENALTY_RATIO * self.penalty
         without_creep = self.multiplier_shear - stiffness * (self.arcs(displacement) - self.start_arcs + travel)
-        weights, required = self._creep_condition(normal, t)
-        creep_travel = self._creep_travel(without_creep, bound, stiffness, weights, required)
+        creep_travel = self._creep_travel(without_creep, bound, stiffness)
         trial_shear = without_creep - stiffness * creep_travel
         shear, sticking = np.clip(trial_shear, -bound, bound), np.abs(trial_shear) < bound
         # minus the derivatives of the nodal shear by the displacement at constant creepage
@@ -294,7 +286,7 @@ class RollingSurface(RollerSurface):
             stiffness=total,
             creepage=creep_travel / travel if travel else self.creepage,
             creep_travel=creep_travel,
-            creep_coupling=self._creep_coupling(t, self._creep_gradient(normal, gradient, total), weights, sticking),
+            creep_coupling=self._creep_coupling(t, gradient, sticking),
         )
 
     def friction_utilisation(self, contact: ContactForces) -> float:
@@ -308,32 +300,22 @@ class RollingSurface(RollerSurface):
             return x - self.position
         return self.radius * np.arctan2(x - self.position, self.bottom_height + self.radius - y)
 
-    def _creep_condition(self, normal, t):
-        """Return weights [m] whose sum with the shears the creepage brings to a required value [N/m]."""
-        del normal, t  # needed by a pair alone
-        return self.weights, self.tangential_force
-
-    def _creep_gradient(self, normal, gradient, stiffness):
-        """Return minus the derivative of the sum of that condition by the displacement at constant creepage [N/m2]."""
-        del normal, stiffness
-        return gradient
-
-    def _creep_travel(self, without_creep, bound, stiffness, weights, required):
-        """Return creepage times travel that satisfies the condition; every shear is linear in it between its bounds."""
+    def _creep_travel(self, without_creep, bound, stiffness):
+        """Return creepage times travel that satisfies the torque; every shear is linear in it between its bounds."""
         touching = bound > 0
         if not touching.any():
             return self.creepage * (self.position - self.start_position)
-        without_creep, bound, weights = without_creep[touching], bound[touching], weights[touching]
+        without_creep, bound, weights = without_creep[touching], bound[touching], self.weights[touching]
         ends = np.sort(np.concatenate([without_creep - bound, without_creep + bound])) / stiffness
         sums = np.clip(without_creep - stiffness * ends[:, None], -bound, bound) @ weights
-        return float(np.interp(required, sums[::-1], ends[::-1]))
+        return float(np.interp(self.tangential_force, sums[::-1], ends[::-1]))
 
-    def _creep_coupling(self, t, gradient, weights, sticking):
-        """Return the column and row by which the sticking nodes take the loss of the sum of the condition."""
+    def _creep_coupling(self, t, gradient, sticking):
+        """Return the column and row by which the sticking nodes take the loss of the sum of the shears."""
         if not sticking.any():
             return None
         share = np.where(sticking, self.weights, 0.0)
-        return (share / (weights * sticking).sum())[:, None] * t, -gradient
+        return (share / (self.weights * sticking).sum())[:, None] * t, -gradient
 
     def _normal_contact_and_axes(self, displacement):
         """Return the normal contact, and normals, tangents, rotation and arc growth per tangential motion of nodes."""
@@ -342,37 +324,6 @@ class RollingSurface(RollerSurface):
             return self._normal_to_circle(n, distance), n, _turned(n), 1 / distance, self.radius / distance
         down, t = np.tile([0.0, -1.0], (len(displacement), 1)), self.tangents(displacement)
         return self._vertical(displacement), down, t, np.zeros(len(t)), np.ones(len(t))
-
-
-@dataclass(frozen=True, eq=False)
-class PairSurface(RollingSurface):
-    """One roller of a pair, above the mid-plane; its creepage is such that no force along x acts on it."""
-
-    def feed_force(self, contact: ContactForces) -> float:
-        """Return the force along the travel on the mix, which the feed must balance [N/m]."""
-        return super().load_and_resistance(contact)[1]
-
-    def load_and_resistance(self, contact: ContactForces) -> tuple[float, float]:
-        """Return the load, and the work of the roller over the length of the fed mix [N/m].
-
-        It is the work of the torque, - (1 + creepage) times the sum of the shears, and that of the feed force.
-        """
-        load, feed_force = super().load_and_resistance(contact)
-        creepage = self.creepage if contact.creepage is None else contact.creepage
-        return load, feed_force - (1 + creepage) * float(self.weights @ contact.shear)
-
-    def friction_utilisation(self, contact: ContactForces) -> float:
-        """Return the sum of the shears over the friction limit [-]; 1 if the whole contact slips one way."""
-        return float(abs(self.weights @ contact.shear) / (self.friction * (self.weights @ contact.pressure)))
-
-    def _creep_condition(self, normal, t):
-        along = normal.forces[:, 0] + self.weights * normal.pressure * self.profile_slope()
-        return self.weights * t[:, 0], -float(along.sum())
-
-    def _creep_gradient(self, normal, gradient, stiffness):
-        del gradient
-        slope = self._penalty_stiffness(normal.pressure) * self.profile_slope()
-        return stiffness[:, 0] + slope[:, None] * np.array([0.0, -1.0])
 
 
 def _turned(normals):

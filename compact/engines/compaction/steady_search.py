@@ -42,7 +42,6 @@ from compact.engines.compaction.incremental_rolling import (
     heaping_error,
     require_low_wave,
 )
-from compact.engines.compaction.roller_contact import PairSurface
 from compact.engines.compaction.roller_frame import transfer_state
 from compact.material.laws import DruckerPragerCap
 from compact.rolling_contact import EquilibriumError, Unsteady, UnsteadyError
@@ -57,7 +56,6 @@ MAX_JUMP, MAX_FIRST_JUMP = 0.25, 0.35  # [-], change of the wave by one jump ove
 LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave
 SETTLING_TOLERANCE = 1e-2  # [-], residual of a step over the nodal forces; 1e-4 changes a load by 4e-5
 FINAL_TOLERANCE = 1e-3  # [-], of those near the steady state, whose scatter counts; of the last `ROLLING_TOLERANCE`
-PAIR_TOLERANCE_RATIO = 0.1  # [-], of both under a roller of a pair, whose contact scatters by as much
 EXACT_STEPS = 4  # [-], last steps; the gap in the contact is then below 1e-5 of the depth
 NEAR = 4.0  # [-], estimated distance from the steady state over its tolerance
 JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
@@ -212,7 +210,7 @@ class SteadySearch:
     def _find_steady_state(self, growth: WaveGrowth) -> None:
         """Roll in cycles until the motion is steady and the target satisfied; record the growth of the wave."""
         secant = DepthSecant(self.target, self._depth_exponent)
-        self._set_step_tolerance(SETTLING_TOLERANCE)
+        self.rolling.solver.tolerance = SETTLING_TOLERANCE
         self._roll(FIRST_SETTLING, DAMPING)
         for cycle in range(MAX_FIRST_CYCLES if self.finds_length else MAX_CYCLES):
             drift = self._measure(FIRST_MEASURING if cycle == 0 else MEASURING)
@@ -226,7 +224,7 @@ class SteadySearch:
                 self._depth_exponent = secant.slope
                 is_met = abs(secant.last_miss) < self.target_tolerance
                 depth, is_final = depth if is_met else corrected, is_met and self.errors.total < self.tolerance
-            self._set_step_tolerance(FINAL_TOLERANCE if is_near else SETTLING_TOLERANCE)
+            self.rolling.solver.tolerance = FINAL_TOLERANCE if is_near else SETTLING_TOLERANCE
             settling = SETTLING if depth == self.depth else FIRST_SETTLING
             self._correct(depth, jump, FINAL_SETTLING if is_final else settling)
             if is_final:
@@ -246,16 +244,7 @@ class SteadySearch:
         self.rolling.solver.tolerance = ROLLING_TOLERANCE
         for damping in [*[FINAL_DAMPING_RATIO * DAMPING] * (EXACT_STEPS - 1), 0.0]:
             self.rolling.advance(self._height, damping)
-        self._set_step_tolerance(FINAL_TOLERANCE)
-
-    def _set_step_tolerance(self, tolerance: float) -> None:
-        """Set the residual of the next steps over the nodal forces [-]."""
-        self.rolling.solver.tolerance = tolerance * (PAIR_TOLERANCE_RATIO if self._is_paired else 1.0)
-
-    @property
-    def _is_paired(self) -> bool:
-        """True for a roller of a pair, which draws the mix in: its transient passes within some contact lengths."""
-        return isinstance(self.rolling.surface, PairSurface)
+        self.rolling.solver.tolerance = FINAL_TOLERANCE
 
     @property
     def _height(self) -> float:
@@ -306,7 +295,7 @@ class SteadySearch:
     def _update_mode(self, first: IncrementalRolling, before: WaveDrift | None, drift: WaveDrift) -> None:
         """Take the difference of two settled states of one depth as mode if the wave has changed beyond its scatter."""
         is_low = drift.wave_area < MIN_WAVE * self.depth * self.rolling.frame.contact_length
-        if self._is_paired or is_low or (before is None and self.relaxation.mode is not None):
+        if is_low or (before is None and self.relaxation.mode is not None):
             return
         change = self.rolling.steps[-1].wave_area - first.steps[-1].wave_area
         if abs(change) < max(MIN_MODE * drift.wave_area, SIGNIFICANCE * drift.wave_error * drift.travel):
@@ -324,7 +313,7 @@ class SteadySearch:
         length = FIRST_LENGTH * contact_length if known.length is None else known.length
         slopes = np.zeros(len(QUANTITIES)) if known.mode is None else known.mode.slopes
         jump, scatter = length * drift.wave_slope, length * drift.wave_error
-        if self._is_paired or abs(drift.wave_slope) < SIGNIFICANCE * drift.wave_error:
+        if abs(drift.wave_slope) < SIGNIFICANCE * drift.wave_error:
             jump = 0.0
         load, resistance = np.abs(drift.values[:2])
         self.values = drift.values + slopes * jump

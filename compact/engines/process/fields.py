@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compact.engines.process.lumped_lifts import LiftSequence
+from compact.engines.process.lifts import LiftSequence
 from compact.engines.process.roller_row import RollerRow
 from compact.engines.process.section import SectionState
 
@@ -57,21 +57,16 @@ def _frame(row: RollerRow, number: int, lifts: LiftSequence | None) -> "meshio.M
         pieces.insert(0, (-FILL_SHARE * machine.roller_length, 0.0, 0, states[0]))
     points, values = [], []
     for low, high, strokes, state in pieces:
-        for bottom, top, ratio, stress in _rows(state, lifts):
+        bottom = 0.0
+        for height, ratio, stress in section_rows(state, lifts):
+            top = bottom + height
             points += [(low, bottom, 0.0), (high, bottom, 0.0), (high, top, 0.0), (low, top, 0.0)]
             values.append((ratio, stress, float(strokes)))
+            bottom = top
     cells = np.arange(len(points)).reshape(-1, 4)
     ratio, stress, strokes_on = np.array(values).T
     data = {"density_ratio": [ratio], "lateral_stress": [stress], "strokes": [strokes_on]}
     return meshio.Mesh(np.array(points), [("quad", cells)], cell_data=data)
-
-
-def _rows(state: SectionState, lifts: LiftSequence | None) -> Iterator[tuple[float, float, float, float]]:
-    """Yield bottom and top [m], density ratio [-] and lateral stress [Pa] of each layer."""
-    bottom = 0.0
-    for height, ratio, stress in section_rows(state, lifts):
-        yield bottom, bottom + height, ratio, stress
-        bottom += height
 
 
 def section_rows(state: SectionState, lifts: LiftSequence | None) -> Iterator[tuple[float, float, float]]:

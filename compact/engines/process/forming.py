@@ -15,7 +15,7 @@ before a stroke. A roller draws mix in up to the nip angle,
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -63,9 +63,8 @@ class FormingMachine:
     def __post_init__(self) -> None:
         positive = "roller_radius roller_length height cart_speed stroke_period nip_angle strokes"
         require_fields(self, positive=positive, nonnegative="mould_speed")
-        require_that(
-            self.nip_angle <= NIP_ANGLE_MAX, self.nip_angle, f"`nip_angle` must be at most {NIP_ANGLE_MAX:g}, got"
-        )
+        rule = f"`nip_angle` must be at most {NIP_ANGLE_MAX:g}, got"
+        require_that(self.nip_angle <= NIP_ANGLE_MAX, self.nip_angle, rule)
         if (self.strokes is None) != (self.mould_speed > 0):
             raise ValueError(
                 "`strokes` must be given for a mould at rest only, whose sections never leave the roller, got "
@@ -111,6 +110,14 @@ class FormingMachine:
     def max_bite(self) -> float:
         """Largest bite [m], at the nip angle."""
         return float(self.roller_radius * (1 - np.cos(np.radians(self.nip_angle))))
+
+    def mean_of_product(self, before_last: float, last: float) -> float:
+        """Return the mean of a quantity over the product from its values one stroke before the last, and at the last.
+
+        Sections have had N strokes rounded down or up.
+        """
+        share = float(self.stroke_shares[-1])
+        return float((1 - share) * before_last + share * last)
 
 
 @dataclass(frozen=True)
@@ -165,8 +172,8 @@ class Feed:
     def __post_init__(self) -> None:
         require_fields(self, positive="density_ratio")
         require_that(self.density_ratio < 1, self.density_ratio, "`density_ratio` must be below 1, got")
-        require_known("feed law", self.law, ("room", "even", "first", "table"))
-        require_known("fed strokes", self.strokes, ("both", "forward"))
+        require_known("feed law", self.law, get_args(FeedLaw))
+        require_known("fed strokes", self.strokes, get_args(FedStrokes))
         if self.law == "first" and self.count < 1:
             raise ValueError(f"`count` must be at least 1 for the feed law 'first', got {self.count!r}")
         if self.law == "table" and (len(self.positions) != len(self.relative_thicknesses) or not self.positions):
@@ -209,5 +216,5 @@ class Closure:
     offered: float | None = None
 
     def __post_init__(self) -> None:
-        require_known("closure", self.kind, ("gap", "product_density_ratio", "extrusion_pressure"))
+        require_known("closure", self.kind, get_args(ClosureKind))
         require_fields(self, nonnegative="value offered")

@@ -16,8 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from compact.engines.process.closures import FormingProblem
-from compact.engines.process.section import BiteError, OverfilledError, SectionOptions
+from compact.engines.process.section import BiteError, FormingProblem, OverfilledError, SectionOptions
 from compact.numerics import Array
 
 CURVE_LAYERS = 1  # [-], merged layers; the load differs by 1e-9 from that of 20
@@ -149,17 +148,13 @@ def operating_map(curve: DensityCurve, stroke: float, mould_speeds: Array, cart_
     machine = curve.problem.machine
     strokes = machine.roller_length * cart_speeds[:, None] / (mould_speeds * stroke)
     gap, load, work = curve.at(strokes)
-    faster = [replace(curve.problem, machine=replace(machine, cart_speed=float(speed))) for speed in cart_speeds]
-    factor = np.array(
-        [
-            [problem.rate_factor(d) / curve.problem.rate_factor(d) for d in np.nan_to_num(row).tolist()]
-            for problem, row in zip(faster, gap, strict=True)
-        ]
-    )
+    factor = np.ones_like(gap)
+    for row, speed in enumerate(cart_speeds.tolist()):
+        faster = replace(curve.problem, machine=replace(machine, cart_speed=speed))
+        factor[row] = [faster.rate_factor(d) / curve.problem.rate_factor(d) for d in np.nan_to_num(gap[row]).tolist()]
     advance = mould_speeds * stroke / cart_speeds[:, None]
-    return OperatingMap(
-        mould_speeds, cart_speeds, strokes, load * factor * machine.roller_length, work * factor * advance
-    )
+    load, resistance = load * factor * machine.roller_length, work * factor * advance
+    return OperatingMap(mould_speeds, cart_speeds, strokes, load, resistance)
 
 
 def _curve_point(problem: FormingProblem, gap: float, density_ratio: float) -> tuple[float, ...] | None:

@@ -1,4 +1,4 @@
-"""Results of a forming process along one roller: load, resistance, density, and the balances of grains and work.
+"""Results of a forming process along one roller: load, resistance, density, balances, confined floor and feed sleeves.
 
 The sections under the roller have had 1, 2, ... N strokes, so that the forces of the strokes on one section, in order,
 are those along the roller at one instant:
@@ -7,24 +7,48 @@ are those along the roller at one instant:
 
 with the length dz_n = v_form T on which stroke n meets its sections, of the last stroke the rest of L. M is the moment
 by which the load tilts the roller in its guides.
+
+The confined floor of the resistance is the work of confined compression of the throughput, in closed form:
+
+    F = v_form T h_out w,    w = k_out sum_i c_i int_k_i^k_out s_v(k)/k^2 dk,    s_v = A (f pc(k) + pt) - pt
+
+per roller, with the advance v_form T of the mould per stroke, the height h_out of the product, and the work w per
+volume of the product. c_i is the share of grains that enter at the density ratio k_i, as fill or as feed. A rigid-
+plastic column follows s_v; the elastic strain of a real one changes w by about 1 %.
+
+The floor neither depends on the roller length nor on the number of strokes nor on the law of the feed: a stroke returns
+the elastic work of the one before, and the plastic work of confined mix depends on its densities alone. It is the least
+resistance that any model of the process can have, since shear in two dimensions adds to it. It is not for sizing.
+
+A feed sleeve of the width B_T along the travel and the roller length L is a silo whose bottom is the bed. The moving
+cart shears the mix that stands in it over the bed. Its walls carry part of the weight (Janssen):
+
+    s_J = g rho D/(4 mu K) [1 - exp(-4 mu K H/D)],    D = 2 B_T L/(B_T + L),    F_s = s_J B_T L tan phi
+
+with the head H, the bulk density rho of the loose mix, the friction mu on the wall, the earth pressure coefficient
+K = 1 - sin phi of mix that fills a silo (Jaky), the hydraulic diameter D and the angle of internal friction phi. The
+drag is the friction of a silo on a rough bed at rest. It contains no cohesion, and no mix that leaves the sleeve.
+
+References
+----------
+H. A. Janssen, Versuche ueber Getreidedruck in Silozellen, Z. VDI 39 (1895) 1045-1049; J. Jaky, The coefficient of earth
+pressure at rest, J. Soc. Hung. Eng. Arch. 78 (1944) 355-358.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from compact.engines.process.closures import ClosedProcess, FormingProblem, mean_of_product
-from compact.engines.process.confined_floor import GrainShare, confined_floor, confined_work
 from compact.engines.process.forming import Closure
-from compact.engines.process.section import (
-    QUARTER,
-    SectionHistory,
-    grain_height,
-    mean_density_ratio,
-    overpressed_height,
-)
+from compact.engines.process.section import ClosedProcess, FormingProblem, SectionHistory
+from compact.material.laws import Compaction
 from compact.numerics import Array
+from compact.numerics.validation import require_fields, require_nonnegative, require_positive, require_that
+
+QUADRATURE_POINTS = 64  # [-], of Gauss and Legendre over ln(1 - k); the error is below 1e-12 up to k = 0.99
+GRAVITY = 9.80665  # [m/s2], standard acceleration of gravity
 
 
 @dataclass(frozen=True)
@@ -138,57 +162,53 @@ class RollerRow:
         """Largest vertical stress under the roller [Pa]."""
         return float(self.history.peak_pressure.max())
 
-    def _of_product(self, values: tuple[float, ...]) -> float:
-        return mean_of_product(self.problem.machine, np.array(values))
+    def _of_product(self, name: str) -> float:
+        """Return the mean over the product of a quantity of its sections."""
+        return self.problem.machine.mean_of_product(*(getattr(state, name) for state in self.history.states[-2:]))
 
     @property
     def product_height(self) -> float:
         """Height of the product after its elastic recovery [m]."""
-        return self._of_product(tuple(state.height for state in self.history.states[-2:]))
+        return self._of_product("height")
 
     @property
     def product_density_ratio(self) -> float:
         """Mean density ratio of the product [-]."""
-        return self.problem.product_density_ratio(self.history)
+        return self._of_product("density_ratio")
 
     @property
     def bottom_density_ratio(self) -> float:
         """Mean density ratio of the bottom quarter of the product [-]."""
-        return self._of_product(tuple(mean_density_ratio(s.columns, 0, QUARTER) for s in self.history.states[-2:]))
+        return self._of_product("bottom_density_ratio")
 
     @property
     def top_density_ratio(self) -> float:
         """Mean density ratio of the top quarter of the product [-]."""
-        return self._of_product(tuple(mean_density_ratio(s.columns, 1 - QUARTER, 1) for s in self.history.states[-2:]))
+        return self._of_product("top_density_ratio")
 
     @property
     def overpressed_height(self) -> float:
         """Height of the product whose density ratio exceeds 1 [m]; columns close their pores before that."""
-        return overpressed_height(self.history.states[-1].columns)
+        return sum(column.height for column in self.history.states[-1].columns if column.density_ratio > 1)
 
     @cached_property
     def flow(self) -> MixFlow:
         """Grains of product, fill and feed per stroke."""
-        history, problem = self.history, self.problem
-        bulk, k_feed = history.states[0].law.K, problem.feed.density_ratio
-        fill = sum(grain_height(column, bulk) for column in history.states[0].columns)
-        fed = k_feed * self._of_product((float(history.make_up[:-1].sum()), float(history.make_up.sum())))
-        product = self._of_product(tuple(state.grain_height for state in history.states[-2:]))
-        surplus = k_feed * self._of_product((self._surplus(slice(None, -1)), self._surplus(slice(None))))
-        extruded = min(surplus, fill)
-        lack = self.required_density_ratio / self.product_density_ratio - 1
+        history, mean, k = self.history, self.problem.machine.mean_of_product, self.problem.feed.density_ratio
+        fill, product = history.states[0].grain_height, self._of_product("grain_height")
+        strokes = (history.make_up, self.closed.offered - history.make_up)
+        fed, surplus = (k * mean(float(each[:-1].sum()), float(each.sum())) for each in strokes)
+        extruded, lack = min(surplus, fill), self.required_density_ratio / self.product_density_ratio - 1
         return MixFlow(product, fill, fed, extruded, surplus - extruded, max(lack, 0.0) * product)
-
-    def _surplus(self, strokes: slice) -> float:
-        return float((self.closed.offered[strokes] - self.history.make_up[strokes]).sum())
 
     @property
     def confined_work(self) -> float:
         """Work of confined compression in closed form per volume of the product [J/m3]; 0 without densification."""
         problem, flow = self.problem, self.flow
+        total = flow.fill + flow.fed
         entries = [
-            GrainShare(flow.fill / (flow.fill + flow.fed), problem.fill.density_ratio),
-            GrainShare(flow.fed / (flow.fill + flow.fed), problem.feed.density_ratio),
+            GrainShare(flow.fill / total, problem.fill.density_ratio),
+            GrainShare(flow.fed / total, problem.feed.density_ratio),
         ]
         return confined_work(problem.material, entries, self.product_density_ratio, self.history.rate_factor)
 
@@ -212,3 +232,154 @@ class RollerRow:
             return float("inf")
         n = int(reached[0])
         return float(n - 1 + (self.required_density_ratio - ratio[n - 1]) / (ratio[n] - ratio[n - 1])) if n else 0.0
+
+
+@dataclass(frozen=True)
+class GrainShare:
+    """Share of the grains of a product that enter at one density ratio.
+
+    Parameters
+    ----------
+    share : float
+        Mass over that of the product [-].
+    density_ratio : float
+        Density ratio at entry [-].
+    """
+
+    share: float
+    density_ratio: float
+
+
+def confined_stress(material: Compaction, density_ratio: np.ndarray, rate_factor: float = 1.0) -> np.ndarray:
+    """Return the vertical stress of rigid-plastic mix in confined compression [Pa].
+
+    Parameters
+    ----------
+    density_ratio : ndarray
+        Density ratio k [-].
+    rate_factor : float
+        Factor of the yield pressure [-].
+    """
+    ratio, strength = material.confined_stress_ratio, material.tensile_strength
+    return ratio * (rate_factor * material.yield_pressure(density_ratio) + strength) - strength
+
+
+def confined_work(
+    material: Compaction, entries: Iterable[GrainShare], density_ratio: float, rate_factor: float = 1.0
+) -> float:
+    """Compute the work of confined compression per volume of the product [J/m3].
+
+    Parameters
+    ----------
+    entries : iterable of GrainShare
+        Grains by their density ratio at entry; the shares add up to 1.
+    density_ratio : float
+        Density ratio of the product [-], below 1.
+    rate_factor : float
+        Factor of the yield pressure [-].
+
+    Returns
+    -------
+    float
+        Work w per volume of the product [J/m3].
+
+    Examples
+    --------
+    >>> mix = Compaction(unloading_modulus=60e6, poisson=0.3, heckel_slope=13e-6,
+    ...                  loose_density_ratio=0.72, critical_slope=1.2, tensile_strength=14e3, fed_density_ratio=0.75)
+    >>> f"{confined_work(mix, [GrainShare(1.0, 0.75)], 0.98) / 1e3:.2f} kJ/m3"
+    '22.21 kJ/m3'
+    """
+    if not 0 < density_ratio < 1:
+        raise ValueError(f"`density_ratio` must lie between 0 and 1, got {density_ratio!r}")
+    require_positive(rate_factor=rate_factor)
+    nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
+    work = 0.0
+    for entry in entries:
+        low, high = -np.log1p(-entry.density_ratio), -np.log1p(-density_ratio)
+        u = (low + high) / 2 + (high - low) / 2 * nodes
+        k = -np.expm1(-u)
+        integrand = confined_stress(material, k, rate_factor) / k**2 * (1 - k)  # dk = (1 - k) du
+        work += entry.share * (high - low) / 2 * float(weights @ integrand)
+    return density_ratio * work
+
+
+def confined_floor(advance: float, height: float, work: float) -> float:
+    """Return the confined floor of the resistance of one roller [N].
+
+    Parameters
+    ----------
+    advance : float
+        Advance of the mould per stroke [m].
+    height : float
+        Height of the product [m].
+    work : float
+        Confined work per volume of the product [J/m3].
+    """
+    require_nonnegative(advance=advance, height=height, work=work)
+    return advance * height * work
+
+
+@dataclass(frozen=True)
+class FeedSleeve:
+    """Sleeve full of loose mix above the bed.
+
+    Parameters
+    ----------
+    width : float
+        Width B_T along the travel [m].
+    length : float
+        Length along the roller [m].
+    head : float
+        Height H of the mix above the bed [m].
+    wall_friction : float
+        Friction coefficient mu of mix on the wall [-]; 0 for a smooth wall, which carries no weight.
+    """
+
+    width: float
+    length: float
+    head: float
+    wall_friction: float
+
+    def __post_init__(self) -> None:
+        require_fields(self, positive="width length head", nonnegative="wall_friction")
+
+    @property
+    def hydraulic_diameter(self) -> float:
+        """Four times the area over the perimeter [m]."""
+        return 2 * self.width * self.length / (self.width + self.length)
+
+    def bed_stress(self, bulk_density: float, earth_pressure_coefficient: float) -> float:
+        """Compute the vertical stress on the bed [Pa].
+
+        Parameters
+        ----------
+        bulk_density : float
+            Bulk density of the loose mix [kg/m3].
+        earth_pressure_coefficient : float
+            Lateral over vertical stress [-].
+
+        Examples
+        --------
+        >>> f"{FeedSleeve(0.18, 1.164, 1.0, 0.35).bed_stress(1700.0, 0.43):.0f} Pa"
+        '7382 Pa'
+        """
+        require_positive(bulk_density=bulk_density, earth_pressure_coefficient=earth_pressure_coefficient)
+        decay = 4 * self.wall_friction * earth_pressure_coefficient * self.head / self.hydraulic_diameter
+        carried = -np.expm1(-decay) / decay if decay else 1.0
+        return float(GRAVITY * bulk_density * self.head * carried)
+
+    def drag(self, bulk_density: float, friction_angle: float) -> float:
+        """Compute the shear force of the bed on the mix of one sleeve [N].
+
+        Parameters
+        ----------
+        bulk_density : float
+            Bulk density of the loose mix [kg/m3].
+        friction_angle : float
+            Angle of internal friction [deg], between 0 and 90.
+        """
+        require_that(0 < friction_angle < 90, friction_angle, "`friction_angle` must lie between 0 and 90, got")
+        angle = np.radians(friction_angle)
+        stress = self.bed_stress(bulk_density, float(1 - np.sin(angle)))
+        return float(stress * self.width * self.length * np.tan(angle))

@@ -1,4 +1,4 @@
-"""One section of the product under its strokes, as stacked columns of the engine "column".
+"""Strokes of one roller on a section of the product, as stacked columns of the engine "column", and their closure.
 
 Mix is added on the section before a stroke, and the roller presses the stack down to the lowest generatrix h0. Behind
 the roller the stack recovers elastically; density and locked-in stress of every layer are the initial state of the next
@@ -14,6 +14,19 @@ strain, 1e-3 of it. Strokes conserve m, and so does merging.
 
 Columns neither shear nor flow sideways. Their load is a lower estimate: in two dimensions the top of the section is
 pressed first, and the same mean density requires a load several times as large.
+
+A closure determines the amount of the feed:
+
+    gap                    make-up t = max(0, h0 + gap - surface) at every fed stroke
+    product_density_ratio  gap of the law "room", or thickness of the other laws, by a bracketed root
+    extrusion_pressure     make-up that brings the stress to the pressure, at most what the sleeves offer
+
+The gap is ill-conditioned: elastic recovery lifts the surface by most of it, so that a tenth of a millimetre decides
+between loose mix and closed pores. The root is sought over -ln(1 - k), which is nearly linear in the amount.
+
+The yield pressure depends on the rate of compaction. All strokes of a process have one rate, that of a layer which the
+roller presses by the mean bite to the height h0; the mean is weighted by the make-up of the strokes. With one stroke
+the rate is that of a single pass.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,21 +35,29 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
 from compact.engines.column.column_ode import GapShape
-from compact.engines.column.column_pass import PLATE, STRAINS, Column, ColumnLayer, PassResult, column_layer
+from compact.engines.column.column_pass import PLATE, STRAINS, Column, ColumnLayer, column_layer, plate_indentation
 from compact.engines.column.engine import INTEGRATION_RTOL, require_integrable
-from compact.engines.column.indentation_search import plate_indentation
-from compact.engines.process.forming import Feed, Fill, FormingMachine
+from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
 from compact.material.cap_plasticity import CapConstants
 from compact.material.laws import Compaction
 from compact.numerics import Array
-
-DEFAULT_LAYERS = 20  # [-], merged layers of a section; 3 and 80 give the same load to 1e-8
-CONTACT_SHARE = 1e-12  # [-], of the height; a smaller bite is no contact
-QUARTER = 0.25  # [-], share of the height over which the density of bottom and top is averaged
+from compact.rolling_contact import compaction_rate
 
 MakeUp = Callable[[int, "SectionState"], float]  # thickness [m] before a stroke, from its index and the section
+
+DEFAULT_LAYERS = 20  # [-], merged layers of a section; 3 and 80 give the same load to 1e-8
+QUARTER = 0.25  # [-], share of the height over which the density of bottom and top is averaged
+CONTACT_SHARE = 1e-12  # [-], of the height; a smaller bite is no contact
+RATE_TOLERANCE = 1e-9  # [-], relative change of the rate factor in the last iteration
+RATE_ITERATIONS_MAX = 30  # [-]; 4 to 6 are usual, each reduces the change a hundredfold
+AMOUNT_RTOL = 1e-10  # [-], of the amount; the load changes by some 20 times as much
+SEARCH_LAYERS = 1  # [-], merged layers during the search for an amount
+DENSITY_TOLERANCE = 1e-9  # [-], of the density ratio of the product
+OVERFILLED_DENSITY_RATIO = 1 - 1e-6  # [-], stands for a section whose pores are closed, so that the search is bounded
+BITE_ROUNDING = 1e-9  # [-], relative, of the bite at the nip angle
 
 
 class BiteError(ValueError):
@@ -88,6 +109,16 @@ class SectionState(NamedTuple):
     def density_ratio(self) -> float:
         """Mean density ratio over the height [-]."""
         return mean_density_ratio(self.columns, 0.0, 1.0)
+
+    @property
+    def bottom_density_ratio(self) -> float:
+        """Mean density ratio of the bottom quarter [-]."""
+        return mean_density_ratio(self.columns, 0.0, QUARTER)
+
+    @property
+    def top_density_ratio(self) -> float:
+        """Mean density ratio of the top quarter [-]."""
+        return mean_density_ratio(self.columns, 1 - QUARTER, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,88 +207,225 @@ class SectionOptions:
     until_density_ratio: float = np.inf
 
 
-def simulate_section(
-    machine: FormingMachine,
-    material: Compaction,
-    fill: Fill,
-    feed: Feed,
-    make_up: MakeUp,
-    options: SectionOptions,
-) -> SectionHistory:
-    """Compute all strokes on a section.
+@dataclass(frozen=True)
+class FormingProblem:
+    """Machine, mix and feed of a process.
 
     Parameters
     ----------
-    make_up : callable(index, SectionState) -> float
-        Thickness of the mix added before a stroke [m].
+    machine : FormingMachine
+        Geometry and motion of roller and mould.
+    material : Compaction
+        Constitutive law of the mix.
+    fill, feed : Fill, Feed
+        Mix in the mould before the first stroke, and mix fed before the strokes.
+    layers : int
+        Merged layers of a section.
+    """
+
+    machine: FormingMachine
+    material: Compaction
+    fill: Fill
+    feed: Feed
+    layers: int = DEFAULT_LAYERS
+
+    def with_amount(self, amount: float, options: SectionOptions) -> SectionHistory:
+        """Compute the strokes with a gap, or a largest make-up of the laws without a gap [m].
+
+        Parameters
+        ----------
+        amount : float
+            Gap of the law "room", or largest make-up of the other laws [m].
+        options : SectionOptions
+            Rate of compaction, layers and accuracy.
+
+        Returns
+        -------
+        SectionHistory
+
+        Raises
+        ------
+        OverfilledError
+            If grains and water fill the room below the lowest generatrix.
+        BiteError
+            If a bite would bury the roller to its axis.
+        """
+        shares, surface = self.feed.shares(self.machine), self.machine.height + amount
+
+        def make_up(index: int, state: SectionState) -> float:
+            if self.feed.law == "room":
+                return max(surface - state.height, 0.0) if shares[index] > 0 else 0.0
+            return float(amount * shares[index])
+
+        return self._simulate(make_up, options)
+
+    def at_pressure(self, pressure: float, offered: Array, rate_factor: float) -> SectionHistory:
+        """Compute the strokes with a make-up that brings the stress to a pressure [Pa], at most that offered [m].
+
+            t = [h0 - h(s_v)]/[h_fresh(s_v)/h_fresh],    0 if the section alone exceeds the pressure
+
+        Parameters
+        ----------
+        pressure : float
+            Largest vertical stress s_v under the roller [Pa].
+        offered : ndarray, shape (strokes,)
+            Thickness that the sleeves offer before each stroke [m].
+        rate_factor : float
+            Factor of the yield pressure [-].
+
+        Returns
+        -------
+        SectionHistory
+        """
+
+        def pressed_height(columns: tuple[Column, ...]) -> float:
+            layer = replace(self._stack(columns, rate_factor), gap=PLATE)
+            return layer.height - plate_indentation(layer, pressure, INTEGRATION_RTOL)
+
+        def make_up(index: int, state: SectionState) -> float:
+            room = self.machine.height + self.machine.max_bite - state.height
+            most = min(float(offered[index]), max(room, 0.0))
+            if most <= 0:
+                return 0.0
+            left = max(self.machine.height - pressed_height(state.columns), 0.0)
+            return min(most, left / pressed_height((Column(1.0, self.feed.density_ratio),)))
+
+        return self._simulate(make_up, SectionOptions(rate_factor, self.layers))
+
+    def rate_factor(self, bite: float) -> float:
+        """Return the factor of the yield pressure [-] for a mean bite [m]."""
+        if not (self.material.rate_sensitivity and bite > 0):
+            return 1.0
+        machine = self.machine
+        rate = compaction_rate(machine.cart_speed, machine.roller_radius, machine.height + bite, bite)
+        return self.material.rate_factor(rate)
+
+    def rate_factor_at(self, amount: float, rate_factor: float) -> float:
+        """Return the factor of the yield pressure for an amount [m]: the bite of the law "room" is the gap itself."""
+        return self.rate_factor(amount) if self.feed.law == "room" else rate_factor
+
+    def product_density_ratio(self, history: SectionHistory) -> float:
+        """Return the mean density ratio of the product [-]."""
+        return self.machine.mean_of_product(*(state.density_ratio for state in history.states[-2:]))
+
+    def _stack(self, columns: tuple[Column, ...], rate_factor: float) -> ColumnLayer:
+        gap = GapShape(float(self.machine.roller_radius), 1.0)
+        return column_layer(columns, self.material, rate_factor, gap, STRAINS["logarithmic"])
+
+    def _simulate(self, make_up: MakeUp, options: SectionOptions) -> SectionHistory:
+        """Compute all strokes on a section."""
+        fill, fed, height = self.fill, self.feed.density_ratio, self.machine.height
+        if not fill.density_ratio > self.material.loose_density_ratio:
+            raise ValueError(
+                f"`density_ratio` of the fill must exceed that of Heckel's curve at its start, "
+                f"{self.material.loose_density_ratio!r}, got {fill.density_ratio!r}"
+            )
+        columns = (Column(fill.height / options.layers, fill.density_ratio),) * options.layers
+        loosest = self._stack((*columns, Column(fill.height, fed)), options.rate_factor)
+        require_integrable(loosest, self.material)
+        if not isinstance(loosest.law, CapConstants):
+            raise ValueError(
+                "the process needs a `material` of constants, got tables over the density; use another law"
+            )
+        states, rows = [SectionState(columns, loosest.law)], []
+        for index in range(self.machine.stroke_count):
+            state = states[-1]
+            added = make_up(index, state)
+            raised = (*state.columns, Column(added, fed)) if added > 0 else state.columns
+            bite = state.height + added - height
+            forces: tuple[float, ...] = (0.0,) * 6
+            if bite > CONTACT_SHARE * height:
+                forces, raised = _stroke(self._stack(raised, options.rate_factor), bite, index + 1, options.rtol)
+            rows.append((added, bite, *forces))
+            states.append(SectionState(merge_layers(raised, options.layers, state.law.K), state.law))
+            if states[-1].density_ratio >= options.until_density_ratio:
+                break
+        made_up, bites, load, resistance, peak, leading, trailing, work = np.array(rows).T
+        return SectionHistory(
+            made_up, bites, load, resistance, peak, leading, trailing, work, tuple(states), options.rate_factor, fed
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedProcess:
+    """Strokes on a section whose feed satisfies the closure.
+
+    Parameters
+    ----------
+    history : SectionHistory
+        Strokes.
+    amount : float
+        Gap of the law "room", or largest make-up of the other laws [m]; nan with a pressure of extrusion.
+    offered : ndarray
+        Thickness that the sleeves offer before each stroke [m]; the make-up itself but for a pressure of extrusion.
+    """
+
+    history: SectionHistory
+    amount: float
+    offered: Array
+
+
+def solve_closure(problem: FormingProblem, closure: Closure) -> ClosedProcess:
+    """Compute the strokes of a process.
+
+    Parameters
+    ----------
+    problem : FormingProblem
+        Machine, mix and feed.
+    closure : Closure
+        Condition on the feed.
 
     Returns
     -------
-    SectionHistory
+    ClosedProcess
 
     Raises
     ------
     OverfilledError
-        If grains and water fill the room below the lowest generatrix.
+        If the gap closes all pores.
     BiteError
-        If a bite would bury the roller to its axis.
+        If a bite exceeds that at the nip angle.
+    ValueError
+        If the density of the product cannot be reached, or the pressure closes all pores.
     """
-    columns, factor = _filled(fill, material, options.layers), options.rate_factor
-    loosest = (*columns, Column(fill.height, feed.density_ratio))
-    require_integrable(_stack(loosest, machine, material, factor), material)
-    law = _stack(columns, machine, material, factor).law
-    if not isinstance(law, CapConstants):
-        raise ValueError("the process needs a `material` with constants, got tables over the density; use another law")
-    state = SectionState(columns, law)
-    rows, states = [], [state]
-    for index in range(machine.stroke_count):
-        added = make_up(index, state)
-        raised = (*state.columns, Column(added, feed.density_ratio)) if added > 0 else state.columns
-        bite = state.height + added - machine.height
-        forces: tuple[float, ...] = (0.0,) * 6
-        if bite > CONTACT_SHARE * machine.height:
-            result = _stroke(_stack(raised, machine, material, factor), bite, index + 1, options.rtol)
-            forces, raised = _results(result), result.columns
-        rows.append((added, bite, *forces))
-        state = SectionState(merge_layers(raised, options.layers, state.law.K), state.law)
-        states.append(state)
-        if state.density_ratio >= options.until_density_ratio:
+    if closure.kind == "gap" and problem.feed.law != "room":
+        raise ValueError(f"a `gap` is a closure of the feed law 'room', got {problem.feed.law!r}; give the density")
+    factor = problem.rate_factor(closure.value if closure.kind == "gap" else problem.machine.max_bite)
+    for _ in range(RATE_ITERATIONS_MAX):
+        closed = _closed_at_rate(problem, closure, factor)
+        before, factor = closed.history.rate_factor, problem.rate_factor(mean_bite(closed.history))
+        if abs(factor / before - 1) <= RATE_TOLERANCE:
             break
-    made_up, bites, load, resistance, peak, leading, trailing, work = np.array(rows).T
-    return SectionHistory(
-        made_up, bites, load, resistance, peak, leading, trailing, work, tuple(states), factor, feed.density_ratio
-    )
+    else:
+        raise RuntimeError(f"the rate factor still changes by {abs(factor / before - 1):.1e} between two iterations")
+    require_bite(problem.machine, closed.history)
+    return closed
 
 
-def thickness_at_pressure(
-    state: SectionState,
-    machine: FormingMachine,
-    material: Compaction,
-    density_ratio: float,
-    pressure: float,
-    rate_factor: float,
-    rtol: float = INTEGRATION_RTOL,
-) -> float:
-    """Compute the make-up with which the stress under the lowest generatrix reaches a pressure.
-
-        t = [h0 - h(s_v)]/[h_fresh(s_v)/h_fresh],    0 if the section alone exceeds the pressure
+def require_bite(machine: FormingMachine, history: SectionHistory) -> None:
+    """Raise BiteError unless the roller draws in the mix of every stroke.
 
     Parameters
     ----------
-    density_ratio : float
-        Density ratio of the mix as fed [-].
-    pressure : float
-        Vertical stress s_v [Pa].
-
-    Returns
-    -------
-    float
-        Thickness of the loose mix [m].
+    machine : FormingMachine
+        Machine, whose nip angle limits the bite.
+    history : SectionHistory
+        Strokes.
     """
-    layer = replace(_stack(state.columns, machine, material, rate_factor), gap=PLATE)
-    fresh = replace(_stack((Column(1.0, density_ratio),), machine, material, rate_factor), gap=PLATE)
-    room = machine.height - (layer.height - plate_indentation(layer, pressure, rtol))
-    return max(room, 0.0) / (1 - plate_indentation(fresh, pressure, rtol))
+    stroke = int(history.bite.argmax())
+    bite, limit = float(history.bite[stroke]), machine.max_bite
+    if bite > limit * (1 + BITE_ROUNDING):
+        raise BiteError(
+            f"stroke {stroke + 1} would have to draw in mix {bite * 1e3:.3g} mm above the lowest generatrix, and the "
+            f"nip angle of {machine.nip_angle:g} degrees admits {limit * 1e3:.3g} mm, R (1 - cos nip); more strokes on "
+            "a section, that is a slower mould, a faster cart or a longer roller, or less mix at a time are needed"
+        )
+
+
+def mean_bite(history: SectionHistory) -> float:
+    """Return the mean bite [m], weighted by the make-up of the strokes; of equal weights without any."""
+    weights = history.make_up if history.make_up.any() else np.ones(history.count)
+    return float(np.average(np.maximum(history.bite, 0.0), weights=weights))
 
 
 def merge_layers(columns: Sequence[Column], count: int, bulk_modulus: float) -> tuple[Column, ...]:
@@ -297,49 +465,80 @@ def grain_height(column: Column, bulk_modulus: float) -> float:
 
 
 def mean_density_ratio(columns: Sequence[Column], low: float, high: float) -> float:
-    """Return the mean density ratio between two shares of the height, 0 at the base and 1 at the surface [-].
+    """Return the mean density ratio of layers, from the base upwards, between two shares of their height [-]."""
+    ratios = np.array([column.density_ratio for column in columns])
+    return mean_over_height(np.array([column.height for column in columns]), ratios, low, high)
+
+
+def mean_over_height(heights: Array, values: Array, low: float, high: float) -> float:
+    """Return the mean of values of layers between two shares of the height.
 
     Parameters
     ----------
-    columns : sequence of Column
-        Layers from the base upwards.
+    heights, values : ndarray, shape (layers,)
+        Heights [m] and values of the layers from the base upwards.
     low, high : float
-        Shares of the height [-], low < high.
+        Shares of the height [-], low < high; 0 at the base and 1 at the surface.
 
     Returns
     -------
     float
-        Mean density ratio [-].
+        Mean in the unit of the values.
     """
-    heights = np.array([column.height for column in columns])
-    tops = np.cumsum(heights)
-    bounds = np.clip(np.append(0.0, tops), low * tops[-1], high * tops[-1])
-    return float(np.diff(bounds) @ [column.density_ratio for column in columns] / (bounds[-1] - bounds[0]))
+    tops = np.append(0.0, np.cumsum(heights))
+    bounds = np.clip(tops, low * tops[-1], high * tops[-1])
+    return float(np.diff(bounds) @ values / (bounds[-1] - bounds[0]))
 
 
-def overpressed_height(columns: Sequence[Column]) -> float:
-    """Return the height of layers whose density ratio exceeds 1 [m], beyond the range of the law."""
-    return sum(column.height for column in columns if column.density_ratio > 1)
+def _closed_at_rate(problem: FormingProblem, closure: Closure, rate_factor: float) -> ClosedProcess:
+    """Return the strokes with a closure at a rate factor, which the amount of the law "room" replaces by its own."""
+    machine, feed = problem.machine, problem.feed
+    if closure.kind == "extrusion_pressure":
+        offered = (machine.max_bite if closure.offered is None else closure.offered) * feed.shares(machine)
+        return ClosedProcess(problem.at_pressure(closure.value, offered, rate_factor), float("nan"), offered)
+    amount = closure.value
+    if closure.kind == "product_density_ratio":
+        amount = _amount_for_density(problem, closure.value, rate_factor)
+        rate_factor = problem.rate_factor_at(amount, rate_factor)
+    history = problem.with_amount(amount, SectionOptions(rate_factor, problem.layers))
+    return ClosedProcess(history, amount, history.make_up)
 
 
-def _filled(fill: Fill, material: Compaction, layers: int) -> tuple[Column, ...]:
-    """Return the fill in layers of equal height."""
-    if not fill.density_ratio > material.loose_density_ratio:
+def _amount_for_density(problem: FormingProblem, target: float, rate_factor: float) -> float:
+    """Return the amount [m] at which the product has a density ratio, by Brent's method with few layers."""
+    machine, feed, fill = problem.machine, problem.feed, problem.fill
+
+    def reached(amount: float) -> float:
+        options = SectionOptions(problem.rate_factor_at(amount, rate_factor), SEARCH_LAYERS)
+        return problem.product_density_ratio(problem.with_amount(amount, options))
+
+    def residual(amount: float) -> float:
+        try:
+            ratio = min(reached(amount), OVERFILLED_DENSITY_RATIO)
+        except (OverfilledError, BiteError):
+            ratio = OVERFILLED_DENSITY_RATIO
+        return float(np.log((1 - target) / (1 - ratio)))
+
+    most = machine.max_bite
+    if feed.law != "room":  # fill and feed without pores fill the height h0
+        room = max(machine.height - fill.density_ratio * fill.height, 0.0)
+        most = room / feed.density_ratio / float(feed.shares(machine).sum())
+    if residual(0.0) > 0:
         raise ValueError(
-            f"`density_ratio` of the fill must exceed that of Heckel's curve at its start, "
-            f"{material.loose_density_ratio!r}, got {fill.density_ratio!r}"
+            f"`product_density_ratio` must exceed the density ratio without any feed, got {target!r}; the fill is "
+            "dense or high enough already"
         )
-    return (Column(fill.height / layers, fill.density_ratio),) * layers
+    if residual(most) < 0:
+        raise BiteError(
+            f"`product_density_ratio` must be at most {reached(most):.6g} in {machine.strokes_on_section:.4g} strokes "
+            f"whose bite is that at the nip angle, {machine.max_bite * 1e3:.3g} mm, got {target!r}; more strokes on a "
+            "section are needed: a slower mould, a faster cart or a longer roller"
+        )
+    return float(brentq(residual, 0.0, most, xtol=DENSITY_TOLERANCE * machine.height / 100, rtol=AMOUNT_RTOL))
 
 
-def _stack(
-    columns: tuple[Column, ...], machine: FormingMachine, material: Compaction, rate_factor: float
-) -> ColumnLayer:
-    gap = GapShape(float(machine.roller_radius), 1.0)
-    return column_layer(columns, material, rate_factor, gap, STRAINS["logarithmic"])
-
-
-def _stroke(layer: ColumnLayer, bite: float, number: int, rtol: float) -> PassResult:
+def _stroke(layer: ColumnLayer, bite: float, number: int, rtol: float) -> tuple[tuple[float, ...], tuple[Column, ...]]:
+    """Return load, resistance, peak pressure, both edges of the contact and work of a stroke, and the columns after."""
     if not bite < layer.gap.radius:
         raise BiteError(f"stroke {number} would bury the roller to its axis, {bite:.3g} m below the surface; feed less")
     if not bite < layer.max_indentation:
@@ -348,31 +547,16 @@ def _stroke(layer: ColumnLayer, bite: float, number: int, rtol: float) -> PassRe
             f"{layer.height - bite:.6g} m remain below the lowest generatrix; feed less mix",
             number,
         )
-    return layer.compute_pass(bite, rtol)
-
-
-def _results(result: PassResult) -> tuple[float, ...]:
-    """Return load, resistance, peak pressure, edges of the contact and work."""
-    layer = result.layer
-    trailing = float(layer.positions(result.unloading[-1:, 0])[0])
-    plastic, elastic = result.work
-    return (
-        result.load, result.resistance, result.peak_pressure, layer.edge(result.indentation), trailing,
-        plastic + elastic,
-    )  # fmt: skip
+    passed = layer.compute_pass(bite, rtol)
+    edges = passed.layer.gap.edge(bite), float(passed.layer.gap.positions(passed.unloading[-1:, 0])[0])
+    return (passed.load, passed.resistance, passed.peak_pressure, *edges, sum(passed.work)), passed.columns
 
 
 def _merged(below: Column, above: Column, bulk_modulus: float) -> Column:
     """Return one layer with the height and the grains of two."""
     mass = np.array([grain_height(below, bulk_modulus), grain_height(above, bulk_modulus)])
-    total = float(mass.sum())
+    total, height = float(mass.sum()), below.height + above.height
     share = mass / total
     stress = float(share @ [below.lateral_stress, above.lateral_stress])
-    height = below.height + above.height
-    return replace(
-        below,
-        height=height,
-        density_ratio=total / height * float(np.exp(-stress / 1.5 / bulk_modulus)),
-        lateral_stress=stress,
-        max_density_ratio=float(share @ [below.max_density_ratio, above.max_density_ratio]),
-    )
+    densest = float(share @ [below.max_density_ratio, above.max_density_ratio])
+    return Column(height, total / height * float(np.exp(-stress / 1.5 / bulk_modulus)), stress, densest)

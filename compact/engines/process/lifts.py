@@ -1,13 +1,10 @@
-"""Forming process in two dimensions: the feed of many strokes lumped into 10 to 20 lifts.
+"""Forming process in two dimensions: the feed of many strokes lumped into 10 to 20 lifts, and integrals over strokes.
 
 Every stroke starts from the whole state that the previous one has left, so that strokes cannot be computed singly and
 interpolated. The feed is therefore lumped. Each lift of the thickness t, several times the make-up of a stroke, is
 spread over the section and pressed down to the lowest generatrix by one pass of the engine "compaction". Density and
-stress of the rows behind the pass are the initial state of the next one.
-
-The load at a mean density hardly depends on t, and the resistance over t does; both are extrapolated to the make-up of
-the strokes (`two_dimensions`). The rate of compaction is that of the strokes: the speed of each pass is chosen so that
-the yield pressure has their rate factor.
+stress of the rows behind the pass are the initial state of the next one. The rate of compaction is that of the strokes:
+the speed of each pass is chosen so that the yield pressure has their rate factor.
 
 The stress of a contact spreads over the height of the section, which is several contact lengths. The last correction of
 the bow wave may therefore still move with the mix when the engine ends, and shows as a residual of the energy. Such a
@@ -20,9 +17,28 @@ air. Every pass starts from air at the pressure of the surroundings; the air flo
 Behind the roller the surface sinks below the lowest generatrix, by up to 0.5 mm in the published machine and within a
 length of some contacts. It is not elastic recovery, which lifts the surface: the stress under the roller spreads into
 the loose mix below, and compacts it on while the roller is already ahead.
+
+Load and resistance of a roller row are sums over the strokes of the columns:
+
+    P_row = sum_n P(k_n) dz_n,    F_row = v_form T sum_n (F/t)(k_n) t_n
+
+The strokes n have the mean density k_n, the length dz_n along the roller and the make-up t_n of the columns: the mean
+density follows from the balance of mix, whatever the model. P and F/t come from lumped lifts as functions of the mean
+density, the first at that behind a stroke, the second at the mean of both sides. Between lifts their logarithms are
+interpolated; beyond the last lift they are extrapolated, and the share of the result that is extrapolated is stated.
+
+P and F/t are extrapolated linearly in the thickness of the lifts to t_n at every density. Errors, added as independent
+ones: the larger difference to a power law of the thickness and, of three, to a parabola; the finest mesh less the limit
+of vanishing elements, of first order in 1/increments; without other meshes the estimate of the engine.
+
+The excess pressure of the pore air is in proportion to the mix that a pass displaces, as long as its flow is linear:
+
+    P_air(t_n) = P_air(t) t_n/t,    F_air/t_n = (F_air/t) t_n/t
+
+Both are taken from the thinnest lifts; the error is the difference to the thickest, and to the other meshes.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -34,11 +50,10 @@ from compact.engines.compaction.results import CompactionContactResult, build_re
 from compact.engines.compaction.roller_frame import LayerState, fresh_layer, rate_factor_at
 from compact.engines.compaction.steady_search import FINAL_TOLERANCE
 from compact.engines.pore_air.coupled_rolling import roll_coupled
-from compact.engines.pore_air.under_roller import RollerAir
-from compact.engines.process.closures import FormingProblem
+from compact.engines.pore_air.steady_flow import RollerAir
 from compact.engines.process.forming import FormingMachine
-from compact.engines.process.section import QUARTER
-from compact.material.laws import Compaction
+from compact.engines.process.roller_row import RollerRow, confined_stress
+from compact.engines.process.section import QUARTER, FormingProblem, mean_over_height
 from compact.material.pore_air import PoreAir
 from compact.numerics import Array
 from compact.rolling_contact import Layer, Roller
@@ -56,8 +71,6 @@ ENERGY_TOLERANCE = 1e-2  # [-], residual of the energy of a pass above which it 
 SETTLING_SHARE = 1 / 3  # [-], of the height, travel after which the energy is evaluated again
 SETTLINGS_MAX = 8  # [-], of a pass; the wave relaxes over some ten contact lengths, 1.6 times the height
 RATE_ROUNDING = 1e-12  # [-], rate factor less 1 below which the speed does not matter
-
-Report = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -177,6 +190,18 @@ class LiftSequence:
         """Return a field of all lifts, shape (lifts,)."""
         return np.array([getattr(lift, name) for lift in self.lifts])
 
+    def curve(self, name: str) -> tuple[Array, Array]:
+        """Return mean density ratios [-] and the force of the lifts there [N/m], over its thickness [N/m2].
+
+        A load, undivided, belongs to the density behind a lift, and a resistance to the mean of both sides. A section
+        pressed without a lift has no work per mix. The load of the air is over the thickness of the sequence.
+        """
+        ratio, force, thickness = self.values("density_ratio"), self.values(name), self.values("thickness")
+        if name.endswith("load"):
+            return ratio, force / self.thickness if name == "air_load" else force
+        fed = thickness > 0
+        return (ratio + self.values("density_before"))[fed] / 2, force[fed] / thickness[fed]
+
     @property
     def largest_work_residual(self) -> float:
         """Largest residual of the energy balance of a pass [-]."""
@@ -210,7 +235,7 @@ def simulate_lifts(
     thickness: float,
     increments: int,
     air: LiftAir | None = None,
-    report: Report = lambda _: None,
+    report: Callable[[str], None] = lambda _: None,
 ) -> LiftSequence:
     """Press lifts of one thickness until the section has a mean density ratio.
 
@@ -236,11 +261,9 @@ def simulate_lifts(
     LiftSequence
         Without the lifts after one that has no steady state.
     """
-    lifts: list[LumpedLift] = []
-    steps = _lifts(problem, friction, rate_factor, (thickness, increments), air)
-    stopped = ""
+    lifts, stopped = list[LumpedLift](), ""
     try:
-        for lift in steps:
+        for lift in _lifts(problem, friction, rate_factor, (thickness, increments), air):
             lifts.append(lift)
             report(f"lift {len(lifts)} of {thickness * 1e3:.3g} mm: mean density ratio {lift.density_ratio:.3f}")
             if lift.density_ratio >= density_ratio or len(lifts) == LIFTS_MAX:
@@ -275,21 +298,22 @@ def _lifts(
     problem: FormingProblem, friction: float, rate_factor: float, lumping: tuple[float, int], air: LiftAir | None
 ) -> Iterator[LumpedLift]:
     """Yield lifts one after the other, of a thickness [m] and on a number of elements per contact length."""
-    thickness, increments = lumping
-    machine = problem.machine
+    (thickness, increments), machine = lumping, problem.machine
     material = replace(problem.material, fed_density_ratio=problem.feed.density_ratio)
     filling = replace(material, fed_density_ratio=problem.fill.density_ratio)
     state = fresh_layer(filling, np.full(FILL_ROWS, problem.fill.height / FILL_ROWS))
     while True:
-        fed = thickness
-        if state.height + thickness - machine.height > machine.max_bite:
-            fed = 0.0  # a fill above the lowest generatrix, or elastic recovery: pressed alone
+        # a fill above the lowest generatrix, or elastic recovery, is pressed alone
+        fed = 0.0 if state.height + thickness - machine.height > machine.max_bite else thickness
         raised = state.with_lift(fed, material) if fed else state
         while raised.height <= machine.height:  # lifts in a mould that is not full
             raised = raised.with_lift(thickness, material)
         bite = raised.height - machine.height
         roller = Roller(machine.roller_radius, indentation=bite, friction=friction, rolling="free", profile="deformed")
-        speed = _speed_of_rate(problem, material, raised, bite, rate_factor)
+        speed, m = machine.cart_speed, material.rate_sensitivity
+        if m and rate_factor >= 1 + RATE_ROUNDING:  # the speed at which the yield pressure has the rate factor
+            factor = rate_factor_at(material, machine.roller_radius, raised.height, bite, speed, raised)
+            speed *= float(np.expm1((rate_factor - 1) / m) / np.expm1((factor - 1) / m))
         passed = roll(
             Layer(raised.height), roller, material, speed,
             fed_layer=raised, increments=increments, steady_tolerance=STEADY_TOLERANCE,
@@ -302,8 +326,7 @@ def _lifts(
 
 def _with_closed_energy(passed: CompactionContactResult) -> CompactionContactResult:
     """Return the pass after further travel until its energy closes, or the mix at its exit has left the last jump."""
-    rolling = passed.solution
-    height = rolling.steps[-1].bottom_height
+    rolling, height = passed.solution, passed.solution.steps[-1].bottom_height
     count = int(np.ceil(SETTLING_SHARE * height / rolling.frame.step))
     rolling.solver.tolerance = FINAL_TOLERANCE
     for _ in range(SETTLINGS_MAX):
@@ -312,8 +335,7 @@ def _with_closed_energy(passed: CompactionContactResult) -> CompactionContactRes
         for _ in range(count):
             rolling.advance(height, FINAL_DAMPING_RATIO * DAMPING)
         result = build_result(rolling, passed.layer, passed.roller, passed.material, passed.speed)
-        estimates = {name: getattr(passed, name) for name in ("error", "error_parts", "relaxation")}
-        passed = replace(result, **estimates)
+        passed = replace(result, error=passed.error, error_parts=passed.error_parts, relaxation=passed.relaxation)
     return passed
 
 
@@ -334,22 +356,10 @@ def _with_air(lift: LumpedLift, passed: CompactionContactResult, air: LiftAir, s
     return replace(lift, air_load=load, air_resistance=resistance, air_excess_behind=behind)
 
 
-def _speed_of_rate(
-    problem: FormingProblem, material: Compaction, raised: LayerState, bite: float, rate_factor: float
-) -> float:
-    """Return the speed [m/s] at which the yield pressure has a rate factor; that of the cart without rate effect."""
-    machine, m = problem.machine, material.rate_sensitivity
-    if not m or rate_factor < 1 + RATE_ROUNDING:
-        return machine.cart_speed
-    factor = rate_factor_at(material, machine.roller_radius, raised.height, bite, machine.cart_speed, raised)
-    return machine.cart_speed * float(np.expm1((rate_factor - 1) / m) / np.expm1((factor - 1) / m))
-
-
 def _lift(passed: CompactionContactResult, raised: LayerState, thickness: float) -> LumpedLift:
     """Return the record of a pass."""
     state, error = passed.exit, passed.error
     assert error is not None  # the engine estimates its error
-    tops = np.cumsum(state.heights)
     ratio = state.points.density_ratio
     return LumpedLift(
         thickness=thickness,
@@ -360,8 +370,8 @@ def _lift(passed: CompactionContactResult, raised: LayerState, thickness: float)
         resistance_error=error[1],
         density_before=raised.density_ratio,
         density_ratio=passed.exit_density_ratio,
-        bottom_density_ratio=_mean(ratio, tops, 0.0, QUARTER),
-        top_density_ratio=_mean(ratio, tops, 1 - QUARTER, 1.0),
+        bottom_density_ratio=mean_over_height(state.heights, ratio, 0.0, QUARTER),
+        top_density_ratio=mean_over_height(state.heights, ratio, 1 - QUARTER, 1.0),
         overpressed_height=float(state.heights[ratio > 1].sum()),
         surface=passed.exit_height,
         peak_pressure=float(passed.peak_pressure or 0.0),
@@ -386,7 +396,203 @@ def _equal_rows(lift: LumpedLift) -> SectionProfile:
     return SectionProfile(np.diff(edges), means(lift.row_density_ratios), means(lift.row_lateral_stresses))
 
 
-def _mean(values: Array, tops: Array, low: float, high: float) -> float:
-    """Return the mean of row values between two shares of the height."""
-    bounds = np.clip(np.append(0.0, tops), low * tops[-1], high * tops[-1])
-    return float(np.diff(bounds) @ values / (bounds[-1] - bounds[0]))
+@dataclass(frozen=True)
+class Estimate:
+    """Number with its error.
+
+    Parameters
+    ----------
+    value : float
+        Value in its unit.
+    lumping_error, mesh_error : float
+        Relative errors by the thickness of the lifts and by the mesh [-].
+    extrapolated_share : float
+        Share of the value from strokes denser than the densest lift [-].
+    """
+
+    value: float
+    lumping_error: float
+    mesh_error: float
+    extrapolated_share: float
+
+    @property
+    def error(self) -> float:
+        """Relative error of both causes [-]."""
+        return float(np.hypot(self.lumping_error, self.mesh_error))
+
+
+@dataclass(frozen=True)
+class TwoDimensionalRow:
+    """Roller row in two dimensions.
+
+    Parameters
+    ----------
+    row : RollerRow
+        Strokes of the columns.
+    sequences : tuple of LiftSequence
+        Lifts; those with the least increments have different thicknesses, two or more, those of one thickness
+        different increments.
+    rate_scale : float
+        Rate factor of the strokes over that of the lifts [-], to which their forces are in proportion.
+    air_scale : float
+        Speed of the strokes over that of the lifts [-], to which the forces of their pore air are in proportion.
+    """
+
+    row: RollerRow
+    sequences: tuple[LiftSequence, ...]
+    rate_scale: float = 1.0
+    air_scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if len(self.lumpings) < 2:
+            raise ValueError(f"`sequences` must have two thicknesses on one mesh at least, got {len(self.lumpings)}")
+
+    @property
+    def lumpings(self) -> tuple[LiftSequence, ...]:
+        """Sequences with the least increments, the thinnest lifts first."""
+        least = min(sequence.increments for sequence in self.sequences)
+        found = [sequence for sequence in self.sequences if sequence.increments == least]
+        return tuple(sorted(found, key=lambda sequence: sequence.thickness))
+
+    @property
+    def meshes(self) -> tuple[LiftSequence, ...]:
+        """Sequences of the thickness that has most meshes, the finest mesh first."""
+        thicknesses = [sequence.thickness for sequence in self.sequences]
+        most = max(thicknesses, key=thicknesses.count)
+        found = [sequence for sequence in self.sequences if sequence.thickness == most]
+        return tuple(sorted(found, key=lambda sequence: -sequence.increments))
+
+    @property
+    def load(self) -> Estimate:
+        """Load of the roller [N]."""
+        return self._estimate("load", self.row.lengths)
+
+    @property
+    def resistance(self) -> Estimate:
+        """Resistance of the roller [N]; 0 of a mould at rest, whose work per stroke is not that of the row."""
+        return self._estimate("resistance", self._feed_weights)
+
+    @property
+    def _feed_weights(self) -> Array:
+        """Mix that each stroke presses over the advance of the mould [m2], of the last stroke its share."""
+        machine = self.row.problem.machine
+        shares = machine.stroke_shares if machine.strokes is None else 1.0
+        return np.asarray(machine.advance * self.row.history.make_up * shares)
+
+    @property
+    def air_load(self) -> Estimate:
+        """Load by the excess pressure of the pore air [N]; 0 without air."""
+        return self._air_estimate("air_load", self.row.lengths)
+
+    @property
+    def air_resistance(self) -> Estimate:
+        """Resistance by the excess pressure of the pore air [N]; 0 without air, and of a mould at rest."""
+        return self._air_estimate("air_resistance", self._feed_weights)
+
+    @property
+    def air_excess_behind(self) -> float:
+        """Largest excess pressure behind the contact of the thinnest lifts [Pa], a tensile stress of the skeleton."""
+        return float(self.lumpings[0].values("air_excess_behind").max()) * self.air_scale
+
+    @property
+    def load_centre(self) -> float:
+        """Centre of the load from the edge at the empty mould [m]."""
+        return self.row.centre_of(self.at_strokes("load", self.lumpings))
+
+    @property
+    def skew_moment(self) -> float:
+        """Moment of the load about the middle of the roller [N m], + towards the finished product."""
+        return self.load.value * (self.load_centre - self.row.problem.machine.roller_length / 2)
+
+    @property
+    def specific_work(self) -> float:
+        """Work of the roller per volume of the product [J/m3]; nan of a mould at rest."""
+        advance = self.row.problem.machine.advance
+        return self.resistance.value / (advance * self.row.product_height) if advance else float("nan")
+
+    def of_product(self, name: str) -> float:
+        """Return a field of the thinnest lifts at the density of the product, or behind the last lift if that is less.
+
+        Parameters
+        ----------
+        name : str
+            Field of `LumpedLift`, such as "bottom_density_ratio".
+        """
+        thinnest = self.lumpings[0]
+        ratio = thinnest.values("density_ratio")
+        return float(np.interp(self.row.product_density_ratio, ratio, thinnest.values(name)))
+
+    def strip_stress_ratio(self) -> float:
+        """Return the confined stress of the bottom's density over 2 P/(pi h0), that of a line load on the base [-]."""
+        problem, lift = self.row.problem, self.lumpings[0].lifts[-1]
+        strip = 2 * self.rate_scale * lift.load / (np.pi * problem.machine.height)
+        stress = confined_stress(problem.material, np.array([lift.bottom_density_ratio]), self.row.history.rate_factor)
+        return float(stress[0]) / strip
+
+    def at_strokes(self, name: str, sequences: Sequence[LiftSequence], degree: int = 1) -> Array:
+        """Return P or F/t of every stroke [N/m, N/m2], extrapolated in the thickness of the lifts to its make-up.
+
+        Parameters
+        ----------
+        name : {"load", "resistance"}
+            Force.
+        sequences : sequence of LiftSequence
+            One or more sequences of different thicknesses.
+        degree : int
+            Degree of the polynomial in the thickness, less than the number of sequences; 0 for a power law.
+        """
+        density, made_up = self._densities(name), self.row.history.make_up
+        table = self.rate_scale * np.array([_interpolated(sequence, name, density) for sequence in sequences])
+        if len(sequences) == 1:
+            return table[0]
+        thickness = np.array([sequence.thickness for sequence in sequences])
+        if not degree:
+            slope, level = np.polyfit(np.log(thickness), np.log(table), 1)
+            return np.asarray(np.exp(level + slope * np.log(np.where(made_up > 0, made_up, thickness[0]))))
+        powers = np.arange(degree, -1, -1)[:, None]
+        return np.sum(np.polyfit(thickness, table, degree) * made_up**powers, axis=0)
+
+    def _densities(self, name: str) -> Array:
+        """Mean density ratio of every stroke to which a force belongs [-]: behind it, or the mean of both sides."""
+        states = np.array([state.density_ratio for state in self.row.history.states])
+        return states[1:] if name.endswith("load") else (states[:-1] + states[1:]) / 2
+
+    def _estimate(self, name: str, weights: Array) -> Estimate:
+        lumpings, meshes = self.lumpings, self.meshes
+        forces = self.at_strokes(name, lumpings)
+        value = float(forces @ weights)
+        if value == 0:
+            return Estimate(0.0, 0.0, 0.0, 0.0)
+        others = [self.at_strokes(name, lumpings, degree) for degree in ((0, 2) if len(lumpings) > 2 else (0,))]
+        lumping = max(abs(float(other @ weights) / value - 1) for other in others)
+        mesh_limit, mesh = 1.0, float(np.average(lumpings[0].values(f"{name}_error"), weights=lumpings[0].values(name)))
+        if len(meshes) > 1:
+            sums = [float(self.at_strokes(name, [sequence]) @ weights) for sequence in meshes]
+            limit = float(np.polyfit([1 / sequence.increments for sequence in meshes], sums, 1)[1])
+            mesh_limit, mesh = limit / sums[-1], abs(limit / sums[0] - 1)
+        beyond = self.row.history.density_ratio > min(each.values("density_ratio").max() for each in lumpings)
+        return Estimate(value * mesh_limit, lumping, mesh, float(forces[beyond] @ weights[beyond]) / value)
+
+    def _air_estimate(self, name: str, weights: Array) -> Estimate:
+        """Return a force of the air by the thinnest lifts, with the differences to the thickest and between meshes."""
+        density, made_up = self._densities(name), self.row.history.make_up
+
+        def total(sequence: LiftSequence) -> float:
+            per_feed = 1.0 if name == "air_load" else sequence.thickness
+            return float(np.interp(density, *sequence.curve(name)) * made_up / per_feed @ weights) * self.air_scale
+
+        value, thickest = total(self.lumpings[0]), total(self.lumpings[-1])
+        if not value:
+            return Estimate(0.0, 0.0, 0.0, 0.0)
+        meshes = [total(sequence) for sequence in self.meshes]
+        return Estimate(value, abs(thickest / value - 1), abs(meshes[-1] / meshes[0] - 1), 0.0)
+
+
+def _interpolated(sequence: LiftSequence, name: str, density: Array) -> Array:
+    """Interpolate P, or F over the thickness, of a sequence at mean densities, linearly in the logarithm."""
+    ratio, force = sequence.curve(name)
+    if len(ratio) == 1:
+        return np.full(len(density), np.exp(np.log(force[0])))
+    slope, inside = np.diff(np.log(force)) / np.diff(ratio), np.interp(density, ratio, np.log(force))
+    below, above = np.minimum(density - ratio[0], 0.0), np.maximum(density - ratio[-1], 0.0)
+    return np.exp(inside + slope[0] * below + slope[-1] * above)
