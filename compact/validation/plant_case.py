@@ -15,29 +15,27 @@ calibrated with the same trials says so by `fitted = "..."` in [case].
 """
 
 import csv
+import math
 import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from compact.analysis.contact_cases import scene_mix
 from compact.analysis.engines import ENGINES
 from compact.analysis.stages.contacts import roll_scene
-from compact.rolling_contact import ContactResult
 from compact.scene.errors import key_lines, syntax_sentence
 from compact.scene.loader import Scene, SceneError, parse_scene, read_value
-from compact.validation.case import Comparison, Evaluation, Panel, ValidationCase, ours, theirs
+from compact.validation.case import PREDICTED, Comparison, Computed, Panel, Rows, ValidationCase, ours, theirs
 
 MEASURED = {"load": "N", "resistance": "N", "resistance_coefficient": "-", "exit_density_ratio": "-"}
 COMPACTED = ("exit_density_ratio",)  # of an engine with irreversible compaction
 SCATTER = "_scatter"
 SPEED = "speed"
-REQUIRED_KEYS, OPTIONAL_KEYS = ("title", "source", "licence", "expected"), ("fitted",)
+REQUIRED_TEXTS, OPTIONAL_TEXTS, EXPECTED = ("title", "source", "licence"), ("fitted",), "expected"
 TABLE_HEADER = re.compile(r"\s*\[+\s*([^\]\s]+)\s*\]")
 LARGEST_DISTANCE = 10.0  # [-], relative
 CONTACT_COST = 10.0  # [s], processor time of a trial by an engine without a cheaper one
@@ -45,21 +43,7 @@ CONTACT_COST = 10.0  # [s], processor time of a trial by an engine without a che
 
 @dataclass(frozen=True)
 class Trial:
-    """One row of the CSV.
-
-    Parameters
-    ----------
-    line : int
-        Line of the file.
-    changes : dict
-        Values by scene key.
-    speed : float or None
-        Speed of the roller [m/s]; None for the mean speed of the scene.
-    measured : dict of str to float
-        Measured values, names as in `MEASURED`.
-    scatter : dict of str to float
-        Their scatter.
-    """
+    """One row of the CSV: its line, changes of scene keys, speed [m/s] or None for that of the scene, readings."""
 
     line: int
     changes: Mapping[str, Any]
@@ -76,10 +60,6 @@ def read_plant_case(folder: str | Path) -> ValidationCase:
     folder : path
         Folder with one TOML and one CSV file.
 
-    Returns
-    -------
-    ValidationCase
-
     Raises
     ------
     ValueError
@@ -89,18 +69,25 @@ def read_plant_case(folder: str | Path) -> ValidationCase:
     toml, table = (_only_file(folder, suffix) for suffix in (".toml", ".csv"))
     text = _text(toml)
     header, scene = _case_header(text, toml), parse_scene(_without_case(text), str(toml))
-    trials = read_trials(table, header["expected"], scene)
+    trials = read_trials(table, header[EXPECTED], scene)
+    rows = {
+        (key := f"line_{trial.line}_{name}"): Comparison(
+            key, f"{name.replace('_', ' ')}, line {trial.line}", MEASURED[name], math.nan, value,
+            float(header[EXPECTED][name]), scatter=trial.scatter.get(name),
+            basis=f"fitted: {header['fitted']}" if "fitted" in header else PREDICTED,
+        )
+        for trial in trials for name, value in trial.measured.items()
+    }  # fmt: skip
     engine = scene.accuracy.engine
     return ValidationCase(
         folder.resolve().name,
         header["title"],
-        "measurement",
+        "measured",
         (engine,),
-        header["source"],
-        header["licence"],
-        f"{len(trials)} trials of a plant, each computed by the engine {engine} with the scene {toml.name}.",
-        partial(_evaluate, scene, trials, header, str(table)),
+        f"{header['source']}; {header['licence']}",
+        partial(_compute, scene, trials, str(table)),
         seconds=CONTACT_COST * len(trials) if not ENGINES[engine].cheap else 1.0,
+        given=rows,
     )
 
 
@@ -122,44 +109,38 @@ def _text(path: Path) -> str:
 
 def _case_header(text: str, path: Path) -> dict[str, Any]:
     """Return the table [case] with valid keys."""
+    required = (*REQUIRED_TEXTS, EXPECTED)
     try:
         table = tomllib.loads(text).get("case")
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{path}:{syntax_sentence(error, text)}") from None
     if not isinstance(table, dict):
-        raise ValueError(f"{path}: has no table [case]; give {', '.join(REQUIRED_KEYS)}")
-    lines = key_lines(text)
-
-    def place(*keys: str) -> str:
-        return f"{path}:{lines.get(('case', *keys), lines.get(('case',), 1))}: [case]"
-
-    for name in table:
-        if name not in REQUIRED_KEYS + OPTIONAL_KEYS:
-            raise ValueError(f"{place(name)} has no key `{name}`; it takes {', '.join(REQUIRED_KEYS + OPTIONAL_KEYS)}")
-    for name in REQUIRED_KEYS:
-        if name not in table:
-            raise ValueError(f"{place()} must state `{name}`")
-    for name in ("title", "source", "licence", "fitted"):
-        value = table.get(name, "none")
-        if not (isinstance(value, str) and value.strip()):
-            raise ValueError(f"{place(name)} `{name}` must be a text, got {value!r}")
-    _require_distances(table["expected"], place)
+        raise ValueError(f"{path}: has no table [case]; give {', '.join(required)}")
+    for keys, rule in _mistakes(table, required):
+        lines = key_lines(text)
+        raise ValueError(f"{path}:{lines.get(('case', *keys), lines.get(('case',), 1))}: [case] {rule}")
     return table
 
 
-def _require_distances(expected: Any, place: Callable[..., str]) -> None:
-    """Require relative distances of measured quantities."""
+def _mistakes(table: Mapping[str, Any], required: Sequence[str]) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield the keys of each mistake in [case] and the rule that they break."""
+    known = (*required, *OPTIONAL_TEXTS)
+    yield from (((name,), f"has no key `{name}`; it takes {', '.join(known)}") for name in table if name not in known)
+    yield from (((), f"must state `{name}`") for name in required if name not in table)
+    for name in (*REQUIRED_TEXTS, *OPTIONAL_TEXTS):
+        value = table.get(name, "none")
+        if not (isinstance(value, str) and value.strip()):
+            yield (name,), f"`{name}` must be a text, got {value!r}"
+    expected = table.get(EXPECTED)
     if not isinstance(expected, dict) or not expected:
-        raise ValueError(f"{place('expected')} `expected` must be a table such as {{load = 0.2}}, got {expected!r}")
+        yield (EXPECTED,), f"`expected` must be a table such as {{load = 0.2}}, got {expected!r}"
+        return
     for name, value in expected.items():
-        where = place("expected", name)
         if name not in MEASURED:
-            raise ValueError(f"{where} `expected` has no `{name}`; it takes {', '.join(MEASURED)}")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < LARGEST_DISTANCE:
-            raise ValueError(
-                f"{where} `expected.{name}` must be a relative distance between 0 and {LARGEST_DISTANCE:g}, got "
-                f"{value!r}"
-            )
+            yield (EXPECTED, name), f"`expected` has no `{name}`; it takes {', '.join(MEASURED)}"
+        elif isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < LARGEST_DISTANCE:
+            rule = f"must be a relative distance between 0 and {LARGEST_DISTANCE:g}, got {value!r}"
+            yield (EXPECTED, name), f"`expected.{name}` {rule}"
 
 
 def _without_case(text: str) -> str:
@@ -185,10 +166,6 @@ def read_trials(path: Path, expected: Mapping[str, float], scene: Scene) -> tupl
     scene : Scene
         Scene of the case, whose keys the columns change.
 
-    Returns
-    -------
-    tuple of Trial
-
     Raises
     ------
     ValueError
@@ -196,36 +173,30 @@ def read_trials(path: Path, expected: Mapping[str, float], scene: Scene) -> tupl
     """
     reader = csv.reader(_text(path).splitlines(), skipinitialspace=True)
     names: list[str] = []
-    trials: list[Trial] = []
-    seen: dict[Any, int] = {}
-    for cells in reader:
-        line = reader.line_num
-        if not any(cell.strip() for cell in cells) or cells[0].lstrip().startswith("#"):
+    trials: dict[Any, Trial] = {}
+    for row in reader:
+        place, cells = f"{path}:{reader.line_num}", [cell.strip() for cell in row]
+        if not any(cells) or cells[0].startswith("#"):
             continue
         if not names:
-            names = [cell.strip() for cell in cells]
-            _require_columns(names, expected, scene, f"{path}:{line}")
+            names = cells
+            _require_columns(names, expected, scene, place)
             continue
-        trial = _trial(names, [cell.strip() for cell in cells], line, str(path))
-        key = (
-            tuple(sorted((name, repr(value)) for name, value in trial.changes.items())),
-            trial.speed,
-            *trial.measured.items(),
-        )
-        if key in seen:
-            raise ValueError(f"{path}:{line}: repeats line {seen[key]}; give each trial once")
-        seen[key] = line
-        trials.append(trial)
+        trial = _trial(names, cells, reader.line_num, place)
+        key = (repr(sorted(trial.changes.items())), trial.speed, *trial.measured.items())
+        if key in trials:
+            raise ValueError(f"{place}: repeats line {trials[key].line}; give each trial once")
+        trials[key] = trial
     if not trials:
         raise ValueError(f"{path}: has no trial; give a header and a row for each trial")
-    return tuple(trials)
+    return tuple(trials.values())
 
 
 def _require_columns(names: Sequence[str], expected: Mapping[str, float], scene: Scene, place: str) -> None:
     """Require a header of known columns, each once."""
+    engine = scene.accuracy.engine
     if len(set(names)) < len(names):
         raise ValueError(f"{place}: each column must have a name of its own, got {', '.join(names)}")
-    compacting = ENGINES[scene.accuracy.engine].compacting
     for name in names:
         base = name.removesuffix(SCATTER)
         if "." in name or name == SPEED:
@@ -237,25 +208,25 @@ def _require_columns(names: Sequence[str], expected: Mapping[str, float], scene:
             )
         if base not in expected:
             raise ValueError(f"{place}: `{base}` has no expected distance; add it to `expected` of [case]")
-        if base != name and base not in names:
+        if base not in names:
             raise ValueError(f"{place}: `{name}` needs a column `{base}`")
-        if base in COMPACTED and not compacting:
-            raise ValueError(f"{place}: the engine {scene.accuracy.engine} computes no `{base}`")
+        if base in COMPACTED and not ENGINES[engine].compacting:
+            raise ValueError(f"{place}: the engine {engine} computes no `{base}`")
     if not any(name in MEASURED for name in names):
         raise ValueError(f"{place}: no column is measured; give at least one of {', '.join(MEASURED)}")
 
 
-def _trial(names: Sequence[str], cells: Sequence[str], line: int, path: str) -> Trial:
+def _trial(names: Sequence[str], cells: Sequence[str], line: int, place: str) -> Trial:
     """Return the trial of one row."""
     if len(cells) != len(names):
-        raise ValueError(f"{path}:{line}: a row must have one cell for each of {len(names)} columns, got {len(cells)}")
+        raise ValueError(f"{place}: a row must have one cell for each of {len(names)} columns, got {len(cells)}")
     row = {name: cell for name, cell in zip(names, cells, strict=True) if cell}
-    values = {name: _positive(cell, f"{path}:{line}: `{name}`") for name, cell in row.items() if "." not in name}
+    values = {name: _positive(cell, f"{place}: `{name}`") for name, cell in row.items() if "." not in name}
     measured = {name: value for name, value in values.items() if name in MEASURED}
     if not measured:
-        raise ValueError(f"{path}:{line}: nothing is measured; give at least one of {', '.join(MEASURED)}")
+        raise ValueError(f"{place}: nothing is measured; give at least one of {', '.join(MEASURED)}")
     if "resistance" in measured and "resistance_coefficient" in measured:
-        raise ValueError(f"{path}:{line}: give `resistance` or `resistance_coefficient`, not both")
+        raise ValueError(f"{place}: give `resistance` or `resistance_coefficient`, not both")
     scatter = {name.removesuffix(SCATTER): value for name, value in values.items() if name.endswith(SCATTER)}
     changes = {name: read_value(cell) for name, cell in row.items() if "." in name}
     return Trial(line, changes, values.get(SPEED), measured, scatter)
@@ -266,52 +237,38 @@ def _positive(cell: str, place: str) -> float:
         value = float(cell)
     except ValueError:
         raise ValueError(f"{place} must be a number, got {cell!r}") from None
-    if not 0 < value < np.inf:
+    if not 0 < value < math.inf:
         raise ValueError(f"{place} must be positive and finite, got {cell}")
     return value
 
 
-def _evaluate(scene: Scene, trials: Sequence[Trial], header: Mapping[str, Any], path: str) -> Evaluation:
-    """Compute all trials and compare them."""
-    comparisons = [row for trial in trials for row in _comparisons(scene, trial, header, path)]
+def _compute(scene: Scene, trials: Sequence[Trial], path: str, rows: Rows) -> Computed:
+    """Compute every trial by the engine of the scene."""
+    values: dict[str, float] = {}
+    for trial in trials:
+        place = f"{path}:{trial.line}"
+        try:
+            changed = scene.replaced(**trial.changes)
+        except SceneError as error:
+            raise ValueError(f"{place}: {error}") from None
+        try:
+            found = roll_scene(changed, scene_mix(changed), trial.speed or changed.mean_speed)
+        except (ValueError, RuntimeError) as error:
+            raise RuntimeError(f"{place}: the engine has no result: {error}") from None
+        length = changed.machine.roller_length
+        on_roller = {
+            "load": found.load * length,
+            "resistance": found.resistance * length,
+            "resistance_coefficient": found.resistance / found.load,
+            "exit_density_ratio": getattr(found, "exit_density_ratio", math.nan),
+        }
+        values |= {f"line_{trial.line}_{name}": float(on_roller[name]) for name in trial.measured}
+
     panels = []
     for name in dict.fromkeys(name for trial in trials for name in trial.measured):
-        rows = [each for each in comparisons if each.key.endswith(f"_{name}")]
-        measured = np.array([each.theirs for each in rows])
-        ends = np.array([0.0, 1.1 * max(*measured, *(each.ours for each in rows))])
-        unit = MEASURED[name]
-        label = name.replace("_", " ")
-        panels.append(Panel(
-            f"measured {label} [{unit}]", f"computed {label} [{unit}]",
-            (ours("equal", ends, ends), theirs("trials", measured, [each.ours for each in rows])),
-        ))  # fmt: skip
-    return Evaluation(tuple(comparisons), tuple(panels))
-
-
-def _comparisons(scene: Scene, trial: Trial, header: Mapping[str, Any], path: str) -> Iterator[Comparison]:
-    """Yield the comparisons of one trial."""
-    place = f"{path}:{trial.line}"
-    try:
-        changed = scene.replaced(**trial.changes)
-    except SceneError as error:
-        raise ValueError(f"{place}: {error}") from None
-    try:
-        found = roll_scene(changed, scene_mix(changed), trial.speed or changed.mean_speed)
-    except (ValueError, RuntimeError) as error:
-        raise RuntimeError(f"{place}: the engine has no result: {error}") from None
-    length = changed.machine.roller_length
-    basis = f"fitted: {header['fitted']}" if "fitted" in header else "predicted"
-    for name, value in trial.measured.items():
-        yield Comparison(
-            f"line_{trial.line}_{name}", f"{name.replace('_', ' ')}, line {trial.line}", MEASURED[name],
-            _computed(found, name, length), value, float(header["expected"][name]), trial.scatter.get(name),
-            basis=basis,
-        )  # fmt: skip
-
-
-def _computed(found: ContactResult, name: str, length: float) -> float:
-    """Return a computed quantity of one roller of a length [m]."""
-    if name == "resistance_coefficient":
-        return float(found.resistance / found.load)
-    value = float(getattr(found, name))
-    return value * length if MEASURED[name] == "N" else value
+        keys = [f"line_{trial.line}_{name}" for trial in trials if name in trial.measured]
+        measured, computed = [rows[key].theirs for key in keys], [values[key] for key in keys]
+        ends, label = [0.0, 1.1 * max(*measured, *computed)], f"{name.replace('_', ' ')} [{MEASURED[name]}]"
+        curves = ours("equal", ends, ends), theirs("trials", measured, computed)
+        panels.append(Panel(f"measured {label}", f"computed {label}", curves))
+    return values, panels

@@ -1,27 +1,28 @@
 """Computed values for the published numbers of the machine: engineering method (D ch. 1) and four-cart crank (C).
 
-Each public function returns values by the name of their row in `data/published.csv`; `published_numbers` compares them
-with the print.
+Each function returns values by the name of their row in `data/published.csv`; `published_numbers` compares them.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from compact import contact
-from compact.machine.cart import Balance, Cart, balance
-from compact.machine.crankshaft import CRANK_ANGLES, CrankshaftRevolution, crank_kinematics, simulate_crankshaft
+from compact.machine.cart import Cart, balance
+from compact.machine.crankshaft import (
+    CRANK_ANGLES,
+    CartRevolution,
+    CrankshaftRevolution,
+    crank_kinematics,
+    simulate_crankshaft,
+)
 from compact.machine.rigid_drive import Crank
-from compact.numerics.piecewise import integrate
-
-Values = float | NDArray[np.float64]
-Function = Callable[[Values], NDArray[np.float64]]
-
+from compact.numerics import Array
+from compact.numerics.piecewise import find_maximum, find_roots, integrate, interior_grid
 
 # Machine of source C; feeder sleeve and overlap are unpublished and chosen so that 3 rollers satisfy (1.2), (1.3) and
 # the stroke.
@@ -43,175 +44,120 @@ GUIDES = {  # arguments of (1.9) [-], [m]
 }  # fmt: skip
 VELOCITY = 0.16  # [m/s], of (1.10)
 PRINTED_MEAN_POWER, PRINTED_SUM_OVER_MEAN = 4738.8, 21872.2 / 18993.8  # [W] of a cart, [-] of four carts; C
+TOWARDS, AWAY = np.array([0.0, np.pi]), np.array([np.pi, 2 * np.pi])  # [rad], strokes to the crank and back
+Quantity = Callable[[CartRevolution], Array]  # of a cart, at the samples
+STEPS = 361  # [-], cells between which a reaction changes its sign
 
 
 def engineering_numbers() -> dict[str, Any]:
     """Compute (1.1)-(1.10) and the mix parameters that follow from the published operating point."""
-    no_friction = _chain(0.0, MODULUS)
-    fitted = MODULUS * no_friction["force"] / ROLLER_REACTION  # F of (1.6) at given q goes as 1/E
-    radius = CART.roller_radius
-    half_width = radius * math.sin(no_friction["capture_angle"])
+    chain, plain = _chain(STEEL_FRICTION, MODULUS), _chain(0.0, MODULUS)
+    radius, force = CART.roller_radius, chain["force"]
+    one = contact.roller_resistance(force, chain["length"], radius, chain["exponent"], ROLLER_FRICTION)
+    whole = contact.cart_resistance(force, one, ROLLERS, CART.weight, **GUIDES)
+    fitted = MODULUS * plain["force"] / ROLLER_REACTION  # F of (1.6) at given q goes as 1/E
+    half_width = radius * math.sin(plain["capture_angle"])
     hertz = contact.hertz(radius=radius, youngs_modulus=MODULUS, poisson=POISSON, half_width=half_width)
-    return _regression() | {
+    radii, rollers = contact.radius_range(HEIGHT), contact.rollers_needed(WIDTH, radius, FEEDER_SLEEVE, OVERLAP)
+    guides = float(balance(CART, 0.0, MOVING_FORCE, 1.0).guide_friction)
+    return chain | {
+        "roller_resistance": one,
+        "cart_resistance": whole,
+        "power": contact.cart_power(whole, VELOCITY),
         "angle_over_hertz": hertz.peak_pressure / PRESSURE,
-        "force_over_hertz": no_friction["force"] / (ROLLER_LENGTH * hertz.load),
-        "plain_force": no_friction["force"],
-        "plain_one_sided": no_friction["one_sided"],
+        "force_over_hertz": plain["force"] / (ROLLER_LENGTH * hertz.load),
+        "plain_force": plain["force"],
+        "plain_one_sided": plain["one_sided"],
         "fitted_ratio": PRESSURE**2 * (1 - POISSON**2) / fitted / 1e3,
         "fitted_modulus": fitted / 1e6,
         "fitted_angle": math.degrees(_chain(0.0, fitted)["capture_angle"]),
-        **_size_of_machine(),
-        **_resistance_coefficients(),
+        "radius_low": radii.low,
+        "radius_high": radii.high,
+        "rollers": rollers,
+        "stroke_as_needed": contact.stroke_needed(WIDTH, float(rollers), OVERLAP),
+        "stroke_as_printed": contact.stroke_needed(WIDTH, ROLLERS, OVERLAP),
+        "overlap_as_printed": 2 * CRANK.radius - contact.stroke_needed(WIDTH, ROLLERS, 0.0),
+        "guide_friction": guides,
+        "coefficient": (MOVING_FORCE - guides) / (ROLLERS * ROLLER_REACTION),
+        "coefficient_high": (MOVING_FORCE - guides) / (ROLLERS * INTERACTION_FORCE),
+        "half_moving_force": MOVING_FORCE / ROLLERS,
     }
 
 
 def _chain(friction: float, modulus: float) -> dict[str, Any]:
     """Compute (1.4)-(1.7) at the operating point, by row name."""
-    radius = CART.roller_radius
     alpha = contact.pressure_exponent(POISSON, friction)
     angle = contact.capture_angle(PRESSURE, modulus, POISSON, alpha)
-    mix = (angle, modulus, POISSON, alpha, radius, ROLLER_LENGTH)
+    mix = (angle, modulus, POISSON, alpha, CART.roller_radius, ROLLER_LENGTH)
     return {
         "exponent": alpha,
         "capture_angle": angle,
         "force": contact.roller_force(*mix),
         "one_sided": contact.roller_force(*mix, one_sided=True),
-        "length": contact.contact_length(angle, radius, alpha),
+        "length": contact.contact_length(angle, CART.roller_radius, alpha),
     }
 
 
-def _regression() -> dict[str, Any]:
-    chain = _chain(STEEL_FRICTION, MODULUS)
-    force, radius = chain["force"], CART.roller_radius
-    one = contact.roller_resistance(force, chain["length"], radius, chain["exponent"], ROLLER_FRICTION)
-    whole = contact.cart_resistance(force, one, ROLLERS, CART.weight, **GUIDES)
-    return chain | {"roller_resistance": one, "cart_resistance": whole, "power": contact.cart_power(whole, VELOCITY)}
+def _turn(cart: Cart, resistance: float, carts: int = 1, speed: float = ANGULAR_SPEED) -> CrankshaftRevolution:
+    """Compute one turn of carts at their standard angles against a constant resistance [N] each."""
+    return simulate_crankshaft(cart, CRANK, speed, contact.dry_resistance(resistance), CRANK_ANGLES[carts])
 
 
-def _size_of_machine() -> dict[str, Any]:
-    """Compute radius and number of rollers and the stroke by (1.1)-(1.3)."""
-    radius, stroke = contact.radius_range(HEIGHT), 2 * CRANK.radius
-    rollers = contact.rollers_needed(WIDTH, CART.roller_radius, FEEDER_SLEEVE, OVERLAP)
-    return {
-        "radius_low": radius.low,
-        "radius_high": radius.high,
-        "rollers": rollers,
-        "stroke_as_needed": contact.stroke_needed(WIDTH, float(rollers), OVERLAP),
-        "stroke_as_printed": contact.stroke_needed(WIDTH, ROLLERS, OVERLAP),
-        "overlap_as_printed": stroke - contact.stroke_needed(WIDTH, ROLLERS, 0.0),
-    }
+def _cart(turn: CrankshaftRevolution, psi: Array) -> CartRevolution:
+    """Return the first cart at crank angles [rad] whose rows lie within one stroke."""
+    return turn.shaft.carts_at(np.atleast_2d(psi))[0]
 
 
-def _resistance_coefficients() -> dict[str, Any]:
-    """Compute rolling-resistance coefficients from the moving force less the friction of the guides."""
-    guides = float(balance(CART, 0.0, MOVING_FORCE, 1.0).guide_friction)
-    mix = MOVING_FORCE - guides
-    return {
-        "guide_friction": guides,
-        "coefficient": mix / (ROLLERS * ROLLER_REACTION),
-        "coefficient_high": mix / (ROLLERS * INTERACTION_FORCE),
-        "half_moving_force": MOVING_FORCE / ROLLERS,
-    }
-
-
-@dataclass(frozen=True)
-class _Shaft:
-    """Carts of C on a shaft at constant speed, against a constant resistance [N]; crank angles psi [rad]."""
-
-    resistance: float
-    cart: Cart = CART
-    speed: float = ANGULAR_SPEED
-    crank: Crank = CRANK
-
-    def turn(self, carts: int) -> CrankshaftRevolution:
-        """Compute one turn with a number of carts at their standard angles."""
-        resistance = contact.dry_resistance(self.resistance)
-        return simulate_crankshaft(self.cart, self.crank, self.speed, resistance, CRANK_ANGLES[carts])
-
-    def forces(self, psi: Values, direction: Values) -> Balance:
-        """Compute the force balance of one cart; direction +1 towards the crank, -1 away."""
-        acceleration = self.speed**2 * crank_kinematics(self.crank, np.asarray(psi))[2]
-        tangent = np.tan(self.crank.rod_angle(psi))
-        return balance(self.cart, acceleration, direction * self.resistance, direction, tangent)
-
-    def force_on_upper_rail(self, psi: Values, direction: Values) -> NDArray[np.float64]:
-        """Compute H of C (9) [N]: guide wheels on the upper rail even where their reaction is negative."""
-        pull = crank_kinematics(self.crank, np.asarray(psi))[2] * self.speed**2 * self.cart.mass
-        slide = direction * self.cart.guide_friction
-        lift = np.sum(self.cart.roller_reactions) - self.cart.weight
-        needed = pull + direction * self.resistance + slide * lift
-        return needed / (1 - slide * np.tan(self.crank.rod_angle(psi)))
-
-    def power(self, psi: Values, carts: int = 1) -> NDArray[np.float64]:
-        """Compute the power of a number of carts [W] at any crank angle."""
-        ahead = np.add.outer(CRANK_ANGLES[carts], psi)
-        drive_force = self.forces(ahead, _direction(ahead)).drive_force
-        return np.sum(drive_force * self.speed * crank_kinematics(self.crank, ahead)[1], axis=0)
-
-    def peak(self, carts: int = 1) -> float:
-        """Compute the peak power [W]."""
-        return _largest(lambda psi: self.power(psi, carts), 0.0, 2 * np.pi)
-
-    def mean(self) -> float:
-        """Compute the mean power of one cart [W], piecewise between lift-offs of the rear guide wheel."""
-        lifts = _crossings(lambda psi: self.forces(psi, -1.0).rear_reaction, np.pi, 2 * np.pi)
-        return integrate(self.power, [0.0, np.pi, *lifts, 2 * np.pi]) / (2 * np.pi)
-
-    def mean_of(self, force: Function) -> float:
-        """Compute the mean power [W] of a drive force, a function of psi."""
-
-        def power(psi: Values) -> NDArray[np.float64]:
-            return force(psi) * self.speed * crank_kinematics(self.crank, np.asarray(psi))[1]
-
-        return integrate(power, [0.0, np.pi, 2 * np.pi]) / (2 * np.pi)
-
-
-def _direction(psi: Values) -> NDArray[np.float64]:
-    return np.where(np.mod(psi, 2 * np.pi) < np.pi, 1.0, -1.0)
-
-
-def _largest(function: Function, low: float, high: float) -> float:
-    """Compute the maximum on [low, high] by grid refinement."""
-    for _ in range(4):
-        grid = np.linspace(low, high, 721)
-        values = function(grid)
-        best = int(np.argmax(values))
-        low, high = grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)]
-    return values[best]
-
-
-def _crossings(function: Function, low: float, high: float) -> list[float]:
-    """Compute the zeros of a continuous function on [low, high]."""
-    grid = np.linspace(low, high, 361)
-    change = np.flatnonzero(np.diff(np.sign(function(grid))))
-    return [brentq(function, grid[i], grid[i + 1], xtol=1e-14) for i in change]
-
-
-def _percent_above_zero(function: Function, low: float, high: float) -> float:
-    edges = np.array([low, *_crossings(function, low, high), high])
-    above = function((edges[:-1] + edges[1:]) / 2) > 0
-    return 100 * np.sum(np.diff(edges)[above]) / (high - low)
-
-
-def crank_numbers() -> dict[str, Any]:
+def crank_numbers() -> dict[str, float]:
     """Compute powers and guide-wheel reactions of C for the stated data, and for the data evidently used."""
-    stated = _Shaft(ROLLERS * INTERACTION_FORCE)
-    bare = replace(CART, mass=0.0, guide_friction=0.0)
-    used = _Shaft(MOVING_FORCE, bare, speed=100 * 2 * np.pi / 60)
-    one, four = used.turn(1), used.turn(4)
-    massless = replace(stated, cart=replace(CART, mass=0.0))
-    return {
-        **_four_powers("stated", stated.peak(), stated.mean(), stated.peak(4), 4 * stated.mean()),
-        **_four_powers("used", used.peak(), one.mean(one.power), four.power.max(), four.mean(four.power)),
-        **_energy_balance(stated),
-        **_inertia(stated),
-        **_forward_reactions(massless),
-        **_lift_off("stated", stated),
-        **_lift_off("massless", massless),
+    force, smooth = ROLLERS * INTERACTION_FORCE, replace(CART, guide_friction=0.0)
+    stated, four = _turn(CART, force), _turn(CART, force, 4)
+    used, used_four = (_turn(replace(smooth, mass=0.0), MOVING_FORCE, n, 100 * 2 * np.pi / 60) for n in (1, 4))
+    massless = _turn(replace(CART, mass=0.0), force)
+    mean = _mean(stated)
+
+    # the mean power of a constant resistance W is 4 r W w/(2 pi) for any rod and mass
+    plain, plain_four = _turn(smooth, force), _turn(smooth, force, 4)
+    plain_mean = plain.mean(plain.power)
+    dead_centre = ANGULAR_SPEED**2 * float(crank_kinematics(CRANK, np.asarray(0.0))[2])
+    found = {
+        **_powers("stated", stated.peak_power, mean, four.peak_power, 4 * mean),
+        **_powers(
+            "used", used.peak_power, used.mean(used.power), used_four.peak_power, used_four.mean(used_four.power)
+        ),
+        "quarter_mean_over_mean": plain_four.mean(plain_four.power) / 4 / plain_mean,
+        "mean_frictionless": plain_mean,
+        "mean_upper_rail": _mean_on_upper_rail(1.0, -1.0),
+        "mean_literal": _mean_on_upper_rail(1.0, 1.0),
+        "resistance_of_mean": force * PRINTED_MEAN_POWER / plain_mean,
+        "dead_centre": dead_centre,
+        "inertia": CART.mass * dead_centre,
+        "peak_of_moving_force": _turn(CART, MOVING_FORCE).peak_power,
+        "peak_of_moving_force_plain": _turn(smooth, MOVING_FORCE).peak_power,
     }
 
+    def peak_over_mean(mass: float, carts: int) -> float:
+        return _turn(replace(smooth, mass=mass), force, carts).peak_power / (carts * plain_mean)
 
-def _four_powers(case: str, one_peak: float, one_mean: float, sum_peak: float, sum_mean: float) -> dict[str, Any]:
+    mass = brentq(lambda mass: peak_over_mean(mass, 4) - PRINTED_SUM_OVER_MEAN, 2000.0, 3000.0, xtol=1e-10)
+    found["inertia_for_ratio"] = mass * CRANK.radius * ANGULAR_SPEED**2 / force
+    found["one_over_mean_then"] = peak_over_mean(mass, 1)
+
+    for name in ("front", "rear"):
+        found[f"{name}_largest"] = _largest(massless, name, 1.0, TOWARDS)
+        found[f"{name}_least"] = -_largest(massless, name, -1.0, TOWARDS)
+    for case, turn in (("stated", stated), ("massless", massless)):
+        lowest = -_largest(turn, "rear", -1.0, AWAY)
+        found |= {
+            f"{case}_rear_greater": _percent(turn, TOWARDS, lambda cart: _rear(cart) - cart.forces.front_reaction),
+            f"{case}_rear_lifted": _percent(turn, AWAY, lambda cart: -_rear(cart)),
+            f"{case}_rear_lowest": lowest,
+            f"{case}_lift_friction": 2 * CART.guide_friction * abs(lowest),  # f (|N11| + |N12|) - f (N11 + N12)
+        }
+    return found
+
+
+def _powers(case: str, one_peak: float, one_mean: float, sum_peak: float, sum_mean: float) -> dict[str, float]:
     return {
         f"{case}_one_peak": one_peak,
         f"{case}_one_mean": one_mean,
@@ -223,65 +169,48 @@ def _four_powers(case: str, one_peak: float, one_mean: float, sum_peak: float, s
     }
 
 
-def _energy_balance(stated: _Shaft) -> dict[str, Any]:
-    """Compute mean powers; for a constant resistance W the work of a turn is 4 r W for any rod and mass."""
-    smooth = replace(stated, cart=replace(stated.cart, guide_friction=0.0))
-    one, four = smooth.turn(1), smooth.turn(4)
-    mean = one.mean(one.power)
-    return {
-        "quarter_mean_over_mean": four.mean(four.power) / 4 / mean,
-        "mean_frictionless": mean,
-        "mean_upper_rail": stated.mean_of(lambda psi: stated.force_on_upper_rail(psi, _direction(psi))),
-        "mean_literal": stated.mean_of(lambda psi: stated.force_on_upper_rail(psi, 1.0)),
-        "resistance_of_mean": stated.resistance * PRINTED_MEAN_POWER / mean,
-    }
+def _rear(cart: CartRevolution) -> Array:
+    return cart.forces.rear_reaction
 
 
-def _inertia(stated: _Shaft) -> dict[str, Any]:
-    """Compute inertia forces at the outer dead centre, and the mass that gives the printed ratio of powers."""
-    dead_centre = stated.speed**2 * float(crank_kinematics(stated.crank, np.asarray(0.0))[2])
-    moving = replace(stated, resistance=MOVING_FORCE)
-    plain = replace(stated.cart, guide_friction=0.0)
-    four = 4 * stated.resistance * 4 * stated.crank.radius * stated.speed / (2 * np.pi)
-
-    def heavy(mass: float) -> _Shaft:
-        return replace(stated, cart=replace(plain, mass=mass))
-
-    mass = brentq(lambda mass: heavy(mass).peak(4) / four - PRINTED_SUM_OVER_MEAN, 2000.0, 3000.0, xtol=1e-10)
-    return {
-        "dead_centre": dead_centre,
-        "inertia": stated.cart.mass * dead_centre,
-        "peak_of_moving_force": moving.peak(),
-        "peak_of_moving_force_plain": replace(moving, cart=plain).peak(),
-        "inertia_for_ratio": mass * stated.crank.radius * stated.speed**2 / stated.resistance,
-        "one_over_mean_then": heavy(mass).peak() / (four / 4),
-    }
+def _roots(turn: CrankshaftRevolution, stroke: Array, quantity: Quantity) -> Array:
+    return find_roots(
+        lambda psi: quantity(_cart(turn, psi)).reshape(psi.shape), np.linspace(stroke[0], stroke[1], STEPS)
+    )
 
 
-def _forward_reactions(shaft: _Shaft) -> dict[str, Any]:
-    """Compute extremes of N11 (front) and N12 (rear) on the stroke towards the crank [N]."""
-
-    def extreme(name: str, sign: float) -> float:
-        return sign * _largest(lambda psi: sign * getattr(shaft.forces(psi, 1.0), f"{name}_reaction"), 0.0, np.pi)
-
-    ends = {"least": -1.0, "largest": 1.0}
-    return {f"{name}_{end}": extreme(name, sign) for name in ("front", "rear") for end, sign in ends.items()}
+def _mean(turn: CrankshaftRevolution) -> float:
+    """Compute the mean power [W], piecewise between lift-offs of the rear guide wheel."""
+    breaks = [*TOWARDS, *_roots(turn, AWAY, _rear), AWAY[1]]
+    return integrate(lambda psi: _cart(turn, psi).power, breaks) / (2 * np.pi)
 
 
-def _lift_off(case: str, shaft: _Shaft) -> dict[str, Any]:
-    """Compute the shares of the strokes with N12 > N11 and with N12 < 0, and the added guide friction [N]."""
+def _mean_on_upper_rail(towards: float, away: float) -> float:
+    """Compute the mean power [W] by H of C (9): guide wheels on the upper rail even where their reaction is negative.
 
-    def surplus(psi: Values) -> NDArray[np.float64]:
-        forces = shaft.forces(psi, 1.0)
-        return forces.rear_reaction - forces.front_reaction
+    Resistance and friction have the given directions on both strokes.
+    """
+    force, lift = ROLLERS * INTERACTION_FORCE, np.sum(CART.roller_reactions) - CART.weight
 
-    def below(psi: Values) -> NDArray[np.float64]:
-        return -shaft.forces(psi, -1.0).rear_reaction
+    def power(psi: Array) -> Array:
+        direction = np.where(np.mod(psi, 2 * np.pi) < np.pi, towards, away)
+        _, slope, curvature = crank_kinematics(CRANK, psi)
+        slide = direction * CART.guide_friction
+        needed = curvature * ANGULAR_SPEED**2 * CART.mass + direction * force + slide * lift
+        return needed / (1 - slide * np.tan(CRANK.rod_angle(psi))) * ANGULAR_SPEED * slope
 
-    lowest = -_largest(below, np.pi, 2 * np.pi)
-    return {
-        f"{case}_rear_greater": _percent_above_zero(surplus, 0.0, np.pi),
-        f"{case}_rear_lifted": _percent_above_zero(below, np.pi, 2 * np.pi),
-        f"{case}_rear_lowest": lowest,
-        f"{case}_lift_friction": 2 * shaft.cart.guide_friction * abs(lowest),  # f (|N11| + |N12|) - f (N11 + N12)
-    }
+    return integrate(power, [*TOWARDS, AWAY[1]]) / (2 * np.pi)
+
+
+def _largest(turn: CrankshaftRevolution, name: str, sign: float, stroke: Array) -> float:
+    """Compute the largest reaction [N] of a guide wheel times a sign on a stroke."""
+    return find_maximum(lambda psi: sign * getattr(_cart(turn, psi).forces, f"{name}_reaction"), interior_grid(stroke))[
+        0
+    ]
+
+
+def _percent(turn: CrankshaftRevolution, stroke: Array, quantity: Quantity) -> float:
+    """Compute the part of a stroke on which a quantity is positive [%]."""
+    edges = np.array([stroke[0], *_roots(turn, stroke, quantity), stroke[1]])
+    above = quantity(_cart(turn, (edges[:-1] + edges[1:])[:, None] / 2)).ravel() > 0
+    return 100 * float(np.sum(np.diff(edges)[above])) / np.pi

@@ -120,8 +120,12 @@ def recorded_lines() -> dict[str, dict[str, str]]:
 
 def computed_values() -> dict[str, float]:
     """Compute the value of every row."""
-    computed = ((group, compute()) for group, (_, compute) in GROUPS.items())
-    return {f"{group}.{name}": float(value) for group, found in computed for name, value in found.items()}
+    found: dict[str, float] = {}
+    for group, (_, compute) in GROUPS.items():
+        names = [key.removeprefix(f"{group}.") for key in recorded_lines() if key.startswith(f"{group}.")]
+        values = compute() | published_laws.numbers_by_law(names)
+        found |= {f"{group}.{name}": float(value) for name, value in values.items()}
+    return found
 
 
 def text_table(rows: Sequence[PublishedNumber]) -> str:

@@ -8,7 +8,7 @@ from compact.analysis.contact_cases import scene_mix
 from compact.analysis.stages.contacts import roll_scene
 from compact.scene.loader import load_scene
 from compact.validation.plant_case import read_plant_case
-from compact.validation.registry import evaluate_case, select_cases
+from compact.validation.runner import evaluate_case, select_cases
 
 SCENE = (Path(__file__).parents[2] / "studies" / "scenes" / "small.toml").read_text("utf-8")
 CASE = """
@@ -49,8 +49,9 @@ def test_a_plant_case_is_computed_by_the_engine_of_its_scene(folder):
     contact = roll_scene(scene, scene_mix(scene), scene.mean_speed)
     assert result.comparisons[2].ours == pytest.approx(contact.load * scene.machine.roller_length, rel=1e-12)
     assert result.comparisons[0].scatter == 300
-    assert result.moved == ()
-    assert len(result.evaluation.panels) == 2
+    assert not any(each.moved for each in result.comparisons)
+    assert case.source == "load cells on both axles; internal"
+    assert len(result.panels) == 2
 
 
 def test_calibrated_scenes_say_so(folder):

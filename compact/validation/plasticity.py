@@ -1,0 +1,224 @@
+"""Cases of the ellipse of `compaction` and `column`: earth pressure, powder in a die, limit load.
+
+The ellipse is that of modified Cam-clay with a tensile strength, hardened along Heckel's curve.
+
+Earth pressure: rigid-plastic compression without lateral strain has one ratio of stresses for each slope M, which does
+not depend on the hardening. One step of another program has its own elasticity and hardening, so that its stress is
+held to the ellipse at its own preconsolidation pressure.
+
+Powder in a die: the cap of a powder has constants that are tables over density. An ellipse has one slope M and
+represents the powder over a range of density: M, tensile strength and moduli are those at the middle, and Heckel's line
+runs through the isotropic yield at both ends. `data/ph102_ellipses.csv` has the constants of three ranges.
+
+Limit load: on its flat subcritical side the mix yields at q = M pc/2 without change of volume, which is von Mises' law
+with the shear strength k = M pc/(2 sqrt 3). Prandtl's solution (2 + pi) k under a slow smooth indenter needs mean
+pressures up to (1 + pi) k, which lie on the flat side for M <= 0.418. Half of the strip has the given number of
+elements, which grow away from it.
+"""
+
+import numpy as np
+
+from compact.engines.column.engine import simulate_oedometer
+from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, SolidState
+from compact.material import cap_plasticity
+from compact.material.laws import Compaction
+from compact.mesh import RowMesh
+from compact.numerics import Array
+from compact.validation.case import Computed, Panel, Rows, ValidationCase, ours, read_rows, theirs
+
+RIGID_MODULUS = 1e13  # [Pa], some 1e8 times the pressure
+STRAIN, STEPS = 0.3, 50  # [-], logarithmic, of the confined compression, and its increments
+CURVE_SLOPES = np.linspace(0.7, 1.7, 11)  # [-]
+PROGRAM_SLOPE = 1.2  # [-], M of a step of cb-geo/mpm
+PROGRAM_STRESS = np.array([192882.482575, 192882.482575, 211655.010869])  # [Pa], compression after the step
+PROGRAM_PRECONSOLIDATION = 200368.914682  # [Pa], after the step
+MIX = Compaction(
+    unloading_modulus=20e6, poisson=0.3, heckel_slope=10e-6, loose_density_ratio=0.5, critical_slope=0.4,
+    tensile_strength=0.0, fed_density_ratio=0.9,
+)  # fmt: skip
+MESHES = ((6, 30), (12, 60))  # [-], elements over half of the strip, and steps of the settlement
+SETTLEMENT = 0.05  # [-], at the end over the width of the strip
+UNIFORM, REACH, DEPTH_SHARE = 0.75, 3.0, 0.6  # [-], over the width: even elements, width beside them, depth over it
+GROWTH = 1.15  # [-], of elements away from the strip
+RESIDUAL, ITERATIONS, CUTS = 1e-4, 40, 8  # [-], of an increment over the nodal forces; of it, and of a line search
+NEAR = 1e-9  # [-], tolerance of coordinates
+CONTINUATION = 1.05  # [-], of the first guess of an increment over the last one
+
+
+def earth_pressure_at_rest(slope: float) -> float:
+    """Compute lateral over vertical stress K0 [-] of nearly rigid mix in confined compression by its M [-]."""
+    mix = Compaction(
+        unloading_modulus=RIGID_MODULUS, poisson=0.3, heckel_slope=10e-6, loose_density_ratio=0.5, critical_slope=slope,
+        tensile_strength=0.0, fed_density_ratio=0.6, dry_side="ellipse",
+    )  # fmt: skip
+    state, increment = cap_plasticity.initial_state(mix, 1), np.array([[0.0, -STRAIN / STEPS, 0.0]])
+    for _ in range(STEPS):
+        state, _ = cap_plasticity.integrate_points(mix, state, increment, tangent=False)
+    return float(state.stress[0, 0] / state.stress[0, 1])
+
+
+def _earth_pressure(rows: Rows) -> Computed:
+    known = {float(key.removeprefix("K0_")): row.theirs for key, row in rows.items() if key.startswith("K0_")}
+    p = PROGRAM_STRESS.mean()
+    stress = PROGRAM_SLOPE * np.sqrt(p * (PROGRAM_PRECONSOLIDATION - p))
+    values = {f"K0_{slope:g}": earth_pressure_at_rest(slope) for slope in known}
+    curve = [earth_pressure_at_rest(slope) for slope in CURVE_SLOPES.tolist()]
+    points = theirs("exact", list(known), list(known.values()))
+    return values | {"cb_geo": float(stress)}, [
+        Panel("M [-]", "earth pressure at rest [-]", (ours("material point", CURVE_SLOPES, curve), points))
+    ]
+
+
+def _powder(rows: Rows) -> Computed:
+    values, curves = {}, []
+    for row in read_rows("ph102_ellipses.csv"):
+        law = {name: float(cell) for name, cell in row.items() if name != "source_and_how_read"}
+        low, high, largest = (law.pop(name) for name in ("low", "high", "axial_stress_at_high"))
+        test = simulate_oedometer(Compaction(**law), np.linspace(0.01, 1.4, 140) * largest)  # type: ignore[arg-type]
+        for end in (low, high):
+            stress = float(np.interp(end, test.density_ratio, test.pressure))
+            values[f"ellipse_{low:g}_{high:g}_at_{end:g}"] = stress / 1e6
+        density = np.linspace(low - 0.01, high + 0.01, 40)
+        curves.append(
+            ours(f"{low:g} to {high:g}", density, np.interp(density, test.density_ratio, test.pressure) / 1e6)
+        )
+    points = {float(key.rsplit("_", 1)[1]): row.theirs for key, row in rows.items()}
+    curves.append(theirs("table", list(points), list(points.values())))
+    return values, [Panel("density ratio [-]", "axial stress of one ellipse [MPa]", tuple(curves))]
+
+
+def shear_strength(mix: Compaction) -> float:
+    """Return the shear strength k = M pc/(2 sqrt 3) [Pa] of the flat side of a mix as fed."""
+    return float(mix.critical_slope * mix.yield_pressure(mix.fed_density_ratio) / (2 * np.sqrt(3)))
+
+
+def indenter_pressure(elements: int, steps: int) -> tuple[Array, Array]:
+    """Press a smooth rigid strip of unit width into a half-plane.
+
+    Parameters
+    ----------
+    elements : int
+        Elements over half of the strip.
+    steps : int
+        Increments of the settlement.
+
+    Returns
+    -------
+    tuple of ndarray
+        Settlements over the width [-] and mean pressures over the shear strength [-], shape (steps,).
+    """
+    size = 0.5 / elements
+    inner = np.linspace(0, UNIFORM, round(UNIFORM / size) + 1)
+    x = np.concatenate([inner, UNIFORM + _graded(REACH, size)])
+    y = np.concatenate([-_graded(UNIFORM + DEPTH_SHARE * REACH, size)[::-1], [0.0]])
+    y -= y[0]
+    mesh = RowMesh(np.tile(x, (len(y), 1)), y)
+    nodes = FiniteStrainSolid(mesh, MIX).basis.doflocs.T
+    bottom, sides = nodes[:, 1] < NEAR, (nodes[:, 0] < NEAR) | (nodes[:, 0] > x[-1] - NEAR)
+    moving = 2 * np.flatnonzero((nodes[:, 1] > y[-1] - NEAR) & (nodes[:, 0] < 0.5 + NEAR)) + 1
+    fixed = np.concatenate([2 * np.flatnonzero(sides | bottom), 2 * np.flatnonzero(bottom) + 1, moving])
+    solid = FiniteStrainSolid(mesh, MIX, fixed_dofs=fixed, finite=False, substeps=1)
+    state, found = solid.undeformed_state(), []
+    change = np.zeros_like(state.displacement)
+    settlement = SETTLEMENT * np.linspace(0, 1, steps + 1) ** 2
+    for step in np.diff(settlement).tolist():
+        moved, before = state.displacement + change, state.displacement
+        moved.ravel()[moving] = before.ravel()[moving] - step
+        state, forces = solve_increment(solid, state, moved)
+        change = CONTINUATION * (state.displacement - before)
+        found.append(-forces.ravel()[moving].sum() / 0.5)
+    return settlement[1:], np.array(found) / shear_strength(MIX)
+
+
+def _graded(length: float, first: float) -> Array:
+    """Return coordinates up to a length whose intervals grow from the first."""
+    sizes = [first]
+    while sum(sizes) < length:
+        sizes.append(sizes[-1] * GROWTH)
+    return np.cumsum(sizes) * length / sum(sizes)
+
+
+def solve_increment(
+    solid: FiniteStrainSolid, state: SolidState, moved: Array, applied: Array | float = 0.0
+) -> tuple[SolidState, Array]:
+    """Solve the equilibrium after a prescribed displacement of the fixed degrees of freedom by Newton's method.
+
+    Parameters
+    ----------
+    moved : ndarray, shape (n, 2)
+        First guess of the displacements [m], with the prescribed ones.
+    applied : ndarray, shape (n, 2), optional
+        Applied nodal forces [N/m].
+
+    Returns
+    -------
+    tuple
+        State and nodal forces [N/m], shape (n, 2), after the increment.
+
+    Raises
+    ------
+    RuntimeError
+        If the increment has no equilibrium.
+    """
+    free, near, displacement = solid.ordered_dofs, None, moved.copy()
+    increment = solid.increment(state, displacement)
+    for _ in range(ITERATIONS):
+        forces = increment.internal_forces
+        residual = (applied - forces).ravel()[free]
+        size = np.linalg.norm(residual) / max(np.linalg.norm(forces), np.linalg.norm(applied))
+        if size < RESIDUAL:
+            return increment.after, forces
+        solve = solid.factorise(increment.element_stiffness, np.empty(0, dtype=int), np.empty((0, 2, 2)))
+        direction, length = solve(residual), 1.0
+        for _ in range(CUTS):
+            trial = displacement.copy()
+            trial.ravel()[free] += length * direction
+            found = solid.increment(state, trial, near=near)
+            rest = (applied - found.internal_forces).ravel()[free]
+            if np.linalg.norm(rest) < (1 - 0.1 * length) * np.linalg.norm(residual):
+                break
+            length /= 2
+        displacement, increment, near = trial, found, found
+    raise RuntimeError(f"no equilibrium: residual {size:.1e} after {ITERATIONS} iterations")
+
+
+def _indenter(rows: Rows) -> Computed:
+    paths = [indenter_pressure(*mesh) for mesh in MESHES]
+    coarse, fine = (float(pressure[-1]) for _, pressure in paths)
+    rise = fine / float(np.interp(0.9 * SETTLEMENT, *paths[-1])) - 1
+    values = {"coarse": coarse, "fine": fine, "limit": 2 * fine - coarse, "plateau": rise}
+    curves = [ours(f"{elements} elements", *path) for (elements, _), path in zip(MESHES, paths, strict=True)]
+    curves.append(theirs("Prandtl", [SETTLEMENT], [rows["limit"].theirs]))
+    return values, [Panel("settlement over width [-]", "mean pressure over k [-]", tuple(curves))]
+
+
+CAM_CLAY = ValidationCase(
+    "cam-clay",
+    "Earth pressure and yield stress of the ellipse",
+    "exact solution",
+    ("column", "compaction"),
+    "flow rule of the ellipse, for this validation: 2 eta/(M^2 - eta^2) = 2/3; one plastic step of "
+    "github.com/cb-geo/mpm, tests/materials/modified_cam_clay_test.cc, MIT",
+    _earth_pressure,
+    seconds=0.5,
+)
+PH102 = ValidationCase(
+    "avicel-ph102",
+    "Microcrystalline cellulose in a die, by ellipses over ranges of density",
+    "calibrated to measurements by others",
+    ("column",),
+    "cap and elastic tables of Avicel PH102 in github.com/taha-re/manuscript-data-density-dependent-friction-"
+    "tableting, commit 83e1922, credited there to the group of Cunningham and Zavaliangos; no licence file, facts "
+    "only; rigid-plastic die by us",
+    _powder,
+    seconds=0.3,
+)
+PRANDTL = ValidationCase(
+    "prandtl-indenter",
+    "Slow indenter on a plastic half-plane",
+    "exact solution",
+    ("compaction",),
+    "L. Prandtl, Nachr. Ges. Wiss. Goettingen (1920) 74: mean pressure (2 + pi) k of a smooth rigid strip",
+    _indenter,
+    seconds=6.0,
+)
