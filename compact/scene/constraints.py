@@ -13,10 +13,11 @@ from itertools import pairwise
 from typing import Any
 
 from compact.material.earth_pressure import earth_pressure_bounds, matched_slopes
-from compact.material.mix import prior
+from compact.material.mix import prior, scaled_fits
 from compact.scene.engine_capabilities import TORQUE_ENGINES, refusals
 from compact.scene.errors import Key, Mistake, Source
 
+OIL_SHARE = 0.02  # [-], of the stroke, by which oil may yield; a cart overshoots its stroke by up to half of this
 GUARD = 1 + 1e-9  # [-], relative rounding margin; the published machine satisfies 2R + B_T = stroke exactly
 
 
@@ -70,30 +71,6 @@ def tables_exist(source: Source) -> Rule:
 def catalogue_exists(source: Source) -> Rule:
     """Return the rule that the file of `drive.catalogue` is below the folder of the scene."""
     return Rule(("drive.catalogue.file",), lambda file: None if file is None else _missing((file,), source.folder))
-
-
-def cap_tables_fit(source: Source) -> Rule:
-    """Return the rule that the tables of `mix.cap_table` are valid and contain the densities of the scene."""
-
-    def broken(file, law, fed, product):
-        from compact.scene.cap_tables import read_cap_tables  # imports scipy
-
-        if law != "density-cap":
-            return None if file is None else 'is for mix.law "density-cap"; take it out, or choose that law'
-        if file is None:
-            return 'is missing, and mix.law is "density-cap"; give the CSV file of its tables over density'
-        try:
-            density = read_cap_tables(source.folder / file).density_ratio
-        except ValueError as error:
-            return f"names a file that breaks a rule: {error}"
-        if not (density[0] < fed and product <= density[-1]):
-            return (
-                f"has tables from {density[0]:g} to {density[-1]:g}, which must begin below layer.fed_density_ratio = "
-                f"{fed:g} and reach mix.density_ratio = {product:g}; extend the tables"
-            )
-        return None
-
-    return Rule(("mix.cap_table", "mix.law", "layer.fed_density_ratio", "mix.density_ratio"), broken)
 
 
 def rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Broken], Broken]:
@@ -170,13 +147,16 @@ def _lower_lift_is_denser_than_fed(ratio, fed):
         return f"must be above layer.fed_density_ratio = {fed:g}, got {ratio:g}; give that behind the earlier pass"
 
 
-@rule("mix.overrides.earth_pressure_coefficient", "mix.law", "mix.moisture", "mix.density_ratio", "mix.overrides")
-def _cap_has_the_earth_pressure(_, law, moisture, density_ratio, overrides):
+@rule(
+    "mix.overrides.earth_pressure_coefficient", "mix.law", "mix.moisture", "mix.density_ratio", "mix.overrides",
+    "mix.fitted_at",
+)  # fmt: skip
+def _cap_has_the_earth_pressure(_, law, moisture, density_ratio, overrides, fitted_at):
     if law != "drucker-prager-cap":
         return None
     given = {name: value for name, value in (overrides or {}).items() if value is not None}
     try:
-        mix = prior(moisture, density_ratio, given)
+        mix = prior(moisture, density_ratio, given | scaled_fits(moisture, density_ratio, given, fitted_at))
         slope, _ = matched_slopes(mix.friction_angle, mix.dilatancy_angle)
     except ValueError as error:
         return str(error)
@@ -191,15 +171,6 @@ def _cap_has_the_earth_pressure(_, law, moisture, density_ratio, overrides):
             "mix.overrides.cohesion_loose"
         )
     return None
-
-
-@rule("mix.law", "process")
-def _process_has_constant_slopes(law, process):
-    if law == "density-cap" and process is not None:
-        return (
-            '"density-cap" is for the engines column and compaction, got it with the table [process]; take [process] '
-            "out, or choose another law"
-        )
 
 
 @rule("layer.lift_thickness", "product.height")
@@ -240,19 +211,6 @@ def _roller_stays_above_the_base(indentation, height, lift):
     key, most = _pressed(height, lift)
     if indentation is not None and indentation >= most:
         return f"must be below {key} = {most:g} m, got {indentation:g}; the base lies there"
-
-
-@rule("machine.roller_condition", "layer.base", "layer.lower_lift", "mix.overrides.steel_friction")
-def _pair_has_a_mid_plane_and_friction(rolling, base, lower, friction):
-    if rolling != "pair":
-        return None
-    if base != "slip":
-        return f'"pair" needs layer.base = "slip", the mid-plane between the rollers, got "{base}"; give "slip"'
-    if lower is not None:
-        return '"pair" has no lower lift, as the layer is half of the mix in the gap; take layer.lower_lift out'
-    if friction == 0:
-        return '"pair" needs friction, by which the rollers draw the mix in, got mix.overrides.steel_friction = 0'
-    return None
 
 
 @rule("machine.roller_torque", "machine.roller_condition")
@@ -434,15 +392,6 @@ def _fields_wanted_are_computed(wanted, engine):
         )
 
 
-@rule("output.items", "mix.law")
-def _model_spread_wanted_has_constants(wanted, law):
-    if "model_spread" in wanted and law == "density-cap":
-        return (
-            'holds "model_spread", which compares laws by the constants of the mix, and mix.law "density-cap" has '
-            "tables in their place; take it out, or choose another law"
-        )
-
-
 @rule("output.items", "accuracy.engine")
 def _model_spread_wanted_has_a_law(wanted, engine):
     if "model_spread" in wanted and engine not in ("column", "compaction", "process"):
@@ -490,6 +439,22 @@ def _radius_suits_the_product(radius, height):
 def _weight_suits_the_mass(weight, mass):
     if not 9.5 <= weight / mass <= 10.5:
         return f"weight / mass is {weight / mass:g} m/s2, expected 9.5 to 10.5; is one of the two in other units?"
+
+
+@rule(
+    "drive.hydraulics.bulk_modulus", "drive.hydraulics.supply_pressure", "drive.hydraulics.piston_area",
+    "drive.hydraulics.dead_volume", "motion.stroke", "drive.kind", into=ADVICE,
+)  # fmt: skip
+def _oil_is_stiff(modulus, pressure, area, volume, stroke, kind):
+    if kind != "hydraulic" or modulus is None:
+        return None
+    yielding = pressure * (volume + area * stroke / 2) / (2 * modulus * area)  # of both columns, the cart in the middle
+    if yielding > OIL_SHARE * stroke:
+        return (
+            f"under the supply pressure the oil yields by {yielding:.3g} m, more than {OIL_SHARE:.0%} of the stroke: "
+            "the cart leaves its law, and near rest it may stop and start until its passage has no result; a larger "
+            "bulk_modulus or piston_area, or a smaller dead_volume, makes the oil stiffer"
+        )
 
 
 @rule("machine.roller_condition", "accuracy.engine", into=ADVICE)

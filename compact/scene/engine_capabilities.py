@@ -27,7 +27,6 @@ FORMING_ENGINE = "process"  # engine of all strokes of [process], no alternative
 TORQUE_ENGINES = ("fem", "compaction")  # engines of a roller that sticks and slips under a torque
 
 NAMES = {  # of values, in the sentences about replacements
-    ("machine.roller_condition", "pair"): "roller of a pair",
     ("machine.gap_geometry", "parabola"): "vertical gap to the parabola",
     ("machine.gap_geometry", "circle"): "vertical gap to the circle",
     ("machine.gap_geometry", "deformed"): "gap on the deformed surface",
@@ -67,8 +66,6 @@ class Limit:
         True if the engine replaces the value even of a key that the scene sets.
     late : bool
         True if a value is refused only when the contact is computed, because several engines share the scene.
-    pair : tuple
-        Values accepted only under a roller of a pair.
     """
 
     key: str
@@ -77,25 +74,21 @@ class Limit:
     smooth: tuple = ()
     fixed: bool = False
     late: bool = False
-    pair: tuple = ()
 
     def value_in(self, scene: Any) -> Any:
         """Return the value of the key in a scene; None where its table is absent."""
         table, key = self.key.split(".")
         return getattr(getattr(scene, table), key, None)
 
-    def takes(self, value: object, friction: float | None, rolling: str | None = None) -> bool:
+    def takes(self, value: object, friction: float | None) -> bool:
         """Return True if the engine accepts a value.
 
         Parameters
         ----------
         friction : float or None
             Friction coefficient of the mix on the roller [-]; None for the prior.
-        rolling : str, optional
-            Condition of the roller; a single roller by default.
         """
-        paired = rolling == "pair" and value in self.pair
-        return value in self.taken or paired or (value in self.smooth and friction == 0)
+        return value in self.taken or (value in self.smooth and friction == 0)
 
 
 _ONE_MODULUS = Limit("layer.plies", (None,), "it has one modulus for the whole layer")
@@ -107,9 +100,6 @@ _NO_AIR = Limit("mix.pore_air", ("drained",), "its layer has no voids that close
 _ONE_WAY = Limit(
     "mix.pore_air", ("one-way", "drained"), "columns under a held height do not yield to the air", fixed=True
 )
-_SINGLE = Limit(
-    "machine.roller_condition", ("free", "frictionless", "sliding", "driven"), "it has no mix to draw between rollers"
-)
 _TARGETS = ("indentation", "load", "peak_pressure", "held")
 _ONE_MIX = Limit("layer.plies", (None,), "its layer is of one mix")
 
@@ -117,7 +107,6 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
     "formula": (
         Limit("machine.gap_geometry", ("parabola",), "half-plane theory has no other gap", fixed=True),
         Limit("contact.indentation", (None,), "the depth of a contact on a half-plane is not defined", late=True),
-        _SINGLE,
         _ONE_MODULUS,
         _RIGID_BASE,
         _NO_AIR,
@@ -126,10 +115,10 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
     "column": (
         Limit("machine.gap_geometry", ("circle", "parabola"), "columns move vertically only", fixed=True),
         Limit(
-            "machine.roller_condition", ("frictionless", "free", "pair"), "columns carry no shear",
+            "machine.roller_condition", ("frictionless", "free"), "columns carry no shear",
             smooth=("sliding", "driven"),
         ),
-        Limit("layer.base", ("bonded",), "mix on a slipping base moves sideways, which no column does", pair=("slip",)),
+        Limit("layer.base", ("bonded",), "mix on a slipping base moves sideways, which no column does"),
         _ONE_MIX,
         _ONE_WAY,
     ),
@@ -143,7 +132,7 @@ LIMITS: dict[str, tuple[Limit, ...]] = {
         _NO_AIR,
         *_RECOVERS,
     ),
-    "fem": (_SINGLE, _RIGID_BASE, _NO_AIR, *_RECOVERS),
+    "fem": (_RIGID_BASE, _NO_AIR, *_RECOVERS),
     "compaction": (_ONE_MIX,),
     "process": (
         Limit("machine.roller_condition", ("free",), "its rollers roll freely over the bed"),
@@ -181,8 +170,7 @@ def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
     friction, sentences = scene.mix.overrides.steel_friction, []
     for limit in LIMITS.get(engine, ()):
         value = limit.value_in(scene)
-        rolling = scene.machine.roller_condition
-        if limit.takes(value, friction, rolling) or (scene.is_set(limit.key) and not limit.fixed):
+        if limit.takes(value, friction) or (scene.is_set(limit.key) and not limit.fixed):
             continue
         sentences.append(replaced(engine, limit, value))
         table, key = limit.key.split(".")
@@ -209,13 +197,13 @@ def refusals() -> Iterator[tuple[tuple[str, ...], Callable[..., str | None]]]:
     for engine, limits in LIMITS.items():
         for limit in limits:
             if not limit.fixed and not limit.late:
-                keys = (limit.key, "accuracy.engine", "mix.overrides.steel_friction", "machine.roller_condition")
+                keys = (limit.key, "accuracy.engine", "mix.overrides.steel_friction")
                 yield keys, _refusal(engine, limit)
 
 
 def _refusal(engine, limit):
-    def broken(value: Any, chosen: str, friction: Any, rolling: Any) -> str | None:
-        if chosen != engine or value is None or limit.takes(value, friction, rolling):
+    def broken(value: Any, chosen: str, friction: Any) -> str | None:
+        if chosen != engine or value is None or limit.takes(value, friction):
             return None
         remedies = [f"give {_listed(limit.taken)}"] if any(limit.taken) else []
         remedies += ["take the key out"] if limit.key in OPTIONAL else []
@@ -223,7 +211,7 @@ def _refusal(engine, limit):
         able = [
             name
             for name, found in others.items()
-            if name != FORMING_ENGINE and all(each.takes(value, friction, rolling) for each in found)
+            if name != FORMING_ENGINE and all(each.takes(value, friction) for each in found)
         ]
         got = f'"{value}"' if isinstance(value, str) else _name(limit.key, value)
         return (

@@ -82,14 +82,15 @@ class Source:
         """Return the source with one more key that the caller has replaced."""
         return replace(self, changes=self.changes | {key})
 
-    def renamed(self, former: Key, present: Key) -> "Source":
-        """Return the source with lines and remarks of a former key, and of keys inside it, under its present name."""
+    def of_comparison(self, engine: str, changed: "Source") -> "Source":
+        """Return the source of the scene of a compared engine: keys of `[compare.ENGINE]` have their own remarks."""
+        table = ("compare", engine)
 
         def moved(entries: Mapping[Key, Any]) -> dict[Key, Any]:
-            inside = {key: value for key, value in entries.items() if key[: len(former)] == former}
-            return {**entries, **{(*present, *key[len(former) :]): value for key, value in inside.items()}}
+            return {**entries, **{key[2:]: value for key, value in entries.items() if key[:2] == table}}
 
-        return replace(self, lines=moved(self.lines), remarks=moved(self.remarks))
+        own = {key[2:] for key in self.remarks if key[:2] == table}
+        return replace(changed, lines=moved(self.lines), remarks=moved(self.remarks), changes=changed.changes - own)
 
     def line(self, key: Key) -> int:
         """Return the line of a key, or of the innermost table around it; 0 if there is none."""
@@ -295,9 +296,10 @@ def _unknown(key, value, scene):
 STRING_OR_COMMENT = re.compile(
     r'"""(?:\\.|[^\\])*?"{3,5}|' r"'''.*?'{3,5}|" r'"(?:\\.|[^"\\\n])*"|' r"'[^'\n]*'|#[^\n]*", re.DOTALL
 )
-HEADER = re.compile(r"\s*\[\[?([^\[\]]+)\]")
-KEY = re.compile(r"\s*([\w\s.-]+?)\s*=\s*(.*)")
-INLINE_KEY = re.compile(r"[{,]\s*([\w\s.-]+?)\s*=")
+# Possessive repetitions (++) never try again, so that a line of blanks takes linear time
+HEADER = re.compile(r"\s*+\[\[?([^\[\]]++)\]")
+KEY = re.compile(r"([\w\s.-]++)=(.*)")
+INLINE_KEY = re.compile(r"[{,]([\w\s.-]++)=")
 
 
 def key_lines(text: str) -> dict[Key, int]:
@@ -320,11 +322,12 @@ def key_lines(text: str) -> dict[Key, int]:
 
 def key_remarks(text: str) -> dict[Key, str]:
     """Return the comment on the line of each key of a valid TOML text."""
-    comments = {
-        text.count("\n", 0, token.start()) + 1: token[0].strip("# ")
-        for token in STRING_OR_COMMENT.finditer(text)
-        if token[0][0] == "#"
-    }
+    comments: dict[int, str] = {}
+    line, known = 1, 0  # line of the character `known`
+    for token in STRING_OR_COMMENT.finditer(text):
+        line, known = line + text.count("\n", known, token.start()), token.start()
+        if token[0][0] == "#":
+            comments[line] = token[0].strip("# ")
     return {key: comments[line] for key, line in key_lines(text).items() if line in comments}
 
 

@@ -13,28 +13,31 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from hashlib import sha256
 from importlib.resources import files
+from os import PathLike
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
 from pydantic import Field, PrivateAttr, ValidationError
 
+from compact.files import checksum
 from compact.scene import errors, plausible_ranges, schema
 from compact.scene.constraints import (
     ADVICE,
     RULES,
     Rule,
-    cap_tables_fit,
     catalogue_exists,
     sentences,
     tables_exist,
 )
 from compact.scene.engine_capabilities import LIMITS, adapt, replaced
 from compact.scene.errors import Mistake, SceneError, Source
-from compact.scene.former_names import current_key, current_path, current_tables, current_value
 from compact.scene.process_constraints import PROCESS_ADVICE, PROCESS_RULES
 from compact.scene.schema import LAW_NAMES, Names, Table
 
 __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change", "starter_scene"]
+
+
+FILE_KEYS = ("drive.catalogue.file",)  # whose values are names of files
 
 
 class Scene(Table):
@@ -72,11 +75,6 @@ class Scene(Table):
         """Path of the motors of `[drive.catalogue]`; None without the table."""
         table = self.drive.catalogue
         return None if table is None else self._source.folder / table.file
-
-    @property
-    def cap_table_path(self) -> Path | None:
-        """Path of the tables of the law "density-cap"; None without the key."""
-        return None if self.mix.cap_table is None else self._source.folder / self.mix.cap_table
 
     @property
     def lift_thickness(self) -> float:
@@ -117,6 +115,8 @@ class Scene(Table):
         """Return the scene of an engine of the comparison, with the keys of `[compare.ENGINE]` and no output items."""
         given = getattr(self.compare, engine, None)
         changes: dict[str, object] = {"accuracy.engine": engine, "compare": None, "output.items": ()}
+        if self.mix.fitted_at is not None:  # its values are those of the file, not of a caller
+            changes["mix.fitted_at"] = self.mix.fitted_at.model_dump()
         if engine == "formula":  # compared with every engine, whatever the scene sets for that engine
             changes |= {
                 limit.key: limit.taken[0]
@@ -125,7 +125,9 @@ class Scene(Table):
             }
         for table, keys in (given.model_dump(exclude_none=True) if given else {}).items():
             changes |= {f"{table}.{key}": value for key, value in _flat(keys)}
-        return self.replaced(**changes)
+        found = self.replaced(**changes)
+        found._source = self._source.of_comparison(engine, found._source)
+        return found
 
     def is_set(self, key: str) -> bool:
         """Return True if the scene file or the caller sets a key such as "machine.gap_geometry"."""
@@ -140,7 +142,16 @@ class Scene(Table):
     def replacements(self) -> dict[str, tuple[str, ...]]:
         """Sentences on the values that each engine replaces, by engine."""
         engines = {self.accuracy.engine: self} | {name: self.with_engine(name) for name in self.compared_engines}
-        return {name: (*self._left_out(name), *adapt(scene, name)[1]) for name, scene in engines.items()}
+        return {
+            name: (*self._left_out(name), *adapt(scene, name)[1], *self._scaled_fits(name, scene))
+            for name, scene in engines.items()
+        }
+
+    def _scaled_fits(self, engine: str, scene: Self) -> Iterator[str]:
+        """Yield the remark on the fitted values of an engine, unless it is that of the leading one."""
+        remark = scene.mix.fit_remark
+        if remark and (engine == self.accuracy.engine or remark != self.mix.fit_remark):
+            yield f"{engine}: {remark}"
 
     def _left_out(self, engine: str) -> Iterator[str]:
         """Yield sentences on the keys that the formulas neglect where they are compared with another engine."""
@@ -169,14 +180,35 @@ class Scene(Table):
             return "default"
         return self._source.remarks.get(path, "")
 
+    def is_marked(self, key: str, word: str) -> bool:
+        """Return True if a clause of the comment on a key begins with a word, such as "measured" or "calibrated"."""
+        table, _, name = key.rpartition(".")
+        return any(clause.strip().startswith(word) for clause in self.remark(table, name).split(";"))
+
     @property
     def hash(self) -> str:
         """Hash of every key but `title`, `unusual` and `[output]`, and of the contents of the files that it names."""
         content = self.model_dump(exclude_none=True, exclude={"title", "unusual", "output"})
         digest = sha256(json.dumps(content, sort_keys=True).encode())
-        for path in (*self.table_paths, *filter(None, (self.catalogue_path, self.cap_table_path))):
-            digest.update(sha256(_bytes(path)).digest())
+        for found in self.checksums.values():
+            digest.update(bytes.fromhex("".join(found)))
         return digest.hexdigest()
+
+    @property
+    def checksums(self) -> dict[str, tuple[str, ...]]:
+        """Checksums of the contents of the files that the scene names, by key."""
+        named = {
+            "motion.tables": self.table_paths,
+            "drive.catalogue.file": (self.catalogue_path,),
+        }
+        return {key: tuple(checksum(_bytes(path)) for path in paths if path) for key, paths in named.items()}
+
+    def checksum_of(self, file: str) -> str:
+        """Return the checksum of a file that a change of the scene names; empty if it cannot be read."""
+        try:
+            return checksum(_bytes(self._source.folder / file))
+        except SceneError:
+            return ""
 
     def replaced(self, **changes: object) -> Self:
         """Return a new scene, validated like a file, with some keys changed.
@@ -271,6 +303,8 @@ def starter_scene() -> str:
 
 
 def _bytes(path: str | Path) -> bytes:
+    if not isinstance(path, str | PathLike):
+        raise SceneError([f"a scene is read from the path of its file, got {errors.shown(path)}"])
     try:
         return Path(path).read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
@@ -278,6 +312,8 @@ def _bytes(path: str | Path) -> bytes:
 
 
 def _parsed(kind: type[AnyScene], text: str, file: str, changes: Mapping[str, object]) -> AnyScene:
+    if not isinstance(text, str):
+        raise SceneError([f"{file}: a scene is a TOML text, got {errors.shown(text)}"])
     if text.startswith("\ufeff"):
         raise SceneError([f"{file}:1: starts with a byte-order mark; save the file as UTF-8 without BOM"])
     if not text.strip():
@@ -286,9 +322,7 @@ def _parsed(kind: type[AnyScene], text: str, file: str, changes: Mapping[str, ob
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
         raise SceneError([f"{file}:{errors.syntax_sentence(error, text)}"]) from None
-    source = current_tables(data, Source(file, errors.key_lines(text), remarks=errors.key_remarks(text)))
-    if isinstance(data.get("unusual"), list):
-        data["unusual"] = [current_path(key) if isinstance(key, str) else key for key in data["unusual"]]
+    source = Source(file, errors.key_lines(text), remarks=errors.key_remarks(text))
     return _checked(kind, data, source, changes, _rules(source))
 
 
@@ -302,13 +336,13 @@ def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, objec
 
 
 def _rules(source: Source) -> tuple[Rule, ...]:
-    own = tables_exist(source), catalogue_exists(source), cap_tables_fit(source)
+    own = tables_exist(source), catalogue_exists(source)
     return (*RULES, *PROCESS_RULES, *plausible_ranges.REFUSALS, *own)
 
 
 def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:
     """Return the rules that involve changed keys."""
-    keys = [current_key(tuple(key.split("."))) for key in changes]
+    keys = [tuple(key.split(".")) for key in changes]
     return [rule for rule in rules if rule.involves(keys)]
 
 
@@ -343,14 +377,29 @@ def _validated(
 ) -> tuple[Any, Source, list[Mistake]]:
     """Return the scene of the changed data (None if a field refuses its value), its source and the mistakes."""
     mistakes: list[Mistake] = []
-    for path, value in changes.items():
-        key = tuple(current_path(path).split("."))
-        mistakes += _change(data, key, current_value(key, value))
+    keys = [tuple(path.split(".")) for path in changes]
+    for key, value in zip(keys, changes.values(), strict=True):
+        mistakes += _change(data, key, value)
         source = source.changed(key)
+    _drop_fits(data, keys, changes.values())
     try:
         return kind.model_validate(data), source, mistakes
     except ValidationError as error:
         return None, source, mistakes + errors.field_mistakes(error, Scene)
+
+
+def _drop_fits(data: dict[str, Any], keys: Iterable[tuple[str, ...]], values: Iterable[object]) -> None:
+    """Drop from `[mix.fitted_at]` the parameters that a caller gives: given values hold as they are."""
+    mix: Any = data.get("mix")
+    fit = mix.get("fitted_at") if isinstance(mix, dict) else None
+    if not isinstance(fit, dict) or any(key[:2] == ("mix", "fitted_at") for key in keys):
+        return
+    given = {key[-1] for key in keys}.union(*(value for value in values if isinstance(value, dict)))
+    names = fit.get("parameters")
+    if isinstance(names, (list, tuple)) and given.intersection(names):
+        fit["parameters"] = [name for name in names if name not in given]
+        if not fit["parameters"]:
+            del mix["fitted_at"]
 
 
 def _change(data: dict[str, Any], key: tuple[str, ...], value: object) -> list[Mistake]:

@@ -17,8 +17,6 @@ import tomllib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from compact.scene.former_names import current_path
-
 FITTED = ("load", "resistance", "resistance_coefficient")  # data of a fit
 STATED = ("exit_density_ratio", "speed")  # conditions of a measurement
 EDGES = ("low", "high")
@@ -116,7 +114,7 @@ def _from_toml(text):
     assumptions = data.get("assumptions", {})
     return Measured(
         _all(_measurement(table, f"measurement {i}") for i, table in enumerate(tables, 1)),
-        {current_path(key): _range(key, value) for key, value in assumptions.items()},
+        {key: _range(key, value) for key, value in assumptions.items()},
     )
 
 

@@ -6,12 +6,12 @@ that it accepts (`engine_capabilities`). A scene that sets them keeps its values
 Rules between the keys are in `constraints`; `loader` reads files into these tables and reports mistakes.
 """
 
-import warnings
 from collections.abc import Callable
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, Strict, WrapValidator, field_validator
+from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, Strict, WrapValidator
 
+from compact.material.mix import CALIBRATED, is_same_state, scaled_fits
 from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
 from compact.scene.engine_capabilities import BUILT_IN, installed_engines
 
@@ -39,14 +39,19 @@ MixParameter = Literal[
     "rate_sensitivity", "reference_rate", "effective_modulus", "air_permeability", "occlusion_saturation",
     "cohesion_loose", "earth_pressure_coefficient", "dilatancy_angle", "shear_viscosity",
 ]  # fmt: skip
+Fit = Literal[  # mix.CALIBRATED, which the prior scales, and two that it does not know
+    "required_pressure", "plastic_modulus", "relaxed_modulus", "heckel_slope", "effective_modulus",
+    "fed_density_ratio", "roller_friction",
+]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction", "process"]
-MixLaw = Literal["ellipse", "drucker-prager-cap", "density-cap"]
+MixLaw = Literal["ellipse", "drucker-prager-cap"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
 ProcessDetail = Literal["columns", "quick", "deep"]
 FeedLaw = Literal["room", "even", "first", "table"]
 NIP_ANGLE = 20.0  # [deg], default of `process.nip_angle`
 STROKES_LIMIT = 10_000  # [-], strokes on one section of a product
+PASS_LIMIT = 1000  # [-], some seconds by columns, half an hour by finite elements; the mix changes in the first tens
 COUNT_LIMIT = 1_000_000  # [-], beyond any machine; excludes typing errors such as 0xffff... from loops
 
 # TOML has lists only, which are converted to tuples
@@ -56,6 +61,7 @@ Names = Annotated[tuple[str, ...], Strict(False)]
 Ranks = Annotated[tuple[RankBy, ...], Strict(False)]
 Objectives = Annotated[tuple[Objective, ...], Strict(False)]
 Spreads = Annotated[tuple[MixParameter, ...], Strict(False)]
+Fits = Annotated[tuple[Fit, ...], Strict(False)]
 Outputs = Annotated[tuple[OutputItem, ...], Strict(False)]
 Keys = dict[str, Any]
 
@@ -168,6 +174,14 @@ class Overrides(Table):
     occlusion_saturation: float | None = _optional("the saturation above which the air is occluded", gt=0, le=1)
 
 
+class FittedAt(Table):
+    """Moisture and density ratio at which fitted values of the scene hold."""
+
+    moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
+    density_ratio: float = _between(0.90, 0.99, "the density ratio k of the product")
+    parameters: Fits = Field(min_length=1, description="the fitted parameters")
+
+
 class Mix(Table):
     """The mix behind the last pass; the bounds are those of the table of the prior."""
 
@@ -175,15 +189,37 @@ class Mix(Table):
     density_ratio: float = _between(0.90, 0.99, "the required density ratio k of the product")
     law: MixLaw = _default(
         "ellipse",
-        "the yield surface of the engines that compact: an elliptic cap, a cap with a shear line, or tables of both",
-    )
-    cap_table: str | None = _default(
-        None, 'the CSV file of the tables over density of the law "density-cap", relative to the scene file'
+        "the yield surface of the engines that compact: an elliptic cap, or a cap with a shear line",
     )
     pore_air: PoreAirModel = _default(
         "drained", "the pore air: without pressure, at the deformation without air, or coupled with the deformation"
     )
     overrides: Overrides = Overrides()
+    fitted_at: FittedAt | None = None
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Overrides that are set, the fitted ones at the moisture and density ratio of the scene."""
+        return self.overrides.model_dump(exclude_none=True) | self.scaled_fits
+
+    @property
+    def scaled_fits(self) -> dict[str, float]:
+        """Fitted overrides that hold at another moisture or density ratio, scaled by the prior."""
+        given = self.overrides.model_dump(exclude_none=True)
+        fit = None if self.fitted_at is None else self.fitted_at.model_dump()
+        return scaled_fits(self.moisture, self.density_ratio, given, fit)
+
+    @property
+    def fit_remark(self) -> str:
+        """Sentence on fitted values at another moisture or density ratio; empty where they hold."""
+        fit = self.fitted_at
+        if fit is None or is_same_state((fit.moisture, fit.density_ratio), (self.moisture, self.density_ratio)):
+            return ""
+        kept = [name for name in fit.parameters if name not in CALIBRATED]
+        words = [f"scaled by the prior: {', '.join(self.scaled_fits)}"] if self.scaled_fits else []
+        words += [f"not scaled, as the prior lacks them: {', '.join(kept)}"] if kept else []
+        place = f"fits hold at moisture {fit.moisture:g} and density ratio {fit.density_ratio:g}"
+        return "; ".join([place, *words]) if words else ""
 
 
 class Ply(Table):
@@ -214,7 +250,7 @@ class Layer(Table):
     plies: Plies | None = Field(default=None, min_length=1, description="the plies from the base upwards, as tables")
     lower_lift: LowerLift | None = None
     fed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
-    passes: int = _between(1, COUNT_LIMIT, "the number of passes")
+    passes: int = _between(1, PASS_LIMIT, "the number of passes")
     return_stroke: Literal["fresh", "compacted"] = Field(
         default="fresh", description="the mix under the return stroke: fresh as on the way out, or compacted by it"
     )
@@ -239,17 +275,6 @@ class Optimise(Table):
         ge=0,
     )
     spread: Spreads = _default((), "the parameters of the mix over whose spread the regret is minimised")
-    method: Literal["steps", "casadi"] | None = _default(None, "without effect, accepted for one release")
-
-    @field_validator("method")
-    @classmethod
-    def _method_has_no_effect(cls, _: str | None) -> None:
-        warnings.warn(
-            "`motion.optimise.method` has no effect: sequential convex programming is the only method; the key is "
-            "accepted for one release, delete it",
-            DeprecationWarning,
-            stacklevel=2,
-        )
 
 
 class Motion(Table):
@@ -259,8 +284,8 @@ class Motion(Table):
     duration: float = _positive("the time of one pass in s")
     laws: Laws = Field(min_length=1, description='the laws to compare, or ["all"]')
     # each at most a half, so together at most the whole pass
-    run_up: float = Field(gt=0, le=0.5, description="the share of the pass for the acceleration phase")
-    run_down: float = Field(gt=0, le=0.5, description="the share of the pass for the deceleration phase")
+    run_up: float = Field(ge=1e-6, le=0.5, description="the share of the pass for the acceleration phase")
+    run_down: float = Field(ge=1e-6, le=0.5, description="the share of the pass for the deceleration phase")
     energy_weight: float = _nonnegative("the weight of the speed term in the complex law")
     acceleration_weight: float = _nonnegative("the weight of the acceleration term in the complex law")
     dwell: float = _nonnegative("the dwell at each end in s")

@@ -7,29 +7,22 @@ limit of processor time ends.
 
 import json
 import math
-import os
 import random
-import resource
 import signal
-import sys
-import time
-import warnings
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any
 
 import pytest
+from extreme_scenes import DRIVES, Case, at, choices, ended, keys, toml
 
 from compact.analysis.engines import ENGINES as REGISTRY
 from compact.cli import program as cli
 from compact.scene import plausible_ranges
-from compact.scene.errors import tables_of
 from compact.scene.loader import SceneError, load_scene, read_change, starter_scene
-from compact.scene.schema import Table
 
+resource = pytest.importorskip("resource", reason="limits of Unix")
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
 SECONDS = 10  # of processor time for one case
-WALL = 120  # seconds after which a case that waits for something is ended
-MEMORY = 6 << 30  # bytes of address space for one case
 ENGINES = ("formula", "formula", "column", "column", "column", "spectral", "spectral", "fem")
 TARGETS = {"contact.load": (50.0, 1e5), "contact.peak_pressure": (1e3, 2e6), "contact.indentation": (1e-4, 0.1)}
 ODD = (
@@ -53,27 +46,6 @@ ODD = (
 )
 FINEST = 2e-3  # [-], tolerance at which `fem` answers within the limit; 1e-3 of a slow contact takes 15 s
 FORBIDDEN = ("Traceback", "internal error", "encountered in", "RuntimeWarning", "at index", "nan at", "Singular matrix")
-DRIVES = {  # complete tables, whose numbers a case then changes
-    "rigid": {},
-    "springs": {"drive.end_springs": {"stiffness": 5e3, "preload": 200.0, "length": 0.1}},
-    "elastic": {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3, "drive.backlash": 1e-4},
-    "motor": {
-        "drive.kind": "motor",
-        "drive.motor": {
-            "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15, "gear_ratio": 150.0,
-            "inertia": 0.01, "flywheel_inertia": 50.0,
-        },
-    },
-    "hydraulic": {
-        "drive.kind": "hydraulic",
-        "drive.hydraulics": {
-            "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5,
-            "discharge_coefficient": 0.62, "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9,
-            "dead_volume": 1e-4,
-        },
-    },
-    "optimise": {"motion.optimise": {"objectives": ["peak_force"], "smoothness": 1, "acceleration": 0.6}},
-}  # fmt: skip
 SHORT = {"motion.laws": ["cubic"], "output.items": [], "contact.speeds": [0.05, 0.2], "accuracy.tolerance": 0.05}
 
 
@@ -101,58 +73,7 @@ FELT = (  # keys that engines feel
 )
 
 
-class Case(NamedTuple):
-    """A call of the command, and the changes of the scene in it."""
-
-    scene: str
-    command: str
-    engine: str
-    changes: dict[str, Any]
-    options: tuple[str, ...]
-
-    @property
-    def arguments(self):
-        changed = [part for key, value in self.changes.items() for part in ("--set", f"{key}={toml(value)}")]
-        return [self.command, f"{self.scene}.toml", "--engine", self.engine, "--out", "out", *changed, *self.options]
-
-
-def toml(value):
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {toml(inner)}" for key, inner in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(toml, value))}]"
-    return json.dumps(value) if isinstance(value, str) else repr(value)
-
-
-def schema(table, path=()):
-    """(key path, field) of every key of a table and the tables in it."""
-    for name, field in table.model_fields.items():
-        inner = tables_of(field)
-        if inner is not None and issubclass(inner, Table) and name != "plies":
-            yield from schema(inner, (*path, name))
-        else:
-            yield ".".join((*path, name)), field
-
-
-def keys():
-    from compact.scene.loader import Scene
-
-    return {key: field for key, field in schema(Scene) if key not in ("title", "unusual", "accuracy.engine")}
-
-
 KEYS = keys()
-
-
-def choices(field):
-    """Words that a field takes, those within lists too."""
-    found, kinds = [], [field.annotation]
-    while kinds:
-        for part in get_args(kinds.pop()):
-            found += [part] if isinstance(part, str) else []
-            kinds += [] if isinstance(part, str) else [part]
-    return found
 
 
 def odd(draw, key):
@@ -176,13 +97,6 @@ def extreme(draw, key, given):
         scaled = given * 10 ** draw.uniform(-2, 2)
         return max(1, round(scaled)) if isinstance(given, int) else scaled
     return odd(draw, key) if choices(KEYS[key]) else given
-
-
-def at(tables, key):
-    """The value at a key path of nested tables, None where there is none."""
-    for name in key.split("."):
-        tables = tables.get(name) if isinstance(tables, dict) else None
-    return tables
 
 
 def case(seed):
@@ -230,47 +144,6 @@ def case(seed):
     return Case(scene, command, engine, changes, options)
 
 
-class Outcome(NamedTuple):
-    """How a case ended: exit code, or minus the signal that ended it, and what it said."""
-
-    code: int
-    said: str
-    seconds: float
-
-
-def ended(asked, folder):
-    """Run a case in a child process; its `Outcome`."""
-    start = time.monotonic()
-    child = os.fork()
-    if child == 0:
-        code = 99
-        try:
-            os.chdir(folder)
-            said = os.open("said.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-            os.dup2(said, 1)
-            os.dup2(said, 2)
-            sys.stdout = os.fdopen(1, "w", closefd=False)
-            sys.stderr = os.fdopen(2, "w", closefd=False)
-            used = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
-            resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(used) + SECONDS, math.ceil(used) + SECONDS + 1))
-            resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-            signal.signal(signal.SIGXCPU, signal.SIG_DFL)
-            warnings.resetwarnings()  # those of pytest, which fail a test; the command prints its warnings
-            code = cli._exit_code(asked.arguments)
-        finally:
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(code)
-    while True:
-        done, status = os.waitpid(child, os.WNOHANG)
-        if done:
-            break
-        if time.monotonic() - start > WALL:
-            os.kill(child, signal.SIGKILL)
-        time.sleep(0.005)
-    return Outcome(os.waitstatus_to_exitcode(status), (folder / "said.txt").read_text(), time.monotonic() - start)
-
-
 def met(asked, contact, scene):
     """What a contact misses of what the scene prescribes, in words; empty where it misses nothing."""
     of = {name: contact[name]["value"] for name in ("load", "resistance", "peak_pressure", "indentation")}
@@ -293,7 +166,7 @@ def met(asked, contact, scene):
 
 def faults(asked, folder):
     """What is wrong with how a case ended, in words; empty where nothing is."""
-    outcome = ended(asked, folder)
+    outcome = ended(asked, folder, SECONDS)
     if outcome.code not in (0, 1, 2):
         return f"ended by {outcome.code} after {outcome.seconds:.0f} s: {outcome.said[-300:]}"
     raw = [word for word in FORBIDDEN if word in outcome.said]
@@ -397,6 +270,5 @@ def test_some_cases_are_valid_scenes(tmp_path):
 
 @pytest.mark.slow
 def test_a_case_that_does_not_end_is_ended(tmp_path, monkeypatch):
-    monkeypatch.setattr("test_broken_scenes.SECONDS", 1)
     monkeypatch.setattr(cli, "_exit_code", lambda _: max(iter(int, 1)))
-    assert ended(case(0), tmp_path).code == -signal.SIGXCPU
+    assert ended(case(0), tmp_path, seconds=1).code == -signal.SIGXCPU

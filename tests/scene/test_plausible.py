@@ -45,7 +45,7 @@ def test_a_pressure_in_kilopascals_is_refused_with_unit_and_remedy():
         ("contact.load", 1e8, "give the value in N"),
         ("contact.peak_pressure", 90.0, "was 90 kPa = 90000 Pa meant?"),
         ("motion.duration", 3000.0, "3000 s is outside"),
-        ("layer.passes", 100_000, "100000 is far outside"),
+        ("layer.passes", 100_000, "must be between 1 and 1000, got 100000"),
     ],
 )
 def test_values_in_other_units_are_refused_with_a_guess(key, value, guess):
@@ -84,6 +84,31 @@ def test_outside_is_advice_and_ten_times_outside_is_refused(times, advised, refu
     assert bool(plausible_ranges.advice(key, value, found)) == bool(advised)
     assert bool(plausible_ranges.refusal(key, value, found)) == bool(refused)
     assert bool(plausible_ranges.refusal(key, -value, found)) == bool(refused)
+
+
+HYDRAULICS = {
+    "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5, "discharge_coefficient": 0.62,
+    "oil_density": 870.0, "transition_drop": 1e3, "dead_volume": 1e-4,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("modulus", "told"), [(1.4e9, False), (2e8, False), (1e8, True), (5.5e7, True)])
+def test_soft_oil_is_told_beforehand(modulus, told):
+    """8 MPa x 3e-4 m3/(2 K 1e-3 m2) of 0.4 m: 3 % at 100 MPa, 1.5 % at 200 MPa."""
+    changes = {f"drive.hydraulics.{key}": value for key, value in HYDRAULICS.items()}
+    scene = load_scene(SMALL, **changes, **{"drive.kind": "hydraulic", "drive.hydraulics.bulk_modulus": modulus})
+    found = [sentence for sentence in scene.advice if "the oil yields by" in sentence]
+    assert len(found) == told
+    if told:
+        assert f"by {8e6 * 3e-4 / (2e-3 * modulus):.3g} m" in found[0]
+
+
+def test_thousands_of_passes_are_refused_though_meant(tmp_path):
+    (tmp_path / "scene.toml").write_text('unusual = ["layer.passes"]\n' + Path(SMALL).read_text())
+    columns = {"accuracy.engine": "column", "machine.roller_condition": "frictionless"}
+    assert load_scene(tmp_path / "scene.toml", **columns, **{"layer.passes": 1000}).layer.passes == 1000
+    with pytest.raises(SceneError, match=r"layer.passes: must be between 1 and 1000, got 130400"):
+        load_scene(tmp_path / "scene.toml", **columns, **{"layer.passes": 130400})
 
 
 def test_advice_names_the_line_of_its_key():

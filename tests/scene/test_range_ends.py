@@ -1,0 +1,62 @@
+"""Every key of a scene at both ends of what is allowed: the study has results or is refused in words of `compact`."""
+
+import pytest
+from extreme_scenes import SCENES, SHORT, at, complete, ends, fault, keys
+
+from compact.scene.loader import load_scene
+
+KEYS = [key for key in keys() if not key.startswith("compare.")]
+LONG = (  # keys at whose ends a study takes more than a second
+    *("motion.optimise.", "motion.laws", "output.items", "drive.rank_by", "drive.stiffness", "drive.damping"),
+    *("drive.motor.inertia", "drive.motor.speed", "drive.motor.flywheel", "drive.hydraulics.transition"),
+    *("drive.hydraulics.dead", "drive.hydraulics.bulk", "drive.hydraulics.supply"),
+)
+OF_ENGINES = ("machine.roller", "machine.gap", "product.", "mix.", "layer.", "motion.duration", "contact.", "accuracy.")
+
+
+def faults(key, engine, folder):
+    """What each end of the range of a key ended with, where that is neither results nor a refusal."""
+    base = SHORT | complete(key) | {"accuracy.engine": engine}
+    given = at(load_scene(SCENES / "small.toml", **complete(key)).model_dump(exclude_none=True), key)
+    return "\n".join(
+        f"{key} = {end!r}: {wrong}"
+        for end in ends(key, given)
+        if (wrong := fault("small.toml", base | {key: end}, folder))
+    )
+
+
+@pytest.mark.parametrize("key", [pytest.param(key, marks=[pytest.mark.nightly] * key.startswith(LONG)) for key in KEYS])
+def test_a_scene_at_the_ends_of_a_key_has_results_or_is_refused(key, tmp_path):
+    assert not faults(key, "formula", tmp_path)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("engine", ["column", "spectral", "fem"])
+@pytest.mark.parametrize("key", [key for key in KEYS if key.startswith(OF_ENGINES)])
+def test_a_scene_at_the_ends_of_a_key_is_solved_by_an_engine_or_refused(key, engine, tmp_path):
+    assert not faults(key, engine, tmp_path)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("key", [key for key in KEYS if key.startswith(("process.", "sleeve."))])
+def test_a_process_at_the_ends_of_a_key_has_results_or_is_refused(key, tmp_path):
+    given = at(load_scene(SCENES / "process.toml").model_dump(exclude_none=True), key)
+    for end in ends(key, given):
+        assert not fault("process.toml", {"output.items": [], "accuracy.engine": "column", key: end}, tmp_path)
+
+
+def test_most_keys_have_a_value_whose_ends_are_reached():
+    def given(key):
+        return at(load_scene(SCENES / "small.toml", **complete(key)).model_dump(exclude_none=True), key)
+
+    alone = (
+        "process.",
+        "sleeve.",
+        "mix.",
+        "layer.",
+        "motion.tables",
+        "motion.optimise.method",
+        "cam.bore",
+        "product.mould_speed",
+    )
+    assert all(given(key) is not None for key in KEYS if not key.startswith(alone))
