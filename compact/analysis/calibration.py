@@ -93,6 +93,16 @@ class Calibration:
     coarse: "Calibration | None" = None
 
     @property
+    def scene_changes(self) -> dict[str, Any]:
+        """Keys that enter the fit into the scene, and where it holds; earlier fits are scaled to the same place."""
+        mix, before = self.scene.mix, self.scene.mix.fitted_at
+        fits = mix.scaled_fits | {"heckel_slope": self.heckel_slope}
+        names = (*self.unknowns, *(before.parameters if before else ()))
+        place = {"moisture": mix.moisture, "density_ratio": mix.density_ratio, "parameters": list(dict.fromkeys(names))}
+        changes = {f"mix.overrides.{name}": value for name, value in fits.items()}
+        return changes | {"layer.fed_density_ratio": self.fed_density_ratio, "mix.fitted_at": place}
+
+    @property
     def sensitivity(self) -> NDArray[np.float64]:
         """Relative change of each unknown over that of each datum [-], shape (unknowns, data)."""
         k, required = self.fed_density_ratio, self.scene.mix.density_ratio
@@ -136,9 +146,6 @@ def calibrate(
     ratio of cohesion and pressure.
     """
     _require_no_target(scene)
-    if scene.mix.law == "density-cap" and "heckel_slope" in unknowns:
-        words = "has tables in place of a Heckel slope; calibrate the initial density ratio alone, or change the law"
-        raise SceneError([f'{scene.file}: mix.law "density-cap" {words}'])
     _require_similar(initial_guess, measured, unknowns)
     model = _Model(scene, measured, tuple(unknowns))
     coarse, by_elements = None, engine == "compaction"
@@ -380,6 +387,7 @@ def calibration_summary(calibration: Calibration) -> dict[str, Any]:
     data = zip(calibration.names, calibration.measured, calibration.fit.misfit, calibration.sensitivity.T, strict=True)
     return {
         "scene_hash": calibration.scene.hash,
+        "scene_changes": calibration.scene_changes,
         "heckel_slope": calibration.heckel_slope,
         "fed_density_ratio": calibration.fed_density_ratio,
         "fitted": calibration.unknowns,

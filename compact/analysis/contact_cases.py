@@ -5,7 +5,9 @@ contact, a `PassRecord` those of one pass over a layer with irreversible compact
 JSON only; `contact_to_json` and `contact_from_json` convert.
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
@@ -14,21 +16,16 @@ import numpy as np
 from compact import quantities
 from compact.analysis.engines import ENGINES
 from compact.analysis.pore_air import AirForces
-from compact.engines.column.rigid_wheel import WheelContactResult
-from compact.material.density_cap import density_dependent_cap
+from compact.machine.ranking import first_of
 from compact.material.earth_pressure import drucker_prager_cap
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
-from compact.numerics import Array
 from compact.numerics.validation import require_finite
 from compact.rolling_contact import ContactResult, Layer, LowerLift, Ply, Roller
-from compact.scene.cap_tables import read_cap_tables
 from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene
-from compact.scene.terrain_data import build_terrain, read_terrain
 
 COMPACTED = (  # fields of engines with irreversible compaction only
-    "torque", "nip_angle", "neutral_angle",
     "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
     "overdense_work", "mass_residual", "yield_residual", "equilibrium_residual",
     "air_load", "air_resistance", "air_excess_behind",
@@ -40,9 +37,6 @@ LAW_SPEED_SHARES = (1 / 16, 1.0)  # [-], of an engine whose resistance is a law 
 TARGETS = MappingProxyType(  # held quantity -> keyword of `Roller`
     {"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"}
 )
-WHEEL_SLIPS = (  # [-], of the curve of drawbar over slip
-    -0.9, -0.7, -0.5, -0.3, -0.2, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.9,
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -73,9 +67,12 @@ class HeldQuantity:
 
 
 def scene_mix(scene: Scene) -> Mix:
-    """Return the mix of a scene: the prior with the overrides of the scene."""
-    overrides = scene.mix.overrides.model_dump(exclude_none=True)
-    return prior(scene.mix.moisture, scene.mix.density_ratio, overrides)
+    """Return the mix of a scene: the prior with the overrides of the scene, fitted ones scaled to its moisture."""
+    given = scene.mix
+    mix = prior(given.moisture, given.density_ratio, given.values)
+    origin = "fitted at another moisture or density ratio, scaled by the prior"
+    moved = {name: replace(mix.parameter(name), flag="calibrated", origin=origin) for name in given.scaled_fits}
+    return replace(mix, parameters=tuple(moved.get(p.name, p) for p in mix.parameters))
 
 
 def contact_speeds(scene: Scene) -> tuple[float, ...]:
@@ -84,6 +81,11 @@ def contact_speeds(scene: Scene) -> tuple[float, ...]:
         return scene.contact.speeds
     shares = LAW_SPEED_SHARES if ENGINES[scene.accuracy.engine].rate_factor_only else SPEED_SHARES
     return tuple(scene.mean_speed * share for share in shares)
+
+
+def nearest_speed(speeds: Iterable[float], speed: float) -> int:
+    """Return the position of the speed that is nearest in ratio, the first of several [m/s]."""
+    return first_of([abs(math.log(each / speed)) for each in speeds], floor=1.0)
 
 
 def prescribed_target(scene: Scene) -> dict[str, float]:
@@ -146,8 +148,8 @@ def contact_inputs(
         layer, target = _layer_before_pass(scene, material, target, held.speed if held else speed)
     else:
         target = target or {"peak_pressure": mix.required_pressure}
-        plies = (Ply(ply.thickness, ply.relative_modulus) for ply in scene.layer.plies or ())
-        layer = Layer(scene.lift_thickness, scene.layer.base, tuple(plies))
+        plies = (Ply(thickness=ply.thickness, stiffness=ply.relative_modulus) for ply in scene.layer.plies or ())
+        layer = Layer(scene.lift_thickness, base=scene.layer.base, plies=tuple(plies))
         material = _linear_material(mix, relaxed=not ENGINES[engine].layered)
     roller = Roller(
         scene.machine.roller_radius,
@@ -161,9 +163,9 @@ def contact_inputs(
 
 def _linear_material(mix: Mix, relaxed: bool) -> Elastic | Viscoelastic:
     if relaxed:
-        return Elastic(mix.effective_modulus, mix.poisson)
+        return Elastic(youngs_modulus=mix.effective_modulus, poisson=mix.poisson)
     branches = ((mix.instant_over_relaxed - 1, mix.relaxation_time),) if mix.instant_over_relaxed > 1 else ()
-    return Viscoelastic(mix.effective_modulus, mix.poisson, branches)
+    return Viscoelastic(youngs_modulus=mix.effective_modulus, poisson=mix.poisson, branches=branches)
 
 
 def compaction_material(scene: Scene, mix: Mix) -> Compaction:
@@ -176,12 +178,8 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     phi and c are the angle of internal friction and the cohesion: the critical state line equals the Mohr-Coulomb
     limit in plane strain at constant volume. Confined compression follows the Heckel curve of mix tables. The slopes of
     the law "drucker-prager-cap" are those of `earth_pressure`, with the cohesion of loose mix and the earth pressure
-    coefficient at the required pressure. The law "density-cap" has the tables of the scene and, of the mix, its rate
-    sensitivity alone.
+    coefficient at the required pressure.
     """
-    if scene.cap_table_path is not None:
-        tables = read_cap_tables(scene.cap_table_path)
-        return density_dependent_cap(tables, scene.layer.fed_density_ratio, mix.rate_sensitivity, mix.reference_rate)
     common: dict[str, Any] = {
         "unloading_modulus": mix.unloading_modulus,
         "poisson": mix.poisson,
@@ -222,13 +220,13 @@ def _layer_before_pass(
 
     height, density_ratio = scene.lift_thickness, scene.mix.density_ratio
     given = scene.layer.lower_lift
-    lower = None if given is None else LowerLift(given.thickness, given.density_ratio, given.residual_stress)
+    lower = None if given is None else LowerLift(**given.model_dump())
     if target:
         fed_height = height * density_ratio / material.fed_density_ratio
-        return Layer(fed_height, scene.layer.base, lower_lift=lower), target
+        return Layer(fed_height, base=scene.layer.base, lower_lift=lower), target
     radius = scene.machine.roller_radius
     before = required_feed(height, density_ratio, material, speed, radius=radius, lower_lift=lower)
-    return Layer(before.height, scene.layer.base, lower_lift=lower), {"indentation": before.indentation}
+    return Layer(before.height, base=scene.layer.base, lower_lift=lower), {"indentation": before.indentation}
 
 
 @dataclass(frozen=True)
@@ -287,9 +285,6 @@ class ContactRecord:
         None for a linear layer.
     lower_height, lower_density_ratio : float or None
         Height [m] and mean density ratio [-] of the lower lift behind the first pass; None without one.
-    torque, nip_angle, neutral_angle : float or None
-        Torque on one roller of a pair per unit length [N], angle from which the mix sticks to it, and angle without
-        shear [rad]; None for other rollers and other engines.
     peak_density_ratio, overdense_work, yield_residual, equilibrium_residual : float or None
         Largest density ratio, share of the plastic work beyond the measured pressure curve, largest stress beyond the
         cap over its pressure and relative residual of the forces [-]; None except for the engine "compaction".
@@ -318,9 +313,6 @@ class ContactRecord:
     exit_height: float | None = None
     lower_height: float | None = None
     lower_density_ratio: float | None = None
-    torque: float | None = None
-    nip_angle: float | None = None
-    neutral_angle: float | None = None
     peak_density_ratio: float | None = None
     overdense_work: float | None = None
     mass_residual: float | None = None
@@ -401,85 +393,3 @@ def contact_from_json(content: dict[str, Any]) -> ContactRecord:
     return ContactRecord(
         engine=content["engine"], iterations=content["iterations"], passes=passes, **values, **errors, **compacted
     )
-
-
-@dataclass(frozen=True, eq=False)
-class TerrainContact:
-    """Wheel of a scene on terrain.
-
-    Parameters
-    ----------
-    name : str
-        Name of the soil, or of the file with its constants.
-    source : str
-        Origin of the constants; empty if not stated.
-    radius, width : float
-        Wheel [m].
-    result : WheelContactResult
-        Contact per unit width.
-    slip_curve : ndarray, shape (n, 4)
-        Slip [-], drawbar [N], torque [N m] and sinkage [m] of the wheel at the same load; empty without shear.
-    """
-
-    name: str
-    source: str
-    radius: float
-    width: float
-    result: WheelContactResult
-    slip_curve: Array
-
-    @property
-    def contact_length(self) -> float:
-        """Length of the contact along the travel [m]."""
-        return self.result.leading - self.result.trailing
-
-
-def roll_on_terrain(scene: Scene, material: str, slip: float | None = None) -> TerrainContact:
-    """Compute the wheel of a scene on terrain by the engine "column".
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene with a prescribed load, indentation or peak pressure; the wheel is its roller.
-    material : str
-        Name of a published soil, or a TOML file with a table [terrain].
-    slip : float, optional
-        Slip [-]; without one, the torque is that of the scene, 0 by default.
-
-    Returns
-    -------
-    TerrainContact
-
-    Raises
-    ------
-    ValueError
-        If the scene prescribes no target, the soil is unknown, or the terrain cannot bear the load.
-    """
-    constants, name = read_terrain(material)
-    machine, target = scene.machine, dict(scene.target)
-    if not target:
-        raise ValueError(
-            f"{scene.file}: a wheel on terrain needs one of contact.load, contact.indentation and "
-            "contact.peak_pressure, such as --set contact.load=500 in N"
-        )
-    width = machine.roller_length
-    if "load" in target:
-        target["load"] /= width
-    terrain = build_terrain(constants, width)
-    wheel: dict[str, Any] = {"radius": machine.roller_radius, "profile": "circle"}
-    layer, roller = Layer(scene.lift_thickness), Roller(**(wheel | target))
-    column = ENGINES["column"].roll
-    motion: dict[str, float] = {} if slip is None else {"slip": slip}
-    if slip is None and machine.roller_torque:
-        motion["torque"] = machine.roller_torque / width
-    found = column(layer, roller, terrain, scene.mean_speed, **motion)
-    assert isinstance(found, WheelContactResult)  # on terrain
-    rows, held = [], Roller(**wheel, load=found.load)
-    for each in WHEEL_SLIPS if terrain.shear else ():
-        try:
-            other = column(layer, held, terrain, scene.mean_speed, slip=each)
-        except ValueError:  # no contact of the model with this skid
-            continue
-        assert isinstance(other, WheelContactResult)
-        rows.append((each, other.drawbar * width, other.torque * width, other.indentation))
-    return TerrainContact(name, constants.get("source", ""), machine.roller_radius, width, found, np.array(rows))

@@ -17,9 +17,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import entry_points
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
+from compact.files import checksum
 from compact.material.laws import Elastic, Viscoelastic
 from compact.numerics.validation import require_known
 from compact.resistance import ResistanceExpansion
@@ -33,44 +35,7 @@ _LINEAR = ("required_pressure", "effective_modulus", "poisson", "instant_over_re
 _PLASTIC = ("heckel_slope", "unloading_modulus", "poisson", "friction_angle", "cohesion", "rate_sensitivity")
 
 
-_OF_TABLES = tuple(name for name in _PLASTIC if name != "rate_sensitivity")
 _OF_ELLIPSE, _OF_LINE = ("cohesion",), ("cohesion_loose", "dilatancy_angle", "shear_viscosity")
-
-
-@dataclass(frozen=True)
-class EngineCost:
-    """Processor time of the stages of a study by one engine; only the ratios matter.
-
-    Measured on one core of a machine of 2026 with the scenes studies/scenes/loveikin-2015*.toml.
-
-    Parameters
-    ----------
-    contact : float
-        One contact at a speed of the scene [s].
-    first_contact : float
-        Additional time of the first contact, for imports and compilation [s].
-    continued_contact : float
-        One further contact for the resistance map, from the nearest contact as initial guess [s].
-    added_mass : float
-        The added mass at one speed [s].
-    torque : float
-        One contact of a driven roller [s].
-    second_pass : float
-        The second pass over compacted mix [s].
-    report : float
-        The report with its sensitivities [s].
-    map_speeds : int
-        Usual number of speeds that the resistance map adds to those of the scene.
-    """
-
-    contact: float
-    first_contact: float
-    continued_contact: float = 0.0
-    added_mass: float = 0.0
-    torque: float = 0.0
-    second_pass: float = 0.0
-    report: float = 1.0
-    map_speeds: int = 0
 
 
 @dataclass(frozen=True)
@@ -79,6 +44,8 @@ class Engine:
 
     Parameters
     ----------
+    seconds : float
+        Processor time of one contact of the published machine on one core of 2026 [s].
     mix_parameters : tuple of str
         Parameters of the mix that the contact depends on.
     layered : bool
@@ -114,7 +81,7 @@ class Engine:
 
     name: str
     module: str
-    cost: EngineCost
+    seconds: float
     mix_parameters: tuple[str, ...]
     layered: bool = True
     compacting: bool = False
@@ -135,12 +102,9 @@ class Engine:
 
         Parameters
         ----------
-        law : {"ellipse", "drucker-prager-cap", "density-cap"}
-            Yield surface of the mix. The earth pressure coefficient follows from the friction angle. Tables over the
-            density have no spread; the rate sensitivity is a constant of the mix.
+        law : {"ellipse", "drucker-prager-cap"}
+            Yield surface of the mix. The earth pressure coefficient follows from the friction angle.
         """
-        if self.compacting and law == "density-cap":
-            return tuple(name for name in self.mix_parameters if name not in _OF_TABLES)
         if not self.compacting or law == "ellipse":
             return self.mix_parameters
         return (*(name for name in self.mix_parameters if name not in _OF_ELLIPSE), *_OF_LINE)
@@ -164,6 +128,16 @@ class Engine:
     def roll(self) -> Callable[..., ContactResult]:
         """The function `roll` of the engine."""
         return import_module(self.module).roll
+
+    @property
+    def source(self) -> str:
+        """Checksum of the sources of an engine of another package; those of this package are part of its `versions`."""
+        if self.name in _BUILT_IN:
+            return ""
+        from compact.numerics.jit import source_files
+
+        import_module(self.module)
+        return checksum(b"".join(Path(file).read_bytes() for file in sorted(source_files(self.module))))
 
     def fields(self, result: ContactResult) -> Any:
         """Compute the fields inside the layer."""
@@ -190,32 +164,32 @@ _BUILT_IN: Mapping[str, Engine] = MappingProxyType({
     for each in (
         Engine(
             "formula", "compact.engines.formula",
-            EngineCost(contact=0.001, first_contact=0.0, report=1.1),
+            0.001,
             ("required_pressure", "effective_modulus", "poisson", "steel_friction"),
             layered=False, points_per_task=100,
         ),
         Engine(
             "column", "compact.engines.column.engine",
-            EngineCost(0.03, 0.3, continued_contact=0.03, second_pass=0.01, report=2.0, map_speeds=1),
+            0.03,
             _PLASTIC,
             compacting=True, points_per_task=100,
         ),
         Engine(
             "spectral", "compact.engines.spectral.engine",
-            EngineCost(0.02, 0.07, continued_contact=0.016, added_mass=0.046, report=2.9, map_speeds=7),
+            0.02,
             _LINEAR,
             tolerance_keyword="rtol", derivative_module="compact.engines.spectral.speed_derivative", points_per_task=5,
         ),
         Engine(
             "fem", "compact.engines.fem.engine",
-            EngineCost(0.55, 0.7, continued_contact=0.45, added_mass=0.6, torque=0.15, map_speeds=7),
+            0.55,
             (*_LINEAR, "steel_friction"),
             tolerance_keyword="tolerance", optional_estimate=True, cheap=False,
             fields_module="compact.engines.fem.fields", derivative_module="compact.engines.fem.speed_derivative",
         ),
         Engine(
             "compaction", "compact.engines.compaction.engine",
-            EngineCost(8.0, 7.0, continued_contact=2.5, torque=4.0, second_pass=2.0),
+            8.0,
             (*_PLASTIC, "steel_friction"),
             compacting=True, continuation=True, density_target=True, rate_factor_only=True, cheap=False,
             points_per_task=8,
@@ -223,7 +197,7 @@ _BUILT_IN: Mapping[str, Engine] = MappingProxyType({
         ),
         Engine(
             "process", "compact.analysis.process_contact",
-            EngineCost(contact=0.4, first_contact=150.0, continued_contact=0.4),
+            0.4,
             (*_PLASTIC, "steel_friction"),
             compacting=True, forming=True, rate_factor_only=True, cheap=False,
         ),
@@ -263,7 +237,7 @@ def process_detail(scene: Scene) -> ProcessDetail:
     return (scene.process and scene.process.detail) or "quick"
 
 
-def is_for_sizing(scene: Scene) -> bool:
+def has_whole_resistance(scene: Scene) -> bool:
     """Return True if the engine of a scene has the whole resistance; columns have the confined floor of a process."""
     engine = ENGINES[scene.accuracy.engine]
     return engine.sizing and not (engine.forming and process_detail(scene) == "columns")
@@ -290,7 +264,7 @@ def expand_resistance(
     --------
     >>> from compact.material.laws import Viscoelastic
     >>> from compact.rolling_contact import Layer, Roller
-    >>> mix = Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
+    >>> mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))
     >>> found = expand_resistance(Layer(0.22), Roller(0.11, indentation=0.003), mix, speed=0.05)
     >>> f"{found.resistance:.2f} N/m, {found.slope:.1f} N s/m2, {found.added_mass:.3f} N s2/m2"
     '376.42 N/m, 2937.5 N s/m2, -37.732 N s2/m2'

@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.material import cap_plasticity
-from compact.material.density_cap import DensityDependentCap
 from compact.material.drucker_prager_cap import return_to_line
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction
 from compact.numerics.validation import require_positive
@@ -244,8 +243,6 @@ def isotropic_compression(material: Compaction, pressure: float) -> MaterialTest
     -------
     MaterialTest
     """
-    if isinstance(material, DensityDependentCap):
-        return _isotropic_by_tables(material, pressure)
     constants = cap_plasticity.cap_constants(material, 1.0)
     k = densest = float(material.fed_density_ratio)
     p, strain, step = 0.0, 0.0, pressure / STEPS / constants.K
@@ -261,15 +258,6 @@ def isotropic_compression(material: Compaction, pressure: float) -> MaterialTest
         p, k, densest = float(found[1]), float(found[3]), float(found[4])
         rows.append((strain, p, k))
     volume, stress, ratio = np.array(rows).T
-    return MaterialTest("isotropic", "loose", 0.0, volume / 3, volume, stress, stress, stress, ratio)
-
-
-def _isotropic_by_tables(material: DensityDependentCap, pressure: float) -> MaterialTest:
-    """Compress powder with tables over the density by equal principal stresses, to the pressure or their end."""
-    path = material.tables.isotropic(material.fed_density_ratio, material.tables.density_ratio[-1])
-    used = slice(0, int(np.searchsorted(path.mean_pressure, pressure)) + 1)
-    stress, ratio = path.mean_pressure[used], path.density_ratio[used]
-    volume = np.log(ratio / material.fed_density_ratio) + path.elastic_strain[used]
     return MaterialTest("isotropic", "loose", 0.0, volume / 3, volume, stress, stress, stress, ratio)
 
 

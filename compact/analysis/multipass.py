@@ -113,8 +113,8 @@ def passes(
     Examples
     --------
     >>> from compact.rolling_contact import Roller
-    >>> mix = Compaction(120e6, 0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
-    ...                  tensile_strength=14e3, fed_density_ratio=0.94)
+    >>> mix = Compaction(unloading_modulus=120e6, poisson=0.3, heckel_slope=13e-6,
+    ...                  loose_density_ratio=0.72, critical_slope=1.2, tensile_strength=14e3, fed_density_ratio=0.94)
     >>> roller = Roller(0.11, indentation=0.0093617, profile="circle")
     >>> for result in passes(Layer(0.2293617), roller, mix, 0.2, (Pass(), Pass(forward=False))):
     ...     print(f"{result.load:.0f} N/m, {abs(result.resistance):.0f} N/m")

@@ -233,7 +233,12 @@ def pore_air_of(mix: Mix, fed_density_ratio: float) -> PoreAir:
     ValueError
         If the fed mix is occluded.
     """
-    return PoreAir(mix.air_permeability, water_volume(mix.moisture), fed_density_ratio, mix.occlusion_saturation)
+    return PoreAir(
+        permeability=mix.air_permeability,
+        water=water_volume(mix.moisture),
+        fed_density_ratio=fed_density_ratio,
+        occlusion_saturation=mix.occlusion_saturation,
+    )
 
 
 def air_under(result: Any, layer: Layer, roller: Roller, air: PoreAir) -> AirUnderRoller:
@@ -255,10 +260,10 @@ def air_under(result: Any, layer: Layer, roller: Roller, air: PoreAir) -> AirUnd
     AirUnderRoller
     """
     if hasattr(result, "solution"):
-        from compact.engines.pore_air.under_roller import RollerAir
+        from compact.engines.pore_air.steady_flow import RollerAir
 
         return RollerAir(result.solution, air)
-    from compact.engines.pore_air.under_columns import ColumnAir
+    from compact.engines.pore_air.steady_flow import ColumnAir
 
     edges = sorted((abs(result.leading), -abs(result.trailing)))
     return ColumnAir(
@@ -449,7 +454,7 @@ def add_air_field(mesh: Any, result: Any, air: PoreAir) -> None:
     air : PoreAir
         Pore air.
     """
-    from compact.engines.pore_air.under_roller import RollerAir
+    from compact.engines.pore_air.steady_flow import RollerAir
 
     under = RollerAir(result.solution, air)
     points = under.at_points(under.pressure(result.speed))

@@ -17,23 +17,27 @@ from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.analysis.engines import ProcessDetail
 from compact.analysis.machine_models import cart
 from compact.analysis.pore_air import pore_air_of
-from compact.engines.process.closures import ClosedProcess, FormingProblem, mean_bite, require_bite, solve_closure
-from compact.engines.process.confined_floor import GrainShare, confined_work
 from compact.engines.process.forming import Closure, ClosureKind, Feed, Fill, FormingMachine
-from compact.engines.process.lumped_lifts import (
+from compact.engines.process.lifts import (
     MIDDLE_SHARE,
     LiftAir,
     LiftSequence,
     LumpedLift,
+    TwoDimensionalRow,
     lift_thickness,
     simulate_lifts,
 )
-from compact.engines.process.mix_spread import MixSpread, mix_spread
 from compact.engines.process.operating_map import DensityCurve, OperatingMap, density_curve, operating_map
-from compact.engines.process.roller_row import RollerRow
-from compact.engines.process.section import BiteError, SectionOptions
-from compact.engines.process.sleeve import FeedSleeve
-from compact.engines.process.two_dimensions import TwoDimensionalRow
+from compact.engines.process.roller_row import FeedSleeve, GrainShare, RollerRow, confined_work
+from compact.engines.process.section import (
+    BiteError,
+    ClosedProcess,
+    FormingProblem,
+    SectionOptions,
+    mean_bite,
+    require_bite,
+    solve_closure,
+)
 from compact.machine.cart import balance
 from compact.material.mix import Mix, bulk_density
 from compact.material.pore_air import PoreAir
@@ -52,7 +56,7 @@ CASES: dict[ProcessDetail, tuple[tuple[float, int], ...]] = {  # share and incre
         *((share, INCREMENTS[0]) for share in LIFT_SHARES), *((LIFT_SHARES[0], count) for count in INCREMENTS[1:]),
     ),
 }  # fmt: skip
-SPREAD_PARAMETERS = ("heckel_slope", "unloading_modulus")  # of the mix, those that enter columns
+
 WORK_LIMIT = 2e-2  # [-], residual of the energy balance of a pass
 UNFED_SHARE = 1e-6  # [-], of the product; less missing or surplus mix is rounding
 COLUMNS_ERROR = 1e-6  # [-], of the forces; difference of 3, 20 and 80 merged layers
@@ -117,7 +121,7 @@ def _lift_of_json(content: dict[str, Any]) -> LumpedLift:
 
 
 class PrintedForce(NamedTuple):
-    """Printed force and the computed one, which is not fitted to it.
+    """Printed force, a design value, and the computed one; the Heckel slope of the prior passes through the same point.
 
     Parameters
     ----------
@@ -279,13 +283,6 @@ class ProcessStudy:
         found = self._in_two_dimensions(row)
         return StrokeForces(row, found, self.problem.feed.strokes == "forward")
 
-    @cached_property
-    def mix_spread(self) -> MixSpread:
-        """Spread of load and resistance over parameters of the mix, by columns."""
-        known = (self.mix.parameter(name) for name in SPREAD_PARAMETERS)
-        ends = {each.name: (each.low, each.high) for each in known if each.low < each.high}
-        return mix_spread(self.row, ends)
-
     @property
     def pore_air(self) -> PoreAir | None:
         """Pore air with its permeability at the density of [layer], as in `compact run`; None if it is occluded."""
@@ -429,7 +426,7 @@ class ProcessStudy:
 
     @property
     def printed(self) -> tuple[PrintedForce, ...]:
-        """Forces of the published machine, if the scene has its roller and product; nothing is fitted to them."""
+        """Forces of the published machine, if the scene has its roller and product."""
         radius, height = published_machine.CART.roller_radius, published_machine.HEIGHT
         given = (self.scene.machine.roller_radius, self.scene.product.height)
         if not np.allclose(given, (radius, height), rtol=PRINTED_TOLERANCE):

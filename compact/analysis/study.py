@@ -17,10 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from compact.analysis import machine_models
-from compact.analysis.contact_cases import ContactRecord, HeldQuantity, scene_mix
-from compact.analysis.engineering_summary import Engineering, Number
-from compact.analysis.engines import Engine, is_for_sizing
-from compact.analysis.pore_air import AirAnswer, AirCurve, AirForces, air_answer
+from compact.analysis.contact_cases import ContactRecord, scene_mix
+from compact.analysis.pore_air import AirAnswer, air_answer
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
 from compact.analysis.sizing.work_balance import WorkBalance, work_balance
@@ -28,28 +26,20 @@ from compact.analysis.stages import comparison
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
 from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
 from compact.analysis.stages.comparison import ComparisonAnswer, EngineComparison, Places, RankingAgreement
-from compact.analysis.stages.contacts import ContactStage, Count, Passes, Progress, no_count
-from compact.analysis.stages.costs import WorkPlan
-from compact.analysis.stages.drives import DriveStage, build_stages
+from compact.analysis.stages.contacts import Count, Progress, no_count
+from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.kept_results import KeptResults, write_results
-from compact.analysis.stages.laws import LawStage, PrescribedLaws
 from compact.analysis.stages.model_spread import ModelSpread, contact_by_law, scenes_of_laws, spread_of
-from compact.analysis.stages.resistance import ResistanceStage
 from compact.analysis.stages.sensitivity import Shift, sensitivities
 from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
 from compact.analysis.stages.verdict import SIZING_PEAKS, ModelAnswer, Verdict, model_answers, verdict
 from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
-from compact.cams.profile import Cam, LeastBreadth
 from compact.contact import DryResistance
-from compact.engines.halfplane import LineContact
-from compact.machine.cart import Balance, Cart
-from compact.machine.crankshaft import CrankshaftRevolution
 from compact.machine.ranking import Ranked
-from compact.machine.roller_motors import RollerMotor
 from compact.material.mix import Mix
 from compact.motion.profile import Cycle
 from compact.resistance import ResistanceMap
-from compact.rolling_contact import ContactResult, EquilibriumError, HeapingError, UnsteadyError
+from compact.rolling_contact import EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
 
@@ -61,7 +51,7 @@ def _of(path: str, meaning: str) -> Any:
 class Study:
     """Results of one scene; each attribute is computed when first used.
 
-    Most attributes are those of the stages `contact_stage`, `resistance_stage`, `law_stage` and `drive_stage`.
+    The stages are `stages.contacts`, `stages.resistance`, `stages.prescribed`, `stages.laws` and `stages.drive`.
 
     Parameters
     ----------
@@ -80,49 +70,11 @@ class Study:
         Number of runs of each stage.
     """
 
-    contact_stage: ContactStage = _of("contacts", "contacts of one roller")
-    resistance_stage: ResistanceStage = _of("resistance", "resistance of the mix to one cart")
-    prescribed_laws: PrescribedLaws = _of("prescribed", "laws that the scene names")
-    law_stage: LawStage = _of("laws", "all motion laws, and their cams")
-    drive_stage: DriveStage = _of("drive", "runs of all laws")
-
-    engine: Engine = _of("contacts.engine", "engine of the scene")
-    layered: bool = _of("contacts.engine.layered", "true if the engine has a layer of finite height")
-    engineering: Engineering = _of("contacts.engineering", "eqs 1.1-1.10 at the prescribed or required pressure")
-    exact: LineContact = _of("contacts.exact", "Galin's exact contact at the peak pressure of the formulas")
-    numbers: dict[str, Number] = _of("contacts.numbers", "results of the formulas and of the exact theory by name")
     contacts: list[ContactRecord] = _of("contacts.records", "scalar results of one roller at each speed")
-    held: HeldQuantity | None = _of("contacts.held", "quantity that is constant over speed; None for the formulas")
-    passes: list[tuple[float, Passes]] = _of("contacts.passes", "speed [m/s] and results of all passes at each speed")
-    passes_at: Callable[[float], Passes] = _of("contacts.passes_at", "computes all passes at a speed [m/s]")
-    rolled: list[tuple[float, ContactResult]] = _of("contacts.first_passes", "speed [m/s] and result of the first pass")
-    fields: list[tuple[Any, ContactResult]] = _of("contacts.fields", "mesh with fields, and result, at each speed")
-    roller_load: float = _of("contacts.roller_load", "load of one roller at the mean speed [N]")
-    second_pass: tuple[float, float] | None = _of("contacts.second_pass", "load and resistance over the first pass [-]")
-    air_curve: AirCurve | None = _of("contacts.air_curve", "forces of the pore air; None for a linear layer")
-    air_forces: Callable[[float], AirForces | None] = _of("contacts.air_forces", "changes by pore air at a speed [m/s]")
-    kept: KeptResults | None = _of("contacts.kept", "results of an earlier run in the directory")
-
     resistance: ResistanceMap | DryResistance = _of("resistance.resistance", "resistance of the mix to one cart [N]")
-    resistance_map: ResistanceMap = _of("resistance.map", "resistance of one cart by a layered engine [N]")
-    resistance_error: float | None = _of("resistance.error", "relative error estimate of the resistance [-]")
-    fastest: float = _of("resistance.largest_speed", "speed up to which the resistance is known [m/s]")
-    cart: Cart = _of("resistance.cart", "cart with the reactions of its rollers")
-    steady: Balance = _of("resistance.steady", "forces on the cart at constant mean speed, arrays of shape (1,)")
-
     cycles: dict[str, Cycle] = _of("laws.cycles", "forward and return strokes by name of the law; optimal laws last")
-    optimal_cycles: dict[str, Cycle] = _of("laws.optimal_cycles", "optimal laws by name")
-    laws_not_made: dict[str, str] = _of("laws.not_made", "reason by name of each optimal law that is left out")
-    cams: dict[tuple[str, str], Cam] = _of("laws.cams", "cams of constant breadth by law and follower")
-    least_breadths: dict[tuple[str, str], LeastBreadth] = _of("laws.least_breadths", "by law and follower")
-
     runs: dict[str, Any] = _of("drive.runs", "`Run`, `ElasticRun`, `HydraulicRun` or `MotorRun` by name of the law")
-    heavier_runs: dict[str, Any] | None = _of("drive.heavier_runs", "runs under the resistance plus its error")
     rankings: dict[str, list[Ranked]] = _of("drive.rankings", "laws in order, by each criterion of the scene")
-    places: Places = _of("drive.places", "places of the laws by drive and criterion")
-    cycle_energies: dict[str, float] = _of("drive.cycle_energies", "energy of a cycle [J] over fresh and compacted mix")
-    roller_motors: dict[str, RollerMotor] = _of("drive.roller_motors", "motors in the rollers by name of the law")
-    turns: dict[str, CrankshaftRevolution] = _of("drive.turns", "turn of the crankshaft by number of carts")
 
     def __init__(
         self,
@@ -150,39 +102,36 @@ class Study:
         if self._background:
             self._background.poll()
 
-    @property
-    def plan(self) -> WorkPlan:
-        """Expected work of all results that the scene requires."""
-        return WorkPlan(self.scene, self.mix, self.counts, len(self.law_stage.left_out), len(self.durations))
-
     def standing(self, directory: Path, *prefixes: str) -> list[Path]:
         """Return the valid files of an earlier run with any of the prefixes; none if a prefix has no file."""
-        kept = self.kept.files if self.kept else ()
+        before = self.stages.contacts.kept
+        kept = before.files if before else ()
         if not all(any(file.startswith(prefix) for file in kept) for prefix in prefixes):
             return []
         return [directory / file for file in kept if file.startswith(prefixes)]
 
     def keep(self, directory: Path, files: list[Path]) -> Iterator[Path]:
         """Write contacts and resistance map for the next run, with the names of their files; yield the paths."""
-        before = self.kept.files if self.kept else ()
+        contacts = self.stages.contacts
+        before = contacts.kept.files if contacts.kept else ()
         names = sorted({*before, *(file.relative_to(directory).as_posix() for file in files)})
-        if self.held is not None:
+        if contacts.held is not None:
             results = KeptResults(
-                self.contacts,
-                self.held,
-                self.second_pass,
-                self.resistance_map,
-                self.air_curve,
+                contacts.records,
+                contacts.held,
+                contacts.second_pass,
+                self.stages.resistance.map,
+                contacts.air_curve,
                 None if self._contacts_by_law and "model_spread" not in self.__dict__ else self.model_spread,
-                None if self.contact_stage.process is None else self.contact_stage.process.lifts,
+                None if contacts.process is None else contacts.process.lifts,
                 tuple(names),
             )
-            yield from write_results(directory, results, self.contact_stage.key)
+            yield from write_results(directory, results, contacts.key)
 
     @cached_property
     def pore_air(self) -> AirAnswer | None:
         """Numbers on the pore air; None for a linear layer, and for mix that is occluded as fed."""
-        curve = self.air_curve
+        curve = self.stages.contacts.air_curve
         return None if curve is None else air_answer(curve, self.mix, self.scene.mean_speed)
 
     @cached_property
@@ -205,10 +154,9 @@ class Study:
     def uncertainty(self) -> RankingUncertainty | None:
         """Effect of every source of uncertainty on the recommended laws.
 
-        None without the output "report", where the engine of the scene is not valid for sizing, and where no law has a
-        finite value.
+        None without the output "report", without a model that is valid for sizing, and where no law has a finite value.
         """
-        if "report" not in self.scene.output.items or not is_for_sizing(self.scene):
+        if "report" not in self.scene.output.items or not any(each.valid for each in self.models):
             return None
         motion, kind = self.scene.motion, self.scene.drive.kind
         found = {by: verdict(self.models, motion.duration, kind, by) for by in self._sizing_peaks}
@@ -281,7 +229,7 @@ class Study:
         with BackgroundTasks(executor) as tasks:
             self._answers = {}
             for name in self.scene.compared_engines:
-                laws = self.prescribed_laws.cycles, self.cycles
+                laws = self.stages.prescribed.cycles, self.cycles
                 work = partial(comparison.run_engine_alternative, self.scene.with_engine(name), laws)
                 self._answers[name] = tasks.submit(name, work, directory and directory / name)
             self._background = tasks
@@ -292,8 +240,8 @@ class Study:
 
     def begin_model_spread(self) -> None:
         """Start the contacts by the other laws of the mix in the executor of `helped`."""
-        contacts = self.contact_stage
-        if not contacts.requires_model_spread or not self._background or (self.kept and self.kept.model_spread):
+        contacts = self.stages.contacts
+        if not contacts.requires_model_spread or not self._background or (contacts.kept and contacts.kept.model_spread):
             return
         assert contacts.held is not None  # of a compacting engine
         work = partial(contact_by_law, contacts.held)
@@ -304,7 +252,7 @@ class Study:
     def model_spread(self) -> ModelSpread | None:
         """Contacts by the other laws of the mix; None where they are not required."""
         if not self._contacts_by_law:
-            return self.contact_stage.model_spread
+            return self.stages.contacts.model_spread
         self.count("model spread")
         return spread_of([answer() for answer in self._contacts_by_law])
 
@@ -345,7 +293,9 @@ class Study:
     @property
     def places_by_engine(self) -> dict[str, Places]:
         """Places by engine, drive and criterion; engine and drive of the scene first."""
-        return {self.scene.accuracy.engine: self.places} | {name: each.places for name, each in self.comparison.items()}
+        return {self.scene.accuracy.engine: self.stages.drive.places} | {
+            name: each.places for name, each in self.comparison.items()
+        }
 
     @cached_property
     def agreements(self) -> list[RankingAgreement]:

@@ -25,11 +25,14 @@ from multiprocessing.synchronize import Event
 from types import ModuleType
 from typing import Any, Protocol, Self
 
+from compact.analysis.failures import run_marked
+
 ATTEMPTS = 3  # deaths of a worker process after which its task is abandoned
 TASKS_PER_THREAD = 2  # of a cluster, so that no thread waits for its next task
 SCHEDULER_TIMEOUT = 20.0  # [s], to connect to a dask scheduler
 CLUSTER_POLL = 5.0  # [s], between two looks at the workers of a cluster
 WORKERLESS_LIMIT = 6 * 3600.0  # [s], without any worker, such as jobs that wait in the queue of a batch system
+CLIENT_LOG = "distributed.client"  # logger of the tracebacks of a lost connection, which `DaskExecutor` states itself
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 _LOG = logging.getLogger(__name__)
@@ -82,8 +85,8 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None) ->
     if scheduler is not None:
         return DaskExecutor(scheduler)
     count = cores() if workers is None else workers
-    if count < 1:
-        raise ValueError(f"--workers must be at least 1, got {count}")
+    if not isinstance(count, int) or count < 1:
+        raise ValueError(f"--workers must be at least 1, got {count!r}")
     return SerialExecutor() if count == 1 else ProcessExecutor(count)
 
 
@@ -272,13 +275,13 @@ class ProcessExecutor:
 
     def _submit(self, job: _Job) -> None:
         try:
-            future = self._pool.submit(job.work, job.task)
+            future = self._pool.submit(run_marked, job.work, job.task)
         except BrokenProcessPool:
             if self._running:  # `finished` rebuilds the pool
                 self._repeated.append(job)
                 return
             self._rebuild_pool()
-            future = self._pool.submit(job.work, job.task)
+            future = self._pool.submit(run_marked, job.work, job.task)
         self._running[future] = job
 
     def _collect(self, done: Iterable[Future[Any]]) -> Outcomes:
@@ -363,20 +366,25 @@ class DaskExecutor:
     def __init__(self, address: str) -> None:
         self.address = address
         self._client: Any = None
+        self._log_level = logging.NOTSET
         self._futures: dict[Any, Any] = {}
 
     def __enter__(self) -> Self:
         client, remedy = _distributed().Client, "start one with `dask scheduler`, or give --workers"
+        log = logging.getLogger(CLIENT_LOG)
+        self._log_level = log.level
         try:
             self._client = client(self.address, timeout=SCHEDULER_TIMEOUT, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise RuntimeError(f"no dask scheduler answers at {self.address!r}: {error}; {remedy}") from error
+        log.setLevel(logging.CRITICAL)
         return self
 
     def __exit__(self, *error: object) -> None:
         with suppress(Exception):  # the cluster may be gone
             self._client.cancel(list(self._futures))
         self._client.close()
+        logging.getLogger(CLIENT_LOG).setLevel(self._log_level)
 
     @property
     def free(self) -> bool:
@@ -387,7 +395,7 @@ class DaskExecutor:
     def submit(self, name: Any, work: Work, task: Any) -> None:
         """Start a task."""
         with self._loss_explained():
-            self._futures[self._client.submit(work, task, pure=False)] = name
+            self._futures[self._client.submit(run_marked, work, task, pure=False)] = name
 
     def finished(self, timeout: float | None = None) -> Outcomes:
         """Return the outcomes that are available, after at most `timeout` [s]; at least one without timeout.

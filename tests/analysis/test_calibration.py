@@ -1,6 +1,7 @@
 """Calibration: measurements, fitted parameters, digest and refusals."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,12 +18,13 @@ from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
 from compact.engines.compaction.depth_target import DENSITY_TOLERANCE
 from compact.engines.compaction.results import CompactionContactResult
-from compact.scene.loader import SceneError, load_scene
+from compact.scene.loader import SceneError, load_scene, read_change
 from compact.scene.plant_data import Band, Measured, Measurement, read_measurements
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 PUBLISHED = SCENES / "loveikin-2015.toml"
 MEASURED = SCENES / "loveikin-2015-printed.toml"
+FITTED = ("heckel_slope", "fed_density_ratio", "effective_modulus", "roller_friction")
 
 
 def band(value):
@@ -443,7 +445,20 @@ def test_command_writes_and_prints_the_fit(tmp_path, monkeypatch, capsys):
     assert exit_code.value.code == 0
     written = json.loads(out.read_text())
     assert written["heckel_slope"] == pytest.approx(15.228e-6, rel=1e-4)
-    assert "--set layer.fed_density_ratio=0.934303" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "--set layer.fed_density_ratio=0.934303" in text
+    changes = dict(map(read_change, re.findall(r"--set '?(.+?)'?(?= --set|\n|$)", text)))
+    scene = load_scene(PUBLISHED, **changes)
+    assert scene.mix.fitted_at.model_dump() == changes["mix.fitted_at"] | {"parameters": FITTED}
+    wetter = scene.replaced(**{"mix.moisture": 0.11}).mix.values["heckel_slope"]
+    assert wetter == pytest.approx(1.22 * written["heckel_slope"], rel=1e-5)  # the moisture factor of the prior
+
+
+def test_a_fit_at_another_moisture_takes_earlier_fits_along():
+    scene = load_scene(PUBLISHED, **{"mix.moisture": 0.09})
+    found = calibrate(scene, read_measurements(MEASURED)).scene_changes
+    assert found["mix.overrides.effective_modulus"] == scene.mix.values["effective_modulus"] != 1364535.2
+    assert found["mix.fitted_at"] == {"moisture": 0.09, "density_ratio": 0.98, "parameters": list(FITTED)}
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from compact.analysis.sizing.durations import DurationStudy, over_durations, rea
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.study import Study
 from compact.cli import program as cli
+from compact.files import render_png
 from compact.report import writer
 from compact.report.figures.sizing import draw_durations
 from compact.report.page.sizing import duration_section
@@ -89,7 +90,7 @@ def test_published_machine_has_the_laws_of_its_three_durations(published):
 def test_each_duration_is_a_scene_of_that_duration_at_the_same_height(engine):
     """Formula: exactly. Columns: at the indentation of the scene, with a map of its own, within the tolerance."""
     found = study("duration=1:3:2", **engine)
-    depth = {} if not engine else {"contact.indentation": found.held.value}
+    depth = {} if not engine else {"contact.indentation": found.stages.contacts.held.value}
     for duration, order in zip(found.durations, found.over_durations.orders["peak_force"], strict=True):
         alone = Study(load_scene(SMALL, **engine | depth | {"motion.duration": duration}))
         for each in order:
@@ -114,7 +115,7 @@ def test_contacts_of_one_map_serve_all_durations():
     changed = {name for name in found.counts if found.counts[name] != before.get(name, 0)}
     assert changed == {"durations"}
     fastest = max(cycle.forward.peaks().velocity for cycle in found.cycles.values()) * 3 / 0.5
-    assert found.resistance_map.speeds[-1] >= fastest * (1 - 1e-9)
+    assert found.stages.resistance.map.speeds[-1] >= fastest * (1 - 1e-9)
 
 
 def test_peaks_fall_with_the_duration_against_a_constant_resistance():
@@ -235,6 +236,14 @@ def test_figure_marks_the_first_laws(published):
     ]
     assert force.get_xlabel() == "duration of a pass T [s]"
     assert writer._figures(study("duration=1:3:2"))["duration"][0] is draw_durations
+
+
+def test_figure_states_that_no_law_has_a_finite_peak():
+    figure = draw_durations(study("duration=0.3:3:2", **{"motion.laws": ["constant-velocity"]}).over_durations, 1.0)
+    assert len(render_png(figure)) > 0
+    said = [{text.get_text() for text in ax.texts} for ax in figure.axes]
+    assert said[0] >= {"no law has a finite peak drive force"}
+    assert said[1] >= {"no law has a finite peak drive power"}
 
 
 def test_command_has_the_option(tmp_path, capsys, monkeypatch):

@@ -28,7 +28,7 @@ def test_an_engine_of_the_comparison_that_heaps_up_is_an_answer(tmp_path):
     assert stored["depth"] == {"value": pytest.approx(9.37e-3, rel=1e-2), "unit": "m"}
     assert stored["contact_angle"] == {"value": pytest.approx(np.pi / 4), "unit": "rad"}
     assert (stored["travel"]["value"], stored["is_estimate"]) == (None, True)
-    assert "feed the mix in lifts of at most" in stored["reason"]
+    assert "in lifts (`layer.lift_thickness`)" in stored["reason"]
     assert list(summary["comparison"]) == ["formula"]
     assert summary["steady_forces"]["resistance"]["value"] > 3e3  # of the columns, which lead
     digest = " ".join(text.study_digest(case).split())
@@ -78,7 +78,7 @@ def test_an_engine_of_the_comparison_without_equilibrium_is_an_answer(tmp_path, 
     assert summary["no_equilibrium"]["compaction"]["reason"].endswith("residual 0.3 of the nodal forces")
     assert "compaction: no equilibrium, so that it has no resistance;" in " ".join(text.study_digest(case).split())
     (row,) = [row for row in model_table(case) if row[0] == "compaction"]
-    assert row[1:] == ["yes", "–", "–", "no equilibrium", "–", "–", "–"]
+    assert row[1:] == ["yes", "–", "–", "no equilibrium", "–", "–", "–", "–"]
 
 
 def test_a_scene_led_by_an_engine_that_heaps_up_has_no_result(tmp_path, monkeypatch, capsys):

@@ -37,8 +37,8 @@ def test_height_is_held_at_every_speed_by_default():
     case = study(**PLAIN)
     depths, pressures = values(case, "indentation"), values(case, "peak_pressure")
     mean = [contact.speed for contact in case.contacts].index(case.scene.mean_speed)
-    assert case.held.name == "height"
-    assert depths == pytest.approx(case.held.value, rel=1e-9)
+    assert case.stages.contacts.held.name == "height"
+    assert depths == pytest.approx(case.stages.contacts.held.value, rel=1e-9)
     assert pressures[mean] == pytest.approx(case.mix.required_pressure, rel=1e-6)
     assert np.all(np.diff(pressures) > 0)  # a stiffer layer at higher speed presses harder at the same height
 
@@ -62,7 +62,7 @@ def test_prescribed_load_or_pressure_is_held_unless_the_scene_prescribes_height(
     (target,) = given.values()
     target /= case.scene.machine.roller_length if name == "load" else 1.0
     assert values(case, name) == pytest.approx(target, rel=1e-6)
-    assert (case.held.name, at_height.held.name) == (name, "height")
+    assert (case.stages.contacts.held.name, at_height.stages.contacts.held.name) == (name, "height")
     assert np.ptp(values(at_height, "indentation")) < 1e-9
     at_mean = [c for c in at_height.contacts if c.speed == at_height.scene.mean_speed]
     assert getattr(at_mean[0], name) == pytest.approx(target, rel=1e-6)
@@ -80,13 +80,15 @@ def test_added_mass_depends_on_the_held_quantity():
     """Resistance and added mass at constant height differ from those at constant pressure."""
     case = study(**PLAIN)
     speed = 0.1
-    layer, roller, material = contact_cases.contact_inputs(case.scene, case.mix, "spectral", speed, case.held)
-    assert roller.indentation == case.held.value
+    layer, roller, material = contact_cases.contact_inputs(
+        case.scene, case.mix, "spectral", speed, case.stages.contacts.held
+    )
+    assert roller.indentation == case.stages.contacts.held.value
     direct = expand_resistance(layer, roller, material, speed, engine="spectral", rtol=case.scene.accuracy.tolerance)
-    found, _ = contact_stage.added_mass(case.scene, case.mix, speed, case.held)
+    found, _ = contact_stage.added_mass(case.scene, case.mix, speed, case.stages.contacts.held)
     assert found == pytest.approx(direct.added_mass, rel=1e-12)
     pressed = study(**PLAIN, **{"contact.held": "peak_pressure"})
-    other, _ = contact_stage.added_mass(pressed.scene, pressed.mix, speed, pressed.held)
+    other, _ = contact_stage.added_mass(pressed.scene, pressed.mix, speed, pressed.stages.contacts.held)
     assert abs(other / found - 1) > 0.05
 
 
@@ -107,15 +109,15 @@ def test_stated_height_is_that_of_every_contact_map_and_added_mass(engine, tmp_p
     depths = np.array([contact["indentation"]["value"] for contact in summary["contacts"]])
     assert depths == pytest.approx(depth, rel=1e-9)
 
-    speed, name = 0.63 * case.fastest, case.engine.name
+    speed, name = 0.63 * case.stages.resistance.largest_speed, case.stages.contacts.engine.name
     layer, roller, material = contact_cases.contact_inputs(case.scene, case.mix, name, case.scene.mean_speed)
     roller = replace(roller, indentation=depth, load=None, peak_pressure=None)
-    options = case.engine.tolerance(case.scene.accuracy.tolerance)
-    rolled = case.engine.roll(layer, roller, material, speed, **options)
+    options = case.stages.contacts.engine.tolerance(case.scene.accuracy.tolerance)
+    rolled = case.stages.contacts.engine.roll(layer, roller, material, speed, **options)
     length = case.scene.machine.rollers * case.scene.machine.roller_length
     tolerance = 2 * case.scene.accuracy.tolerance
     assert case.resistance(speed) == pytest.approx(length * rolled.resistance, rel=tolerance)
-    if case.engine.derivative_module is not None:
+    if case.stages.contacts.engine.derivative_module is not None:
         roller = replace(roller, rolling="frictionless")
         expected = expand_resistance(layer, roller, material, float(case.resistance.speeds[-1]), name)
         assert case.resistance.added_masses[-1] == pytest.approx(length * expected.added_mass, rel=tolerance)
@@ -127,16 +129,16 @@ def test_every_engine_of_the_comparison_holds_a_height_of_its_own():
     case = study(**PLAIN, **{"compare": {"column": {}}, "motion.laws": ["cubic"], "output.items": []})
     compared = case.comparison["column"]
     alone = study(**{"accuracy.engine": "column"})
-    assert compared.held == alone.held
-    assert compared.held.value != pytest.approx(case.held.value, rel=1e-2)
-    depths = np.array([contact.indentation for contact in compared.contacts])
+    assert compared.held == alone.stages.contacts.held
+    assert compared.held.value != pytest.approx(case.stages.contacts.held.value, rel=1e-2)
+    depths = np.array([contact.indentation for contact in compared.records])
     assert depths == pytest.approx(compared.held.value, rel=1e-9)
 
 
 def test_single_contact_at_another_speed_holds_the_height():
     case = study(**PLAIN)
-    (rolled,) = case.passes_at(0.5)
-    assert rolled.indentation == pytest.approx(case.held.value, rel=1e-9)
+    (rolled,) = case.stages.contacts.passes_at(0.5)
+    assert rolled.indentation == pytest.approx(case.stages.contacts.held.value, rel=1e-9)
     assert "height of the roller" in text.held_sentence(case)
 
 
@@ -145,7 +147,7 @@ def test_summary_page_and_digest_state_the_held_quantity(tmp_path):
     case = study(**PLAIN, **{"output.items": ["report"], "motion.laws": ["cubic"], "contact.speeds": [0.1]})
     summary = report.write_study(case, tmp_path / "out")
     assert summary["held"]["quantity"] == "height"
-    assert summary["held"]["indentation"] == {"value": case.held.value, "unit": "m"}
+    assert summary["held"]["indentation"] == {"value": case.stages.contacts.held.value, "unit": "m"}
     line = text.held_sentence(case)
     assert line.startswith("constant over speed: the height of the roller")
     assert "203 kPa that the density requires" in line
@@ -158,7 +160,7 @@ def test_stored_run_holds_the_same_quantity(tmp_path):
     first = study(**PLAIN, **{"output.items": [], "motion.laws": ["cubic"]})
     report.write_study(first, tmp_path / "out")
     again = Study(first.scene, directory=tmp_path / "out")
-    assert again.held == first.held
+    assert again.stages.contacts.held == first.stages.contacts.held
     assert not again.counts["rolled"]
 
 
@@ -166,9 +168,9 @@ def test_stored_run_holds_the_same_quantity(tmp_path):
 def test_compaction_engine_holds_the_height_of_the_product():
     case = study(**LIFT, **{"contact.speeds": [0.05, 0.4]})
     slow, fast = case.contacts
-    assert slow.indentation == pytest.approx(case.held.value, rel=1e-9)
-    assert fast.indentation == pytest.approx(case.held.value, rel=1e-9)
-    assert case.contact_stage.reference[0].exit_density_ratio == pytest.approx(0.98, abs=2e-4)
+    assert slow.indentation == pytest.approx(case.stages.contacts.held.value, rel=1e-9)
+    assert fast.indentation == pytest.approx(case.stages.contacts.held.value, rel=1e-9)
+    assert case.stages.contacts.reference[0].exit_density_ratio == pytest.approx(0.98, abs=2e-4)
     assert fast.load > slow.load
 
 
@@ -178,8 +180,8 @@ def test_compaction_engine_holds_the_height_of_the_product():
 @pytest.mark.parametrize("prescribed", [{}, {"contact.load": 9740.0}, {"contact.peak_pressure": 1.5e5}])
 def test_contact_by_formula_equals_the_engineering_summary(prescribed):
     case = study(**prescribed)
-    (rolled,) = case.passes_at(case.scene.mean_speed)
-    length, formulas = case.scene.machine.roller_length, case.engineering
+    (rolled,) = case.stages.contacts.passes_at(case.scene.mean_speed)
+    length, formulas = case.scene.machine.roller_length, case.stages.contacts.engineering
     assert rolled.load * length == pytest.approx(formulas.roller_force, rel=1e-12)
     assert rolled.resistance * length == pytest.approx(formulas.roller_resistance, rel=1e-12)
     assert rolled.contact_length == pytest.approx(formulas.contact_length, rel=1e-12)
@@ -192,13 +194,13 @@ def test_contact_by_formula_equals_the_engineering_summary(prescribed):
 def test_indentation_is_refused_by_formulas():
     case = study(**{"contact.indentation": 0.003})
     with pytest.raises(ValueError, match=r"`indentation` is undefined on a half-plane.*use `load`"):
-        case.passes_at(case.scene.mean_speed)
+        case.stages.contacts.passes_at(case.scene.mean_speed)
 
 
 def test_contact_outside_the_range_of_the_formulas_is_compared_at_the_required_pressure():
     case = study(**PLAIN, **{"contact.peak_pressure": 2e6})
     with pytest.warns(UserWarning, match="formulas do not reach the prescribed contact.*203 kPa"):
-        assert case.engineering.pressure == case.mix.required_pressure
+        assert case.stages.contacts.engineering.pressure == case.mix.required_pressure
 
 
 # guide friction and return stroke
@@ -206,12 +208,14 @@ def test_contact_outside_the_range_of_the_formulas_is_compared_at_the_required_p
 
 def test_drive_uses_the_guide_friction_of_the_scene_and_not_eq_1_9():
     case = study()
-    net_force = 2 * case.roller_load - case.scene.machine.weight
-    assert float(case.steady.guide_friction[0]) == pytest.approx(0.008 * net_force, rel=1e-9)
+    net_force = 2 * case.stages.contacts.roller_load - case.scene.machine.weight
+    assert float(case.stages.resistance.steady.guide_friction[0]) == pytest.approx(0.008 * net_force, rel=1e-9)
     run = case.runs["cubic"]
-    assert float(case.steady.drive_force[0]) == pytest.approx(run.steady_force, rel=1e-12)
-    rollers = 2 * case.engineering.roller_resistance
-    assert case.engineering.cart_resistance - rollers == pytest.approx(case.engineering.guide_coefficient * net_force)
+    assert float(case.stages.resistance.steady.drive_force[0]) == pytest.approx(run.steady_force, rel=1e-12)
+    rollers = 2 * case.stages.contacts.engineering.roller_resistance
+    assert case.stages.contacts.engineering.cart_resistance - rollers == pytest.approx(
+        case.stages.contacts.engineering.guide_coefficient * net_force
+    )
     sentence = text.guide_sentence(case)
     assert "guide_friction 0.008" in sentence
     assert "the drives do not use it" in sentence
@@ -219,7 +223,7 @@ def test_drive_uses_the_guide_friction_of_the_scene_and_not_eq_1_9():
 
 
 def test_second_pass_of_columns_is_elastic():
-    load, resistance = study(**{"accuracy.engine": "column"}).second_pass
+    load, resistance = study(**{"accuracy.engine": "column"}).stages.contacts.second_pass
     assert 0.1 < load < 0.5
     assert resistance < 1e-9
 
@@ -227,16 +231,16 @@ def test_second_pass_of_columns_is_elastic():
 def test_return_stroke_over_compacted_mix_halves_the_work_of_compaction():
     columns = {"accuracy.engine": "column", "mix.overrides.rate_sensitivity": 0.0}
     fresh, compacted = study(**columns), study(**columns, **{"layer.return_stroke": "compacted"})
-    load, _ = fresh.second_pass
+    load, _ = fresh.stages.contacts.second_pass
     stroke, friction, weight = 0.4, 0.008, fresh.scene.machine.weight
-    there = abs(2 * fresh.roller_load - weight)
-    back = abs(2 * load * fresh.roller_load - weight)
+    there = abs(2 * fresh.stages.contacts.roller_load - weight)
+    back = abs(2 * load * fresh.stages.contacts.roller_load - weight)
     mix = float(fresh.resistance(0.1, 0.0)) * stroke  # without rate effect the resistance is independent of speed
     assert fresh.runs["cubic"].energy == pytest.approx(2 * mix + 2 * friction * there * stroke, rel=1e-6)
     energy = compacted.runs["cubic"].energy
     assert energy == pytest.approx(mix + friction * (there + back) * stroke, rel=1e-3)  # guide reactions of one sign
-    assert fresh.cycle_energies["compacted"] == pytest.approx(energy, rel=1e-9)
-    assert compacted.cycle_energies["fresh"] == pytest.approx(fresh.runs["cubic"].energy, rel=1e-9)
+    assert fresh.stages.drive.cycle_energies["compacted"] == pytest.approx(energy, rel=1e-9)
+    assert compacted.stages.drive.cycle_energies["fresh"] == pytest.approx(fresh.runs["cubic"].energy, rel=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["elastic", "motor"])
@@ -257,7 +261,7 @@ def test_return_stroke_over_compacted_mix_requires_an_engine_with_compaction(nam
 
 
 def test_moments_balance_on_both_strokes():
-    cart = study(**{"accuracy.engine": "column", "layer.return_stroke": "compacted"}).cart
+    cart = study(**{"accuracy.engine": "column", "layer.return_stroke": "compacted"}).stages.resistance.cart
     direction = np.array([1.0, -1.0])
     forces = balance(cart, 0.3, direction * 2000.0, direction)
     assert moment_residual(cart, forces, direction * 2000.0, direction) == pytest.approx(0, abs=1e-9)
@@ -270,6 +274,6 @@ def test_summary_and_digest_state_the_layer_of_the_return_stroke(tmp_path):
     summary = report.write_study(case, tmp_path / "out")
     stored = json.loads((tmp_path / "out" / "summary.json").read_text())["return_stroke"]
     assert stored["over"] == "fresh"
-    assert stored["energy"]["fresh"]["value"] == pytest.approx(case.cycle_energies["fresh"])
+    assert stored["energy"]["fresh"]["value"] == pytest.approx(case.stages.drive.cycle_energies["fresh"])
     assert summary["steady_forces"]["guide_friction"]["unit"] == "N"
     assert "return stroke: over fresh mix" in " ".join(text.study_digest(case).split())

@@ -149,7 +149,7 @@ def test_wheels_have_the_load_cycles_of_the_reactions():
     assert wheels["front guide wheel"].cycles[0].range == pytest.approx(np.ptp(front))
     assert wheels["roller, lift"].cycles == ()
     (cycle,) = wheels["roller, along the travel"].cycles
-    assert (cycle.range, cycle.count) == (pytest.approx(study.engineering.roller_resistance * 2), 1.0)
+    assert (cycle.range, cycle.count) == (pytest.approx(study.stages.contacts.engineering.roller_resistance * 2), 1.0)
 
 
 def test_life_of_the_roller_bearing_by_hand():
@@ -196,7 +196,7 @@ def test_recommended_law_is_that_of_the_first_screen():
     study = study_of(**{"motion.duration": 0.889})
     assert study.machine_sizing.first_law == study.verdicts[0.889, "rigid", "peak_force"].law
     energy = study_of(**{"drive.rank_by": ["energy"]})
-    assert energy.machine_sizing.first_law == energy.drive_stage.best_law
+    assert energy.machine_sizing.first_law == energy.stages.drive.best_law
 
 
 def test_overloaded_bearing_is_reported():

@@ -20,15 +20,23 @@ from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
 # a thick layer: contact length ahead of a fifth of its height
-MIX = Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
-LAYER, ROLLER = Layer(0.1), Roller(0.11, 0.002, profile="deformed")
+MIX = Compaction(
+    unloading_modulus=60e6,
+    poisson=0.3,
+    heckel_slope=13e-6,
+    loose_density_ratio=0.72,
+    critical_slope=1.2,
+    tensile_strength=14e3,
+    fed_density_ratio=0.94,
+)
+LAYER, ROLLER = Layer(0.1), Roller(0.11, indentation=0.002, profile="deformed")
 QUICK = {"engine": "compaction", "increments": 6, "steady_tolerance": 1e-2}
 THICK = {"engine": "compaction", "increments": 12}
 
 
 def wide(ratio):
     """A parabola 2 % deep with a contact length ahead of `ratio` layer heights."""
-    return Roller((ratio * 0.1) ** 2 / (2 * 0.002), 0.002)
+    return Roller((ratio * 0.1) ** 2 / (2 * 0.002), indentation=0.002)
 
 
 @pytest.fixture(scope="module")
@@ -94,8 +102,10 @@ def test_resistance_decreases_with_every_pass_over_a_thick_layer():
 
 
 def test_resistance_of_two_lifts_of_columns_is_that_of_each_alone():
-    alone = column.roll(Layer(0.05), Roller(0.11, 0.001, profile="circle"), MIX, 0.2)
-    both = passes(LAYER, Roller(0.11, 0.002, profile="circle"), MIX, 0.2, (Pass(), Pass(0.05, height=0.147)))
+    alone = column.roll(Layer(0.05), Roller(0.11, indentation=0.001, profile="circle"), MIX, 0.2)
+    both = passes(
+        LAYER, Roller(0.11, indentation=0.002, profile="circle"), MIX, 0.2, (Pass(), Pass(0.05, height=0.147))
+    )
     assert both[1].resistance == pytest.approx(alone.resistance, rel=1e-6)
 
 
@@ -222,7 +232,7 @@ def test_prescribed_load_holds_in_every_pass(numerics):
 
 def test_prescribed_density_holds_in_each_lift():
     stages = (Pass(exit_density_ratio=0.98), Pass(0.04, exit_density_ratio=0.97))
-    first, second = passes(LAYER, Roller(0.11, 0.002, profile="circle"), MIX, 0.2, stages)
+    first, second = passes(LAYER, Roller(0.11, indentation=0.002, profile="circle"), MIX, 0.2, stages)
     assert (first.exit_density_ratio, second.exit_density_ratio) == pytest.approx((0.98, 0.97), abs=1e-9)
     bottom, top, ratio = density(second).T
     assert top[-1] == pytest.approx(second.exit_height)
@@ -258,7 +268,7 @@ def test_results_list_every_pass(tmp_path):
     lines = (tmp_path / "out" / "passes.csv").read_text().splitlines()
     assert [line.split(",")[:2] for line in lines[1:4]] == [["0.1", "1"], ["-0.1", "2"], ["0.1", "3"]]
     assert len((tmp_path / "out" / "density.csv").read_text().splitlines()) == 1 + 2 * 3
-    done = dict(case.passes)[0.2]
+    done = dict(case.stages.contacts.passes)[0.2]
     contact_tables.write_contact(tmp_path / "one", case, 0.2, done)
     assert (tmp_path / "one" / "density.png").stat().st_size > 5_000
     table = text.contact_digest(case, 0.2, done).splitlines()[-3:]

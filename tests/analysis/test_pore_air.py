@@ -94,20 +94,22 @@ def test_air_increases_load_and_resistance_with_the_speed(drained, one_way):
 
 
 def test_map_has_the_resistance_of_the_contacts(one_way):
-    forces = one_way.resistance_map(np.array([each.speed for each in one_way.contacts]))
+    forces = one_way.stages.resistance.map(np.array([each.speed for each in one_way.contacts]))
     machine = one_way.scene.machine
     expected = [machine.rollers * machine.roller_length * each.resistance for each in one_way.contacts]
     np.testing.assert_allclose(forces, expected, rtol=2e-3)
-    assert one_way.roller_load == pytest.approx(machine.roller_length * one_way.contacts[4].load, rel=1e-9)
+    assert one_way.stages.contacts.roller_load == pytest.approx(
+        machine.roller_length * one_way.contacts[4].load, rel=1e-9
+    )
 
 
 def test_map_costs_no_contact_more(drained, one_way):
-    assert drained.resistance_map.engine_error == one_way.resistance_map.engine_error
+    assert drained.stages.resistance.map.engine_error == one_way.stages.resistance.map.engine_error
     assert drained.counts["resistance"] == one_way.counts["resistance"]
 
 
 def test_drives_contain_the_air(drained, one_way):
-    first = [study.places["rigid"]["peak_force"][0].value for study in (drained, one_way)]
+    first = [study.stages.drive.places["rigid"]["peak_force"][0].value for study in (drained, one_way)]
     assert first[1] > 1.02 * first[0]
 
 
@@ -168,7 +170,7 @@ def test_point_of_a_sweep_without_a_coupled_state_states_the_speed(monkeypatch):
 def test_tension_behind_the_roller_is_compared_with_the_strength(one_way):
     answer = one_way.pore_air
     assert answer.may_crack == (answer.at_mean_speed.excess_behind > answer.tensile_strength)
-    tight = air_answer(one_way.air_curve, one_way.mix, 1e-6)
+    tight = air_answer(one_way.stages.contacts.air_curve, one_way.mix, 1e-6)
     assert not tight.may_crack
 
 
@@ -177,8 +179,8 @@ def test_results_of_an_earlier_run_contain_the_curve(tmp_path):
     first = Study(scene, directory=tmp_path)
     list(first.keep(tmp_path, []))
     again = Study(scene, directory=tmp_path)
-    assert again.kept is not None
-    assert again.air_curve == first.air_curve
+    assert again.stages.contacts.kept is not None
+    assert again.stages.contacts.air_curve == first.stages.contacts.air_curve
     assert again.counts["rolled"] == 0
 
 
@@ -234,14 +236,14 @@ def test_finite_elements_have_the_field_of_the_air_and_the_coupled_forces():
         "contact.indentation": 0.003, "motion.duration": 4.0, "mix.pore_air": "coupled",
     }  # fmt: skip
     study = Study(lift(**changes))
-    (record,), (_, first) = study.contacts, study.rolled[0]
-    alone = replace(study.air_curve, coupled=()).at(0.1, 1e-12)
+    (record,), (_, first) = study.contacts, study.stages.contacts.first_passes[0]
+    alone = replace(study.stages.contacts.air_curve, coupled=()).at(0.1, 1e-12)
     assert 0.002 < alone.load / first.load < 0.1
     assert record.air_resistance > 1.5 * alone.resistance
     assert record.load == pytest.approx(first.load + record.air_load)
-    ((mesh, _),) = study.fields
+    ((mesh, _),) = study.stages.contacts.fields
     (pressure,) = mesh.cell_data["air_pressure"]
     assert len(pressure) == len(mesh.cells[0].data)
     assert alone.excess_behind < 1.2 * pressure.max() < 101325
-    assert "air_pressure" not in study.engine.fields(first).cell_data
+    assert "air_pressure" not in study.stages.contacts.engine.fields(first).cell_data
     assert len(study_summary(study, [])["pore_air"]["coupled"]) == 1

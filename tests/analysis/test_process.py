@@ -163,4 +163,4 @@ def test_summary_and_digest_state_the_model(study):
     assert [part["cause"] for part in summary["parts"]][1] == "shear, uneven density, bow wave (two dimensions)"
     digest = process_digest(study)
     assert "printed: load on one roller 9740 N, computed" in digest
-    assert "nothing fitted" in digest
+    assert "not fitted, but the Heckel slope of the prior passes through the published point" in digest

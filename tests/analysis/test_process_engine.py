@@ -9,12 +9,12 @@ from lift_sequences import sequence
 
 from compact import drive
 from compact.analysis import machine_models, process
-from compact.analysis.engines import is_for_sizing
+from compact.analysis.engines import has_whole_resistance
 from compact.analysis.process import ProcessStudy
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.uncertainty import mix_spread
 from compact.analysis.study import Study
-from compact.engines.process.lumped_lifts import simulate_lifts
+from compact.engines.process.lifts import simulate_lifts
 from compact.report import writer
 from compact.report.page.answer_text import model_table
 from compact.resistance import ResistanceMap
@@ -52,23 +52,23 @@ def study():
 
 
 def test_resistance_is_that_of_rollers_and_sleeves(study):
-    found = study.contact_stage.process
+    found = study.stages.contacts.process
     assert found.sleeve_drag > 0
-    at_mean = study.resistance_map(study.scene.mean_speed)
+    at_mean = study.stages.resistance.map(study.scene.mean_speed)
     assert at_mean == pytest.approx(2 * found.resistance + found.sleeve_drag, rel=1e-6)
-    assert study.roller_load == pytest.approx(found.load, rel=1e-12)
+    assert study.stages.contacts.roller_load == pytest.approx(found.load, rel=1e-12)
     # the guide wheels are those of the cart, once
-    total = study.steady.drive_force[0]
+    total = study.stages.resistance.steady.drive_force[0]
     assert total == pytest.approx(at_mean + found.guide_friction, rel=1e-6)
     assert total == pytest.approx(sum(part.force for part in found.parts if part.force is not None), rel=1e-6)
     without = Study(scene(sleeve=None))
-    assert without.resistance_map(study.scene.mean_speed) == pytest.approx(2 * found.resistance, rel=1e-6)
+    assert without.stages.resistance.map(study.scene.mean_speed) == pytest.approx(2 * found.resistance, rel=1e-6)
 
 
 @pytest.mark.parametrize("kind", DRIVES)
 def test_ranking_is_that_of_a_table_of_the_same_numbers(kind, study):
     given = scene(**{"drive.kind": kind}, **DRIVES[kind])
-    contacts, stages = study.contact_stage, build_stages(given)
+    contacts, stages = study.stages.contacts, build_stages(given)
     stages.contacts.__dict__ |= {
         "process": contacts.process,
         "records": contacts.records,
@@ -89,7 +89,7 @@ def test_ranking_is_that_of_a_table_of_the_same_numbers(kind, study):
 
 
 def test_map_holds_at_speeds_without_a_contact(study):
-    found, sampled = study.contact_stage.process, study.resistance_map
+    found, sampled = study.stages.contacts.process, study.stages.resistance.map
     for share in (0.05, 0.2, 0.7, 1.9):
         speed = share * study.scene.mean_speed
         expected = 2 * found.forces_at(speed).resistance + found.sleeve_drag
@@ -98,20 +98,20 @@ def test_map_holds_at_speeds_without_a_contact(study):
 
 
 def test_floor_grows_with_the_duration(study):
-    stage, longer = study.resistance_stage, 1.25 * study.scene.motion.duration
+    stage, longer = study.stages.resistance, 1.25 * study.scene.motion.duration
     other = stage.over(longer)
     assert stage.over(study.scene.motion.duration) is stage
     assert stage.over(longer) is other
-    drag, speed = study.contact_stage.process.sleeve_drag, other.scene.mean_speed
+    drag, speed = study.stages.contacts.process.sleeve_drag, other.scene.mean_speed
     floor = 2 * other.contacts.process.row.confined_floor + drag
     assert other.map(speed) == pytest.approx(floor, rel=2e-3)
     assert (other.map(speed) - drag) / (stage.map(speed) - drag) == pytest.approx(1.25, rel=0.02)
-    assert study.drive_stage.over(longer).resistance is other
+    assert study.stages.drive.over(longer).resistance is other
 
 
 def test_feed_before_forward_strokes_alone_loads_them(study):
     forward_study = Study(scene(**{"process.feeds": "forward"}))
-    forward, speed = forward_study.contact_stage, forward_study.scene.mean_speed
+    forward, speed = forward_study.stages.contacts, forward_study.scene.mean_speed
     load, resistance = forward.return_ratios
     assert resistance == pytest.approx(0, abs=0.01)
     assert 0.05 < load < 0.5  # the elastic recovery alone
@@ -119,12 +119,12 @@ def test_feed_before_forward_strokes_alone_loads_them(study):
     length, row = forward.scene.machine.roller_length, forward.process.row
     mean = record.resistance * length * (1 + resistance) / 2
     assert mean == pytest.approx(row.resistance, rel=0.15)  # few strokes: their parity matters
-    back, drag = -forward_study.resistance_map(-speed), forward.process.sleeve_drag
+    back, drag = -forward_study.stages.resistance.map(-speed), forward.process.sleeve_drag
     assert back == pytest.approx(2 * length * record.resistance * resistance + drag, rel=1e-3)
     assert forward_study.work_balance.pass_work == pytest.approx(
-        (back + forward_study.resistance_map(speed)) / 2 * 0.4 / forward.process.product_volume, rel=1e-9
+        (back + forward_study.stages.resistance.map(speed)) / 2 * 0.4 / forward.process.product_volume, rel=1e-9
     )
-    assert study.contact_stage.return_ratios == (1.0, 1.0)
+    assert study.stages.contacts.return_ratios == (1.0, 1.0)
 
 
 def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, air, report):
@@ -142,18 +142,18 @@ def test_lumped_lifts_are_kept_with_the_results(monkeypatch, tmp_path):
     writer.write_study(first, tmp_path / "out")
     monkeypatch.setattr(process, "simulate_lifts", None)
     again = Study(given, directory=tmp_path / "out")
-    assert again.kept is not None
+    assert again.stages.contacts.kept is not None
     assert again.sensitivities  # of cart and formulas, without new lifts
-    assert again.contact_stage.process.lifts == first.contact_stage.process.lifts
+    assert again.stages.contacts.process.lifts == first.stages.contacts.process.lifts
     assert again.rankings["peak_force"][0].value == first.rankings["peak_force"][0].value
     model = again.models[0]
     assert model.valid
     assert model.mean_resistance[1.0] == pytest.approx(first.models[0].mean_resistance[1.0], rel=1e-9)
     assert model.mean_resistance[1.0] != pytest.approx(model.mean_resistance[given.motion.duration], rel=1e-2)
-    force = 2 * first.contact_stage.process.resistance
-    drag = first.contact_stage.process.sleeve_drag
-    assert first.resistance_map.engine_error == pytest.approx(
-        first.contact_stage.process.two_dimensions.resistance.error * force / (force + drag), rel=0.02
+    force = 2 * first.stages.contacts.process.resistance
+    drag = first.stages.contacts.process.sleeve_drag
+    assert first.stages.resistance.map.engine_error == pytest.approx(
+        first.stages.contacts.process.two_dimensions.resistance.error * force / (force + drag), rel=0.02
     )
 
 
@@ -172,9 +172,10 @@ def test_report_has_the_row_of_the_process(monkeypatch, tmp_path):
 
 
 def test_columns_are_not_for_sizing():
-    assert not is_for_sizing(scene())
-    assert is_for_sizing(scene(**{"process.detail": None}))
-    assert not is_for_sizing(scene(**{"accuracy.engine": "spectral", "machine.roller_condition": "frictionless"}))
+    assert not has_whole_resistance(scene())
+    assert has_whole_resistance(scene(**{"process.detail": None}))
+    linear = {"accuracy.engine": "spectral", "machine.roller_condition": "frictionless"}
+    assert not has_whole_resistance(scene(**linear))
 
 
 def test_comparison_takes_the_process():
@@ -198,7 +199,7 @@ def test_scenes_without_a_steady_process_are_refused(changes, words):
 
 
 def test_another_speed_keeps_the_feed(study):
-    found = study.contact_stage.process
+    found = study.stages.contacts.process
     row = found.row_at(found.problem.machine.cart_speed * 0.5)
     assert row.closed.amount == found.row.closed.amount
     assert row.history.rate_factor < found.row.history.rate_factor
@@ -207,8 +208,8 @@ def test_another_speed_keeps_the_feed(study):
 
 
 def test_spread_over_the_mix_is_that_of_feed_work_and_sleeves(study):
-    found = study.contact_stage.process
-    own = study.resistance_map(study.scene.mean_speed)
+    found = study.stages.contacts.process
+    own = study.stages.resistance.map(study.scene.mean_speed)
     assert found.resistance_with(study.scene) == pytest.approx(own, rel=1e-3)
     slope = found.mix.heckel_slope
     stiffer = study.scene.replaced(**{"mix.overrides.heckel_slope": slope / 2})

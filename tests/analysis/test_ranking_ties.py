@@ -106,11 +106,11 @@ def test_laws_of_infinite_peaks_have_no_first_rank(tmp_path):
     report.write_study(study, tmp_path)
     assert [row["rank"] for row in rows(tmp_path, "peak_force", "formula")] == ["2", "2"]
     assert "No law has a finite peak drive force" in answer_words(study)
-    assert study.places["rigid"]["peak_force"][0].resolved is False
+    assert study.stages.drive.places["rigid"]["peak_force"][0].resolved is False
 
 
 def test_figure_of_the_engines_has_no_excess_relative_to_rounding(written):
     study, _, _ = written
-    for places in study.places["rigid"]["nonuniformity"], study.places["rigid"]["energy"]:
-        by = "nonuniformity" if places is study.places["rigid"]["nonuniformity"] else "energy"
+    for places in study.stages.drive.places["rigid"]["nonuniformity"], study.stages.drive.places["rigid"]["energy"]:
+        by = "nonuniformity" if places is study.stages.drive.places["rigid"]["nonuniformity"] else "energy"
         assert max(value for value, _ in ranking_figures._excess(places, by).values()) < 200

@@ -195,46 +195,46 @@ def columns_study(directory=None, **changes):
         "contact.indentation": 0.004,
     }
     study = Study(load_scene(SMALL, **keys | changes), directory=directory)
-    study.contact_stage.engine = replace(study.contact_stage.engine, rate_factor_only=True)
+    study.stages.contacts.engine = replace(study.stages.contacts.engine, rate_factor_only=True)
     return study
 
 
 def test_stage_without_rate_effect_computes_no_further_contact():
     study = columns_study(**{"mix.overrides.rate_sensitivity": 0.0})
     first = study.contacts[0].resistance * study.scene.machine.rollers * study.scene.machine.roller_length
-    assert study.resistance_map(0.01) == study.resistance_map(0.05) == pytest.approx(first, rel=1e-12)
-    assert (study.resistance_map.error, study.counts["resistance"]) == (0.0, 0)
+    assert study.stages.resistance.map(0.01) == study.stages.resistance.map(0.05) == pytest.approx(first, rel=1e-12)
+    assert (study.stages.resistance.map.error, study.counts["resistance"]) == (0.0, 0)
 
 
 def test_stage_maps_and_extends_by_the_law():
     study = columns_study()
-    before, fastest = study.resistance_map, study.fastest
+    before, fastest = study.stages.resistance.map, study.stages.resistance.largest_speed
     assert study.counts["resistance"] <= 2
     assert before.speeds[-1] == fastest
     count = study.counts["resistance"]
-    study.resistance_stage.extend(1.3 * fastest)
-    after = study.resistance_map
+    study.stages.resistance.extend(1.3 * fastest)
+    after = study.stages.resistance.map
     assert (study.counts["resistance"], after.contacts) == (count, before.contacts)
     length = study.scene.machine.rollers * study.scene.machine.roller_length
     for speed in (0.03 * fastest, 0.4 * fastest, 1.3 * fastest):
-        held_out = contact_stage.roll_scene(study.scene, study.mix, speed, held=study.held)
+        held_out = contact_stage.roll_scene(study.scene, study.mix, speed, held=study.stages.contacts.held)
         assert after(speed) == pytest.approx(length * held_out.resistance, rel=5e-3)
 
 
 def test_stage_uses_the_contact_at_the_mean_speed():
     study = columns_study(**{"contact.speeds": [0.01]})
-    assert study.contact_stage.reference
-    assert {0.01, study.scene.mean_speed} <= {each.speed for each in study.resistance_map.contacts}
+    assert study.stages.contacts.reference
+    assert {0.01, study.scene.mean_speed} <= {each.speed for each in study.stages.resistance.map.contacts}
 
 
 def test_stored_law_is_extended_by_its_contacts(tmp_path):
     first = columns_study()
-    before = first.resistance_map
+    before = first.stages.resistance.map
     list(first.keep(tmp_path, []))
     again = columns_study(tmp_path)
-    assert again.resistance_map.contacts == before.contacts
-    again.resistance_stage.extend(1.3 * again.fastest)
-    assert again.resistance_map.contacts == before.contacts
+    assert again.stages.resistance.map.contacts == before.contacts
+    again.stages.resistance.extend(1.3 * again.stages.resistance.largest_speed)
+    assert again.stages.resistance.map.contacts == before.contacts
     assert not {"rolled", "resistance"} & set(again.counts)
 
 
@@ -245,7 +245,7 @@ def test_stored_law_is_extended_by_its_contacts(tmp_path):
 def test_law_of_the_compaction_engine_predicts_held_out_speeds():
     """Two decades by at most three contacts; speeds computed from scratch lie within half a per cent."""
     engine = ENGINES["compaction"]
-    layer, roller = Layer(0.04), Roller(0.11, 0.0015, rolling="frictionless")
+    layer, roller = Layer(0.04), Roller(0.11, indentation=0.0015, rolling="frictionless")
     material = mix(heckel_slope=15e-6, rate_sensitivity=RATE)
     rolled = {}
 

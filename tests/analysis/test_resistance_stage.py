@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compact import files
 from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.stages import kept_results
 from compact.analysis.study import Study
@@ -51,7 +52,9 @@ def left(written, tmp_path):
 def test_added_mass_of_a_cart_is_that_of_all_its_rollers():
     study = of_scene()
     resistance, machine = study.resistance, study.scene.machine
-    mass, time = contact_stage.added_mass(study.scene, study.mix, float(resistance.speeds[-1]), study.held)
+    mass, time = contact_stage.added_mass(
+        study.scene, study.mix, float(resistance.speeds[-1]), study.stages.contacts.held
+    )
     assert resistance.added_masses[-1] == pytest.approx(machine.rollers * machine.roller_length * mass, rel=1e-12)
     assert resistance.relaxation_time == time == pytest.approx(study.mix.relaxation_time)
 
@@ -75,7 +78,7 @@ def test_unsteady_share_of_a_law_has_its_closed_form(left):
 )
 def test_mix_without_relaxation_has_no_added_mass(changes):
     study = of_scene(**changes)
-    assert contact_stage.added_mass(study.scene, study.mix, 0.1, study.held) == (0.0, 0.0)
+    assert contact_stage.added_mass(study.scene, study.mix, 0.1, study.stages.contacts.held) == (0.0, 0.0)
 
 
 def test_second_run_reuses_every_contact(left, written):
@@ -101,12 +104,15 @@ def test_second_run_reuses_every_contact(left, written):
     ids=["laws, cart and drive", "moisture", "tolerance", "radius", "depth"],
 )
 def test_map_is_reused_after_changes_it_does_not_depend_on(written, changes, reused):
-    assert (of_scene(written, **changes).kept is not None) == reused
+    assert (of_scene(written, **changes).stages.contacts.kept is not None) == reused
 
 
 def test_faster_law_extends_the_map(written):
-    before, study = of_scene(written).kept.resistance_map, of_scene(written, **{"motion.laws": ["septic"]})
-    extended = study.resistance_map
+    before, study = (
+        of_scene(written).stages.contacts.kept.resistance_map,
+        of_scene(written, **{"motion.laws": ["septic"]}),
+    )
+    extended = study.stages.resistance.map
     assert extended.speeds[-1] == pytest.approx(2.1875 * 0.4 / 3, rel=1e-9)  # D: 35/16 of the mean
     assert study.counts["resistance"] <= 2
     assert "rolled" not in study.counts
@@ -117,7 +123,40 @@ def test_faster_law_extends_the_map(written):
 @pytest.mark.parametrize("content", [b"", b"{}", None], ids=["empty", "other", "gone"])
 def test_damaged_files_are_not_reused(left, name, content):
     (left / name).unlink() if content is None else (left / name).write_bytes(content)
-    assert of_scene(left).kept is None
+    assert of_scene(left).stages.contacts.kept is None
+
+
+@pytest.mark.parametrize("name", [kept_results.MAP_FILE, kept_results.CONTACTS_FILE])
+def test_flipped_digit_is_told_and_computed_again(left, caplog, name):
+    path = left / name
+    content = path.read_bytes()
+    at = next(place for place in range(len(content) // 2, len(content)) if content[place : place + 1].isdigit())
+    path.write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])  # another digit
+    assert of_scene(left).stages.contacts.kept is None
+    assert [record.getMessage().endswith("computed again") for record in caplog.records] == [True]
+
+
+def test_results_of_an_edited_program_are_computed_again(left, caplog, monkeypatch):
+    assert of_scene(left).stages.contacts.kept
+    other = files.versions() | {"source": "edited"}
+    monkeypatch.setattr(files, "versions", lambda: other)
+    assert of_scene(left).stages.contacts.kept is None
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{left / 'contacts.json'}: of another program, table or input; its contacts are computed again"
+    ]
+
+
+def test_changed_file_is_written_again(tmp_path, caplog):
+    out = tmp_path / "out"
+    changes = {"accuracy.engine": "column"}
+    report.write_study(of_scene(**changes), out)
+    before = (out / "density.csv").read_bytes()
+    (out / "density.csv").write_bytes(before.replace(b"1", b"2", 1))
+    report.write_study(of_scene(out, **changes), out)
+    assert (out / "density.csv").read_bytes() == before
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{out / 'density.csv'}: changed since it was written; it is computed again"
+    ]
 
 
 def test_results_of_another_scene_are_not_overwritten(left):

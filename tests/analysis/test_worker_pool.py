@@ -29,13 +29,13 @@ def dies_once(task):
     number, mark = task
     if not mark.exists():
         mark.touch()
-        os.kill(os.getpid(), signal.SIGKILL)
+        os._exit(9)
     return number**2
 
 
 def dies_or_squares(number):
     if number == 3:
-        os.kill(os.getpid(), signal.SIGKILL)
+        os._exit(9)
     return number**2
 
 

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.integrate import quad
 
+from compact.analysis.contact_cases import nearest_speed
 from compact.analysis.stages.drives import Stages
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.material.mix import LOOSE_DENSITY_RATIO
@@ -180,6 +181,6 @@ def _density_behind(stages: Stages) -> float:
     contacts, scene = stages.contacts, stages.contacts.scene
     if not contacts.engine.compacting:
         return scene.mix.density_ratio
-    nearest = min(contacts.records, key=lambda each: abs(np.log(each.speed / scene.mean_speed)))
-    found = float(nearest.exit_density_ratio or scene.mix.density_ratio)
+    record = contacts.records[nearest_speed((each.speed for each in contacts.records), scene.mean_speed)]
+    found = float(record.exit_density_ratio or scene.mix.density_ratio)
     return min(max(found, scene.layer.fed_density_ratio), HECKEL_MAX_DENSITY_RATIO)

@@ -38,7 +38,7 @@ class EngineComparison:
         Places and resistance by each other duration of a pass [s].
     """
 
-    contacts: list[ContactRecord]
+    records: list[ContactRecord]
     held: HeldQuantity | None
     second_pass: tuple[float, float] | None
     resistance: Callable

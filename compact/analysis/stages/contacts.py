@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from compact.analysis import contact_cases
-from compact.analysis.contact_cases import ContactRecord, HeldQuantity, contact_inputs
+from compact.analysis.contact_cases import ContactRecord, HeldQuantity, contact_inputs, nearest_speed
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
 from compact.analysis.engines import ENGINES, Engine, expand_resistance
+from compact.analysis.failures import is_refusal
 from compact.analysis.pore_air import (
     AirCurve,
     AirForces,
@@ -29,7 +30,7 @@ from compact.analysis.pore_air import (
     is_coupled,
     pore_air_of,
 )
-from compact.analysis.stages.kept_results import KeptResults, read_results, results_key
+from compact.analysis.stages.kept_results import KeptResults, contacts_key, read_results
 from compact.analysis.stages.model_spread import ModelSpread, model_spread
 from compact.engines.halfplane import LineContact, galin
 from compact.material.laws import Compaction
@@ -271,6 +272,8 @@ def _named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
     except EquilibriumError as error:
         raise EquilibriumError(f"{case}: {error}") from error
     except RuntimeError as error:
+        if not is_refusal(error):
+            raise
         raise RuntimeError(f"{case}: {error}") from error
 
 
@@ -359,7 +362,7 @@ class ContactStage:
     @cached_property
     def key(self) -> str:
         """Hash of all inputs of the contacts and the resistance map."""
-        return results_key(self.scene, self.mix)
+        return contacts_key(self.scene, self.mix)
 
     @cached_property
     def kept(self) -> KeptResults | None:
@@ -447,7 +450,7 @@ class ContactStage:
         mean = self.scene.mean_speed
         if not self.engine.layered:
             return mean, roll_scene(self.scene, self.mix, mean)
-        return min(self.first_passes, key=lambda each: abs(np.log(each[0] / mean)))
+        return self.first_passes[nearest_speed((speed for speed, _ in self.first_passes), mean)]
 
     @cached_property
     def records(self) -> list[ContactRecord]:

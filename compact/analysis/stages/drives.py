@@ -61,9 +61,13 @@ class DriveStage:
             yield from self.simulated({name: cycle}, resistance, tolerated)
 
     def simulated(
-        self, cycles: Mapping[str, Cycle], resistance: Any, tolerated: AbstractContextManager[Any]
+        self,
+        cycles: Mapping[str, Cycle],
+        resistance: Any,
+        tolerated: AbstractContextManager[Any],
+        scene: Scene | None = None,
     ) -> Iterator[tuple[str, Any]]:
-        """Simulate laws against a resistance with the drive of the scene.
+        """Simulate laws against a resistance with the drive of a scene.
 
         Parameters
         ----------
@@ -71,6 +75,8 @@ class DriveStage:
             Resistance of one cart [N], a function of velocity and acceleration.
         tolerated : context manager
             Context of each simulation; a law whose error it suppresses has no run.
+        scene : Scene, optional
+            Scene of the drive; that of the study by default.
 
         Yields
         ------
@@ -81,7 +87,7 @@ class DriveStage:
         working = (motion.run_up, 1 - motion.run_down)
         for name, cycle in cycles.items():
             with tolerated:
-                moved_by = machine_models.drive_of(self.scene, cycle)
+                moved_by = machine_models.drive_of(scene or self.scene, cycle)
                 yield name, drive.simulate(cart, moved_by, cycle, resistance, working=working)
 
     @cached_property

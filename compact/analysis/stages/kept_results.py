@@ -1,14 +1,13 @@
 """Contacts and resistance map that a results directory keeps for the next run.
 
-Kept results serve every scene with the same key: the same roller, layer, mix, contact, accuracy, engine, speeds and
-package versions. Cart, laws, drive and output are not in the key.
+Kept results serve every scene with the same key: the same roller, layer, mix, contact, accuracy, engine, speeds, tables
+of the mix, versions and sources. Cart, laws, drive and output are not in the key. A file that has changed is not used.
 """
 
 import json
+import logging
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from hashlib import sha256
-from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +17,7 @@ from compact.analysis.contact_cases import ContactRecord, HeldQuantity
 from compact.analysis.engines import ENGINES
 from compact.analysis.pore_air import AirCurve
 from compact.analysis.stages.model_spread import ModelSpread
-from compact.files import write_json
+from compact.files import checksum, json_text, results_key, write_json
 from compact.material.mix import Mix
 from compact.resistance import ResistanceMap
 from compact.scene.loader import Scene
@@ -30,12 +29,12 @@ MAP_FILE, CONTACTS_FILE = "resistance.nc", "contacts.json"
 KEPT_FILES = (  # prefixes of files that depend on the contacts alone
     "passes.csv", "density.csv", "pressure.png", "fields.pvd", "fields.png", "fields/",
 )  # fmt: skip
-PACKAGES = ("compact", "numpy", "scipy", "scikit-fem")
 CART_KEYS = {  # of [machine], on which no layered engine depends
     *("mass", "weight", "roller_positions", "guide_positions", "pin_position", "pin_height", "guide_wheel_diameter"),
     *("guide_friction", "journal_diameter", "bearing_friction", "rolling_arm", "rib_factor", "roller_friction"),
     *("feeder_sleeve", "overlap", "pressure_nonuniformity", "one_sided"),
 }
+_LOG = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ class KeptResults:
     files: tuple[str, ...] = ()
 
 
-def results_key(scene: Scene, mix: Mix) -> str:
+def contacts_key(scene: Scene, mix: Mix) -> str:
     """Hash all inputs of the contacts and the resistance map of a scene.
 
     Returns
@@ -72,6 +71,7 @@ def results_key(scene: Scene, mix: Mix) -> str:
     str
         SHA-256, hexadecimal.
     """
+    engine = ENGINES[scene.accuracy.engine]
     inputs = {
         "machine": scene.machine.model_dump(exclude=CART_KEYS),
         "height": scene.lift_thickness,
@@ -80,20 +80,29 @@ def results_key(scene: Scene, mix: Mix) -> str:
         "contact": scene.contact and scene.contact.model_dump(),
         "accuracy": scene.accuracy.model_dump(),
         "speeds": contact_cases.contact_speeds(scene),
-        "versions": [version(name) for name in PACKAGES],
+        "engine": engine.source,
     }
-    if ENGINES[scene.accuracy.engine].forming:
+    if engine.forming:
         whole = {name: getattr(scene, name) for name in ("process", "sleeve", "motion")}
         inputs["strokes"] = {name: table and table.model_dump(mode="json") for name, table in whole.items()}
-    return sha256(json.dumps(inputs, sort_keys=True).encode()).hexdigest()
+        inputs["laws"] = scene.checksums["motion.tables"]
+    return results_key(inputs)
 
 
 def read_results(directory: Path, key: str) -> KeptResults | None:
-    """Read the results of an earlier run; None without results, or with results under another key of `results_key`."""
+    """Read the results of an earlier run; None without results, under another key of `contacts_key`, or damaged."""
+    path = directory / CONTACTS_FILE
+    if not path.is_file():
+        return None
     try:
-        content = json.loads((directory / CONTACTS_FILE).read_text(encoding="utf-8"))
-        more = content["more"]
-        return None if content["key"] != key else KeptResults(
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["key"] != key:
+            _LOG.warning("%s: of another program, table or input; its contacts are computed again", path)
+            return None
+        if content.pop("checksum") != _checksum(content):
+            raise ValueError("wrong checksum")
+        more, files = content["more"], tuple(_unchanged(directory, content["files"]))
+        return None if MAP_FILE not in files else KeptResults(
             [contact_cases.contact_from_json(each) for each in content["contacts"]],
             HeldQuantity(**more["held"]),
             more["second_pass"] and tuple(more["second_pass"]),
@@ -101,10 +110,28 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
             more["air"] and AirCurve.from_json(more["air"]),
             more["model_spread"] and ModelSpread.from_json(more["model_spread"]),
             more["lifts"] and _read_lifts(more["lifts"]),
-            tuple(name for name in content["files"] if (directory / name).is_file()),
+            files,
         )  # fmt: skip
-    except (OSError, ValueError, KeyError, TypeError):  # no file, or a file of another form
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):  # no file, or a file of another form
+        _LOG.warning("%s: damaged, or of another version; its contacts are computed again", path)
         return None
+
+
+def _checksum(content: Any) -> str:
+    """Return the checksum of kept results."""
+    return checksum(json_text(content).encode())
+
+
+def _unchanged(directory: Path, checksums: dict[str, str]) -> Iterator[str]:
+    """Yield the names of the files that have their checksum."""
+    for name, expected in checksums.items():
+        path = directory / name
+        if not path.is_file():
+            continue
+        if checksum(path.read_bytes()) == expected:
+            yield name
+        else:
+            _LOG.warning("%s: changed since it was written; it is computed again", path)
 
 
 def _read_lifts(content: Any) -> "KnownLifts":
@@ -119,7 +146,8 @@ def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[P
     path = directory / CONTACTS_FILE
     path.unlink(missing_ok=True)  # it lists the valid files: removed first, written last
     results.resistance_map.save(directory / MAP_FILE, key)
-    write_json(path, {
+    names = [MAP_FILE, *(name for name in results.files if name.startswith(KEPT_FILES))]
+    content = {
         "key": key,
         "contacts": [contact_cases.contact_to_json(contact) for contact in results.contacts],
         "more": {
@@ -128,7 +156,8 @@ def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[P
             "model_spread": results.model_spread and results.model_spread.to_json(),
             "lifts": results.lifts and results.lifts.to_json(),
         },
-        "files": [name for name in results.files if name.startswith(KEPT_FILES)],
-    })  # fmt: skip
+        "files": {name: checksum((directory / name).read_bytes()) for name in names if (directory / name).is_file()},
+    }  # fmt: skip
+    write_json(path, content | {"checksum": _checksum(content)})
     yield directory / MAP_FILE
     yield path

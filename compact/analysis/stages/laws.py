@@ -239,12 +239,12 @@ class LawStage:
         if table is None:
             raise SceneError(["cam: missing; a cam needs a table [cam] with breadth and roller_follower_radius in m"])
         self.count("cams")
+        optimised = self.scene.motion.optimise
+        optimal = [optimal_law_name([objective]) for objective in optimised.objectives] if optimised else []
+        require_known("motion law", name, (*self.prescribed.cycles, *optimal))
         cycle = self.prescribed.cycles.get(name) or self.cycles.get(name)
-        if name in self.left_out:
-            raise RuntimeError(f"no cam: {name} is not made: {self.left_out[name]}")
         if cycle is None:
-            require_known("motion law", name, tuple(self.cycles))
-        assert cycle is not None  # the name is known
+            raise RuntimeError(f"no cam: {name} is not made: {self.left_out[name]}")
         rolling = RollerFollower(table.roller_follower_radius)
         followers: dict[str, Follower] = {"pointed": Pointed(), "roller": rolling, "flat": FlatFace()}
         return Cam(cycle, table.breadth, followers[follower])

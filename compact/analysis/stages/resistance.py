@@ -14,7 +14,7 @@ import numpy as np
 
 from compact import contact, resistance
 from compact.analysis import machine_models
-from compact.analysis.contact_cases import contact_inputs
+from compact.analysis.contact_cases import contact_inputs, nearest_speed
 from compact.analysis.pore_air import nodes_of_map
 from compact.analysis.rate_law import sample_rate_law
 from compact.analysis.stages.contacts import ContactStage, added_mass
@@ -158,7 +158,9 @@ class ResistanceStage:
             return stage.process.rate_factor_at
         layer, roller, material = contact_inputs(self.scene, self.mix, stage.engine.name, mean, stage.held)
         assert isinstance(material, Compaction)  # of an engine with `rate_factor_only`
-        depth = roller.indentation or min(stage.records, key=lambda each: abs(np.log(each.speed / mean))).indentation
+        depth = (
+            roller.indentation or stage.records[nearest_speed((each.speed for each in stage.records), mean)].indentation
+        )
         rate = compaction_rate(1.0, roller.radius, layer.height, float(depth or 0.0))
         return lambda speed: material.rate_factor(rate * abs(speed))
 
@@ -186,7 +188,7 @@ class ResistanceStage:
         """Compute a contact at a speed [m/s], from the nearest one as initial guess."""
         stage, rolled = self.contacts, self._rolled
         stage.count("resistance")
-        guess = min(rolled, key=lambda each: abs(np.log(each[0] / speed)))[1] if rolled else None
+        guess = rolled[nearest_speed((each for each, _ in rolled), speed)][1] if rolled else None
         result = stage.first_pass(speed, guess)
         rolled.append((speed, result))
         return self._sample(speed, result)

@@ -26,7 +26,7 @@ from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.stages.drives import Stages, build_stages
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.machine.cart import Cart
-from compact.machine.ranking import BUILD_TOLERANCE, ROUNDING_TIE
+from compact.machine.ranking import BUILD_TOLERANCE, first_of
 from compact.material.mix import Parameter
 from compact.motion.profile import Cycle
 from compact.quantities import INPUT
@@ -126,8 +126,6 @@ def _ranges(stages: Stages) -> dict[str, Range]:
     new_layer = engine.cheap and engine.compacting
     if scene.mix.law == "drucker-prager-cap":
         names = ["cohesion_loose" if name == "cohesion" else name for name in names]
-    if new_layer and scene.mix.law == "density-cap":
-        names = [name for name in names if name in engine.parameters_of(scene.mix.law)]
     if new_layer and has_air(scene):
         names += AIR_INPUTS
     ranges = {f"mix.overrides.{name}": (*_spread(mix.parameter(name)), mix.parameter(name).unit) for name in names}
@@ -232,15 +230,16 @@ def _new_contacts(stages: Stages, largest_speed: float) -> tuple[float, Resistan
 
 def _least_peaks(cart: Cart, resistance: ResistanceLaw, cycles: Mapping[str, Cycle]) -> End:
     """Return the least peaks over all laws with a rigid drive."""
-    least, law = dict.fromkeys(PEAKS, np.inf), dict.fromkeys(PEAKS, "")
     peaks: dict[str, dict[str, float]] = {peak: {} for peak in PEAKS}
     for name, cycle in cycles.items():
         run = drive.simulate(cart, drive.Rigid(), cycle, resistance)
         for peak, quantity in PEAKS.items():
-            largest = np.inf if run.impulses else float(np.abs(getattr(run, quantity)).max())
-            peaks[peak][name] = largest
-            if largest < least[peak] * (1 - ROUNDING_TIE):
-                least[peak], law[peak] = largest, name
+            peaks[peak][name] = np.inf if run.impulses else float(np.abs(getattr(run, quantity)).max())
+    least = {peak: min(found.values()) for peak, found in peaks.items()}
+    law = {
+        peak: list(found)[first_of(list(found.values()))] if np.isfinite(least[peak]) else ""
+        for peak, found in peaks.items()
+    }
     ties = {
         peak: frozenset(name for name, value in found.items() if value < least[peak] * (1 + BUILD_TOLERANCE))
         for peak, found in peaks.items()

@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from compact.analysis.contact_cases import ContactRecord, contact_inputs
+from compact.analysis.contact_cases import ContactRecord, contact_inputs, nearest_speed
 from compact.analysis.stages.contacts import ContactStage
 from compact.machine.roller_motors import FULL_SLIP_SHARE, CreepFreeRoller, DrivenRoller, carter_parameter
 from compact.rolling_contact import ContactResult, LayerContactResult
@@ -50,7 +50,7 @@ def torque_response(contacts: ContactStage, pull_range: tuple[float, float]) -> 
     low, high = (TRACTION_MARGIN * pull / (friction * least_load) for pull in pull_range)
     sides = [_friction_shares(min(low, -LEAST_SHARE) if low < 0 else 0.0), _friction_shares(max(high, LEAST_SHARE))]
     if contacts.engine.compacting:
-        records = [min(records, key=lambda record: abs(np.log(record.speed / scene.mean_speed)))]
+        records = [records[nearest_speed((record.speed for record in records), scene.mean_speed)]]
     try:
         curves = [_curve(contacts, record, sides) for record in records]
     except RuntimeError as error:

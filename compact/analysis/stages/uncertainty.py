@@ -1,8 +1,9 @@
 """Ranking under uncertainty: every source of error of the answer, its effect on the peaks and on the first law.
 
-Sources are the discretisation (mesh and resistance map), the parameters of the mix, the laws of the mix, the other
-valid models, the quantity held over speed, the mix under the return stroke, and the duration of a pass. Each source
-scales or replaces the resistance; the laws are simulated again at both of its ends with the drive of the scene.
+Sources are the discretisation (mesh and resistance map), the parameters of the mix, the laws of the mix, its pore air,
+the other valid models, the drive where its data are not measured, the quantity held over speed, the mix under the
+return stroke, and the duration of a pass. Each source scales or replaces the resistance of the model that sizes the
+machine, or the drive; the laws are simulated again at all of its ends.
 
 The mix is sampled with columns, which take milliseconds, or with the confined floor of a forming process: the
 logarithm of the resistance over the prior is fitted by a quadratic polynomial in the parameters. Sobol indices
@@ -26,14 +27,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc, sobol_indices, uniform
 
-from compact import contact
 from compact.analysis.contact_cases import HeldQuantity, scene_mix
 from compact.analysis.engines import ENGINES
+from compact.analysis.pore_air import RATIOS
 from compact.analysis.stages.contacts import roll_scene
+from compact.analysis.stages.drive_variants import drive_variants, peaks_with_oil
 from compact.analysis.stages.drives import Stages
-from compact.analysis.stages.verdict import ModelAnswer, Verdict
-from compact.machine.ranking import value_of
+from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
+from compact.machine.ranking import first_of, value_of
 from compact.material.mix import Parameter, prior
+from compact.motion.profile import Cycle
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
@@ -48,7 +51,7 @@ DENSITY_STEP = 0.1  # [-], of the increase of the density ratio; half-width of t
 SCALES = 7  # [-], of the resistance, at which the peaks of the recommended law are sampled
 SCALE_ENDS = (0.8, 1.2)  # [-], first and last of them over the least and largest resistance of the sources
 CONTENDER_SHARE = 1.5  # [-], of the least peak; laws beyond it are not first where the resistance changes
-MEASURED = "measured"  # first word of the clause of a remark on a measured value
+OIL_SHARE = 1.05  # [-], of the least peak; laws whose strokes with compressible oil are computed
 FED = "fed_density_ratio"
 LEAST_EFFECT = 1e-3  # [-], a smaller change of the resistance is not simulated
 
@@ -59,13 +62,16 @@ class SourceEnd:
 
     Parameters
     ----------
+    words : str
+        The end in words.
     change : dict
-        Relative change of the peak of the recommended law by criterion [-].
+        Relative change of the peaks of each recommended law [-], by law and criterion.
     first : dict
         First law by criterion.
     """
 
-    change: dict[str, float]
+    words: str
+    change: dict[str, dict[str, float]]
     first: dict[str, str]
 
 
@@ -77,18 +83,22 @@ class Source:
     ----------
     name, variation : str
         Source and its variation in words.
-    low, high : SourceEnd
-        Answers at the ends with the least and the largest effect on the peak force.
+    ends : tuple of SourceEnd
+        Answers at the ends.
     """
 
     name: str
     variation: str
-    low: SourceEnd
-    high: SourceEnd
+    ends: tuple[SourceEnd, ...]
 
-    def increase(self, by: str) -> float:
-        """Return the largest relative increase of the peak of the recommended law [-], 0 for none."""
-        return max(0.0, self.low.change[by], self.high.change[by])
+    def changes(self, law: str, by: str) -> tuple[float, float]:
+        """Return the least and the largest relative change of a peak of a recommended law [-]."""
+        found = [end.change[law][by] for end in self.ends]
+        return min(found), max(found)
+
+    def other_firsts(self, by: str, law: str) -> dict[str, str]:
+        """Return the first law by a criterion at each end where it is not the given one, by the end in words."""
+        return {end.words: end.first[by] for end in self.ends if end.first[by] != law}
 
 
 @dataclass(frozen=True)
@@ -136,11 +146,14 @@ class RankingUncertainty:
         None where columns do not cover the scene.
     peaks : dict
         Peaks of the recommended laws by criterion over the scale of the resistance: (scales, values).
+    laws : dict
+        Recommended law by criterion.
     """
 
     sources: tuple[Source, ...]
     mix: MixSpread | None
     peaks: dict[str, tuple[tuple[float, ...], tuple[float, ...]]]
+    laws: dict[str, str]
 
     def source(self, name: str) -> Source | None:
         """Return a source by its name."""
@@ -148,20 +161,23 @@ class RankingUncertainty:
 
     def first_laws(self, by: str) -> set[str]:
         """Return the laws that are first by a criterion at an end of a source of the margin."""
-        return {end.first[by] for each in self.sources if each.name in MARGIN_SOURCES for end in (each.low, each.high)}
+        return {end.first[by] for each in self.sources if each.name in MARGIN_SOURCES for end in each.ends}
 
-    def margin(self, by: str, leave_out: Sequence[str] = ()) -> float:
-        """Return the margin of a motor over the peak of the recommended law [-], see `verdict`.
+    def margin(self, by: str, leave_out: Sequence[str] = (), law: str | None = None) -> float:
+        """Return the margin of a motor over the peak of a recommended law [-], see `verdict`.
 
         Parameters
         ----------
+        by : str
+            Criterion.
         leave_out : sequence of str
             Names of sources that are not included.
+        law : str, optional
+            A recommended law; that of the criterion by default.
         """
-        increases = [
-            each.increase(by) for each in self.sources if each.name in MARGIN_SOURCES and each.name not in leave_out
-        ]
-        return math.sqrt(sum(increase**2 for increase in increases))
+        law = law or self.laws[by]
+        counted = [each for each in self.sources if each.name in MARGIN_SOURCES and each.name not in leave_out]
+        return math.sqrt(sum(max(0.0, each.changes(law, by)[1]) ** 2 for each in counted))
 
     def peak_change(self, by: str, scale: float) -> float:
         """Return the change of the peak of the recommended law under a scaled resistance [-].
@@ -183,8 +199,9 @@ class RankingUncertainty:
 
 
 MESH, MAP, MIX, LAW, MODELS = "mesh", "resistance map", "parameters of the mix", "law of the mix", "other valid models"
+AIR, DRIVE = "pore air", "drive, not measured"
 HELD, RETURN, DURATION = "held quantity", "return stroke", "duration of a pass"
-MARGIN_SOURCES = (MESH, MAP, MIX, LAW, MODELS)  # sources of the margin; the others are choices of the designer
+MARGIN_SOURCES = (MESH, MAP, MIX, LAW, AIR, MODELS, DRIVE)  # of the margin; the others are the designer's choice
 
 
 def ranking_uncertainty(
@@ -205,20 +222,20 @@ def ranking_uncertainty(
     -------
     RankingUncertainty
     """
-    laws = {by: each.law for by, each in verdicts.items()}
-    variation = _Variation(stages, laws)
+    laws, leads = {by: each.law for by, each in verdicts.items()}, models[0].valid
+    variation = _Variation(stages, sizing_model(models), laws)
     mix = mix_spread(stages.contacts.scene, stages.contacts.process)
-    sources = [each for each in _scaled_sources(variation, stages, mix, spread) if each is not None]
-    sources += _other_models(models, verdicts)
-    if compacted := variation.over_compacted_mix():
-        sources.append(Source(RETURN, "over fresh or compacted mix", *compacted))
-    sources += _durations(models[0], verdicts)
+    sources = [each for each in _scaled_sources(variation, stages, mix, spread if leads else None) if each is not None]
+    sources += _other_models(variation, models)
+    sources += variation.over_other_drives()
+    sources += variation.over_compacted_mix() if leads else ()
+    sources += variation.over_other_durations()
     ratios = [1.0, *((mix.low, mix.high) if mix else ()), *(spread or ())]
     scales = np.linspace(SCALE_ENDS[0] * min(ratios), SCALE_ENDS[1] * max(ratios), SCALES)
     peaks = {by: _finite(scales, [variation.peak(by, scale) for scale in scales]) for by in laws}
     if mix is not None:
         mix = replace(mix, shares={by: _shares(mix, *peaks[by]) for by in laws})
-    return RankingUncertainty(tuple(sources), mix, peaks)
+    return RankingUncertainty(tuple(sources), mix, peaks, laws)
 
 
 def _finite(scales: NDArray[np.float64], peaks: Sequence[float]) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -228,51 +245,86 @@ def _finite(scales: NDArray[np.float64], peaks: Sequence[float]) -> tuple[tuple[
 
 
 class _Variation:
-    """Answers of the engine of the scene under a changed resistance, with the drive of the scene."""
+    """Answers of the model that sizes the machine under a changed resistance or with another drive."""
 
-    def __init__(self, stages: Stages, laws: Mapping[str, str]) -> None:
-        self.stages, self.laws = stages, dict(laws)
-        places = stages.drive.places[stages.contacts.scene.drive.kind]
-        self.base = {by: {place.law: place.value for place in places[by]} for by in laws}
-        near = {
-            law
-            for by, values in self.base.items()
-            for law, value in values.items()
-            if value <= CONTENDER_SHARE * min(values.values()) or law in self.laws.values()
-        }
+    def __init__(self, stages: Stages, model: ModelAnswer, laws: Mapping[str, str]) -> None:
+        self.stages, self.model, self.laws = stages, model, dict(laws)
+        self.motion, self.drive = stages.contacts.scene.motion, stages.contacts.scene.drive.kind
+        self.base = {by: model.values(self.motion.duration, self.drive, by) for by in laws}
+        near = {law for law in stages.laws.cycles if self._is_near(law, CONTENDER_SHARE)}
         self.cycles = {law: cycle for law, cycle in stages.laws.cycles.items() if law in near}
 
-    def _resistance(self, scale: float) -> Any:
-        if self.stages.contacts.engine.layered:
-            return self.stages.resistance.map.scaled(scale)
-        one = self.stages.contacts.engineering.roller_resistance
-        return contact.dry_resistance(scale * self.stages.contacts.scene.machine.rollers * one)
+    def _is_near(self, law: str, share: float) -> bool:
+        """Return True for a recommended law, and within a share of the least peak by any criterion."""
+        values = [(each[law], min(each.values())) for each in self.base.values() if law in each]
+        return law in self.laws.values() or any(value <= share * least for value, least in values)
+
+    def _peaks(
+        self, cycles: Mapping[str, Cycle], resistance: Any, scene: Scene | None = None
+    ) -> dict[str, dict[str, float]]:
+        """Return the peaks by criterion and law; absent for a law that the drive does not follow."""
+        runs = dict(self.stages.drive.simulated(cycles, resistance, suppress(RuntimeError), scene))
+        return {by: {name: value_of(run, by) for name, run in runs.items()} for by in self.laws}
 
     def end(self, scale: float) -> SourceEnd:
         """Return the answer under a scaled resistance."""
-        runs = dict(self.stages.drive.simulated(self.cycles, self._resistance(scale), suppress(RuntimeError)))
-        return self._end({by: {name: value_of(run, by) for name, run in runs.items()} for by in self.laws})
+        return self.at(f"{scale:.2f} times", self._peaks(self.cycles, self.model.resistance.scaled(scale)))
 
     def peak(self, by: str, scale: float) -> float:
         """Return the peak of the recommended law under a scaled resistance [N] or [W], infinite if the drive stalls."""
         law = self.laws[by]
-        cycles = {law: self.stages.laws.cycles[law]}
-        runs = dict(self.stages.drive.simulated(cycles, self._resistance(scale), suppress(RuntimeError)))
-        return float(value_of(runs[law], by)) if runs else math.inf
+        found = self._peaks({law: self.stages.laws.cycles[law]}, self.model.resistance.scaled(scale))
+        return found[by].get(law, math.inf)
 
-    def over_compacted_mix(self) -> tuple[SourceEnd, SourceEnd] | None:
-        """Return the answers with the other and the own mix under the return stroke; None without a second pass."""
-        contacts, drive = self.stages.contacts, self.stages.drive
+    def over_other_drives(self) -> list[Source]:
+        """Return the source of the drive data that are not measured; none for a drive without such data."""
+        variants = drive_variants(self.stages.contacts.scene)
+        peaks_of = self._peaks_with_oil if self.drive == "hydraulic" else self._peaks_with_drive
+        ends = [self.at(words, peaks_of(scene)) for words, scene in variants.items()]
+        return [Source(DRIVE, ", ".join(variants), tuple(ends))] if ends else []
+
+    def _peaks_with_drive(self, scene: Scene) -> dict[str, dict[str, float]]:
+        return self._peaks(self.stages.laws.cycles, self.model.resistance, scene)
+
+    def _peaks_with_oil(self, scene: Scene) -> dict[str, dict[str, float]]:
+        """Return the peaks with compressible oil, of laws near the least alone: each takes about a second."""
+        table = scene.drive.hydraulics
+        assert table is not None  # rule of the scene
+        found: dict[str, dict[str, float]] = {by: {} for by in self.laws}
+        near = {law: cycle for law, cycle in self.stages.laws.cycles.items() if self._is_near(law, OIL_SHARE)}
+        for law, run in self.stages.drive.simulated(near, self.model.resistance, suppress(RuntimeError)):
+            with suppress(RuntimeError):
+                peaks = peaks_with_oil(run, table.bulk_modulus) if not run.lack else {}
+                for by in peaks.keys() & found.keys():
+                    found[by][law] = peaks[by]
+        return found
+
+    def over_compacted_mix(self) -> list[Source]:
+        """Return the source of the mix under the return stroke; none without a second pass."""
+        contacts = self.stages.contacts
         if contacts.second_pass is None or contacts.scene.layer.return_stroke == "compacted":
-            return None
+            return []
         resistance = replace(self.stages.resistance.map, return_ratio=contacts.second_pass[1])
-        runs = dict(drive.simulated(self.cycles, resistance, suppress(RuntimeError)))
-        other = self._end({by: {name: value_of(run, by) for name, run in runs.items()} for by in self.laws})
-        return other, self._end(self.base)
+        ends = self.at("compacted", self._peaks(self.cycles, resistance)), self.at("fresh", self.base)
+        return [Source(RETURN, "over fresh or compacted mix", ends)]
 
-    def _end(self, values: Mapping[str, Mapping[str, float]]) -> SourceEnd:
-        change = {by: values[by].get(law, math.inf) / self.base[by][law] - 1 for by, law in self.laws.items()}
-        return SourceEnd(change, {by: _first(found, self.laws[by]) for by, found in values.items()})
+    def over_other_durations(self) -> Iterator[Source]:
+        """Yield the other durations of a pass of the scene."""
+        for duration in self.model.places:
+            if duration != self.motion.duration:
+                words = f"{duration:.3g} s"
+                values = {by: self.model.values(duration, self.drive, by) for by in self.laws}
+                yield Source(DURATION, words, (self.at(words, values),))
+
+    def at(self, words: str, values: Mapping[str, Mapping[str, float]]) -> SourceEnd:
+        """Return the answer with the given peaks by criterion and law."""
+        change = {
+            law: {
+                by: values[by].get(law, math.inf) / self.base[by][law] - 1 for by in self.laws if law in self.base[by]
+            }
+            for law in self.laws.values()
+        }
+        return SourceEnd(words, change, {by: _first(found, self.laws[by]) for by, found in values.items()})
 
 
 def _first(values: Mapping[str, float], recommended: str) -> str:
@@ -280,28 +332,45 @@ def _first(values: Mapping[str, float], recommended: str) -> str:
     least = min(values.values(), default=math.inf)
     if not values or values.get(recommended, math.inf) <= least * (1 + LEAST_EFFECT):
         return recommended
-    return min(values, key=lambda law: values[law])
+    return list(values)[first_of(list(values.values()))]
 
 
 def _scaled_sources(
     variation: _Variation, stages: Stages, mix: MixSpread | None, spread: tuple[float, float] | None
 ) -> Iterator[Source | None]:
     """Yield the sources that multiply the resistance."""
-    layered = stages.contacts.engine.layered
-    mesh = stages.resistance.map.engine_error if layered else None
-    between = stages.resistance.map.error if layered else None
-    for name, error in ((MESH, mesh), (MAP, between)):
-        yield _scaled(variation, name, None if error is None else (1 - error, 1 + error))
+    resistance = variation.model.resistance
+    for name, error in ((MESH, "engine_error"), (MAP, "error")):
+        found = getattr(resistance, error, None)
+        yield _scaled(variation, name, None if found is None else (1 - found, 1 + found))
     yield _scaled(variation, MIX, (mix.low, mix.high) if mix else None)
     yield _scaled(variation, LAW, spread)
-    yield _scaled(variation, HELD, _held_ratios(stages))
+    if variation.model.engine == stages.contacts.scene.accuracy.engine:
+        yield _scaled(variation, AIR, _air_ratios(stages), "one-way to undrained, ")
+        yield _scaled(variation, HELD, _held_ratios(stages))
 
 
-def _scaled(variation: _Variation, name: str, ratios: tuple[float, float] | None) -> Source | None:
+def _scaled(variation: _Variation, name: str, ratios: tuple[float, float] | None, words: str = "") -> Source | None:
     if ratios is None or max(abs(ratio - 1) for ratio in ratios) < LEAST_EFFECT:
         return None
-    words = f"{ratios[0]:.2f} to {ratios[1]:.2f} times the resistance"
-    return Source(name, words, variation.end(ratios[0]), variation.end(ratios[1]))
+    words += f"{ratios[0]:.2f} to {ratios[1]:.2f} times the resistance"
+    return Source(name, words, tuple(variation.end(ratio) for ratio in ratios))
+
+
+def _air_ratios(stages: Stages) -> tuple[float, float] | None:
+    """Return the resistance with the air of a drained answer, one-way and undrained, over that of the answer.
+
+    Both are at the deformation without air; mix that yields to its air resists more where a bow wave exists.
+    """
+    contacts = stages.contacts
+    curve, speed, model = contacts.air_curve, contacts.scene.mean_speed, contacts.scene.mix.pore_air
+    if curve is None or model == "coupled":
+        return None
+    permeability = contacts.mix.parameter("air_permeability").value
+    one_way, undrained = (
+        1 + curve.at(speed, each).resistance / curve.skeleton_resistance for each in (permeability, speed / RATIOS[-1])
+    )
+    return (one_way, undrained) if model == "drained" else (1.0, undrained / one_way)
 
 
 def _held_ratios(stages: Stages) -> tuple[float, float] | None:
@@ -328,34 +397,15 @@ def _held_ratios(stages: Stages) -> tuple[float, float] | None:
 HELD_FIELDS = (("height", "indentation"), ("load", "load"), ("peak_pressure", "peak_pressure"))
 
 
-def _other_models(models: Sequence[ModelAnswer], verdicts: Mapping[str, Verdict]) -> list[Source]:
-    """Return the spread over the valid models, where there are others."""
-    if len([each for each in models if each.valid]) < 2 or not models[0].valid:
-        return []
-    drive, duration = next((each.drive, each.duration) for each in verdicts.values())
-    ends = []
-    for pick in (min, max):
-        change = {by: pick(each.values.values()) / each.value - 1 for by, each in verdicts.items()}
-        first = {}
-        for by, each in verdicts.items():
-            engine = pick(each.values, key=each.values.__getitem__)
-            answer = next(model for model in models if model.engine == engine)
-            first[by] = _first(answer.values(duration, drive, by), each.law)
-        ends.append(SourceEnd(change, first))
-    names = ", ".join(each.engine for each in models[1:] if each.valid)
-    return [Source(MODELS, names, *ends)]
-
-
-def _durations(model: ModelAnswer, verdicts: Mapping[str, Verdict]) -> Iterator[Source]:
-    """Yield the other durations of a pass of the scene."""
-    for duration, places in model.places.items():
-        own = next(iter(verdicts.values()))
-        if duration == own.duration:
-            continue
-        values = {by: {p.law: p.value for p in places[own.drive][by] if not p.reason} for by in verdicts}
-        change = {by: values[by][each.law] / each.value - 1 for by, each in verdicts.items()}
-        end = SourceEnd(change, {by: _first(values[by], each.law) for by, each in verdicts.items()})
-        yield Source(DURATION, f"{duration:.3g} s", end, end)
+def _other_models(variation: _Variation, models: Sequence[ModelAnswer]) -> list[Source]:
+    """Return the other models that are valid for sizing as a source, where there are some."""
+    duration = variation.motion.duration
+    others = [each for each in models if each.valid and each is not variation.model and variation.model.valid]
+    ends = [
+        variation.at(each.engine, {by: each.values(duration, variation.drive, by) for by in variation.laws})
+        for each in others
+    ]
+    return [Source(MODELS, ", ".join(each.engine for each in others), tuple(ends))] if ends else []
 
 
 # mix
@@ -422,8 +472,7 @@ def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, f
     mix, typical = scene_mix(scene), prior(scene.mix.moisture, scene.mix.density_ratio)
     ranges = {}
     for name in ENGINES["column"].parameters_of(scene.mix.law):
-        clauses = described.remark("mix.overrides", name).split(";")
-        measured = any(clause.strip().startswith(MEASURED) for clause in clauses)
+        measured = described.is_marked(f"mix.overrides.{name}", "measured")
         low, high = _relative_range(typical.parameter(name), measured)
         value = mix.parameter(name).value
         if low * value < high * value:

@@ -1,8 +1,10 @@
 """Verdict of a study: the models that may size a drive, their agreement, and the recommended law with its margin.
 
-A model is valid for sizing if it has the whole resistance: the formulas, and the engines with irreversible compaction.
-A linear layer has the viscoelastic part alone, about a seventh. Of the forming process, lumped lifts in two dimensions
-have the whole, and columns the confined floor.
+A model is valid for sizing if it has the whole resistance on this scene: the formulas, and engines with irreversible
+compaction. A linear layer has the viscoelastic part alone, about a seventh. Columns have no bow wave, which causes more
+than half of the resistance of a layer thicker than two contact lengths. Of the forming process, lumped lifts in two
+dimensions have the whole, and columns the confined floor. Models whose inputs are fitted to one point count as one
+witness of a rank.
 
 A law is a contender for rank 1 by a criterion if any valid model has it first, or within its errors or the build
 tolerance of the first law, or has it first where the resistance is scaled to an end of the spread of the mix. A single
@@ -11,7 +13,8 @@ recommended law has the least regret, its largest excess over the least value of
 
     margin = sqrt(sum of (increase_i)^2),   increase_i = change of the peak under source i over the peak
 
-The sources of the margin are the discretisation error, the other valid models, the laws of the mix and its parameters.
+The sources of the margin are the discretisation error, the other valid models, the laws of the mix, its parameters and
+its pore air, and the drive where its data are not measured.
 """
 
 import math
@@ -22,14 +25,19 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.contact_cases import ContactRecord
-from compact.analysis.engines import is_for_sizing
+from compact.analysis.engines import ENGINES, has_whole_resistance
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages.comparison import EngineComparison, Places
+from compact.analysis.stages.contacts import ContactStage
 from compact.analysis.stages.drives import Stages
-from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA
+from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, ROUNDING_TIE, group_equal
+from compact.scene.loader import Scene
 
 SIZING_PEAKS = ("peak_force", "peak_power")  # criteria of the verdict
-ROUNDING = 1e-9  # [-], relative; laws whose values are closer in every model are the same motion
+LARGEST_COLUMN = 2.0  # [-], height of a layer over the contact length up to which columns are valid
+VISCOELASTIC, FLOOR = "viscoelastic part only", "confined floor"
+FORMULA_FITS = ("machine.roller_friction", "machine.bearing_friction")  # inputs of eqs 1.8 and 1.9, besides the mix
+FED_DENSITIES = ("layer.fed_density_ratio", "process.feed_density_ratio")
 
 
 @dataclass(frozen=True)
@@ -40,8 +48,8 @@ class ModelAnswer:
     ----------
     engine : str
         Name of the engine.
-    valid : bool
-        True if the model may size a drive.
+    invalid : str
+        Reason why the model may not size a drive; empty if it may.
     places : dict
         Places of the laws by duration [s], drive and criterion.
     mean_resistance : dict
@@ -52,15 +60,29 @@ class ModelAnswer:
         Relative estimate of the discretisation error of the resistance [-]; None where the model has none.
     spread : tuple of float or None
         Least and largest resistance over the laws of the mix, over that of the model [-]; None where not computed.
+    resistance : callable or None
+        Resistance of one cart [N], a function of velocity and acceleration.
+    height_ratio : float or None
+        Height of the layer over the contact length at the mean speed [-]; None without a layer.
+    fitted : tuple of str
+        Inputs of the model that `[mix.fitted_at]` lists.
     """
 
     engine: str
-    valid: bool
+    invalid: str
     places: dict[float, Places]
     mean_resistance: dict[float, float]
     coefficient: dict[float, float]
     error: float | None
     spread: tuple[float, float] | None
+    resistance: Any = None
+    height_ratio: float | None = None
+    fitted: tuple[str, ...] = ()
+
+    @property
+    def valid(self) -> bool:
+        """True if the model may size a drive."""
+        return not self.invalid
 
     def first(self, duration: float, drive: str, by: str) -> list[Place]:
         """Return the places of rank 1; empty if all values are infinite.
@@ -109,7 +131,7 @@ class Verdict:
     contenders : tuple of str
         Laws that tie for rank 1, the recommended one first; laws that are the same motion are named once.
     resolved : bool
-        True if the valid models agree on rank 1 beyond their errors and the spread of the mix.
+        True if the valid models agree on rank 1 beyond their errors, the spread of the mix and that of the drive.
     agree : bool
         True if the first law of every valid model is the recommended one, whatever the errors.
     value : float
@@ -132,6 +154,11 @@ class Verdict:
     regret: float
 
 
+def sizing_model(models: Sequence[ModelAnswer]) -> ModelAnswer:
+    """Return the first model that is valid for sizing, the first model where there is none."""
+    return next((model for model in models if model.valid), models[0])
+
+
 def model_answers(
     stages: Stages, comparison: Mapping[str, EngineComparison], spread: tuple[float, float] | None
 ) -> list[ModelAnswer]:
@@ -150,37 +177,83 @@ def model_answers(
     duration = scene.motion.duration
     own = {duration: drive.places} | {each: stage.places for each, stage in drive.other_durations.items()}
     lead = stages.resistance
-    own_load = _loads(stages, stages.contacts.records, stages.contacts.roller_load)
     own_force = {each: lead.over(each).resistance for each in own}
-    found = [_answer(stages, scene.accuracy.engine, own, own_force, own_load, lead.error, spread)]
+    found = [_answer(scene, own, own_force, stages.contacts, lead.error, spread)]
     for name, other in comparison.items():
         places = {duration: other.places, **other.places_over}
-        load = _loads(stages, other.contacts, other.roller_load)
         force = {duration: other.resistance, **other.resistance_over}
-        found.append(_answer(stages, name, places, force, load, other.error, None))
+        found.append(_answer(scene.with_engine(name), places, force, other, other.error, None))
     return found
 
 
-def _loads(stages: Stages, contacts: Sequence[ContactRecord], load: float) -> Callable[[float], float]:
-    """Return the load of one roller over the speed [N], that at the mean speed where there are no contacts."""
-    if not contacts:
-        return lambda _speed: load
-    speeds, loads = np.log([each.speed for each in contacts]), [each.load for each in contacts]
-    length = stages.contacts.scene.machine.roller_length
-    return lambda speed: float(length * np.interp(np.log(speed), speeds, loads))
-
-
 def _answer(
-    stages: Stages, engine: str, places: dict[float, Places], resistance: Mapping[float, Any],
-    load: Callable[[float], float], error: float | None, spread: tuple[float, float] | None,
+    scene: Scene, places: dict[float, Places], resistance: Mapping[float, Any],
+    contacts: ContactStage | EngineComparison, error: float | None, spread: tuple[float, float] | None,
 ) -> ModelAnswer:  # fmt: skip
-    scene = stages.contacts.scene
+    """Collect the answer of the engine of a scene."""
+    records = contacts.records
     speeds = {duration: scene.motion.stroke / duration for duration in places}
     forces = {each: float(np.ravel(resistance[each](np.array([v]), np.zeros(1)))[0]) for each, v in speeds.items()}
-    coefficients = {each: force / (scene.machine.rollers * load(speeds[each])) for each, force in forces.items()}
-    valid = is_for_sizing(scene if engine == scene.accuracy.engine else scene.with_engine(engine))
-    valid = valid and (engine != "formula" or scene.machine.roller_condition != "pair")  # whose one roller it replaces
-    return ModelAnswer(engine, valid, places, forces, coefficients, error, spread)
+    loads = {
+        each: scene.machine.roller_length * _over_speed(records, speed, lambda record: record.load)
+        if records
+        else contacts.roller_load
+        for each, speed in speeds.items()
+    }
+    coefficients = {each: force / (scene.machine.rollers * loads[each]) for each, force in forces.items()}
+    ratio = None
+    if records and not ENGINES[scene.accuracy.engine].forming:
+        length = _over_speed(records, scene.mean_speed, lambda record: record.leading - record.trailing)
+        ratio = scene.lift_thickness / length if length > 0 else math.inf
+    return ModelAnswer(
+        scene.accuracy.engine, reason_against(scene, ratio), places, forces, coefficients, error, spread,
+        resistance[scene.motion.duration], ratio, fitted_inputs(scene),
+    )  # fmt: skip
+
+
+def _over_speed(contacts: Sequence[ContactRecord], speed: float, value: Callable[[ContactRecord], float]) -> float:
+    """Interpolate a quantity of the contacts over the logarithm of the speed."""
+    return float(
+        np.interp(np.log(speed), np.log([each.speed for each in contacts]), [value(each) for each in contacts])
+    )
+
+
+def reason_against(scene: Scene, height_ratio: float | None) -> str:
+    """State why the engine of a scene may not size a drive.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the engine.
+    height_ratio : float or None
+        Height of the layer over the contact length [-].
+
+    Returns
+    -------
+    str
+        Empty if the engine may.
+    """
+    engine = scene.accuracy.engine
+    if not has_whole_resistance(scene):
+        return FLOOR if ENGINES[engine].forming else VISCOELASTIC
+    if engine == "column" and height_ratio is not None and height_ratio > LARGEST_COLUMN:
+        return f"no bow wave, layer {height_ratio:.2g} contact lengths high"
+    return ""
+
+
+def fitted_inputs(scene: Scene) -> tuple[str, ...]:
+    """Return the inputs of the engine of a scene that `[mix.fitted_at]` lists.
+
+    Returns
+    -------
+    tuple of str
+        Keys of the scene.
+    """
+    engine = ENGINES[scene.accuracy.engine]
+    keys = [f"mix.overrides.{name}" for name in engine.parameters_of(scene.mix.law)]
+    keys += FED_DENSITIES if engine.compacting else () if engine.layered else FORMULA_FITS
+    fitted = scene.mix.fitted_at.parameters if scene.mix.fitted_at else ()
+    return tuple(key for key in keys if key.rpartition(".")[2] in fitted and scene.is_set(key))
 
 
 def verdict(
@@ -212,7 +285,8 @@ def verdict(
     def regret(law: str) -> float:
         return max(_excess(values[engine][law], low, by) for engine, low in least.items())
 
-    ordered = sorted((law for law in laws if law in found), key=regret)
+    close = [law for law in laws if law in found]
+    ordered = [close[i] for group in group_equal([regret(law) for law in close], floor=1.0) for i in group]
     distinct = _distinct(ordered, values)
     first = distinct[0]
     leaders = [{place.law for place in each.first(duration, drive, by)} for each in valid]
@@ -255,6 +329,8 @@ def _distinct(laws: Sequence[str], values: Mapping[str, Mapping[str, float]]) ->
     """Name laws with the same values in every model once."""
     found: list[str] = []
     for law in laws:
-        if not any(all(math.isclose(v[law], v[known], rel_tol=ROUNDING) for v in values.values()) for known in found):
+        if not any(
+            all(math.isclose(v[law], v[known], rel_tol=ROUNDING_TIE) for v in values.values()) for known in found
+        ):
             found.append(law)
     return found

@@ -1,0 +1,93 @@
+"""Refusals of `compact` told from errors of libraries, and sentences for errors of arithmetic and memory.
+
+A refusal is a sentence already. Errors of arithmetic and memory are in the words of numpy and Python: they mean that a
+computation left the range of floating-point numbers, mostly because a value was given in other units. Any other error
+is a defect of the program.
+"""
+
+from collections.abc import Callable
+from dis import opmap
+from importlib.metadata import entry_points
+from pathlib import Path
+from traceback import walk_tb
+from typing import Any
+
+import compact
+from compact.scene.engine_capabilities import ENTRY_POINTS
+
+# Beginnings of the messages of numpy and Python, and what each means
+MEANINGS = {
+    "invalid value": "an operation has no result (such as 0/0 or the square root of a negative number)",
+    "divide by zero": "a number is divided by zero",
+    "division by zero": "a number is divided by zero",
+    "float division by zero": "a number is divided by zero",
+    "overflow": "a number exceeds the range of floating-point numbers",
+    "(34": "a number exceeds the range of floating-point numbers",  # OverflowError of math: errno ERANGE
+    "underflow": "a number falls below the range of floating-point numbers",
+}
+OTHERWISE = "an equation has no finite solution"
+PACKAGE = Path(compact.__file__).parent
+REMEDY = "values of the scene are too large, too small or too far apart; check their units"
+
+
+def is_refusal(error: BaseException) -> bool:
+    """Return True for a ValueError or RuntimeError that a `raise` of this package, or of an added engine, has raised.
+
+    Libraries raise the same classes. In their errors the innermost frame is one of their own, or one of ours that calls
+    compiled code: its last instruction is no `raise`.
+    """
+    if not isinstance(error, ValueError | RuntimeError) or is_numeric(error):
+        return False
+    if getattr(error, "is_refusal", False) or _is_ours(type(error).__module__):
+        return True
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    if trace is None:
+        return False
+    frame, instruction = trace.tb_frame, trace.tb_frame.f_code.co_code[trace.tb_lasti]
+    return instruction == opmap["RAISE_VARARGS"] and _is_ours(frame.f_globals["__name__"])
+
+
+def run_marked(work: Callable[[Any], Any], task: Any) -> Any:
+    """Run a task in a worker process and mark its refusals, which lose their frames on the way to the caller."""
+    try:
+        return work(task)
+    except (ValueError, RuntimeError) as error:
+        error.is_refusal = is_refusal(error)  # type: ignore[union-attr]
+        raise
+
+
+def _is_ours(module: str) -> bool:
+    """Return True for a module of this package, or of a package that adds an engine."""
+    added = {entry.module.partition(".")[0] for entry in entry_points(group=ENTRY_POINTS)}
+    return module.partition(".")[0] in {"compact", *added}
+
+
+def is_numeric(error: BaseException) -> bool:
+    """Return True for an error of arithmetic: a RuntimeWarning of numpy, an ArithmeticError, a singular matrix."""
+    return isinstance(error, RuntimeWarning | ArithmeticError) or type(error).__name__ == "LinAlgError"
+
+
+def numeric_sentence(error: BaseException) -> str:
+    """Cause, module and remedy of an error for which `is_numeric` holds."""
+    said = str(error)
+    meaning = next((words for start, words in MEANINGS.items() if said.startswith(start)), OTHERWISE)
+    return f"the computation failed{_place(error)}: {meaning}; {REMEDY}"
+
+
+def memory_sentence(error: MemoryError) -> str:
+    """Place and remedy of an allocation that failed."""
+    return f"not enough memory{_place(error)}; lower the number of values, speeds or passes, or loosen the tolerance"
+
+
+def _place(error: BaseException) -> str:
+    """Name the innermost module of this package in which an error was raised; empty if there is none."""
+    files = [Path(frame.f_code.co_filename) for frame, _ in walk_tb(error.__traceback__)]
+    modules = [file.stem for file in files if PACKAGE in file.parents]
+    return f" in {modules[-1]}" if modules else ""
+
+
+def internal_sentence(error: BaseException) -> str:
+    """Class and words of an error that is a defect of the program."""
+    return f"internal error, please report it: {type(error).__name__}: {error}"
