@@ -3,7 +3,8 @@
 
    Resistance: cubic splines of F and M over ln|v|, a power law below the slowest sample, the added-mass term held at
    its limit, as `compact.resistance.ResistanceMap`. Guide friction: `compact.machine.cart.balance` with a drive along
-   the rails. Motion: classical Runge-Kutta steps of at most MAX_STEP that end where the velocity changes its sign. */
+   the rails. Motion: classical Runge-Kutta steps of at most MAX_STEP; one in which the velocity changes its sign is split
+   there. */
 
 #include <math.h>
 #include <stdio.h>
@@ -100,24 +101,31 @@ static double cart_acceleration(double v, double force) {
     return found * force > 0 ? found : 0;
 }
 
-static void advance(Cart *cart, double duration) {
-    double force = cart->inputs[APPLIED_FORCE];
-    int steps = (int)ceil(duration / MAX_STEP - 1e-9);
-    for (int k = 0; k < steps; k++) {
-        double h = duration / steps, x = cart->position, v = cart->velocity;
-        double a1 = cart_acceleration(v, force), v2 = v + h / 2 * a1;
-        double a2 = v2 * v < 0 ? a1 : cart_acceleration(v2, force), v3 = v + h / 2 * a2;
-        double a3 = v3 * v < 0 ? a1 : cart_acceleration(v3, force), v4 = v + h * a3;
-        double a4 = v4 * v < 0 ? a1 : cart_acceleration(v4, force);
-        double after = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4);
-        if (v * after < 0 || (v == 0 && a1 * after < 0)) { /* rest is reached, or not left, within the step */
-            cart->position = v == 0 ? x : x + v * h * v / (v - after) / 2;
-            cart->velocity = 0;
-        } else {
-            cart->position = x + h / 6 * (v + 2 * v2 + 2 * v3 + v4);
-            cart->velocity = after;
-        }
+/* One Runge-Kutta step [s]; returns the time that is left where the cart comes to rest within it. */
+static double step(Cart *cart, double h) {
+    double force = cart->inputs[APPLIED_FORCE], x = cart->position, v = cart->velocity;
+    double a1 = cart_acceleration(v, force), v2 = v + h / 2 * a1;
+    double a2 = v2 * v < 0 ? a1 : cart_acceleration(v2, force), v3 = v + h / 2 * a2;
+    double a3 = v3 * v < 0 ? a1 : cart_acceleration(v3, force), v4 = v + h * a3;
+    double a4 = v4 * v < 0 ? a1 : cart_acceleration(v4, force);
+    double after = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4);
+    if (v * after < 0) {
+        double braking = h * v / (v - after);
+        cart->position = x + v * braking / 2;
+        cart->velocity = 0;
+        return h - braking;
     }
+    if (v != 0 || a1 * after >= 0) { /* a cart at rest leaves it in the direction of its acceleration only */
+        cart->position = x + h / 6 * (v + 2 * v2 + 2 * v3 + v4);
+        cart->velocity = after;
+    }
+    return 0;
+}
+
+static void advance(Cart *cart, double duration) {
+    int steps = (int)ceil(duration / MAX_STEP - 1e-9);
+    for (int k = 0; k < steps; k++)
+        for (double left = duration / steps; left > 0;) left = step(cart, left); /* twice at most: from rest all of it */
 }
 
 static int within_samples(Cart *cart, double v) {

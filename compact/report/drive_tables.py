@@ -45,8 +45,8 @@ def write_drive_tables(study: Study, directory: Path) -> Iterator[Path]:
     if kind == "motor":
         rows = [_motor_row(run) for run in runs if hasattr(run, "motor_torque")]
         yield write_csv(directory / "motor.csv", MOTOR_HEADER, rows)
-        if study.drive_stage.motor_start is not None:
-            law, start = study.drive_stage.motor_start
+        if study.stages.drive.motor_start is not None:
+            law, start = study.stages.drive.motor_start
             header, columns = ("time_s", "angle_rad", "speed_rad/s"), (start.time, start.angle, start.speed)
             yield write_columns(directory / f"run-up-{law}.csv", header, columns)
     if kind == "hydraulic":
@@ -97,7 +97,7 @@ def roller_motor_numbers(study: Study) -> dict[str, dict[str, Any]]:
     dict of str to dict
         Numbers by law and name, in the units of `quantities.ROLLER_MOTOR`.
     """
-    motors = study.roller_motors.items()
+    motors = study.stages.drive.roller_motors.items()
     return {law: {name: getattr(motor, name) for name in ROLLER_MOTOR_FIELDS} for law, motor in motors}
 
 
@@ -106,7 +106,7 @@ def write_roller_motors(study: Study, directory: Path) -> Iterator[Path]:
     header = ("law", *column_names(ROLLER_MOTOR), "lack")
     rows = [(law, *numbers.values()) for law, numbers in roller_motor_numbers(study).items()]
     yield write_csv(directory / "roller-motors.csv", header, rows)
-    roller: Any = next(iter(study.roller_motors.values())).roller
+    roller: Any = next(iter(study.stages.drive.roller_motors.values())).roller
     if roller.has_creep:
         sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)
         columns = [column.ravel() for column in sampled]
@@ -120,8 +120,8 @@ def _write_hydraulics(study: Study, directory: Path) -> Iterator[Path]:
     for run in runs:
         columns = (run.time, *run.state[:2], *vars(run.valve_flow).values())
         yield write_columns(directory / "throttles" / f"{run.name}.csv", THROTTLE_HEADER, columns)
-    if study.drive_stage.hydraulic_stroke is not None:
-        run, stroke = study.drive_stage.hydraulic_stroke
+    if study.stages.drive.hydraulic_stroke is not None:
+        run, stroke = study.stages.drive.hydraulic_stroke
         law = run.inverse_dynamics.cycle.forward.position(stroke.time)
         columns = (stroke.time, stroke.position, stroke.velocity, law, stroke.inlet_pressure, stroke.outlet_pressure)
         yield write_columns(directory / f"passage-{run.name}.csv", STROKE_HEADER, columns)

@@ -38,7 +38,7 @@ CRANK_HEADER = ("carts", "mean_power_W", "peak_power_W", "peak_over_mean", "peak
 
 def write_law_tables(study: Study, directory: Path) -> Iterator[Path]:
     """Write formulas, mix, laws with their joins, and the cycle of every law."""
-    formulas = [(name, n.value, n.unit, n.low, n.high, n.known_by) for name, n in study.numbers.items()]
+    formulas = [(name, n.value, n.unit, n.low, n.high, n.known_by) for name, n in study.stages.contacts.numbers.items()]
     yield write_csv(directory / "engineering.csv", FORMULA_HEADER, formulas)
     mix = [(p.name, p.value, p.unit, p.low, p.high, p.flag, p.origin) for p in study.mix.parameters]
     yield write_csv(directory / "mix.csv", MIX_HEADER, mix)
@@ -74,8 +74,8 @@ def write_reactions(study: Study, directory: Path) -> Iterator[Path]:
 def write_cams(study: Study, directory: Path) -> Iterator[Path]:
     """Write cams.csv, the profiles of all cams, the rotation of the rollers and the requirements on their motors."""
     rows = []
-    for (law, follower), cam in study.cams.items():
-        least = study.least_breadths[law, follower]
+    for (law, follower), cam in study.stages.laws.cams.items():
+        least = study.stages.laws.least_breadths[law, follower]
         rows.append((
             law, follower, cam.breadth, least.breadth, least.rule, cam.undercut, cam.least_radius_of_curvature,
             cam.largest_pressure_angle, cam.largest_contact_offset, cam.breadth_error,
@@ -85,7 +85,7 @@ def write_cams(study: Study, directory: Path) -> Iterator[Path]:
     yield write_csv(directory / "cams.csv", CAM_HEADER, rows)
     for law, cycle in study.cycles.items():
         turned = roller_rotation(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
-        header, columns = drive_tables.roller_motor_columns(study.roller_motors[law], turned.time)
+        header, columns = drive_tables.roller_motor_columns(study.stages.drive.roller_motors[law], turned.time)
         path = directory / "cams" / f"{law}-stepper.csv"
         yield write_columns(path, STEPPER_HEADER + header, (*astuple(turned), *columns))
     yield from drive_tables.write_roller_motors(study, directory)
@@ -94,11 +94,11 @@ def write_cams(study: Study, directory: Path) -> Iterator[Path]:
 def write_crank(study: Study, directory: Path) -> Iterator[Path]:
     """Write crank.csv for 1 to 4 carts, and crank-turn.csv, one turn of the shaft of the scene."""
     rows = []
-    for key, turn in study.turns.items():
+    for key, turn in study.stages.drive.turns.items():
         mean, peak = turn.mean(turn.power), turn.peak_power
         rows.append((key, mean, peak, peak / mean, turn.peak_torque))
     yield write_csv(directory / "crank.csv", CRANK_HEADER, rows)
-    turn = study.turns["scene"]
+    turn = study.stages.drive.turns["scene"]
     names = [f"{name}_{i}" for i in range(1, len(turn.carts) + 1) for name in ("rod_force_N", "torque_Nm", "power_W")]
     columns = [column for cart in turn.carts for column in (cart.rod_force, cart.torque, cart.power)]
     columns = [turn.angle, turn.torque, turn.power, *columns]

@@ -4,13 +4,12 @@ By columns every answer says two things: the load is a lower estimate, and the c
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from compact.analysis.process import ProcessStudy
 from compact.engines.process.fields import process_frames
-from compact.engines.process.two_dimensions import TwoDimensionalRow
+from compact.engines.process.lifts import TwoDimensionalRow
 from compact.files import write_columns, write_csv, write_figure, write_json, write_vtu_series
 from compact.quantities import PROCESS, STROKE, column_names
 from compact.report.figures.process import draw_lifts, draw_map, draw_section, draw_strokes
@@ -24,6 +23,8 @@ PRODUCT_FIELDS = {"bottom_density_ratio": "1", "top_density_ratio": "1", "overpr
 LIFTED_HEADER = ("load_by_lifts_N/m", "resistance_by_lifts_N/m")
 ROUNDING = 1e-6  # [-], of the product; less mix is rounding
 CAUSE_WIDTH = 62  # [characters]
+NOT_FITTED = "not fitted"
+HALF_FITTED = "not fitted, but the Heckel slope of the prior passes through the published point"
 COLUMNS_STATEMENT = (
     "confined columns: the load is a lower estimate, the resistance is the confined floor and not for sizing; shear "
     "and the density over the height need two dimensions"
@@ -115,8 +116,9 @@ def process_digest(study: ProcessStudy) -> str:
         force = "not computed" if part.force is None else format_quantity(part.force, "N")
         work = "" if part.work is None else f"{part.work / 1e3:10.4g} kJ/m³ of product"
         lines.append(f"{_line(part.cause, force)}{work}")
+    words = NOT_FITTED if study.mix.parameter("heckel_slope").flag == "given" else HALF_FITTED
     for each in study.printed:
-        lines += ["", f"printed: {each.name} {each.printed:.0f} N, computed {each.computed:.0f} N, nothing fitted"]
+        lines += ["", f"printed: {each.name} {each.printed:.0f} N, computed {each.computed:.0f} N; {words}"]
         lines += [f"{_line(cause, f'{force:.0f} N')}{force / each.printed:10.0%}" for cause, force in each.causes]
     if study.remarks:
         lines += ["", *(f"note: {remark}" for remark in study.remarks)]
@@ -144,8 +146,6 @@ def _two_dimensional_summary(study: ProcessStudy) -> dict[str, Any] | None:
         **{name: json_number(each.value, unit) | {"error": each.error, "lumping_error": each.lumping_error,
            "mesh_error": each.mesh_error, "extrapolated_share": each.extrapolated_share}
            for name, (each, unit) in estimates.items()},
-        "spread_over_the_mix": {force: study.mix_spread.bounds(force) for force in ("load", "resistance")},
-        "spread_by_parameter": [asdict(each) for each in study.mix_spread.effects],
         "air_is_counted": study.counts_air,
         "air_excess_behind": json_number(found.air_excess_behind, "Pa"),
         "load_centre": json_number(found.load_centre, "m"),
@@ -175,9 +175,6 @@ def _two_dimensional_lines(study: ProcessStudy) -> Iterator[str]:
     )  # fmt: skip
     for term, each in rows:
         yield f"{_line(term, format_quantity(each.value, 'N'))}  ± {each.error:.0%}"
-    for force in ("load", "resistance"):
-        low, high = study.mix_spread.bounds(force)
-        yield _line(f"{force}, Heckel slope and modulus over their spread", f"x {low:.2f} to {high:.2f}")
     share = found.load_centre / study.scene.machine.roller_length
     yield _line("centre of the load, of the roller length", format_percent(share))
     yield _line("skew moment of the load", format_quantity(found.skew_moment, "Nm"))

@@ -49,9 +49,9 @@ def write_ranking_tables(study: Study, directory: Path) -> Iterator[Path]:
             for a in study.agreements
         ])  # fmt: skip
     for name, other in study.comparison.items():
-        if other.contacts:
+        if other.records:
             path = directory / DIRECTORY / name / "contact.csv"
-            yield write_csv(path, ENGINE_HEADER, [contact_row(contact) for contact in other.contacts])
+            yield write_csv(path, ENGINE_HEADER, [contact_row(contact) for contact in other.records])
 
 
 def _or_empty(value: Any) -> Any:
@@ -66,13 +66,17 @@ def criterion_error(study: Study, run: Any, by: str) -> float | None:
     float or None
         Error in the unit of the criterion; None where the error of the resistance is unknown.
     """
-    return None if study.heavier_runs is None else error(run, study.heavier_runs.get(run.name), by)
+    return (
+        None
+        if study.stages.drive.heavier_runs is None
+        else error(run, study.stages.drive.heavier_runs.get(run.name), by)
+    )
 
 
 def save_comparisons(study: Study, directory: Path) -> Iterator[Path]:
     """Save contacts and resistance maps of the compared engines for the next run."""
     for name, other in study.comparison.items():
-        if other.contacts:
-            found: tuple[Any, ...] = (other.contacts, other.held, other.second_pass, other.resistance)
+        if other.records:
+            found: tuple[Any, ...] = (other.records, other.held, other.second_pass, other.resistance)
             results = KeptResults(*found)
             yield from write_results(directory / DIRECTORY / name, results, other.key)

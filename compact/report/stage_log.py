@@ -111,7 +111,7 @@ def logged(verbose: int, profile: bool) -> Iterator[None]:
     Parameters
     ----------
     verbose : int
-        0 for no log, 1 for stages and files, 2 for the iterations of solvers too.
+        0 for errors only, 1 for stages and files, 2 for the iterations of solvers too.
     profile : bool
         True to print the time of every stage.
     """
@@ -127,7 +127,7 @@ def logged(verbose: int, profile: bool) -> Iterator[None]:
         handlers.append((stages, measured))
     for logger, handler in handlers:
         logger.addHandler(handler)
-    package.setLevel(logging.DEBUG if verbose > 1 else logging.INFO)
+    package.setLevel(logging.DEBUG if verbose > 1 else logging.INFO if verbose or profile else logging.ERROR)
     try:
         yield
     finally:

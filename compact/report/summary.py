@@ -3,13 +3,10 @@
 Numbers become dictionaries here and in `contact_to_json`, and nowhere else.
 """
 
-import json
 import platform
-import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 from compact import quantities
@@ -26,17 +23,6 @@ from compact.report.sizing.machine_tables import sizing_numbers
 from compact.rolling_contact import HeapingError, UnsteadyError
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
-FORMER_KEYS = {  # former name of a key -> its present names
-    "beside": ("comparison",),
-    "by_rolling": ("density_achievable",),
-    "error_of_the_engine": ("engine_error",),
-    "its_first": ("other_first",),
-    "ringing": ("dynamic_amplification",),
-    "stages": ("evaluation_counts",),
-    "standing": ("stick_time",),
-    "sure": ("resolved", "resolved_discordant_pairs"),
-    "swaps": ("discordant_pairs",),
-}
 PACKAGES = ("compact", "numpy", "scipy")  # whose versions are recorded
 WORK_BALANCE_UNITS = {
     "pass_work": "J/m3", "confined_work": "J/m3", "work_ratio": "1", "loose_work": "J/m3", "cycle_work": "J",
@@ -63,7 +49,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "versions": versions(),
         "engine": scene.accuracy.engine,
         "drive_resistance": _drive_resistance(study),
-        "held": _held(study.held),
+        "held": _held(study.stages.contacts.held),
         "return_stroke": _return_stroke(study),
         "pore_air": _pore_air(study),
         "model_spread": _model_spread(study.model_spread),
@@ -75,12 +61,12 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"density_achievable": reach.possible, "reason": reach.reason},
-        "numbers": {name: asdict(number) for name, number in study.numbers.items()},
+        "numbers": {name: asdict(number) for name, number in study.stages.contacts.numbers.items()},
         "contacts": [contact_to_json(contact) for contact in study.contacts],
         "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},
-        "laws_not_made": study.laws_not_made,
-        "rankings": _rankings(study.places[scene.drive.kind]),
-        "rigid_rankings": _rankings(study.places.get("rigid", {})),
+        "laws_not_made": study.stages.laws.not_made,
+        "rankings": _rankings(study.stages.drive.places[scene.drive.kind]),
+        "rigid_rankings": _rankings(study.stages.drive.places.get("rigid", {})),
         "roller_motors": drive_tables.roller_motor_numbers(study) if "cams" in scene.output.items else {},
         "comparison": _comparison(study),
         "heaping": {name: _heaping(error) for name, error in study.heaping.items()},
@@ -90,23 +76,6 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "evaluation_counts": dict(study.counts),
         "files": files,
     }
-
-
-def read_summary(path: str | Path) -> dict[str, Any]:
-    """Read summary.json; its dictionaries accept the former names of keys with a DeprecationWarning."""
-    return json.loads(Path(path).read_text(encoding="utf-8"), object_hook=_SummaryDict)
-
-
-class _SummaryDict(dict[str, Any]):
-    """Dictionary that finds a present key under its former name."""
-
-    def __missing__(self, key: str) -> Any:
-        present = next((new for new in FORMER_KEYS.get(key, ()) if new in self), None)
-        if present is None:
-            raise KeyError(key)
-        sentence = f"{key!r} of summary.json is now {present!r}; the former name is accepted for one release"
-        warnings.warn(sentence, DeprecationWarning, stacklevel=2)
-        return self[present]
 
 
 def versions() -> dict[str, str]:
@@ -124,9 +93,9 @@ def _held(held: HeldQuantity | None) -> dict[str, Any] | None:
 
 def _drive_resistance(study: Study) -> dict[str, Any]:
     """Convert the resistance to the cart and its error estimates."""
-    if not study.layered:
+    if not study.stages.contacts.engine.layered:
         return {"by": "eq 1.8"}
-    resistance_map = study.resistance_map
+    resistance_map = study.stages.resistance.map
     return {
         "by": study.scene.accuracy.engine,
         "speeds": resistance_map.speeds,
@@ -134,18 +103,18 @@ def _drive_resistance(study: Study) -> dict[str, Any]:
         "engine_error": resistance_map.engine_error,
         "added_masses": resistance_map.added_masses,
         "relaxation_time": resistance_map.relaxation_time,
-        "kept": study.kept is not None,
+        "kept": study.stages.contacts.kept is not None,
     }
 
 
 def _return_stroke(study: Study) -> dict[str, Any]:
     """Convert the state of the mix under the return stroke, the ratios of a second pass and the energy of a cycle."""
-    load, resistance = study.second_pass or (None, None)
+    load, resistance = study.stages.contacts.second_pass or (None, None)
     return {
         "over": study.scene.layer.return_stroke,
         "second_pass_load": json_number(load, "1"),
         "second_pass_resistance": json_number(resistance, "1"),
-        "energy": {over: json_number(energy, "J") for over, energy in study.cycle_energies.items()},
+        "energy": {over: json_number(energy, "J") for over, energy in study.stages.drive.cycle_energies.items()},
     }
 
 
@@ -156,7 +125,7 @@ def _pore_air(study: Study) -> dict[str, Any] | None:
         return None
     permeability, (value, low, high) = air.permeability, air.deaeration_speeds
     load, resistance = air.shares
-    curve = study.air_curve
+    curve = study.stages.contacts.air_curve
     return {
         "model": study.scene.mix.pore_air,
         "air_permeability": json_number(permeability.value, "m2")
@@ -216,7 +185,10 @@ def _verdict(study: Study) -> dict[str, Any] | None:
 
 def _steady_forces(study: Study) -> dict[str, Any]:
     """Convert the forces on one cart at constant mean speed."""
-    force, guides = (float(each[0]) for each in (study.steady.drive_force, study.steady.guide_friction))
+    force, guides = (
+        float(each[0])
+        for each in (study.stages.resistance.steady.drive_force, study.stages.resistance.steady.guide_friction)
+    )
     forces = {"drive_force": force, "resistance": force - guides, "guide_friction": guides}
     return {name: json_number(value, "N") for name, value in forces.items()}
 
@@ -231,7 +203,11 @@ def _work_balance(balance: WorkBalance) -> dict[str, Any]:
 def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
     """Convert the criteria of a run, their errors and the quantities of its kind of drive."""
     own = [name for name in quantities.RUN if name != "unsteady_share" and hasattr(run, name)]
-    unsteady = {"unsteady_share": run.time_fraction(study.resistance_map.is_unsteady)} if study.layered else {}
+    unsteady = (
+        {"unsteady_share": run.time_fraction(study.stages.resistance.map.is_unsteady)}
+        if study.stages.contacts.engine.layered
+        else {}
+    )
     errors = {"errors": {by: ranking_tables.criterion_error(study, run, by) for by in CRITERIA}}
     criteria = {by: value_of(run, by) for by in CRITERIA}
     return criteria | {name: getattr(run, name) for name in own} | unsteady | errors
@@ -242,7 +218,7 @@ def _comparison(study: Study) -> dict[str, Any]:
     agreed = study.agreements if study.comparison else []
     return {
         name: {
-            "contacts": [contact_to_json(contact) for contact in other.contacts],
+            "contacts": [contact_to_json(contact) for contact in other.records],
             "held": _held(other.held),
             "resistance_error": other.error,
             "roller_load": json_number(other.roller_load, "N"),

@@ -16,7 +16,7 @@ from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages.comparison import resistances_without_wave
 from compact.analysis.stages.laws import COMPLIANT_DRIVES
 from compact.analysis.stages.model_spread import LawVariant
-from compact.analysis.stages.roller_pair import pair_answer
+from compact.analysis.stages.verdict import FLOOR, VISCOELASTIC
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA
@@ -28,7 +28,6 @@ from compact.report.sizing.sentences import (
     margin_sentence,
     motor_sentence,
     work_sentence,
-    work_warnings,
 )
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
@@ -39,9 +38,9 @@ DIGEST_CRITERIA = 2  # [-], number of criteria in the digest, the first of the s
 DIGEST_NUMBER = "roller_force"
 DIGEST_LINES = 38  # [-]; the digest and the line of the results fit 40 lines
 PART_OF = re.compile(r" of \w+\)$")  # end of the share of a resistance in another
+SHORT_REASONS = {VISCOELASTIC: "part", FLOOR: "floor"}  # in the terminal; a layer otherwise
+LEFT_OUT = 2  # [-], last columns of the table of models that the page alone has
 SHORT_CELLS = {  # words of the table of models in the terminal
-    f"no: {answer_text.NOT_FOR_SIZING}": "no (part)", f"no: {answer_text.CONFINED_FLOOR}": "no (floor)",
-    f"no: {answer_text.ONE_ROLLER}": "no (single)",
     "discretisation error": "error", "mean resistance": "resistance",
     "least peak drive force": "least peak force", "least peak drive power": "least peak power",
 }  # fmt: skip
@@ -60,8 +59,8 @@ def study_digest(study: Study) -> str:
     for each in answer_text.recommendations(study):
         lines += _wrapped(each.sentence)
     lines += ["", *_model_lines(study), ""] if study.verdicts else [""]
-    if not study.layered:
-        lines.append(_number_line(DIGEST_NUMBER, study.numbers[DIGEST_NUMBER]))
+    if not study.stages.contacts.engine.layered:
+        lines.append(_number_line(DIGEST_NUMBER, study.stages.contacts.numbers[DIGEST_NUMBER]))
     waiting = [found for sentence in _digest_sentences(study) if (found := _wrapped(sentence))]
     while waiting and len(lines) + len(waiting[0]) < DIGEST_LINES:
         lines += waiting.pop(0)
@@ -72,21 +71,24 @@ def study_digest(study: Study) -> str:
 
 def _digest_sentences(study: Study) -> Iterator[str]:
     """List the sentences of the digest, the most important first; some are empty."""
+    yield from answer_text.limit_sentences(study)
     yield from answer_text.duration_lines(study)
     yield from (answer_text.stiffness_sentence(study), answer_text.measurement_sentence(study), spread_sentence(study))
-    yield from (motor_sentence(study.machine_sizing), margin_sentence(study), *work_warnings(study.work_balance))
+    yield from (motor_sentence(study.machine_sizing), margin_sentence(study))
     yield from heaping_sentences(study)
-    yield from (f"not made: {name}: {reason}" for name, reason in study.laws_not_made.items())
+    yield from (f"not made: {name}: {reason}" for name, reason in study.stages.laws.not_made.items())
     yield from (study.mix.density_achievable.reason, held_sentence(study), sleeve_sentence(study))
     yield from (return_sentence(study), air_sentence(study))
     yield "" if study.over_durations is None else duration_sentence(study.over_durations)
     yield from _best_lines(study)
-    if study.scene.machine.roller_condition == "pair":
-        speed, contact = study.contact_stage.typical
-        yield "; ".join(pair_sentences(study, contact, speed))
     yield guide_sentence(study).partition("; for comparison")[0]
-    yield from (coverage(study.scene, study.engineering), bearing_sentence(study.machine_sizing), work_sentence(study))
-    yield from chain(*study.scene.replacements.values())
+    yield from (
+        coverage(study.scene, study.stages.contacts.engineering),
+        bearing_sentence(study.machine_sizing),
+        work_sentence(study),
+    )
+    fits = study.scene.mix.fit_remark
+    yield from (each for each in chain(*study.scene.replacements.values()) if not fits or fits not in each)
 
 
 def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) -> str:
@@ -105,11 +107,10 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
     lines.append(f"a roller is {machine.roller_length:g} m long, the cart has {machine.rollers}")
     if first.error:
         lines += _accuracy_lines(first)
-    if study.held is not None:
+    if study.stages.contacts.held is not None:
         lines.append(held_sentence(study))
     lines += study.scene.replacements[engine]
-    lines += pair_sentences(study, first, speed)
-    air = study.contact_stage.air_forces_of(first, speed)
+    air = study.stages.contacts.air_forces_of(first, speed)
     if air is not None:
         lines.append(
             f"without pore air, whose pressure at this deformation adds {air.load:.4g} N/m to the load and "
@@ -119,37 +120,6 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
         lines += ["", "pass   load [N/m]   resistance [N/m]   exit height [mm]   density ratio"]
         lines += [_pass_line(number, each) for number, each in enumerate(passes, start=1)]
     return "\n".join(lines)
-
-
-def pair_sentences(study: Study, contact: ContactResult, speed: float) -> list[str]:
-    """Describe a contact of a pair of rollers, compared with Johanson's theory; empty for other rollers.
-
-    Parameters
-    ----------
-    speed : float
-        Speed of the contact [m/s].
-    """
-    pair = pair_answer(study.scene, study.mix, contact, speed)
-    if pair is None:
-        return []
-    lines = [
-        f"one of two rollers: gap {1e3 * pair.gap:.3g} mm, strip {1e3 * pair.strip_thickness:.3g} mm, contact from "
-        f"{np.degrees(pair.entry_angle):.3g} degrees, both rollers {pair.power:.4g} W",
-    ]
-    if pair.rim_over_feed is not None:
-        rim, strip = pair.rim_over_feed - 1, pair.strip_over_feed / pair.rim_over_feed - 1
-        lines.append(f"the rims are {rim:.1%} faster than the fed mix, the strip {strip:.1%} faster than the rims")
-    angle = getattr(contact, "nip_angle", None)
-    nip = "" if angle is None else f"nip angle {np.degrees(angle):.3g} degrees"
-    if pair.johanson_nip_angle is not None and pair.johanson_load is not None:
-        ratio = pair.johanson_load / contact.load
-        lines.append(
-            f"{nip + '; ' if nip else ''}Johanson: nip angle {np.degrees(pair.johanson_nip_angle):.3g} degrees with K "
-            f"{pair.johanson_compressibility:.3g}, {ratio:.2f} times the load at this peak pressure"
-        )
-    elif nip:
-        lines.append(nip)
-    return lines
 
 
 def cam_digest(law: str, cam: Cam) -> str:
@@ -172,7 +142,7 @@ def held_sentence(study: Study) -> str:
     str
         One sentence without a full stop; empty for the engine "formula".
     """
-    held = study.held
+    held = study.stages.contacts.held
     if held is None:
         return ""
     quantity = {
@@ -191,7 +161,7 @@ def sleeve_sentence(study: Study) -> str:
     str
         One sentence without a full stop; empty without feed sleeves.
     """
-    process = study.contact_stage.process
+    process = study.stages.contacts.process
     if process is None or not process.sleeve_drag:
         return ""
     return (
@@ -253,20 +223,20 @@ def return_sentence(study: Study) -> str:
     str
         One sentence without a full stop.
     """
-    if study.scene.machine.roller_condition == "pair":
-        return "return stroke: a pair of rollers has none and turns on; a cycle is twice the forward stroke"
-    if not study.cycle_energies or study.second_pass is None:
-        if study.engine.forming:
-            load, resistance = study.contact_stage.return_ratios
+    if not study.stages.drive.cycle_energies or study.stages.contacts.second_pass is None:
+        if study.stages.contacts.engine.forming:
+            load, resistance = study.stages.contacts.return_ratios
             return f"return stroke: {load:.1%} of the load and {resistance:.1%} of the resistance of the forward stroke"
-        reason = "a linear layer recovers" if study.layered else "the formulas have no other state"
+        reason = (
+            "a linear layer recovers" if study.stages.contacts.engine.layered else "the formulas have no other state"
+        )
         return f"return stroke: over fresh mix, with the resistance of the forward stroke ({reason})"
-    load, resistance = study.second_pass
-    fresh, compacted = (study.cycle_energies[state] for state in ("fresh", "compacted"))
+    load, resistance = study.stages.contacts.second_pass
+    fresh, compacted = (study.stages.drive.cycle_energies[state] for state in ("fresh", "compacted"))
     return (
         f"return stroke: over {study.scene.layer.return_stroke} mix; over compacted mix it requires {load:.1%} of the "
-        f"load and {resistance:.1%} of the resistance; energy per cycle with {study.drive_stage.best_law}: {fresh:.4g} "
-        f"J over fresh mix, {compacted:.4g} J over compacted mix"
+        f"load and {resistance:.1%} of the resistance; energy per cycle with {study.stages.drive.best_law}: "
+        f"{fresh:.4g} J over fresh mix, {compacted:.4g} J over compacted mix"
     )
 
 
@@ -279,9 +249,9 @@ def air_sentence(study: Study) -> str:
         One sentence without a full stop; empty for a layer without compaction.
     """
     air, model = study.pore_air, study.scene.mix.pore_air
-    if not study.engine.compacting:
+    if not study.stages.contacts.engine.compacting:
         return ""
-    if study.engine.forming:
+    if study.stages.contacts.engine.forming:
         return _air_of_process(study)
     if air is None:
         return (
@@ -297,7 +267,7 @@ def air_sentence(study: Study) -> str:
         f"pore air: {words}; at the mean speed and {air.permeability.value:.2g} m2 it adds {100 * load:.2g} % to the "
         f"load and {100 * resistance:.2g} % to the resistance; it adds a tenth of the load at {value} m/s{band}"
     )
-    if study.engine.name == "compaction" and model != "coupled":
+    if study.stages.contacts.engine.name == "compaction" and model != "coupled":
         sentence += (
             ", at the deformation without air; where a bow wave exists, coupled contacts have several times as much"
         )
@@ -310,7 +280,7 @@ def air_sentence(study: Study) -> str:
 
 def _air_of_process(study: Study) -> str:
     """State the part of the pore air in the strokes of a process."""
-    process = study.contact_stage.process
+    process = study.stages.contacts.process
     found = None if process is None else process.two_dimensions
     if process is None or found is None or process.pore_air is None:
         return "pore air: not computed by columns, nor of mix that is occluded as fed"
@@ -329,7 +299,7 @@ def spread_sentence(study: Study) -> str:
     str
         One sentence without a full stop; empty for an engine without compaction.
     """
-    if not study.engine.compacting:
+    if not study.stages.contacts.engine.compacting:
         return ""
     spread = study.model_spread
     if spread is None:
@@ -341,7 +311,7 @@ def spread_sentence(study: Study) -> str:
     heaped = [each for each in spread.variants if each.heaping is not None]
     failed = [each for each in spread.variants if each.load is None and each.heaping is None]
     sentence = f"spread over the laws of the mix: {bands} those above"
-    if study.engine.name == "column":
+    if study.stages.contacts.engine.name == "column":
         sentence += "; confined compression has no bow wave, on which the laws differ most"
     if heaped:
         sentence += f"; no steady state, the mix heaps up: {_names(heaped)}"
@@ -368,7 +338,7 @@ def guide_sentence(study: Study) -> str:
     str
         One sentence without a full stop.
     """
-    steady, formula = study.steady, study.engineering
+    steady, formula = study.stages.resistance.steady, study.stages.contacts.engineering
     force, guides = (float(each[0]) for each in (steady.drive_force, steady.guide_friction))
     return (
         f"drive force at the mean speed: {force:.4g} N, of which {guides:.3g} N at the guide wheels (guide_friction "
@@ -383,23 +353,34 @@ def _wrapped(text: str) -> list[str]:
 
 
 def _number_line(name: str, number: Number) -> str:
-    spread = "" if number.low is None else f"   {number.low:.4g} to {number.high:.4g} over the spread of the mix"
+    spread = ""
+    if number.low is not None:
+        high = "beyond the range of the formulas" if number.high is None else f"{number.high:.4g}"
+        spread = f"   {number.low:.4g} to {high} over the spread of the mix"
     return f"  {name.replace('_', ' '):<24}{number.value:>10.4g} {number.unit:<4}{spread}"
 
 
 def _model_lines(study: Study) -> Iterator[str]:
     """List the models in columns of equal width."""
-    rows = answer_text.model_table(study)
-    table = [[PART_OF.sub(")", SHORT_CELLS.get(cell, cell)) for cell in row] for row in rows]
+    rows = [[name, _short_validity(valid), *cells] for name, valid, *cells in answer_text.model_table(study)]
+    table = [[PART_OF.sub(")", SHORT_CELLS.get(cell, cell)) for cell in row[:-LEFT_OUT]] for row in rows]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     for row in table:
         yield "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
 
 
+def _short_validity(cell: str) -> str:
+    """Shorten the reason why a model may not size a drive; the page has it in full."""
+    valid, _, fitted = cell.partition("; ")
+    if valid.startswith("no: "):
+        valid = f"no ({SHORT_REASONS.get(valid[4:], 'layer')})"
+    return f"{valid}, {fitted}" if fitted else valid
+
+
 def _best_lines(study: Study) -> Iterator[str]:
     """List the best laws by the first criteria with the drive of the scene, a sentence for each criterion."""
     kind, engine = study.scene.drive.kind, study.scene.accuracy.engine
-    for by, order in list(study.places[kind].items())[:DIGEST_CRITERIA]:
+    for by, order in list(study.stages.drive.places[kind].items())[:DIGEST_CRITERIA]:
         term, unit = CRITERIA[by].quantity.term, CRITERIA[by].unit
         best = "; ".join(_place_words(place, study.runs.get(place.law), kind) for place in order[:BEST_LAWS])
         yield f"laws by {term} [{unit}], {engine}, {kind} drive: {best}"
@@ -418,7 +399,11 @@ def _place_words(place: Place, run: Any, kind: str) -> str:
 
 def _contact_rows(study: Study, contact: ContactResult) -> list[tuple[str, Any, Any, Any]]:
     """List (label, computed, by formula, exact) of one contact."""
-    formulas, exact, length = study.engineering, study.exact, study.scene.machine.roller_length
+    formulas, exact, length = (
+        study.stages.contacts.engineering,
+        study.stages.contacts.exact,
+        study.scene.machine.roller_length,
+    )
     resistance, radius = formulas.roller_resistance, study.scene.machine.roller_radius
     return [
         ("load [N/m]", contact.load, formulas.roller_force / length, exact.load),
@@ -494,6 +479,6 @@ def _target(study: Study) -> str:
             "load": f"the prescribed load of {value:.4g} N on a roller",
             "peak_pressure": f"the prescribed peak pressure of {value / 1e3:.4g} kPa",
         }[name]
-    if study.engine.compacting:
+    if study.stages.contacts.engine.compacting:
         return f"the density ratio {study.scene.mix.density_ratio:g} of the product"
     return f"the peak pressure of {study.mix.required_pressure / 1e3:.4g} kPa that the density requires"

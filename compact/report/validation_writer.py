@@ -1,23 +1,27 @@
-"""Validation as text, as the page docs/validation.md, and as files of a directory: page, table and figures."""
+"""Validation as text, as tables of Markdown, as figures, and as files of a directory."""
 
 import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import asdict
-from importlib.resources import files
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
+from matplotlib.figure import Figure
+
 from compact.files import atomic_file, write_csv, write_figure
-from compact.report.figures.validation import draw_case
-from compact.validation.case import KINDS, PREDICTED, VERDICTS, Comparison
-from compact.validation.registry import RECORDED_HEADER, CaseResult, recorded_rows
+from compact.report.figures.style import DASHES, PALETTE, panels
+from compact.validation.case import PREDICTED, Comparison, Panel
+from compact.validation.runner import VERDICTS, CaseResult
 
 TABLE_WIDTH = 120  # characters of a line
 QUANTITY_WIDTH = 48  # characters; a longer quantity has a line of its own
 NOTE_INDENT = " " * 4  # of the lines below a row
+PANEL = (4.3, 3.0)  # [inch], of a figure
+MARKER_SIZE = 4  # [points]
+MARKERS = ("o", "s", "^", "D", "v", "P")
 HEADER = ("quantity", "unit", "ours", "theirs", "scatter", "deviation", "expected", "verdict")
-PAGE, PAGE_TEMPLATE = "validation.md", "page.md"
 
 
 def text_table(results: Sequence[CaseResult]) -> str:
@@ -25,17 +29,20 @@ def text_table(results: Sequence[CaseResult]) -> str:
     lines: list[str] = []
     for result in results:
         case = result.case
-        lines += ["", f"{case.name}: {case.title} ({KINDS[case.kind]}; {', '.join(case.engines)})"]
-        lines.append(_line(*HEADER))
-        lines.append("-" * TABLE_WIDTH)
+        lines += ["", f"{case.name}: {case.title} ({case.kind}; {', '.join(case.engines)})"]
+        lines += [_line(*HEADER), "-" * TABLE_WIDTH]
         for each in result.comparisons:
-            lines.append(_line(*_cells(each)))
-            lines += _wrapped("; ".join(filter(None, (_bracket(each), *_reasons(each)))))
-            if each in result.moved:
-                lines += _wrapped(_movement(result, each))
-        for remark in result.evaluation.remarks:
-            lines += _wrapped(remark)
+            moved = f"MOVED: ours {each.ours:.9g}, recorded {each.recorded:.9g}" if each.moved else ""
+            lines += [_line(*_cells(each)), *_wrapped("; ".join(_reasons(each))), *_wrapped(moved)]
+        lines += _wrapped(f"Source: {case.source}.")
     return "\n".join([*lines[1:], "", counts_sentence(results)])
+
+
+def counts_sentence(results: Sequence[CaseResult]) -> str:
+    """Count the verdicts of evaluated cases in one sentence."""
+    totals = {verdict: sum(result.counts[verdict] for result in results) for verdict in VERDICTS}
+    shares = ", ".join(f"{count} {verdict}" for verdict, count in totals.items())
+    return f"{sum(totals.values())} numbers of {len(results)} case{'s' if len(results) > 1 else ''}: {shares}"
 
 
 def case_summaries(results: Sequence[CaseResult]) -> list[dict[str, Any]]:
@@ -51,102 +58,82 @@ def case_summaries(results: Sequence[CaseResult]) -> list[dict[str, Any]]:
     ]
 
 
-def counts_sentence(results: Sequence[CaseResult]) -> str:
-    """Count the verdicts of evaluated cases in one sentence."""
-    totals = {verdict: sum(result.counts[verdict] for result in results) for verdict in VERDICTS}
-    shares = ", ".join(f"{count} {verdict}" for verdict, count in totals.items())
-    return f"{sum(totals.values())} numbers of {len(results)} case{'s' if len(results) > 1 else ''}: {shares}"
+def markdown(results: Sequence[CaseResult]) -> str:
+    """Format evaluated cases as tables of Markdown below the count of their verdicts."""
+    cases = "\n".join(f"### {each.case.name}\n\n{markdown_case(each)}" for each in results)
+    return f"{markdown_overview(results)}\n{cases}"
 
 
-def markdown_page(results: Sequence[CaseResult], figures: str = "validation/") -> str:
-    """Format the page docs/validation.md.
-
-    Parameters
-    ----------
-    results : sequence of CaseResult
-        Evaluated cases.
-    figures : str
-        Folder of the figures, as seen from the page.
-    """
-    page = files("compact.validation").joinpath("data", PAGE_TEMPLATE).read_text(encoding="utf-8")
-    measured = [result for result in results if result.case.validates]
-    exact = [result for result in results if not result.case.validates]
-    parts = {
-        "{overview}": markdown_overview(results),
-        "{validation}": "\n".join(markdown_case(result, figures) for result in measured),
-        "{verification}": "\n".join(markdown_case(result, figures) for result in exact),
-    }
-    for place, text in parts.items():
-        page = page.replace(place, text.rstrip())
-    return page
+def markdown_case(result: CaseResult) -> str:
+    """Format one case as a table of Markdown, with numbered remarks and the source."""
+    remarks: dict[str, int] = {}
+    rows: list[Sequence[str]] = [HEADER, ("---",) * len(HEADER)]
+    for each in result.comparisons:
+        *cells, verdict = _cells(each)
+        places = sorted(remarks.setdefault(text, len(remarks) + 1) for text in _reasons(each))
+        rows.append((*cells, f"{verdict} ({', '.join(map(str, places))})" if places else verdict))
+    listed = "".join(f"{number}. {text}.\n" for text, number in remarks.items())
+    return f"{markdown_table(rows)}\n{listed}\nSource: {result.case.source}.\n"
 
 
 def markdown_overview(results: Sequence[CaseResult]) -> str:
     """Format one line for each case with the count of its verdicts, as a table of Markdown."""
-    rows: list[tuple[str, ...]] = [("case", "kind", "engines", *VERDICTS), ("---",) * 6]
+    rows: list[Sequence[str]] = [("case", "kind", "engines", *VERDICTS), ("---",) * 6]
     for result in results:
-        case, counts = result.case, result.counts
-        link = f"[{case.name}](#{case.name})"
-        rows.append((link, KINDS[case.kind], ", ".join(case.engines), *(str(counts[name]) for name in VERDICTS)))
-    return _markdown_table(rows) + f"\n{counts_sentence(results)}.\n"
+        case, counts = result.case, (str(count) for count in result.counts.values())
+        rows.append((f"[{case.name}](#{case.name})", case.kind, ", ".join(case.engines), *counts))
+    return f"{markdown_table(rows)}\n{counts_sentence(results)}.\n"
 
 
-def markdown_case(result: CaseResult, figures: str) -> str:
-    """Format one case: setting, table, figure, source and licence."""
-    case = result.case
-    remarks: dict[str, int] = {}
-    rows = [HEADER, ("---",) * len(HEADER), *(_cells_with_remarks(each, remarks) for each in result.comparisons)]
-    parts = [f"### {case.name}", f"**{case.title}** ({KINDS[case.kind]}). {case.setting}", _markdown_table(rows)]
-    if remarks:
-        parts.append("\n".join(f"{number}. {text}." for text, number in remarks.items()) + "\n")
-    parts += [f"{remark}\n" for remark in result.evaluation.remarks]
-    if result.evaluation.panels:
-        parts.append(f"![{case.title}]({figures}{case.name}.png)\n")
-    parts.append(f"Source: {case.source}. Licence: {case.licence}.\n")
-    return "\n".join(
-        textwrap.fill(part, TABLE_WIDTH, break_on_hyphens=False) + "\n" if _is_prose(part) else part for part in parts
-    )
+def markdown_table(rows: Sequence[Sequence[str]]) -> str:
+    """Format rows of cells, the second of them the rule, as a table of Markdown."""
+    return "".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |\n" for row in rows)
 
 
 def write_validation(directory: Path, results: Sequence[CaseResult]) -> list[Path]:
-    """Write the page, the table of all values and one figure of each case.
+    """Write the text, the table of all values and one figure of each case; return the files.
 
     Parameters
     ----------
     directory : Path
         Directory; created if absent.
-
-    Returns
-    -------
-    list of Path
-        Files written.
     """
-    page = directory / PAGE
-    with atomic_file(page) as stream:
-        stream.write(markdown_page(results))
-    written = [page, write_csv(directory / "validation.csv", RECORDED_HEADER, recorded_rows(results))]
-    for result in results:
-        if result.evaluation.panels:
-            path = directory / "validation" / f"{result.case.name}.png"
-            written.append(write_figure(path, draw_case(result.evaluation.panels)))
-    return written
+    rows = [
+        (result.case.name, each.key, each.ours, each.theirs, each.verdict)
+        for result in results
+        for each in result.comparisons
+    ]
+    written = [directory / "validation.txt", directory / "validation.csv"]
+    with atomic_file(written[0]) as stream:
+        stream.write(text_table(results) + "\n")
+    write_csv(written[1], ("case", "key", "ours", "theirs", "verdict"), rows)
+    return written + [
+        write_figure(directory / "validation" / f"{result.case.name}.png", draw_case(result.panels))
+        for result in results
+        if result.panels
+    ]
 
 
-def _is_prose(part: str) -> bool:
-    return not part.startswith(("|", "#", "1.", "!"))
+def draw_case(contents: tuple[Panel, ...]) -> Figure:
+    """Draw the panels of a case side by side; a single set of points is black, several have the colours of the lines.
 
-
-def _cells_with_remarks(each: Comparison, remarks: dict[str, int]) -> tuple[str, ...]:
-    """Format the cells of one comparison, with the numbers of its remarks behind the verdict."""
-    *cells, verdict = _cells(each)
-    if each.bracket is not None:
-        cells[2] = f"{each.ours:.4g} ({each.bracket[0]:.4g} to {each.bracket[1]:.4g})"
-    places = sorted(remarks.setdefault(text, len(remarks) + 1) for text in _reasons(each))
-    return (*cells, f"{verdict} ({', '.join(map(str, places))})" if places else verdict)
-
-
-def _markdown_table(rows: Sequence[Sequence[str]]) -> str:
-    return "".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |\n" for row in rows)
+    Parameters
+    ----------
+    contents : tuple of Panel
+        Finished curves; at least one panel.
+    """
+    figure, axes = panels(1, len(contents), PANEL, gaps=(0.95, 0.3), left=0.85)
+    for ax, panel in zip(axes[0], contents, strict=True):
+        lines = [curve for curve in panel.curves if curve.is_ours]
+        points = [curve for curve in panel.curves if not curve.is_ours]
+        for curve, colour, dash in zip(lines, cycle(PALETTE), cycle(DASHES), strict=False):
+            ax.plot(curve.x, curve.y, color=colour, linestyle=dash, label=curve.label)
+        for curve, colour, marker in zip(points, cycle(PALETTE), cycle(MARKERS), strict=False):
+            style = {"color": "black" if len(points) == 1 else colour, "markerfacecolor": "none"}
+            ax.plot(curve.x, curve.y, marker, markersize=MARKER_SIZE, label=curve.label, **style)
+        ax.set(xlabel=panel.x_label, ylabel=panel.y_label, xscale="log" if panel.log_x else "linear")
+        ax.legend(frameon=False, fontsize="small")
+    return figure
 
 
 def _cells(each: Comparison) -> tuple[str, ...]:
@@ -167,24 +154,8 @@ def _percent(share: float, sign: str = "") -> str:
 
 
 def _reasons(each: Comparison) -> list[str]:
-    """Return the basis of a fit, the explanation of a larger distance, and the note."""
-    explanation = each.explanation if each.verdict == "explained" else ""
-    basis = "" if each.basis == PREDICTED else each.basis
-    return [text for text in (basis, explanation, each.note) if text]
-
-
-def _bracket(each: Comparison) -> str:
-    """Return the range of ours in words; empty without one."""
-    if each.bracket is None:
-        return ""
-    return f"ours from {each.bracket[0]:.4g} to {each.bracket[1]:.4g} {each.unit}"
-
-
-def _movement(result: CaseResult, each: Comparison) -> str:
-    recorded = (result.recorded or {}).get(each.key)
-    if recorded is None:
-        return f"NOT RECORDED: ours {each.ours:.9g}"
-    return f"MOVED: ours {each.ours:.9g}, recorded {recorded:.9g}"
+    """Return the basis of a fit and the remark of a row."""
+    return [text for text in (each.basis if each.basis != PREDICTED else "", each.why) if text]
 
 
 def _wrapped(text: str) -> list[str]:

@@ -36,9 +36,9 @@ def write_study(
     """
     items = study.scene.output.items
     with claimed_directory(directory, study.scene.hash, force) as place, study.helped(executor or SerialExecutor()):
-        files = list(contact_tables.write_contact_tables(study, place)) if study.layered else []
+        files = list(contact_tables.write_contact_tables(study, place)) if study.stages.contacts.engine.layered else []
         study.begin_model_spread()
-        kept = list(study.keep(place, files)) if study.layered else []
+        kept = list(study.keep(place, files)) if study.stages.contacts.engine.layered else []
         for item, write in WRITERS.items():
             if item in items:
                 files += write(study, place)
@@ -54,7 +54,7 @@ def write_study(
             files += _write_report(study, place, pictures)
         if "figures" in items:
             files += [write_bytes(place / f"{name}.png", picture) for name, picture in pictures.items()]
-        if study.layered:
+        if study.stages.contacts.engine.layered:
             list(study.keep(place, files))
         files += [*kept, *ranking_tables.save_comparisons(study, place)]
         summary = study_summary(study, [str(Path(file).relative_to(place)) for file in files])
@@ -66,7 +66,7 @@ def _write_fields(study: Study, directory: Path) -> Iterator[Path]:
     if standing := study.standing(directory, "fields.pvd", "fields/", "fields.png"):
         yield from standing
     else:
-        yield from contact_tables.write_fields(directory, study.fields)
+        yield from contact_tables.write_fields(directory, study.stages.contacts.fields)
         study.count("figures")
 
 
@@ -104,25 +104,25 @@ def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
     """List the figures of a study: function and results by name."""
     from compact.report.figures import answer, contact, motion, ranking, sizing
 
-    items, places = study.scene.output.items, study.places[study.scene.drive.kind]
+    items, places = study.scene.output.items, study.stages.drive.places[study.scene.drive.kind]
     found: dict[str, tuple[Any, ...]] = {
         "kinematics": (motion.draw_kinematics, study.cycles),
         "drive": (motion.draw_drive, study.runs),
     }
     if "reactions" in items:
         by_rod = (name for name, run in study.runs.items() if run.state.rod_tangent.any())
-        names = list(dict.fromkeys([study.drive_stage.best_law, *by_rod]))
+        names = list(dict.fromkeys([study.stages.drive.best_law, *by_rod]))
         found["reactions"] = (motion.draw_reactions, study.runs, names)
     if "cams" in items:
-        found["cams"] = (motion.draw_cams, study.cams, list(study.cycles), "roller")
+        found["cams"] = (motion.draw_cams, study.stages.laws.cams, list(study.cycles), "roller")
     if "crank" in items:
-        found["crank"] = (motion.draw_crank_turns, study.turns)
-    if study.layered:
+        found["crank"] = (motion.draw_crank_turns, study.stages.drive.turns)
+    if study.stages.contacts.engine.layered:
         peaks = [cycle.forward.peaks().acceleration for cycle in study.cycles.values()]
         resistances: dict[str, Any] = {study.scene.accuracy.engine: study.resistance}
         resistances |= {name: other.resistance for name, other in study.comparison.items()}
         found["contact"] = (contact.draw_loads, study.contacts)
-        found["resistance"] = (contact.draw_resistance, study.resistance_map, float(np.median(peaks)))
+        found["resistance"] = (contact.draw_resistance, study.stages.resistance.map, float(np.median(peaks)))
         found["resistances"] = (ranking.draw_resistances, resistances)
         found["engines"] = (ranking.draw_engines, study.places_by_engine)
     first = study.machine_sizing.first

@@ -128,7 +128,11 @@ def test_kinematics_of_a_report_are_those_of_the_laws():
     study = SimpleNamespace(
         over_durations=None, machine_sizing=SimpleNamespace(first=None),
         scene=SimpleNamespace(output=SimpleNamespace(items=()), drive=SimpleNamespace(kind="elastic")),
-        places={"elastic": {}}, runs="runs", cycles="cycles", layered=False, count=lambda stage: None,
+        runs="runs", cycles="cycles", count=lambda stage: None,
+        stages=SimpleNamespace(
+            drive=SimpleNamespace(places={"elastic": {}}),
+            contacts=SimpleNamespace(engine=SimpleNamespace(layered=False)),
+        ),
     )  # fmt: skip
     figure, *results = writer._figures(study)["kinematics"]
     assert figure is figures.draw_kinematics
@@ -193,7 +197,7 @@ def layer_of(pressure, dissipation, height=0.22, speed=0.1, contact=0.05, base="
         cell_data={"pressure": [np.array(pressure)], "dissipation": [np.array(dissipation)]},
     )  # fmt: skip
     rolled = SimpleNamespace(
-        layer=Layer(height, base), roller=Roller(0.11, indentation=0.01), indentation=0.01, speed=speed,
+        layer=Layer(height, base=base), roller=Roller(0.11, indentation=0.01), indentation=0.01, speed=speed,
         leading=contact / 2, trailing=-contact / 2,
     )  # fmt: skip
     return mesh, rolled

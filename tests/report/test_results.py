@@ -6,6 +6,7 @@ import errno
 import json
 import math
 import os
+import shutil
 import stat
 from pathlib import Path
 from xml.etree import ElementTree
@@ -18,6 +19,7 @@ from hypothesis import strategies as st
 from compact.files import (
     OWNER_FILE,
     ResultsError,
+    _source_hash,
     atomic_file,
     claim_directory,
     claimed_directory,
@@ -25,6 +27,17 @@ from compact.files import (
     write_json,
     write_pvd_collection,
 )
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "changes"),
+    [("law.py", "b = 2", True), ("table.csv", "1", True), ("other.py", "a = 1", True), ("note.txt", "new", False)],
+)
+def test_hash_of_the_sources_follows_every_edit(tmp_path, name, content, changes):
+    (tmp_path / "law.py").write_text("a = 1")
+    before = _source_hash(tmp_path)
+    (tmp_path / name).write_text(content)
+    assert (_source_hash(tmp_path) != before) == changes
 
 
 def names(directory):
@@ -358,6 +371,33 @@ def test_claim_of_a_run_that_wrote_something_stays(tmp_path):
         fail_in(tmp_path, "abc", "laws.csv")
     with pytest.raises(ResultsError, match="another scene"):
         claim_directory(tmp_path, "xyz")
+
+
+def delete_and_write(out, error):
+    with claimed_directory(out, "abc"):
+        shutil.rmtree(out)
+        write_json(out / "later.json", {})
+        if error:
+            raise error
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [(None, ResultsError), (FileNotFoundError, ResultsError), (KeyboardInterrupt, KeyboardInterrupt)],
+)
+def test_deleted_directory_is_told_and_continued_by_the_same_command(tmp_path, error, told):
+    out = tmp_path / "out"
+    with pytest.raises(told) as raised:
+        delete_and_write(out, error)
+    assert ("was deleted while its results were written" in str(raised.value)) == (told is ResultsError)
+    assert names(out) == sorted(["later.json", OWNER_FILE])
+    claim_directory(out, "abc")
+
+
+def test_directory_that_another_command_overwrites_is_told(tmp_path):
+    with pytest.raises(ResultsError, match="overwritten by another command"), claimed_directory(tmp_path, "abc"):
+        claim_directory(tmp_path, "xyz", force=True)
+    assert (tmp_path / OWNER_FILE).read_text() == "xyz\n"
 
 
 def test_empty_mark_is_another_scene(tmp_path):

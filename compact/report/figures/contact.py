@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from compact.analysis.contact_cases import ContactRecord, TerrainContact
+from compact.analysis.contact_cases import ContactRecord
 from compact.engines.halfplane import LineContact
 from compact.quantities import CONTACT, FIELD, MOTION, SPEED
 from compact.report.figures.style import DASHES, PALETTE, label_decades, panels
@@ -33,7 +33,6 @@ OUTLINE_NODES = [0, 4, 1, 5, 2, 6, 3, 7]  # of a quadrilateral with nodes on its
 SHOWN_CONTACTS = 2.5  # [-], contact lengths shown on each side
 DEEPEST_RATIO = 2.5  # [-], height over shown half-width, up to which a layer is shown down to its base
 FIELD_PANEL_WIDTH = 3.3  # [inch]
-WHEEL_PANEL = (4.3, 3.0)  # [inch]
 BASE_LABELS = {"bonded": "rigid base, bonded", "slip": "rigid base, frictionless"}
 
 
@@ -221,24 +220,3 @@ def _draw_roller(ax: Axes, contact: Any) -> None:
     ax.add_patch(Circle((0, bottom + radius), radius, facecolor="0.92", edgecolor="0.3", linewidth=0.8))
     arrow = f"{contact.speed:.3g} m/s →" if contact.speed > 0 else f"← {-contact.speed:.3g} m/s"
     ax.text(0, bottom + 0.2 * radius, arrow, ha="center", fontsize=9)
-
-
-def draw_terrain_contact(contact: TerrainContact) -> Figure:
-    """Draw stresses along the contact, and drawbar over slip of a wheel with shear."""
-    found, curve = contact.result, contact.slip_curve
-    figure, axes = panels(1, 2 if curve.size else 1, WHEEL_PANEL, gaps=(0.95, 0.3))
-    ax = axes[0, 0]
-    ax.plot(1e3 * found.x, found.pressure / 1e3, color=PALETTE[0], label="normal stress")
-    ax.plot(1e3 * found.x, found.shear_traction / 1e3, color=PALETTE[1], linestyle="--", label="shear on the terrain")
-    ax.set(xlabel="x from the lowest point [mm]", ylabel="stress [kPa]")
-    ax.legend(frameon=False, fontsize="small")
-    if curve.size:
-        right, load = axes[0, 1], found.load * contact.width
-        right.plot(curve[:, 0], curve[:, 1] / load, color=PALETTE[0], label="drawbar over load")
-        torque = curve[:, 2] / (contact.radius * load)
-        right.plot(curve[:, 0], torque, color=PALETTE[1], linestyle="--", label="torque over load and radius")
-        right.plot(found.slip, found.drawbar / found.load, "o", color="black", label="this wheel")
-        right.axhline(0, color="0.7", linewidth=0.8)
-        right.set(xlabel="slip [-]", ylabel="[-]")
-        right.legend(frameon=False, fontsize="small")
-    return figure

@@ -17,8 +17,8 @@ from matplotlib.patches import Patch, Rectangle
 
 from compact.analysis.process import ProcessStudy
 from compact.engines.process.fields import section_rows
+from compact.engines.process.lifts import TwoDimensionalRow
 from compact.engines.process.section import SectionState
-from compact.engines.process.two_dimensions import TwoDimensionalRow
 from compact.quantities import STROKE
 from compact.report.figures.style import PALETTE, panels
 from compact.report.figures.sweep import label_contours

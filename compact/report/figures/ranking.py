@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from compact.analysis.ranking_uncertainty import Place
-from compact.machine.ranking import CRITERIA
+from compact.machine.ranking import CRITERIA, group_equal
 from compact.quantities import MOTION, SPEED
-from compact.report.figures.style import PALETTE, law_style, panels
+from compact.report.figures.style import PALETTE, law_style, panels, write_none_finite
 
 DRIVE_PANELS = 2  # [-], number of criteria of the comparison of engines, for each drive
 RANKING_PANELS = 4  # [-], number of criteria of the rankings, the first of the scene
@@ -184,8 +184,10 @@ def _draw_marks(ax: Axes, by: str, order: list[Place], comparison: Mapping[str, 
 def _draw_excess(ax: Axes, excess: Mapping[str, Mapping[str, tuple[float, float]]], by: str, most: int) -> None:
     """Mark the excess of the laws by each engine, with its error."""
     reference = next(iter(excess.values()))
-    laws = sorted(reference, key=lambda law: min(found[law][0] for found in excess.values() if law in found))
-    laws = sorted(laws[:most], key=lambda law: reference[law][0])
+    least = {law: min(found[law][0] for found in excess.values() if law in found) for law in reference}
+    nearest = itertools.chain(*group_equal(list(least.values()), floor=100.0))
+    shown = {list(least)[i] for i in itertools.islice(nearest, most)}
+    laws = [law for law in reference if law in shown]  # in their order by the first engine
     for (engine, found), offset in zip(excess.items(), mark_offsets(len(excess)), strict=True):
         color, mark, _ = engine_style(engine)
         value, error = np.reshape([found.get(law, (np.nan, 0.0)) for law in laws], (-1, 2)).T
@@ -193,8 +195,7 @@ def _draw_excess(ax: Axes, excess: Mapping[str, Mapping[str, tuple[float, float]
         error = np.where(error, error, np.nan)  # no whisker without an error
         ax.errorbar(value, np.arange(len(laws)) + offset, xerr=error, fmt=mark, label=engine, **style)
     if not laws:
-        text = f"no law has a finite {CRITERIA[by].quantity.term}"
-        ax.text(0.5, 0.5, text, transform=ax.transAxes, ha="center", va="center", fontsize=9)
+        write_none_finite(ax, by)
     ax.set_yticks(range(len(laws)), laws, fontsize=8)
     ax.set_ylim(len(laws) - 0.4, -0.6)
     ax.set_yticks(np.arange(max(len(laws) - 1, 0)) + 0.5, minor=True)

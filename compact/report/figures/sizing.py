@@ -11,7 +11,7 @@ from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import LawSizing
 from compact.machine.motor_sizing import SizingRule
 from compact.quantities import CRITERIA
-from compact.report.figures.style import PALETTE, label_decades, law_style, panels
+from compact.report.figures.style import PALETTE, label_decades, law_style, panels, write_none_finite
 
 PANEL = (5.2, 3.4)  # [inch]
 OTHERS: dict[str, Any] = {"color": "0.82", "linewidth": 0.8}
@@ -47,11 +47,14 @@ def draw_durations(found: DurationStudy, own_duration: float) -> Figure:
 def _draw_peak(ax: Axes, found: DurationStudy, by: str) -> None:
     """Draw one peak: the laws, the first ones where they are first, and the crossovers."""
     quantity = CRITERIA[by]
-    factor, times = quantity.plot_factor, np.array(found.durations)
-    for values in found.values(by).values():
+    factor, times, peaks = quantity.plot_factor, np.array(found.durations), found.values(by)
+    ax.set(xlabel="duration of a pass T [s]", ylabel=quantity.axis_label)
+    if not np.isfinite(list(peaks.values())).any():
+        write_none_finite(ax, by)
+        return
+    for values in peaks.values():
         ax.plot(times, np.where(np.isfinite(values), values, np.nan) * factor, **OTHERS)
-    ax.set(xscale="log", yscale="log", xlabel="duration of a pass T [s]", ylabel=quantity.axis_label)
-    peaks = found.values(by)
+    ax.set(xscale="log", yscale="log")
     for law, low, high in found.segments(by):
         grid = np.unique(np.concatenate([[low, high], times[(times > low) & (times < high)]]))
         line = np.exp(np.interp(np.log(grid), np.log(times), np.log(peaks[law])))
@@ -67,7 +70,8 @@ def _draw_peak(ax: Axes, found: DurationStudy, by: str) -> None:
     label_decades(ax.yaxis, *ax.get_ylim())
     ax.set_xlim(times[0], times[-1])
     ax.grid(color="0.93")
-    ax.legend(loc="upper right", fontsize="small", title="first law", title_fontsize="small")
+    if found.segments(by):
+        ax.legend(loc="upper right", fontsize="small", title="first law", title_fontsize="small")
 
 
 def draw_shaft_torque(sizing: LawSizing, rule: SizingRule) -> Figure:

@@ -13,6 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
+from compact.quantities import CRITERIA
+
 FAMILIES: Mapping[str, Mapping[str, str]] = {  # family -> law -> colour, dark to light
     "rest to rest": {
         "constant-velocity": "#03255d", "cubic": "#00449f", "quintic": "#577388", "septic": "#509afa",
@@ -89,6 +91,12 @@ def panels(
 def legend_below(figure: Figure, ax: Axes, columns: int) -> None:
     """Place the legend of one panel below all panels."""
     figure.legend(*ax.get_legend_handles_labels(), loc="lower center", ncols=columns, frameon=False)
+
+
+def write_none_finite(ax: Axes, by: str) -> None:
+    """State in an empty panel that no law has a finite value of a criterion."""
+    words = f"no law has a finite {CRITERIA[by].term}"
+    ax.text(0.5, 0.5, words, transform=ax.transAxes, ha="center", va="center", fontsize=9)
 
 
 def label_decades(axis: Axis, low: float, high: float) -> None:

@@ -71,7 +71,7 @@ def first_screen(study: Study, pictures: Mapping[str, bytes]) -> dict[str, Any]:
         speed = format_quantity(motion.stroke / duration, "m/s", 3)
         caption = f"All models, {drive} drive, {format_quantity(duration, 's', 3)} a pass ({speed})"
         cells: list[list[Cell]] = [_marked(row) for row in rows]
-        table = Table(caption, header, cells, range(len(header) - 4, len(header)))
+        table = Table(caption, header, cells, range(len(header) - 5, len(header)))
         tables.append(((duration, drive) == (motion.duration, kind), table))
     sources = None
     if known is not None and known.sources:
@@ -86,6 +86,7 @@ def first_screen(study: Study, pictures: Mapping[str, bytes]) -> dict[str, Any]:
         "table": next(table for own, table in tables if own),
         "other_tables": [table for own, table in tables if not own],
         "pictures": embed_figures(pictures, FIRST_FIGURES),
+        "limits": list(answer_text.limit_sentences(study)),
         "lines": [line for line in lines if line],
         "sources": sources,
     }
@@ -94,16 +95,16 @@ def first_screen(study: Study, pictures: Mapping[str, bytes]) -> dict[str, Any]:
 def _marked(row: Sequence[str]) -> list[Cell]:
     """Mark the validity of a model."""
     model, validity, *cells = row
-    mark = Mark("good", validity) if validity == "yes" else Mark("bad", "no", validity.partition(": ")[2])
-    return [model, mark, *cells]
+    said, _, reason = validity.replace(": ", "; ", 1).partition("; ")
+    return [model, Mark("good" if said == "yes" else "bad", said, reason), *cells]
 
 
 def answer(study: Study, checks: Sequence[BalanceCheck], pictures: Mapping[str, bytes] | None = None) -> dict[str, Any]:
     """Select the results that the page states first, the variable `answer` of the template."""
     scene, kind = study.scene, study.scene.drive.kind
-    orders = _first_criteria(study.places[kind])
-    rigid = _first_criteria(study.places.get("rigid", {}) if kind != "rigid" else {})
-    force, reach = study.numbers["roller_force"], study.mix.density_achievable
+    orders = _first_criteria(study.stages.drive.places[kind])
+    rigid = _first_criteria(study.stages.drive.places.get("rigid", {}) if kind != "rigid" else {})
+    force, reach = study.stages.contacts.numbers["roller_force"], study.mix.density_achievable
     resistance = study.resistance(np.array([scene.mean_speed]), np.zeros(1))
     return {
         "first": first_screen(study, pictures or {}),
@@ -111,17 +112,17 @@ def answer(study: Study, checks: Sequence[BalanceCheck], pictures: Mapping[str, 
         "rigid_winners": [_best_law(by, order) for by, order in rigid.items()],
         "unfollowable": _unfollowable(orders),
         "conflicts": list(_conflicts(orders)),
-        "omitted_laws": study.laws_not_made,
+        "omitted_laws": study.stages.laws.not_made,
         "mean_speed": scene.mean_speed,
         "mean_resistance": float(np.ravel(resistance)[0]),
-        "roller_load": study.roller_load,
+        "roller_load": study.stages.contacts.roller_load,
         "guide_sentence": guide_sentence(study),
         "return_sentence": return_sentence(study),
         "air_sentence": air_sentence(study),
         "spread_sentence": spread_sentence(study),
         "unreachable": "" if reach else reach.reason,
-        "engine": study.engine,
-        "resistance_map": study.resistance_map if study.layered else None,
+        "engine": study.stages.contacts.engine,
+        "resistance_map": study.stages.resistance.map if study.stages.contacts.engine.layered else None,
         "resolutions": list(_resolutions(orders)),
         "required_pressure": study.mix.parameter("required_pressure"),
         "roller_force": force if None not in (force.low, force.high) else None,
@@ -212,7 +213,7 @@ def _resolutions(orders: Mapping[str, list[Place]]) -> Iterator[dict[str, Any]]:
 def _comparisons(study: Study) -> dict[str, list[dict[str, Any]]]:
     """Collect the first laws by the other engines under the drive of the scene."""
     kind = study.scene.drive.kind
-    criteria = _first_criteria(study.places[kind])
+    criteria = _first_criteria(study.stages.drive.places[kind])
     found: dict[str, list[dict[str, Any]]] = {name: [] for name in study.comparison}
     for each in study.agreements:
         if each.other_engine == each.engine or not each.drive == each.other_drive == kind or each.by not in criteria:

@@ -5,24 +5,27 @@ agreement, another duration, a rigid drive, a stiffer mix, the first measurement
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from compact.analysis.engines import ENGINES
-from compact.analysis.stages.uncertainty import FED, LAW, MARGIN_SOURCES, MIX, RankingUncertainty
-from compact.analysis.stages.verdict import ModelAnswer, Verdict
+from compact.analysis.stages.uncertainty import AIR, DRIVE, FED, LAW, MARGIN_SOURCES, MIX, RankingUncertainty
+from compact.analysis.stages.verdict import (
+    ModelAnswer,
+    Verdict,
+    reason_against,
+    sizing_model,
+)
 from compact.analysis.study import Study
-from compact.machine.ranking import CRITERIA
+from compact.machine.ranking import CRITERIA, first_of
 from compact.report.number_format import format_column, format_percent
+from compact.report.sizing.sentences import work_warnings
 from compact.scene.schema import Overrides
 
 NAMED_TIES = 3  # [-], laws of a tie that are named
-NOT_FOR_SIZING = "viscoelastic part only, not for sizing"
 MODEL_HEADER = (
     "model", "for sizing?", "mean resistance", "coefficient", "discretisation error", "model spread",
+    "layer over contact",
 )  # fmt: skip
-CONFINED_FLOOR = "confined floor, not for sizing"
-ONE_ROLLER = "one roller instead of a pair, not for sizing"
 MODEL_NAMES = {"process": "forming process"}  # in the table of the models
 SPREAD_WORDS = {"formula": "not stated", "column": "no bow wave"}
 
@@ -34,40 +37,41 @@ class Recommendation(NamedTuple):
     ----------
     term, law : str
         Criterion and law.
-    peak, required : str
-        Peak, and peak with its margin; `required` is empty without the uncertainty of the result.
-    part : str
-        Statement that no model is valid for sizing; empty otherwise.
-    other : str
-        Peak of the law by the other criterion; empty without one.
+    peaks : str
+        Peaks of the law by this and the other criteria.
+    required : str
+        The same peaks with their margins; empty without the uncertainty of the result.
     margin : str
-        Margin in per cent, and the mix that it leaves out.
+        Margins in per cent, and the mix that they leave out.
     agreement : str
         Clause on the agreement of the models, or on the tie.
+    drive : str
+        Clause on the drives by which the peak or the first law change; empty for a drive that is known.
+    part : str
+        Statement that no model is valid for sizing; empty otherwise.
     """
 
     term: str
     law: str
-    peak: str
+    peaks: str
     required: str
     margin: str
     agreement: str
+    drive: str
     part: str
-    other: str
 
     @property
     def sentence(self) -> str:
         """One sentence without a full stop."""
-        least = f"least {self.term}: {self.law}, {self.peak}{f' ({self.other})' if self.other else ''}"
+        least = f"least {self.term}: {self.law}, {self.peaks}"
         if self.part:
             return f"{least}, {self.part}; {self.agreement}"
-        size = f"; the drive must deliver {self.required}, a margin of {self.margin}"
-        return f"{least}; {self.agreement}{size if self.required else ''}"
-
-
-def _sizing_model(study: Study) -> ModelAnswer:
-    """Return the first model that is valid for sizing, the first model where there is none."""
-    return next((model for model in study.models if model.valid), study.models[0])
+        size = (
+            f"with {self.law} the drive must deliver {self.required}, a margin of {self.margin}"
+            if self.required
+            else ""
+        )
+        return "; ".join(filter(None, (least, size, self.agreement, self.drive)))
 
 
 def own_verdicts(study: Study) -> dict[str, Verdict]:
@@ -83,19 +87,41 @@ def recommendations(study: Study) -> list[Recommendation]:
     -------
     list of Recommendation
     """
-    valid, found = [each.engine for each in study.models if each.valid], []
-    sizing = _sizing_model(study)
+    valid, found = [each for each in study.models if each.valid], []
+    sizing, known = sizing_model(study.models), study.uncertainty
     by_engine = "" if sizing is study.models[0] else f" by {sizing.engine}"
     for by, verdict in own_verdicts(study).items():
-        margin = None if study.uncertainty is None else study.uncertainty.margin(by)
-        unit = CRITERIA[by].unit
+        law, peaks = verdict.law, _peaks(study, by, verdict.law)
+        margins = {} if known is None else {each: known.margin(each, law=law) for each in peaks}
         found.append(Recommendation(
-            CRITERIA[by].quantity.term, verdict.law, _three_digits(verdict.value, unit) + by_engine,
-            "" if margin is None else _three_digits(verdict.value * (1 + margin), unit),
-            "" if margin is None else format_percent(margin) + _without_heaping(study), _agreement(verdict, valid),
-            "" if valid else _reason_against(sizing.engine), _other_peaks(study, by, verdict.law),
+            CRITERIA[by].quantity.term, law, _listed(peaks) + by_engine,
+            _listed({each: peaks[each] * (1 + margin) for each, margin in margins.items()}),
+            " and ".join(map(format_percent, margins.values())) + _without_heaping(study) if margins else "",
+            _agreement(verdict, valid), "" if known is None else _drive_clause(known, by, verdict.value),
+            "" if valid else f"{sizing.invalid}, not for sizing",
         ))  # fmt: skip
     return found
+
+
+def _listed(peaks: Mapping[str, float]) -> str:
+    return " and ".join(_three_digits(value, CRITERIA[by].unit) for by, value in peaks.items())
+
+
+def _drive_clause(known: RankingUncertainty, by: str, peak: float) -> str:
+    """State the range of the peak over the drives that the scene may have, and where another law is first."""
+    source, law = known.source(DRIVE), known.laws[by]
+    if source is None:
+        return ""
+    low, high = (peak * (1 + change) for change in source.changes(law, by))
+    unit = CRITERIA[by].unit
+    clause = (
+        f"the peak is {_three_digits(low, unit)} to {_three_digits(high, unit)} over the drive, which is not measured"
+    )
+    others = source.other_firsts(by, law)
+    if not others:
+        return f"{clause} ({source.variation}: {law} stays first)"
+    firsts = ", ".join(f"{first} with {words}" for words, first in others.items())
+    return f"{clause}: first are {firsts}"
 
 
 def _without_heaping(study: Study) -> str:
@@ -108,28 +134,29 @@ def _without_heaping(study: Study) -> str:
     return f" without mix that heaps up{f' (cohesion {cohesions} kPa)' if cohesions else ''}"
 
 
-def _other_peaks(study: Study, by: str, law: str) -> str:
-    """State the peaks of a law by the other criteria of the verdict, by the engine of the scene."""
+def _peaks(study: Study, by: str, law: str) -> dict[str, float]:
+    """Return the peaks of a law by the model that sizes the machine, that of a criterion first."""
     motion, kind = study.scene.motion, study.scene.drive.kind
-    found = []
-    for other in own_verdicts(study):
-        value = _sizing_model(study).values(motion.duration, kind, other).get(law)
-        if other != by and value is not None:
-            found.append(f"{CRITERIA[other].quantity.term} {_three_digits(value, CRITERIA[other].unit)}")
-    return ", ".join(found)
+    model, others = sizing_model(study.models), [other for other in own_verdicts(study) if other != by]
+    found = {each: model.values(motion.duration, kind, each).get(law) for each in (by, *others)}
+    return {each: value for each, value in found.items() if value is not None}
 
 
-def _agreement(verdict: Verdict, valid: Sequence[str]) -> str:
-    """State the agreement of the models on rank 1, or the tie."""
+def _agreement(verdict: Verdict, valid: Sequence[ModelAnswer]) -> str:
+    """State the agreement of the models on rank 1, or the tie; models fitted to one point are one witness."""
+    fitted = sum(bool(each.fitted) for each in valid)
     models = "the only valid model" if len(valid) < 2 else f"all {len(valid)} valid models"
+    models += f" (the {fitted} that are fitted count as one)" * (fitted > 1)
     if verdict.resolved:
-        errors = f"{'its' if len(valid) < 2 else 'their'} errors"
-        return f"resolved: first by {models}, beyond {errors} and the spread of the mix"
+        return f"resolved: first by {models}, beyond the errors and all that is unknown of mix and drive"
     others = verdict.contenders[1:]
     names = ", ".join(others[:NAMED_TIES]) + (f" and {len(others) - NAMED_TIES} more" * (len(others) > NAMED_TIES))
     if verdict.agree:
-        return f"tie with {names}: first by {models}, but not beyond the errors and the spread of the mix"
-    return f"tie with {names}: the models disagree, and this law loses least, {format_percent(verdict.regret)} at most"
+        return f"not resolved, tie with {names}: first by {models}, but not beyond the errors, the mix and the drive"
+    return (
+        f"not resolved, tie with {names}: the models disagree, and this law loses least, "
+        f"{format_percent(verdict.regret)} at most"
+    )
 
 
 def model_table(study: Study, duration: float | None = None, drive: str | None = None) -> list[list[str]]:
@@ -153,18 +180,20 @@ def model_table(study: Study, duration: float | None = None, drive: str | None =
     duration, drive = duration or motion.duration, drive or study.scene.drive.kind
     criteria = [by for (time, kind, by) in study.verdicts if (time, kind) == (duration, drive)]
     terms = [f"least {CRITERIA[by].quantity.term}" for by in criteria]
-    lead, rows = _sizing_model(study), []
+    lead, rows = sizing_model(study.models), []
     forces = format_column([model.mean_resistance[duration] for model in study.models], "N", 3)
     for model, force in zip(study.models, forces, strict=True):
         part = model.mean_resistance[duration] / lead.mean_resistance[duration]
         ratio = "" if model.valid == lead.valid else f" ({format_percent(part)} of {lead.engine})"
         rows.append([
-            MODEL_NAMES.get(model.engine, model.engine), _validity(model.engine, model.valid),
+            MODEL_NAMES.get(model.engine, model.engine), _validity(model),
             *(_first_cell(model, duration, drive, by) for by in criteria), force + ratio,
             f"{model.coefficient[duration]:.3f}", _error_cell(model), _spread_cell(model),
+            "–" if model.height_ratio is None else f"{model.height_ratio:.2g}",
         ])  # fmt: skip
     for name, reason in _without_result(study).items():
-        rows.append([name, _validity(name, ENGINES[name].sizing), *["–"] * len(criteria), reason, *["–"] * 3])
+        against = reason_against(study.scene.with_engine(name), None)
+        rows.append([name, f"no: {against}" if against else "yes", *["–"] * len(criteria), reason, *["–"] * 4])
     return [[MODEL_HEADER[0], MODEL_HEADER[1], *terms, *MODEL_HEADER[2:]], *rows]
 
 
@@ -176,13 +205,38 @@ def _without_result(study: Study) -> dict[str, str]:
     return {name: reason for reason, found in reasons.items() for name in found}
 
 
-def _validity(engine: str, valid: bool) -> str:
-    return "yes" if valid else f"no: {_reason_against(engine)}"
+def _validity(model: ModelAnswer) -> str:
+    fitted = "fitted" if model.fitted else ""
+    return "; ".join(filter(None, ("yes" if model.valid else f"no: {model.invalid}", fitted)))
 
 
-def _reason_against(engine: str) -> str:
-    """State why a model is not valid for sizing."""
-    return {"process": CONFINED_FLOOR, "formula": ONE_ROLLER}.get(engine, NOT_FOR_SIZING)
+def limit_sentences(study: Study) -> Iterator[str]:
+    """State what the answer rests on: what was fitted to what, whether the machine feeds what it presses, and the air.
+
+    Yields
+    ------
+    str
+        One sentence without a full stop.
+    """
+    yield from filter(None, (_fitted_sentence(study), study.scene.mix.fit_remark))
+    yield from work_warnings(study.work_balance)
+    air = study.uncertainty and study.uncertainty.source(AIR)
+    if air:
+        yield f"pore air is not part of the resistance but of the margin: {air.variation}"
+
+
+def _fitted_sentence(study: Study) -> str:
+    """State which inputs of which models are fitted to what, by the comments of the scene; empty without a fit."""
+    engines: dict[str, list[str]] = {}  # by the fitted input, with the words of its comment
+    for model in study.models:
+        own = study.scene if model is study.models[0] else study.scene.with_engine(model.engine)
+        for key in model.fitted:
+            table, _, name = key.rpartition(".")
+            point = own.remark(table, name).partition("calibrated")[2].lstrip(":, ")
+            engines.setdefault(f"{name}, {point}" if point else name, []).append(model.engine)
+    found = "; ".join(f"{' and '.join(names)}: {inputs}" for inputs, names in engines.items())
+    count = sum(bool(model.fitted) for model in study.models)
+    return f"fitted, not predicted: {found}{f'; these {count} models are one witness' * (count > 1)}" if found else ""
 
 
 def _first_cell(model: ModelAnswer, duration: float, drive: str, by: str) -> str:
@@ -264,9 +318,9 @@ def measurement_sentence(study: Study) -> str:
         return ""
     by = next(iter(known.peaks))
     shares = known.mix.shares[by]
-    name = max(shares, key=shares.__getitem__)
+    name = list(shares)[first_of([-share for share in shares.values()], floor=1.0)]
     low, high = sorted(known.peak_change(by, ratio) for ratio in known.mix.alone[name])
-    after = format_percent(known.margin(by, (MIX,)))
+    after = format_percent(known.margin(by, (MIX,))) + _largest_rest(known, by)
     measured = "the density ratio of the fed mix" if name == FED else _meaning(name)
     share, term = format_percent(shares[name]), CRITERIA[by].quantity.term
     sentence = (
@@ -274,9 +328,17 @@ def measurement_sentence(study: Study) -> str:
         f"{_signed(high)}); with the mix measured the margin is {after}"
     )
     law = known.source(LAW)
-    if law is not None and (rest := _spread(law.low.change[by], law.high.change[by])):
+    if law is not None and (rest := _spread(*law.changes(known.laws[by], by))):
         sentence += f"; then measure the strength of loose mix ({rest})"
     return sentence
+
+
+def _largest_rest(known: RankingUncertainty, by: str) -> str:
+    """Name the source of most of the margin with the mix measured, where there is one."""
+    law = known.laws[by]
+    rest = {each.name: each.changes(law, by)[1] for each in known.sources if each.name in set(MARGIN_SOURCES) - {MIX}}
+    largest = max(rest, key=rest.__getitem__, default="")
+    return f", most of it by {largest}" if largest and rest[largest] > 0.8 * known.margin(by, (MIX,)) > 0.01 else ""
 
 
 def _meaning(name: str) -> str:
@@ -310,19 +372,16 @@ def uncertainty_table(known: RankingUncertainty, peaks: Mapping[str, str]) -> li
     header = ["source", "variation", *terms, *(f"first by {term}" for term in terms), "in the margin?"]
     rows = [header]
     for each in known.sources:
-        changes = [_change(each.low.change[by], each.high.change[by]) for by in peaks]
-        firsts = [_firsts(each.low.first[by], each.high.first[by], law) for by, law in peaks.items()]
+        changes = [_change(*each.changes(law, by)) for by, law in peaks.items()]
+        firsts = [
+            ", ".join(dict.fromkeys(each.other_firsts(by, law).values())) or "the same" for by, law in peaks.items()
+        ]
         rows.append([each.name, each.variation, *changes, *firsts, "yes" if each.name in MARGIN_SOURCES else "no"])
     return rows
 
 
 def _change(low: float, high: float) -> str:
     return _signed(low) if low == high else f"{_signed(low)} to {_signed(high)}"
-
-
-def _firsts(low: str, high: str, recommended: str) -> str:
-    others = [law for law in dict.fromkeys((low, high)) if law != recommended]
-    return ", ".join(others) or "the same"
 
 
 def _three_digits(value: float, unit: str) -> str:

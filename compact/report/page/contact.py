@@ -52,13 +52,13 @@ KNOWN_FLAGS = ("measured", "given", "derived")  # of parameters of the mix; all 
 def contact_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     """Describe the contact of one roller and the resistance of a cart."""
     blocks: list[Block] = list(_formula_blocks(study))
-    if study.held:
+    if study.stages.contacts.held:
         blocks.append(Paragraph(as_sentence(held_sentence(study))))
-    blocks += _engine_tables(study) if study.layered else [Paragraph(NO_SPEED)]
+    blocks += _engine_tables(study) if study.stages.contacts.engine.layered else [Paragraph(NO_SPEED)]
     blocks += embed_figures(pictures, FIGURES)
-    lead = f"{format_quantity(study.roller_load, 'N', 3)} on a roller"
-    formula = format_quantity(study.numbers["roller_force"].value, "N", 3)
-    lead += f"; {formula} by formula." if study.layered else ", by formula."
+    lead = f"{format_quantity(study.stages.contacts.roller_load, 'N', 3)} on a roller"
+    formula = format_quantity(study.stages.contacts.numbers["roller_force"].value, "N", 3)
+    lead += f"; {formula} by formula." if study.stages.contacts.engine.layered else ", by formula."
     return Section("contact", "Contact and resistance", lead, blocks)
 
 
@@ -78,12 +78,12 @@ def mix_section(study: Study) -> Section:
 def _formula_blocks(study: Study) -> Iterator[Block]:
     """Tabulate the formulas and the exact contact; state whether the rollers cover the product."""
     rows = []
-    for name, n in study.numbers.items():
+    for name, n in study.stages.contacts.numbers.items():
         low, high = (format_quantity(end, n.unit) if end else "" for end in (n.low, n.high))
         rows.append((name.replace("_", " "), format_quantity(n.value, n.unit), low, high, n.known_by))
     caption = "By formulas 1.1–1.10 and exact theory; low and high over the spread of the mix"
     yield Table(caption, ("quantity", "value", "low", "high", "known by"), rows, (1, 2, 3))
-    if short := coverage(study.scene, study.engineering):
+    if short := coverage(study.scene, study.stages.contacts.engineering):
         yield Paragraph(f"{short}.")
 
 
@@ -102,7 +102,7 @@ def _engine_tables(study: Study) -> Iterator[Table]:
     ]  # fmt: skip
     caption = f"One roller by the engine {engine}, per metre of its length, with its error estimates"
     yield Table(caption, CONTACT_HEADER, rows, range(len(CONTACT_HEADER)))
-    if study.engine.compacting:
+    if study.stages.contacts.engine.compacting:
         header = ("speed", "pass", *(quantity.term for quantity in quantities.PASS.values()))
         passes = [
             (

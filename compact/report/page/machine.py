@@ -59,7 +59,7 @@ def ranking_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     if study.agreements:
         blocks.append(_agreement_table(study.agreements))
     blocks += [Paragraph(as_sentence(sentence)) for sentence in heaping_sentences(study)]
-    for kind, orders in study.places.items():
+    for kind, orders in study.stages.drive.places.items():
         blocks += [_ranking_table(kind, by, order, comparison_places(study, kind, by)) for by, order in orders.items()]
     lead = f"{len(study.cycles)} laws by {', '.join(term_of(by) for by in study.rankings)}."
     return Section("ranking", "Ranking", lead, blocks)
@@ -155,11 +155,11 @@ def cams_section(study: Study, pictures: Mapping[str, bytes], first_cam: CamDraw
         "Profiles of the cams for roller followers, a panel for each law, undercut ones shaded",
         "Dashed: path of the centre of the roller follower. Shaded: undercut, so that the cam cannot be cut.",
     )
-    breadth = next(iter(study.cams.values())).breadth
+    breadth = next(iter(study.stages.laws.cams.values())).breadth
     caption = f"Cams with a breadth of {format_quantity(breadth, 'm')}; marked where it is too small"
     table = Table(caption, header, rows, range(1, len(header)))
     lead = f"{len(study.cycles)} laws for {len(FOLLOWERS)} followers; workshop drawing of one."
-    blocks = [*_cam_blocks(first_cam), profiles, table, _roller_motor_table(study.roller_motors)]
+    blocks = [*_cam_blocks(first_cam), profiles, table, _roller_motor_table(study.stages.drive.roller_motors)]
     return Section("cams", "Cams", lead, blocks)
 
 
@@ -182,10 +182,10 @@ def _cam_row(study: Study, law: str) -> list[Cell]:
     """List least breadths for each follower, and the load on a roller and on a flat face."""
     breadths: list[Cell] = []
     for follower in FOLLOWERS:
-        breadth = format_quantity(study.least_breadths[law, follower].breadth, "m")
-        undercut = study.cams[law, follower].undercut
+        breadth = format_quantity(study.stages.laws.least_breadths[law, follower].breadth, "m")
+        undercut = study.stages.laws.cams[law, follower].undercut
         breadths.append(Mark("bad", f"{breadth}: undercut") if undercut else breadth)
-    roller, flat = study.cams[law, "roller"], study.cams[law, "flat"]
+    roller, flat = study.stages.laws.cams[law, "roller"], study.stages.laws.cams[law, "flat"]
     angle = f"{np.degrees(roller.largest_pressure_angle):.1f}°"
     radius, width = format_quantity(roller.least_radius_of_curvature, "m"), flat.largest_contact_offset
     return [law, *breadths, radius, angle, format_quantity(width, "m")]

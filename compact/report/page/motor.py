@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from compact.analysis.sizing.machine_sizing import LawSizing, MachineSizing
 from compact.analysis.study import Study
 from compact.machine.motor_sizing import MotorChoice, MotorFit
+from compact.machine.ranking import group_equal
 from compact.report.number_format import format_column, format_number, format_percent, format_quantity
 from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table, as_sentence
 from compact.report.sizing.sentences import bearing_sentence, margin_sentence, motor_sentence
@@ -76,7 +77,7 @@ def _verdict(fit: MotorFit, chosen: MotorFit | None) -> Cell:
 
 def _law_table(laws: list[LawSizing]) -> Table:
     """Tabulate shaft torque and required power of all laws with finite torque, least power first."""
-    ordered = sorted(laws, key=lambda each: each.required_power)
+    ordered = [laws[i] for group in group_equal([each.required_power for each in laws]) for i in group]
     shown = [(each, each.requirement) for each in ordered if each.requirement is not None]
     columns: dict[str, list[Cell]] = {
         "law": [each.law for each, _ in shown],
