@@ -10,13 +10,12 @@ Numerical envelope: peaks of motion laws are exact to 1e-12 relative for run-up 
 weights from 0 to 1; drive forces and powers between samples to 1e-8; moments of the cart close to 1e-9 N m.
 """
 
-import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 # isort: off
 if TYPE_CHECKING:  # for type checkers and editors; a test compares the names with _HOMES
-    from compact.analysis.engines import Engine as Engine, EngineCost as EngineCost
+    from compact.analysis.engines import Engine as Engine
     from compact.api.contacts import Contacts as Contacts
     from compact.api.fields import Fields as Fields, read_fields as read_fields
     from compact.api.laboratory import LaboratoryTests as LaboratoryTests, laboratory_tests as laboratory_tests
@@ -77,7 +76,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a test compares the names wi
 # isort: on
 
 _HOMES = {
-    "analysis.engines": ("Engine", "EngineCost"),
+    "analysis.engines": ("Engine",),
     "api.contacts": ("Contacts",),
     "api.fields": ("Fields", "read_fields"),
     "api.laboratory": ("LaboratoryTests", "laboratory_tests"),
@@ -107,18 +106,6 @@ _HOMES = {
 }
 # Modules under the names that `from compact import ...` has for them
 _ALIASES = {"column": "engines.column.engine", "spectral": "engines.spectral.engine", "mix": "material.mix"}
-# Former names, accepted for one release
-_RENAMED = {
-    "Driven": "DrivenRoller",
-    "FirstOrder": "CreepFreeRoller",
-    "Motion": "MotionProfile",
-    "Opposition": "MotionResistance",
-    "Rolled": "ContactResult",
-    "Straight": "LinearTorqueCurve",
-    "revolve": "simulate_motor",
-    "sampled": "sample_resistance",
-    "travel": "simulate_elastic",
-}
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [*_HOME_OF]
@@ -127,10 +114,6 @@ __all__ = [*_HOME_OF]
 def __getattr__(name: str) -> Any:
     if name in _ALIASES:
         return import_module(f"compact.{_ALIASES[name]}")
-    if name in _RENAMED:
-        new = _RENAMED[name]
-        warnings.warn(f"compact.{name} is now compact.{new}", DeprecationWarning, stacklevel=2)
-        return getattr(import_module(f"compact.{_HOME_OF[new]}"), new)
     if name not in _HOME_OF:
         raise AttributeError(f"module 'compact' has no attribute {name!r}")
     return getattr(import_module(f"compact.{_HOME_OF[name]}"), name)

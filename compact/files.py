@@ -2,6 +2,8 @@
 
 Every file is written under a temporary name and renamed when complete, so that an interrupted run leaves no partial
 file. A result directory belongs to the scene whose hash its file `scene.hash` contains; another scene is refused.
+
+Results that a later run may use again are kept under the hash of `results_key`, and are valid with their checksum only.
 """
 
 import csv
@@ -9,8 +11,12 @@ import json
 import logging
 import math
 import os
+import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
+from hashlib import sha256
+from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Literal
@@ -31,6 +37,8 @@ NETCDF_HDF5: NetcdfFormat = "NETCDF4"  # strings too
 # xarray backend of each format
 NETCDF_BACKENDS: dict[str, Literal["scipy", "h5netcdf"]] = {NETCDF_CLASSIC: "scipy", NETCDF_HDF5: "h5netcdf"}
 GENERIC_STEM = "scene"  # stem of the scene file that `compact new` writes into a folder of the user's name
+PACKAGES = ("compact", "numpy", "scipy", "numba", "scikit-fem", "clarabel")  # on whose versions results depend
+SOURCES = (".py", ".csv")  # suffixes of the files of this package on which results depend
 
 
 _LOG = logging.getLogger(__name__)
@@ -38,6 +46,40 @@ _LOG = logging.getLogger(__name__)
 
 class ResultsError(RuntimeError):
     """Error for a result that could not be written, or a directory with results of another scene."""
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of PACKAGES, and a hash of the sources of this package, by name."""
+    packages = {name: version(name) for name in PACKAGES}
+    return {"python": platform.python_version()} | packages | {"source": _source_hash(Path(__file__).parent)}
+
+
+def _source_hash(package: Path) -> str:
+    """Hash names and contents of the sources of a package."""
+    files = sorted(path.relative_to(package).as_posix() for path in package.rglob("*") if path.suffix in SOURCES)
+    return checksum("".join(f"{name} {checksum((package / name).read_bytes())}\n" for name in files).encode())[:12]
+
+
+def results_key(*inputs: Any) -> str:
+    """Hash `versions` and all inputs of a result: the key under which a later run finds the result again.
+
+    Parameters
+    ----------
+    *inputs : object
+        Values of JSON. A file that the scene names enters by its checksum, as its name says nothing of its content.
+
+    Returns
+    -------
+    str
+        SHA-256, hexadecimal.
+    """
+    return checksum(json.dumps([versions(), *inputs], sort_keys=True).encode())
+
+
+def checksum(content: bytes) -> str:
+    """Return the SHA-256 of a content, hexadecimal."""
+    return sha256(content).hexdigest()
 
 
 @contextmanager
@@ -258,15 +300,34 @@ def write_pvd_collection(path: str | Path, members: Iterable[tuple[float, Path]]
 
 @contextmanager
 def claimed_directory(directory: str | Path, scene_hash: str, force: bool = False) -> Iterator[Path]:
-    """Claim a result directory, as `claim_directory`, and release it if the block fails before it writes a result."""
+    """Claim a result directory, as `claim_directory`, and release it if the block fails before it writes a result.
+
+    Raises
+    ------
+    ResultsError
+        As of `claim_directory`, and if the directory is deleted, or claimed by another command, inside the block. A
+        deleted directory with new files is marked again, so that the same command continues.
+    """
     directory = claim_directory(directory, scene_hash, force)
+    deleted = ResultsError(f"{directory}: was deleted while its results were written; repeat the command")
     try:
         yield directory
-    except BaseException:
-        with suppress(OSError):
+    except BaseException as error:
+        owner = _owner(directory)
+        with suppress(OSError, ResultsError):
             if [path.name for path in directory.iterdir()] == [OWNER_FILE]:
                 (directory / OWNER_FILE).unlink()
+            elif owner is None:
+                _mark(directory, scene_hash)
+        if owner is None and isinstance(error, OSError):  # of a file that is gone
+            raise deleted from error
         raise
+    owner = _owner(directory)
+    if owner is None:
+        _mark(directory, scene_hash)
+        raise deleted
+    if owner != scene_hash:
+        raise ResultsError(f"{directory}: was overwritten by another command; repeat this one with another --out")
 
 
 def claim_directory(directory: str | Path, scene_hash: str, force: bool = False) -> Path:
@@ -283,9 +344,8 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
         If the directory contains results of another scene or other files.
     """
     directory = Path(directory)
-    mark = directory / OWNER_FILE
     try:
-        owner = mark.read_text(encoding="utf-8", errors="replace").strip() if mark.exists() else None
+        owner = _owner(directory)
         names = [path.name for path in directory.iterdir()] if owner is None and directory.exists() else []
         foreign = not all(name.startswith(".") and name.endswith(".part") for name in names)  # of interrupted runs
     except OSError as error:
@@ -294,6 +354,16 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
         raise ResultsError(f"{directory}: contains files of other programs; use another --out, or --force")
     if owner not in (None, scene_hash) and not force:
         raise ResultsError(f"{directory}: holds results of another scene; use another --out, or --force")
-    with atomic_file(mark) as stream:
-        stream.write(scene_hash + "\n")
+    _mark(directory, scene_hash)
     return directory
+
+
+def _owner(directory: Path) -> str | None:
+    """Return the hash of the scene that a directory is marked with; None without a mark."""
+    mark = directory / OWNER_FILE
+    return mark.read_text(encoding="utf-8", errors="replace").strip() if mark.exists() else None
+
+
+def _mark(directory: Path, scene_hash: str) -> None:
+    with atomic_file(directory / OWNER_FILE) as stream:
+        stream.write(scene_hash + "\n")

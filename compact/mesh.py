@@ -9,9 +9,10 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from compact.numerics.validation import require_positive
+from compact.numerics import Array, IntArray
+from compact.numerics.validation import require_positive, require_that
 
 DEFAULT_ERROR = 2e-3  # [-], relative error of the resistance with DEFAULT_ELEMENTS; studies/speed_against_error.py
 DEFAULT_ELEMENTS = 10  # [-], elements per half-width
@@ -24,8 +25,6 @@ MAX_SIZE = 2.0  # [-], largest element over the height; halving it changes nothi
 INSIDE_PLY_RATIO, EDGE_PLY_RATIO = 10, 2  # [-], contact length over ply thickness that limits the element size
 MIRROR_TOLERANCE = 1e-13  # [-], of the length; nodes closer than this to a mirror image are its mirror image
 HEIGHT_TOLERANCE = 1e-9  # [-], of the height; corners closer than this have one height
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +52,20 @@ class RowMesh:
             array = np.array(getattr(self, name), dtype=float)
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        _require_rows(self.x, self.y)
+        x, y = self.x, self.y
+        if y.ndim != 1 or x.ndim != 2 or len(x) != len(y) or min(x.shape) < 2:
+            raise ValueError(
+                f"`x` must have one line of at least two nodes for each of `y`, got {x.shape} and {y.shape}"
+            )
+        if not (np.isfinite(x).all() and np.isfinite(y).all()):
+            raise ValueError("`x` and `y` must be finite")
+        if abs(y[0]) > HEIGHT_TOLERANCE * abs(y[-1] - y[0]):
+            raise ValueError(f"the base must lie at `y` = 0, got {y[0].item()!r}")
+        if np.any(np.diff(y) <= 0):
+            raise ValueError("`y` must increase from the base upwards")
+        descends = (np.diff(x, axis=1) <= 0).any(axis=1)
+        if descends.any():
+            raise ValueError(f"`x` must increase along every line, line {int(np.argmax(descends))} does not")
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, RowMesh):
@@ -76,15 +88,17 @@ class RowMesh:
     @property
     def mirrored(self) -> bool:
         """True if the mesh is symmetric about `centre`."""
-        x = self.x - self.centre
-        return bool(np.abs(x + x[:, ::-1]).max() <= MIRROR_TOLERANCE * np.ptp(self.x))
+        return self._asymmetry(self.centre) <= MIRROR_TOLERANCE
 
     @property
     def centre(self) -> float:
         """Position of the axis of symmetry [m]; 0 for an unsymmetric mesh."""
-        middle = (self.x[:, 0] + self.x[:, -1]).mean() / 2
-        asymmetry = self.x + self.x[:, ::-1] - 2 * middle
-        return float(middle) if np.abs(asymmetry).max() <= MIRROR_TOLERANCE * np.ptp(self.x) else 0.0
+        middle = float((self.x[:, 0] + self.x[:, -1]).mean() / 2)
+        return middle if self._asymmetry(middle) <= MIRROR_TOLERANCE else 0.0
+
+    def _asymmetry(self, centre: float) -> float:
+        """Return the largest distance of a node to the mirror image of another, over the length [-]."""
+        return float(np.abs(self.x + self.x[:, ::-1] - 2 * centre).max() / np.ptp(self.x))
 
     @property
     def dofs(self) -> int:
@@ -103,13 +117,13 @@ class RowMesh:
         return np.column_stack([self.x.ravel(), np.repeat(self.y, self.x.shape[1])])
 
     @property
-    def quads(self) -> NDArray[np.int64]:
+    def quads(self) -> IntArray:
         """Corners of the elements row by row from the base, anticlockwise from the lower left, shape (m, 4)."""
         rows, columns = self.shape
         lower_left = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
         return lower_left[:, None] + np.array([0, 1, columns + 2, columns + 1])
 
-    def elements_at(self, points: Array) -> NDArray[np.int64]:
+    def elements_at(self, points: Array) -> IntArray:
         """Return the elements of a mesh of straight columns that contain points, shape (n,).
 
         Parameters
@@ -169,8 +183,7 @@ def graded_mesh(
     """
     require_positive(height=height, half_width=half_width, elements=elements, reach=reach)
     for name, value in (("edge", edge), ("growth", growth)):
-        if not 1 <= value < np.inf:
-            raise ValueError(f"`{name}` must be at least 1 and finite, got {value!r}")
+        require_that(1 <= value < np.inf, value, f"`{name}` must be at least 1 and finite, got")
     levels = np.array([0.0, *interfaces, height])
     if np.any(np.diff(levels) <= 0):
         raise ValueError(f"`interfaces` must ascend between 0 and the height, {height!r} m, got {list(interfaces)}")
@@ -231,17 +244,29 @@ def row_mesh(points: ArrayLike, quads: ArrayLike) -> RowMesh:
     if quads.ndim != 2 or quads.shape[1] != 4 or len(quads) == 0:
         raise ValueError(f"`quads` must be quadrilaterals of 4 corners, got shape {quads.shape}")
     used, corners = np.unique(quads, return_inverse=True)
-    x, y = points[used, :2].T
+    (x, y), corners = points[used, :2].T, corners.reshape(quads.shape)
     level, heights = _levels(y)
-    corners = corners.reshape(quads.shape)
-    _require_straight_rows(level[corners], y[corners])
-    lines = [np.flatnonzero(level == k) for k in range(len(heights))]
-    lines = [line[np.argsort(x[line])] for line in lines]
-    if len({len(line) for line in lines}) > 1:
-        counts = ", ".join(str(len(line)) for line in lines)
-        raise ValueError(f"every line of nodes must have equally many nodes, got {counts} from the base upwards")
-    mesh = RowMesh(x[np.array(lines)], heights)
-    _require_complete_rows(corners, np.concatenate(lines), mesh)
+    ordered = np.sort(level[corners], axis=1)
+    lower, upper = ordered[:, 0], ordered[:, 3]
+    skewed = (ordered[:, 1] != lower) | (ordered[:, 2] != upper) | (upper != lower + 1)
+    if skewed.any():
+        k = int(np.argmax(skewed))
+        raise ValueError(
+            f"rows must be straight: the corners of element {k} lie at the heights {np.sort(y[corners[k]]).tolist()}, "
+            "not in pairs on neighbouring lines"
+        )
+    numbering, counts = np.lexsort((x, level)), np.bincount(level)  # line by line
+    if np.ptp(counts):
+        told = ", ".join(map(str, counts))
+        raise ValueError(f"every line of nodes must have equally many nodes, got {told} from the base upwards")
+    mesh = RowMesh(x[numbering].reshape(len(heights), -1), heights)
+    found = {tuple(sorted(quad)) for quad in np.argsort(numbering)[corners].tolist()}
+    expected = {tuple(sorted(quad)) for quad in mesh.quads.tolist()}
+    if found != expected or len(corners) != len(expected):
+        raise ValueError(
+            f"elements must fill every row without gap or overlap: {len(expected)} expected between neighbouring "
+            f"nodes, {len(corners)} got, {len(found & expected)} of them in place"
+        )
     return mesh
 
 
@@ -294,50 +319,10 @@ def _with_midpoints(values: Array) -> Array:
     return both
 
 
-def _levels(y: Array) -> tuple[NDArray[np.int64], Array]:
+def _levels(y: Array) -> tuple[IntArray, Array]:
     """Return the index of the height of each node, counted from below, and the heights."""
     order = np.argsort(y)
     steps = np.diff(y[order]) > HEIGHT_TOLERANCE * np.ptp(y)
     level = np.empty(len(y), dtype=int)
     level[order] = np.concatenate([[0], np.cumsum(steps)])
     return level, y[order][np.concatenate([[True], steps])]
-
-
-def _require_straight_rows(level: NDArray[np.int64], y: Array) -> None:
-    """Require each element to have two corners on each of two neighbouring heights."""
-    ordered = np.sort(level, axis=1)
-    lower, upper = ordered[:, 0], ordered[:, 3]
-    skewed = (ordered[:, 1] != lower) | (ordered[:, 2] != upper) | (upper != lower + 1)
-    if skewed.any():
-        k = int(np.argmax(skewed))
-        raise ValueError(
-            f"rows must be straight: the corners of element {k} lie at the heights {np.sort(y[k]).tolist()}, "
-            "not in pairs on neighbouring lines"
-        )
-
-
-def _require_complete_rows(corners: NDArray[np.int64], numbering: NDArray[np.int64], mesh: RowMesh) -> None:
-    """Require exactly the elements between neighbouring nodes of neighbouring lines."""
-    place = np.empty(len(numbering), dtype=int)
-    place[numbering] = np.arange(len(numbering))
-    found = {tuple(sorted(quad)) for quad in place[corners].tolist()}
-    expected = {tuple(sorted(quad)) for quad in mesh.quads.tolist()}
-    if found != expected or len(corners) != len(expected):
-        raise ValueError(
-            f"elements must fill every row without gap or overlap: {len(expected)} expected between neighbouring "
-            f"nodes, {len(corners)} got, {len(found & expected)} of them in place"
-        )
-
-
-def _require_rows(x: Array, y: Array) -> None:
-    if y.ndim != 1 or x.ndim != 2 or len(x) != len(y) or min(x.shape) < 2:
-        raise ValueError(f"`x` must have one line of at least two nodes for each of `y`, got {x.shape} and {y.shape}")
-    if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        raise ValueError("`x` and `y` must be finite")
-    if abs(y[0]) > HEIGHT_TOLERANCE * abs(y[-1] - y[0]):
-        raise ValueError(f"the base must lie at `y` = 0, got {y[0].item()!r}")
-    if np.any(np.diff(y) <= 0):
-        raise ValueError("`y` must increase from the base upwards")
-    if np.any(np.diff(x, axis=1) <= 0):
-        row = int(np.argmax((np.diff(x, axis=1) <= 0).any(axis=1)))
-        raise ValueError(f"`x` must increase along every line, line {row} does not")

@@ -36,10 +36,10 @@ References
 F. N. Fritsch and R. E. Carlson, SIAM J. Numer. Anal. 17 (1980) 238 (monotone cubic interpolation).
 """
 
+import json
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -48,7 +48,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import CubicHermiteSpline, CubicSpline, PPoly
 
 from compact.numerics import Array, BoolArray
-from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+from compact.numerics.validation import as_numbers, require_finite, require_nonnegative, require_positive
 
 UNSTEADINESS_LIMIT = 0.1  # [-], |a| tau/|v| at which the expansion errs by at most 0.4 % on a Winkler foundation
 MIN_ROWS = 2  # [-], of a table; its error is unknown with as many
@@ -58,7 +58,6 @@ BLOCK_SIZE = 8192  # [-], speeds evaluated together; they fit in the processor c
 MIN_SPEED_RATIO = 1e-6  # [-], slowest sample over the fastest speed
 SPEED_REDUCTION = 4.0  # [-], ratio of the slowest samples added while the power law fails
 SPEED_ROUNDING = 1e-9  # [-], by which a speed may exceed the fastest sample
-VERSIONED_PACKAGES = ("compact", "numpy", "scipy")  # whose versions a stored map contains
 
 
 @dataclass(frozen=True)
@@ -79,8 +78,12 @@ class DryResistance:
 
     def __call__(self, velocity: ArrayLike, acceleration: ArrayLike) -> Array:
         """Return F sign(velocity) [N], of the common shape of velocity [m/s] and acceleration [m/s2]."""
-        velocity, _ = np.broadcast_arrays(velocity, acceleration)
+        velocity, _ = np.broadcast_arrays(as_numbers("velocity", velocity), as_numbers("acceleration", acceleration))
         return self.force * np.sign(velocity)
+
+    def scaled(self, factor: float) -> "DryResistance":
+        """Return the resistance times a factor."""
+        return DryResistance(factor * self.force)
 
 
 def dry_resistance(force: float) -> DryResistance:
@@ -228,6 +231,7 @@ class ResistanceMap:
         ValueError
             If a speed exceeds the fastest sample.
         """
+        velocity, acceleration = as_numbers("velocity", velocity), as_numbers("acceleration", acceleration)
         fastest = np.max(np.abs(velocity), initial=0.0)
         if fastest > self.speeds[-1] * (1 + SPEED_ROUNDING):
             raise ValueError(
@@ -299,10 +303,10 @@ class ResistanceMap:
         return replace(self, forces=factor * self.forces, added_masses=masses, contacts=contacts)
 
     def save(self, path: Path, key: str = "") -> None:
-        """Write the map as netCDF with a key of all its inputs and the versions of the packages."""
+        """Write the map as netCDF with a key of all its inputs and the versions of the program."""
         import xarray
 
-        from compact.files import NETCDF_CLASSIC, write_netcdf
+        from compact.files import NETCDF_CLASSIC, results_key, versions, write_netcdf
 
         variables = {"speed": (self.speeds, "m/s"), "resistance": (self.forces, "N")}
         if self.added_masses is not None:
@@ -314,8 +318,8 @@ class ResistanceMap:
             table = np.array(self.contacts, dtype=float)  # an unknown error is nan
             columns["contacts"] = (("contact", "quantity"), table, {}, {"_FillValue": None})
         attributes = {
-            "key": key,
-            "versions": _versions(),
+            "key": results_key(key),
+            "versions": json.dumps(versions()),
             "error": float(self.error),
             "relaxation_time": float(self.relaxation_time),
             "return_ratio": float(self.return_ratio),
@@ -325,12 +329,12 @@ class ResistanceMap:
 
 
 def load_resistance_map(path: str | Path, key: str = "") -> ResistanceMap:
-    """Read a map written by `ResistanceMap.save`; ValueError if its key or the versions of the packages differ."""
-    from compact.files import NETCDF_CLASSIC, read_netcdf
+    """Read a map written by `ResistanceMap.save`; ValueError if its key, or the program that wrote it, is another."""
+    from compact.files import NETCDF_CLASSIC, read_netcdf, results_key
 
     try:
         table = read_netcdf(path, NETCDF_CLASSIC)
-        source = table.attrs["key"], table.attrs["versions"]
+        source = table.attrs["key"]
         error, engine_error, time, ratio = (
             float(table.attrs[name]) for name in ("error", "engine_error", "relaxation_time", "return_ratio")
         )
@@ -339,11 +343,8 @@ def load_resistance_map(path: str | Path, key: str = "") -> ResistanceMap:
     except (LookupError, TypeError) as invalid:
         reason = str(invalid).partition("\n")[0]
         raise ValueError(f"{path}: no resistance map: {reason}; compute it again") from None
-    if source != (key, _versions()):
-        raise ValueError(
-            f"{path}: computed with key {source[0] or 'none'} by {source[1]}, required {key or 'none'} and "
-            f"{_versions()}; compute it again"
-        )
+    if source != results_key(key):
+        raise ValueError(f"{path}: computed by another program or from other inputs; compute it again")
     rows = columns.get("contacts", np.empty((0, 4))).tolist()
     contacts = tuple(ForceSample(at, force, _known_error(error), noise) for at, force, error, noise in rows)
     masses = columns.get("added_mass")
@@ -382,8 +383,8 @@ def tabulated_resistance(
     >>> [round(float(resistance(v))) for v in (-0.2, 0.2, 0.3)]
     [-3300, 3300, 3417]
     """
-    speeds, forces = np.asarray(speeds, float), np.asarray(forces, float)
-    masses = None if added_masses is None else np.asarray(added_masses, float)
+    speeds, forces = np.asarray(as_numbers("speeds", speeds), float), np.asarray(as_numbers("forces", forces), float)
+    masses = None if added_masses is None else np.asarray(as_numbers("added_masses", added_masses), float)
     lengths = {np.shape(column) for column in (speeds, forces, masses) if column is not None}
     if lengths != {(speeds.size,)} or speeds.size < MIN_ROWS:
         raise ValueError(
@@ -400,10 +401,6 @@ def tabulated_resistance(
 
 def _known_error(error: float) -> float | None:
     return None if np.isnan(error) else error
-
-
-def _versions() -> str:
-    return ", ".join(f"{name} {version(name)}" for name in VERSIONED_PACKAGES)
 
 
 def sample_resistance(

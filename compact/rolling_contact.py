@@ -8,7 +8,7 @@ so that a study selects them by name. The x axis points along the travel and y u
 are per unit roller length, in SI units.
 """
 
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
@@ -22,14 +22,14 @@ from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_finite, require_known, require_positive
 
 BaseCondition = Literal["bonded", "slip"]
-RollerCondition = Literal["frictionless", "sliding", "free", "driven", "pair"]
+RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
 GapGeometry = Literal["parabola", "circle", "deformed"]
 
 MIN_RESISTANCE_RATIO = 1e-3  # [-], of the load; relative errors of smaller resistances refer to it, theory.md 3.1
 HEIGHT_TOLERANCE = 1e-9  # [-], of the layer height; rounding of decimal thicknesses
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Ply:
     """Ply of a layer.
 
@@ -48,7 +48,7 @@ class Ply:
         require_positive(thickness=self.thickness, stiffness=self.stiffness)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LowerLift:
     """Lift below the fed one, of the same mix, compacted by an earlier pass and bonded to it.
 
@@ -111,6 +111,7 @@ class Layer:
     """
 
     height: float
+    _: KW_ONLY
     base: BaseCondition = "bonded"
     plies: tuple[Ply, ...] = ()
     lower_lift: LowerLift | None = None
@@ -131,7 +132,7 @@ class Layer:
     @cached_property
     def stack(self) -> tuple[Ply, ...]:
         """Plies from the base upwards, at least one."""
-        return self.plies or (Ply(self.height, 1.0),)
+        return self.plies or (Ply(thickness=self.height, stiffness=1.0),)
 
     @property
     def top(self) -> Ply:
@@ -160,11 +161,10 @@ class Roller:
         Indentation [m], > 0.
     friction : float
         Friction coefficient mu of mix on roller [-], >= 0.
-    rolling : {"frictionless", "sliding", "free", "driven", "pair"}
+    rolling : {"frictionless", "sliding", "free", "driven"}
         Traction on the mix: none, along the travel, zero in sum, or against the travel. The engines "formula" and
         "spectral" treat "driven" as full slip; "fem" and "compaction" solve stick and slip of a free or driven roller
-        under a torque. "pair" is one of two equal driven rollers with a gap, above the mid-plane of mix that they draw
-        in: a layer of half the height on a frictionless base, for "column" and "compaction".
+        under a torque.
     profile : {"parabola", "circle", "deformed"}
         Gap measured vertically to the parabola, vertically to the circle, or normal to the circle on the deformed
         surface.
@@ -180,6 +180,7 @@ class Roller:
     """
 
     radius: float
+    _: KW_ONLY
     indentation: float | None = None
     friction: float = 0.0
     rolling: RollerCondition = "frictionless"
@@ -265,13 +266,6 @@ def require_moving(speed: float) -> None:
         )
 
 
-def require_one_roller(roller: Roller) -> None:
-    """Require a known condition of a roller that is none of a pair, for engines of a linear layer."""
-    require_known("rolling", roller.rolling, get_args(RollerCondition))
-    if roller.rolling == "pair":
-        raise ValueError("`rolling` 'pair' needs mix that compacts; use the engine column or compaction")
-
-
 def require_known_case(layer: Layer, roller: Roller, speed: float) -> None:
     """Require a roller in motion [m/s] and known conditions of base, roller and gap."""
     require_moving(speed)
@@ -281,23 +275,8 @@ def require_known_case(layer: Layer, roller: Roller, speed: float) -> None:
             "compaction, or give `plies`"
         )
     require_known("base", layer.base, get_args(BaseCondition))
-    require_one_roller(roller)
+    require_known("rolling", roller.rolling, get_args(RollerCondition))
     require_known("profile", roller.profile, get_args(GapGeometry))
-
-
-def require_pair_of_rollers(layer: Layer, roller: Roller) -> None:
-    """Require friction and the mid-plane of the mix below a roller of a pair; other rollers have no condition."""
-    if roller.rolling != "pair":
-        return
-    require_known("base", layer.base, get_args(BaseCondition))
-    if layer.base != "slip":
-        raise ValueError(
-            f"`rolling` 'pair' needs the `base` 'slip', the mid-plane between the rollers, got {layer.base!r}"
-        )
-    if layer.lower_lift is not None:
-        raise ValueError("`rolling` 'pair' takes no `lower_lift`: the layer is half the mix between two rollers")
-    if not roller.friction:
-        raise ValueError("`rolling` 'pair' needs `friction`, by which the rollers draw the mix in, got 0")
 
 
 def require_torque_allowed(roller: Roller, torque: float | None) -> None:

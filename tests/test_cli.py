@@ -1,6 +1,7 @@
 """The command from outside: exit codes 0 done, 1 could not, 2 bad input; no traceback; nothing half-written."""
 
 import math
+import pickle
 import re
 import shutil
 import signal
@@ -12,8 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from interrupts import heed_interrupts
+from interrupts import heed_interrupts, of_unix
+from scipy.optimize import brentq
 
+from compact.analysis.failures import is_refusal, run_marked
+from compact.analysis.sizing.durations import read_durations
 from compact.cli import program as cli
 from compact.files import default_directory
 
@@ -39,6 +43,27 @@ def compact(monkeypatch, capsys):
         return Told(ended.value.code, *capsys.readouterr())
 
     return called
+
+
+WITHOUT_UNIX = """
+import os, sys, warnings
+
+warnings.filterwarnings("ignore", "only soft file lock")  # of filelock, which has another one on Windows
+sys.modules |= dict.fromkeys(("fcntl", "resource", "termios", "pwd", "grp"))
+if hasattr(os, "sched_getaffinity"):
+    del os.sched_getaffinity
+from compact.cli import main
+
+main()
+"""
+
+
+def test_study_runs_without_modules_of_unix(tmp_path):
+    options = ("--set", "output.items=['tables']", "--quiet", "--out", str(tmp_path / "out"))
+    call = [sys.executable, "-c", WITHOUT_UNIX, "run", str(SMALL), *options]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (tmp_path / "out" / "summary.json").exists()
 
 
 def compact_alone(*arguments):
@@ -217,6 +242,7 @@ def test_another_scenes_results_need_force(compact, tmp_path):
     assert compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", "--force", *summary_only).returncode == 0
 
 
+@of_unix
 @pytest.mark.slow
 def test_interrupt_leaves_whole_files_and_no_summary(tmp_path):
     scene = tmp_path / "scene.toml"
@@ -237,6 +263,23 @@ def test_interrupt_leaves_whole_files_and_no_summary(tmp_path):
     assert all(path.read_text().endswith("\n") for path in written if path.suffix == ".csv")
 
 
+@pytest.mark.parametrize("module", ["compact.cli.program", "cyclopts", "compact.files"])
+def test_interrupt_of_the_import_is_a_sentence(module):
+    code = (
+        "import sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, *_):\n"
+        f"        if name == {module!r}: raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        "from compact.cli import main\n"
+        "main()"
+    )
+    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert told.returncode == 130
+    assert told.stderr == "compact: interrupted; every file already written is whole\n"
+
+
+@of_unix
 def test_reader_that_closes_early_is_no_error(tmp_path):
     line = f"{sys.executable} -m compact.cli check | head -n 1"
     told = subprocess.run(["bash", "-c", f"set -o pipefail; {line}"], capture_output=True, text=True, check=False)
@@ -252,6 +295,49 @@ def test_internal_error_is_a_sentence(compact, monkeypatch):
     assert told.returncode == 1
     assert "internal error, please report it: TypeError: boom" in told.stderr
     assert "Traceback" not in told.stderr
+
+
+@pytest.mark.parametrize(
+    "compute",
+    [
+        lambda: float("a"),
+        lambda: np.zeros(2) + np.zeros(3),
+        lambda: np.linspace(0, 1, -1),
+        lambda: brentq(lambda x: 1.0, 0, 1),
+        lambda: brentq(lambda x: x - 0.3, 0, 1, maxiter=1),
+        lambda: next(iter(())),
+    ],
+    ids=["float", "numpy in C", "numpy in Python", "no root", "no convergence", "end of an iterator"],
+)
+def test_an_error_of_a_library_is_an_internal_error(compact, monkeypatch, compute):
+    monkeypatch.setattr("compact.scene.loader.load_scene", lambda *_, **__: compute())
+    told = compact("run", SMALL)
+    assert told.returncode == 1
+    assert told.stderr.startswith("compact: internal error, please report it: ")
+
+
+@pytest.mark.parametrize(("work", "task", "ours"), [(read_durations, "duration=1:2", True), (float, "a", False)])
+def test_a_refusal_from_a_worker_process_is_told_from_an_error_of_a_library(work, task, ours):
+    with pytest.raises(ValueError, match=r".") as found:
+        run_marked(work, task)
+    assert is_refusal(pickle.loads(pickle.dumps(found.value))) is ours
+
+
+@pytest.mark.slow
+def test_a_law_without_finite_peaks_over_durations_writes_its_report(compact, tmp_path):
+    words = ("--over", "duration=0.3:3:2", "--set", 'motion.laws=["constant-velocity"]')
+    done = compact("run", SMALL, *words, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "least peak drive force: no law with finite forces" in done.stdout
+    assert (tmp_path / "report.html").exists()
+
+
+@pytest.mark.parametrize("moisture", [0.08, 0.085])
+def test_digest_of_a_mix_whose_spread_leaves_the_formulas(compact, moisture, tmp_path):
+    stiff = ("--set", f"mix.moisture={moisture}", "--set", 'mix.fitted_at.parameters=["roller_friction"]')
+    done = compact("run", SMALL, *stiff, "--set", "output.items=[]", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"roller force +[\d.e+]+ N +[\d.e+]+ to beyond the range of the formulas over", done.stdout)
 
 
 def test_help_loads_neither_numpy_nor_the_scene():
@@ -295,6 +381,20 @@ def test_default_directory_has_the_name_of_the_scene_or_of_its_folder(path, suff
 def test_default_directory_of_a_scene_in_the_current_folder_has_its_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert default_directory("scene.toml") == Path("out") / tmp_path.name
+
+
+def test_cam_of_a_tabulated_law(compact, tmp_path):
+    z = np.linspace(0, 1, 201)
+    rows = np.column_stack([3 * z, 0.4 * z**3 * (10 - 15 * z + 6 * z**2)])  # s and m, the law "quintic"
+    np.savetxt(tmp_path / "mine.csv", rows, delimiter=",", header="time,travel", comments="")
+    scene = SMALL.read_text().replace("laws = ", 'tables = ["mine.csv"]\nlaws = ')
+    (tmp_path / "scene.toml").write_text(scene)
+    done = compact("cam", tmp_path / "scene.toml", "--law", "mine", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    profile = np.loadtxt(tmp_path / "mine-roller.csv", delimiter=",", skiprows=1)
+    assert np.ptp(profile[:, 1]) == pytest.approx(400, rel=1e-6)  # mm, of the follower
+    told = compact("cam", tmp_path / "scene.toml", "--law", "min", "--out", tmp_path)
+    assert (told.returncode, "did you mean 'mine'?" in told.stderr) == (2, True)
 
 
 def test_cams_of_two_scenes_go_to_two_places(compact, tmp_path):

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import fastjsonschema
 import pytest
-from interrupts import interrupted
+from interrupts import interrupted, of_unix
 
-from compact.cli import options
+from compact.cli import INTERRUPTED, options
 from compact.cli import program as cli
 from compact.files import write_json
 from compact.report.progress import STAGES, Progress
@@ -25,7 +25,7 @@ KNOWN_BY_CODE = {
     options.SUCCESS: "success",
     options.NO_RESULT: "no result",
     options.INVALID_INPUT: "invalid input",
-    options.INTERRUPTED: "interrupted",
+    INTERRUPTED: "interrupted",
 }
 
 
@@ -70,10 +70,10 @@ def test_exit_code_of_a_call(call, arguments, code):
 @pytest.mark.parametrize(
     ("error", "code", "words"),
     [
-        (KeyboardInterrupt(), options.INTERRUPTED, "every file already written is whole"),
+        (KeyboardInterrupt(), INTERRUPTED, "every file already written is whole"),
         (MemoryError(), options.NO_RESULT, "not enough memory"),
         (RuntimeError("no steady state"), options.NO_RESULT, "no steady state"),
-        (ValueError("give the radius in m"), options.INVALID_INPUT, "give the radius in m"),
+        (SceneError(["give the radius in m"]), options.INVALID_INPUT, "give the radius in m"),
         (ZeroDivisionError("division by zero"), options.NO_RESULT, "a number is divided by zero"),
         (TypeError("boom"), options.NO_RESULT, "internal error, please report it"),
     ],
@@ -96,7 +96,7 @@ def test_interrupt_states_what_is_kept(capsys, monkeypatch, tmp_path):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("compact.report.writer.write_study", interrupted_writer)
-    assert cli._exit_code(["run", str(SMALL), "--out", str(tmp_path / "out")]) == options.INTERRUPTED
+    assert cli._exit_code(["run", str(SMALL), "--out", str(tmp_path / "out")]) == INTERRUPTED
     message = capsys.readouterr().err
     assert message.startswith("compact: interrupted; every file already written is whole; ")
     assert message.endswith(f"1 file is in {tmp_path / 'out'}; the same command computes the others\n")
@@ -112,10 +112,11 @@ main()
 """
 
 
+@of_unix
 @pytest.mark.slow
 def test_interrupt_of_finite_elements_ends_within_a_second(tmp_path):
     code, seconds, message = interrupted(ROLL.format(scene=str(SMALL), out=str(tmp_path / "out")))
-    assert code == options.INTERRUPTED
+    assert code == INTERRUPTED
     assert seconds < 1
     assert message == "compact: interrupted; every file already written is whole\n"
 
@@ -205,6 +206,12 @@ def test_log_has_stages_and_files(call, tmp_path):
     assert re.search(r"^ +\d+\.\d\d s  stages: contact by formula$", log, re.MULTILINE)
     assert re.search(r"s  files: .*contact\.json written$", log, re.MULTILINE)
     assert not logging.getLogger("compact").handlers
+
+
+@pytest.mark.parametrize(("option", "shown"), [("--quiet", False), ("--verbose", True)])
+def test_quiet_command_logs_errors_only(option, shown):
+    with options.Console(**{option.strip("-"): True}).recorded():
+        assert logging.getLogger("compact.files").isEnabledFor(logging.WARNING) == shown
 
 
 def test_profile_has_every_stage_and_adds_up(call, tmp_path):

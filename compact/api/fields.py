@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from compact.api.tables import build_frame
 from compact.files import read_vtu_series, write_vtu_series
+from compact.numerics.validation import require_instance
 from compact.quantities import FIELD
 
 if TYPE_CHECKING:
@@ -163,6 +165,7 @@ def read_fields(path: str | Path) -> Fields:
     ValueError
         If the file is no such mesh.
     """
+    require_instance((str, PathLike), "the path of a file", path=path)
     path = Path(path)
     if path.suffix.lower() == ".pvd":
         parameter, frames = read_vtu_series(path)

@@ -18,7 +18,7 @@ from compact.analysis.pore_air import has_air
 from compact.engines.column.state_update_columns import required_height
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
-from compact.numerics.validation import require_positive
+from compact.numerics.validation import require_instance, require_positive
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 
@@ -54,6 +54,7 @@ def roll_material(scene: Scene, material: StateUpdate, speed: float) -> ContactR
     ValueError
         If the engine of the scene is another, or the scene has several passes or pore air.
     """
+    require_instance(StateUpdate, "a StateUpdate", material=material)
     if scene.accuracy.engine != "column" or scene.layer.passes != 1:
         raise ValueError(
             f"an own material needs the engine column and one pass, got {scene.accuracy.engine} and "
@@ -91,6 +92,7 @@ def own_material_tests(material: StateUpdate, pressure: float) -> tuple[Material
     RuntimeError
         If the material does not reach the pressure before its pores close, or a lateral stress is not reached.
     """
+    require_instance(StateUpdate, "a StateUpdate", material=material)
     require_positive(pressure=pressure)
     return tuple(_tests(material, pressure))
 

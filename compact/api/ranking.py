@@ -12,6 +12,7 @@ from compact.drive import rank
 from compact.machine.ranking import CRITERIA
 from compact.motion.profile import MotionProfile
 from compact.motion.tabulated import from_function, from_table
+from compact.numerics.validation import require_instance
 from compact.quantities import Quantity
 from compact.scene.loader import Scene
 
@@ -132,6 +133,7 @@ def own_laws(scene: Scene, laws: Mapping[str, OwnLaw]) -> tuple[MotionProfile, .
     ValueError
         If a law has the name of one of the scene, another stroke or duration, or is not from rest to rest.
     """
+    require_instance(Mapping, "laws by name", laws=laws)
     motion, found = scene.motion, []
     for name, given in laws.items():
         if name in (*scene.law_names, *(path.stem for path in scene.table_paths)):
@@ -141,6 +143,9 @@ def own_laws(scene: Scene, laws: Mapping[str, OwnLaw]) -> tuple[MotionProfile, .
         elif callable(given):
             law = from_function(given, motion.duration, name)
         else:
+            if not hasattr(given, "__len__") or len(given) != 2:
+                words = "give a MotionProfile, a function of time, or columns of time and travel"
+                raise ValueError(f"the law '{name}' is none, got {given!r}; {words}")
             law = from_table(*given, name=name)
         for key in ("stroke", "duration"):
             value, required = getattr(law, key), getattr(motion, key)

@@ -9,7 +9,7 @@ Each method returns a result with `to_dataframe`, `plot` and, where it applies, 
 xarray dataset. Nothing is kept between calls: a `study` computes each stage once.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal
@@ -71,12 +71,14 @@ class Scene(loader.Scene):
         from compact.analysis.stages.contacts import ContactStage
         from compact.api.contacts import Contacts
         from compact.api.own_material import roll_material
+        from compact.numerics.validation import as_numbers
 
         scene = self._by(engine)
         stage = ContactStage(scene, scene_mix(scene))
-        wanted = [float(speed) for speed in np.atleast_1d(contact_speeds(scene) if speeds is None else speeds)]
-        if not wanted:
-            raise ValueError("`speeds` must hold at least one speed, got none; give speeds in m/s")
+        given = as_numbers("speeds", contact_speeds(scene) if speeds is None else speeds)
+        if given.ndim > 1 or not given.size:
+            raise ValueError(f"`speeds` must hold at least one speed, got {given.tolist()}; give a list in m/s")
+        wanted = [float(speed) for speed in np.atleast_1d(given)]
         records, passes = [], list[tuple[Any, ...]]()
         for speed in wanted:
             if material is None:
@@ -146,7 +148,7 @@ class Scene(loader.Scene):
         from compact.machine.ranking import CRITERIA
         from compact.numerics.validation import require_known
 
-        criterion = by or self.drive.rank_by[0]
+        criterion = self.drive.rank_by[0] if by is None else by
         require_known("criterion", criterion, tuple(CRITERIA))
         given = resistance.law if isinstance(resistance, CartResistance) else resistance
         scene = self._by(engine)
@@ -186,11 +188,13 @@ class Scene(loader.Scene):
             Results over the varied keys, with units; `reason` says why a point has none.
         """
         from compact.analysis.worker_pool import choose_executor
+        from compact.numerics.validation import require_instance
         from compact.sweep.corrected import create_sweep
         from compact.sweep.design import Axis, read_design
 
+        require_instance(Mapping, "values by key path", vary=vary)
         varied = [
-            read_design(f"{key}={values}") if isinstance(values, str) else Axis(key, tuple(_plain(values)))
+            read_design(f"{key}={values}") if isinstance(values, str) else Axis(key, tuple(_plain(key, values)))
             for key, values in vary.items()
         ]
         many = create_sweep(self._by(engine), varied, rank=rank, direct=direct)
@@ -334,6 +338,9 @@ def _shown(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _plain(values: Any) -> list[Any]:
-    """Return values of an array or a sequence as plain Python values."""
-    return values.tolist() if hasattr(values, "tolist") else list(values)
+def _plain(key: str, values: Any) -> list[Any]:
+    """Return the values of a key, an array or a sequence, as plain Python values."""
+    plain = values.tolist() if hasattr(values, "tolist") else values
+    if not isinstance(plain, Iterable) or isinstance(plain, bytes):
+        raise ValueError(f"`vary` must have a list of values for {key}, got {plain!r}")
+    return list(plain)

@@ -48,7 +48,7 @@ class Study(study.Study):
         """
         from compact.report.figures.ranking import draw_rankings
 
-        return draw_rankings(self.places[self.scene.drive.kind], {})
+        return draw_rankings(self.stages.drive.places[self.scene.drive.kind], {})
 
     def write(self, directory: str | Path, force: bool = False) -> dict[str, Any]:
         """Write report, tables and figures, as `compact run` does.
@@ -71,10 +71,10 @@ class Study(study.Study):
 
     def __repr__(self) -> str:
         title = self.scene.title or "an untitled scene"
-        return f"<study of {title}, engine {self.scene.accuracy.engine}, {len(self.prescribed_laws.cycles)} laws>"
+        return f"<study of {title}, engine {self.scene.accuracy.engine}, {len(self.stages.prescribed.cycles)} laws>"
 
     def _repr_html_(self) -> str:
-        columns = self._columns if "rankings" in self.drive_stage.__dict__ else {}  # a view starts no computation
+        columns = self._columns if "rankings" in self.stages.drive.__dict__ else {}  # a view starts no computation
         return render_html(repr(self)[1:-1], columns, CRITERION_QUANTITIES)
 
 

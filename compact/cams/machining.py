@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike
 from compact.cams.followers import FlatFace
 from compact.cams.profile import Cam, Follower
 from compact.numerics import Array
-from compact.numerics.validation import require_between, require_finite, require_positive
+from compact.numerics.validation import require_between, require_finite, require_instance, require_positive
 
 MICROMETRE = 1e-6  # [m], default tolerance of the follower's motion
 DECIMALS = 9  # [-], of coordinates in m: a nanometre
@@ -103,8 +103,19 @@ def cut(cam: Cam, cutter_radius: float | None = None, tolerance: float = MICROME
     >>> len(outline.angle), outline.error < 1e-6
     (1662, True)
     """
+    require_instance(Cam, "a Cam", cam=cam)
     require_between(1e-8, 1e-2, tolerance=tolerance)
-    _require_machinable(cam)
+    if cam.corner_angles:
+        raise ValueError(
+            f"`cam` has a corner where the velocity of the law jumps, at the angle {cam.corner_angles[0]:.4g} rad; "
+            "use a law with continuous velocity"
+        )
+    if cam.undercut:
+        least = cam.least_breadth()
+        raise ValueError(
+            f"`cam` is undercut: its breadth must exceed {least.breadth:.6g} m ({least.rule}), got {cam.breadth:g} m; "
+            "increase the breadth"
+        )
     if cutter_radius is not None:
         require_positive(cutter_radius=cutter_radius)
         if cutter_radius > (limit := largest_cutter(cam)):
@@ -150,20 +161,6 @@ def follower_on_polygon(outline: ArrayLike, follower: Follower, angle: ArrayLike
         else:
             rho[part] = _roller(outline, follower.radius, rays)
     return rho
-
-
-def _require_machinable(cam: Cam) -> None:
-    if cam.corner_angles:
-        raise ValueError(
-            f"`cam` has a corner where the velocity of the law jumps, at the angle {cam.corner_angles[0]:.4g} rad; "
-            "use a law with continuous velocity"
-        )
-    if cam.undercut:
-        least = cam.least_breadth()
-        raise ValueError(
-            f"`cam` is undercut: its breadth must exceed {least.breadth:.6g} m ({least.rule}), got {cam.breadth:g} m; "
-            "increase the breadth"
-        )
 
 
 def _polygon(cam: Cam, tolerance: float) -> tuple[Array, Array, float]:

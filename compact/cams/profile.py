@@ -30,18 +30,14 @@ from compact.cams.followers import FlatFace, Pointed, RollerFollower
 from compact.motion.profile import Cycle, Discontinuity, Leg
 from compact.numerics import Array
 from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
-from compact.numerics.validation import require_at_most, require_between, require_finite, require_positive
-
-__all__ = [
-    "Cam",
-    "FlatFace",
-    "LeastBreadth",
-    "Pointed",
-    "ProfileTable",
-    "RollerFollower",
-    "breadth_for_pressure_angle",
-    "least_breadth",
-]
+from compact.numerics.validation import (
+    require_at_most,
+    require_between,
+    require_finite,
+    require_instance,
+    require_number,
+    require_positive,
+)
 
 Follower = Pointed | RollerFollower | FlatFace
 Measure = Callable[..., Array]  # of phi [rad] and the travel x, x', x'' by phi [m]
@@ -174,7 +170,10 @@ class Cam:
     follower: Follower
 
     def __post_init__(self) -> None:
+        require_number(breadth=self.breadth)
         require_positive(breadth=self.breadth)
+        require_instance(Cycle, "the Cycle of a motion law", cycle=self.cycle)
+        require_instance(Follower, "a follower", follower=self.follower)
         stroke = self.cycle.forward.stroke
         if not self.breadth > stroke:
             raise ValueError(
@@ -249,13 +248,12 @@ class Cam:
     @cached_property
     def least_radius_of_curvature(self) -> float:
         """Smallest radius [m] of the convex parts; <= 0 if undercut, 0 at a corner of a pointed follower."""
-        smallest = self._smallest_radius(convex=True)
-        return min(smallest, self.follower.radius_at_kink) if self._velocity_drops else smallest
+        return min(self._smallest_radius(1), self.follower.radius_at_kink if self._velocity_drops else np.inf)
 
     @cached_property
     def least_hollow_radius(self) -> float:
         """Smallest radius [m] of the concave parts, the limit of the cutter radius; infinite without concave parts."""
-        return self._smallest_radius(convex=False)
+        return self._smallest_radius(-1)
 
     @cached_property
     def largest_pressure_angle(self) -> float:
@@ -304,9 +302,8 @@ class Cam:
         columns = [angle, self.radius(angle), *self.profile(angle), *(quantity(angle) for quantity in quantities)]
         return ProfileTable(names, np.array(columns))
 
-    def _smallest_radius(self, convex: bool) -> float:
-        """Smallest |radius of curvature| [m] of the convex or of the concave parts, both sides of every breakpoint."""
-        sign = 1 if convex else -1
+    def _smallest_radius(self, sign: int) -> float:
+        """Smallest |radius of curvature| [m] of the convex (1) or the concave parts (-1), both sides of breakpoints."""
 
         def negative_radius(_: Array, *travel: Array) -> Array:
             turn, arc = self.follower.rates(*self._raised(*travel))

@@ -3,6 +3,7 @@
 Heavy modules are imported inside the commands, as in `compact.cli.program`.
 """
 
+import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -96,10 +97,9 @@ def calibrate(
     path = out or default_directory(scene, "calibration.json")
     summary = calibration.calibration_summary(found)
     write_json(path, summary)
-    changed = (
-        f"--set mix.overrides.heckel_slope={found.heckel_slope:.6g} "
-        f"--set layer.fed_density_ratio={found.fed_density_ratio:.6g}"
-    )
+    *values, (place, fit) = found.scene_changes.items()
+    table = ", ".join(f"{name} = {json.dumps(value)}" for name, value in fit.items())
+    changed = " ".join([*(f"--set {key}={value:.6g}" for key, value in values), f"--set '{place}={{{table}}}'"])
     console.show(
         lambda: f"{calibration.calibration_digest(found)}\n\nfor the scene: {changed}\nresults: {path}",
         results=path, calibration=summary,
@@ -144,22 +144,25 @@ def validate(
     names
         names of cases, all by default; or folders of a plant with one TOML, a scene with [case], and one CSV
     out
-        folder for the page, the table and the figures
+        folder for the text, the table and the figures
     markdown
-        print the page docs/validation.md
+        print them as tables of Markdown
     """
     from compact.report import validation_writer
-    from compact.validation.registry import evaluate_case, select_cases
+    from compact.validation.runner import evaluate_case, select_cases
 
     cases = select_cases(names)
     results = []
-    with console.progress(sum(case.seconds for case in cases)) as progress:
+    with console.progress(len(cases)) as progress:
         for case in cases:
-            progress.begin(case.name, case.seconds)
+            progress.begin(case.name)
             results.append(evaluate_case(case))
+            progress.advance()
     written = [] if out is None else validation_writer.write_validation(out, results)
     files = "".join(f"\n  {path}" for path in written)
-    page = validation_writer.markdown_page if markdown else validation_writer.text_table
-    console.show(lambda: page(results) + files, files=written, cases=validation_writer.case_summaries(results))
-    moved = sum(len(result.moved) for result in results)
+    console.show(
+        lambda: (validation_writer.markdown if markdown else validation_writer.text_table)(results) + files,
+        files=written, cases=validation_writer.case_summaries(results),
+    )  # fmt: skip
+    moved = sum(each.moved for result in results for each in result.comparisons)
     return print_error(f"{moved} computed numbers have moved from the recorded ones", NO_RESULT) if moved else SUCCESS

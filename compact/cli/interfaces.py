@@ -1,4 +1,4 @@
-"""Command on interfaces to other programs: tables and units of F(v, a) with the cart, and fields.
+"""Command on interfaces to other programs: table and unit of F(v, a) with the cart, and fields.
 
 Heavy modules are imported inside the command, as in `compact.cli.program`.
 """
@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from compact.cli.options import DEFAULT_CONSOLE, Changes, Console, Engine, Force, ScenePath, read_scene
 from compact.files import default_directory
 
-Format = Literal["csv", "modelica", "simulink", "fmu", "vtu", "vtk", "xdmf", "gmsh"]
+Format = Literal["csv", "fmu", "vtu", "vtk", "xdmf", "gmsh"]
 
 
 def export(
@@ -34,8 +34,8 @@ def export(
     Parameters
     ----------
     formats
-        csv, modelica (CombiTable2Ds) and simulink (MAT) are tables of F(v, a) with the guide friction; fmu is a
-        functional mock-up unit with the cart (FMI 2.0); vtu, vtk, xdmf and gmsh have the fields of fem and compaction
+        csv is a table of F(v, a) with the guide friction; fmu is a functional mock-up unit with the cart (FMI 2.0);
+        vtu, vtk, xdmf and gmsh have the fields of fem and compaction
     tolerance
         largest error of linear interpolation over the largest force; default the tolerance of the scene
     speed
@@ -48,24 +48,25 @@ def export(
     from compact.analysis.study import Study
     from compact.files import claimed_directory
     from compact.interfaces.field_formats import FIELD_FORMATS, write_fields
-    from compact.interfaces.force_tables import TABLE_FORMATS, CartModel, force_table
+    from compact.interfaces.force_tables import CartModel, force_table, write_force_csv
     from compact.interfaces.functional_mockup import has_binary, write_fmu
 
     progress, place = console.progress(), out or default_directory(scene, "export")
     study = Study(given, progress.begin, default_directory(scene), progress.report)
     with_fields = [name for name in formats if name in FIELD_FORMATS]
-    if with_fields and study.engine.fields_module is None:
+    if with_fields and study.stages.contacts.engine.fields_module is None:
+        name = study.scene.accuracy.engine
         raise ValueError(
-            f'--format {with_fields[0]} needs fields, which the engine "{study.engine.name}" does not have; '
+            f'--format {with_fields[0]} needs fields, which the engine "{name}" does not have; '
             "use --engine fem or compaction"
         )
     files, notes, numbers = [], [], {}
     with claimed_directory(place, study.scene.hash, force) as directory, progress:
         if set(formats) - set(with_fields):
             model = CartModel.of(study)
-        if tables := [name for name in formats if name in TABLE_FORMATS]:
+        if "csv" in formats:
             table = force_table(model, tolerance or study.scene.accuracy.tolerance)
-            files += [write(table, directory / file) for file, write in map(TABLE_FORMATS.__getitem__, tables)]
+            files.append(write_force_csv(table, directory / "force.csv"))
             numbers = {"mass": table.mass, "interpolation_error": table.interpolation_error}
             notes.append(
                 f"force against the motion at {table.velocity.size} velocities and {table.acceleration.size} "
@@ -79,8 +80,8 @@ def export(
             )
             notes.append(f"cart.fmu: FMI 2.0, co-simulation, {binary}")
         if with_fields:
-            contact = study.passes_at(speed or study.scene.mean_speed)[0]
-            mesh = study.contact_stage.field_mesh(contact)
+            contact = study.stages.contacts.passes_at(speed or study.scene.mean_speed)[0]
+            mesh = study.stages.contacts.field_mesh(contact)
             files += [write_fields(mesh, directory / f"fields{FIELD_FORMATS[name][0]}", name) for name in with_fields]
     lines = "\n".join([*notes, *(f"  {path}" for path in files)])
     console.show(lambda: lines, results=place, files=files, **numbers)

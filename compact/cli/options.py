@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from compact.report.progress import Progress
     from compact.scene.loader import Scene
 
-SUCCESS, NO_RESULT, INVALID_INPUT, INTERRUPTED = 0, 1, 2, 130
+SUCCESS, NO_RESULT, INVALID_INPUT = 0, 1, 2
 MESSAGE_LIMIT, MESSAGE_END = 1000, 400  # [characters], longest message; kept of each end of a longer one
 
 ScenePath = Annotated[Path, Parameter(help="scene file in TOML")]
@@ -52,8 +52,8 @@ class Console:
     ] = 0
     profile: Annotated[bool, _flag("print where the time went, stage by stage")] = False
 
-    def progress(self, total: float | None = None) -> "Progress":
-        """Return the line of progress, of a job of a total cost [s] or of unknown cost."""
+    def progress(self, total: int | None = None) -> "Progress":
+        """Return the line of progress, of a job of some parts, or of unknown extent."""
         from compact.report.progress import Progress
 
         return Progress(total=total, quiet=self.quiet or bool(self.verbose))
@@ -76,7 +76,7 @@ class Console:
     @contextmanager
     def recorded(self) -> Iterator[None]:
         """Log to standard error inside the block, and print the profile at its end, also after an error."""
-        if not (self.verbose or self.profile):
+        if not (self.verbose or self.profile or self.quiet):
             yield
             return
         from compact.report.stage_log import logged

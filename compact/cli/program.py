@@ -6,6 +6,7 @@ refusal of the scene does not wait for them.
 """
 
 import gc
+import logging
 import os
 import sys
 import warnings
@@ -15,11 +16,10 @@ from typing import Annotated, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
-from compact.cli import checks, interfaces
+from compact.analysis.failures import internal_sentence, is_numeric, is_refusal, memory_sentence, numeric_sentence
+from compact.cli import INTERRUPTED, INTERRUPTED_MESSAGE, checks, interfaces
 from compact.cli.options import (
     DEFAULT_CONSOLE,
-    INTERRUPTED,
     INVALID_INPUT,
     NO_RESULT,
     SUCCESS,
@@ -35,9 +35,6 @@ from compact.cli.options import (
     read_scene,
 )
 from compact.files import ResultsError, default_directory, json_text, read_json
-
-INTERRUPTED_MESSAGE = "interrupted; every file already written is whole"
-FORMER_OPTIONS = {"--indices": "--sobol", "--fit": "--parameters"}  # accepted for one release
 
 app = App(
     name="compact",
@@ -72,9 +69,7 @@ def _exit_code(arguments: Sequence[str]) -> int:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)  # a result with a numerical warning is not a result
-            warnings.filterwarnings("default", ".*accepted for one release", DeprecationWarning)
-            current = [_current_option(argument) for argument in arguments]
-            command, bound, _ = app.parse_args(current, exit_on_error=False, print_error=True)
+            command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=True)
             given = (each for each in bound.arguments.values() if isinstance(each, Console))
             with next(given, DEFAULT_CONSOLE).recorded():
                 return command(*bound.args, **bound.kwargs) or SUCCESS
@@ -95,27 +90,14 @@ def _diagnosis(error: BaseException) -> tuple[object, int, bool]:
         return "; ".join([INTERRUPTED_MESSAGE, *getattr(error, "__notes__", ())]), INTERRUPTED, True
     if isinstance(error, MemoryError):
         return memory_sentence(error), NO_RESULT, True
-    if isinstance(error, RuntimeWarning | ArithmeticError | ValueError):  # SceneError and other refused input
-        if not is_numeric(error):
-            return error, INVALID_INPUT, True
-        return f"{numeric_sentence(error)} (COMPACT_TRACEBACK=1 prints the traceback)", NO_RESULT, False
-    if isinstance(error, RuntimeError):  # ResultsError, or an engine that did not converge
-        return error, NO_RESULT, True
-    kind = type(error).__name__
-    sentence = f"internal error, please report it: {kind}: {error} (COMPACT_TRACEBACK=1 prints the traceback)"
-    return sentence, NO_RESULT, False
+    if is_refusal(error):  # invalid input, or a RuntimeError: ResultsError, or an engine that did not converge
+        return error, INVALID_INPUT if isinstance(error, ValueError) else NO_RESULT, True
+    sentence = numeric_sentence(error) if is_numeric(error) else internal_sentence(error)
+    return f"{sentence} (COMPACT_TRACEBACK=1 prints the traceback)", NO_RESULT, False
 
 
-def _current_option(argument: str) -> str:
-    """Present name of an option; warns if the argument is a former name."""
-    name, equals, value = argument.partition("=")
-    if name not in FORMER_OPTIONS:
-        return argument
-    present = FORMER_OPTIONS[name]
-    warnings.warn(f"{name} is now {present}; the former name is accepted for one release", DeprecationWarning, 2)
-    return present + equals + value
-
-
+if logging.lastResort:  # the handler of warnings to a logger that nobody has configured
+    logging.lastResort.setFormatter(logging.Formatter("compact: %(message)s"))
 warnings.formatwarning = lambda message, *_, **__: f"compact: warning: {message}\n"
 
 
@@ -193,9 +175,8 @@ def run(
     directory = out or default_directory(scene)
     study = Study(
         given, directory=directory, progress=progress.report, durations=() if over is None else read_durations(over),
-        step=lambda stage: progress.begin(stage, study.plan.cost(stage), total=study.plan.total_cost),
+        step=progress.begin,
     )  # fmt: skip
-    progress.total = study.plan.total_cost
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
     helpers = ProcessExecutor(min(cores(), len(others))) if others else None
     try:
@@ -213,8 +194,6 @@ def roll(
     *,
     speed: float | None = None,
     engine: Engine = None,
-    material: str | None = None,
-    slip: float | None = None,
     picture: Path | None = None,
     out: Path | None = None,
     changes: Changes = (),
@@ -227,22 +206,12 @@ def roll(
     ----------
     speed
         speed of the cart in m/s; default its mean speed
-    material
-        terrain in place of the mix, by the engine column: a published soil such as dry-sand-lll, or a TOML file with a
-        table [terrain]; needs contact.load or another target
-    slip
-        slip of the roller on terrain, above 0 driven, below 0 braked or towed; default that of the torque, free
     picture
         file for a picture of the displaced layer with its density ratio or pressure, such as layer.png; needs an engine
         with fields, fem or compaction, and pyvista
     out
         folder of the results; default out/NAME-ENGINE, NAME as in `compact run`
     """
-    if material is not None or slip is not None:
-        if picture is not None:
-            raise ValueError("--picture shows the fields of fem and compaction; a wheel on terrain has none")
-        _roll_on_terrain(scene, engine, material, slip, out, changes=changes, force=force, console=console)
-        return
     given = read_scene(scene, console.quiet, changes, {"accuracy.engine": engine})
 
     from compact.analysis.study import Study
@@ -258,39 +227,18 @@ def roll(
     speed = speed if speed is not None else study.scene.mean_speed
     name = study.scene.accuracy.engine
     if picture is not None:
-        require_picture(picture, study.engine)
+        require_picture(picture, study.stages.contacts.engine)
     place = out or default_directory(scene, name)
     with claimed_directory(place, study.scene.hash, force) as directory, progress:
         progress.begin(f"contact by {name}")
-        passes = study.passes_at(speed)
+        passes = study.stages.contacts.passes_at(speed)
         progress.begin("tables and figures")
         contact_tables.write_contact(directory, study, speed, passes)
         if picture is not None:
-            write_picture(picture, study.contact_stage.field_mesh(passes[0]), passes[0])
+            write_picture(picture, study.stages.contacts.field_mesh(passes[0]), passes[0])
     console.show(
         lambda: f"{text.contact_digest(study, speed, passes)}\n\nresults: {directory}",
         results=directory, contact=read_json(directory / "contact.json"),
-    )  # fmt: skip
-
-
-def _roll_on_terrain(path, engine, material, slip, out, *, changes, force, console) -> None:
-    """Compute the roller of a scene on terrain, and write its files; arguments as of `roll`."""
-    from compact.analysis.contact_cases import roll_on_terrain
-    from compact.files import claimed_directory
-    from compact.report.contact_tables import terrain_digest, write_terrain_contact
-
-    if material is None:
-        raise ValueError(f"--slip {slip:g} needs --material, the terrain under the wheel")
-    if engine not in (None, "column"):
-        raise ValueError(f"--material needs the engine column, got {engine}")
-    given = read_scene(path, True, changes, {"accuracy.engine": "column"})
-    contact = roll_on_terrain(given, material, slip)
-    place = out or default_directory(path, "terrain")
-    with claimed_directory(place, given.hash, force) as directory:
-        write_terrain_contact(directory, contact)
-    console.show(
-        lambda: f"{terrain_digest(contact)}\n\nresults: {place}",
-        results=place, contact=read_json(place / "contact.json"),
     )  # fmt: skip
 
 
@@ -314,7 +262,8 @@ def cam(
     Parameters
     ----------
     law
-        name of the motion law; an optimal law of [motion.optimise] is called least-peak-force and so on
+        name of the motion law; a law of motion.tables has the name of its file without suffix, an optimal law of
+        [motion.optimise] is called least-peak-force and so on
     follower
         kind of follower
     cutter
@@ -324,14 +273,19 @@ def cam(
     out
         folder of the results; default out/NAME-cams, NAME as in `compact run`
     """
-    given = read_scene(scene, console.quiet, changes, {} if law.startswith("least-") else {"motion.laws": (law,)})
+    from compact.scene.schema import LAW_NAMES
+
+    given = read_scene(scene, console.quiet, changes, {"motion.laws": (law,)} if law in LAW_NAMES else {})
 
     from compact.analysis.study import Study
-    from compact.cams import export as cam_files
+    from compact.cams import workshop_drawing as cam_files
+    from compact.numerics.validation import require_known
     from compact.report import text
 
+    if not law.startswith("least-"):
+        require_known("motion law", law, (*LAW_NAMES, *(path.stem for path in given.table_paths)))
     study = Study(given)
-    made = study.law_stage.cam(law, follower)
+    made = study.stages.laws.cam(law, follower)
     written = cam_files.write_cam_files(out or default_directory(scene, "cams"), study.scene, made, cutter, tolerance)
     files = "\n".join(f"  {path}" for path in written)
     console.show(lambda: f"{text.cam_digest(law, made)}\n{files}", files=written)
@@ -441,12 +395,15 @@ def sweep(
         return f"{many.computed} points of this run are kept in {directory}; --resume computes the others"
 
     with interrupt_noted(kept), console.progress(many.steps) as progress:
-        progress.begin(f"{many.steps} points", 0.0)
+        progress.begin("points")
         table = many.run(directory, executor=workforce, resume=resume, force=force, step=step)
     indices = sobol_indices.of_table(table)
     sweep_writer.write_sweep_report(directory, table, indices)
     for name in () if console.quiet else many.broken:
         print(f"compact: {name} was incomplete; its points have been computed again", file=sys.stderr)
+    if many.unused and many.computed and not console.quiet:
+        why = "they are of another sweep, or of other sources or tables"
+        print(f"compact: {many.unused} points of earlier runs in {directory} are not used: {why}", file=sys.stderr)
     counts = f"{many.computed} of {many.needed} computed now"
     console.show(
         lambda: f"{sweep_writer.sweep_digest(table, indices)}\n\n{counts}; results: {directory}",

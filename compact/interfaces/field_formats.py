@@ -1,6 +1,6 @@
 """Fields of a contact in formats of other programs, by meshio.
 
-    write_fields(study.contact_stage.field_mesh(contact), "fields.msh", "gmsh")
+    write_fields(study.stages.contacts.field_mesh(contact), "fields.msh", "gmsh")
 
 | format | file | program |
 |---|---|---|
@@ -16,7 +16,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from compact.files import atomic_file
-from compact.numerics import Array
 
 if TYPE_CHECKING:
     import meshio
@@ -38,6 +37,10 @@ def write_fields(mesh: "meshio.Mesh", path: Path | str, name: str) -> Path:
 
     Parameters
     ----------
+    mesh : meshio.Mesh
+        Mesh with fields; it is not changed.
+    path : path
+        File.
     name : {"vtu", "vtk", "xdmf", "gmsh"}
         Format.
 
@@ -50,17 +53,11 @@ def write_fields(mesh: "meshio.Mesh", path: Path | str, name: str) -> Path:
 
     _, kind, options = FIELD_FORMATS[name]
     if name == "gmsh":  # which admits 1, 3 or 9 components, and requires a tag for each cell
-        cells: dict[str, Any] = {
-            key: [_full_tensor(values) for values in blocks] for key, blocks in mesh.cell_data.items()
-        }
         tags = [[1] * len(block.data) for block in mesh.cells]
-        cells |= {"gmsh:physical": tags, "gmsh:geometrical": tags}
+        cells: dict[str, Any] = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+        for key, blocks in mesh.cell_data.items():
+            cells[key] = [each[:, FULL_TENSOR] if each.ndim == 2 and each.shape[1] == 6 else each for each in blocks]
         mesh = meshio.Mesh(mesh.points, mesh.cells, mesh.point_data, cells)
     with atomic_file(path, "wb") as stream:  # meshio opens the file by its name
         meshio.write(stream.name, mesh, file_format=kind, **options)
     return Path(path)
-
-
-def _full_tensor(values: Array) -> Array:
-    """Return symmetric tensors of 6 components with 9; other fields as they are."""
-    return values[:, FULL_TENSOR] if values.ndim == 2 and values.shape[1] == 6 else values

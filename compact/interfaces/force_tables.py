@@ -2,33 +2,27 @@
 
     model = CartModel.of(study)
     table = force_table(model, tolerance=1e-3)
-    write_modelica(table, "force.txt")
+    write_force_csv(table, "force.csv")
 
 The table has the resistance F(v, a) of the mix and the guide friction on one cart. It is interpolated linearly. Nodes
 are added until the interpolation meets the tolerance half-way between all nodes. At rest both forces are set-valued:
 between -v1 and v1, v1 = REST_SHARE of the mean speed, the table passes linearly through 0.
 
-| format | file | program |
-|---|---|---|
-| csv | one line for each node | Chrono, spreadsheets, any script |
-| modelica | text of `CombiTable2Ds`, velocity down, acceleration across | Modelica Standard Library |
-| simulink | MAT file, breakpoints and matrices | `n-D Lookup Table` of Simulink |
+The CSV file has one line for each node, for Chrono, spreadsheets and any script. Simulink and Modelica tools import the
+unit of `functional_mockup`.
 """
 
 import csv
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
-from io import BytesIO, StringIO
+from dataclasses import dataclass, replace
+from io import StringIO
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import RegularGridInterpolator
-from scipy.io import loadmat, savemat
 
 from compact.analysis.study import Study
-from compact.files import atomic_file, write_bytes, write_csv
+from compact.files import write_csv
 from compact.machine.cart import Cart, balance
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
@@ -69,7 +63,7 @@ class CartModel:
         ValueError
             If the scene has end springs, whose force depends on the position.
         """
-        if study.cart.end_springs is not None:
+        if study.stages.resistance.cart.end_springs is not None:
             raise ValueError(
                 "drive.end_springs: their force depends on the position, which F(v, a) does not contain; remove the "
                 "table and add the springs to the other model"
@@ -77,9 +71,9 @@ class CartModel:
         peaks = [cycle.forward.peaks() for cycle in study.cycles.values()]
         accelerations = [each.acceleration for each in peaks if np.isfinite(each.acceleration)]
         speeds = [each.velocity for each in peaks]
-        fastest = float(study.resistance_map.speeds[-1]) if study.layered else max(speeds)
+        fastest = float(study.stages.resistance.map.speeds[-1]) if study.stages.contacts.engine.layered else max(speeds)
         largest = max(accelerations, default=study.scene.mean_speed / study.scene.motion.duration)
-        return cls(study.cart, study.resistance, fastest, float(largest), study.scene.mean_speed)
+        return cls(study.stages.resistance.cart, study.resistance, fastest, float(largest), study.scene.mean_speed)
 
     def forces(self, velocity: ArrayLike, acceleration: ArrayLike) -> dict[str, Array]:
         """Compute resistance, guide friction and their sum [N] at velocities [m/s] and accelerations [m/s2]."""
@@ -138,7 +132,11 @@ def force_table(model: CartModel, tolerance: float) -> ForceTable:
     require_positive(tolerance=tolerance)
     speeds, accelerations = FIRST_NODES, FIRST_NODES
     while True:
-        table = _tabulated(model, speeds, accelerations)
+        positive = np.geomspace(REST_SHARE * model.mean_speed, model.largest_speed, speeds)
+        velocity = np.concatenate([-positive[::-1], [0.0], positive])
+        acceleration = np.linspace(-1, 1, accelerations) * model.largest_acceleration
+        resistance, friction, total = model.forces(velocity[:, None], acceleration[None, :]).values()
+        table = ForceTable(velocity, acceleration, resistance, friction, total, model.cart.mass)
         across, along = _interpolation_errors(model, table)
         error = max(across, along)
         if error <= tolerance:
@@ -151,27 +149,19 @@ def force_table(model: CartModel, tolerance: float) -> ForceTable:
             )
 
 
-def _tabulated(model: CartModel, speeds: int, accelerations: int) -> ForceTable:
-    """Return the table over numbers of speeds and accelerations."""
-    positive = np.geomspace(REST_SHARE * model.mean_speed, model.largest_speed, speeds)
-    velocity = np.concatenate([-positive[::-1], [0.0], positive])
-    acceleration = np.linspace(-1, 1, accelerations) * model.largest_acceleration
-    resistance, friction, total = model.forces(velocity[:, None], acceleration[None, :]).values()
-    return ForceTable(velocity, acceleration, resistance, friction, total, model.cart.mass)
-
-
 def _interpolation_errors(model: CartModel, table: ForceTable) -> tuple[float, float]:
     """Errors of the opposing force between speeds and between accelerations, over its largest value; not at rest."""
     moving = table.velocity[np.abs(table.velocity) > 0]
     middle = (table.velocity[:-1] + table.velocity[1:]) / 2
     middle = middle[np.abs(middle) > np.min(np.abs(moving))]
     between = (table.acceleration[:-1] + table.acceleration[1:]) / 2
-    errors = []
-    for velocity, acceleration in ((middle, table.acceleration), (moving, between)):
+
+    def error(velocity: Array, acceleration: Array) -> float:
         grid = velocity[:, None], acceleration[None, :]
-        errors.append(np.max(np.abs(table(*grid) - model.forces(*grid)["opposing_force"])))
-    largest = np.max(np.abs(table.opposing_force))
-    return float(errors[0] / largest), float(errors[1] / largest)
+        wrong = np.max(np.abs(table(*grid) - model.forces(*grid)["opposing_force"]))
+        return float(wrong / np.max(np.abs(table.opposing_force)))
+
+    return error(middle, table.acceleration), error(moving, between)
 
 
 def write_force_csv(table: ForceTable, path: Path | str) -> Path:
@@ -189,51 +179,3 @@ def read_force_csv(path: Path | str, mass: float) -> ForceTable:
     shape = len(axes[0]), len(axes[1])
     resistance, friction, total = (force.reshape(shape) for force in forces)
     return ForceTable(*axes, resistance, friction, total, mass)
-
-
-def write_modelica(table: ForceTable, path: Path | str) -> Path:
-    """Write the text file of `Modelica.Blocks.Tables.CombiTable2Ds`, one matrix for each force; return the path."""
-    with atomic_file(path) as stream:
-        stream.write(f"#1\n# force against the motion of a cart of {table.mass:.12g} kg in N; u1 m/s, u2 m/s2\n")
-        for name in FORCES:
-            corner = np.concatenate([[0.0], table.acceleration])
-            matrix = np.vstack([corner, np.column_stack([table.velocity, getattr(table, name)])])
-            stream.write(f"double {name}({matrix.shape[0]},{matrix.shape[1]})\n")
-            np.savetxt(stream, matrix, fmt="%.12g")
-    return Path(path)
-
-
-def read_modelica(path: Path | str, mass: float) -> ForceTable:
-    """Read a file of `write_modelica`, for a cart of a mass [kg]."""
-    lines = iter(line for line in Path(path).read_text("utf-8").splitlines() if not line.startswith("#"))
-    matrices = {}
-    for line in lines:
-        name, _, size = line.removeprefix("double ").partition("(")
-        rows = int(size.partition(",")[0])
-        matrices[name] = np.array([next(lines).split() for _ in range(rows)], dtype=float)
-    first = matrices[FORCES[0]]
-    resistance, friction, total = (matrices[name][1:, 1:] for name in FORCES)
-    return ForceTable(first[1:, 0], first[0, 1:], resistance, friction, total, mass)
-
-
-def write_simulink(table: ForceTable, path: Path | str) -> Path:
-    """Write a MAT file with the breakpoints, the matrices and the mass; return the path."""
-    buffer = BytesIO()
-    savemat(buffer, asdict(table))
-    return write_bytes(Path(path), buffer.getvalue())
-
-
-def read_simulink(path: Path | str) -> ForceTable:
-    """Read a file of `write_simulink`."""
-    found = loadmat(path, squeeze_me=True)
-    return ForceTable(**{name: found[name] for name in ForceTable.__dataclass_fields__})
-
-
-# File name and writer of each format
-TABLE_FORMATS: Mapping[str, tuple[str, Callable[[ForceTable, Path], Path]]] = MappingProxyType(
-    {
-        "csv": ("force.csv", write_force_csv),
-        "modelica": ("force.txt", write_modelica),
-        "simulink": ("force.mat", write_simulink),
-    }
-)

@@ -10,13 +10,13 @@ created exclusively and names its host and process.
 import json
 import os
 import platform
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from compact.files import ResultsError, atomic_file
+from compact.files import ResultsError, atomic_file, checksum
 
 SUFFIX = ".points"
 LOCK = "sweep.lock"  # file next to the directory of the checkpoints, while a command writes to it
@@ -82,9 +82,9 @@ class Store:
     def write(self, points: Mapping[str, Points]) -> None:
         """Write the points of one task by key."""
         body = "".join(json.dumps(entry) + "\n" for entry in points.items()).encode()
-        name = sha256("".join(points).encode()).hexdigest()[:24]
+        name = checksum("".join(points).encode())[:24]
         with atomic_file(self.directory / f"{name}{SUFFIX}", "wb") as stream:
-            stream.write(_checksum(body) + body)
+            stream.write(checksum(body).encode() + b"\n" + body)
 
     def clear(self) -> None:
         """Delete all points."""
@@ -95,16 +95,18 @@ class Store:
 def _require_ended(path: Path) -> None:
     """Delete the lock of a process of this machine that has ended; raise ResultsError for any other lock."""
     try:
-        owner = path.read_text(encoding="utf-8")
-    except OSError:  # released meanwhile
+        owner = path.read_text(encoding="utf-8", errors="replace")
+    except FileNotFoundError:  # released meanwhile
         return
-    process, _, host = owner.removeprefix("process ").partition(" on ")
-    if host == platform.node() and process.isdigit() and not _is_alive(int(process)):
+    except OSError as error:
+        raise ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
+    known = re.fullmatch(r"process ([0-9]{1,10}) on (.+)", owner)
+    if known and known[2] == platform.node() and not _is_alive(int(known[1])):
         path.unlink(missing_ok=True)
         return
     raise ResultsError(
-        f"{path}: {owner or 'another command'} writes to this directory; wait for it, give another --out, or delete "
-        "the file if that process has ended"
+        f"{path}: {owner if known else 'another command'} writes to this directory; wait for it, give another --out, "
+        "or delete the file if that process has ended"
     )
 
 
@@ -114,19 +116,15 @@ def _is_alive(process: int) -> bool:
         return True
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
+    except (ProcessLookupError, OverflowError):  # no process has a number beyond that of the system
         return False
     except PermissionError:  # of another user
         return True
     return True
 
 
-def _checksum(body: bytes) -> bytes:
-    return sha256(body).hexdigest().encode() + b"\n"
-
-
 def _checked(content: bytes) -> dict[str, Points]:
-    checksum, _, body = content.partition(b"\n")
-    if checksum + b"\n" != _checksum(body):
+    recorded, _, body = content.partition(b"\n")
+    if recorded != checksum(body).encode():
         raise ValueError("wrong checksum")
     return dict(json.loads(line) for line in body.splitlines())

@@ -14,9 +14,7 @@ into connected parts, each a task, in which a point starts from the nearest cont
 the number of workers.
 """
 
-import json
 from collections.abc import Mapping, Sequence
-from hashlib import sha256
 from math import ceil
 from typing import Any, Literal
 
@@ -24,6 +22,7 @@ import numpy as np
 
 from compact.analysis.engines import ENGINES
 from compact.analysis.worker_pool import Executor
+from compact.files import versions
 from compact.quantities import SWEEP_CORRECTION, Quantity
 from compact.scene.engine_capabilities import LIMITS
 from compact.scene.loader import Scene
@@ -40,7 +39,7 @@ from compact.sweep.correction import (
     refinement_weights,
 )
 from compact.sweep.design import Axis, Sampled
-from compact.sweep.point import Results, versions
+from compact.sweep.point import Results
 from compact.sweep.run import KeyedPoint, Step, Sweep, Task, points_in_parts
 
 ALL = "all"
@@ -143,12 +142,12 @@ class CorrectedSweep(Sweep):
     def _by_columns(self, store: Store, known: dict[str, Results], executor: Executor) -> list[Results]:
         """Return the results of the engine of low fidelity at all points."""
         scene = self.scene.replaced(**self._accepted({}))
-        base = json.dumps([self.scene.hash, versions(), self.low_fidelity])
+        base = self._base_key(self.low_fidelity)
         keyed: list[KeyedPoint] = []
         for number in range(self.size):
             changes, shares = self.design.point(number)
             changes |= self._accepted(changes)
-            keyed.append((_key([base, changes, shares]), changes, shares))
+            keyed.append((self._key(base, None, changes, shares), changes, shares))
         points = {key: known[key] for key, *_ in keyed if key in known}
         missing = [point for point in keyed if point[0] not in points]
         groups = points_in_parts(missing, ENGINES[self.low_fidelity].points_per_task)
@@ -161,8 +160,7 @@ class CorrectedSweep(Sweep):
         accepted: dict[str, Any] = {"accuracy.engine": self.low_fidelity}
         for limit in LIMITS.get(self.low_fidelity, ()):
             value = changes.get(limit.key, limit.value_in(self.scene))
-            rolling = self.scene.machine.roller_condition
-            if (limit.key in changes or self.scene.is_set(limit.key)) and not limit.takes(value, None, rolling):
+            if (limit.key in changes or self.scene.is_set(limit.key)) and not limit.takes(value, None):
                 accepted[limit.key] = limit.taken[0]
         if self.scene.machine.roller_torque is not None:
             accepted["machine.roller_torque"] = None
@@ -210,10 +208,11 @@ class CorrectedSweep(Sweep):
 
     def _chain(self, part: list[int]) -> tuple[KeyedPoint, ...]:
         """Return the keyed points of a part; each key depends on the points before and on the coordinates."""
-        key, keyed = json.dumps([self.scene.hash, versions()]), []
+        base, key = self._base_key(), ""
+        keyed: list[KeyedPoint] = []
         for number in part:
             changes, shares = self.design.point(number)
-            key = _key([key, self.places[number].tolist(), changes, shares])
+            key = self._key(base, [key, self.places[number].tolist()], changes, shares)
             keyed.append((key, changes, shares))
         return tuple(keyed)
 
@@ -223,10 +222,6 @@ class CorrectedSweep(Sweep):
 
     def _attributes(self) -> dict[str, str]:
         return super()._attributes() | {"correction": "\n".join(self.notes)}
-
-
-def _key(content: list[Any]) -> str:
-    return sha256(json.dumps(content).encode()).hexdigest()[:32]
 
 
 class Correction:

@@ -12,7 +12,7 @@ The spread of a parameter depends on moisture and density ratio, so a sample hol
 independent of one another, as no source states their correlation.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import prod
 from typing import Any
@@ -24,7 +24,6 @@ from compact.analysis.contact_cases import scene_mix
 from compact.analysis.engines import ENGINES
 from compact.material import mix
 from compact.numerics.validation import require_known
-from compact.scene.former_names import current_path
 from compact.scene.loader import Scene, SceneError, read_value
 
 OVERRIDES = "mix.overrides"
@@ -40,6 +39,10 @@ class Axis:
     values: tuple[Any, ...]
 
     def __post_init__(self) -> None:
+        if not isinstance(self.key, str):
+            raise ValueError(f"--vary takes key paths such as mix.moisture, got {self.key!r}")
+        if not self.values or not all(isinstance(value, Hashable) for value in self.values):
+            raise ValueError(f"--vary {self.key}: takes one or more numbers or words, got {list(self.values)}")
         if len(set(self.values)) < len(self.values):
             raise ValueError(f"--vary {self.key}: values must differ from one another, got {list(self.values)}")
 
@@ -72,7 +75,6 @@ def read_design(text: str) -> Axis | Sampled:
     if not (key and equals and values):
         forms = "KEY=LOW:HIGH:N, KEY=A,B,C or KEY=~N, such as mix.moisture=0.08:0.12:5"
         raise ValueError(f"--vary takes {forms}, got {text!r}")
-    key = current_path(key)
     if values.startswith("~"):
         return Sampled(key, _whole(key, values[1:]))
     if values.count(":") == 2:

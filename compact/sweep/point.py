@@ -6,23 +6,17 @@
 A point that fails has the results of its mix only, and the reason. The contact is that at the mean speed.
 """
 
-import platform
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import cache
-from hashlib import sha256
-from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-import compact
 from compact import quantities
 from compact.analysis.engines import ENGINES
-from compact.analysis.numerical_failures import is_numeric, memory_sentence, numeric_sentence
+from compact.analysis.failures import internal_sentence, is_numeric, is_refusal, memory_sentence, numeric_sentence
 from compact.analysis.pore_air import AirForces, coupled_forces, is_coupled, pore_air_of
 from compact.analysis.stages.contacts import Passes, air_forces_of, roll_passes
 from compact.analysis.study import Study
@@ -40,7 +34,6 @@ WORDS = {
     "replaced": "keys with a default that the engine replaced by the nearest value it accepts",
     "reason": "reason of a failure; empty for a point with results",
 }
-PACKAGES = ("compact", "numpy", "scipy", "numba", "scikit-fem")
 MAX_TEXT_LENGTH = 400  # characters of a reason
 
 
@@ -81,7 +74,7 @@ def headline(
             found |= numbers
         except Exception as error:  # a failed point does not stop a sweep
             found["reason"] = reason(error)
-    found["replaced"] = "; ".join(adapt(scene, scene.accuracy.engine)[1])
+    found["replaced"] = "; ".join(filter(None, (*adapt(scene, scene.accuracy.engine)[1], scene.mix.fit_remark)))
     found["warnings"] = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))[:MAX_TEXT_LENGTH]
     return found, contact if ENGINES[scene.accuracy.engine].continuation else None
 
@@ -99,15 +92,15 @@ def reason(error: Exception) -> str:
         message = memory_sentence(error)
     elif is_numeric(error):
         message = numeric_sentence(error)
-    elif not (isinstance(error, ValueError | RuntimeError) and message):
-        message = f"internal error, please report it: {type(error).__name__}: {message}"
+    elif not is_refusal(error):
+        message = internal_sentence(error)
     return message[:MAX_TEXT_LENGTH]
 
 
 def _computed(study: Study, rank: bool, initial_guess: ContactResult | None) -> tuple[Results, ContactResult | None]:
     """Return the results of the contact at the mean speed, and the contact; None for the formulas."""
     scene, speed = study.scene, study.scene.mean_speed
-    if not study.layered:
+    if not study.stages.contacts.engine.layered:
         contact, found = None, _of_formulas(study)
     else:
         contact, *later = _passes(scene, study.mix, speed, initial_guess)
@@ -142,7 +135,7 @@ def _passes(scene: Scene, mix: Mix, speed: float, initial_guess: ContactResult |
 
 def _of_formulas(study: Study) -> Results:
     """Return eqs 1.4-1.8 at the pressure of the scene."""
-    formulas = study.engineering
+    formulas = study.stages.contacts.engineering
     return {
         "load": formulas.roller_force,
         "resistance": study.scene.machine.rollers * formulas.roller_resistance,
@@ -169,14 +162,3 @@ def _of_contact(scene: Scene, first: ContactResult, last: ContactResult) -> Resu
         "load_error": load_error,
         "resistance_error": resistance_error,
     } | {name: np.nan if value is None else value for name, value in balances.items()}
-
-
-@cache
-def versions() -> dict[str, str]:
-    """Return the versions of Python, of PACKAGES, and a hash of the sources of this package, by name."""
-    source = sha256()
-    for path in sorted(Path(compact.__file__).parent.rglob("*")):
-        if path.suffix in (".py", ".csv"):
-            source.update(path.read_bytes())
-    packages = {name: version(name) for name in PACKAGES}
-    return {"python": platform.python_version()} | packages | {"source": source.hexdigest()[:12]}

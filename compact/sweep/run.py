@@ -6,8 +6,8 @@
 
 `table` is an xarray Dataset over the varied keys, also written as sweep.nc. A point that fails has nan and a reason.
 The division of the points into tasks does not depend on the number of workers; therefore one process, several processes
-and a cluster produce the same bits. The key of a checkpoint is the hash of scene, changes and versions; if any of them
-changes, the point is computed again.
+and a cluster produce the same bits. The key of a checkpoint is the hash of scene, changes, files that these name,
+versions and sources; if any of them changes, the point is computed again.
 
 An engine with continuation uses each point as initial guess of its neighbour along the last axis, LINE points from each
 computation from scratch. Such a line is one task, which is computed again if it was interrupted.
@@ -18,7 +18,6 @@ import threading
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
-from hashlib import sha256
 from math import dist
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,15 +27,25 @@ from threadpoolctl import threadpool_limits
 
 from compact.analysis.engines import ENGINES
 from compact.analysis.worker_pool import Executor, WorkerDied, run_tasks
-from compact.files import NETCDF_BACKENDS, NETCDF_HDF5, ResultsError, claimed_directory, read_netcdf, write_netcdf
+from compact.files import (
+    NETCDF_BACKENDS,
+    NETCDF_HDF5,
+    ResultsError,
+    checksum,
+    claimed_directory,
+    read_netcdf,
+    results_key,
+    versions,
+    write_netcdf,
+)
 from compact.material import mix
 from compact.quantities import SWEEP_POINT, Quantity
 from compact.rolling_contact import ContactResult
 from compact.scene.errors import table_of
-from compact.scene.loader import Scene
+from compact.scene.loader import FILE_KEYS, Scene
 from compact.sweep.checkpoints import Store
 from compact.sweep.design import Axis, Sampled, design, scene_at, varied_engines
-from compact.sweep.point import WORDS, Results, headline, ranking_variables, reason, versions
+from compact.sweep.point import WORDS, Results, headline, ranking_variables, reason
 
 if TYPE_CHECKING:
     import xarray
@@ -45,6 +54,7 @@ LINE = 8  # neighbours of an engine with continuation from one computation from 
 POINTS_PER_RANKING = 100  # [-], points without a ranking in the time of one ranking
 _ONE_AT_A_TIME = threading.Lock()  # in threads of a cluster, as BLAS threads and warnings are global to a process
 POINTS = "points"  # directory of the checkpoints, in that of the results
+KEY_LENGTH = 32  # characters of the key of a checkpoint
 
 KeyedPoint = tuple[str, dict[str, Any], dict[str, float]]  # key, changes, shares
 Step = Callable[[int, int], None]  # called with numbers of new points and of failures among them
@@ -131,6 +141,8 @@ class Sweep:
         self.design = design(scene, varied, indices)
         self.engines = varied_engines(scene, self.design.axes)
         self.computed = self.needed = 0  # points computed, and all points with those that were kept
+        self.unused = 0  # points that were kept, under keys of another sweep, other files or other sources
+        self._used: set[str] = set()
         self.broken: tuple[str, ...] = ()
 
     @property
@@ -177,6 +189,7 @@ class Sweep:
             store = Store(place / POINTS)
             known = self._known(store, resume, force)
             table = self._table(self._results(store, known, executor, step))
+            self.unused = len(known.keys() - self._used)
             write_netcdf(place / "sweep.nc", table, NETCDF_HDF5)
         return table
 
@@ -197,6 +210,7 @@ class Sweep:
             for number, outcome in coming:
                 points |= self._kept(store, tasks[number], outcome, points, step)
         self.needed += len(points)
+        self._used |= points.keys()
         return points
 
     def _known(self, store: Store, resume: bool, force: bool) -> dict[str, Results]:
@@ -226,15 +240,23 @@ class Sweep:
 
     def _keyed(self) -> list[KeyedPoint]:
         """Return key, changes and shares of every point; in a chain the key depends on the points before."""
-        base = json.dumps([self.scene.hash, versions(), self.rank, self.chained])
+        base = self._base_key(self.rank, self.chained)
         keyed: list[KeyedPoint] = []
         last = self.design.shape[-1]
         for index in range(self.size):
             changes, shares = self.design.point(index)
             before = keyed[-1][0] if self.chained and index % last % LINE else ""
-            key = sha256(json.dumps([base, before, changes, shares]).encode()).hexdigest()[:32]
-            keyed.append((key, changes, shares))
+            keyed.append((self._key(base, before, changes, shares), changes, shares))
         return keyed
+
+    def _base_key(self, *options: Any) -> str:
+        """Hash all that the points of the sweep have in common."""
+        return results_key(self.scene.hash, [ENGINES[name].source for name in self.engines], *options)
+
+    def _key(self, base: str, before: Any, changes: dict[str, Any], shares: dict[str, float]) -> str:
+        """Hash all inputs of a point, with the contents of the files that it names."""
+        tables = [self.scene.checksum_of(str(changes[key])) for key in FILE_KEYS if key in changes]
+        return checksum(json.dumps([base, before, changes, shares, tables]).encode())[:KEY_LENGTH]
 
     def _tasks(self, keyed: list[KeyedPoint], known: dict[str, Results]) -> list[Task]:
         """Return the tasks of the missing points; a line of neighbours is computed as a whole."""

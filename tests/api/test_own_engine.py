@@ -10,11 +10,11 @@ from compact.analysis.engines import ENGINES
 
 SMALL = "studies/scenes/small.toml"
 PACKAGE = '''
-from compact.analysis.engines import Engine, EngineCost
+from compact.analysis.engines import Engine
 from compact.engines.column.engine import roll as roll_columns
 import dataclasses
 
-WINKLER = Engine("winkler", "winkler_engine", EngineCost(0.01, 0.1), ("heckel_slope",), compacting=True)
+WINKLER = Engine("winkler", "winkler_engine", 0.01, ("heckel_slope",), compacting=True)
 MISNAMED = "no engine"
 
 def roll(layer, roller, material, speed):
@@ -50,11 +50,18 @@ def test_engine_of_another_package_rolls(installed):
     assert scene.hash != scene.replaced(**{"accuracy.engine": "column"}).hash
 
 
+def test_edit_of_an_own_engine_changes_the_key_of_its_results(installed, tmp_path):
+    before = ENGINES["winkler"].source
+    (tmp_path / "winkler_engine.py").write_text(PACKAGE.replace("2 * found", "3 * found"))
+    assert ENGINES["winkler"].source != before
+    assert ENGINES["column"].source == ""  # part of the versions
+
+
 @pytest.mark.slow
 def test_engine_of_another_package_ranks_and_reports(installed, tmp_path):
     scene = compact.load_scene(SMALL, **{"accuracy.engine": "winkler", "output.items": ["tables", "report"]})
     study = scene.run(tmp_path / "out")
-    assert study.second_pass is None
+    assert study.stages.contacts.second_pass is None
     assert [place.law for place in scene.rank()] == [place.run.name for place in study.rankings["peak_force"]]
     assert (tmp_path / "out" / "report.html").exists()
 

@@ -60,7 +60,7 @@ def test_scene_keeps_its_class_and_is_short_in_text(scene):
 
 def test_contacts_equal_those_of_a_study_and_have_units(scene, contacts):
     study = compact.Study(scene)
-    first = study.passes_at(SPEEDS[-1])[0]
+    first = study.stages.contacts.passes_at(SPEEDS[-1])[0]
     frame = contacts.to_dataframe()
     assert frame.index.tolist() == list(SPEEDS)
     assert frame.loc[SPEEDS[-1], "resistance"] == first.resistance == contacts[-1].resistance
@@ -78,7 +78,7 @@ def test_contacts_equal_those_of_a_study_and_have_units(scene, contacts):
 
 def test_contacts_of_another_engine_and_of_the_formulas(scene):
     assert scene.roll(0.2, engine="formula").to_dataframe()["load"].tolist() == pytest.approx(
-        [compact.Study(scene).engineering.roller_force / scene.machine.roller_length]
+        [compact.Study(scene).stages.contacts.engineering.roller_force / scene.machine.roller_length]
     )
     assert len(scene.roll(engine="spectral")) == 6
     with pytest.raises(ValueError, match=r"no engine with fields 'column'; choose from fem, compaction"):

@@ -1,6 +1,7 @@
 """Sweeps on a cluster of separate processes that fail, and the lock of a directory on a shared disk."""
 
 import json
+import logging
 import os
 import platform
 import re
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import pytest
 import xarray
+from interrupts import of_unix
 
 from compact.analysis import worker_pool
 from compact.analysis.worker_pool import DaskExecutor, SerialExecutor
@@ -79,6 +81,7 @@ def cluster(tmp_path):
 # lost processes
 
 
+@of_unix
 @pytest.mark.slow
 def test_sweep_is_complete_though_a_worker_is_lost_with_its_tasks(cluster, tmp_path):
     os.kill(cluster.workers[0].pid, signal.SIGSTOP)  # it gets tasks and does not return them
@@ -99,7 +102,10 @@ def test_sweep_is_complete_though_a_worker_is_lost_with_its_tasks(cluster, tmp_p
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of threads of the client, whose connection ends
-def test_lost_scheduler_ends_the_sweep_in_a_sentence_and_the_rest_is_resumed(cluster, tmp_path):
+def test_lost_scheduler_ends_the_sweep_in_a_sentence_and_the_rest_is_resumed(cluster, tmp_path, caplog, monkeypatch):
+    log = logging.getLogger("distributed.client")
+    monkeypatch.setattr(log, "handlers", [*log.handlers, caplog.handler])
+
     def lose(points, failed):
         if points:
             cluster.scheduler.kill()
@@ -109,9 +115,23 @@ def test_lost_scheduler_ends_the_sweep_in_a_sentence_and_the_rest_is_resumed(clu
         first.run(tmp_path / "out", executor=DaskExecutor(cluster.address), step=lose)
     rest = sweep()
     table = rest.run(tmp_path / "out", executor=SerialExecutor(), resume=True)
+    assert not [record.getMessage() for record in caplog.records if record.exc_info]  # no traceback before the sentence
     assert first.computed >= 100
     assert first.computed + rest.computed == 600
     assert (table["reason"] == "").all()
+
+
+def test_log_of_the_client_is_silent_while_the_executor_runs(monkeypatch):
+    class Connected:
+        def __init__(self, *_, **__):
+            self.close = self.cancel = lambda *_: None
+
+    monkeypatch.setattr("distributed.Client", Connected)
+    log = logging.getLogger("distributed.client")
+    before = log.level
+    with DaskExecutor("tcp://host:8786"):
+        assert not log.isEnabledFor(logging.ERROR)
+    assert log.level == before
 
 
 class Client:
@@ -152,6 +172,23 @@ def test_directory_of_a_running_sweep_is_refused(tmp_path):
 def test_lock_of_another_machine_is_kept(tmp_path):
     (tmp_path / LOCK).write_text("process 1 on another-machine")
     with pytest.raises(ResultsError, match="on another-machine writes"), Store(tmp_path / "points").locked():
+        pass
+
+
+@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"", b"process \xb2 on here", b"process 1"])
+def test_lock_with_foreign_content_is_kept(tmp_path, content):
+    (tmp_path / LOCK).write_bytes(content)
+    with (
+        pytest.raises(ResultsError, match=r"another command writes to this .* delete the file"),
+        Store(tmp_path / "points").locked(),
+    ):
+        pass
+    assert (tmp_path / LOCK).read_bytes() == content
+
+
+def test_lock_that_cannot_be_read_is_told(tmp_path):
+    (tmp_path / LOCK).mkdir()
+    with pytest.raises(ResultsError, match=r"sweep\.lock: .*give another --out"), Store(tmp_path / "points").locked():
         pass
 
 

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,15 +14,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray
-from interrupts import heed_interrupts
+from interrupts import heed_interrupts, of_unix
 
+from compact import files
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerDied, run_tasks
 from compact.cli import program as cli
 from compact.files import ResultsError
 from compact.report import sweep_writer
 from compact.report.figures import sweep as sweep_figures
-from compact.scene.loader import load_scene
+from compact.scene.loader import load_scene, parse_scene, starter_scene
 from compact.sweep import design as vary
 from compact.sweep import point as headline
 from compact.sweep import run as sweep
@@ -42,6 +44,21 @@ def swept(
     """Table and sweep of a scene."""
     many = Sweep(scene, [vary.read_design(text) for text in varied], **options)
     return many.run(directory, executor=executor or SerialExecutor(), resume=resume, step=step), many
+
+
+def test_the_load_of_the_starter_falls_with_water_as_that_of_the_prior(tmp_path):
+    starter = parse_scene(starter_scene()).replaced(**{"output.items": []})
+    prior = starter.replaced(**{"mix.overrides": {}})
+    loads = {}
+    for name, scene in (("fitted", starter), ("prior", prior)):
+        table, _ = swept(tmp_path / name, scene, ["mix.moisture=0.08:0.12:5", "mix.density_ratio=0.95:0.98:2"])
+        loads[name] = table["load"].sel(density_ratio=0.98).values
+    assert (np.diff(loads["fitted"]) < 0).all()
+    ratios = {name: values / values[2] for name, values in loads.items()}
+    assert ratios["fitted"] == pytest.approx(ratios["prior"], rel=0.05)
+    assert loads["fitted"][2] == pytest.approx(9740, rel=1e-3)
+    remarks = set(swept(tmp_path / "again", starter, ["mix.moisture=0.09,0.10"])[0]["replaced"].values)
+    assert sum("scaled by the prior: effective_modulus, heckel_slope" in remark for remark in remarks) == 1
 
 
 @pytest.fixture
@@ -117,6 +134,7 @@ def test_cluster_gives_the_same_bits(whole, cluster, tmp_path):
     xarray.testing.assert_identical(table, whole)
 
 
+@of_unix
 @pytest.mark.slow
 @pytest.mark.usefixtures("small_tasks")
 def test_two_processes_give_the_same_bits_though_one_is_killed(whole, tmp_path):
@@ -192,9 +210,23 @@ def test_wider_grid_computes_new_points_alone(tmp_path):
 def test_points_of_other_versions_are_recomputed(monkeypatch, tmp_path):
     varied = ["mix.moisture=0.1,0.11"]
     swept(tmp_path, varied=varied)
-    other = headline.versions() | {"source": "changed"}
-    monkeypatch.setattr(sweep, "versions", lambda: other)
-    assert swept(tmp_path, varied=varied, resume=True)[1].computed == 2
+    other = files.versions() | {"source": "changed"}
+    monkeypatch.setattr(files, "versions", lambda: other)
+    again = swept(tmp_path, varied=varied, resume=True)[1]
+    assert (again.computed, again.unused) == (2, 2)
+
+
+def test_points_of_a_changed_table_are_recomputed(tmp_path):
+    shutil.copy(SCENES / "motors.csv", tmp_path / "other.csv")
+    shutil.copy(SCENES / "loveikin-2015.toml", tmp_path / "scene.toml")
+    catalogue = {"file": str(SCENES / "motors.csv"), "margin": 1.25, "efficiency": 0.9}
+    scene = load_scene(tmp_path / "scene.toml", **{"drive.catalogue": catalogue})
+    many = Sweep(scene, [vary.read_design("drive.catalogue.file=other.csv")])
+    ((before, *_),) = many._keyed()
+    with (tmp_path / "other.csv").open("a") as table:
+        table.write("# edited\n")
+    ((after, *_),) = many._keyed()
+    assert before != after
 
 
 def test_point_of_dead_workers_is_recomputed_by_the_next_run(monkeypatch, tmp_path):
@@ -359,6 +391,7 @@ def called(capsys, *arguments):
     return code, "".join(capsys.readouterr())
 
 
+@of_unix
 @pytest.mark.slow
 def test_interrupted_command_keeps_complete_points_and_resumes_the_rest(tmp_path, capsys):
     grid = ("--vary", "mix.moisture=0.08:0.12:12", "--vary", "mix.density_ratio=0.96:0.99:50")

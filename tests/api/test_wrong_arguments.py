@@ -1,0 +1,152 @@
+"""Arguments of a wrong kind at the Python interface are refused in words of `compact`, not in those of a library."""
+
+import numpy as np
+import pytest
+
+import compact
+from compact.analysis.failures import is_refusal
+
+WRONG = ("0,1", b"1", 1 + 2j, object(), 10**400, np.array("x"), None)
+OPTIONAL = {("law", "rod_length"), ("Limits", "velocity"), ("cut", "cutter_radius"), ("simulate_motor", "start_speed")}
+LAW = compact.law("cubic", 0.4, 3.0)
+CART = {
+    "mass": 1000.0, "weight": 1e4, "roller_positions": (0.27, -0.27), "roller_reactions": (9740.0, 9740.0),
+    "guide_positions": (0.37, -0.37), "pin_position": 0.65, "pin_height": 0.1, "roller_radius": 0.11,
+    "guide_wheel_diameter": 0.046, "guide_friction": 0.008,
+}  # fmt: skip
+KLOSS = {"breakdown_torque": 40.0, "breakdown_slip": 0.15, "synchronous_speed": 157.0}
+TIMES = np.linspace(0, 1, 21)
+SMOOTH = 0.4 * (3 * TIMES**2 - 2 * TIMES**3)
+HALF_SPACE = {"radius": 0.1, "youngs_modulus": 2e7, "poisson": 0.3}
+CALLS = {  # function, and valid numbers of its arguments
+    "law": (
+        lambda **given: compact.law("crank", **given),
+        {"stroke": 0.4, "duration": 3.0, "run_up": 0.2, "run_down": 0.2, "rod_length": 0.8, "energy_weight": 0.5},
+    ),
+    "ComplexLaw": (compact.ComplexLaw, {"energy_weight": 0.5, "acceleration_weight": 0.3}),
+    "hertz": (compact.hertz, {**HALF_SPACE, "half_width": 0.01}),
+    "galin": (compact.galin, {**HALF_SPACE, "friction": 0.3, "load": 1e4}),
+    "pressure_exponent": (compact.pressure_exponent, {"poisson": 0.3, "friction": 0.3}),
+    "Cart": (compact.Cart, CART),
+    "balance": (
+        lambda **given: compact.balance(compact.Cart(**CART), **given),
+        {"acceleration": 0.1, "resistance": 100.0, "direction": 1.0, "rod_tangent": 0.0, "end_spring_force": 0.0},
+    ),
+    "ElasticDrive": (compact.ElasticDrive, {"stiffness": 1e6, "damping": 1e3, "backlash": 1e-4}),
+    "Belt": (
+        compact.Belt, {"pulley_radius": 0.1, "stiffness": 1e5, "preload": 1e3, "friction": 0.5, "wrap": 3.0}
+    ),
+    "Kloss": (compact.Kloss, KLOSS),
+    "LinearTorqueCurve": (compact.LinearTorqueCurve, {"stall_torque": 40.0, "no_load_speed": 157.0}),
+    "Motor": (
+        lambda **given: compact.Motor(compact.Kloss(**KLOSS), **given),
+        {"gear_ratio": 150.0, "motor_inertia": 0.01, "flywheel_inertia": 50.0},
+    ),
+    "Crank": (compact.Crank, {"radius": 0.2, "rod_length": 0.8}),
+    "Viscoelastic": (compact.Viscoelastic, {"youngs_modulus": 1e7, "poisson": 0.3, "branches": ((1.0, 0.1),)}),
+    "prior": (compact.prior, {"moisture": 0.1, "density_ratio": 0.98}),
+    "overrides": (lambda **given: compact.prior(0.1, 0.98, given), {"poisson": 0.3, "cohesion": 1e3}),
+    "Layer": (compact.Layer, {"height": 0.2}),
+    "Roller": (compact.Roller, {"radius": 0.1, "friction": 0.1}),
+    "CamLimits": (lambda **given: compact.CamLimits(**{"pressure_angle": 0.5} | given), {"breadth": 0.9, "dwell": 0.1}),
+    "Limits": (compact.Limits, {"velocity": 1.0, "run_up": 0.3, "run_down": 0.3, "steady_tolerance": 0.1}),
+    "dry_resistance": (compact.dry_resistance, {"force": 100.0}),
+    "tabulated_resistance": (compact.tabulated_resistance, {"speeds": [0.1, 0.2], "forces": [1.0, 2.0]}),
+    "resistance": (compact.dry_resistance(100.0), {"velocity": 0.1, "acceleration": 0.1}),
+    "map": (compact.tabulated_resistance([0.1, 0.2], [1.0, 2.0]), {"velocity": 0.1, "acceleration": 0.1}),
+    "from_table": (compact.from_table, {"time": TIMES, "position": SMOOTH}),
+    "from_function": (lambda **given: compact.from_function(lambda t: 0.4 * (3 * t**2 - 2 * t**3), **given),
+                      {"duration": 1.0}),
+    "derivative": (LAW.derivative, {"time": 0.1, "order": 1}),
+    "at_phase": (LAW.at_phase, {"z": 0.1, "order": 1}),
+    "criterion": (LAW.criterion, {"order": 2}),
+    "minimiser": (lambda value: compact.minimiser(2, {0: 0.0, 1: 0.0}, {0: value, 1: 0.0}), {"value": 1.0}),
+    "Cam": (lambda **given: compact.Cam(LAW.cycle(), follower=compact.FlatFace(), **given), {"breadth": 1.0}),
+    "cut": (
+        lambda **given: compact.cut(compact.Cam(LAW.cycle(), 0.9, compact.RollerFollower(0.03)), **given),
+        {"cutter_radius": 0.01, "tolerance": 1e-3},
+    ),
+    "simulate": (
+        lambda **given: compact.simulate(
+            compact.Cart(**CART), compact.Rigid(), LAW, compact.dry_resistance(100.0), **given
+        ),
+        {"working": (0.1, 0.9)},
+    ),
+    "optimise": (
+        lambda **given: compact.optimise("peak_force", resistance=compact.dry_resistance(100.0), **given),
+        {"stroke": 0.4, "duration": 3.0, "mass": 1e3},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "key"), [(name, key) for name, (_, valid) in CALLS.items() for key in valid])
+def test_a_numeric_argument_takes_numbers_only(name, key):
+    call, valid = CALLS[name]
+    for wrong in WRONG:
+        if wrong is None and (name, key) in OPTIONAL:
+            continue
+        with pytest.raises(ValueError, match=r"`\w+`|order") as refused:
+            call(**valid | {key: wrong})
+        assert is_refusal(refused.value), repr(refused.value)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return compact.load_scene("studies/scenes/small.toml")
+
+
+REFUSED = {  # call of a scene, and the beginning of the refusal
+    "roll text": (lambda scene: scene.roll(["0,1"]), "`speeds` must be real numbers below 1.8e308, got"),
+    "roll complex": (lambda scene: scene.roll(1 + 2j), r"`speeds` must be real numbers below 1.8e308, got \(1\+2j\)"),
+    "roll ragged": (lambda scene: scene.roll([[0.1], [0.1, 0.2]]), "`speeds` must be real numbers"),
+    "roll table": (lambda scene: scene.roll([[0.1, 0.2]]), "`speeds` must hold at least one speed"),
+    "rank by a list": (lambda scene: scene.rank(by=[]), r"no criterion '\[\]'; choose from peak_force"),
+    "rank by nothing": (lambda scene: scene.rank(by=""), "no criterion ''; choose from"),
+    "rank laws": (
+        lambda scene: scene.rank(laws={"own": None}),
+        "the law 'own' is none, got None; give a MotionProfile",
+    ),
+    "rank resistance": (lambda scene: scene.rank(resistance=100.0), "`resistance` must be a function of velocity"),
+    "sweep nothing": (
+        lambda scene: scene.sweep({"mix.moisture": []}),
+        "--vary mix.moisture: takes one or more numbers",
+    ),
+    "sweep a number": (
+        lambda scene: scene.sweep({"mix.moisture": 0.1}),
+        "`vary` must have a list of values for mix.mo",
+    ),
+    "sweep a list": (lambda scene: scene.sweep(["mix.moisture"]), "`vary` must be values by key path, got"),
+    "sweep tables": (lambda scene: scene.sweep({"mix.moisture": [{}]}), "--vary mix.moisture: takes one or more numb"),
+    "sweep no key": (lambda scene: scene.sweep({1: [0.1]}), "--vary takes key paths such as mix.moisture, got 1"),
+    "workers": (
+        lambda scene: scene.sweep({"mix.moisture": [0.1]}, workers="2"),
+        "--workers must be at least 1, got '2'",
+    ),
+    "material": (lambda scene: scene.roll(0.1, engine="column", material=1), "`material` must be a StateUpdate, got 1"),
+    "load a table": (lambda _: compact.load_scene({"a": 1}), "a scene is read from the path of its file, got a table"),
+    "load nothing": (lambda _: compact.load_scene(None), "a scene is read from the path of its file, got None"),
+    "parse bytes": (lambda _: compact.parse_scene(b"[machine]"), "<text>: a scene is a TOML text, got b'"),
+    "fields": (lambda _: compact.read_fields(1), "`path` must be the path of a file, got 1"),
+    "tests": (lambda _: compact.laboratory_tests(1, 1e5), "`material` must be a StateUpdate, got 1"),
+    "short pass": (lambda _: compact.law("cubic", 0.4, 1e-320), r"`duration` must be between 1e-20 and 1e\+20, got"),
+    "long stroke": (lambda _: compact.law("cubic", 1e300, 1.0), r"`stroke` must be between 1e-20 and 1e\+20, got"),
+    "no law": (lambda _: compact.law([], 0.4, 1.0), r"no motion law '\[\]'; choose from"),
+    "no cart": (lambda _: compact.simulate(1, compact.Rigid(), LAW, 1.0), "`cart` must be a Cart, got 1"),
+    "no drive": (
+        lambda _: compact.simulate(compact.Cart(**CART), "rigid", LAW, compact.dry_resistance(1.0)),
+        "`drive` must be a drive, such as",
+    ),
+    "no runs": (lambda _: compact.rank([1]), "`runs` must be runs of a drive, got 1"),
+    "no cycle": (lambda _: compact.Cam(LAW, 0.9, compact.FlatFace()), "`cycle` must be the Cycle of a motion law, got"),
+    "no objective": (
+        lambda _: compact.optimise(1, 0.4, 3.0, 1e3, compact.dry_resistance(1.0)),
+        "`objective` must be the name of an objective",
+    ),
+}
+
+
+@pytest.mark.parametrize(("call", "words"), REFUSED.values(), ids=REFUSED)
+def test_a_wrong_argument_is_refused(call, words, scene):
+    with pytest.raises(ValueError, match=f"^{words}") as refused:
+        call(scene)
+    assert is_refusal(refused.value)
