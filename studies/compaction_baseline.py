@@ -11,7 +11,7 @@ along its slow mode, and the roller rolls on from both by increments, without an
 one from both sides, so that the two last states bracket load and resistance.
 
 Lift: 0.06 m thick, of 0.98 after compaction, with Heckel slope and initial density of `docs/theory/compaction.md`.
-The roller of 0.11 m is free with friction 0.35. Forces are those of one roller of 1.1642 m.
+The roller of 0.11 m is free with friction 0.35. Forces are those of one roller of 1.164 m.
 """
 
 import argparse
@@ -26,9 +26,9 @@ from time import process_time
 import numpy as np
 
 DEPTH, SPEED, OTHER_SPEED = 3.0e-3, 0.4 / 3, 1.0  # [m], [m/s], [m/s]
-RATE_EXPONENT = 0.0195  # [-], 4.6 % of the yield pressure in a decade of speed
+FED = 0.9362  # [-], initial density ratio
 DEEPER = 1.05  # [-], depth of the neighbour over that of the lift
-ROLLER_LENGTH = 1.1642  # [m]
+ROLLER_LENGTH = 1.164  # [m]
 WAVE_CHANGE = 0.1  # [-], of the area of the bow wave at either start of the reference
 REFERENCE_TRAVEL = 40.0  # [-], travel of the reference over the contact length; a wave relaxes in some 5
 COARSE = 4  # [-], elements per contact length of the contact that compiles
@@ -42,12 +42,14 @@ def published_lift(depth=DEPTH):
     from compact.material.laws import Compaction
     from compact.rolling_contact import Layer, Roller
 
-    fed, slope, angle = 0.93576, 14.96e-6, np.radians(35)
-    critical = float(np.sqrt(3) * np.sin(angle))
-    isotropic = slope * (1 + np.sqrt(1 + 4 * critical**2 / 9)) / 2  # as in `contact_cases.compaction_material`
-    mix = Compaction(120e6, 0.3, isotropic, 0.72, critical, 10e3 / float(np.tan(angle)), fed, RATE_EXPONENT, SPEED)
-    roller = Roller(0.11, depth, profile="deformed", friction=0.35, rolling="free")
-    return Layer(0.06 * 0.98 / fed), roller, mix
+    angle = np.radians(35)
+    mix = Compaction(  # as by `contact_cases.compaction_material`
+        unloading_modulus=120e6, poisson=0.3, heckel_slope=16.38e-6, heckel_test="confined", loose_density_ratio=0.72,
+        critical_slope=float(np.sqrt(3) * np.sin(angle)), tensile_strength=10e3 / float(np.tan(angle)),
+        fed_density_ratio=FED, rate_sensitivity=0.02, reference_rate=1e-3,
+    )  # fmt: skip
+    roller = Roller(0.11, indentation=depth, profile="deformed", friction=0.35, rolling="free")
+    return Layer(0.06 * 0.98 / FED), roller, mix
 
 
 def measure(increments=None):

@@ -57,9 +57,9 @@ def profiles(scene="loveikin-2015", changes=CALIBRATED, indentation=0.002, count
     scene, rows = load_scene(SCENES / f"{scene}.toml", **changes), []
     material, speed = compaction_material(scene, scene_mix(scene)), scene.motion.stroke / scene.motion.duration
     layer = Layer(scene.product.height * scene.mix.density_ratio / material.fed_density_ratio)
-    roller = Roller(scene.machine.roller_radius, indentation, profile="deformed")
+    roller = Roller(scene.machine.roller_radius, indentation=indentation, profile="deformed")
     engines = {"column": {}, "compaction": ELEMENTS | numerics}
-    for engine, options in tracked(engines.items(), "profile", alike=False):
+    for engine, options in tracked(engines.items(), "profile"):
         done = passes(layer, roller, material, speed, there_and_back(count), engine=engine, **options)
         rows += [
             (engine, number, rolled.load, abs(rolled.resistance), *row)

@@ -68,7 +68,7 @@ def answer_of(name, scene, over=OVER, stated=STATED):
 def main(scene="loveikin-2015", cases=tuple(CASES), over=OVER, stated=STATED, changes=None, out=None):
     """Return the first laws by some cases."""
     answers = []
-    for name in tracked(cases, str, alike=False):
+    for name in tracked(cases, str):
         given = load_scene(SCENES / f"{scene}.toml", **CASES[name] | (changes or {}))
         answers.append(answer_of(name, given, over, stated))
     if out:

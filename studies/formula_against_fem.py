@@ -37,7 +37,7 @@ HEADER = ("moisture", "density_ratio", "radius_m", "engine", "capture_angle_rad"
 
 def of_formulas(study):
     """Return capture angle, contact length, load and coefficient by 1.5-1.8, per unit roller length."""
-    results = study.engineering
+    results = study.stages.contacts.engineering
     load = results.roller_force / study.scene.machine.roller_length
     return results.capture_angle, results.contact_length, load, results.resistance_coefficient
 

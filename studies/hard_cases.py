@@ -31,8 +31,8 @@ from compact.scene.loader import load_scene
 
 SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
 HEADER = ("case", "reference", "result", "relative error", "seconds")
-LAYER, MIX = Layer(0.22), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
-STIFF = Elastic(10e6, 0.3)
+LAYER, MIX = Layer(0.22), Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))
+STIFF = Elastic(youngs_modulus=10e6, poisson=0.3)
 CASES = {}
 
 
@@ -60,13 +60,16 @@ def nearly_incompressible():
 
 @case("Poisson's ratio 0.5 - 1e-9, spectral", "Poisson's ratio 0.4999")
 def incompressible():
-    loads = [spectral.roll(LAYER, Roller(0.11, 0.003), Elastic(10e6, nu), 0.2).load for nu in (0.5 - 1e-9, 0.4999)]
+    loads = [
+        spectral.roll(LAYER, Roller(0.11, indentation=0.003), Elastic(youngs_modulus=10e6, poisson=nu), 0.2).load
+        for nu in (0.5 - 1e-9, 0.4999)
+    ]
     return f"P {loads[0]:.6g} N/m", loads[0] / loads[1] - 1
 
 
 @case("frictionless base", "spectral engine")
 def frictionless_base():
-    return both_engines(Layer(0.22, "slip"), Roller(0.11, indentation=0.003), MIX)
+    return both_engines(Layer(0.22, base="slip"), Roller(0.11, indentation=0.003), MIX)
 
 
 @case("contact 0.02 layer heights wide", "Hertz")
@@ -100,7 +103,7 @@ def lowest_speed():
 def highest_speed():
     roller = Roller(0.11, indentation=0.003)
     found = spectral.roll(LAYER, roller, MIX, 1e9)
-    instant = spectral.roll(LAYER, roller, Elastic(20e6, 0.3), 1.0)
+    instant = spectral.roll(LAYER, roller, Elastic(youngs_modulus=20e6, poisson=0.3), 1.0)
     return f"F/P {found.resistance / found.load:.1e}", found.load / instant.load - 1
 
 
@@ -116,7 +119,7 @@ def frictional():
 def stiff_ply():
     from compact.rolling_contact import Ply
 
-    plies = (Ply(0.12, 1e3), Ply(0.10, 1.0))
+    plies = (Ply(thickness=0.12, stiffness=1e3), Ply(thickness=0.10, stiffness=1.0))
     roller = Roller(0.11, indentation=0.003)
     found = spectral.roll(Layer(0.22, plies=plies), roller, STIFF, 0.2)
     return f"P {found.load:.6g} N/m", found.load / spectral.roll(Layer(0.10), roller, STIFF, 0.2).load - 1
@@ -147,7 +150,7 @@ def second_pass():
 @case("spring of 1e9 N/m, dry friction, parabolic law", "closed form of the impact without damping")
 def stiff_drive():
     study = Study(load_scene(SCENE, **{"motion.laws": ["parabolic"], "output.items": []}))
-    cart = replace(study.cart, guide_friction=0.0)
+    cart = replace(study.stages.resistance.cart, guide_friction=0.0)
     force, inertia = study.resistance.force, cart.mass * 4 * 0.4 / 9
     spring = ElasticDrive(1e9, 2 * 0.01 * math.sqrt(1e9 * cart.mass))
     run = simulate(cart, spring, study.cycles["parabolic"], study.resistance)
@@ -158,7 +161,7 @@ def stiff_drive():
 @case("speed through 0, stick and slip", "energy balance")
 def stick_slip():
     study = Study(load_scene(SCENE, **{"motion.laws": ["quintic"], "output.items": []}))
-    run = simulate(study.cart, ElasticDrive(2e5, 1e3), study.cycles["quintic"], study.resistance)
+    run = simulate(study.stages.resistance.cart, ElasticDrive(2e5, 1e3), study.cycles["quintic"], study.resistance)
     return f"stick time {run.stick_time:.4f} s", run.energy_residual
 
 
@@ -175,7 +178,9 @@ def double_root():
 def no_dwell():
     law = motion.law("reversal-4", 0.4, 3.0)
     study = Study(load_scene(SCENE, **{"motion.laws": ["reversal-4"], "output.items": []}))
-    runs = [simulate(study.cart, Rigid(), cycle, study.resistance) for cycle in (law, law.cycle(0.0, 0.0))]
+    runs = [
+        simulate(study.stages.resistance.cart, Rigid(), cycle, study.resistance) for cycle in (law, law.cycle(0.0, 0.0))
+    ]
     return f"H {runs[1].peak_force:.6g} N", runs[1].peak_force / runs[0].peak_force - 1
 
 
@@ -211,7 +216,7 @@ def excessive_load():
 def not_a_number():
     refused, tried = 0, 0
     for solve in (spectral.roll, fem.roll):
-        for roller, speed in ((Roller(0.11, 0.003), math.nan), (Roller(0.11, 0.003), math.inf)):
+        for roller, speed in ((Roller(0.11, indentation=0.003), math.nan), (Roller(0.11, indentation=0.003), math.inf)):
             tried += 1
             try:
                 solve(LAYER, roller, MIX, speed)
@@ -229,7 +234,7 @@ def not_a_number():
 def main(names=None, out=None):
     """Return rows of HEADER for all cases, or for those in `names`."""
     rows = []
-    for name in tracked(names or CASES, str, alike=False):
+    for name in tracked(names or CASES, str):
         reference, solve = CASES[name]
         start = process_time()
         try:

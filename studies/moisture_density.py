@@ -53,7 +53,7 @@ def main(
     with TemporaryDirectory() as temporary:
         many = Sweep(base, [vary.read_design(text) for text in varied])
         with Progress(total=many.size) as progress:
-            progress.begin(f"{many.size} points", 0.0)
+            progress.begin("points")
             step = lambda points, failed: progress.advance(points)  # noqa: E731
             table = many.run(out or temporary, executor=executor, resume=True, step=step)
     if out:

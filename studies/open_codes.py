@@ -79,7 +79,9 @@ def layer_by_engine(name):
     from compact.rolling_contact import Layer, Roller
 
     engine = importlib.import_module(f"compact.engines.{name}.engine")
-    return engine.roll(Layer(HEIGHT), Roller(RADIUS, indentation=INDENTATION), Elastic(MODULUS, POISSON), 0.1).load
+    return engine.roll(
+        Layer(HEIGHT), Roller(RADIUS, indentation=INDENTATION), Elastic(youngs_modulus=MODULUS, poisson=POISSON), 0.1
+    ).load
 
 
 def layer_by_contact_mechanics():
@@ -204,7 +206,15 @@ def cap_by_return_mapping():
     from compact.material.cap_plasticity import initial_state, integrate_points
     from compact.material.laws import Compaction
 
-    law = Compaction(CAP["youngs"], CAP["poisson"], CAP["slope"], CAP["loose"], CAP["critical"], CAP["tensile"], FED)
+    law = Compaction(
+        unloading_modulus=CAP["youngs"],
+        poisson=CAP["poisson"],
+        heckel_slope=CAP["slope"],
+        loose_density_ratio=CAP["loose"],
+        critical_slope=CAP["critical"],
+        tensile_strength=CAP["tensile"],
+        fed_density_ratio=FED,
+    )
     state, strain = initial_state(law, 1), np.array([PATH])
     for _ in range(STEPS):
         state, _ = integrate_points(law, state, strain, tangent=False)

@@ -98,7 +98,7 @@ def calibrated(scene, readings, engines, variants):
     """
     fits, first = {"column": calibrate(scene, readings)} if "column" in engines else {}, None
     requested = variants.items() if "compaction" in engines else ()
-    for name, (changes, coefficient, increments) in tracked(requested, "calibration", alike=False):
+    for name, (changes, coefficient, increments) in tracked(requested, "calibration"):
         changed = scene.replaced(**changes)
         measured = readings if coefficient is None else readings.moved("resistance_coefficient", coefficient)
         guess = first if first and first.scene.lift_thickness == changed.lift_thickness else None
@@ -139,7 +139,7 @@ def main(
     readings = read_measurements(SCENES / f"{measured}.toml")
     speed = scene.motion.stroke / scene.motion.duration
     linear = [engine for engine in engines if engine != "compaction"]
-    found = {engine: roll_scene(scene, scene_mix(scene), speed, engine) for engine in tracked(linear, str, alike=False)}
+    found = {engine: roll_scene(scene, scene_mix(scene), speed, engine) for engine in tracked(linear, str)}
     before = [of_formulas(scene)] + [of_contact(engine, scene, rolled) for engine, rolled in found.items()]
     fits = calibrated(scene, readings, engines, variants)
     after = [of_contact(name, fit.scene, fit.rolled[0]) for name, fit in fits.items()]

@@ -39,7 +39,7 @@ def main(scene="loveikin-2015", shares=SHARES, jerks=JERKS, out=None):
     table = {"objectives": list(OBJECTIVES), "smoothness": 1, "acceleration": ACCELERATION, "steady_tolerance": 0.0}
     nominal = Study(scene.replaced(**{"motion.optimise": table}))
     robust = Study(scene.replaced(**{"motion.optimise": table | {"spread": ["required_pressure"]}}))
-    gains = [row for objective in tracked(OBJECTIVES, str, alike=False) for row in _gains(objective, nominal, robust)]
+    gains = [row for objective in tracked(OBJECTIVES, str) for row in _gains(objective, nominal, robust)]
     front = [
         ("share", share, *_front_point(nominal, "peak_power", (1 - share) / 2))
         for share in tracked(shares, "share of constant speed")
@@ -62,10 +62,10 @@ def _gains(objective, nominal, robust):
     name = f"least-{objective.replace('_', '-')}"
     published = [
         cycle.forward
-        for cycle in nominal.prescribed_laws.cycles.values()
-        if not violations(nominal.law_stage.limits, cycle.forward)
+        for cycle in nominal.stages.prescribed.cycles.values()
+        if not violations(nominal.stages.laws.limits, cycle.forward)
     ]
-    for load in robust.law_stage.motion_resistances:
+    for load in robust.stages.laws.motion_resistances:
         optimal, regret = (_value(objective, load, study.cycles[name].forward) for study in (nominal, robust))
         best, least = _best(objective, load, published)
         yield objective, load.resistance.force, best, least, optimal, 1 - optimal / least, regret, 1 - regret / least
@@ -88,13 +88,18 @@ def _front_point(study, objective, run, jerk=None):
     motion = study.scene.motion
     limits = Limits(acceleration=ACCELERATION, run_up=run, run_down=run, jerk=jerk)
     optimal = optimise(
-        objective, motion.stroke, motion.duration, study.cart.mass, study.resistance_stage.motion_resistance, limits
+        objective,
+        motion.stroke,
+        motion.duration,
+        study.stages.resistance.cart.mass,
+        study.stages.resistance.motion_resistance,
+        limits,
     )
     laws = [law(name, motion.stroke, motion.duration, run, run, rod_length=motion.rod_length) for name in LAW_NAMES]
     return (
         optimal.value,
         *_best(
-            objective, study.resistance_stage.motion_resistance, [one for one in laws if not violations(limits, one)]
+            objective, study.stages.resistance.motion_resistance, [one for one in laws if not violations(limits, one)]
         ),
         optimal.gap,
     )
@@ -116,7 +121,10 @@ def _draw(study, front):
         v, a = forward.velocity(time), forward.acceleration(time)
         speed.plot(time, v, **style, label=name)
         power.plot(
-            time, (study.cart.mass * a + study.resistance_stage.motion_resistance(np.maximum(v, 1e-9), a)) * v, **style
+            time,
+            (study.stages.resistance.cart.mass * a + study.stages.resistance.motion_resistance(np.maximum(v, 1e-9), a))
+            * v,
+            **style,
         )
     speed.set(xlabel="time t [s]", ylabel="velocity v [m/s]")
     power.set(xlabel="time t [s]", ylabel="drive power P [W]")

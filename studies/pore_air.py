@@ -56,7 +56,9 @@ def rolled(increments=None, **changes):
 
 def pore_air(permeability, moisture, fed=FED, occlusion=None):
     """Return the pore air of the lift."""
-    return PoreAir(permeability, water_volume(moisture), fed, occlusion)
+    return PoreAir(
+        permeability=permeability, water=water_volume(moisture), fed_density_ratio=fed, occlusion_saturation=occlusion
+    )
 
 
 def one_way(case, occlusion, permeabilities=PERMEABILITIES, speeds=SPEEDS):

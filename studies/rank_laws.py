@@ -7,8 +7,8 @@ map and of the engine, not that of the model. The error of the model shows in th
 by formula and column model over a sample of the spread of the prior, without calibration. The calibrated column model
 has the resistance of the formula and repeats its ranking; a ranking can change only if the resistance depends on speed.
 
-Limits: the resistance is that of steady rolling at the momentary speed, which does not hold near reversals
-(`reversal`). The viscoelastic layer has a seventh of the required resistance. Compaction by finite elements uses an
+Limits: the resistance is that of steady rolling at the momentary speed, which does not hold near reversals.
+The viscoelastic layer has a seventh of the required resistance. Compaction by finite elements uses an
 indentation of 3 mm, a frictionless roller, a rate effect and three speeds; it takes most of the time. Spring, damping
 and motor are assumed; no source specifies them. A hydraulic drive imposes the law: its forces are those of a rigid one.
 
@@ -87,7 +87,7 @@ SPREAD_HEADER = (
 def main(scene="loveikin-2015", engines=tuple(ENGINES), drives=tuple(DRIVES), samples=32, out=None, **changes):
     """Return rows of HEADER and rows of SPREAD_HEADER, SI; the maps are kept in `out` for the next run."""
     rows, spreads = [], []
-    for engine in tracked(engines, str, alike=False):
+    for engine in tracked(engines, str):
         overrides = {"output.items": [], "accuracy.engine": engine.split(",")[0], **changes, **ENGINES[engine]}
         base = load_scene(SCENES / f"{scene}.toml", **overrides)
         rows += ranked(base, engine, drives, out and Path(out) / engine.replace(", ", "-").replace(" ", "-"))
@@ -109,11 +109,11 @@ def ranked(base, engine, drives, directory):
     if engine == "compaction":
         cart, resistance = compacting(fastest)
     else:
-        cart, resistance = fastest.cart, fastest.resistance
-        if fastest.layered and directory:
+        cart, resistance = fastest.stages.resistance.cart, fastest.resistance
+        if fastest.stages.contacts.engine.layered and directory:
             directory.mkdir(parents=True, exist_ok=True)
             list(fastest.keep(directory, []))
-    error = resistance.error + resistance.engine_error if fastest.layered else 0.0
+    error = resistance.error + resistance.engine_error if fastest.stages.contacts.engine.layered else 0.0
     contact = condition(fastest)
     rows = []
     for name in drives:
@@ -127,10 +127,10 @@ def ranked(base, engine, drives, directory):
 
 def condition(study):
     """Return roller condition, gap geometry and quantity held over speed of a study; empty for the formulas."""
-    if not study.layered:
+    if not study.stages.contacts.engine.layered:
         return "", "", ""
     machine = adapt(study.scene, study.scene.accuracy.engine)[0].machine
-    return machine.roller_condition, machine.gap_geometry, study.held.name
+    return machine.roller_condition, machine.gap_geometry, study.stages.contacts.held.name
 
 
 def compacting(study, increments=INCREMENTS):
@@ -140,7 +140,7 @@ def compacting(study, increments=INCREMENTS):
     interpolation at the middle speed.
     """
     scene, contacts = study.scene, []
-    speeds = study.fastest * np.array([1 / 10, 1 / 3, 1])
+    speeds = study.stages.resistance.largest_speed * np.array([1 / 10, 1 / 3, 1])
     for speed in speeds:
         layer, roller, material = contact_inputs(scene, study.mix, "compaction", float(speed))
         guess = contacts[-1] if contacts else None

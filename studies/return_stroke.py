@@ -47,7 +47,7 @@ def main(
     """Return the `CompactionTransientResult`; a roller with friction is free."""
     scene = load_scene(SCENES / f"{scene}.toml", **CALIBRATED)
     condition = {"friction": friction, "rolling": "free"} if friction else {}
-    roller = Roller(scene.machine.roller_radius, indentation, profile="deformed", **condition)
+    roller = Roller(scene.machine.roller_radius, indentation=indentation, profile="deformed", **condition)
     cycle = law(name, stroke, scene.motion.duration).cycle()
     instants = tuple(share * scene.motion.duration for share in SHOWN)
     mix = compaction_material(scene, scene_mix(scene))

@@ -36,12 +36,30 @@ from compact.report.progress import tracked
 from compact.resistance import sample_resistance
 from compact.rolling_contact import Layer, Roller
 
-LAYER, MIX = Layer(0.22), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))  # of the published machine
+LAYER = Layer(0.22)
+MIX = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))  # of the published machine
 ROLLER = Roller(0.11, indentation=0.003)
-THIN_LAYER, COMPACTING = Layer(0.1), Compaction(60e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)  # indented by 2 mm
+THIN_LAYER = Layer(0.1)
+COMPACTING = Compaction(
+    unloading_modulus=60e6,
+    poisson=0.3,
+    heckel_slope=13e-6,
+    loose_density_ratio=0.72,
+    critical_slope=1.2,
+    tensile_strength=14e3,
+    fed_density_ratio=0.94,
+)  # indented by 2 mm
 LIFT = Layer(0.062837)  # [m], published lift of 0.06 m after compaction; mix as calibrated in docs/theory/compaction.md
-LIFT_ROLLER = Roller(0.11, 0.003, 0.35, "free", "deformed")
-LIFT_MIX = Compaction(120e6, 0.3, 16.4518e-6, 0.72, 0.993464, 14.2815e3, 0.93576)
+LIFT_ROLLER = Roller(0.11, indentation=0.003, friction=0.35, rolling="free", profile="deformed")
+LIFT_MIX = Compaction(
+    unloading_modulus=120e6,
+    poisson=0.3,
+    heckel_slope=16.4518e-6,
+    loose_density_ratio=0.72,
+    critical_slope=0.993464,
+    tensile_strength=14.2815e3,
+    fed_density_ratio=0.93576,
+)
 COMPACTION_SETTINGS = (4, 7, 10, 14, 16)  # [-], elements per contact length
 FINEST = 24  # [-], elements per contact length of the reference of compaction, whose own error is about 1e-2
 DEEPER = 1.02  # [-], depth of a neighbour over that of the contact from which it starts
@@ -55,11 +73,11 @@ RECORDED_HEADER = ("engine", "discretisation_error", "least_seconds", "largest_s
 ENGINE_WORDS = {  # engine -> model, model error, valid for sizing
     "formula": (
         "equations 1.1-1.10 of the monograph; half-plane theory of Galin and Hertz",
-        "not stated; reconstructed from a damaged print (60-95 % confidence)", "yes, calibrated",
+        "unknown; reconstructed from a damaged print (60-95 % confidence)", "at the point of its fit",
     ),
     "column": (
         "irreversible compaction in confined-compression (oedometric) columns; one pass or many",
-        "no bow wave: the resistance of a thick layer is a half to a third", "yes, calibrated",
+        "no bow wave: the resistance of a thick layer is a half to a third", "at the point of its fit",
     ),
     "spectral": (
         "viscoelastic layer on a rigid base, steady rolling without friction or with full slip",
@@ -206,7 +224,8 @@ def engines():
 
     speeds = np.geomspace(0.03, 0.45, 4)
     pressed = replace(ROLLER, indentation=0.002, profile="circle")
-    loaded, secant = Roller(0.11, peak_pressure=0.203e6, friction=0.35, rolling="free"), Elastic(0.75e6, 0.3)
+    loaded = Roller(0.11, peak_pressure=0.203e6, friction=0.35, rolling="free")
+    secant = Elastic(youngs_modulus=0.75e6, poisson=0.3)
     cases = {  # engine -> contact at a speed, and its exact resistance or none
         "formula": (lambda v: formula.roll(LAYER, loaded, secant, v), None),
         "column": (
@@ -325,7 +344,7 @@ def main(benchmarks=QUICK, repeats=3, out=None, **settings):
     """Return rows by benchmark; `out` is a folder for table and figures, `settings` replace those of a benchmark."""
     results = {
         name: [tuple(row) for row in BENCHMARKS[name].rows(settings.get(name, BENCHMARKS[name].settings), repeats)]
-        for name in tracked(benchmarks, str, alike=False)
+        for name in tracked(benchmarks, str)
     }
     if out:
         from compact.files import write_csv

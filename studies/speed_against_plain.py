@@ -7,7 +7,6 @@ a further one and twenty by finite elements, and of a direct solution on the sam
 each set of nodes in contact. Commands: whole processes.
 """
 
-import resource
 import subprocess
 import sys
 import tempfile
@@ -22,7 +21,7 @@ from skfem.helpers import ddot, eye, sym_grad, trace
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 from compact import contact, fem
-from compact.engines.fem import surface_compliance
+from compact.engines.fem import compliance
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Viscoelastic
 from compact.motion.profile import law
@@ -30,11 +29,21 @@ from compact.report.progress import Progress
 from compact.rolling_contact import Layer, Roller
 
 SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
-LAYER, MIX = Layer(0.22), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))  # of the published machine
+LAYER = Layer(0.22)
+MIX = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))  # of the published machine
 ROLLER = Roller(0.11, indentation=0.003)
 TARGETS = ({"indentation": 0.003}, {"load": 15e3}, {"peak_pressure": 0.7e6})
 LAW_DEGREES = {"quintic": 5, "septic": 7, "reversal-4": 7, "combined-4": 7}
 SPEED_NAMES = ("first speed", "further speed", "all speeds")
+
+
+def peak_memory(whose):
+    """Return the peak memory of this process or of ended ones [MB]; nan on Windows, which does not count it."""
+    try:
+        import resource
+    except ImportError:
+        return np.nan
+    return resource.getrusage(getattr(resource, whose)).ru_maxrss / 1024
 
 
 def least(work, repeats):
@@ -106,14 +115,14 @@ def consecutive_speeds(count, targets=TARGETS, tolerance=5e-3):
     """
     rows = []
     for target in targets:
-        surface_compliance.layer_stiffness.cache_clear()
-        surface_compliance.surface_compliance.cache_clear()
+        compliance.layer_stiffness.cache_clear()
+        compliance.surface_compliance.cache_clear()
         seconds = []
         for velocity in np.geomspace(0.003, 3, count):
             start = perf_counter()
             fem.roll(LAYER, Roller(0.11, **target), MIX, velocity, tolerance=tolerance)
             seconds.append(perf_counter() - start)
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        memory = peak_memory("RUSAGE_SELF")
         rows.append((next(iter(target)), seconds[0], float(np.median(seconds[1:])), sum(seconds), memory))
     return rows
 
@@ -126,8 +135,8 @@ def against_plain(tolerances, velocity=0.3):
     exact = spectral.roll(LAYER, ROLLER, MIX, velocity, rtol=1e-8).resistance
     rows = []
     for tolerance in tolerances:
-        surface_compliance.layer_stiffness.cache_clear()
-        surface_compliance.surface_compliance.cache_clear()
+        compliance.layer_stiffness.cache_clear()
+        compliance.surface_compliance.cache_clear()
         start = perf_counter()
         rolled = fem.roll(LAYER, ROLLER, MIX, velocity, tolerance=tolerance)
         first = perf_counter()
@@ -206,7 +215,7 @@ def commands(repeats):
             subprocess.run([sys.executable, *arguments], check=True, capture_output=True)
 
         seconds = {name: least(lambda a=a: run(a), repeats) for name, a in calls.items()}
-    return seconds, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    return seconds, peak_memory("RUSAGE_CHILDREN")
 
 
 def main(

@@ -61,16 +61,16 @@ def curves_of(name, scene, speeds):
     """Yield the curve of a case, and those of finite elements without a rate and with pore air."""
     study = Study(scene)
     try:
-        if not study.layered:
+        if not study.stages.contacts.engine.layered:
             yield Curve(name, speeds, np.full(len(speeds), float(study.resistance(scene.mean_speed, 0.0))))
             return
-        resistance = study.resistance_stage.sampled_map(None, float(speeds[-1]))
+        resistance = study.stages.resistance.sampled_map(None, float(speeds[-1]))
     except RuntimeError as error:
         yield Curve(name, speeds, np.full(len(speeds), np.nan), reason=str(error))
         return
     forces = resistance(speeds)
     yield Curve(name, speeds, forces)
-    curve = study.air_curve
+    curve = study.stages.contacts.air_curve
     if name == ELEMENTS + RATE and curve is not None:
         # a mix of the yield pressure at the mean speed, without rate sensitivity, has the contact of that speed at all
         yield Curve(ELEMENTS + NO_RATE, speeds, np.full(len(speeds), float(resistance(scene.mean_speed))))
@@ -88,7 +88,7 @@ def curves_of(name, scene, speeds):
 def main(scene="loveikin-2015", cases=tuple(CASES), speeds=SPEEDS, changes=None, out=None):
     """Return the curves of some cases."""
     curves = []
-    for name in tracked(cases, str, alike=False):
+    for name in tracked(cases, str):
         given = load_scene(SCENES / f"{scene}.toml", **CASES[name] | (changes or {}))
         curves += curves_of(name, given, speeds)
     if out:

@@ -103,7 +103,7 @@ def cases() -> Iterator[Case]:
 def roll_on(case: Case, increments: int, coarse: IncrementalRolling | None) -> tuple[Pass, IncrementalRolling]:
     """Roll on one mesh, from rest or from the state on a coarser one."""
     height = LIFT * EXIT / case.material.fed_density_ratio
-    roller = Roller(RADIUS, DEPTH, 0.35, "free", "deformed")
+    roller = Roller(RADIUS, indentation=DEPTH, friction=0.35, rolling="free", profile="deformed")
     rolling_case = RollingCase(Layer(height), roller, case.material, 0.133, None, None, RollingNumerics())
     rolling = rolling_case.roller_at_rest(rolling_case.create_frame(DEPTH, increments))
     rolling.solver.tolerance, start = TOLERANCE, time.process_time()
