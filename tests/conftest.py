@@ -26,8 +26,11 @@ from compact.engines.compaction import engine as compaction
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
-mix = Compaction(20e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94)
-layer, roller = Layer(0.1), Roller(20.0, 0.002)
+mix = Compaction(
+    unloading_modulus=20e6, poisson=0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
+    tensile_strength=14e3, fed_density_ratio=0.94,
+)
+layer, roller = Layer(0.1), Roller(20.0, indentation=0.002)
 column.roll(layer, roller, mix, 0.2)
 compaction.roll(layer, roller, mix, 0.2, increments=4)
 """

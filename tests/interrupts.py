@@ -1,9 +1,14 @@
 """Processes that tests start, and interrupt."""
 
+import os
 import signal
 import subprocess
 import sys
 from time import monotonic, sleep
+
+import pytest
+
+of_unix = pytest.mark.skipif(os.name != "posix", reason="signals of Unix")
 
 
 def heed_interrupts():

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from compact.engines.process.lumped_lifts import LiftSequence, LumpedLift
+from compact.engines.process.lifts import LiftSequence, LumpedLift
 
 
 def sequence(thickness=0.005, increments=6, to=0.95, load=lambda k: 1e3, work=lambda k: 1e5, **changes):

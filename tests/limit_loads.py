@@ -11,7 +11,7 @@ from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, So
 from compact.material.earth_pressure import matched_slopes
 from compact.material.laws import DruckerPragerCap
 from compact.mesh import RowMesh
-from compact.validation.plastic_limits import solve_increment
+from compact.validation.plasticity import solve_increment
 
 COHESION, MODULUS = 10e3, 100e6  # [Pa]
 DENSE = 0.985  # [-], density ratio that determines the cap

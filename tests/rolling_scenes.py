@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral.elastic_estimate import contact_of_half_width
+from compact.engines.spectral.engine import contact_of_half_width
 from compact.material.laws import Viscoelastic
 from compact.rolling_contact import Layer, Roller
 
@@ -25,7 +25,7 @@ def random_scenes(count):
         branches = tuple(
             (10 ** draw.uniform(-0.7, 0.7), a / SPEED * 10 ** draw.uniform(-4, 4)) for _ in range(draw.integers(4))
         )
-        mix = Viscoelastic(1e7, draw.uniform(0.2, 0.49), branches)
+        mix = Viscoelastic(youngs_modulus=1e7, poisson=draw.uniform(0.2, 0.49), branches=branches)
         roller = Roller(
             radius,
             indentation=a**2 / radius * (0.5 + 0.5 * np.log1p(0.66 * HEIGHT / a)),
@@ -33,7 +33,7 @@ def random_scenes(count):
             rolling="sliding",
             profile=str(draw.choice(["parabola", "circle"])),
         )
-        layer = Layer(HEIGHT, str(draw.choice(["bonded", "slip"])))
+        layer = Layer(HEIGHT, base=str(draw.choice(["bonded", "slip"])))
         yield layer, roller, mix, str(draw.choice(["indentation", "load", "peak_pressure"]))
 
 
@@ -51,8 +51,8 @@ def stiff_scene(seed, number):
     shares = draw.dirichlet(np.ones(count)) * (10 ** draw.uniform(0, 2) - 1)
     times = a / speed * 10 ** draw.uniform(-3, 3, count)
     branches = tuple((float(share), float(time)) for share, time in zip(shares, times, strict=True))
-    mix = Viscoelastic(1e7, draw.uniform(0.05, 0.495), branches)
-    layer = Layer(HEIGHT, str(draw.choice(["bonded", "slip"])))
+    mix = Viscoelastic(youngs_modulus=1e7, poisson=draw.uniform(0.05, 0.495), branches=branches)
+    layer = Layer(HEIGHT, base=str(draw.choice(["bonded", "slip"])))
     rolling = str(draw.choice(["frictionless", "sliding", "free", "driven"]))
     friction = draw.uniform(0.02, 0.8) * (rolling != "frictionless")
     roller = Roller(

@@ -403,13 +403,28 @@ def test_error_contains_the_index_in_a_large_array():
 @pytest.mark.parametrize(
     ("roller", "material", "speed", "message"),
     [
-        (Roller(0.11, load=1e3), Elastic(1e6, 0.3), 0.0, "`speed` must not be 0"),
-        (Roller(0.11, load=1e3), Elastic(1e6, 0.3), np.nan, "`speed` must be finite, got nan"),
-        (Roller(0.11, indentation=0.003), Elastic(1e6, 0.3), 0.2, "`indentation` is undefined.*0.003; use `load`"),
-        (Roller(0.11, load=1e3, profile="circle"), Elastic(1e6, 0.3), 0.2, "'parabola', got 'circle'; use fem"),
-        (Roller(0.11, load=1e3, rolling="gliding"), Elastic(1e6, 0.3), 0.2, "no rolling 'gliding'.*sliding"),
+        (Roller(0.11, load=1e3), Elastic(youngs_modulus=1e6, poisson=0.3), 0.0, "`speed` must not be 0"),
+        (Roller(0.11, load=1e3), Elastic(youngs_modulus=1e6, poisson=0.3), np.nan, "`speed` must be finite, got nan"),
+        (
+            Roller(0.11, indentation=0.003),
+            Elastic(youngs_modulus=1e6, poisson=0.3),
+            0.2,
+            "`indentation` is undefined.*0.003; use `load`",
+        ),
+        (
+            Roller(0.11, load=1e3, profile="circle"),
+            Elastic(youngs_modulus=1e6, poisson=0.3),
+            0.2,
+            "'parabola', got 'circle'; use fem",
+        ),
+        (
+            Roller(0.11, load=1e3, rolling="gliding"),
+            Elastic(youngs_modulus=1e6, poisson=0.3),
+            0.2,
+            "no rolling 'gliding'.*sliding",
+        ),
         (Roller(0.11, load=1e3), object(), 0.2, "`material` with `youngs_modulus`, got object; use fem"),
-        (Roller(0.11, load=1e6), Elastic(1e6, 0.3), 0.2, "no capture angle"),
+        (Roller(0.11, load=1e6), Elastic(youngs_modulus=1e6, poisson=0.3), 0.2, "no capture angle"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )

@@ -1,5 +1,6 @@
 """Documentation: links between pages, reference of the public names, pages and results of the studies."""
 
+import csv
 import importlib.util
 import re
 from pathlib import Path
@@ -7,6 +8,8 @@ from pathlib import Path
 import pytest
 
 import compact
+from compact.material.mix import PARAMETER_NAMES
+from compact.scene.loader import SceneError, parse_scene, starter_scene
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -15,7 +18,12 @@ PAGES = [*sorted(DOCS.rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.m
 
 def gallery():
     """Return the module that runs the studies."""
-    specification = importlib.util.spec_from_file_location("gallery", DOCS / "gallery" / "run.py")
+    return loaded("gallery", "gallery/run.py")
+
+
+def loaded(name, path=None):
+    """Return a module of the documentation."""
+    specification = importlib.util.spec_from_file_location(name, DOCS / (path or f"{name}.py"))
     module = importlib.util.module_from_spec(specification)
     specification.loader.exec_module(module)
     return module
@@ -38,6 +46,38 @@ def test_links_between_pages_lead_to_a_file_and_a_heading():
             if not target.exists() or (anchor and anchor not in anchors(target)):
                 broken.append(f"{page.relative_to(ROOT)}: {link}")
     assert broken == []
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/tutorial/own_scene.md"])
+def test_the_refusal_that_a_page_shows_is_that_of_the_starter(page):
+    with pytest.raises(SceneError) as refused:
+        parse_scene(starter_scene().replace("roller_radius = 0.11 ", "roller_radius = -0.11"), "mine/scene.toml")
+    assert f"compact: {refused.value}\n" in (ROOT / page).read_text("utf-8")
+
+
+def test_the_readme_counts_the_parameters_of_the_prior():
+    assert f"{len(PARAMETER_NAMES)} parameters with spread and origin" in (ROOT / "README.md").read_text("utf-8")
+
+
+def verified():
+    """Return the rows of the verified numbers."""
+    return list(csv.DictReader((DOCS / "verification.csv").read_text("utf-8").splitlines()))
+
+
+def test_every_mark_of_a_table_has_its_table():
+    tables = loaded("tables")
+    marks = {page.name: tables.MARK.findall(page.read_text("utf-8")) for page in PAGES}
+    named = [name for names in marks.values() for name in names]
+    assert all(tables.table(name).count("\n| ") > 1 for name in named)
+    assert {f"validation/{name}" for name in tables.CASES} <= set(named)
+    sections = {row["section"] for row in verified()}
+    assert {f"verification/{section}" for section in sections} <= set(named)
+
+
+def test_every_verified_number_has_its_test():
+    for row in verified():
+        assert all((ROOT / path).is_file() for path in row["tests"].split()), row["number"]
+        assert row["tolerance"]
 
 
 def test_every_name_of_the_package_is_in_the_reference():

@@ -19,7 +19,6 @@ PHRASES = (
     "springs back", "asks least", "tells its", "work left over", "beside",
 )  # fmt: skip
 OPENINGS = ("What", "Who", "Where", "How", "Whether")
-EXEMPT = {"former_names.py", "summary.py"}  # state former names
 
 
 def words(name: str) -> set[str]:
@@ -38,7 +37,7 @@ def public_names(tree: ast.Module):
 
 @pytest.mark.parametrize("package", sorted({path.parent for path in MODULES}), ids=lambda path: path.name)
 def test_public_names_use_terms_of_the_glossary(package):
-    trees = {path: ast.parse(path.read_text("utf-8")) for path in package.glob("*.py") if path.name not in EXEMPT}
+    trees = {path: ast.parse(path.read_text("utf-8")) for path in package.glob("*.py")}
     found = {
         f"{path.name}: {name}" for path, tree in trees.items() for name in public_names(tree) if words(name) & NAMES
     }
@@ -61,8 +60,6 @@ def test_docstrings_begin_with_a_noun_or_a_verb(package):
 def test_messages_and_docstrings_use_terms_of_the_glossary(package):
     found = set()
     for path in package.glob("*.py"):
-        if path.name in EXEMPT:
-            continue
         for node in ast.walk(ast.parse(path.read_text("utf-8"))):
             if isinstance(node, ast.Constant) and isinstance(node.value, str):
                 found |= {f"{path.name}:{node.lineno}: {phrase}" for phrase in PHRASES if phrase in node.value}

@@ -115,7 +115,9 @@ def test_error_estimate_bounds_the_true_error(tolerance):
 
 
 def test_map_of_the_spectral_engine_estimates_its_error():
-    layer, roller, mix = Layer(0.22), Roller(0.11, 0.003), Viscoelastic(10e6, 0.3, branches=((1.0, 0.1),))
+    layer = Layer(0.22)
+    roller = Roller(0.11, indentation=0.003)
+    mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))
 
     def resistance(speed):
         rolled = spectral.roll(layer, roller, mix, speed)
@@ -185,7 +187,7 @@ def test_unknown_error_stays_unknown_in_the_file(tmp_path):
 def test_map_with_another_key_raises_an_error(tmp_path):
     mapped().save(tmp_path / "map.nc", "abc")
     with pytest.raises(
-        ValueError, match=r"map\.nc: computed with key abc by compact .*, required def and .*; compute it again"
+        ValueError, match=r"map\.nc: computed by another program or from other inputs; compute it again"
     ):
         load_resistance_map(tmp_path / "map.nc", "def")
 

@@ -38,7 +38,6 @@ def test_every_study_has_a_test():
         "elastic_drive",
         "motor_and_flywheel",
         "optimal_laws",
-        "reversal",
         "speed_dependence",
         "strength_of_loose_mix",
         "return_stroke",
@@ -69,7 +68,7 @@ def test_strength_of_loose_mix_decides_the_resistance(tmp_path):
     """Marching without jumps agrees with the steady search; mix with a shear line and 20 kPa has almost no bow wave."""
     module = study("strength_of_loose_mix")
     ellipse, line = module.main(increments=(4,), names=("ellipse", "line, c 20 kPa"), out=tmp_path)
-    roller = Roller(module.RADIUS, module.DEPTH, 0.35, "free", "deformed")
+    roller = Roller(module.RADIUS, indentation=module.DEPTH, friction=0.35, rolling="free", profile="deformed")
     layer = Layer(module.LIFT * module.EXIT / module.FED)
     for found, material in ((ellipse, module.ellipse()), (line, module.line(cohesion=20e3))):
         steady = roll(layer, roller, material, 0.133, increments=4)
@@ -451,22 +450,7 @@ def test_rank_is_resolved_only_beyond_the_error_of_the_map():
 
 def _runs(module, scene, factor):
     study = module.Study(scene)
-    return module.runs(study, study.cart, type(study.resistance)(factor * study.resistance.force))
-
-
-@pytest.mark.slow
-def test_map_of_steady_speeds_differs_from_the_transient_near_a_reversal(capsys, tmp_path):
-    module = study("reversal")
-    rows, behind = module.main(laws=("parabolic",), samples=4, out=tmp_path)
-    module.show((rows, behind))
-    error = {model: largest for _, model, largest, *_ in rows}
-    assert error["transient"] < 0.005 < 0.15 < min(error["map"], error["map + a M"])
-    driven = {(drive, model): largest for drive, model, _, _, largest, *_ in behind}
-    assert set(driven) == {(drive, model) for drive in ("elastic", "motor") for model in ("map", "map + a M")}
-    assert min(driven.values()) > 0.15
-    assert "map + a M" in capsys.readouterr().out
-    assert (tmp_path / "reversal.png").stat().st_size > 10_000
-    assert len((tmp_path / "reversal.csv").read_text().splitlines()) == 1 + 3
+    return module.runs(study, study.stages.resistance.cart, type(study.resistance)(factor * study.resistance.force))
 
 
 @pytest.mark.slow

@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sampling import examples
 
-from compact.cams import export as cam_files
 from compact.cams import workshop_drawing
 from compact.cams.animation import FRAMES, animated_svg
 from compact.cams.machining import cut, follower_on_polygon, largest_cutter
@@ -221,7 +220,7 @@ def files(tmp_path_factory):
     """Scene, cam and the texts of its files by ending."""
     scene = parse_scene(starter_scene()).replaced(cam={"breadth": 0.9, "roller_follower_radius": 0.03, "bore": 0.06})
     cam = made("reversal-3", RollerFollower(0.03))
-    paths = cam_files.write_cam_files(tmp_path_factory.mktemp("cams"), scene, cam, cutter_radius=0.02)
+    paths = workshop_drawing.write_cam_files(tmp_path_factory.mktemp("cams"), scene, cam, cutter_radius=0.02)
     assert [path.name for path in paths] == [
         "reversal-3-roller.csv", "reversal-3-roller.svg", "reversal-3-roller-motion.svg", "reversal-3-roller.dxf",
     ]  # fmt: skip
