@@ -15,7 +15,9 @@ from sphinx.environment import BuildEnvironment
 from sphinx.util import logging
 
 ROOT = Path(__file__).parents[1]
-sys.path.insert(0, str(ROOT))  # of `compact`, without installation
+sys.path[:0] = [str(ROOT), str(ROOT / "docs")]  # of `compact`, without installation, and of `tables`
+
+from tables import insert_tables  # noqa: E402
 
 project = "compact"
 author = "The compact developers"
@@ -96,8 +98,14 @@ def require_public_names(_app: Sphinx, env: BuildEnvironment) -> None:
                 logging.getLogger(__name__).warning("%s.%s has no entry in the reference", module, node.name)
 
 
+def write_tables(_app: Sphinx, _page: str, source: list[str]) -> None:
+    """Write the tables of a page in place of their marks."""
+    source[0] = insert_tables(source[0])
+
+
 def setup(app: Sphinx) -> None:
-    """Register the equations, the docstrings, which are written for a terminal, and the check of the reference."""
+    """Register tables, equations, docstrings, which are written for a terminal, and the check of the reference."""
+    app.connect("source-read", write_tables)
     app.connect("env-check-consistency", require_public_names)
     app.connect("autodoc-process-docstring", prepare_docstring, priority=400)  # before numpydoc
     app.add_html_math_renderer("mathml", (write_math, None), (write_math, None))

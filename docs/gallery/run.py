@@ -10,7 +10,6 @@ copies of these, which `--update` replaces.
 
 import argparse
 import os
-import resource
 import shutil
 import subprocess
 import sys
@@ -57,7 +56,6 @@ RUNS = {
     "rank_laws": Run("out/rank_laws/rank_laws.png"),
     "ranking_with_air": Run("", ("--mixes", "ellipse, columns", "cap, columns"), fast=True),
     "return_stroke": Run("out/return_stroke/return_stroke.png"),
-    "reversal": Run("out/reversal/reversal.png", fast=True),
     "speed_against_error": Run("out/speed_against_error/layers.png"),
     "speed_against_plain": Run(""),
     "speed_dependence": Run("out/speed_dependence/speed_dependence.png"),
@@ -67,8 +65,8 @@ RUNS = {
 
 def processor_time() -> float:
     """Return the processor time of the ended child processes [s]."""
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
+    times = os.times()
+    return times.children_user + times.children_system
 
 
 def run(name: str, folder: Path) -> str:

@@ -1,0 +1,59 @@
+"""Tables of the pages: a line `<!-- table: NAME -->` becomes a table of Markdown when the site is built.
+
+    python docs/tables.py NAME      # prints one
+
+Names are `published`, `validation`, `validation/CASE`, `verification/SECTION`, and CSV files of `docs`.
+"""
+
+import csv
+import re
+import sys
+from pathlib import Path
+
+from compact.report import validation_writer
+from compact.validation.runner import CASES, CaseResult
+from compact.verification import published_numbers
+
+DOCS = Path(__file__).parent
+MARK = re.compile(r"(?m)^<!-- table: (.+) -->$")
+
+
+def recorded(name: str) -> CaseResult:
+    """Return a case with the recorded values; the tests compute them again."""
+    return CaseResult(CASES[name], tuple(CASES[name].rows().values()))
+
+
+def table(name: str) -> str:
+    """Return a table by its name."""
+    kind, _, part = name.partition("/")
+    if kind == "published":
+        return published_numbers.markdown(published_numbers.rows())
+    if kind == "validation" and not part.endswith(".csv"):
+        return validation_writer.markdown_case(recorded(part)) if part else overview()
+    path = DOCS / ("verification.csv" if kind == "verification" else name)
+    header, *rows = csv.reader(path.read_text("utf-8").splitlines())
+    if kind == "verification":
+        header = header[1:]
+        rows = [[text, f"`{limit}`", files(paths)] for section, text, limit, paths in rows if section == part]
+    if not rows:
+        raise KeyError(f"no table {name}")
+    return validation_writer.markdown_table([header, ["---"] * len(header), *rows])
+
+
+def overview() -> str:
+    """Return the count of verdicts of every case."""
+    return validation_writer.markdown_overview([recorded(name) for name in CASES])
+
+
+def files(paths: str) -> str:
+    """Return paths as code."""
+    return ", ".join(f"`{path}`" for path in paths.split())
+
+
+def insert_tables(text: str) -> str:
+    """Return a page with its tables."""
+    return MARK.sub(lambda mark: table(mark[1]), text)
+
+
+if __name__ == "__main__":
+    print(table(sys.argv[1]))
