@@ -3,6 +3,8 @@
 import json
 import logging
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -119,6 +121,33 @@ def test_interrupt_of_finite_elements_ends_within_a_second(tmp_path):
     assert code == INTERRUPTED
     assert seconds < 1
     assert message == "compact: interrupted; every file already written is whole\n"
+
+
+DROPPED = """
+import sys
+import time
+from compact import cli
+from compact.cli import program
+
+class Callback:
+    def __del__(self):
+        raise KeyboardInterrupt
+
+def work():
+    Callback()
+    time.sleep(20)
+
+program.main = work
+cli.main()
+"""
+
+
+@of_unix
+def test_interrupt_that_python_drops_is_repeated():
+    """Python ignores what is raised in a callback, such as that of an import lock."""
+    ended = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, timeout=15)
+    assert ended.returncode == INTERRUPTED
+    assert ended.stderr == "compact: interrupted; every file already written is whole\n"
 
 
 # JSON
