@@ -37,6 +37,7 @@ MAX_ENERGY_RATIO = 1e12  # [-], energy over its first guess, beyond which Newton
 RESIDUAL_PERTURBATION = 1e-7  # [-], relative; finite differences of the residual
 MAX_ELEMENTS = 20_000  # [-]; dozens are usual, the number doubles in each refinement of a noisy torque
 MAX_REFINEMENTS = 30  # [-]; 2 to 5 are usual, more for a steep motor curve and little inertia
+DIVERGED = "the speed of the shaft did not converge: Newton steps diverge; use a stronger motor or more inertia"
 
 Residual = Callable[[Array, Array, Array], Array]
 
@@ -162,9 +163,7 @@ def _solve_elements(residual, angle, width, energy, periodic):
         if np.abs(change).max() <= NEWTON_TOLERANCE * energy.max():
             return energy, iteration
         if energy.max() > largest:
-            raise RuntimeError(
-                "the speed of the shaft did not converge: Newton steps diverge; use a stronger motor or more inertia"
-            )
+            raise RuntimeError(DIVERGED)
     slowest = np.unravel_index(energy.argmin(), energy.shape)
     raise RuntimeError(
         f"the speed of the shaft did not converge in {NEWTON_ITERATIONS} Newton steps: it falls to "
@@ -183,7 +182,10 @@ def _newton_step(residual, angle, width, energy, periodic):
     matrix = by_acceleration[:, :, None] * DIFFERENTIATION / width[:, :, None]
     matrix[:, np.arange(ORDER + 1), np.arange(ORDER + 1)] += by_energy
     right = np.stack([-here[:, 1:], -matrix[:, 1:, 0]], axis=-1)
-    particular, propagation = np.moveaxis(np.linalg.solve(matrix[:, 1:, 1:], right), -1, 0)
+    try:
+        particular, propagation = np.moveaxis(np.linalg.solve(matrix[:, 1:, 1:], right), -1, 0)
+    except np.linalg.LinAlgError as error:  # on another processor the step is huge, and diverges
+        raise RuntimeError(DIVERGED) from error
     gaps = energy[:, 0] - np.roll(energy[:, -1], 1)  # jumps of E between elements, closed by the step
     if not periodic:
         gaps[0] = 0.0
