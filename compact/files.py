@@ -17,7 +17,8 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from hashlib import sha256
 from importlib.metadata import version
-from io import BytesIO
+from importlib.resources.abc import Traversable
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Literal
 from xml.etree import ElementTree
@@ -52,10 +53,10 @@ class ResultsError(RuntimeError):
 def versions() -> dict[str, str]:
     """Return the versions of Python and of PACKAGES, and a hash of the sources of this package, by name."""
     packages = {name: version(name) for name in PACKAGES}
-    return {"python": platform.python_version()} | packages | {"source": _source_hash(Path(__file__).parent)}
+    return {"python": platform.python_version()} | packages | {"source": source_hash(Path(__file__).parent)}
 
 
-def _source_hash(package: Path) -> str:
+def source_hash(package: Path) -> str:
     """Hash names and contents of the sources of a package."""
     files = sorted(path.relative_to(package).as_posix() for path in package.rglob("*") if path.suffix in SOURCES)
     return checksum("".join(f"{name} {checksum((package / name).read_bytes())}\n" for name in files).encode())[:12]
@@ -132,6 +133,46 @@ def default_directory(scene_path: str | Path, suffix: str = "") -> Path:
     if name == GENERIC_STEM:
         name = path.resolve().parent.name or name  # the root of the file system has no name
     return Path("out") / (f"{name}-{suffix}" if suffix else name)
+
+
+def read_table(path: Path | Traversable, columns: Sequence[str] = ()) -> list[tuple[int, dict[str, str]]]:
+    """Read a CSV file with a header, without its blank lines and its lines that begin with "#".
+
+    Parameters
+    ----------
+    path : path
+        File, or resource of a package.
+    columns : sequence of str
+        Columns that the header must have; it may have others.
+
+    Returns
+    -------
+    list of (int, dict of str to str)
+        Number of the line, and its cells by the name of their column, without blanks around them.
+
+    Raises
+    ------
+    ValueError
+        If the file cannot be read, lacks a column or repeats one, or a row has too many or too few cells; the message
+        states the file, and the line of a row.
+    """
+    try:
+        reader = csv.reader(StringIO(path.read_text(encoding="utf-8"), newline=""), skipinitialspace=True)
+        lines = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise ValueError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    lines = [(line, cells) for line, cells in lines if any(cells) and not cells[0].startswith("#")]
+    header, *rows = lines or [(1, [])]
+    if missing := [name for name in columns if name not in header[1]]:
+        raise ValueError(f"{path}:{header[0]}: lacks the columns {', '.join(missing)}")
+    if len(set(header[1])) < len(header[1]):
+        raise ValueError(f"{path}:{header[0]}: each column must have a name of its own, got {', '.join(header[1])}")
+    for line, cells in rows:
+        if len(cells) != len(header[1]):
+            raise ValueError(
+                f"{path}:{line}: a row must have one cell for each of {len(header[1])} columns, got {len(cells)}"
+            )
+    return [(line, dict(zip(header[1], cells, strict=True))) for line, cells in rows]
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Iterable[Any]]) -> Path:
@@ -235,14 +276,15 @@ def write_vtu_series(
     frames : iterable of (float, meshio.Mesh)
         Parameter, in the place of the time of ParaView, and fields.
     """
-    members = []
+    series = ElementTree.Element("VTKFile", type="Collection", version="0.1")
+    members = ElementTree.SubElement(series, "Collection")
     for value, mesh in frames:
-        path = collection.parent / folder / f"{label}={value!r}.vtu"
-        write_vtu(mesh, path)
-        members.append((value, path))
-        yield path
-    write_pvd_collection(collection, members)
-    yield collection
+        file = f"{folder}/{label}={value!r}.vtu"
+        write_vtu(mesh, collection.parent / file)
+        ElementTree.SubElement(members, "DataSet", timestep=repr(value), part="0", file=file)
+        yield collection.parent / file
+    ElementTree.indent(series)
+    yield write_bytes(collection, ElementTree.tostring(series, encoding="utf-8", xml_declaration=True))
 
 
 def read_vtu_series(collection: str | Path) -> tuple[str, tuple[tuple[float, "meshio.Mesh"], ...]]:
@@ -278,24 +320,6 @@ def read_vtu_series(collection: str | Path) -> tuple[str, tuple[tuple[float, "me
     if not frames:
         raise ValueError(f"{path}: not a PVD collection, as it names no file")
     return parameter, tuple(frames)
-
-
-def write_pvd_collection(path: str | Path, members: Iterable[tuple[float, Path]]) -> None:
-    """Write a PVD collection of ParaView.
-
-    Parameters
-    ----------
-    members : iterable of (float, Path)
-        Series parameter and file below the folder of the collection.
-    """
-    series = ElementTree.Element("VTKFile", type="Collection", version="0.1")
-    element = ElementTree.SubElement(series, "Collection")
-    for value, file in members:
-        name = Path(file).relative_to(Path(path).parent).as_posix()
-        ElementTree.SubElement(element, "DataSet", timestep=repr(value), part="0", file=name)
-    ElementTree.indent(series)
-    with atomic_file(path, "wb") as stream:
-        ElementTree.ElementTree(series).write(stream, encoding="utf-8", xml_declaration=True)
 
 
 @contextmanager

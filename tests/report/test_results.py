@@ -11,6 +11,7 @@ import stat
 from pathlib import Path
 from xml.etree import ElementTree
 
+import meshio
 import numpy as np
 import pytest
 from hypothesis import given
@@ -19,13 +20,15 @@ from hypothesis import strategies as st
 from compact.files import (
     OWNER_FILE,
     ResultsError,
-    _source_hash,
     atomic_file,
     claim_directory,
     claimed_directory,
+    read_table,
+    read_vtu_series,
+    source_hash,
     write_csv,
     write_json,
-    write_pvd_collection,
+    write_vtu_series,
 )
 
 
@@ -35,9 +38,9 @@ from compact.files import (
 )
 def test_hash_of_the_sources_follows_every_edit(tmp_path, name, content, changes):
     (tmp_path / "law.py").write_text("a = 1")
-    before = _source_hash(tmp_path)
+    before = source_hash(tmp_path)
     (tmp_path / name).write_text(content)
-    assert (_source_hash(tmp_path) != before) == changes
+    assert (source_hash(tmp_path) != before) == changes
 
 
 def names(directory):
@@ -268,17 +271,42 @@ def test_json_reads_back_as_it_was(tmp_path_factory, content):
 
 
 def test_series_names_its_files_from_its_own_place(tmp_path):
-    write_pvd_collection(tmp_path / "fields.pvd", [(v, tmp_path / "fields" / f"speed={v}.vtu") for v in (0.02, 1 / 3)])
+    mesh = meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])])
+    frames = [(value, mesh) for value in (0.02, 1 / 3)]
+    assert list(write_vtu_series(tmp_path / "fields.pvd", "fields", "speed", frames))[-1] == tmp_path / "fields.pvd"
     root = ElementTree.parse(tmp_path / "fields.pvd").getroot()
     assert (root.tag, root.get("type")) == ("VTKFile", "Collection")
     members = {float(member.get("timestep")): member.get("file") for member in root.iter("DataSet")}
     assert members == {0.02: "fields/speed=0.02.vtu", 1 / 3: "fields/speed=0.3333333333333333.vtu"}
+    parameter, read = read_vtu_series(tmp_path / "fields.pvd")
+    assert (parameter, [value for value, _ in read]) == ("speed", [0.02, 1 / 3])
 
 
-def test_series_of_files_elsewhere_is_refused_and_nothing_written(tmp_path):
-    with pytest.raises(ValueError, match="is not in the subpath"):
-        write_pvd_collection(tmp_path / "a" / "fields.pvd", [(0.02, tmp_path / "b" / "speed=0.02.vtu")])
-    assert names(tmp_path) == []
+# tables
+
+
+def test_table_is_read_by_columns_without_its_comments(tmp_path):
+    (tmp_path / "t.csv").write_text('# of 2024\nname, load\n\n "a, b" , 3\n# two\nc,4\n', encoding="utf-8")
+    assert read_table(tmp_path / "t.csv", ("load",)) == [
+        (4, {"name": "a, b", "load": "3"}),
+        (6, {"name": "c", "load": "4"}),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", r"t\.csv:1: lacks the columns load"),
+        (b"#\nname\n", r"t\.csv:2: lacks the columns load"),
+        (b"load,load\n", r"t\.csv:1: each column must have a name of its own, got load, load"),
+        (b"load\n1\n1,2\n", r"t\.csv:3: a row must have one cell for each of 1 columns, got 2"),
+        (b"\xff", r"t\.csv: cannot be read: .*decode"),
+    ],
+)
+def test_invalid_table_is_refused_with_its_line(tmp_path, content, message):
+    (tmp_path / "t.csv").write_bytes(content)
+    with pytest.raises(ValueError, match=message):
+        read_table(tmp_path / "t.csv", ("load",))
 
 
 # whose directory
