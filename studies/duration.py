@@ -20,8 +20,8 @@ from pathlib import Path
 from compact.analysis.sizing.durations import PEAKS, read_durations
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
-from compact.report.number_format import format_column
 from compact.report.progress import tracked
+from compact.report.tables import format_column
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parent / "scenes"

@@ -13,7 +13,7 @@ from compact.engines.process.lifts import TwoDimensionalRow
 from compact.files import write_columns, write_csv, write_figure, write_json, write_vtu_series
 from compact.quantities import PROCESS, STROKE, column_names
 from compact.report.figures.process import draw_lifts, draw_map, draw_section, draw_strokes
-from compact.report.number_format import format_percent, format_quantity, json_number
+from compact.report.tables import format_percent, format_quantity, json_number
 
 if TYPE_CHECKING:
     import meshio

@@ -17,9 +17,9 @@ from compact.analysis.stages.model_spread import ModelSpread
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import drive_tables, ranking_tables
-from compact.report.number_format import json_number
 from compact.report.sizing.duration_tables import duration_numbers
 from compact.report.sizing.machine_tables import sizing_numbers
+from compact.report.tables import json_number
 from compact.rolling_contact import HeapingError, UnsteadyError
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning

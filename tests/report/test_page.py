@@ -22,10 +22,10 @@ from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.quantities import CRITERIA as TERMS
 from compact.report import writer as report
-from compact.report.number_format import PREFIX_FACTORS, format_column, format_number, format_percent, format_quantity
 from compact.report.page import answer as html_answer
 from compact.report.page import machine as html_machine
 from compact.report.page.blocks import Picture, Section, Table, render_block, render_page
+from compact.report.tables import PREFIX_FACTORS, format_column, format_number, format_percent, format_quantity
 from compact.scene.loader import load_scene, parse_scene, starter_scene
 from compact.scene.schema import RankBy
 

@@ -14,9 +14,9 @@ from compact.analysis.stages.balance_checks import BalanceCheck
 from compact.analysis.stages.sensitivity import Shift
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
-from compact.report.number_format import format_percent, format_quantity
 from compact.report.page import answer_text
 from compact.report.page.blocks import Cell, Mark, Table, embed_figures
+from compact.report.tables import format_percent, format_quantity
 from compact.report.text import (
     air_sentence,
     guide_sentence,

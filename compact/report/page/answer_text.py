@@ -17,8 +17,8 @@ from compact.analysis.stages.verdict import (
 )
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA, first_of
-from compact.report.number_format import format_column, format_percent
 from compact.report.sizing.sentences import work_warnings
+from compact.report.tables import format_column, format_percent
 from compact.scene.schema import Overrides
 
 NAMED_TIES = 3  # [-], laws of a tie that are named

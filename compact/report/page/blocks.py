@@ -151,7 +151,7 @@ def environment() -> "Environment":
     """Build the template environment: automatic escaping, undefined variables raise."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    from compact.report.number_format import format_number, format_percent, format_quantity
+    from compact.report.tables import format_number, format_percent, format_quantity
 
     found = Environment(
         loader=PackageLoader("compact.report.page"), autoescape=True, undefined=StrictUndefined, trim_blocks=True,

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from compact import quantities
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.study import Study
-from compact.report.number_format import format_number, format_percent, format_quantity
 from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Section, Table, as_sentence, embed_figures
+from compact.report.tables import format_number, format_percent, format_quantity
 from compact.report.text import held_sentence
 
 CONTACT_HEADER = (

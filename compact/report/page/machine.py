@@ -15,10 +15,10 @@ from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.machine.roller_motors import RollerMotor
 from compact.motion.profile import EndCondition
-from compact.report.number_format import ZERO_SHARE, format_column, format_number, format_percent, format_quantity
 from compact.report.page.answer import methods, term_of
 from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table, as_sentence, embed_figures
 from compact.report.ranking_tables import comparison_places
+from compact.report.tables import ZERO_SHARE, format_column, format_number, format_percent, format_quantity
 from compact.report.text import heaping_sentences
 from compact.scene.loader import Scene
 

@@ -6,9 +6,9 @@ from compact.analysis.sizing.machine_sizing import LawSizing, MachineSizing
 from compact.analysis.study import Study
 from compact.machine.motor_sizing import MotorChoice, MotorFit
 from compact.machine.ranking import group_equal
-from compact.report.number_format import format_column, format_number, format_percent, format_quantity
 from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table, as_sentence
 from compact.report.sizing.sentences import bearing_sentence, margin_sentence, motor_sentence
+from compact.report.tables import format_column, format_number, format_percent, format_quantity
 
 SHOWN_CYCLES = 6  # [-], load cycles of a wheel on the page, the largest; wheel-loads.csv has all
 SHOWN_MOTORS = 12  # [-], motors on the page, those next to the chosen one; motor-catalogue.csv has all

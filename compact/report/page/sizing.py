@@ -5,10 +5,10 @@ from collections.abc import Mapping
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.study import Study
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, Ranked
-from compact.report.number_format import format_number, format_percent, format_quantity
 from compact.report.page.blocks import Block, Cell, Mark, Paragraph, Picture, Section, Table, as_sentence
 from compact.report.sizing.duration_tables import duration_sentence
 from compact.report.sizing.sentences import work_sentence, work_warnings
+from compact.report.tables import format_number, format_percent, format_quantity
 
 MEANINGS = {  # field of `WorkBalance` -> (words, unit)
     "pass_work": ("work of a pass over fresh mix, over the product", "J/m3"),

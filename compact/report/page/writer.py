@@ -10,11 +10,11 @@ from pathlib import Path
 from compact.analysis.stages.balance_checks import BalanceCheck
 from compact.analysis.study import Study
 from compact.files import atomic_file
-from compact.report.number_format import format_number
 from compact.report.page import machine, motor, sizing
 from compact.report.page.answer import answer, question
 from compact.report.page.blocks import Mark, Paragraph, Section, Table, render_page
 from compact.report.page.contact import contact_section, mix_section
+from compact.report.tables import format_number
 
 FILES_REMARK = "The tables and `summary.json` in the same directory hold every number with twelve digits."
 

@@ -7,7 +7,7 @@ from typing import Any
 from compact.analysis.sizing.machine_sizing import LawSizing, MachineSizing
 from compact.files import write_csv
 from compact.machine.motor_sizing import MotorFit
-from compact.report.number_format import json_number
+from compact.report.tables import json_number
 
 LAW_HEADER = (
     "law", "shaft_speed_rad/s", "mean_torque_Nm", "rms_torque_Nm", "peak_torque_Nm", "peak_braking_torque_Nm",
