@@ -135,7 +135,7 @@ class Callback:
 
 def work():
     Callback()
-    time.sleep(20)
+    time.sleep(600)
 
 program.main = work
 cli.main()
@@ -145,7 +145,7 @@ cli.main()
 @of_unix
 def test_interrupt_that_python_drops_is_repeated():
     """Python ignores what is raised in a callback, such as that of an import lock."""
-    ended = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, timeout=15)
+    ended = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, timeout=120)
     assert ended.returncode == INTERRUPTED
     assert ended.stderr == "compact: interrupted; every file already written is whole\n"
 

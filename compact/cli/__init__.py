@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+import time
 
 __all__ = ["main"]
 
@@ -28,10 +29,21 @@ def main() -> None:
 
 def _repeat_interrupt(ignored: "sys.UnraisableHookArgs") -> None:
     """Interrupt once more if Python has dropped an interrupt, as it drops whatever a callback raises."""
-    if not issubclass(ignored.exc_type, KeyboardInterrupt):
-        sys.__unraisablehook__(ignored)
-    elif hasattr(signal, "pthread_kill"):
-        main_thread = threading.main_thread().ident
-        threading.Timer(0.01, signal.pthread_kill, (main_thread, signal.SIGINT)).start()
+    if issubclass(ignored.exc_type, KeyboardInterrupt):
+        threading.Thread(target=_interrupt_again, daemon=True).start()
     else:
-        threading.Timer(0.01, signal.raise_signal, (signal.SIGINT,)).start()
+        sys.__unraisablehook__(ignored)
+
+
+def _interrupt_again() -> None:
+    """Send the signal once the main thread has left the hook, in which Python would drop it again."""
+    from traceback import walk_stack  # 10 ms, which no other start pays
+
+    main_thread = threading.main_thread().ident
+    assert main_thread is not None
+    while _repeat_interrupt.__code__ in (frame.f_code for frame, _ in walk_stack(sys._current_frames()[main_thread])):
+        time.sleep(0.01)
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(main_thread, signal.SIGINT)
+    else:
+        signal.raise_signal(signal.SIGINT)

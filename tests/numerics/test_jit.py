@@ -8,6 +8,7 @@ import sys
 import threading
 from pathlib import Path
 
+import numba
 import pytest
 from filelock import FileLock
 from numba.core import caching
@@ -60,6 +61,7 @@ def compiled_result(module):
 @pytest.fixture(params=["", "jit_sample."], ids=["modules", "package"])
 def sample(request, tmp_path, monkeypatch):
     """Folder and name of a module whose compiled function calls others."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")  # the cache stands beside the module, whatever NUMBA_CACHE_DIR
     package = request.param
     folder = tmp_path / package.rstrip(".")
     folder.mkdir(exist_ok=True)
