@@ -8,11 +8,11 @@ so that a study selects them by name. The x axis points along the travel and y u
 are per unit roller length, in SI units.
 """
 
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, Literal, Protocol, get_args
+from typing import Any, Literal, Protocol, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -465,6 +465,20 @@ class ContactResult:
             raise RuntimeError(
                 f"the resistance must be finite, got {self.resistance} N/m at a load of {self.load:.3g} N/m"
             )
+
+
+Rolled = TypeVar("Rolled", bound=ContactResult)
+
+
+def for_travel(contact: Rolled, speed: float) -> Rolled:
+    """Express a contact along +x in the fixed axis x of a roller with a speed [m/s] of either sign.
+
+    `leading` and `trailing` remain positive ahead; `x`, `shear_traction` and `resistance` change their sign.
+    """
+    if speed > 0:
+        return contact
+    x, pressure, shear_traction = -contact.x[::-1], contact.pressure[::-1], -contact.shear_traction[::-1]
+    return replace(contact, resistance=-contact.resistance, x=x, pressure=pressure, shear_traction=shear_traction)
 
 
 class LayerContactResult(Protocol):

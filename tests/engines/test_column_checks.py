@@ -21,20 +21,20 @@ from compact.rolling_contact import Layer, Ply, Roller
 def test_evaluations_of_a_pass_are_bounded():
     """2000 evaluations take 0.5 ms."""
     assert rolled().evaluations < 1600
-    assert rolled(roller=Roller(R, peak_pressure=203e3, profile="circle")).evaluations < 2200
-    assert rolled(roller=Roller(R, load=8367.7, profile="circle")).evaluations < 4000
-    assert rolled(exit_density_ratio=0.98).evaluations < 2700  # trials under a plate continue from one state
 
 
-@pytest.mark.parametrize("count", [40])
-def test_search_for_a_load_takes_few_passes(count):
+@pytest.mark.parametrize("target", ["load", "peak_pressure", "exit_density_ratio"])
+def test_search_for_a_target_takes_few_passes(target):
     spent = []
-    for layer, roller, material in random_scenes(count, seed=1):
+    for layer, roller, material in random_scenes(40, seed=1):
         contact = roll(layer, roller, material, SPEED)
-        found = roll(layer, replace(roller, indentation=None, load=contact.load), material, SPEED)
-        spent.append((found.evaluations - contact.evaluations) / contact.evaluations)
-    assert np.mean(spent) < 2  # passes with their error estimate; 6 by Brent's method
-    assert max(spent) < 4
+        value = {target: getattr(contact, target)}
+        given = {} if target == "exit_density_ratio" else {"roller": replace(roller, indentation=None, **value)}
+        found = roll(layer, given.get("roller", roller), material, SPEED, **({} if given else value))
+        assert found.indentation == pytest.approx(contact.indentation, rel=1e-8)
+        spent.append(found.evaluations / contact.evaluations)
+    assert np.mean(spent) < 10  # passes with their error estimate
+    assert max(spent) < 15
 
 
 # refusals

@@ -156,14 +156,8 @@ def test_formula_off_target_raises(monkeypatch):
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure", "exit_density_ratio"])
 def test_columns_off_target_raise(monkeypatch, target):
     value = {"indentation": 3e-3, "load": 8e3, "peak_pressure": 2e5, "exit_density_ratio": 0.96}[target]
-    for search in ("solve_target", "solve_exit_density"):
-        find = getattr(column, search)
-
-        def missed(there, *given, find=find):
-            passage, spent = find(there, *given)
-            return there.compute_pass(off(passage.indentation), 1e-9), spent
-
-        monkeypatch.setattr(column, search, missed)
+    find = column.solve_target
+    monkeypatch.setattr(column, "solve_target", lambda there, name, wanted, rtol: find(there, name, off(wanted), rtol))
     with pytest.raises(
         RuntimeError, match=f"`{target}` {value:.9g} was prescribed and .* tolerance 1e-08; the contact"
     ):
@@ -171,17 +165,15 @@ def test_columns_off_target_raise(monkeypatch, target):
 
 
 def test_feed_off_target_raises(monkeypatch):
-    find = column.solve_plate_density
-    monkeypatch.setattr(column, "solve_plate_density", lambda there, wanted, rtol: find(there, off(wanted), rtol))
+    find = column.solve_target
+    monkeypatch.setattr(column, "solve_target", lambda there, name, wanted, rtol: find(there, name, off(wanted), rtol))
     with pytest.raises(RuntimeError, match=r"`exit_density_ratio` 0\.96 was prescribed and 0\.96096 reached"):
         column.required_feed(0.22, 0.96, MIX, SPEED)
 
 
 def test_passes_off_target_raise(monkeypatch):
     find = column.solve_target
-    monkeypatch.setattr(
-        column, "solve_target", lambda there, roller, rtol: find(there, replace(roller, load=8e3), rtol)
-    )
+    monkeypatch.setattr(column, "solve_target", lambda there, name, _, rtol: find(there, name, 8e3, rtol))
     roller = Roller(R, load=8e3)
     with pytest.raises(RuntimeError, match="`load` 9000 was prescribed and 8000 reached"):
         passes(LAYER, roller, MIX, SPEED, (Pass(), Pass(load=9e3, forward=False)))

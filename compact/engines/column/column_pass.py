@@ -6,9 +6,8 @@ Both integrals are components of the differential equation in `column_ode`. The 
 to the lowest generatrix and from there to the rear edge, where s_v = 0. On the way to the rear edge the coordinate u
 increases from zero; on the way to the lowest generatrix it decreases to zero.
 
-Load, peak pressure and density ratio rise with the indentation, which is searched for. A search for a load starts with
-coarse integrations. The peak pressure equals that under a plate, and the density ratio nearly so, which provides the
-first guess.
+Load, peak pressure and density ratio rise with the indentation. Brent's method finds the indentation of a prescribed
+one over the logarithms of both, in which they are nearly proportional.
 """
 
 import math
@@ -27,7 +26,6 @@ from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.numerics.validation import require_fields
 from compact.quantities import CONTACT
-from compact.rolling_contact import Roller
 
 SAMPLED_STEP_SHARE = 1 / 32  # [-], largest step over the front of a pass whose pressure is returned at every step
 INDENTATION_SHARE_MAX = 1 - 1e-9  # [-], of the limit of the indentation; the last pore cannot be closed
@@ -37,13 +35,10 @@ STRAINS = {"logarithmic": ode.LOGARITHMIC, "small": ode.SMALL, "mass-true": ode.
 PLATE = GapShape(0.0, 0.0)
 PATH_ROWS_INITIAL = 128  # [-], rows of a path, doubled on demand; room for all steps would cost more than most steps
 STEPS_PER_CALL = 20_000  # [-], steps in one compiled call over the number of columns; at most 0.1 s to an interrupt
-COARSE_RTOL = 1e-5  # [-], `rtol` of the first passes of a search for a load
-FIRST_TOLERANCE = 0.05  # [-], residual accepted at first over `rtol`; it doubles with each pass
-LIKELY_TOLERANCE = 1.0  # [-], the same where the first guess is likely to be the solution
-TARGET_TOLERANCE = 10.0  # [-], residual accepted in the end over `rtol`
-DENSITY_RISE_MIN = 1e-2  # [-], rise of the density ratio to which its residual is relative, at least
-SEARCH_PASSES_MAX = 60  # [-]; 6 are usual
+TARGET_TOLERANCE = 10.0  # [-], residual of a prescribed quantity that is guaranteed, over `rtol`
+SEARCH_TOLERANCE = 0.02  # [-], relative error of the indentation that is sought, over `rtol`
 MEAN_STRESS_SHARE = 0.8  # [-], mean over peak stress under the front, for the first guess of a load
+OVERSHOOT = 1.2  # [-], of the first step from that guess, so that it brackets the indentation
 FAILURES = {
     ode.STEPS_EXHAUSTED: "more steps are needed",
     ode.STEP_UNDERFLOW: "shorter steps do not change x",
@@ -101,12 +96,6 @@ class ColumnLayer:
     lower_count: int = 0
     law_at: Callable[[float], CapConstants] | None = None
 
-    @property
-    def without_lower(self) -> "ColumnLayer":
-        """Columns without those of the lower lift."""
-        rows = (values[self.lower_count :] for values in self.stack)
-        return replace(self, stack=ColumnStack(*rows), lower_count=0)
-
     @cached_property
     def height(self) -> float:
         """Height of the layer with the lower lift [m]."""
@@ -116,11 +105,6 @@ class ColumnLayer:
     def solid_height(self) -> float:
         """Height that grains and water fill [m]."""
         return float(self.stack.density_ratio @ self.stack.height)
-
-    @property
-    def unstressed_solid_height(self) -> float:
-        """Height that grains and water fill after release of the lateral stress [m]; passes do not change it."""
-        return float(self.stack.density_ratio * np.exp(self.stack.mean_stress / self.law.K) @ self.stack.height)
 
     @property
     def max_indentation(self) -> float:
@@ -145,21 +129,24 @@ class ColumnLayer:
         """Stiffness of the differential equation up to full density [-], an upper bound over the columns."""
         return max(ode.stiffness_ratio(self.law, k) for k in self.stack.density_ratio.tolist())
 
-    @property
-    def oedometric_modulus(self) -> float:
-        """Elastic modulus in confined compression [Pa]."""
-        return float(self.law.K + 4 * self.law.G / 3)
-
-    @property
-    def max_elastic_expansion(self) -> float:
-        """Upper bound of the elastic volume strain released beyond the initial state, under lateral tension [-]."""
-        return float((self.law.pt + max(0.0, float(self.stack.mean_stress.max()))) / self.law.K)
-
     def stress_estimate(self, depth: float) -> float:
         """Estimate the vertical stress [Pa] at the lowest generatrix for an indentation `depth` [m]."""
         densest = max(max(self.stack.density_ratio.tolist()), self.solid_height / (self.height - depth))
         strength = hardening(self.law, densest)[0] + self.law.pt
-        return min(self.oedometric_modulus * -math.log1p(-depth / self.height), strength)
+        return min(float(self.law.K + 4 * self.law.G / 3) * -math.log1p(-depth / self.height), strength)
+
+    def estimate(self, name: str, depth: float) -> float:
+        """Estimate a load [N/m], peak pressure [Pa] or exit density ratio [-] for an indentation `depth` [m]."""
+        if name == "exit_density_ratio":
+            return self.loosest / (1 - depth / self.height)
+        stress = self.stress_estimate(depth)
+        return stress if name == "peak_pressure" else MEAN_STRESS_SHARE * stress * self.gap.edge(depth)
+
+    @property
+    def loosest(self) -> float:
+        """Density ratio before the pass [-], mean over the height without the lower lift."""
+        heights, ratios = (values[self.lower_count :] for values in (self.stack.height, self.stack.density_ratio))
+        return float(ratios @ heights / heights.sum())
 
     def error_scale(self, depth: float, rtol: float) -> Array:
         """Return the error of each component of y allowed in one step, relative to its size at a depth [m]."""
@@ -214,23 +201,17 @@ class ColumnLayer:
     def compute_pass(self, indentation: float, rtol: float, max_step_share: float = np.inf) -> "PassResult":
         """Compute the pass at an indentation [m] with an error of a step and a largest step over the front [-]."""
         layer = self if self.law_at is None else replace(self, law=self.law_at(indentation))
-        front = layer.gap.front(indentation)
+        gap, rise = layer.gap, REBOUND_SHARE_MAX * indentation
+        front, rear = gap.front(indentation), gap.front(min(rise, gap.radius) if gap.circular else rise)
         control = PathControl(0.0, np.inf, layer.error_scale(indentation, rtol), front * max_step_share)
         loading, pressed, evaluations = layer.integrate(front, layer.initial_state, control)
-        return pressed.unload(loading, indentation, control, evaluations)
-
-    def unload(self, loading: Array, indentation: float, control: PathControl, evaluations: int) -> "PassResult":
-        """Compute the unloading behind the lowest generatrix at an indentation [m], after the path of loading."""
-        rise = REBOUND_SHARE_MAX * indentation
-        end = self.gap.front(min(rise, self.gap.radius) if self.gap.circular else rise)
-        control = control._replace(coordinate_end=end, stress_end=0.0)
-        unloading, after, more = self.integrate(0.0, loading[-1, 1:], control)
+        control = control._replace(coordinate_end=rear, stress_end=0.0)
+        unloading, after, more = pressed.integrate(0.0, loading[-1, 1:], control)
         if unloading[-1, 1 + STRESS] > 0:
-            x_end = float(self.gap.positions(np.array(end)))
             raise RuntimeError(
                 f"the rebound does not end: a vertical stress of {unloading[-1, 1]:.6g} Pa remains "
-                f"{x_end:.6g} m behind the lowest generatrix at an indentation of {indentation:.6g} m; "
-                "use a stiffer mix or a smaller indentation"
+                f"{float(gap.positions(np.array(rear))):.6g} m behind the lowest generatrix at an indentation of "
+                f"{indentation:.6g} m; use a stiffer mix or a smaller indentation"
             )
         return PassResult(after, indentation, loading, unloading, evaluations + more)
 
@@ -278,7 +259,7 @@ class PassResult:
         return float(self.unloading[-1, 1 + ode.PLASTIC_WORK]), float(self.unloading[-1, 1 + ode.ELASTIC_WORK])
 
     @property
-    def density_ratio(self) -> float:
+    def exit_density_ratio(self) -> float:
         """Density ratio after the rebound [-], mean over the height without the lower lift."""
         y, layer = self.unloading[-1, 1:], slice(self.layer.lower_count, None)
         heights = self.layer.heights(y)[layer]
@@ -337,225 +318,77 @@ def column_layer(
     return ColumnLayer(law, stack, gap, strain_measure, lower_count)
 
 
-def find_indentation(  # noqa: PLR0913 - the function, its root, bounds and tolerances
-    compute_pass: Callable[[float, float], PassResult],
-    residual: Callable[[PassResult], float],
-    initial_guess: float,
-    bounds: tuple[float, float],
-    rtol: float,
-    *,
-    slope: float = 1.0,
-    coarse_rtol: float = 0.0,
-    first_tolerance: float = FIRST_TOLERANCE,
-    final_tolerance: float = TARGET_TOLERANCE,
-) -> tuple[PassResult | None, int]:
-    """Find the indentation at which a pass has no residual.
-
-    The root is found by inverse quadratic interpolation over the logarithm of the indentation, between bounds. scipy's
-    `brentq` needs up to twice the evaluations: it takes neither a first guess nor passes of two accuracies.
+def solve_target(layer: ColumnLayer, name: str, value: float, rtol: float) -> tuple[PassResult, int]:
+    """Compute the pass with a prescribed quantity.
 
     Parameters
     ----------
-    compute_pass : callable(indentation, rtol) -> PassResult
-        Pass at an indentation [m] with a relative error of the integration [-].
-    residual : callable(PassResult) -> float
-        Relative residual [-], rising with the indentation.
-    initial_guess : float
-        First indentation [m].
-    bounds : (float, float)
-        Least and largest indentation [m].
-    rtol, coarse_rtol : float
-        Relative errors of the final and of the first integrations [-]; equal or less for no coarse ones.
-    slope : float
-        Slope of the residual over the logarithm of the indentation [-].
-    first_tolerance, final_tolerance : float
-        Residual accepted at first and in the end, over `rtol` [-].
+    layer : ColumnLayer
+        Columns under a roller or a plate.
+    name : {"indentation", "load", "peak_pressure", "exit_density_ratio"}
+        Prescribed quantity.
+    value : float
+        Its value in its unit.
+    rtol : float
+        Error of a step over the size of the whole pass [-].
 
     Returns
     -------
-    result : PassResult or None
-        None if the residual is negative at the largest indentation.
+    result : PassResult
     evaluations : int
         Evaluations of the rates in all other passes.
+
+    Raises
+    ------
+    ValueError
+        If no indentation has the value.
     """
-    least, limit = math.log(bounds[0]) if bounds[0] else -math.inf, math.log(bounds[1])
-    low, high, limit_tried = least, limit, False
-    points: list[tuple[float, float]] = []
-    x, evaluations = math.log(initial_guess), 0
-    accuracy, tolerance = max(coarse_rtol, rtol), first_tolerance * rtol
-    for _ in range(SEARCH_PASSES_MAX):
-        at_limit, x = x >= limit, min(x, limit)
-        result = compute_pass(bounds[1] if at_limit else math.exp(x), accuracy)
-        error = residual(result)
-        if accuracy == rtol and abs(error) <= tolerance:
-            return result, evaluations
-        evaluations += result.evaluations
-        limit_tried |= at_limit
-        if points and points[-1][0] == x:  # by a finer integration, whose change shifts the other points
-            points = [(place, other + error - points[-1][1]) for place, other in points]
-        else:
-            points = [*points[-2:], (x, error)]
-        unreachable = at_limit and error < 0
-        if accuracy > rtol and (unreachable or abs(error) <= accuracy):
-            low, high, limit_tried, accuracy = least, limit, False, rtol
-            continue
-        if accuracy == rtol:
-            if unreachable:
-                return None, evaluations
-            tolerance = min(2 * tolerance, final_tolerance * rtol)
-        low, high = (x, high) if error < 0 else (low, x)
-        x = _root_of(points, slope)
-        if not (low < x < high or (x >= limit and not limit_tried)):
-            halved = (low + high) / 2 if low > -math.inf else high - 1
-            x = limit if error <= 0 and not limit_tried else halved
-    raise RuntimeError(
-        f"no indentation found in {SEARCH_PASSES_MAX} passes, residual {error:.1e} at {result.indentation:.6g} m"
-    )
-
-
-def _root_of(points: list[tuple[float, float]], slope: float) -> float:
-    """Root of the inverse polynomial through two or three points (x, residual), or of a line of a slope through one."""
-    if len(points) == 1:
-        return points[0][0] - points[0][1] / slope
-    weights = [math.prod(b / (b - a) for _, b in points if b != a) for _, a in points]
-    return sum(weight * place for weight, (place, _) in zip(weights, points, strict=True))
-
-
-def solve_target(layer: ColumnLayer, roller: Roller, rtol: float) -> tuple[PassResult, int]:
-    """Compute the pass with the prescribed indentation, load or peak pressure, and count evaluations."""
-    name, value = roller.target
-    if name == "load":
-        return _solve_load(layer, value, rtol)
-    if name == "peak_pressure":
-        return _solve_peak_pressure(layer, value, rtol)
-    if not value < layer.max_indentation:
-        _raise_unreachable(layer, "indentation", value, layer.max_indentation)
-    return layer.compute_pass(value, rtol, SAMPLED_STEP_SHARE), 0
-
-
-def _solve_peak_pressure(layer: ColumnLayer, pressure: float, rtol: float) -> tuple[PassResult, int]:
-    """Pass with a peak pressure [Pa]; the first guess is the depth at which a plate reaches this stress."""
-    path, spent = _plate_path(layer, pressure, rtol)
     limit = layer.max_indentation
+    if name == "indentation":
+        if not value < limit:
+            _raise_unreachable(layer, name, value, limit)
+        return layer.compute_pass(value, rtol, SAMPLED_STEP_SHARE), 0
+    if name == "exit_density_ratio" and not layer.loosest < value < 1:
+        _raise_unreachable(layer, name, value, layer.compute_pass(limit, rtol).exit_density_ratio)
+    tried: dict[float, PassResult] = {}
 
-    def residual(result: PassResult) -> float:
-        return result.peak_pressure / pressure - 1
+    def residual(log_depth: float) -> float:
+        tried[log_depth] = passed = layer.compute_pass(min(math.exp(log_depth), limit), rtol, SAMPLED_STEP_SHARE)
+        return math.log(getattr(passed, name) / value)
 
-    result, evaluations = find_indentation(
-        _sampled_pass(layer, rtol), residual, limit - path[-1, 0], (0.0, limit), rtol, first_tolerance=LIKELY_TOLERANCE
-    )
-    if result is None:
-        _raise_unreachable(layer, "peak_pressure", pressure, path[-1, 1 + STRESS])
-    return result, spent + evaluations
-
-
-def _plate_path(layer: ColumnLayer, pressure: float, rtol: float) -> tuple[Array, int]:
-    """Path of a plate from the largest indentation outwards to a stress [Pa], and number of evaluations."""
-    limit, plate = layer.max_indentation, replace(layer, gap=PLATE)
-    control = PathControl(0.0, float(pressure), layer.error_scale(limit, rtol), np.inf)
-    path, _, spent = plate.integrate(limit, layer.initial_state, control)
-    if path[-1, 1 + STRESS] < pressure:
-        _raise_unreachable(layer, "peak_pressure", pressure, path[-1, 1 + STRESS])
-    return path, spent
+    guess = limit
+    if layer.estimate(name, limit) > value:
+        guess = brentq(lambda depth: layer.estimate(name, depth) - value, 0, limit, rtol=1e-3)
+    low = high = math.log(guess)
+    error = last = residual(low)
+    step = -OVERSHOOT * error / (guess / layer.height if name == "exit_density_ratio" else 1.0)
+    while error * last > 0:
+        if last < 0 and high >= math.log(limit):
+            _raise_unreachable(layer, name, value, getattr(tried[high], name))
+        low, high = high, min(high + step, math.log(limit))
+        last, step = residual(high), 2 * step
+    root = brentq(residual, low, high, xtol=SEARCH_TOLERANCE * rtol, rtol=1e-15) if low != high else low
+    return tried[root], sum(passed.evaluations for log_depth, passed in tried.items() if log_depth != root)
 
 
 def plate_indentation(layer: ColumnLayer, pressure: float, rtol: float) -> float:
-    """Compute the indentation of a plate [m] at which the columns reach a stress [Pa]."""
-    return float(layer.max_indentation - _plate_path(layer, pressure, rtol)[0][-1, 0])
-
-
-def _sampled_pass(layer: ColumnLayer, rtol: float) -> Callable[[float, float], PassResult]:
-    """`compute_pass` of a search, with the largest step limited in the final integration."""
-
-    def compute_pass(depth: float, tolerance: float) -> PassResult:
-        return layer.compute_pass(depth, tolerance, math.inf if tolerance > rtol else SAMPLED_STEP_SHARE)
-
-    return compute_pass
-
-
-def _solve_load(layer: ColumnLayer, load: float, rtol: float) -> tuple[PassResult, int]:
-    """Pass under a load [N/m]; the first guess is the estimated peak stress over the front."""
-    limit = layer.max_indentation
-
-    def estimated_excess(depth: float) -> float:
-        return MEAN_STRESS_SHARE * layer.stress_estimate(depth) * layer.gap.edge(depth) - load
-
-    def residual(result: PassResult) -> float:
-        return math.log(result.load / load)
-
-    initial_guess = brentq(estimated_excess, 0, limit, rtol=0.1) if estimated_excess(limit) > 0 else limit
-    result, evaluations = find_indentation(
-        _sampled_pass(layer, rtol), residual, initial_guess, (0.0, limit), rtol, coarse_rtol=COARSE_RTOL
-    )
-    if result is None:
-        _raise_unreachable(layer, "load", load, layer.compute_pass(limit, rtol).load)
-    return result, evaluations
-
-
-def solve_exit_density(layer: ColumnLayer, density_ratio: float, rtol: float) -> tuple[PassResult, int]:
-    """Compute the pass after whose rebound the columns have a mean density ratio, and count evaluations."""
-
-    def residual(result: PassResult) -> float:
-        return result.density_ratio / density_ratio - 1
-
-    if layer.lower_count:  # columns in series share the vertical stress, so that the peak pressure is that without
-        plate, spent = solve_plate_density(layer.without_lower, density_ratio, rtol)
-        loaded, evaluations = _solve_peak_pressure(layer, plate.peak_pressure, rtol)
-        return loaded, spent + plate.evaluations + evaluations
-    plate, spent = solve_plate_density(layer, density_ratio, rtol)
-    result, evaluations = find_indentation(
-        _sampled_pass(layer, rtol), residual, plate.indentation, (0.0, layer.max_indentation), rtol,
-        slope=plate.indentation / layer.height, first_tolerance=LIKELY_TOLERANCE,
-    )  # fmt: skip
-    return result or plate, spent + plate.evaluations + evaluations
-
-
-def solve_plate_density(layer: ColumnLayer, density_ratio: float, rtol: float) -> tuple[PassResult, int]:
-    """Compute the stroke of a plate after whose rebound the columns have a mean density ratio, and count evaluations.
-
-    Notes
-    -----
-    Under a plate the loading paths to all depths coincide, so that all trials continue from one state. Its depth is a
-    lower bound of the solution: that without rebound, less the elastic expansion under lateral tension.
-    """
-    limit, plate, loosest = layer.max_indentation, replace(layer, gap=PLATE), layer.solid_height / layer.height
-    rise = max(density_ratio - loosest, DENSITY_RISE_MIN)
-    nominal = layer.height * (1 - loosest / density_ratio)
-    if 0 < nominal < limit:
-        expanded = layer.height * (1 - loosest / density_ratio * math.exp(layer.max_elastic_expansion))
-        shallowest = max(expanded, 0.0)
-        y, pressed, spent = layer.initial_state, plate, 0
-        if shallowest:
-            control = PathControl(0.0, np.inf, plate.error_scale(shallowest, rtol), np.inf)
-            path, pressed, spent = plate.integrate(shallowest, y, control)
-            y = path[-1, 1:]
-
-        def compute_pass(depth: float, _: float) -> PassResult:
-            control = PathControl(0.0, np.inf, plate.error_scale(depth, rtol), np.inf)
-            loading, deeper, evaluations = pressed.integrate(depth - shallowest, y, control)
-            return deeper.unload(loading, depth, control, evaluations)
-
-        def residual(result: PassResult) -> float:
-            return (result.density_ratio - density_ratio) / rise
-
-        initial_guess = nominal + (layer.height - nominal) * layer.stress_estimate(nominal) / layer.oedometric_modulus
-        result, evaluations = find_indentation(
-            compute_pass, residual, initial_guess, (shallowest, limit), rtol,
-            slope=density_ratio / loosest, final_tolerance=TARGET_TOLERANCE * density_ratio / rise,
-        )  # fmt: skip
-        if result is not None:
-            return result, spent + evaluations
-    densest = plate.compute_pass(limit, rtol).density_ratio
-    reason = "with the circle buried to its axis" if layer.limited_by_axis else "that closes all pores"
-    raise ValueError(
-        f"`exit_density_ratio` must lie between {loosest:.6g}, before the pass, and {densest:.6g}, after a pass "
-        f"{reason}, got {density_ratio!r}"
-    )
+    """Compute the indentation of a plate [m] at which the columns reach a stress [Pa], by one path to that stress."""
+    limit, plate = layer.max_indentation, replace(layer, gap=PLATE)
+    control = PathControl(0.0, float(pressure), layer.error_scale(limit, rtol), np.inf)
+    path, _, _ = plate.integrate(limit, layer.initial_state, control)
+    if path[-1, 1 + STRESS] < pressure:
+        _raise_unreachable(layer, "peak_pressure", pressure, path[-1, 1 + STRESS])
+    return float(limit - path[-1, 0])
 
 
 def _raise_unreachable(layer: ColumnLayer, name: str, value: float, limit: float) -> NoReturn:
     """Raise ValueError for a target beyond its value at the largest indentation."""
+    if name == "exit_density_ratio":
+        reason = "with the circle buried to its axis" if layer.limited_by_axis else "that closes all pores"
+        raise ValueError(
+            f"`exit_density_ratio` must lie between {layer.loosest:.6g}, before the pass, and {limit:.6g}, after a "
+            f"pass {reason}, got {value!r}"
+        )
     full = f"grains and water alone fill the remaining {layer.solid_height:.6g} m of {layer.height:.6g} m"
-    reason = "the circle is buried to its axis" if layer.limited_by_axis else full
-    unit = CONTACT[name].unit
+    reason, unit = "the circle is buried to its axis" if layer.limited_by_axis else full, CONTACT[name].unit
     raise ValueError(f"`{name}` must be less than {limit:.6g} {unit}, where {reason}, got {value:.6g} {unit}")

@@ -15,7 +15,7 @@ So is a layer on a lower lift; its height and density after the pass do not cont
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args, overload
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,8 +32,6 @@ from compact.engines.column.column_pass import (
     PassResult,
     column_layer,
     plate_indentation,
-    solve_exit_density,
-    solve_plate_density,
     solve_target,
 )
 from compact.engines.column.state_update_columns import StateUpdateContactResult, roll_state_update
@@ -122,14 +120,6 @@ class OedometerResult:
     density_ratio: Array
 
 
-@overload
-def roll(
-    layer: rolling_contact.Layer, roller: rolling_contact.Roller, material: Compaction, speed: float, **options: Any
-) -> ColumnContactResult: ...
-@overload
-def roll(
-    layer: rolling_contact.Layer, roller: rolling_contact.Roller, material: StateUpdate, speed: float, **options: Any
-) -> StateUpdateContactResult: ...
 def roll(
     layer: rolling_contact.Layer,
     roller: rolling_contact.Roller,
@@ -156,7 +146,7 @@ def roll(
 
     Returns
     -------
-    ColumnContactResult
+    ColumnContactResult or StateUpdateContactResult
         For speed < 0 leading and trailing remain positive ahead; x and resistance refer to the fixed axis x.
 
     Examples
@@ -219,13 +209,23 @@ def roll_over(
     stack = (*lower, *columns)
     layer = require_integrable(column_layer(stack, material, 1.0, gap, STRAINS[strain], len(lower)), material)
     if material.rate_sensitivity:
-        layer = _rated_layer(layer, material, roller.radius, speed)
-    if exit_density_ratio is None:
-        result, evaluations = solve_target(layer, roller, rtol)
-    else:
-        result, evaluations = solve_exit_density(layer, exit_density_ratio, rtol)
+        grains = sum(
+            each.density_ratio * each.height * np.exp(each.lateral_stress / 1.5 / layer.law.K) for each in columns
+        )
+        fed_height = grains / material.fed_density_ratio  # of the columns, which earlier passes may have compacted
+        deepest = fed_height * (1 - material.fed_density_ratio)  # a lower lift settles too
+        settled = fed_height - sum(each.height for each in columns)
+
+        def law_at(indentation: float) -> CapConstants:
+            depth = min(settled + indentation, deepest)
+            rate = rolling_contact.compaction_rate(speed, roller.radius, fed_height, depth)
+            return cap_constants(material, material.rate_factor(rate))
+
+        layer = replace(layer, law=law_at(layer.max_indentation), law_at=law_at)
+    target = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
+    result, evaluations = solve_target(layer, *target, rtol)
     coarse = layer.compute_pass(result.indentation, ERROR_RTOL_RATIO * rtol)
-    rolled = _build_result(result, coarse, rtol, np.sign(speed), evaluations)
+    rolled = rolling_contact.for_travel(_build_result(result, coarse, rtol, evaluations), speed)
     rolling_contact.require_on_target(rolled, roller, TARGET_TOLERANCE * rtol, exit_density_ratio=exit_density_ratio)
     return rolled
 
@@ -292,9 +292,10 @@ def required_feed(
         raise ValueError("`radius` must be given for a mix with a rate sensitivity, got None")
     factor, lower = 1.0, lower_columns(lower_lift, material, radius, speed)
     for _ in range(FEED_TRIALS_MAX):
-        result, _ = solve_plate_density(_unit_layer(material, factor), exit_density_ratio, rtol)
+        # the density after a pass depends on its lowest height alone, so that a plate stands for the roller
+        result, _ = solve_target(_unit_layer(material, factor), "exit_density_ratio", exit_density_ratio, rtol)
         rolling_contact.require_target_reached(
-            "exit_density_ratio", exit_density_ratio, result.density_ratio, TARGET_TOLERANCE * rtol
+            "exit_density_ratio", exit_density_ratio, result.exit_density_ratio, TARGET_TOLERANCE * rtol
         )
         scale, settlement = height / result.columns[0].height, 0.0
         if lower:
@@ -371,56 +372,27 @@ def require_integrable(layer: ColumnLayer, material: Compaction) -> ColumnLayer:
     return layer
 
 
-def _rated_layer(layer: ColumnLayer, material: Compaction, radius: float, speed: float) -> ColumnLayer:
-    """Return a layer whose pc has the factor of the rate of compaction under a roller at each indentation."""
-    fed = layer.without_lower
-    fed_height = fed.unstressed_solid_height / material.fed_density_ratio
-    deepest = fed_height * (1 - material.fed_density_ratio)  # a lower lift settles too
-
-    def law_at(indentation: float) -> CapConstants:
-        depth = min(fed_height - fed.height + indentation, deepest)
-        rate = rolling_contact.compaction_rate(speed, radius, fed_height, depth)
-        return cap_constants(material, material.rate_factor(rate))
-
-    return replace(layer, law=law_at(layer.max_indentation), law_at=law_at)
-
-
-def _build_result(
-    result: PassResult, coarse: PassResult, rtol: float, direction: float, evaluations: int
-) -> ColumnContactResult:
-    """Express a pass in the fixed axis x, with the error estimated from a coarser integration."""
-    loading, unloading = result.loading[::-1], result.unloading[::-1]
-    x = np.concatenate([-unloading[:, 0], loading[1:, 0]])
-    pressure = np.concatenate([unloading[:, 1], loading[1:, 1]])
-    x = result.layer.gap.positions(x)
-    ascending = slice(None, None, int(direction))
-    load, resistance, (plastic, elastic) = result.load, result.resistance, result.work
+def _build_result(result: PassResult, coarse: PassResult, rtol: float, evaluations: int) -> ColumnContactResult:
+    """Return the contact along +x of a pass, with the error estimated from a coarser integration."""
+    path = np.concatenate([result.unloading[::-1], result.loading[-2::-1]])  # from the rear to the front edge
+    path[: len(result.unloading), 0] *= -1
+    x, load, resistance = result.layer.gap.positions(path[:, 0]), result.load, result.resistance
+    plastic, elastic = result.work
     scale = rolling_contact.resistance_scale(resistance, load)
     count = result.layer.lower_count
     lower, columns = result.columns[:count], result.columns[count:]
     lower_height = sum(column.height for column in lower)
     return ColumnContactResult(
-        load=load,
-        resistance=float(direction * resistance),
-        leading=float(x[-1]),
-        trailing=float(x[0]),
-        x=(direction * x)[ascending],
-        pressure=pressure[ascending],
-        shear_traction=np.zeros_like(x),
+        load=load, resistance=resistance, leading=float(x[-1]), trailing=float(x[0]), x=x, pressure=path[:, 1 + STRESS],
+        shear_traction=np.zeros_like(x), peak_pressure=result.peak_pressure, indentation=float(result.indentation),
         error=(abs(coarse.load - load) / load + rtol, abs(coarse.resistance - resistance) / scale + rtol),
         work_residual=abs(resistance - plastic - elastic) / scale,
-        peak_pressure=result.peak_pressure,
-        indentation=float(result.indentation),
-        exit_height=sum(column.height for column in columns),
-        exit_density_ratio=result.density_ratio,
-        columns=columns,
-        lower_columns=lower,
-        lower_height=lower_height if lower else None,
+        exit_height=sum(column.height for column in columns), exit_density_ratio=result.exit_density_ratio,
+        columns=columns, lower_columns=lower, lower_height=lower_height if lower else None,
         lower_density_ratio=sum(each.density_ratio * each.height for each in lower) / lower_height if lower else None,
-        plastic_work=plastic,
-        mass_residual=result.mass_residual,
+        plastic_work=plastic, mass_residual=result.mass_residual,
         evaluations=result.evaluations + coarse.evaluations + evaluations,
-    )
+    )  # fmt: skip
 
 
 def require_column_layer(layer: rolling_contact.Layer, roller: rolling_contact.Roller) -> None:

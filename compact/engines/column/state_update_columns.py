@@ -11,7 +11,7 @@ doubled until load and resistance change by less than a tolerance; their last ch
 density ratio follows from the volume, k = k_fed H/h, and thus contains the elastic strain that remains.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,15 @@ from compact.engines.column.column_ode import GapShape
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
-from compact.rolling_contact import ContactResult, Layer, Roller, require_moving, require_on_target, resistance_scale
+from compact.rolling_contact import (
+    ContactResult,
+    Layer,
+    Roller,
+    for_travel,
+    require_moving,
+    require_on_target,
+    resistance_scale,
+)
 
 INCREMENTS = 64  # [-], of the front, at first
 INCREMENTS_MAX = 16_384  # [-], of the front; some second of a law in Python
@@ -98,34 +106,20 @@ def roll_state_update(
     if layer.lower_lift is not None:
         raise ValueError("an own material needs a layer on the rigid base, got a `lower_lift`; use a law of the mix")
     name, target = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
-    path = _Path(layer, material, GapShape(roller.radius, 0.0 if roller.profile == "parabola" else 1.0))
-    count = INCREMENTS
-    before = path.compute_pass(_indentation(path, name, target, count, rtol), count)
-    while True:
-        count *= 2
-        indentation = _indentation(path, name, target, count, rtol)
-        found = path.compute_pass(indentation, count)
-        changes = (
-            abs(found.load - before.load) / found.load,
-            abs(found.resistance - before.resistance) / resistance_scale(found.resistance, found.load),
-        )
-        if max(changes) <= rtol:
-            break
+    layer_of_law = _OwnLayer(layer, material, GapShape(roller.radius, 0.0 if roller.profile == "parabola" else 1.0))
+    count, before, change = INCREMENTS, layer_of_law.solve_target(name, target, INCREMENTS, rtol), np.inf
+    while change > rtol:
         if count >= INCREMENTS_MAX:
             raise RuntimeError(
-                f"the contact over {material.name} changes by {max(changes):.1e} from {count // 2} to {count} "
+                f"the contact over {material.name} changes by {change:.1e} from {count // 2} to {count} "
                 f"increments, tolerance {rtol:g}; the law may jump, so smooth it or raise `rtol`"
             )
-        before = found
-    direction = np.sign(speed)
-    ascending = slice(None, None, int(direction))
-    result = StateUpdateContactResult(
-        load=found.load, resistance=float(direction * found.resistance), leading=float(found.x[-1]),
-        trailing=float(found.x[0]), x=(direction * found.x)[ascending], pressure=found.stress[ascending],
-        shear_traction=np.zeros_like(found.x), error=changes, peak_pressure=found.peak_pressure,
-        indentation=indentation, exit_height=found.exit_height, exit_density_ratio=found.exit_density_ratio,
-        state=found.state, increments=count,
-    )  # fmt: skip
+        count *= 2
+        found = layer_of_law.solve_target(name, target, count, rtol)
+        of_resistance = abs(found.resistance - before.resistance) / resistance_scale(found.resistance, found.load)
+        found = replace(found, error=(abs(found.load - before.load) / found.load, of_resistance))
+        before, change = found, max(found.error or ())
+    result = for_travel(before, speed)
     require_on_target(result, roller, 10 * rtol, exit_density_ratio=exit_density_ratio)
     return result
 
@@ -141,65 +135,37 @@ def required_height(height: float, exit_density_ratio: float, material: StateUpd
     return height * exit_density_ratio / material.fed_density_ratio
 
 
-def _indentation(path: "_Path", name: str, target: float, count: int, rtol: float) -> float:
-    """Return the indentation [m] at which a quantity of the pass equals its target."""
-    if name == "indentation":
-        if not target < path.deepest:
-            raise ValueError(
-                f"`indentation` must be less than {path.deepest:.6g} m, got {target!r}: it closes all pores"
-            )
-        return target
-    least, deepest = LEAST_INDENTATION * path.deepest, path.deepest * (1 - LEAST_INDENTATION)
-
-    def excess(indentation: float) -> float:
-        return float(getattr(path.compute_pass(indentation, count), name)) - target
-
-    if excess(deepest) < 0:
-        raise ValueError(
-            f"`{name}` {target:.6g} is not reached by {path.material.name} before its pores close; prescribe less"
-        )
-    return float(brentq(excess, least, deepest, rtol=min(rtol / 10, 1e-6)))
-
-
 @dataclass(frozen=True)
-class _Pass:
-    """Pass at one indentation: x from the rear to the front edge [m], vertical stress [Pa], and the state behind."""
-
-    x: Array
-    stress: Array
-    gap: Array
-    peak_pressure: float
-    exit_height: float
-    exit_density_ratio: float
-    state: Any
-
-    @property
-    def load(self) -> float:
-        """Load [N/m]."""
-        return float(np.trapezoid(self.stress, self.x))
-
-    @property
-    def resistance(self) -> float:
-        """Resistance [N/m]."""
-        return float(np.trapezoid(self.stress, self.gap))
-
-
-@dataclass(frozen=True)
-class _Path:
-    """Layer under a roller."""
+class _OwnLayer:
+    """Layer of an own material under a roller."""
 
     layer: Layer
     material: StateUpdate
     gap: GapShape
 
-    @property
-    def deepest(self) -> float:
-        """Indentation [m] at which all pores are closed, or the roller sinks to its axis."""
-        closed = self.layer.height * (1 - self.material.fed_density_ratio)
-        return min(closed, self.gap.radius) if self.gap.circular else closed
+    def solve_target(self, name: str, target: float, count: int, rtol: float) -> StateUpdateContactResult:
+        """Compute the pass in which a quantity equals its target, with a number of increments of the front."""
+        deepest = self.layer.height * (1 - self.material.fed_density_ratio)
+        deepest = min(deepest, self.gap.radius) if self.gap.circular else deepest
+        if name == "indentation":
+            if not target < deepest:
+                raise ValueError(
+                    f"`indentation` must be less than {deepest:.6g} m, got {target!r}: it closes all pores"
+                )
+            return self.compute_pass(target, count)
 
-    def compute_pass(self, indentation: float, count: int) -> _Pass:
-        """Compute the pass at an indentation [m] with a number of increments of the front."""
+        def excess(indentation: float) -> float:
+            return float(getattr(self.compute_pass(indentation, count), name)) - target
+
+        least, most = LEAST_INDENTATION * deepest, deepest * (1 - LEAST_INDENTATION)
+        if excess(most) < 0:
+            raise ValueError(
+                f"`{name}` {target:.6g} is not reached by {self.material.name} before its pores close; prescribe less"
+            )
+        return self.compute_pass(float(brentq(excess, least, most, rtol=min(rtol / 10, 1e-6))), count)
+
+    def compute_pass(self, indentation: float, count: int) -> StateUpdateContactResult:
+        """Compute the pass along +x at an indentation [m] with a number of increments of the front."""
         lowest, front = self.layer.height - indentation, self.gap.edge(indentation)
         ahead = np.linspace(front, 0.0, count + 1)
         heights = lowest + self.gap.at(ahead)
@@ -229,8 +195,13 @@ class _Path:
         x = np.concatenate([-np.array(rear[:0:-1]), ahead[::-1]])
         stress = np.concatenate([np.array(behind[:0:-1]), stresses[::-1]])
         exit_height = float(lowest + self.gap.at(np.array(rear[-1])))
-        density_ratio = self.material.fed_density_ratio * self.layer.height / exit_height
-        return _Pass(x, stress, self.gap.at(x), float(stress.max()), exit_height, density_ratio, state)
+        return StateUpdateContactResult(
+            load=float(np.trapezoid(stress, x)), resistance=float(np.trapezoid(stress, self.gap.at(x))),
+            leading=float(x[-1]), trailing=float(x[0]), x=x, pressure=stress, shear_traction=np.zeros_like(x),
+            peak_pressure=float(stress.max()), indentation=indentation, exit_height=exit_height,
+            exit_density_ratio=self.material.fed_density_ratio * self.layer.height / exit_height,
+            state=state, increments=count,
+        )  # fmt: skip
 
     def _advance(self, state: Any, heights: Array) -> tuple[Array, Any]:
         """Return the vertical stress at each height of a path, the first one without stress, and the last state."""
