@@ -99,8 +99,6 @@ class Study:
         """Count one run of a stage."""
         self.counts[stage] += 1
         self._step(stage)
-        if self._background:
-            self._background.poll()
 
     def standing(self, directory: Path, *prefixes: str) -> list[Path]:
         """Return the valid files of an earlier run with any of the prefixes; none if a prefix has no file."""

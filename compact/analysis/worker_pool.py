@@ -13,17 +13,15 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
-from multiprocessing import parent_process
-from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.synchronize import Event
-from types import ModuleType
-from typing import Any, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 from compact.analysis.failures import run_marked
 
@@ -61,10 +59,10 @@ class Executor(Protocol):
         """True if a further task would start now."""
 
     def submit(self, name: Any, work: Work, task: Any) -> None:
-        """Start a task."""
+        """Start a task, or queue it where none would start now."""
 
-    def finished(self, timeout: float | None = None) -> Outcomes:
-        """Return the outcomes that are available, after at most `timeout` [s]; at least one without timeout."""
+    def finished(self) -> Outcomes:
+        """Wait for one outcome at least, and return those that are available."""
 
 
 def cores() -> int:
@@ -126,11 +124,11 @@ class BackgroundTasks:
             ...
             result()  # waits for the outcome
 
-    The caller calls `poll` now and then, so that no worker is idle.
+    The executor has all tasks from the beginning, so that no worker is idle.
     """
 
     def __init__(self, executor: Executor) -> None:
-        self._executor, self._waiting = executor, deque[tuple[Any, Work, Any]]()
+        self._executor = executor
         self._found: dict[Any, Any] = {}
 
     def __enter__(self) -> Self:
@@ -141,7 +139,7 @@ class BackgroundTasks:
         self._executor.__exit__(*error)
 
     def submit(self, name: str, work: Work, task: Any) -> Callable[[], Any]:
-        """Queue a task.
+        """Start a task.
 
         Parameters
         ----------
@@ -153,20 +151,12 @@ class BackgroundTasks:
         callable
             Waits for the outcome and returns it; raises RuntimeError if it is `WorkerDied`.
         """
-        self._waiting.append((name, work, task))
-        self.poll()
+        self._executor.submit(name, work, task)
         return partial(self._outcome, name)
 
-    def poll(self, timeout: float | None = 0) -> None:
-        """Collect outcomes after at most `timeout` [s], and start waiting tasks."""
-        self._found.update(self._executor.finished(timeout))
-        while self._waiting and self._executor.free:
-            self._executor.submit(*self._waiting.popleft())
-
     def _outcome(self, name: str) -> Any:
-        self._waiting = deque(sorted(self._waiting, key=lambda task: task[0] != name))  # this one first
         while name not in self._found:
-            self.poll(timeout=None)
+            self._found.update(self._executor.finished())
         if isinstance(self._found[name], WorkerDied):
             raise RuntimeError(f"{name}: {self._found[name].reason}")
         return self._found[name]
@@ -176,7 +166,7 @@ class SerialExecutor:
     """Executor in this process; a task runs when its outcome is waited for."""
 
     def __init__(self) -> None:
-        self._submitted: list[tuple[Any, Work, Any]] = []
+        self._submitted = deque[tuple[Any, Work, Any]]()
 
     def __enter__(self) -> Self:
         return self
@@ -193,36 +183,19 @@ class SerialExecutor:
         """Keep a task until `finished`."""
         self._submitted.append((name, work, task))
 
-    def finished(self, timeout: float | None = None) -> Outcomes:
-        """Run the submitted task; return nothing if there is a timeout [s]."""
-        if timeout is not None:
-            return []
-        name, work, task = self._submitted.pop()
+    def finished(self) -> Outcomes:
+        """Run the task that was submitted first."""
+        name, work, task = self._submitted.popleft()
         return [(name, work(task))]
 
 
-@dataclass(frozen=True)
-class _Job:
+class _Job(NamedTuple):
     """A task in a worker process, and how often its worker has died."""
 
     name: Any
     work: Work
     task: Any
     deaths: int = 0
-
-
-class _RecordingContext(SpawnContext):
-    """Start method "spawn", with a record of the processes, so that they can be killed."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.started: list[SpawnProcess] = []
-
-    # multiprocessing declares a class here and calls it only
-    def Process(self, *args: Any, **options: Any) -> SpawnProcess:  # type: ignore[override]  # noqa: N802
-        process = SpawnProcess(*args, **options)
-        self.started.append(process)
-        return process
 
 
 class ProcessExecutor:
@@ -241,16 +214,26 @@ class ProcessExecutor:
         self._repeated = deque[_Job]()  # after the death of a worker; one at a time, so that the cause is known
 
     def __enter__(self) -> Self:
-        self._start_pool()
+        self._others = active_children()
+        context = get_context("spawn")  # threads of numpy and of the progress do not survive a fork
+        self._begun = context.Event()
+        self._pool = ProcessPoolExecutor(self.count, context, _begin_worker, (self._begun,))
+        with _one_thread(), suppress(BrokenProcessPool):
+            # all processes start now: a pool that starts one while another dies may fail in its own thread
+            for _ in range(self.count):
+                self._pool.submit(os.getpid)
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._stop_pool()
+        for process in active_children():
+            if process not in self._others:
+                process.kill()
+        self._pool.shutdown(cancel_futures=True)
 
     @property
     def pids(self) -> list[int | None]:
         """Numbers of the worker processes."""
-        return [process.pid for process in self._context.started if process.is_alive()]
+        return [process.pid for process in active_children() if process not in self._others]
 
     @property
     def free(self) -> bool:
@@ -258,50 +241,43 @@ class ProcessExecutor:
         return not self._repeated and len(self._running) < self.count
 
     def submit(self, name: Any, work: Work, task: Any) -> None:
-        """Start a task."""
-        self._submit(_Job(name, work, task))
+        """Start a task, or queue it where none would start now."""
+        self._start(_Job(name, work, task))
 
-    def finished(self, timeout: float | None = None) -> Outcomes:
-        """Return the outcomes that are available, after at most `timeout` [s]; at least one without timeout."""
+    def finished(self) -> Outcomes:
+        """Wait for one outcome at least, and return those that are available."""
         found: Outcomes = []
-        while not found:
-            if self._repeated and not self._running:
-                self._submit(self._repeated.popleft())
-            done = wait(self._running, timeout, FIRST_COMPLETED).done
-            found = self._collect(done)
-            if timeout is not None or not done:
-                break
+        while not found and (self._running or self._repeated):
+            if not self._running:
+                self._start(self._repeated.popleft())
+            done = wait(self._running, return_when=FIRST_COMPLETED).done
+            lost = any(isinstance(future.exception(), BrokenProcessPool) for future in done)
+            begun = self._begun.is_set()
+            for future in wait(self._running).done if lost else done:  # after a death all are done, most without result
+                job = self._running.pop(future)
+                if not isinstance(future.exception(), BrokenProcessPool):
+                    found.append((job.name, future.result()))
+                elif begun and job.deaths + 1 == ATTEMPTS:
+                    found.append((job.name, WorkerDied(f"its worker process died {ATTEMPTS} times")))
+                else:
+                    self._repeated.append(job._replace(deaths=job.deaths + begun))
+            if lost:
+                _LOG.info("a worker process died; its tasks are repeated one at a time")
+                self._rebuild()
         return found
 
-    def _submit(self, job: _Job) -> None:
+    def _start(self, job: _Job) -> None:
         try:
             future = self._pool.submit(run_marked, job.work, job.task)
         except BrokenProcessPool:
             if self._running:  # `finished` rebuilds the pool
                 self._repeated.append(job)
                 return
-            self._rebuild_pool()
+            self._rebuild()
             future = self._pool.submit(run_marked, job.work, job.task)
         self._running[future] = job
 
-    def _collect(self, done: Iterable[Future[Any]]) -> Outcomes:
-        """Return outcomes; after the death of a worker all tasks are done, but most without result."""
-        broken = any(isinstance(future.exception(), BrokenProcessPool) for future in done)
-        found: Outcomes = []
-        for future in wait(self._running).done if broken else done:
-            job = self._running.pop(future)
-            if not isinstance(future.exception(), BrokenProcessPool):
-                found.append((job.name, future.result()))
-            elif job.deaths + 1 == ATTEMPTS and self._begun.is_set():
-                found.append((job.name, WorkerDied(f"its worker process died {ATTEMPTS} times")))
-            else:
-                self._repeated.append(replace(job, deaths=job.deaths + self._begun.is_set()))
-        if broken:
-            _LOG.info("a worker process died; its tasks are repeated one at a time")
-            self._rebuild_pool()
-        return found
-
-    def _rebuild_pool(self) -> None:
+    def _rebuild(self) -> None:
         self.deaths += 1
         self._failed_starts = 0 if self._begun.is_set() else self._failed_starts + 1
         if self._failed_starts == ATTEMPTS:
@@ -309,48 +285,32 @@ class ProcessExecutor:
                 f"{ATTEMPTS} worker processes ended before they could begin; a script that sweeps needs "
                 '`if __name__ == "__main__":`, or give one worker'
             )
-        self._stop_pool()
-        self._start_pool()
-
-    def _start_pool(self) -> None:
-        self._context = _RecordingContext()  # threads of numpy and of the progress do not survive a fork
-        self._begun = self._context.Event()
-        self._pool = ProcessPoolExecutor(self.count, self._context, _begin_worker, (self._begun,))
-        with _one_thread(), suppress(BrokenProcessPool):
-            # all processes start now: a pool that starts one while another dies may fail in its own thread
-            for _ in range(self.count):
-                self._pool.submit(os.getpid)
-
-    def _stop_pool(self) -> None:
-        for process in self._context.started:
-            process.kill()
-        self._pool.shutdown(cancel_futures=True)
+        self.__exit__()
+        self.__enter__()
 
 
 def _begin_worker(begun: Event) -> None:
     """Prepare a worker process: it ignores interrupts and ends with its parent."""
+
+    def end_with_parent() -> None:
+        if parent := parent_process():
+            parent.join()
+            os._exit(1)
+
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent receives it and kills its workers
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
     begun.set()
-
-
-def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
 
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
     """Set the environment of new processes to one thread of linear algebra."""
-    before = {name: os.environ[name] for name in THREAD_VARIABLES if name in os.environ}
+    before = dict(os.environ)
     os.environ |= dict.fromkeys(THREAD_VARIABLES, "1")
     try:
         yield
     finally:
-        for name in THREAD_VARIABLES:
-            del os.environ[name]
+        os.environ.clear()
         os.environ |= before
 
 
@@ -370,11 +330,15 @@ class DaskExecutor:
         self._futures: dict[Any, Any] = {}
 
     def __enter__(self) -> Self:
-        client, remedy = _distributed().Client, "start one with `dask scheduler`, or give --workers"
-        log = logging.getLogger(CLIENT_LOG)
+        try:
+            from distributed import Client
+        except ImportError:
+            remedy = "install it with `pip install 'compact[cluster]'`, or give --workers"
+            raise RuntimeError(f"a cluster needs dask; {remedy}") from None
+        log, remedy = logging.getLogger(CLIENT_LOG), "start one with `dask scheduler`, or give --workers"
         self._log_level = log.level
         try:
-            self._client = client(self.address, timeout=SCHEDULER_TIMEOUT, set_as_default=False)
+            self._client = Client(self.address, timeout=SCHEDULER_TIMEOUT, set_as_default=False)
         except (OSError, TimeoutError, ValueError) as error:
             raise RuntimeError(f"no dask scheduler answers at {self.address!r}: {error}; {remedy}") from error
         log.setLevel(logging.CRITICAL)
@@ -390,42 +354,43 @@ class DaskExecutor:
     def free(self) -> bool:
         """True if the cluster has fewer than TASKS_PER_THREAD tasks per thread."""
         with self._loss_explained():
-            return len(self._futures) < TASKS_PER_THREAD * max(1, self._threads())
+            return len(self._futures) < TASKS_PER_THREAD * max(1, sum(self._client.nthreads().values()))
 
     def submit(self, name: Any, work: Work, task: Any) -> None:
-        """Start a task."""
+        """Start a task, or queue it where none would start now."""
         with self._loss_explained():
             self._futures[self._client.submit(run_marked, work, task, pure=False)] = name
 
-    def finished(self, timeout: float | None = None) -> Outcomes:
-        """Return the outcomes that are available, after at most `timeout` [s]; at least one without timeout.
+    def finished(self) -> Outcomes:
+        """Wait for one outcome at least, and return those that are available.
 
         Raises
         ------
         RuntimeError
             If the scheduler is lost, or no worker is connected for WORKERLESS_LIMIT.
         """
-        distributed = _distributed()
-        with self._loss_explained(), self._client.as_current():
-            done: set[Any] = set()
-            workerless = 0.0
-            while self._futures and not done:
-                try:
-                    period = CLUSTER_POLL if timeout is None else timeout
-                    done = distributed.wait(list(self._futures), period, return_when="FIRST_COMPLETED").done
-                except TimeoutError:
-                    if timeout is not None:
-                        break
-                    workerless = self._require_workers(workerless)
-            return [(self._futures.pop(future), _dask_outcome(future, distributed.KilledWorker)) for future in done]
+        import distributed
 
-    def _threads(self) -> int:
-        """Return the number of threads of all workers that are connected."""
-        return sum(self._client.nthreads().values())
+        def outcome(future: Any) -> Any:
+            try:
+                return future.result()
+            except distributed.KilledWorker as error:
+                return WorkerDied(f"its workers died: {error}")
+
+        workerless = 0.0
+        with self._loss_explained(), self._client.as_current():
+            while self._futures:
+                try:
+                    done = distributed.wait(list(self._futures), CLUSTER_POLL, return_when="FIRST_COMPLETED").done
+                except TimeoutError:
+                    workerless = self._require_workers(workerless)
+                else:
+                    return [(self._futures.pop(future), outcome(future)) for future in done]
+        return []
 
     def _require_workers(self, workerless: float) -> float:
         """Return the time without any worker [s], that of the last call by the last period."""
-        if self._threads():
+        if self._client.nthreads():
             return 0.0
         if workerless == 0:
             _LOG.warning("no worker is connected to %s; waiting for workers", self.address)
@@ -445,19 +410,3 @@ class DaskExecutor:
                 f"the dask scheduler at {self.address} is lost ({type(error).__name__}); finished points are kept, "
                 "start a scheduler and repeat the command with --resume"
             ) from error
-
-
-def _dask_outcome(future: Any, killed: type[Exception]) -> Any:
-    try:
-        return future.result()
-    except killed as error:
-        return WorkerDied(f"its workers died: {error}")
-
-
-def _distributed() -> ModuleType:
-    try:
-        import distributed
-    except ImportError:
-        remedy = "install it with `pip install 'compact[cluster]'`, or give --workers"
-        raise RuntimeError(f"a cluster needs dask; {remedy}") from None
-    return distributed

@@ -234,8 +234,8 @@ def test_point_of_dead_workers_is_recomputed_by_the_next_run(monkeypatch, tmp_pa
     varied = ["mix.moisture=0.1,0.11"]
 
     class Deadly(SerialExecutor):
-        def finished(self, timeout=None):
-            number, *_ = self._submitted.pop()
+        def finished(self):
+            number, *_ = self._submitted.popleft()
             return [(number, WorkerDied("its worker process died 3 times"))]
 
     table, _ = swept(tmp_path, varied=varied, executor=Deadly())
