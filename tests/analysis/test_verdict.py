@@ -12,9 +12,8 @@ from pages import PageReader, answer_html
 
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages import uncertainty as stage
-from compact.analysis.stages.drive_variants import drive_variants
 from compact.analysis.stages.model_spread import LawVariant, ModelSpread
-from compact.analysis.stages.uncertainty import DRIVE, MIX, mix_spread
+from compact.analysis.stages.uncertainty import DRIVE, MIX, drive_variants, mix_spread
 from compact.analysis.stages.verdict import ModelAnswer, contenders, fitted_inputs, reason_against, verdict
 from compact.analysis.study import Study
 from compact.report import text
@@ -167,10 +166,10 @@ def test_linear_lead_has_peaks_and_margin_of_a_valid_model():
     assert case.uncertainty.source(MIX).changes("parabolic", FORCE)[1] == pytest.approx(0.3, abs=0.05)
 
 
-def test_stalled_drive_has_no_peak():
-    scales, peaks = stage._finite(np.array([0.5, 1.0, 2.0]), [1.0, 2.0, math.inf])
-    assert (scales, peaks) == ((0.5, 1.0), (1.0, 2.0))
-    assert stage._first({}, "cubic") == "cubic"
+def test_stalled_drive_has_no_peak_and_leaves_the_recommended_law_first():
+    base = {FORCE: {"cubic": 100.0}}
+    end = stage._end("stalled", {FORCE: {}}, base, {FORCE: "cubic"})
+    assert (end.change, end.first) == ({"cubic": {FORCE: math.inf}}, {FORCE: "cubic"})
 
 
 # the drive, which nobody has measured
@@ -219,15 +218,23 @@ OTHER_DRIVES = {
 
 
 def test_spring_and_damper_vary_unless_they_are_measured(tmp_path):
-    plain = drive_variants(load_scene(ENGINES, **FORMULA))
-    assert list(plain) == ["stiffness ÷ 3", "stiffness × 3", "damping ratio 0.02", "damping ratio 0.2"]
-    ratios = [each.drive.damping / (2 * np.sqrt(each.drive.stiffness * 1000)) for each in plain.values()]
+    plain = load_scene(ENGINES, **FORMULA)
+    variants = drive_variants(plain)
+    assert [each.label for each in variants] == [
+        "stiffness ÷ 3",
+        "stiffness × 3",
+        "damping ratio 0.02",
+        "damping ratio 0.2",
+    ]
+    drives = [plain.replaced(**each.keys).drive for each in variants]
+    ratios = [each.damping / (2 * np.sqrt(each.stiffness * 1000)) for each in drives]
     assert ratios == pytest.approx([0.05, 0.05, 0.02, 0.2], rel=1e-3)
     stiffness = ENGINES.read_text("utf-8").replace("# N/m; assumed", "# N/m; measured: load cell and dial gauge")
     (tmp_path / "scene.toml").write_text(stiffness)
-    assert list(drive_variants(load_scene(tmp_path / "scene.toml"))) == ["damping ratio 0.02", "damping ratio 0.2"]
+    measured = drive_variants(load_scene(tmp_path / "scene.toml"))
+    assert [each.label for each in measured] == ["damping ratio 0.02", "damping ratio 0.2"]
     (tmp_path / "scene.toml").write_text(stiffness.replace("# N s/m; assumed", "# N s/m; measured"))
-    assert drive_variants(load_scene(tmp_path / "scene.toml")) == {}
+    assert drive_variants(load_scene(tmp_path / "scene.toml")) == []
 
 
 @pytest.mark.parametrize(
@@ -240,12 +247,9 @@ def test_spring_and_damper_vary_unless_they_are_measured(tmp_path):
 )
 def test_motor_and_oil_vary(kind, words, values):
     found = drive_variants(load_scene(ENGINES, **NO_SPRING, **OTHER_DRIVES[kind]))
-    assert list(found) == words
-    varied = [
-        getattr(each.drive.motor, "flywheel_inertia", None) or each.drive.hydraulics.bulk_modulus
-        for each in found.values()
-    ]
-    assert varied == pytest.approx(values)
+    assert [each.label for each in found] == words
+    key = {"motor": "drive.motor.flywheel_inertia", "hydraulic": "drive.hydraulics.bulk_modulus"}.get(kind)
+    assert [each.keys[key] for each in found] == pytest.approx(values)
 
 
 @pytest.mark.slow

@@ -4,12 +4,12 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity
 from compact.analysis.ranking_uncertainty import Agreement, Place, agreement
-from compact.analysis.stages.drives import KnownLaws, build_stages
+from compact.analysis.stages.drives import KnownLaws, Stages, build_stages
 from compact.rolling_contact import EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
@@ -48,11 +48,23 @@ class EngineComparison:
     places_over: dict[float, Places]
     resistance_over: dict[float, Callable]
     key: str
-    counts: Counter[str]
-    warned: tuple[str, ...]
+    counts: Counter[str] = field(default_factory=Counter)
+    warned: tuple[str, ...] = ()
 
 
 ComparisonAnswer = EngineComparison | HeapingError | UnsteadyError | EquilibriumError
+
+
+def engine_answer(stages: Stages) -> EngineComparison:
+    """Collect contacts, resistance and places of the engine of a scene."""
+    contacts, resistance, drive = stages.contacts, stages.resistance, stages.drive
+    places, over = drive.places, {duration: stage.places for duration, stage in drive.other_durations.items()}
+    # the second pass of a comparison is required by its own return stroke only
+    second_pass = contacts.second_pass if stages.contacts.scene.layer.return_stroke == "compacted" else None
+    return EngineComparison(
+        contacts.records, contacts.held, second_pass, resistance.resistance, resistance.error, contacts.roller_load,
+        places, over, {duration: resistance.over(duration).resistance for duration in over}, contacts.key,
+    )  # fmt: skip
 
 
 def run_engine_alternative(scene: Scene, laws: KnownLaws, directory: Path | None) -> ComparisonAnswer:
@@ -66,23 +78,15 @@ def run_engine_alternative(scene: Scene, laws: KnownLaws, directory: Path | None
     """
     counts = Counter[str]()
     stages = build_stages(scene, count=lambda stage: counts.update([stage]), directory=directory, known_laws=laws)
-    contacts, resistance = stages.contacts, stages.resistance
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         warnings.simplefilter("error", RuntimeWarning)  # an invalid operation of numpy yields no valid result
         try:
-            places = stages.drive.places
-            places_over = {duration: each.places for duration, each in stages.drive.other_durations.items()}
+            found = engine_answer(stages)
         except (HeapingError, UnsteadyError, EquilibriumError) as error:
             return error
-        # the second pass of a comparison is required by its own return stroke only
-        second_pass = contacts.second_pass if scene.layer.return_stroke == "compacted" else None
-    return EngineComparison(
-        contacts.records, contacts.held, second_pass, resistance.resistance, resistance.error,
-        contacts.roller_load, places, places_over,
-        {duration: resistance.over(duration).resistance for duration in places_over}, contacts.key, counts,
-        tuple(dict.fromkeys(str(each.message) for each in warned)),
-    )  # fmt: skip
+    words = tuple(dict.fromkeys(str(each.message) for each in warned))
+    return replace(found, counts=counts, warned=words)
 
 
 def resistances_without_wave(scene: Scene) -> dict[str, float]:
@@ -130,14 +134,14 @@ def ranking_agreements(places: Mapping[str, Places]) -> list[RankingAgreement]:
     drive, *other_drives = places[engine]
     cases = [(kind, name, kind) for name in other_engines for kind in places[engine]]
     cases += [(drive, engine, other) for other in other_drives]
-    found = []
-    for kind, other_engine, other_kind in cases:
-        for by, order in places[engine][kind].items():
-            other = places[other_engine][other_kind][by]
-            firsts = _first_laws(order), _first_laws(other)
-            agreed = agreement(order, other, by)
-            found.append(RankingAgreement(engine, kind, other_engine, other_kind, by, agreed, *firsts))
-    return found
+    return [
+        RankingAgreement(
+            engine, kind, name, other_kind, by, agreement(order, other, by), *map(_first_laws, (order, other))
+        )
+        for kind, name, other_kind in cases
+        for by, order in places[engine][kind].items()
+        for other in (places[name][other_kind][by],)
+    ]
 
 
 def _first_laws(order: list[Place]) -> str:

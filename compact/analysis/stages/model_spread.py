@@ -114,7 +114,7 @@ def model_spread(scene: Scene, mix: Mix, held: HeldQuantity) -> ModelSpread:
 
 
 def scenes_of_laws(scene: Scene, mix: Mix) -> tuple[Scene, ...]:
-    """Return the scene and its variants by the other laws of the mix.
+    """Return the scene, and its changes to the other laws of the mix.
 
     Parameters
     ----------
@@ -128,14 +128,14 @@ def scenes_of_laws(scene: Scene, mix: Mix) -> tuple[Scene, ...]:
     tuple of Scene
         The scene first; the shear line at the low end, the value and the high end of the cohesion.
     """
-    found = [scene]
-    if scene.mix.law == LINE:
-        found.append(scene.replaced(**{"mix.law": "ellipse"}))
-    spread = mix.parameter("cohesion_loose")
-    for cohesion in dict.fromkeys((spread.low, spread.value, spread.high)):
-        if scene.mix.law != LINE or cohesion != spread.value:
-            found.append(scene.replaced(**{"mix.law": LINE, "mix.overrides.cohesion_loose": cohesion}))
-    return tuple(found)
+    spread, own = mix.parameter("cohesion_loose"), scene.mix.law == LINE
+    changes: list[dict[str, Any]] = [{"mix.law": "ellipse"}] if own else []
+    changes += [
+        {"mix.law": LINE, "mix.overrides.cohesion_loose": cohesion}
+        for cohesion in dict.fromkeys((spread.low, spread.value, spread.high))
+        if not own or cohesion != spread.value
+    ]
+    return scene, *(scene.replaced(**keys) for keys in changes)
 
 
 def contact_by_law(held: HeldQuantity, scene: Scene) -> LawVariant:

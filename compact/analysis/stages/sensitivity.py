@@ -12,7 +12,7 @@ New contacts are steady: they have no added mass. Peaks are those of the samples
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
@@ -21,16 +21,17 @@ from compact import drive
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_speeds
 from compact.analysis.engines import ENGINES
+from compact.analysis.ensemble import Change, Peaks, ensemble, first_law, peaks_at
 from compact.analysis.pore_air import AirForces, has_air
 from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.stages.drives import Stages, build_stages
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.machine.cart import Cart
-from compact.machine.ranking import BUILD_TOLERANCE, first_of
-from compact.material.mix import Parameter
+from compact.machine.ranking import BUILD_TOLERANCE
 from compact.motion.profile import Cycle
 from compact.quantities import INPUT
 from compact.resistance import ResistanceMap
+from compact.scene.loader import Scene
 
 VARIATION = 0.1  # [-], relative variation of an input without spread
 SPEED_MARGIN = 1.2  # [-], range of new contacts over the largest speed; a duration shorter by a tenth is within it
@@ -55,8 +56,6 @@ CART_INPUTS = ("machine.guide_friction", "machine.mass", "motion.duration")  # o
 DENSITY_INPUT = "layer.fed_density_ratio"
 PEAKS = {"peak_force": "drive_force", "peak_power": "drive_power"}
 PRIOR, SHARE, PRESSED = "spread of the prior", "a tenth less, more", "a tenth of what is pressed"
-
-Range = tuple[float, float, str, str]  # low, high, kind of variation, unit
 
 
 @dataclass(frozen=True)
@@ -108,18 +107,24 @@ class Shift:
 
 def sensitivities(stages: Stages) -> list[Shift]:
     """Compute the sensitivity to each input of the mix and the machine that the engine or the formulas depend on."""
-    variation = _Variation(stages)
+    scene, run = stages.contacts.scene, _RigidPeaks(stages)
+    bases: dict[str, End] = {}
     found = []
     for key, (low, high, how, unit) in _ranges(stages).items():
-        if high > low:
-            by = variation.engine_for(key)
-            ends = (variation.reached(by, {key: float(value)}) for value in (low, high))
-            found.append(Shift(key, (low, high), unit, how, by, variation.base(by), *ends))
+        if low >= high:
+            continue
+        by = run.engine_for(key)
+        if by not in bases:
+            bases[by] = _end(run(scene.with_engine(by), Change("scene")))
+        changes = [Change("low", {key: float(low)}), Change("high", {key: float(high)})]
+        table = ensemble(scene.with_engine(by), changes, run)
+        ends = (None if reason else _end(peaks_at(table, i)) for i, reason in enumerate(table.reason.values))
+        found.append(Shift(key, (low, high), unit, how, by, bases[by], *ends))
     return found
 
 
-def _ranges(stages: Stages) -> dict[str, Range]:
-    """Return the range of each input by its scene key."""
+def _ranges(stages: Stages) -> dict[str, tuple[float, float, str, str]]:
+    """Return low and high value, kind of variation and unit of each input by its scene key."""
     scene, mix, engine = stages.contacts.scene, stages.contacts.mix, stages.contacts.engine
     own_inputs = MIX_INPUTS.get(engine.name, engine.mix_parameters)  # the latter of an engine of another package
     names = list(own_inputs if engine.cheap else MIX_INPUTS["formula"])
@@ -128,38 +133,32 @@ def _ranges(stages: Stages) -> dict[str, Range]:
         names = ["cohesion_loose" if name == "cohesion" else name for name in names]
     if new_layer and has_air(scene):
         names += AIR_INPUTS
-    ranges = {f"mix.overrides.{name}": (*_spread(mix.parameter(name)), mix.parameter(name).unit) for name in names}
+    by_formula = not (engine.cheap and engine.layered)
+    keys = [key for key in MACHINE_INPUTS if by_formula or key not in FORMULA_INPUTS]
+
+    def tenth(value: float, unit: str) -> tuple[float, float, str, str]:
+        return value * (1 - VARIATION), value * (1 + VARIATION), SHARE, unit
+
+    ranges = {
+        f"mix.overrides.{each.name}": (each.low, each.high, PRIOR, each.unit)
+        if each.low < each.high
+        else tenth(each.value, each.unit)
+        for each in map(mix.parameter, names)
+    }
     if new_layer:
         before = scene.layer.fed_density_ratio
         step = VARIATION * (scene.mix.density_ratio - before)
         ranges[DENSITY_INPUT] = (before - step, before + step, PRESSED, INPUT[DENSITY_INPUT].unit)
-    by_formula = not (engine.cheap and engine.layered)
-    keys = [key for key in MACHINE_INPUTS if by_formula or key not in FORMULA_INPUTS]
-    return ranges | {key: (*_tenth(attrgetter(key)(scene)), INPUT[key].unit) for key in keys}
+    return ranges | {key: tenth(attrgetter(key)(scene), INPUT[key].unit) for key in keys}
 
 
-def _spread(parameter: Parameter) -> tuple[float, float, str]:
-    if parameter.low < parameter.high:
-        return parameter.low, parameter.high, PRIOR
-    return _tenth(parameter.value)
-
-
-def _tenth(value: float) -> tuple[float, float, str]:
-    return value * (1 - VARIATION), value * (1 + VARIATION), SHARE
-
-
-class _Variation:
-    """Results of scenes that differ in one input, by formula or by the engine of the study."""
+class _RigidPeaks:
+    """Run of an ensemble of scenes that differ in one input, by formula or by the engine of the study."""
 
     def __init__(self, stages: Stages) -> None:
-        self.stages, self.scene, self.engine = stages, stages.contacts.scene, stages.contacts.engine
-        self.bases: dict[str, End] = {}
+        self.stages, self.engine = stages, stages.contacts.engine
+        self.largest_speed = SPEED_MARGIN * stages.resistance.largest_speed if self.engine.layered else 0.0
         self.own_layer: tuple[float, ResistanceMap] | None = None
-
-    @property
-    def largest_speed(self) -> float:
-        """Largest speed of new contacts [m/s]."""
-        return SPEED_MARGIN * self.stages.resistance.largest_speed
 
     def engine_for(self, key: str) -> str:
         """Return the engine of the scene if it can vary an input, else "formula"."""
@@ -168,50 +167,23 @@ class _Variation:
         covered = self.largest_speed <= self.stages.resistance.map.speeds[-1]
         return self.engine.name if key in CART_INPUTS and (covered or key != "motion.duration") else "formula"
 
-    def base(self, by: str) -> End:
-        """Return the result of the scene itself."""
-        if by not in self.bases:
-            self.bases[by] = self.end(by, {})
-        return self.bases[by]
-
-    def reached(self, by: str, changes: dict[str, float]) -> End | None:
-        """Return the result of a changed scene, None where the engine or the formulas have no solution."""
-        try:
-            return self.end(by, changes)
-        except (ValueError, RuntimeError):
-            return None
-
-    def end(self, by: str, changes: dict[str, float]) -> End:
-        """Return the result of a changed scene."""
-        changed = build_stages(self.scene.with_engine(by).replaced(**changes))
-        cycles = self._stretched_laws(changed) if "motion.duration" in changes else self.stages.laws.cycles
-        if not ENGINES[by].layered:
-            return _least_peaks(changed.resistance.cart, changed.resistance.resistance, cycles)
-        load, resistance = self._layer(changed, changes)
-        over = self.stages.resistance.over(changed.contacts.scene.motion.duration)
-        contacts = changed.contacts if self.engine.cheap else over.contacts  # whose passes are not computed again
-        cart = machine_models.cart(changed.contacts.scene, load, contacts.return_ratios[0])
-        return _least_peaks(cart, resistance, cycles)
-
-    def _stretched_laws(self, changed: Stages) -> dict[str, Cycle]:
-        """Return the laws over the duration of a changed scene; optimal laws keep their shape."""
-        motion = changed.contacts.scene.motion
-        optimal = {
-            name: replace(cycle.forward, duration=motion.duration).cycle(motion.dwell, motion.dwell)
-            for name, cycle in self.stages.laws.optimal_cycles.items()
-        }
-        return changed.prescribed.cycles | optimal
-
-    def _layer(self, changed: Stages, changes: dict[str, float]) -> tuple[float, ResistanceMap]:
-        """Return load on a roller [N] and resistance by the engine, from new contacts if the layer changes."""
+    def __call__(self, scene: Scene, change: Change) -> Peaks:
+        """Return the peaks by law with a rigid drive."""
+        changed = build_stages(scene)
+        other = "motion.duration" in change.keys
+        cycles = self.stages.laws.cycles_over(scene.motion.duration) if other else self.stages.laws.cycles
+        if not ENGINES[scene.accuracy.engine].layered:
+            return _rigid_peaks(changed.resistance.cart, changed.resistance.resistance, cycles)
+        over = self.stages.resistance.over(scene.motion.duration)
         if not self.engine.cheap:
-            stage = self.stages.resistance.over(changed.contacts.scene.motion.duration)
-            return stage.contacts.roller_load, stage.map
-        if changes and not changes.keys() & set(CART_INPUTS):
-            return _new_contacts(changed, self.largest_speed)
-        if self.own_layer is None:
-            self.own_layer = _new_contacts(self.stages, self.largest_speed)
-        return self.own_layer
+            load, resistance = over.contacts.roller_load, over.map
+        elif change.keys and not change.keys.keys() & set(CART_INPUTS):
+            load, resistance = _new_contacts(changed, self.largest_speed)
+        else:
+            self.own_layer = self.own_layer or _new_contacts(self.stages, self.largest_speed)
+            load, resistance = self.own_layer
+        contacts = changed.contacts if self.engine.cheap else over.contacts  # whose passes are not computed again
+        return _rigid_peaks(machine_models.cart(scene, load, contacts.return_ratios[0]), resistance, cycles)
 
 
 def _new_contacts(stages: Stages, largest_speed: float) -> tuple[float, ResistanceMap]:
@@ -228,20 +200,20 @@ def _new_contacts(stages: Stages, largest_speed: float) -> tuple[float, Resistan
     return float(load), ResistanceMap(np.array(speeds), forces, error=np.nan, return_ratio=contacts.return_ratios[1])
 
 
-def _least_peaks(cart: Cart, resistance: ResistanceLaw, cycles: Mapping[str, Cycle]) -> End:
-    """Return the least peaks over all laws with a rigid drive."""
-    peaks: dict[str, dict[str, float]] = {peak: {} for peak in PEAKS}
-    for name, cycle in cycles.items():
-        run = drive.simulate(cart, drive.Rigid(), cycle, resistance)
-        for peak, quantity in PEAKS.items():
-            peaks[peak][name] = np.inf if run.impulses else float(np.abs(getattr(run, quantity)).max())
-    least = {peak: min(found.values()) for peak, found in peaks.items()}
-    law = {
-        peak: list(found)[first_of(list(found.values()))] if np.isfinite(least[peak]) else ""
-        for peak, found in peaks.items()
+def _rigid_peaks(cart: Cart, resistance: ResistanceLaw, cycles: Mapping[str, Cycle]) -> Peaks:
+    runs = {name: drive.simulate(cart, drive.Rigid(), cycle, resistance) for name, cycle in cycles.items()}
+    return {
+        peak: {
+            name: np.inf if run.impulses else float(np.abs(getattr(run, quantity)).max()) for name, run in runs.items()
+        }
+        for peak, quantity in PEAKS.items()
     }
+
+
+def _end(peaks: Peaks) -> End:
+    least = {by: min(found.values()) for by, found in peaks.items()}
     ties = {
-        peak: frozenset(name for name, value in found.items() if value < least[peak] * (1 + BUILD_TOLERANCE))
-        for peak, found in peaks.items()
+        by: frozenset(law for law, value in found.items() if value < least[by] * (1 + BUILD_TOLERANCE))
+        for by, found in peaks.items()
     }
-    return End(least, law, ties)
+    return End(least, {by: first_law(found) for by, found in peaks.items()}, ties)

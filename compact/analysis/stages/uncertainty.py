@@ -16,12 +16,11 @@ Saltelli A. et al. (2010): Variance based sensitivity analysis of model output. 
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import combinations_with_replacement
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +28,13 @@ from scipy.stats import qmc, sobol_indices, uniform
 
 from compact.analysis.contact_cases import HeldQuantity, scene_mix
 from compact.analysis.engines import ENGINES
+from compact.analysis.ensemble import Change, Peaks, Run, drive_peaks, ensemble, first_law, peaks_at, polynomial_terms
 from compact.analysis.pore_air import RATIOS
 from compact.analysis.stages.contacts import roll_scene
-from compact.analysis.stages.drive_variants import drive_variants, peaks_with_oil
 from compact.analysis.stages.drives import Stages
+from compact.analysis.stages.resistance import ResistanceLaw
 from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
-from compact.machine.ranking import first_of, value_of
-from compact.material.mix import Parameter, prior
+from compact.material.mix import prior
 from compact.motion.profile import Cycle
 from compact.scene.loader import Scene
 
@@ -53,6 +52,11 @@ SCALE_ENDS = (0.8, 1.2)  # [-], first and last of them over the least and larges
 CONTENDER_SHARE = 1.5  # [-], of the least peak; laws beyond it are not first where the resistance changes
 OIL_SHARE = 1.05  # [-], of the least peak; laws whose strokes with compressible oil are computed
 FED = "fed_density_ratio"
+HELD_FIELDS = (("height", "indentation"), ("load", "load"), ("peak_pressure", "peak_pressure"))
+FACTOR = 3.0  # [-], of stiffness and bulk modulus that are not measured, in either direction
+INERTIA_FACTOR = 1.5  # [-], of the inertia at the shaft, in either direction
+DAMPING_RATIOS = (0.02, 0.2)  # [-], of a cart on a spring
+STROKE_TOLERANCE = 1e-6  # [-], relative; strokes with compressible oil
 LEAST_EFFECT = 1e-3  # [-], a smaller change of the resistance is not simulated
 
 
@@ -222,139 +226,87 @@ def ranking_uncertainty(
     -------
     RankingUncertainty
     """
-    laws, leads = {by: each.law for by, each in verdicts.items()}, models[0].valid
-    variation = _Variation(stages, sizing_model(models), laws)
-    mix = mix_spread(stages.contacts.scene, stages.contacts.process)
-    sources = [each for each in _scaled_sources(variation, stages, mix, spread if leads else None) if each is not None]
-    sources += _other_models(variation, models)
-    sources += variation.over_other_drives()
-    sources += variation.over_compacted_mix() if leads else ()
-    sources += variation.over_other_durations()
-    ratios = [1.0, *((mix.low, mix.high) if mix else ()), *(spread or ())]
-    scales = np.linspace(SCALE_ENDS[0] * min(ratios), SCALE_ENDS[1] * max(ratios), SCALES)
-    peaks = {by: _finite(scales, [variation.peak(by, scale) for scale in scales]) for by in laws}
+    scene, contacts, model = stages.contacts.scene, stages.contacts, sizing_model(models)
+    leads, duration, kind, met = models[0].valid, scene.motion.duration, scene.drive.kind, model.resistance
+    laws = {by: each.law for by, each in verdicts.items()}
+    base = {by: model.values(duration, kind, by) for by in laws}
+    mix = mix_spread(scene, contacts.process)
+    sources: list[Source] = []
+
+    def near(share: float) -> dict[str, Cycle]:
+        """Return the recommended laws, and those within a share of the least peak by any criterion."""
+        close = {law for each in base.values() for law, value in each.items() if value <= share * min(each.values())}
+        return {law: cycle for law, cycle in stages.laws.cycles.items() if law in {*close, *laws.values()}}
+
+    def add(name: str, variation: str, changes: Sequence[Change], run: Run) -> None:
+        table = ensemble(scene, changes, run)
+        ends = (_end(each.label, peaks_at(table, i), base, laws) for i, each in enumerate(changes))
+        if changes:
+            sources.append(Source(name, variation, tuple(ends)))
+
+    under = partial(drive_peaks, stages, near(CONTENDER_SHARE), met, tuple(laws))
+    own_model = model.engine == scene.accuracy.engine
+    ratios: dict[str, tuple[float, float] | None] = {
+        name: None if error is None else (1 - error, 1 + error)
+        for name, error in ((MESH, getattr(met, "engine_error", None)), (MAP, getattr(met, "error", None)))
+    }
+    ratios |= {MIX: (mix.low, mix.high) if mix else None, LAW: spread if leads else None}
+    ratios |= {AIR: _air_ratios(stages), HELD: _held_ratios(stages)} if own_model else {}
+    for name, pair in ratios.items():
+        if pair and max(abs(ratio - 1) for ratio in pair) >= LEAST_EFFECT:
+            words = f"{pair[0]:.2f} to {pair[1]:.2f} times the resistance"
+            ends = [Change(f"{each:.2f} times", resistance=met.scaled(each)) for each in pair]
+            add(name, f"one-way to undrained, {words}" if name == AIR else words, ends, under)
+
+    def known(answers: Mapping[str, Peaks]) -> tuple[list[Change], Run]:
+        """Return changes whose values are known, and the run that looks them up."""
+        return [Change(label) for label in answers], lambda _, change: answers[change.label]
+
+    others = [each for each in models if each.valid and each is not model and model.valid]
+    at_once = {each.engine: {by: each.values(duration, kind, by) for by in laws} for each in others}
+    add(MODELS, ", ".join(at_once), *known(at_once))
+    variants = drive_variants(scene)
+    drives = partial(drive_peaks, stages, stages.laws.cycles, met, tuple(laws))
+    add(DRIVE, ", ".join(each.label for each in variants), variants,
+        partial(_oil_peaks, stages, near(OIL_SHARE), met, tuple(laws)) if kind == "hydraulic" else drives)  # fmt: skip
+    if leads and contacts.second_pass is not None and scene.layer.return_stroke != "compacted":
+        returned = replace(stages.resistance.map, return_ratio=contacts.second_pass[1])
+        compacted = under(scene, Change("compacted", resistance=returned))
+        add(RETURN, "over fresh or compacted mix", *known({"compacted": compacted, "fresh": base}))
+    for other in model.places:
+        if other != duration:
+            words = f"{other:.3g} s"
+            add(DURATION, words, *known({words: {by: model.values(other, kind, by) for by in laws}}))
+
+    extremes = [1.0, *((mix.low, mix.high) if mix else ()), *(spread or ())]
+    scales = np.linspace(SCALE_ENDS[0] * min(extremes), SCALE_ENDS[1] * max(extremes), SCALES)
+    recommended = {law: stages.laws.cycles[law] for law in laws.values()}
+    scaled = [Change(f"{scale}", resistance=met.scaled(scale)) for scale in scales]
+    table = ensemble(scene, scaled, partial(drive_peaks, stages, recommended, met, tuple(laws)))["value"]
+    table = table.reindex(law=list(recommended))
+    peaks = {}
+    for by, law in laws.items():
+        values = table.sel(criterion=by, law=law).values
+        finite = np.isfinite(values)
+        peaks[by] = tuple(scales[finite].tolist()), tuple(values[finite].tolist())
     if mix is not None:
         mix = replace(mix, shares={by: _shares(mix, *peaks[by]) for by in laws})
     return RankingUncertainty(tuple(sources), mix, peaks, laws)
 
 
-def _finite(scales: NDArray[np.float64], peaks: Sequence[float]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Return the scales with a finite peak, and the peaks."""
-    found = [(float(scale), peak) for scale, peak in zip(scales, peaks, strict=True) if math.isfinite(peak)]
-    return tuple(scale for scale, _ in found), tuple(peak for _, peak in found)
-
-
-class _Variation:
-    """Answers of the model that sizes the machine under a changed resistance or with another drive."""
-
-    def __init__(self, stages: Stages, model: ModelAnswer, laws: Mapping[str, str]) -> None:
-        self.stages, self.model, self.laws = stages, model, dict(laws)
-        self.motion, self.drive = stages.contacts.scene.motion, stages.contacts.scene.drive.kind
-        self.base = {by: model.values(self.motion.duration, self.drive, by) for by in laws}
-        near = {law for law in stages.laws.cycles if self._is_near(law, CONTENDER_SHARE)}
-        self.cycles = {law: cycle for law, cycle in stages.laws.cycles.items() if law in near}
-
-    def _is_near(self, law: str, share: float) -> bool:
-        """Return True for a recommended law, and within a share of the least peak by any criterion."""
-        values = [(each[law], min(each.values())) for each in self.base.values() if law in each]
-        return law in self.laws.values() or any(value <= share * least for value, least in values)
-
-    def _peaks(
-        self, cycles: Mapping[str, Cycle], resistance: Any, scene: Scene | None = None
-    ) -> dict[str, dict[str, float]]:
-        """Return the peaks by criterion and law; absent for a law that the drive does not follow."""
-        runs = dict(self.stages.drive.simulated(cycles, resistance, suppress(RuntimeError), scene))
-        return {by: {name: value_of(run, by) for name, run in runs.items()} for by in self.laws}
-
-    def end(self, scale: float) -> SourceEnd:
-        """Return the answer under a scaled resistance."""
-        return self.at(f"{scale:.2f} times", self._peaks(self.cycles, self.model.resistance.scaled(scale)))
-
-    def peak(self, by: str, scale: float) -> float:
-        """Return the peak of the recommended law under a scaled resistance [N] or [W], infinite if the drive stalls."""
-        law = self.laws[by]
-        found = self._peaks({law: self.stages.laws.cycles[law]}, self.model.resistance.scaled(scale))
-        return found[by].get(law, math.inf)
-
-    def over_other_drives(self) -> list[Source]:
-        """Return the source of the drive data that are not measured; none for a drive without such data."""
-        variants = drive_variants(self.stages.contacts.scene)
-        peaks_of = self._peaks_with_oil if self.drive == "hydraulic" else self._peaks_with_drive
-        ends = [self.at(words, peaks_of(scene)) for words, scene in variants.items()]
-        return [Source(DRIVE, ", ".join(variants), tuple(ends))] if ends else []
-
-    def _peaks_with_drive(self, scene: Scene) -> dict[str, dict[str, float]]:
-        return self._peaks(self.stages.laws.cycles, self.model.resistance, scene)
-
-    def _peaks_with_oil(self, scene: Scene) -> dict[str, dict[str, float]]:
-        """Return the peaks with compressible oil, of laws near the least alone: each takes about a second."""
-        table = scene.drive.hydraulics
-        assert table is not None  # rule of the scene
-        found: dict[str, dict[str, float]] = {by: {} for by in self.laws}
-        near = {law: cycle for law, cycle in self.stages.laws.cycles.items() if self._is_near(law, OIL_SHARE)}
-        for law, run in self.stages.drive.simulated(near, self.model.resistance, suppress(RuntimeError)):
-            with suppress(RuntimeError):
-                peaks = peaks_with_oil(run, table.bulk_modulus) if not run.lack else {}
-                for by in peaks.keys() & found.keys():
-                    found[by][law] = peaks[by]
-        return found
-
-    def over_compacted_mix(self) -> list[Source]:
-        """Return the source of the mix under the return stroke; none without a second pass."""
-        contacts = self.stages.contacts
-        if contacts.second_pass is None or contacts.scene.layer.return_stroke == "compacted":
-            return []
-        resistance = replace(self.stages.resistance.map, return_ratio=contacts.second_pass[1])
-        ends = self.at("compacted", self._peaks(self.cycles, resistance)), self.at("fresh", self.base)
-        return [Source(RETURN, "over fresh or compacted mix", ends)]
-
-    def over_other_durations(self) -> Iterator[Source]:
-        """Yield the other durations of a pass of the scene."""
-        for duration in self.model.places:
-            if duration != self.motion.duration:
-                words = f"{duration:.3g} s"
-                values = {by: self.model.values(duration, self.drive, by) for by in self.laws}
-                yield Source(DURATION, words, (self.at(words, values),))
-
-    def at(self, words: str, values: Mapping[str, Mapping[str, float]]) -> SourceEnd:
-        """Return the answer with the given peaks by criterion and law."""
-        change = {
-            law: {
-                by: values[by].get(law, math.inf) / self.base[by][law] - 1 for by in self.laws if law in self.base[by]
-            }
-            for law in self.laws.values()
-        }
-        return SourceEnd(words, change, {by: _first(found, self.laws[by]) for by, found in values.items()})
-
-
-def _first(values: Mapping[str, float], recommended: str) -> str:
-    """Name the law with the least value; the recommended one if it is as good but for rounding."""
-    least = min(values.values(), default=math.inf)
-    if not values or values.get(recommended, math.inf) <= least * (1 + LEAST_EFFECT):
-        return recommended
-    return list(values)[first_of(list(values.values()))]
-
-
-def _scaled_sources(
-    variation: _Variation, stages: Stages, mix: MixSpread | None, spread: tuple[float, float] | None
-) -> Iterator[Source | None]:
-    """Yield the sources that multiply the resistance."""
-    resistance = variation.model.resistance
-    for name, error in ((MESH, "engine_error"), (MAP, "error")):
-        found = getattr(resistance, error, None)
-        yield _scaled(variation, name, None if found is None else (1 - found, 1 + found))
-    yield _scaled(variation, MIX, (mix.low, mix.high) if mix else None)
-    yield _scaled(variation, LAW, spread)
-    if variation.model.engine == stages.contacts.scene.accuracy.engine:
-        yield _scaled(variation, AIR, _air_ratios(stages), "one-way to undrained, ")
-        yield _scaled(variation, HELD, _held_ratios(stages))
-
-
-def _scaled(variation: _Variation, name: str, ratios: tuple[float, float] | None, words: str = "") -> Source | None:
-    if ratios is None or max(abs(ratio - 1) for ratio in ratios) < LEAST_EFFECT:
-        return None
-    words += f"{ratios[0]:.2f} to {ratios[1]:.2f} times the resistance"
-    return Source(name, words, tuple(variation.end(ratio) for ratio in ratios))
+def _end(words: str, values: Peaks, base: Peaks, laws: Mapping[str, str]) -> SourceEnd:
+    """Return the answer with the given peaks; a recommended law that is as good but for rounding stays first."""
+    found = {by: values.get(by, {}) for by in laws}
+    change = {
+        law: {by: found[by].get(law, math.inf) / base[by][law] - 1 for by in laws if law in base[by]}
+        for law in laws.values()
+    }
+    first = {}
+    for by, law in laws.items():
+        least = min(found[by].values(), default=math.inf)
+        stays = found[by].get(law, math.inf) <= least * (1 + LEAST_EFFECT)
+        first[by] = law if stays else first_law(found[by])
+    return SourceEnd(words, change, first)
 
 
 def _air_ratios(stages: Stages) -> tuple[float, float] | None:
@@ -378,8 +330,7 @@ def _held_ratios(stages: Stages) -> tuple[float, float] | None:
 
     The contacts agree at the mean speed.
     """
-    scene = stages.contacts.scene
-    engine = stages.contacts.engine
+    scene, engine = stages.contacts.scene, stages.contacts.engine
     if not engine.compacting or engine.forming or scene.contact is not None:
         return None
     with suppress(ValueError, RuntimeError):
@@ -387,28 +338,80 @@ def _held_ratios(stages: Stages) -> tuple[float, float] | None:
         mix = scene_mix(columns)
         fastest = max(cycle.forward.peaks().velocity for cycle in stages.laws.cycles.values())
         base = roll_scene(columns, mix, scene.mean_speed)
-        held = {name: HeldQuantity(name, float(getattr(base, key)), scene.mean_speed) for name, key in HELD_FIELDS}
-        found = [roll_scene(columns, mix, fastest, held=each).resistance for each in held.values()]
-        ratios = [each / found[0] for each in found]
-        return min(ratios), max(ratios)
+        held = [HeldQuantity(name, float(getattr(base, key)), scene.mean_speed) for name, key in HELD_FIELDS]
+        found = np.array([roll_scene(columns, mix, fastest, held=each).resistance for each in held])
+        return float((found / found[0]).min()), float((found / found[0]).max())
     return None
 
 
-HELD_FIELDS = (("height", "indentation"), ("load", "load"), ("peak_pressure", "peak_pressure"))
+# the drive
 
 
-def _other_models(variation: _Variation, models: Sequence[ModelAnswer]) -> list[Source]:
-    """Return the other models that are valid for sizing as a source, where there are some."""
-    duration = variation.motion.duration
-    others = [each for each in models if each.valid and each is not variation.model and variation.model.valid]
-    ends = [
-        variation.at(each.engine, {by: each.values(duration, variation.drive, by) for by in variation.laws})
-        for each in others
-    ]
-    return [Source(MODELS, ", ".join(each.engine for each in others), tuple(ends))] if ends else []
+def drive_variants(scene: Scene) -> list[Change]:
+    """Return the changes of the drive data that are not measured; none for a rigid drive and a crank.
+
+        elastic      stiffness times and over 3 at the same damping ratio; damping ratio .02 and .2
+        hydraulic    bulk modulus of the oil times and over 3, in strokes with compressible oil
+        motor        inertia of rotor and flywheel times and over 1.5
+
+    The factors are judgements: a spring between cam and cart is rarely known within a factor of three before it has
+    been loaded, and its damping within one of three before it has been struck. A key whose comment in the scene says
+    `measured` does not vary.
+    """
+
+    def both(words: str, factor: float, keys: Mapping[str, float], damping: float | None = None) -> list[Change]:
+        unknown = {key: value for key, value in keys.items() if value and not scene.is_marked(key, "measured")}
+        ways = ((f"{words} ÷ {factor:g}", 1 / factor), (f"{words} × {factor:g}", factor)) if unknown else ()
+        return [
+            Change(label, {key: by * value for key, value in unknown.items()}
+                   | ({} if damping is None else {"drive.damping": damping * math.sqrt(by)}))
+            for label, by in ways
+        ]  # fmt: skip
+
+    table = scene.drive
+    if table.kind == "motor" and table.motor:
+        motor = table.motor
+        inertias = {"drive.motor.inertia": motor.inertia, "drive.motor.flywheel_inertia": motor.flywheel_inertia}
+        return both("inertia", INERTIA_FACTOR, inertias)
+    if table.kind == "hydraulic" and table.hydraulics:
+        return both("bulk modulus", FACTOR, {"drive.hydraulics.bulk_modulus": table.hydraulics.bulk_modulus})
+    if table.kind != "elastic" or table.stiffness is None:
+        return []
+    damped = scene.is_marked("drive.damping", "measured")
+    found = both("stiffness", FACTOR, {"drive.stiffness": table.stiffness}, None if damped else table.damping)
+    critical = 2 * math.sqrt(table.stiffness * scene.machine.mass)
+    ratios = () if damped else DAMPING_RATIOS
+    return found + [Change(f"damping ratio {ratio:g}", {"drive.damping": ratio * critical}) for ratio in ratios]
 
 
-# mix
+def _oil_peaks(
+    stages: Stages,
+    cycles: Mapping[str, Cycle],
+    resistance: ResistanceLaw,
+    criteria: Iterable[str],
+    scene: Scene,
+    change: Change,
+) -> Peaks:
+    """Return the peaks of forward strokes with the compressible oil of a scene, each of which takes about a second.
+
+    The valve areas are those that realise the law with an incompressible oil.
+    """
+    assert scene.drive.hydraulics is not None  # rule of the scene
+    found: dict[str, dict[str, float]] = {by: {} for by in criteria}
+    for law, run in stages.drive.simulated(cycles, change.resistance or resistance, suppress(RuntimeError)):
+        if run.lack:
+            continue
+        oil = replace(run, hydraulic=replace(run.hydraulic, bulk_modulus=scene.drive.hydraulics.bulk_modulus))
+        with suppress(RuntimeError):
+            stroke = oil.simulate_stroke(rtol=STROKE_TOLERANCE)
+            force = np.abs(run.hydraulic.piston_area * (stroke.inlet_pressure - stroke.outlet_pressure))
+            known = {"peak_force": force, "peak_power": force * np.abs(stroke.velocity)}
+            for by in known.keys() & found.keys():
+                found[by][law] = float(known[by].max())
+    return found
+
+
+# the mix
 
 
 def mix_spread(scene: Scene, process: "ProcessStudy | None" = None) -> MixSpread | None:
@@ -430,32 +433,46 @@ def mix_spread(scene: Scene, process: "ProcessStudy | None" = None) -> MixSpread
         columns = scene.with_engine("column") if process is None else scene
     except ValueError:
         return None
-    base = _resistance_with(columns, {}, process)
-    if not base > 0:
+    ranges, (fed_key, fed) = parameter_ranges(columns, scene), _fed(columns)
+    names, given = tuple(ranges), scene_mix(columns)
+    keys = {name: fed_key if name == FED else f"mix.overrides.{name}" for name in names}
+
+    def at(label: str, shares: Iterable[float]) -> Change:
+        """Return the change to positions in the ranges, 0 at the low and 1 at the high ends; geometric above zero."""
+        pairs = zip(ranges.items(), map(float, shares), strict=True)
+        return Change(label, {
+            keys[name]: low * (high / low) ** share if low > 0 else low + share * (high - low)
+            for (name, (low, high)), share in pairs
+        })  # fmt: skip
+
+    def run(changed: Scene, _: Change) -> Peaks:
+        if process is not None:
+            return {"resistance": {"": process.resistance_with(changed)}}
+        rolled = roll_scene(changed, scene_mix(changed), changed.mean_speed)
+        return {"resistance": {"": float(rolled.resistance)}}
+
+    centre = []
+    for name, (low, high) in ranges.items():
+        value = fed if name == FED else given.parameter(name).value
+        centre.append(math.log(value / low) / math.log(high / low) if low > 0 else (value - low) / (high - low))
+    sampled = qmc.Sobol(len(names), rng=SEED).random(SAMPLES)
+    ends = [[*centre[:i], end, *centre[i + 1 :]] for i in range(len(names)) for end in (0.0, 1.0)]
+    changes = [Change("scene"), Change("stiff", {"mix.overrides.heckel_slope": given.heckel_slope / 2})]
+    changes += [at(f"point {i}", shares) for i, shares in enumerate((*ends, *sampled))]
+    forces = ensemble(columns, changes, run)["value"].values.reshape(-1)
+    if not forces.size or not forces[0] > 0:
         return None
-    ranges = parameter_ranges(columns, scene)
-    names, count = tuple(ranges), len(ranges)
-    resistance = partial(_resistance_at, columns, ranges, process)
-    shares = qmc.Sobol(count, rng=SEED).random(SAMPLES)
-    found = np.array([resistance(share) for share in shares]) / base
+    twice, alone, found = np.split(forces[1:] / forces[0], [1, 1 + len(ends)])
     known = found > 0  # nan without a solution
-    terms = _terms(shares[known])
+    terms, logs = polynomial_terms(2 * sampled[known] - 1, 2), np.log(found[known])
     if known.sum() <= terms.shape[1]:
         return None
-    logs = np.log(found[known])
     coefficients = np.linalg.lstsq(terms, logs, rcond=None)[0]
-    fit = 1 - float(np.var(logs - terms @ coefficients) / np.var(logs))
     low, high = np.quantile(found[known], BAND)
-    centre = np.array([_share_of(columns, name, *ranges[name]) for name in names])
-    alone: dict[str, tuple[float, float]] = {}
-    for index, name in enumerate(names):
-        ends = np.array([centre, centre])
-        ends[:, index] = 0.0, 1.0
-        alone[name] = resistance(ends[0]) / base, resistance(ends[1]) / base
-    stiffer = {"mix.overrides.heckel_slope": scene_mix(columns).heckel_slope / 2}
-    twice = _resistance_with(columns, stiffer, process) / base
     return MixSpread(
-        float(low), float(high), fit, names, ranges, alone, {}, float(twice), tuple(coefficients.tolist())
+        float(low), float(high), 1 - float(np.var(logs - terms @ coefficients) / np.var(logs)), names, ranges,
+        dict(zip(names, map(tuple, alone.reshape(-1, 2).tolist()), strict=True)), {}, float(twice[0]),
+        tuple(coefficients.tolist()),
     )  # fmt: skip
 
 
@@ -472,31 +489,15 @@ def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, f
     mix, typical = scene_mix(scene), prior(scene.mix.moisture, scene.mix.density_ratio)
     ranges = {}
     for name in ENGINES["column"].parameters_of(scene.mix.law):
-        measured = described.is_marked(f"mix.overrides.{name}", "measured")
-        low, high = _relative_range(typical.parameter(name), measured)
-        value = mix.parameter(name).value
-        if low * value < high * value:
-            ranges[name] = (low * value, high * value)
+        value, known = mix.parameter(name).value, typical.parameter(name)
+        low, high = (1 - GIVEN_SPREAD) * value, (1 + GIVEN_SPREAD) * value
+        if known.value and not described.is_marked(f"mix.overrides.{name}", "measured"):
+            low, high = known.low / known.value * value, known.high / known.value * value
+        if low < high and known.value:
+            ranges[name] = (low, high)
     before = _fed(scene)[1]
     step = DENSITY_STEP * (scene.mix.density_ratio - before)
     return ranges | {FED: (before - step, before + step)}
-
-
-def _relative_range(parameter: Parameter, measured: bool) -> tuple[float, float]:
-    if measured or not parameter.value:
-        return (1 - GIVEN_SPREAD, 1 + GIVEN_SPREAD) if parameter.value else (0.0, 0.0)
-    return parameter.low / parameter.value, parameter.high / parameter.value
-
-
-def _share_of(scene: Scene, name: str, low: float, high: float) -> float:
-    """Return the position of the value of the scene in a range, 0 at its low and 1 at its high end [-]."""
-    value = _fed(scene)[1] if name == FED else scene_mix(scene).parameter(name).value
-    return math.log(value / low) / math.log(high / low) if low > 0 else (value - low) / (high - low)
-
-
-def _value_at(share: float, low: float, high: float) -> float:
-    """Interpolate a range, geometrically above zero."""
-    return low * (high / low) ** share if low > 0 else low + share * (high - low)
 
 
 def _fed(scene: Scene) -> tuple[str, float]:
@@ -506,39 +507,12 @@ def _fed(scene: Scene) -> tuple[str, float]:
     return f"layer.{FED}", scene.layer.fed_density_ratio
 
 
-def _resistance_at(
-    scene: Scene, ranges: Mapping[str, tuple[float, float]], process: "ProcessStudy | None", shares: Sequence[float]
-) -> float:
-    """Return the resistance at positions in the ranges; nan without a solution."""
-    keys = (_fed(scene)[0] if name == FED else f"mix.overrides.{name}" for name in ranges)
-    values = (_value_at(float(share), *ends) for share, ends in zip(shares, ranges.values(), strict=True))
-    return _resistance_with(scene, dict(zip(keys, values, strict=True)), process)
-
-
-def _resistance_with(scene: Scene, changes: Mapping[str, float], process: "ProcessStudy | None") -> float:
-    """Return the resistance of a roller [N/m], of a process of a cart [N], for changed keys; nan without solution."""
-    try:
-        changed = scene.replaced(**changes)
-        if process is not None:
-            return process.resistance_with(changed)
-        return float(roll_scene(changed, scene_mix(changed), changed.mean_speed).resistance)
-    except (ValueError, RuntimeError):
-        return math.nan
-
-
-def _terms(shares: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the terms of a quadratic polynomial, shape (points, terms)."""
-    x = 2 * shares - 1
-    pairs = combinations_with_replacement(range(x.shape[1]), 2)
-    return np.column_stack([np.ones(len(x)), x, *(x[:, i] * x[:, j] for i, j in pairs)])
-
-
 def _shares(mix: MixSpread, scales: Sequence[float], peaks: Sequence[float]) -> dict[str, float]:
     """Return the total Sobol index of each parameter in a peak [-], by the fit of the resistance."""
     coefficients = np.array(mix.coefficients)
 
     def peak(shares: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.interp(np.exp(_terms(shares.T) @ coefficients), scales, peaks)
+        return np.interp(np.exp(polynomial_terms(2 * shares.T - 1, 2) @ coefficients), scales, peaks)
 
     found = sobol_indices(func=peak, n=SOBOL_SAMPLES, dists=[uniform()] * len(mix.names), rng=SEED)
     return dict(zip(mix.names, map(float, found.total_order), strict=True))

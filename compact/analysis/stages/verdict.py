@@ -19,7 +19,7 @@ its pore air, and the drive where its data are not measured.
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,8 +27,7 @@ import numpy as np
 from compact.analysis.contact_cases import ContactRecord
 from compact.analysis.engines import ENGINES, has_whole_resistance
 from compact.analysis.ranking_uncertainty import Place
-from compact.analysis.stages.comparison import EngineComparison, Places
-from compact.analysis.stages.contacts import ContactStage
+from compact.analysis.stages.comparison import EngineComparison, Places, engine_answer
 from compact.analysis.stages.drives import Stages
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, ROUNDING_TIE, group_equal
 from compact.scene.loader import Scene
@@ -173,49 +172,37 @@ def model_answers(
     -------
     list of ModelAnswer
     """
-    scene, drive = stages.contacts.scene, stages.drive
-    duration = scene.motion.duration
-    own = {duration: drive.places} | {each: stage.places for each, stage in drive.other_durations.items()}
-    lead = stages.resistance
-    own_force = {each: lead.over(each).resistance for each in own}
-    found = [_answer(scene, own, own_force, stages.contacts, lead.error, spread)]
-    for name, other in comparison.items():
-        places = {duration: other.places, **other.places_over}
-        force = {duration: other.resistance, **other.resistance_over}
-        found.append(_answer(scene.with_engine(name), places, force, other, other.error, None))
-    return found
+    scene = stages.contacts.scene
+    lead = replace(_answer(scene, engine_answer(stages)), spread=spread)
+    return [lead, *(_answer(scene.with_engine(name), other) for name, other in comparison.items())]
 
 
-def _answer(
-    scene: Scene, places: dict[float, Places], resistance: Mapping[float, Any],
-    contacts: ContactStage | EngineComparison, error: float | None, spread: tuple[float, float] | None,
-) -> ModelAnswer:  # fmt: skip
+def _answer(scene: Scene, found: EngineComparison) -> ModelAnswer:
     """Collect the answer of the engine of a scene."""
-    records = contacts.records
-    speeds = {duration: scene.motion.stroke / duration for duration in places}
+    motion, machine, records = scene.motion, scene.machine, found.records
+    places = {motion.duration: found.places, **found.places_over}
+    resistance = {motion.duration: found.resistance, **found.resistance_over}
+    speeds = {duration: motion.stroke / duration for duration in places}
     forces = {each: float(np.ravel(resistance[each](np.array([v]), np.zeros(1)))[0]) for each, v in speeds.items()}
+
+    def at(speed: float, value: Callable[[ContactRecord], float]) -> float:
+        """Interpolate a quantity of the contacts over the logarithm of the speed."""
+        known = np.log([each.speed for each in records])
+        return float(np.interp(np.log(speed), known, [value(each) for each in records]))
+
     loads = {
-        each: scene.machine.roller_length * _over_speed(records, speed, lambda record: record.load)
-        if records
-        else contacts.roller_load
+        each: machine.roller_length * at(speed, lambda record: record.load) if records else found.roller_load
         for each, speed in speeds.items()
     }
-    coefficients = {each: force / (scene.machine.rollers * loads[each]) for each, force in forces.items()}
     ratio = None
     if records and not ENGINES[scene.accuracy.engine].forming:
-        length = _over_speed(records, scene.mean_speed, lambda record: record.leading - record.trailing)
+        length = at(scene.mean_speed, lambda record: record.leading - record.trailing)
         ratio = scene.lift_thickness / length if length > 0 else math.inf
+    coefficients = {each: force / (machine.rollers * loads[each]) for each, force in forces.items()}
     return ModelAnswer(
-        scene.accuracy.engine, reason_against(scene, ratio), places, forces, coefficients, error, spread,
-        resistance[scene.motion.duration], ratio, fitted_inputs(scene),
+        scene.accuracy.engine, reason_against(scene, ratio), places, forces, coefficients, found.error, None,
+        found.resistance, ratio, fitted_inputs(scene),
     )  # fmt: skip
-
-
-def _over_speed(contacts: Sequence[ContactRecord], speed: float, value: Callable[[ContactRecord], float]) -> float:
-    """Interpolate a quantity of the contacts over the logarithm of the speed."""
-    return float(
-        np.interp(np.log(speed), np.log([each.speed for each in contacts]), [value(each) for each in contacts])
-    )
 
 
 def reason_against(scene: Scene, height_ratio: float | None) -> str:
@@ -275,25 +262,30 @@ def verdict(
     """
     valid = [each for each in models if each.valid] or list(models)
     values = {each.engine: each.values(duration, drive, by) for each in valid}
-    laws = [law for law in next(iter(values.values())) if all(law in found for found in values.values())]
+    lead, laws = next(iter(values.values())), set.intersection(*map(set, values.values()))
     if not laws:
         return None
-    rankings = [each.places[duration][drive][by] for each in valid]
-    found = {law for order in rankings for law in contenders(order, by)} | set(firsts)
+    found = {law for each in valid for law in contenders(each.places[duration][drive][by], by)} | set(firsts)
     least = {engine: min(each.values()) for engine, each in values.items()}
 
     def regret(law: str) -> float:
-        return max(_excess(values[engine][law], low, by) for engine, low in least.items())
+        excess = ((values[engine][law] - low, CRITERIA[by].scale(low)) for engine, low in least.items())
+        return max(difference / scale if scale else 0.0 for difference, scale in excess)
 
-    close = [law for law in laws if law in found]
-    ordered = [close[i] for group in group_equal([regret(law) for law in close], floor=1.0) for i in group]
-    distinct = _distinct(ordered, values)
+    def same(law: str, other: str) -> bool:
+        return all(math.isclose(each[law], each[other], rel_tol=ROUNDING_TIE) for each in values.values())
+
+    close = [law for law in lead if law in laws & found]
+    distinct: list[str] = []  # laws with the same values in every model are named once
+    for law in (close[i] for group in group_equal([regret(law) for law in close], floor=1.0) for i in group):
+        if not any(same(law, known) for known in distinct):
+            distinct.append(law)
     first = distinct[0]
-    leaders = [{place.law for place in each.first(duration, drive, by)} for each in valid]
-    lead = values.get(models[0].engine) or next(iter(values.values()))
+    agree = all(first in {place.law for place in each.first(duration, drive, by)} for each in valid)
     return Verdict(
-        by, drive, duration, first, tuple(distinct), len(distinct) == 1, all(first in each for each in leaders),
-        lead[first], {engine: each[first] for engine, each in values.items()}, regret(first),
+        by, drive, duration, first, tuple(distinct), len(distinct) == 1, agree,
+        values.get(models[0].engine, lead)[first], {engine: each[first] for engine, each in values.items()},
+        regret(first),
     )  # fmt: skip
 
 
@@ -318,19 +310,3 @@ def contenders(order: Sequence[Place], by: str) -> list[str]:
     first = finite[0]
     limit = first.value + max(BUILD_TOLERANCE * CRITERIA[by].scale(first.value), first.error or 0.0)
     return [place.law for place in finite if place.value - (place.error or 0.0) <= limit or place.rank == 1]
-
-
-def _excess(value: float, least: float, by: str) -> float:
-    scale = CRITERIA[by].scale(least)
-    return (value - least) / scale if scale else 0.0
-
-
-def _distinct(laws: Sequence[str], values: Mapping[str, Mapping[str, float]]) -> list[str]:
-    """Name laws with the same values in every model once."""
-    found: list[str] = []
-    for law in laws:
-        if not any(
-            all(math.isclose(v[law], v[known], rel_tol=ROUNDING_TIE) for v in values.values()) for known in found
-        ):
-            found.append(law)
-    return found
