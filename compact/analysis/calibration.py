@@ -64,10 +64,10 @@ class Calibration:
 
     Parameters
     ----------
-    heckel_slope : float
-        One-dimensional Heckel slope K_H, as in mix tables [1/Pa].
-    fed_density_ratio : float
-        Initial density ratio k [-].
+    scene : Scene
+        Scene with the calibrated parameters.
+    unknowns : tuple of str
+        Names of the parameters.
     names, measured : tuple
         Names and values of the data.
     fit : SpaceMappingFit
@@ -81,8 +81,6 @@ class Calibration:
     """
 
     scene: Scene
-    heckel_slope: float
-    fed_density_ratio: float
     unknowns: tuple[str, ...]
     names: tuple[str, ...]
     measured: tuple[float, ...]
@@ -91,6 +89,16 @@ class Calibration:
     refits: tuple[Refit, ...]
     elements: "_FiniteElements | None" = None
     coarse: "Calibration | None" = None
+
+    @property
+    def heckel_slope(self) -> float:
+        """One-dimensional Heckel slope K_H, as in mix tables [1/Pa]."""
+        return scene_mix(self.scene).heckel_slope
+
+    @property
+    def fed_density_ratio(self) -> float:
+        """Initial density ratio k [-]."""
+        return self.scene.layer.fed_density_ratio
 
     @property
     def scene_changes(self) -> dict[str, Any]:
@@ -145,43 +153,58 @@ def calibrate(
     are by the corrected column model, without two-dimensional effects: calibrate again if a roller length changes the
     ratio of cohesion and pressure.
     """
-    _require_no_target(scene)
-    _require_similar(initial_guess, measured, unknowns)
+    unfit = [
+        f"contact.{name}: a calibration compacts the product to its density; delete {value:g} from the scene"
+        for name, value in scene.target.items()
+    ]
+    if not unfit and scene.mix.pore_air != "drained":
+        words = "a calibration has contacts without pore air; delete the key, and give forces of slow rolling"
+        unfit = [f'mix.pore_air: {words}, got "{scene.mix.pore_air}"']
+    if unfit:
+        raise SceneError(unfit)
+    count = len(measured.measurements)
+    if initial_guess is not None and initial_guess.elements is None:
+        raise ValueError("`initial_guess` must be a calibration of finite elements, got one of columns")
+    if initial_guess is not None and initial_guess.unknowns != tuple(unknowns):
+        fitted = f"{', '.join(unknowns)}, got {', '.join(initial_guess.unknowns)}"
+        raise ValueError(f"`initial_guess` must have fitted {fitted}")
+    if initial_guess is not None and len(initial_guess.rolled) != count:
+        raise ValueError(f"`initial_guess` must have {count} measurements, got {len(initial_guess.rolled)}")
+
     model = _Model(scene, measured, tuple(unknowns))
-    coarse, by_elements = None, engine == "compaction"
-    if by_elements and initial_guess is None and options.get("increments") != COARSE_INCREMENTS:
-        coarse = calibrate(scene, measured, engine, unknowns, **options | {"increments": COARSE_INCREMENTS})
-        initial_guess = coarse
-    elements = None
-    if by_elements:
-        before = initial_guess and initial_guess.elements
-        excess = dict(zip(measured.measurements, before.excess.values(), strict=True)) if before else {}
-        elements = _FiniteElements(options, excess)
+    coarse = elements = None
+    if engine == "compaction":
+        if initial_guess is None and options.get("increments") != COARSE_INCREMENTS:
+            coarse = calibrate(scene, measured, engine, unknowns, **options | {"increments": COARSE_INCREMENTS})
+        guess = initial_guess or coarse
+        before = guess.elements.excess.values() if guess and guess.elements else ()
+        elements = _FiniteElements(options, dict(zip(measured.measurements, before, strict=False)))
     try:
-        guess = None if initial_guess is None else initial_guess.fit
-        fit = model.fit() if elements is None else model.fit_elements(elements, guess)
+        fit = model.fit() if elements is None else model.fit_elements(elements, guess.fit if guess else None)
     except ValueError as error:
         raise SceneError([str(error)]) from error
     found = model.scene_at(fit.unknowns)
     rolled = (elements.rolled[each] if elements else _column(found, each) for each in measured.measurements)
+    names = tuple(name for name, _ in model.data)
     return Calibration(
-        scene=found,
-        heckel_slope=scene_mix(found).heckel_slope,
-        fed_density_ratio=found.layer.fed_density_ratio,
-        unknowns=tuple(unknowns),
-        names=tuple(name for name, _ in model.data),
-        measured=tuple(model.values),
-        fit=fit,
-        rolled=tuple(rolled),
-        refits=tuple(model.refits(fit)),
-        elements=elements,
-        coarse=coarse,
+        found,
+        tuple(unknowns),
+        names,
+        tuple(model.values),
+        fit,
+        tuple(rolled),
+        tuple(model.refits(fit)),
+        elements,
+        coarse,
     )
 
 
 @dataclass(frozen=True)
 class _Model:
-    """Predictions of the data for a scene with two unknown parameters."""
+    """Predictions of the data for a scene with unknown parameters: ln K_H, and the logit of k.
+
+    k = loose + (required - loose)/(1 + exp(-logit))
+    """
 
     scene: Scene
     measured: Measured
@@ -196,29 +219,19 @@ class _Model:
     def values(self) -> list[float]:
         return [band.value for _, band in self.data]
 
-    @property
-    def start(self) -> NDArray[np.float64]:
-        required = self.scene.mix.density_ratio
-        share = (self.scene.layer.fed_density_ratio - LOOSE) / (required - LOOSE)
-        logit = np.log(share / (1 - share)) if 0 < share < 1 else START_LOGIT
-        known = {"heckel_slope": np.log(scene_mix(self.scene).heckel_slope), "fed_density_ratio": float(logit)}
-        return np.array([known[name] for name in self.unknowns])
+    def logit(self, density_ratio: float) -> float:
+        """Return the logit of an initial density ratio; nan beyond loose and required."""
+        share = (density_ratio - LOOSE) / (self.scene.mix.density_ratio - LOOSE)
+        return float(np.log(share / (1 - share))) if 0 < share < 1 else np.nan
 
     @property
-    def start_of_elements(self) -> NDArray[np.float64]:
-        """Start at a small contact angle, with about the measured load."""
-        required, machine = self.scene.mix.density_ratio, self.scene.machine
-        strain = START_ANGLE**2 * machine.roller_radius / (2 * self.scene.lift_thickness)
-        share = (required * (1 - strain) - LOOSE) / (required - LOOSE)
-        start, names = self.start, [name for name, _ in self.data]
-        for i, name in enumerate(self.unknowns):
-            if name == "fed_density_ratio":
-                start[i] = max(start[i], np.log(share / (1 - share)))
-        if "heckel_slope" in self.unknowns and "load" in names:
-            load = names.index("load")
-            ratio = PLANE_STRAIN_FACTOR * self.predicted(start, _column)[load] / self.values[load]
-            start[self.unknowns.index("heckel_slope")] += np.log(ratio)
-        return start
+    def start(self) -> NDArray[np.float64]:
+        logit = self.logit(self.scene.layer.fed_density_ratio)
+        known = {
+            "heckel_slope": np.log(scene_mix(self.scene).heckel_slope),
+            "fed_density_ratio": START_LOGIT if np.isnan(logit) else logit,
+        }
+        return np.array([known[name] for name in self.unknowns])
 
     def scene_at(self, u: NDArray[np.float64]) -> Scene:
         """Return the scene with the unknowns `u`."""
@@ -248,43 +261,47 @@ class _Model:
     def fit(self, values: Sequence[float] | None = None, correction: Any = None) -> SpaceMappingFit:
         """Fit the corrected column model to the data or to other values."""
         values = self.values if values is None else values
-        return fit_parameters(lambda u: self.predicted(u, _column), values, self.start, correction=correction)
+        return fit_parameters(partial(self.predicted, contact=_column), values, self.start, correction=correction)
 
-    def fit_elements(self, elements: Contact, guess: SpaceMappingFit | None = None) -> SpaceMappingFit:
-        """Fit the finite elements to the data."""
-        start, correction = (self.start_of_elements, None) if guess is None else (guess.unknowns, guess.correction)
+    def fit_elements(self, elements: Contact, guess: SpaceMappingFit | None) -> SpaceMappingFit:
+        """Fit the finite elements to the data, from a guess, or from a small contact angle with about the load."""
+        if guess is not None:
+            start, correction = guess.unknowns, guess.correction
+        else:
+            start, correction, names = self.start, None, [name for name, _ in self.data]
+            strain = START_ANGLE**2 * self.scene.machine.roller_radius / (2 * self.scene.lift_thickness)
+            least = self.logit(self.scene.mix.density_ratio * (1 - strain))
+            start = np.where(np.array(self.unknowns) == "fed_density_ratio", np.fmax(start, least), start)
+            if "heckel_slope" in self.unknowns and "load" in names:
+                load = names.index("load")
+                ratio = PLANE_STRAIN_FACTOR * self.predicted(start, _column)[load] / self.values[load]
+                start[self.unknowns.index("heckel_slope")] += np.log(ratio)
         coarse, fine = (partial(self.predicted, contact=contact) for contact in (_column, elements))
         return fit_parameters(coarse, self.values, start, fine, correction=correction, broyden_length=BROYDEN_LENGTH)
 
     def refits(self, fit: SpaceMappingFit) -> Iterator[Refit]:
-        """Fit the column model at every bound, with the correction of a fit."""
-        values = self.values
+        """Fit the column model at every bound of data and assumptions, with the correction of a fit."""
+        spreads = (scene_mix(self.scene).parameter(name) for name in ASSUMED)
+        assumed = {f"mix.overrides.{each.name}": (each.low, each.high) for each in spreads if each.low < each.high}
+        cases: list[tuple[str, float, _Model, list[float]]] = []
         for i, (name, band) in enumerate(self.data):
             for bound in {band.low, band.high} - {band.value}:
-                changed = [*values[:i], bound, *values[i + 1 :]]
-                yield self._refit(name, bound, self, changed, fit.correction)
-        for key, bounds in self._assumptions().items():
+                cases.append((name, bound, self, [*self.values[:i], bound, *self.values[i + 1 :]]))
+        for key, bounds in (assumed | self.measured.assumptions).items():
             for bound in bounds:
-                if fit.history and key in SHEAR_KEYS:
-                    yield Refit(key, bound, reason=f"columns do not depend on it; calibrate with --set {key}={bound:g}")
-                    continue
-                model = _Model(self.scene.replaced(**{key: bound}), self.measured, self.unknowns)
-                yield self._refit(key, bound, model, values, fit.correction)
-
-    def _assumptions(self) -> dict[str, tuple[float, float]]:
-        """Return low and high by key: those of the data, and the spreads of the prior."""
-        parameters = {f"mix.overrides.{name}": scene_mix(self.scene).parameter(name) for name in ASSUMED}
-        spreads = {key: (p.low, p.high) for key, p in parameters.items() if p.low < p.high}
-        return spreads | self.measured.assumptions
-
-    @staticmethod
-    def _refit(name: str, bound: float, model: "_Model", values: Sequence[float], correction: Any) -> Refit:
-        try:
-            fit = model.fit(values, correction)
-        except (RuntimeError, ValueError) as error:
-            return Refit(name, bound, reason=str(error))
-        found = model.scene_at(fit.unknowns)
-        return Refit(name, bound, scene_mix(found).heckel_slope, found.layer.fed_density_ratio)
+                other = replace(self, scene=self.scene.replaced(**{key: bound}))
+                cases.append((key, bound, other, self.values))
+        for name, bound, model, values in cases:
+            if fit.history and name in SHEAR_KEYS:
+                words = f"columns do not depend on it; calibrate with --set {name}={bound:g}"
+                yield Refit(name, bound, reason=words)
+                continue
+            try:
+                found = model.scene_at(model.fit(values, fit.correction).unknowns)
+            except (RuntimeError, ValueError) as error:
+                yield Refit(name, bound, reason=str(error))
+            else:
+                yield Refit(name, bound, scene_mix(found).heckel_slope, found.layer.fed_density_ratio)
 
 
 def _as_measured(scene: Scene, measurement: Any) -> tuple[Scene, float]:
@@ -330,27 +347,6 @@ class _FiniteElements:
         result = compaction.roll(layer, roller, material, speed, **options)
         self.excess[measurement], self.rolled[measurement] = result.exit_density_ratio - target, result
         return result
-
-
-def _require_similar(guess: Calibration | None, measured: Measured, unknowns: Sequence[str]) -> None:
-    if guess is None:
-        return
-    if guess.elements is None:
-        raise ValueError("`initial_guess` must be a calibration of finite elements, got one of columns")
-    if guess.unknowns != tuple(unknowns):
-        raise ValueError(f"`initial_guess` must have fitted {', '.join(unknowns)}, got {', '.join(guess.unknowns)}")
-    count = len(measured.measurements)
-    if len(guess.rolled) != count:
-        raise ValueError(f"`initial_guess` must have {count} measurements, got {len(guess.rolled)}")
-
-
-def _require_no_target(scene: Scene) -> None:
-    words = "a calibration compacts the product to its density; delete {:g} from the scene"
-    if mistakes := [f"contact.{name}: {words.format(value)}" for name, value in scene.target.items()]:
-        raise SceneError(mistakes)
-    if scene.mix.pore_air != "drained":
-        words = "a calibration has contacts without pore air; delete the key, and give forces of slow rolling"
-        raise SceneError([f'mix.pore_air: {words}, got "{scene.mix.pore_air}"'])
 
 
 def calibration_digest(calibration: Calibration) -> str:

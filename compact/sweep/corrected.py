@@ -5,9 +5,9 @@
     table = sweep.run("out/sweep", executor=ProcessExecutor(2))  # 18 of 100 points by finite elements
 
 The engine "compaction" takes seconds for a point, "column" milliseconds. Their ratio is smooth over the parameters: a
-response surface of its logarithm (`correction`) interpolates it, with a leave-one-out error that is added to that of
-the engine. Chosen points that the engine refuses are replaced by others and are not part of the surface; points beyond
-the hull of those that it solved have no result.
+response surface of its logarithm (`surfaces`) interpolates it, with a leave-one-out error that is added to that of the
+engine. Chosen points that the engine refuses are replaced by others and are not part of the surface; points beyond the
+hull of those that it solved have no result.
 
 Keys with words, such as layer.base, divide the sweep into parts with one surface each. The chosen points are divided
 into connected parts, each a task, in which a point starts from the nearest contact. This division does not depend on
@@ -26,8 +26,10 @@ from compact.files import versions
 from compact.quantities import SWEEP_CORRECTION, Quantity
 from compact.scene.engine_capabilities import LIMITS
 from compact.scene.loader import Scene
-from compact.sweep.checkpoints import Store
-from compact.sweep.correction import (
+from compact.sweep.design import Axis, Sampled
+from compact.sweep.point import Results
+from compact.sweep.run import KeyedPoint, Points, Step, Store, Sweep, Task, points_in_parts
+from compact.sweep.surfaces import (
     FloatArray,
     Surface,
     choose_points,
@@ -38,9 +40,6 @@ from compact.sweep.correction import (
     inside_hull,
     refinement_weights,
 )
-from compact.sweep.design import Axis, Sampled
-from compact.sweep.point import Results
-from compact.sweep.run import KeyedPoint, Step, Sweep, Task, points_in_parts
 
 ALL = "all"
 ROUNDS = 3  # [-], of chosen points; the second refines the surface, and later ones replace points without a result
@@ -117,7 +116,7 @@ class CorrectedSweep(Sweep):
     def _places_and_groups(self) -> tuple[FloatArray, list[list[int]]]:
         """Return the coordinates of all points, 0 to 1 over the sweep [-], and the points with the same words."""
         grid = np.indices(self.design.shape).reshape(len(self.design.shape), -1)
-        columns, words = [], []
+        columns, words = [], [np.zeros(self.size, int)]
         for axis, index in zip(self.design.axes, grid, strict=False):
             if any(isinstance(value, str | bool) for value in axis.values):
                 words.append(index)
@@ -126,11 +125,10 @@ class CorrectedSweep(Sweep):
                 columns.append(((values - values.min()) / np.ptp(values))[index])
         columns += list(self.design.shares[grid[-1]].T) if self.design.names else []
         places = np.column_stack(columns) if columns else np.zeros((self.size, 1))
-        kinds = np.array(words, dtype=int).reshape(len(words), self.size).T
-        _, group = np.unique(kinds, axis=0, return_inverse=True)
+        _, group = np.unique(np.column_stack(words), axis=0, return_inverse=True)
         return places, [np.flatnonzero(group == number).tolist() for number in range(group.max() + 1)]
 
-    def _results(self, store: Store, known: dict[str, Results], executor: Executor, step: Step) -> list[Results]:
+    def _results(self, store: Store, known: Points, executor: Executor, step: Step) -> list[Results]:
         """Return the results of all points: columns, chosen points, and the correction."""
         columns = self._by_columns(store, known, executor)
         exact = self._by_engine(columns, store, known, executor, step)
@@ -139,20 +137,17 @@ class CorrectedSweep(Sweep):
         found = {number: result for correction in corrections for number, result in correction.results().items()}
         return [found[number] for number in range(self.size)]
 
-    def _by_columns(self, store: Store, known: dict[str, Results], executor: Executor) -> list[Results]:
+    def _by_columns(self, store: Store, known: Points, executor: Executor) -> list[Results]:
         """Return the results of the engine of low fidelity at all points."""
-        scene = self.scene.replaced(**self._accepted({}))
-        base = self._base_key(self.low_fidelity)
+        scene, base = self.scene.replaced(**self._accepted({})), self._base_key(self.low_fidelity)
         keyed: list[KeyedPoint] = []
         for number in range(self.size):
             changes, shares = self.design.point(number)
-            changes |= self._accepted(changes)
-            keyed.append((self._key(base, None, changes, shares), changes, shares))
-        points = {key: known[key] for key, *_ in keyed if key in known}
-        missing = [point for point in keyed if point[0] not in points]
+            keyed.append(self._key(base, None, changes | self._accepted(changes), shares))
+        missing = [point for point in keyed if point[0] not in known]
         groups = points_in_parts(missing, ENGINES[self.low_fidelity].points_per_task)
         tasks = [Task(scene, tuple(group), False, False, versions()) for group in groups]
-        points = self._computed(tasks, points, store, executor, lambda *_: None)
+        points = self._computed(tasks, keyed, known, store, executor, lambda *_: None)
         return [points[key] for key, *_ in keyed]
 
     def _accepted(self, changes: dict[str, Any]) -> dict[str, Any]:
@@ -167,28 +162,25 @@ class CorrectedSweep(Sweep):
         return accepted
 
     def _by_engine(
-        self, columns: list[Results], store: Store, known: dict[str, Results], executor: Executor, step: Step
+        self, columns: list[Results], store: Store, known: Points, executor: Executor, step: Step
     ) -> dict[int, Results]:
         """Return the results at the chosen points by their number; points without a result are replaced by others."""
         exact: dict[int, Results] = {}
         for _ in range(ROUNDS):
-            parts = [
-                part
-                for group in self.groups
-                for part in connected_parts(self.places, self._chosen(group, columns, exact))
-            ]
+            chosen = [self._chosen(group, columns, exact) for group in self.groups]
+            parts = [part for numbers in chosen for part in connected_parts(self.places, numbers)]
             if not parts:
                 break
             chains = [self._chain(part) for part in parts]
-            points = {key: known[key] for chain in chains for key, *_ in chain if key in known}
             tasks = [
                 Task(self.scene, chain, False, True, versions(), tuple(map(tuple, self.places[part].tolist())))
                 for part, chain in zip(parts, chains, strict=True)
-                if any(key not in points for key, *_ in chain)
+                if any(key not in known for key, *_ in chain)
             ]
-            points = self._computed(tasks, points, store, executor, step)
-            for part, chain in zip(parts, chains, strict=True):
-                exact |= {number: points[key] for number, (key, *_) in zip(part, chain, strict=True)}
+            keyed = [point for chain in chains for point in chain]
+            points = self._computed(tasks, keyed, known, store, executor, step)
+            numbers = (number for part in parts for number in part)
+            exact |= {number: points[key] for number, (key, *_) in zip(numbers, keyed, strict=True)}
         return exact
 
     def _chosen(self, group: list[int], columns: list[Results], exact: dict[int, Results]) -> list[int]:
@@ -208,12 +200,11 @@ class CorrectedSweep(Sweep):
 
     def _chain(self, part: list[int]) -> tuple[KeyedPoint, ...]:
         """Return the keyed points of a part; each key depends on the points before and on the coordinates."""
-        base, key = self._base_key(), ""
+        base, before = self._base_key(), ""
         keyed: list[KeyedPoint] = []
         for number in part:
-            changes, shares = self.design.point(number)
-            key = self._key(base, [key, self.places[number].tolist()], changes, shares)
-            keyed.append((key, changes, shares))
+            keyed.append(self._key(base, [before, self.places[number].tolist()], *self.design.point(number)))
+            before = keyed[-1][0]
         return tuple(keyed)
 
     def _variables(self) -> tuple[dict[str, Quantity], dict[str, str]]:
@@ -253,19 +244,20 @@ class Correction:
         self.failed = [number for number in group if columns[number].get("reason")]
         self.chosen = [number for number in group if number in exact]
         self.rest = [number for number in group if number not in {*self.failed, *self.chosen}]
-        factors = {number: self._factors(number) for number in self.chosen}
-        self.solved = [number for number in self.chosen if np.isfinite(factors[number][: len(FORCES)]).all()]
-        self.factors = np.array([factors[number] for number in self.solved]).reshape(-1, len(CORRECTED))
+        fine, coarse = (
+            np.array([[results[number].get(name, np.nan) for name in CORRECTED] for number in self.chosen], float)
+            for results in (exact, columns)
+        )
+        ratios = np.full((len(self.chosen), len(CORRECTED)), np.nan)  # nan where they have no logarithm
+        if self.chosen:
+            np.divide(fine, coarse, out=ratios, where=fine * coarse > 0)
+        has_forces = np.isfinite(ratios[:, : len(FORCES)]).all(axis=1)
+        self.solved = [number for number, is_solved in zip(self.chosen, has_forces, strict=True) if is_solved]
+        self.factors = ratios[has_forces]
         self.surfaces: dict[str, Surface] = {}
         for name, column in zip(CORRECTED, self.factors.T, strict=True):
             if np.isfinite(column).all() and (surface := fit_surface(places[self.solved], np.log(column))):
                 self.surfaces[name] = surface
-
-    def _factors(self, number: int) -> FloatArray:
-        """Return the ratios of CORRECTED; nan where they have no logarithm."""
-        exact, columns = self.exact[number], self.columns[number]
-        pairs = [(exact.get(name, np.nan), columns.get(name, np.nan)) for name in CORRECTED]
-        return np.array([fine / coarse if fine * coarse > 0 else np.nan for fine, coarse in pairs])
 
     @property
     def note(self) -> str:
@@ -280,42 +272,32 @@ class Correction:
 
     def results(self) -> dict[int, Results]:
         """Return the results of all points of the group by their number."""
-        results = {number: self.columns[number] for number in self.failed} | self._of_chosen()
-        if not set(FORCES) <= set(self.surfaces):
-            return results | {number: {"reason": self.note} for number in self.rest}
-        inside = inside_hull(self.places[self.rest], self.places[self.solved], self.convex).tolist()
-        reason = (
-            f"beyond the hull of the {len(self.solved)} points with a result in two dimensions, of "
-            f"{len(self.chosen)} chosen; --direct all computes this point"
-        )
-        results |= {number: {"reason": reason} for number, is_in in zip(self.rest, inside, strict=True) if not is_in}
-        return results | self._interpolated([n for n, is_in in zip(self.rest, inside, strict=True) if is_in])
-
-    def _of_chosen(self) -> dict[int, Results]:
-        """Return the results of the chosen points."""
-        results = {}
+        results = {number: self.columns[number] for number in self.failed}
         for number in self.chosen:
             result = self.exact[number]
             results[number] = result | {ORIGIN: "refused" if result.get("reason") else "solved"}
         for number, row in zip(self.solved, self.factors, strict=True):
             for name, factor in zip(FORCES, row.tolist(), strict=False):
                 results[number] |= {f"{name}_factor": factor, f"{name}_surface_error": 0.0}
-        return results
-
-    def _interpolated(self, numbers: list[int]) -> dict[int, Results]:
-        """Return the corrected results of points inside the hull."""
-        if not numbers:
-            return {}
-        factors = {name: np.exp(surface(self.places[numbers])) for name, surface in self.surfaces.items()}
-        results = {}
-        for order, number in enumerate(numbers):
-            nearest = np.argmin(distances(self.places[self.solved], self.places[number]))
+        if not self.rest or not set(FORCES) <= set(self.surfaces):
+            return results | {number: {"reason": self.note} for number in self.rest}
+        reason = (
+            f"beyond the hull of the {len(self.solved)} points with a result in two dimensions, of "
+            f"{len(self.chosen)} chosen; --direct all computes this point"
+        )
+        is_inside = inside_hull(self.places[self.rest], self.places[self.solved], self.convex)
+        inside = np.array(self.rest)[is_inside].tolist()
+        results |= {number: {"reason": reason} for number in {*self.rest} - {*inside}}
+        factors = {name: np.exp(surface(self.places[inside])) for name, surface in self.surfaces.items() if inside}
+        for order, number in enumerate(inside):
             factor = {name: float(values[order]) for name, values in factors.items()}
-            results[number] = self._corrected(self.columns[number], factor, self.exact[self.solved[nearest]])
+            results[number] = self._corrected(number, factor)
         return results
 
-    def _corrected(self, column: Results, factor: Mapping[str, float], nearest: Results) -> Results:
+    def _corrected(self, number: int, factor: Mapping[str, float]) -> Results:
         """Return the corrected results of columns, with the engine error of the nearest solved point."""
+        column = self.columns[number]
+        nearest = self.exact[self.solved[np.argmin(distances(self.places[self.solved], self.places[number]))]]
         found = column | {name: column[name] * factor.get(name, np.nan) for name in CORRECTED if name in column}
         found["resistance_coefficient"] = column["resistance_coefficient"] * factor["resistance"] / factor["load"]
         found["power"] = column["power"] * factor["resistance"]

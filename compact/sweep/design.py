@@ -75,24 +75,35 @@ def read_design(text: str) -> Axis | Sampled:
     if not (key and equals and values):
         forms = "KEY=LOW:HIGH:N, KEY=A,B,C or KEY=~N, such as mix.moisture=0.08:0.12:5"
         raise ValueError(f"--vary takes {forms}, got {text!r}")
+
+    def whole(word: str) -> int:
+        try:
+            return int(word)
+        except ValueError:
+            raise ValueError(f"--vary {key}: takes a whole number of values, got {word!r}") from None
+
+    def value(word: str) -> Any:
+        """Return a value as in a scene file, or a bare word."""
+        found = read_value(word)
+        if not isinstance(found, int | float | str) or found == "" or found != found:
+            raise ValueError(f"--vary {key}: takes numbers, words, true and false, got {word!r}")
+        return found
+
     if values.startswith("~"):
-        return Sampled(key, _whole(key, values[1:]))
-    if values.count(":") == 2:
-        return Axis(key, _grid(key, *values.split(":")))
-    return Axis(key, tuple(_value(key, part.strip()) for part in values.split(",")))
-
-
-def _grid(key: str, *parts: str) -> tuple[float, ...]:
-    low, high, count = _value(key, parts[0]), _value(key, parts[1]), _whole(key, parts[2])
+        return Sampled(key, whole(values[1:]))
+    if values.count(":") != 2:
+        return Axis(key, tuple(value(part.strip()) for part in values.split(",")))
+    parts = values.split(":")
+    low, high, count = value(parts[0]), value(parts[1]), whole(parts[2])
     if not all(isinstance(end, int | float) for end in (low, high)) or count < 2 or not low < high:
         raise ValueError(
             f"--vary {key}: a grid runs from LOW up to HIGH in N >= 2 values, got {low}:{high}:{count}; "
             "give one value as it is"
         )
     _require_few(key, count)
-    values = np.linspace(low, high, count).round(12).tolist()  # 0.1, not 0.1 + 1e-17
-    whole = isinstance(low, int) and isinstance(high, int) and all(value.is_integer() for value in values)
-    return tuple(map(int, values)) if whole else tuple(values)
+    grid = np.linspace(low, high, count).round(12).tolist()  # 0.1, not 0.1 + 1e-17
+    is_whole = isinstance(low, int) and isinstance(high, int) and all(each.is_integer() for each in grid)
+    return Axis(key, tuple(map(int, grid)) if is_whole else tuple(grid))
 
 
 def _require_few(key: str, count: int) -> None:
@@ -101,21 +112,6 @@ def _require_few(key: str, count: int) -> None:
             f"--vary {key}: a sweep has at most {MAX_POINTS} points, got {count}; take a coarser grid, or a sample of "
             "the spread of the mix, KEY=~N"
         )
-
-
-def _value(key: str, text: str) -> Any:
-    """Return a value as in a scene file, or a bare word."""
-    value = read_value(text)
-    if not isinstance(value, int | float | str) or value == "" or value != value:
-        raise ValueError(f"--vary {key}: takes numbers, words, true and false, got {text!r}")
-    return value
-
-
-def _whole(key: str, text: str) -> int:
-    try:
-        return int(text)
-    except ValueError:
-        raise ValueError(f"--vary {key}: takes a whole number of values, got {text!r}") from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,12 +154,19 @@ def design(scene: Scene, varied: Sequence[Axis | Sampled], indices: bool = False
     """
     axes = tuple(part for part in varied if isinstance(part, Axis))
     samples = tuple(part for part in varied if isinstance(part, Sampled))
-    _require_keys([part.key for part in varied])
+    keys = [part.key for part in varied]
+    if not keys:
+        raise ValueError("nothing to vary; give --vary KEY=LOW:HIGH:N, such as mix.moisture=0.08:0.12:5")
+    for key in keys:
+        if keys.count(key) > 1:
+            raise ValueError(f"--vary {key}: given twice; put its values into one list")
+        if key.split(".")[0] in ("title", "unusual", "output"):
+            raise ValueError(f"--vary {key}: decides no number; vary another key")
     for axis in axes:
         for value in axis.values:
             scene.require_fields(**{axis.key: value})
     rows = [sample.count * (2 + len(mix.PARAMETER_NAMES) if indices else 1) for sample in samples[:1]]
-    _require_few(" --vary ".join(part.key for part in varied), prod([len(axis.values) for axis in axes] + rows))
+    _require_few(" --vary ".join(keys), prod([len(axis.values) for axis in axes] + rows))
     if not samples:
         if indices:
             raise ValueError("Sobol indices need a sample; give --vary mix.overrides=~256 or of single parameters")
@@ -172,16 +175,6 @@ def design(scene: Scene, varied: Sequence[Axis | Sampled], indices: bool = False
         raise ValueError(f"all samples share their points, got {[sample.count for sample in samples]}; give one number")
     names = _sampled_names(scene, axes, samples)
     return Design(axes, names, *_rows(names, samples[0].count, indices))
-
-
-def _require_keys(keys: Sequence[str]) -> None:
-    if not keys:
-        raise ValueError("nothing to vary; give --vary KEY=LOW:HIGH:N, such as mix.moisture=0.08:0.12:5")
-    for key in keys:
-        if keys.count(key) > 1:
-            raise ValueError(f"--vary {key}: given twice; put its values into one list")
-        if key.split(".")[0] in ("title", "unusual", "output"):
-            raise ValueError(f"--vary {key}: decides no number; vary another key")
 
 
 def varied_engines(scene: Scene, axes: Sequence[Axis]) -> tuple[str, ...]:
@@ -197,19 +190,19 @@ def _sampled_names(scene: Scene, axes: Sequence[Axis], samples: Sequence[Sampled
         counted |= {"air_permeability", "occlusion_saturation"}
     given = set(scene.mix.overrides.model_dump(exclude_none=True)) | {axis.key.split(".")[-1] for axis in axes}
     names = set()
-    for sample in samples:
-        table, _, name = sample.key.rpartition(".")
-        if sample.key == OVERRIDES:
+    for key in (sample.key for sample in samples):
+        table, _, name = key.rpartition(".")
+        if key == OVERRIDES:
             names |= counted - given
-        elif table == OVERRIDES:
-            require_known("mix parameter", name, mix.PARAMETER_NAMES)
-            scene.require_fields(**{sample.key: None})
-            if name in given:
-                raise SceneError([f"{sample.key}: is given, so it has no spread to sample; delete the value"])
-            names.add(name)
-        else:
+            continue
+        if table != OVERRIDES:
             words = "only mix.overrides and its keys have a spread to sample; give a grid or a list"
-            raise SceneError([f"{sample.key}: {words}"])
+            raise SceneError([f"{key}: {words}"])
+        require_known("mix parameter", name, mix.PARAMETER_NAMES)
+        scene.require_fields(**{key: None})
+        if name in given:
+            raise SceneError([f"{key}: is given, so it has no spread to sample; delete the value"])
+        names.add(name)
     return tuple(name for name in mix.PARAMETER_NAMES if name in names)
 
 
@@ -219,11 +212,10 @@ def _rows(names: tuple[str, ...], count: int, indices: bool) -> tuple[NDArray[np
 
     if not indices:
         return qmc.Sobol(len(names), seed=SEED).random(count), ("A",) * count
-    both = qmc.Sobol(2 * len(names), seed=SEED).random(count)
-    first, second = both[:, : len(names)], both[:, len(names) :]
+    first, second = np.split(qmc.Sobol(2 * len(names), seed=SEED).random(count), 2, axis=1)
     mixed = [np.where(np.arange(len(names)) == i, second, first) for i in range(len(names))]
-    parts = [part for part in ("A", "B", *names) for _ in range(count)]
-    return np.concatenate([first, second, *mixed]), tuple(parts)
+    parts = tuple(part for part in ("A", "B", *names) for _ in range(count))
+    return np.concatenate([first, second, *mixed]), parts
 
 
 def scene_at(scene: Scene, changes: Mapping[str, Any], shares: Mapping[str, float]) -> tuple[Scene, dict[str, float]]:

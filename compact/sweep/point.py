@@ -7,21 +7,16 @@ A point that fails has the results of its mix only, and the reason. The contact 
 """
 
 import warnings
-from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from compact import quantities
 from compact.analysis.engines import ENGINES
 from compact.analysis.failures import internal_sentence, is_numeric, is_refusal, memory_sentence, numeric_sentence
 from compact.analysis.pore_air import AirForces, coupled_forces, is_coupled, pore_air_of
 from compact.analysis.stages.contacts import Passes, air_forces_of, roll_passes
 from compact.analysis.study import Study
-from compact.material.mix import Mix
-from compact.quantities import Quantity
 from compact.rolling_contact import ContactResult
 from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene, SceneError
@@ -37,12 +32,6 @@ WORDS = {
 MAX_TEXT_LENGTH = 400  # characters of a reason
 
 
-def ranking_variables(criteria: Sequence[str]) -> tuple[dict[str, Quantity], dict[str, str]]:
-    """Return the further variables of a sweep with rankings."""
-    numbers = {by: quantities.CRITERIA[by] for by in criteria}
-    return numbers, {f"best_law_by_{by}": f"law of the least {numbers[by].term}" for by in criteria}
-
-
 def headline(
     scene: Scene, rank: bool = False, initial_guess: ContactResult | None = None
 ) -> tuple[Results, ContactResult | None]:
@@ -56,22 +45,25 @@ def headline(
     Returns
     -------
     results : dict
-        Values of `quantities.SWEEP_POINT` and WORDS, with `rank` also those of `ranking_variables`.
+        Values of `quantities.SWEEP_POINT` and WORDS, with `rank` also value and first law by each criterion.
     contact : ContactResult or None
         Initial guess of the next point; None for engines without continuation.
     """
+    found: Results = {}
+    contact = initial_guess
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         warnings.simplefilter("error", RuntimeWarning)  # an invalid operation of numpy yields no valid result
-        found: Results = {}
-        contact = initial_guess
         try:
             study = Study(scene)
             found["required_pressure"] = float(study.mix.required_pressure)
             found["saturation"] = float(study.mix.saturation)
             found["not_reachable"] = study.mix.density_achievable.reason
-            numbers, contact = _computed(study, rank, initial_guess)
-            found |= numbers
+            numbers, contact = _computed(study, initial_guess)
+            numbers["power"] = numbers["resistance"] * scene.mean_speed
+            for by, (best, *_) in study.rankings.items() if rank else ():
+                numbers |= {by: best.value, f"best_law_by_{by}": best.run.name}
+            found |= {name: each if isinstance(each, str) else float(each) for name, each in numbers.items()}
         except Exception as error:  # a failed point does not stop a sweep
             found["reason"] = reason(error)
     found["replaced"] = "; ".join(filter(None, (*adapt(scene, scene.accuracy.engine)[1], scene.mix.fit_remark)))
@@ -97,68 +89,48 @@ def reason(error: Exception) -> str:
     return message[:MAX_TEXT_LENGTH]
 
 
-def _computed(study: Study, rank: bool, initial_guess: ContactResult | None) -> tuple[Results, ContactResult | None]:
-    """Return the results of the contact at the mean speed, and the contact; None for the formulas."""
-    scene, speed = study.scene, study.scene.mean_speed
+def _computed(study: Study, initial_guess: ContactResult | None) -> tuple[Results, ContactResult | None]:
+    """Return the results of the first pass at the mean speed, and its contact; None for eqs 1.4-1.8."""
+    scene, mix, machine = study.scene, study.mix, study.scene.machine
     if not study.stages.contacts.engine.layered:
-        contact, found = None, _of_formulas(study)
-    else:
-        contact, *later = _passes(scene, study.mix, speed, initial_guess)
-        last = later[-1] if later else contact
-        found = _of_contact(scene, _with_air(scene, study.mix, contact), last)
-    found["power"] = found["resistance"] * speed
-    if rank:
-        for by, (best, *_) in study.rankings.items():
-            found |= {by: best.value, f"best_law_by_{by}": best.run.name}
-    return {name: value if isinstance(value, str) else float(value) for name, value in found.items()}, contact
-
-
-def _with_air(scene: Scene, mix: Mix, contact: ContactResult) -> ContactResult:
-    """Return a contact at the mean speed with load and resistance of its pore air; itself for drained mix."""
+        formulas = study.stages.contacts.engineering
+        same = ("resistance_coefficient", "capture_angle", "contact_length")
+        return {name: getattr(formulas, name) for name in same} | {
+            "load": formulas.roller_force,
+            "resistance": machine.rollers * formulas.roller_resistance,
+            "peak_pressure": formulas.pressure,
+        }, None
+    first, last = _first_and_last(study, initial_guess)
     air: AirForces | None
     if is_coupled(scene):
-        air = coupled_forces(contact, pore_air_of(mix, scene.layer.fed_density_ratio), scene.mean_speed)
+        air = coupled_forces(first, pore_air_of(mix, scene.layer.fed_density_ratio), scene.mean_speed)
     else:
-        air = air_forces_of(scene, mix, contact, scene.mean_speed)
-    if air is None:
-        return contact
-    return replace(contact, load=contact.load + air.load, resistance=contact.resistance + air.resistance)
-
-
-def _passes(scene: Scene, mix: Mix, speed: float, initial_guess: ContactResult | None) -> Passes:
-    """Compute all passes, from the initial guess if that converges, else from scratch."""
-    if initial_guess is not None and scene.layer.passes == 1 and ENGINES[scene.accuracy.engine].continuation:
-        with suppress(RuntimeError):
-            return roll_passes(scene, mix, speed, (initial_guess,))
-    return roll_passes(scene, mix, speed)
-
-
-def _of_formulas(study: Study) -> Results:
-    """Return eqs 1.4-1.8 at the pressure of the scene."""
-    formulas = study.stages.contacts.engineering
-    return {
-        "load": formulas.roller_force,
-        "resistance": study.scene.machine.rollers * formulas.roller_resistance,
-        "resistance_coefficient": formulas.resistance_coefficient,
-        "capture_angle": formulas.capture_angle,
-        "contact_length": formulas.contact_length,
-        "peak_pressure": formulas.pressure,
-    }
-
-
-def _of_contact(scene: Scene, first: ContactResult, last: ContactResult) -> Results:
-    """Return the results of the first pass, and the exit density ratio of the last."""
-    machine = scene.machine
+        air = air_forces_of(scene, mix, first, scene.mean_speed)
+    load, resistance = first.load, first.resistance
+    if air is not None:
+        load, resistance = load + air.load, resistance + air.resistance
     load_error, resistance_error = first.error or (np.nan, np.nan)
-    balances = {"work_residual": first.work_residual, "mass_residual": getattr(first, "mass_residual", None)}
-    return {
-        "load": machine.roller_length * first.load,
-        "resistance": machine.rollers * machine.roller_length * first.resistance,
-        "resistance_coefficient": first.resistance / first.load,
+    known = {
+        "load": machine.roller_length * load,
+        "resistance": machine.rollers * machine.roller_length * resistance,
+        "resistance_coefficient": resistance / load,
         "capture_angle": np.arcsin(first.leading / machine.roller_radius),
         "contact_length": first.leading - first.trailing,
         "peak_pressure": first.peak_pressure,
-        "exit_density_ratio": getattr(last, "exit_density_ratio", np.nan),
+        "exit_density_ratio": getattr(last, "exit_density_ratio", None),
         "load_error": load_error,
         "resistance_error": resistance_error,
-    } | {name: np.nan if value is None else value for name, value in balances.items()}
+        "work_residual": first.work_residual,
+        "mass_residual": getattr(first, "mass_residual", None),
+    }
+    return {name: np.nan if value is None else value for name, value in known.items()}, first
+
+
+def _first_and_last(study: Study, initial_guess: ContactResult | None) -> Passes:
+    """Compute all passes, from the initial guess if that converges, else from scratch; return first and last."""
+    scene, speed = study.scene, study.scene.mean_speed
+    if initial_guess is not None and scene.layer.passes == 1 and study.stages.contacts.engine.continuation:
+        with suppress(RuntimeError):
+            return 2 * roll_passes(scene, study.mix, speed, (initial_guess,))
+    passes = roll_passes(scene, study.mix, speed)
+    return passes[0], passes[-1]

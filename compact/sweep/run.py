@@ -15,22 +15,25 @@ computation from scratch. Such a line is one task, which is computed again if it
 
 import json
 import threading
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from math import dist
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from filelock import SoftFileLock, Timeout
 from threadpoolctl import threadpool_limits
 
+from compact import quantities
 from compact.analysis.engines import ENGINES
 from compact.analysis.worker_pool import Executor, WorkerDied, run_tasks
 from compact.files import (
     NETCDF_BACKENDS,
     NETCDF_HDF5,
     ResultsError,
+    atomic_file,
     checksum,
     claimed_directory,
     read_netcdf,
@@ -43,9 +46,8 @@ from compact.quantities import SWEEP_POINT, Quantity
 from compact.rolling_contact import ContactResult
 from compact.scene.errors import table_of
 from compact.scene.loader import FILE_KEYS, Scene
-from compact.sweep.checkpoints import Store
 from compact.sweep.design import Axis, Sampled, design, scene_at, varied_engines
-from compact.sweep.point import WORDS, Results, headline, ranking_variables, reason
+from compact.sweep.point import WORDS, Results, headline, reason
 
 if TYPE_CHECKING:
     import xarray
@@ -54,10 +56,84 @@ LINE = 8  # neighbours of an engine with continuation from one computation from 
 POINTS_PER_RANKING = 100  # [-], points without a ranking in the time of one ranking
 _ONE_AT_A_TIME = threading.Lock()  # in threads of a cluster, as BLAS threads and warnings are global to a process
 POINTS = "points"  # directory of the checkpoints, in that of the results
+SUFFIX = ".points"  # of a checkpoint
+LOCK = "sweep.lock"  # file next to the directory of the checkpoints, while a command writes to it
 KEY_LENGTH = 32  # characters of the key of a checkpoint
 
 KeyedPoint = tuple[str, dict[str, Any], dict[str, float]]  # key, changes, shares
+Points = Mapping[str, Results]  # results by key
 Step = Callable[[int, int], None]  # called with numbers of new points and of failures among them
+
+
+class Store:
+    """Checkpoints in a directory: one file a task, its points as lines of JSON after the checksum of all of them.
+
+    A file with a wrong checksum is deleted, and its points are computed again. One command at a time writes to a
+    directory, also on a disk that several machines share.
+
+    Attributes
+    ----------
+    broken : list of str
+        Names of the files with a wrong checksum.
+    """
+
+    def __init__(self, directory: Path | str) -> None:
+        self.directory = Path(directory)
+        self.broken: list[str] = []
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Lock the directory inside the block.
+
+        Raises
+        ------
+        ResultsError
+            If another command holds the lock. The lock of a process of this machine that has ended is taken over.
+        """
+        path = self.directory.parent / LOCK
+        lock = SoftFileLock(path, timeout=0)
+        try:
+            lock.acquire()
+        except Timeout:
+            words = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
+            owner = (
+                f"process {words[0]} on {words[1]}" if len(words) > 1 and words[0].isdecimal() else "another command"
+            )
+            raise ResultsError(
+                f"{path}: {owner} writes to this directory; wait for it, give another --out, or delete the file if "
+                "that process has ended"
+            ) from None
+        except OSError as error:
+            raise ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def read(self) -> dict[str, Results]:
+        """Read all points by key; delete broken files and partial files of killed runs."""
+        points: dict[str, Results] = {}
+        for path in sorted(self.directory.glob(f"*{SUFFIX}")):
+            try:
+                recorded, _, body = path.read_bytes().partition(b"\n")
+            except OSError as error:
+                raise ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
+            if recorded == checksum(body).encode():
+                points |= dict(map(json.loads, body.splitlines()))
+            else:
+                self.broken.append(path.name)
+                path.unlink()
+        for partial in self.directory.glob(".*.part"):
+            with suppress(OSError):
+                partial.unlink()
+        return points
+
+    def write(self, points: Points) -> None:
+        """Write the points of one task by key."""
+        body = "".join(json.dumps(entry) + "\n" for entry in points.items()).encode()
+        name = checksum("".join(points).encode())[:24]
+        with atomic_file(self.directory / f"{name}{SUFFIX}", "wb") as stream:
+            stream.write(checksum(body).encode() + b"\n" + body)
 
 
 @dataclass(frozen=True)
@@ -94,35 +170,27 @@ def compute(task: Task) -> dict[str, Results]:
     RuntimeError
         If this worker has other versions than the command.
     """
-    _require_versions(task.versions, versions())
+    here = versions()
+    if differing := [f"{name} {here.get(name)} for {v}" for name, v in task.versions.items() if here.get(name) != v]:
+        raise RuntimeError(
+            f"a worker has other versions than the command: {', '.join(differing)}; the results would not be the "
+            "same, install the same on both"
+        )
     found: dict[str, Results] = {}
     contacts: dict[int, ContactResult] = {}
     with _ONE_AT_A_TIME, threadpool_limits(1):
         for number, (key, changes, shares) in enumerate(task.points):
             guess = contacts[task.nearest(number, contacts)] if contacts else None
-            found[key], contact = _point(task, changes, shares, guess)
+            try:
+                scene, values = scene_at(task.scene, changes, shares)
+            except ValueError as error:  # rules of scenes, or of the mix
+                found[key] = {"reason": reason(error)}
+                continue
+            numbers, contact = headline(scene, task.rank, guess)
+            found[key] = values | numbers
             if task.chained and contact is not None and contact is not guess:
                 contacts = (contacts if task.places else {}) | {number: contact}
     return found
-
-
-def _point(
-    task: Task, changes: dict[str, Any], shares: dict[str, float], guess: ContactResult | None
-) -> tuple[Results, ContactResult | None]:
-    try:
-        scene, values = scene_at(task.scene, changes, shares)
-    except ValueError as error:  # rules of scenes, or of the mix
-        return {"reason": reason(error)}, guess
-    numbers, contact = headline(scene, task.rank, guess)
-    return values | numbers, contact
-
-
-def _require_versions(required: dict[str, str], here: dict[str, str]) -> None:
-    if differing := [f"{name} {here.get(name)} for {v}" for name, v in required.items() if here.get(name) != v]:
-        raise RuntimeError(
-            f"a worker has other versions than the command: {', '.join(differing)}; the results would not be the "
-            "same, install the same on both"
-        )
 
 
 class Sweep:
@@ -187,78 +255,71 @@ class Sweep:
         """
         with claimed_directory(directory, self.scene.hash, force) as place, Store(place / POINTS).locked():
             store = Store(place / POINTS)
-            known = self._known(store, resume, force)
+            known = store.read()
+            self.broken = tuple(store.broken)
+            if force:
+                for path in store.directory.glob(f"*{SUFFIX}"):
+                    path.unlink()
+                known = {}
+            if known and not resume:
+                raise ResultsError(
+                    f"{place}: holds {len(known)} points of this scene; --resume uses them, --force computes all again"
+                )
             table = self._table(self._results(store, known, executor, step))
             self.unused = len(known.keys() - self._used)
             write_netcdf(place / "sweep.nc", table, NETCDF_HDF5)
         return table
 
-    def _results(self, store: Store, known: dict[str, Results], executor: Executor, step: Step) -> list[Results]:
+    def _results(self, store: Store, known: Points, executor: Executor, step: Step) -> list[Results]:
         """Return the results of all points, in the order of the design."""
         keyed = self._keyed()
-        points = {key: known[key] for key, *_ in keyed if key in known}
-        points = self._computed(self._tasks(keyed, points), points, store, executor, step)
+        points = self._computed(self._tasks(keyed, known), keyed, known, store, executor, step)
         return [points[key] for key, *_ in keyed]
 
     def _computed(
-        self, tasks: list[Task], points: dict[str, Results], store: Store, executor: Executor, step: Step
-    ) -> dict[str, Results]:
-        """Return known points and those of tasks."""
-        points = dict(points)
-        step(len(points), _failures(points))
+        self, tasks: Sequence[Task], keyed: Iterable[KeyedPoint], known: Points, store: Store, executor: Executor,
+        step: Step,
+    ) -> dict[str, Results]:  # fmt: skip
+        """Return the results of keyed points: those that are known, and those of tasks."""
+        points: dict[str, Results] = {}
+
+        def add(found: Points) -> None:
+            fresh = [each for key, each in found.items() if key not in points]
+            points.update(found)
+            step(len(fresh), sum(bool(each.get("reason")) for each in fresh))
+
+        add({key: known[key] for key, *_ in keyed if key in known})
         with closing(run_tasks(compute, tasks, executor, meanwhile=_import_netcdf)) as coming:
             for number, outcome in coming:
-                points |= self._kept(store, tasks[number], outcome, points, step)
+                if isinstance(outcome, WorkerDied):  # no checkpoint: another run tries again
+                    outcome = {key: {"reason": outcome.reason} for key, *_ in tasks[number].points}
+                else:
+                    store.write(outcome)
+                self.computed += len(outcome)
+                add(outcome)
         self.needed += len(points)
         self._used |= points.keys()
         return points
-
-    def _known(self, store: Store, resume: bool, force: bool) -> dict[str, Results]:
-        known = store.read()
-        self.broken = tuple(store.broken)
-        if force:
-            store.clear()
-            return {}
-        if known and not resume:
-            raise ResultsError(
-                f"{store.directory.parent}: holds {len(known)} points of this scene; --resume uses them, "
-                "--force computes all again"
-            )
-        return known
-
-    def _kept(
-        self, store: Store, task: Task, outcome: Any, points: dict[str, Results], step: Step
-    ) -> dict[str, Results]:
-        if isinstance(outcome, WorkerDied):  # no checkpoint: another run tries again
-            outcome = {key: {"reason": outcome.reason} for key, *_ in task.points}
-        else:
-            store.write(outcome)
-        self.computed += len(outcome)
-        fresh = {key: found for key, found in outcome.items() if key not in points}
-        step(len(fresh), _failures(fresh))
-        return outcome
 
     def _keyed(self) -> list[KeyedPoint]:
         """Return key, changes and shares of every point; in a chain the key depends on the points before."""
         base = self._base_key(self.rank, self.chained)
         keyed: list[KeyedPoint] = []
-        last = self.design.shape[-1]
         for index in range(self.size):
-            changes, shares = self.design.point(index)
-            before = keyed[-1][0] if self.chained and index % last % LINE else ""
-            keyed.append((self._key(base, before, changes, shares), changes, shares))
+            before = keyed[-1][0] if self.chained and index % self.design.shape[-1] % LINE else ""
+            keyed.append(self._key(base, before, *self.design.point(index)))
         return keyed
 
     def _base_key(self, *options: Any) -> str:
         """Hash all that the points of the sweep have in common."""
         return results_key(self.scene.hash, [ENGINES[name].source for name in self.engines], *options)
 
-    def _key(self, base: str, before: Any, changes: dict[str, Any], shares: dict[str, float]) -> str:
-        """Hash all inputs of a point, with the contents of the files that it names."""
+    def _key(self, base: str, before: Any, changes: dict[str, Any], shares: dict[str, float]) -> KeyedPoint:
+        """Return a point with the hash of all its inputs, with the contents of the files that it names."""
         tables = [self.scene.checksum_of(str(changes[key])) for key in FILE_KEYS if key in changes]
-        return checksum(json.dumps([base, before, changes, shares, tables]).encode())[:KEY_LENGTH]
+        return checksum(json.dumps([base, before, changes, shares, tables]).encode())[:KEY_LENGTH], changes, shares
 
-    def _tasks(self, keyed: list[KeyedPoint], known: dict[str, Results]) -> list[Task]:
+    def _tasks(self, keyed: list[KeyedPoint], known: Points) -> list[Task]:
         """Return the tasks of the missing points; a line of neighbours is computed as a whole."""
         if self.chained:
             lines = [
@@ -275,46 +336,43 @@ class Sweep:
         """Return the table of all points, in the order of the design."""
         import xarray
 
-        shape, names = self.design.shape, self._dimensions()
-        numbers, words = self._variables()
-        found = {}
+        axes, sampled = self.design.axes, self.design.names
+        last = [axis.key.rpartition(".")[2] for axis in axes]  # the name of an axis, but for an ambiguous one
+        ambiguous = {name for name in last if last.count(name) > 1} | {*SWEEP_POINT, "sample"}
+        names = [
+            axis.key.replace(".", "_") if name in ambiguous else name for name, axis in zip(last, axes, strict=True)
+        ]
+        dimensions = (*names, "sample") if sampled else tuple(names)
+        numbers, texts = self._variables()
+        found: dict[str, Any] = {}
         for name, quantity in numbers.items():
-            column = np.array([point.get(name, np.nan) for point in points]).reshape(shape)
-            found[name] = (names, column, {"units": quantity.unit, "long_name": quantity.long_name})
-        for name, meaning in words.items():
-            column = np.array([point.get(name, "") for point in points], dtype=object).reshape(shape)
-            found[name] = (names, column, {"long_name": meaning})
-        return xarray.Dataset(found, self._coordinates(names), self._attributes())
+            column = np.array([point.get(name, np.nan) for point in points]).reshape(self.design.shape)
+            found[name] = (dimensions, column, {"units": quantity.unit, "long_name": quantity.long_name})
+        for name, meaning in texts.items():
+            column = np.array([point.get(name, "") for point in points], dtype=object).reshape(self.design.shape)
+            found[name] = (dimensions, column, {"long_name": meaning})
+        coordinates: dict[str, Any] = {}
+        for name, axis in zip(names, axes, strict=True):
+            plain = all(isinstance(value, int | float) and not isinstance(value, bool) for value in axis.values)
+            values = np.array(axis.values, dtype=None if plain else object)
+            coordinates[name] = (name, values, {"key": axis.key, "long_name": _meaning(axis.key)})
+        if sampled:
+            coordinates["part"] = ("sample", np.array(self.design.parts, dtype=object))
+        for name, shares in zip(sampled, self.design.shares.T, strict=True):
+            words = {"units": "1", "long_name": f"share of the spread of {name}"}
+            coordinates[f"share_{name}"] = ("sample", shares, words)
+        return xarray.Dataset(found, coordinates, self._attributes())
 
     def _variables(self) -> tuple[dict[str, Quantity], dict[str, str]]:
         """Return the numbers and the meanings of the words of a point, by name."""
-        ranked, best_laws = ranking_variables(self.scene.drive.rank_by if self.rank else ())
-        numbers = SWEEP_POINT | ranked
+        numbers, words = dict(SWEEP_POINT), dict(WORDS)
+        for by in self.scene.drive.rank_by if self.rank else ():
+            numbers[by] = quantities.CRITERIA[by]
+            words[f"best_law_by_{by}"] = f"law of the least {numbers[by].term}"
         for name in self.design.names:
             origin = mix.PARAMETER_SOURCES[name]
             numbers[name] = Quantity(name.replace("_", " "), origin.unit, definition=f"sampled: {origin.words}")
-        return numbers, WORDS | best_laws
-
-    def _dimensions(self) -> tuple[str, ...]:
-        """Return the names of the axes: the last part of the key, or the whole key if that is ambiguous."""
-        last = [axis.key.rpartition(".")[2] for axis in self.design.axes]
-        ambiguous = {name for name in last if last.count(name) > 1} | {*SWEEP_POINT, "sample"}
-        keys = zip(last, self.design.axes, strict=True)
-        names = tuple(axis.key.replace(".", "_") if name in ambiguous else name for name, axis in keys)
-        return (*names, "sample") if self.design.names else names
-
-    def _coordinates(self, names: tuple[str, ...]) -> dict[str, Any]:
-        coordinates: dict[str, Any] = {}
-        for name, axis in zip(names, self.design.axes, strict=False):
-            numbers = all(isinstance(value, int | float) and not isinstance(value, bool) for value in axis.values)
-            values = np.array(axis.values, dtype=None if numbers else object)
-            coordinates[name] = (name, values, {"key": axis.key, "long_name": _meaning(axis.key)})
-        if self.design.names:
-            coordinates["part"] = ("sample", np.array(self.design.parts, dtype=object))
-            for name, shares in zip(self.design.names, self.design.shares.T, strict=True):
-                meaning = {"units": "1", "long_name": f"share of the spread of {name}"}
-                coordinates[f"share_{name}"] = ("sample", shares, meaning)
-        return coordinates
+        return numbers, words
 
     def _attributes(self) -> dict[str, str]:
         return {
@@ -329,10 +387,6 @@ class Sweep:
 def points_in_parts(points: list[KeyedPoint], size: int) -> list[list[KeyedPoint]]:
     """Return successive parts of a size, the last one shorter."""
     return [points[start : start + size] for start in range(0, len(points), size)]
-
-
-def _failures(points: dict[str, Results]) -> int:
-    return sum(bool(found.get("reason")) for found in points.values())
 
 
 def _meaning(key: str) -> str:

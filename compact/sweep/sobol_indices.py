@@ -6,16 +6,14 @@ f_A and f_B are values at two independent samples, f_ABi at A with the i-th inpu
 variance that input i explains alone, T_i the share that remains if all other inputs are known. The confidence interval
 is a bootstrap over the n rows, which for Sobol points overestimates the error.
 
-`scipy.stats.sobol_indices` has the same estimators, for powers of two only and with a random interval in every call;
-here rows with a failed point are omitted.
+`scipy.stats.sobol_indices` has the same estimators, for powers of two only; here rows with a failed point are omitted.
 
 References
 ----------
 A. Saltelli et al., Variance based sensitivity analysis of model output, Comput. Phys. Commun. 181, 2010, table 2, b f.
 """
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,6 +23,8 @@ from compact.numerics.validation import require_finite
 if TYPE_CHECKING:
     import xarray
 
+FloatArray = NDArray[np.float64]
+
 QUANTITIES = ("load", "resistance", "resistance_coefficient", "capture_angle")  # with indices in a sweep
 BOOTSTRAPS = 1000
 CONFIDENCE = 0.95  # [-], level of the intervals
@@ -33,8 +33,7 @@ SPREAD_ROUNDING = 1e-12  # [-], of the mean; a smaller spread counts as zero
 SEED = 2015  # of the bootstrap
 
 
-@dataclass(frozen=True)
-class Indices:
+class Indices(NamedTuple):
     """Sobol indices of one quantity.
 
     Parameters
@@ -45,12 +44,12 @@ class Indices:
         Total indices and their confidence interval [-].
     """
 
-    first: NDArray[np.float64]
-    first_low: NDArray[np.float64]
-    first_high: NDArray[np.float64]
-    total: NDArray[np.float64]
-    total_low: NDArray[np.float64]
-    total_high: NDArray[np.float64]
+    first: FloatArray
+    first_low: FloatArray
+    first_high: FloatArray
+    total: FloatArray
+    total_low: FloatArray
+    total_high: FloatArray
     rows: int
 
 
@@ -82,27 +81,27 @@ def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> I
     [0.8, 0.2]
     """
     require_finite(at_first=at_first, at_second=at_second, at_mixed=at_mixed)
-    f_A, f_B, f_AB = (np.asarray(values, dtype=float) for values in (at_first, at_second, at_mixed))
-    n = f_A.size
+    values = np.vstack([at_first, at_second, at_mixed]).astype(float)
+    inputs, n = len(values) - 2, values.shape[1]
     if n < LEAST_ROWS:
         raise ValueError(f"Sobol indices need {LEAST_ROWS} rows without a failure, got {n}; take a larger sample")
-    middle = np.mean([f_A, f_B])  # subtracted, as the errors of the estimators grow with the mean
-    f_A, f_B, f_AB = f_A - middle, f_B - middle, f_AB - middle
-    if max(np.ptp(f_A), np.ptp(f_B)) <= SPREAD_ROUNDING * abs(middle):
-        none = np.zeros((6, len(f_AB)))
-        return Indices(none[0], none[1], none[2], none[3], none[4], none[5], n)
+    middle = np.mean(values[:2])  # subtracted, as the errors of the estimators grow with the mean
+    values -= middle
+    if np.ptp(values[:2], axis=1).max() <= SPREAD_ROUNDING * abs(middle):
+        none = np.zeros(inputs)
+        return Indices(none, none, none, none, none, none, n)
+
+    def estimate(rows: NDArray[np.int64] | slice) -> FloatArray:
+        """Return S and T, shape (2, inputs)."""
+        f_A, f_B, *f_AB = values[:, rows]
+        variance = np.var(np.concatenate([f_A, f_B]))
+        return np.array([np.mean(f_B * (f_AB - f_A), axis=-1), np.mean((f_A - f_AB) ** 2, axis=-1) / 2]) / variance
+
     drawn = np.random.default_rng(SEED).integers(n, size=(BOOTSTRAPS, n))
-    spread = np.array([_estimate(f_A[rows], f_B[rows], f_AB[:, rows]) for rows in drawn])
     tail = (1 - CONFIDENCE) / 2
-    low, high = np.quantile(spread, [tail, 1 - tail], axis=0)
-    first, total = _estimate(f_A, f_B, f_AB)
+    low, high = np.quantile([estimate(rows) for rows in drawn], [tail, 1 - tail], axis=0)
+    first, total = estimate(slice(None))
     return Indices(first, low[0], high[0], total, low[1], high[1], n)
-
-
-def _estimate(f_A: NDArray[np.float64], f_B: NDArray[np.float64], f_AB: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return S and T, shape (2, inputs)."""
-    variance = np.var(np.concatenate([f_A, f_B]))
-    return np.array([np.mean(f_B * (f_AB - f_A), axis=-1), np.mean((f_A - f_AB) ** 2, axis=-1) / 2]) / variance
 
 
 def of_table(table: "xarray.Dataset") -> SobolTable:

@@ -15,7 +15,8 @@ from compact.sweep import corrected, sobol_indices
 from compact.sweep import design as vary
 from compact.sweep import run as sweep
 from compact.sweep.corrected import CorrectedSweep, create_sweep
-from compact.sweep.correction import (
+from compact.sweep.run import Sweep
+from compact.sweep.surfaces import (
     choose_points,
     connected_parts,
     default_count,
@@ -23,7 +24,6 @@ from compact.sweep.correction import (
     inside_hull,
     refinement_weights,
 )
-from compact.sweep.run import Sweep
 
 ROOT = Path(__file__).parents[2]
 SCENE_FILE = ROOT / "studies" / "scenes" / "loveikin-2015.toml"

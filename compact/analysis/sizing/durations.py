@@ -12,7 +12,8 @@ different first laws. A law that is first only between two of them is found only
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -21,7 +22,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from compact import drive
-from compact.analysis import machine_models
 from compact.analysis.stages.drives import Stages
 from compact.machine.ranking import ROUNDING_TIE, Ranked, value_of
 from compact.scene.loader import Scene
@@ -176,13 +176,16 @@ def over_durations(stages: Stages, durations: Sequence[float]) -> DurationStudy:
     passes = [_Pass(stages, duration) for duration in durations]
     for _ in passes:
         stages.drive.count("durations")
-    orders = {by: tuple(drive.rank([each.run(law) for law in each.cycles], by) for each in passes) for by in PEAKS}
+    orders = {by: tuple(each.order(by) for each in passes) for by in PEAKS}
     crossovers: list[Crossover] = []
     for by in PEAKS:
-        firsts = _firsts(orders[by])
+        firsts: list[str] = []  # of each duration: that of the one before if it shares the first rank
+        for order in orders[by]:
+            shared = [each.run.name for each in order if each.rank == 1 and not each.reason]
+            firsts.append(firsts[-1] if firsts and firsts[-1] in shared else _first(order))
         for (before, after), ends in zip(pairwise(firsts), pairwise(passes), strict=True):
             if before and after:
-                crossovers += _between(by, (before, after), ends, lambda at: _Pass(stages, at))
+                crossovers += _between(by, (before, after), ends)
     return DurationStudy(tuple(durations), orders, tuple(crossovers))
 
 
@@ -191,24 +194,23 @@ class _Pass:
 
     def __init__(self, stages: Stages, duration: float) -> None:
         self.stages, self.duration = stages, duration
-        self.scene = stages.drive.scene.replaced(**{"motion.duration": duration})
-        self.cycles = stages.laws.cycles_over(duration)
+        self.drive = stages.drive.over(duration)
         self.runs: dict[str, Any] = {}
 
     def run(self, law: str) -> Any:
         """Return the run of a law under the drive of the scene."""
         if law not in self.runs:
-            motion, cycle, met = self.scene.motion, self.cycles[law], self.stages.resistance.over(self.duration)
-            moved_by = machine_models.drive_of(self.scene, cycle)
-            self.runs[law] = drive.simulate(
-                met.cart, moved_by, cycle, met.resistance,
-                working=(motion.run_up, 1 - motion.run_down),
-            )  # fmt: skip
+            cycle = {law: self.drive.laws.cycles[law]}
+            self.runs |= self.drive.simulated(cycle, self.drive.resistance.resistance, nullcontext())
         return self.runs[law]
 
     def value(self, law: str, by: str) -> float:
         """Return the peak of a law [N] or [W]."""
         return value_of(self.run(law), by)
+
+    def order(self, by: str) -> list[Ranked]:
+        """Return all laws in order by their peak."""
+        return drive.rank([self.run(law) for law in self.drive.laws.cycles], by)
 
 
 def _first(order: list[Ranked]) -> str:
@@ -216,35 +218,23 @@ def _first(order: list[Ranked]) -> str:
     return "" if order[0].reason else order[0].run.name
 
 
-def _firsts(orders: Sequence[list[Ranked]]) -> list[str]:
-    """Name the first law at each duration: that of the duration before if it shares the first rank."""
-    found: list[str] = []
-    for order in orders:
-        shared = [each.run.name for each in order if each.rank == 1 and not each.reason]
-        found.append(found[-1] if found and found[-1] in shared else _first(order))
-    return found
-
-
-def _between(
-    by: str, laws: tuple[str, str], ends: tuple[_Pass, _Pass], at: Callable[[float], _Pass], depth: int = DEPTH
-) -> Iterator[Crossover]:
+def _between(by: str, laws: tuple[str, str], ends: tuple[_Pass, _Pass], depth: int = DEPTH) -> Iterator[Crossover]:
     """Yield the crossovers between two durations with their first laws, ascending."""
     shorter, longer = laws
     if shorter == longer:
         return
 
     def difference(logarithm: float) -> float:
-        here = at(math.exp(logarithm))
+        here = _Pass(ends[0].stages, math.exp(logarithm))
         ratio = here.value(shorter, by) / here.value(longer, by)
         return 0.0 if abs(ratio - 1) <= ROUNDING_TIE else float(np.clip(ratio - 1, -1, 1))
 
     low, high = (math.log(end.duration) for end in ends)
-    here = at(math.exp(brentq(difference, low, high, xtol=DURATION_TOLERANCE)))
-    order = drive.rank([here.run(law) for law in here.cycles], by)
-    first = _first(order)
+    here = _Pass(ends[0].stages, math.exp(brentq(difference, low, high, xtol=DURATION_TOLERANCE)))
+    first = _first(here.order(by))
     between = here.value(first, by) < here.value(shorter, by) * (1 - DURATION_TOLERANCE)
     if between and depth and first not in laws:
-        yield from _between(by, (shorter, first), (ends[0], here), at, depth - 1)
-        yield from _between(by, (first, longer), (here, ends[1]), at, depth - 1)
+        yield from _between(by, (shorter, first), (ends[0], here), depth - 1)
+        yield from _between(by, (first, longer), (here, ends[1]), depth - 1)
         return
     yield Crossover(by, here.duration, shorter, longer, here.value(shorter, by))

@@ -21,10 +21,10 @@ from compact import drive
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_speeds
 from compact.analysis.engines import ENGINES
-from compact.analysis.ensemble import Change, Peaks, ensemble, first_law, peaks_at
 from compact.analysis.pore_air import AirForces, has_air
 from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.stages.drives import Stages, build_stages
+from compact.analysis.stages.ensemble import Change, Peaks, ensemble, first_law, peaks_at
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.machine.cart import Cart
 from compact.machine.ranking import BUILD_TOLERANCE

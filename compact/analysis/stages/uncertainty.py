@@ -28,10 +28,19 @@ from scipy.stats import qmc, sobol_indices, uniform
 
 from compact.analysis.contact_cases import HeldQuantity, scene_mix
 from compact.analysis.engines import ENGINES
-from compact.analysis.ensemble import Change, Peaks, Run, drive_peaks, ensemble, first_law, peaks_at, polynomial_terms
 from compact.analysis.pore_air import RATIOS
 from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.stages.drives import Stages
+from compact.analysis.stages.ensemble import (
+    Change,
+    Peaks,
+    Run,
+    drive_peaks,
+    ensemble,
+    first_law,
+    peaks_at,
+    polynomial_terms,
+)
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
 from compact.material.mix import prior

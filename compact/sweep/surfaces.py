@@ -1,4 +1,4 @@
-"""Correction of a cheap engine by an exact one: choice of points, their order, and response surfaces.
+"""Response surfaces that correct a cheap engine by an exact one: choice of points, their order, and the fit.
 
 The cheap engine computes all points of a sweep, the exact one some of them. The logarithm of the ratio of the two is
 smooth over the parameters; a response surface interpolates it to the other points. Coordinates are those of the
@@ -19,10 +19,13 @@ Biometrika 87, 2000. T. F. Gonzalez, Clustering to minimize the maximum interclu
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import combinations_with_replacement, product
+from functools import partial
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+
+from compact.analysis.stages.ensemble import polynomial_terms
 
 FloatArray = NDArray[np.float64]
 Model = Callable[[FloatArray], FloatArray]
@@ -68,7 +71,10 @@ def choose_points(
     list of int
         Numbers of the chosen points; fewer if there are no more.
     """
-    chosen = _corners(places) if not taken and 2 ** places.shape[1] <= count else []
+    chosen: list[int] = []
+    if not taken and 2 ** places.shape[1] <= count:
+        corners = product((0.0, 1.0), repeat=places.shape[1])
+        chosen = list(dict.fromkeys(int(np.argmin(distances(places, np.array(corner)))) for corner in corners))
     distance = np.full(len(places), np.inf)
     for number in (*taken, *chosen):
         distance = np.minimum(distance, distances(places, places[number]))
@@ -79,12 +85,6 @@ def choose_points(
         chosen.append(number)
         distance = np.minimum(distance, distances(places, places[number]))
     return chosen
-
-
-def _corners(places: FloatArray) -> list[int]:
-    """Return the points nearest to the corners."""
-    corners = product((0.0, 1.0), repeat=places.shape[1])
-    return list(dict.fromkeys(int(np.argmin(distances(places, np.array(corner)))) for corner in corners))
 
 
 def distances(places: FloatArray, place: FloatArray) -> FloatArray:
@@ -181,12 +181,27 @@ def fit_surface(places: FloatArray, values: FloatArray) -> Surface | None:
     Surface or None
         None if the points are too few for any surface.
     """
-    found: list[Surface] = []
+    from scipy.interpolate import RBFInterpolator
+
     count, parameters = places.shape
-    if count < parameters + 3:
-        return None
+
+    def polynomial(degree: int, x: FloatArray, y: FloatArray) -> Model:
+        coefficients = np.linalg.lstsq(polynomial_terms(x, degree), y, rcond=None)[0]
+        return lambda there: polynomial_terms(there, degree) @ coefficients
+
+    def spline(kernel: str, x: FloatArray, y: FloatArray) -> Model:
+        return RBFInterpolator(x, y, kernel=kernel, degree=1)
+
+    linear, quadratic = 1 + parameters, (parameters + 1) * (parameters + 2) // 2
+    kinds = {  # fit and number of polynomial coefficients
+        "linear": (partial(polynomial, 1), linear),
+        "quadratic": (partial(polynomial, 2), quadratic),
+        "thin-plate spline": (partial(spline, "thin_plate_spline"), linear),
+        "cubic spline": (partial(spline, "cubic"), linear),
+    }
+    found: list[Surface] = []
     others = [np.arange(count) != i for i in range(count)]
-    for kind, (fit, terms) in _kinds(parameters).items():
+    for kind, (fit, terms) in kinds.items():
         if count < terms + 2:  # so that a surface without one point is overdetermined
             continue
         try:
@@ -194,40 +209,7 @@ def fit_surface(places: FloatArray, values: FloatArray) -> Surface | None:
             found.append(Surface(kind, values - np.array(predicted), fit(places, values)))
         except np.linalg.LinAlgError:  # points on a line, without one of them
             continue
-    return min(found, key=lambda surface: surface.error) if found else None
-
-
-def _kinds(parameters: int) -> dict[str, tuple[Callable[[FloatArray, FloatArray], Model], int]]:
-    """Return fit and number of polynomial coefficients of each kind of surface."""
-    linear, quadratic = 1 + parameters, (parameters + 1) * (parameters + 2) // 2
-    return {
-        "linear": (lambda x, y: _fit_polynomial(x, y, 1), linear),
-        "quadratic": (lambda x, y: _fit_polynomial(x, y, 2), quadratic),
-        "thin-plate spline": (lambda x, y: _fit_spline(x, y, "thin_plate_spline"), linear),
-        "cubic spline": (lambda x, y: _fit_spline(x, y, "cubic"), linear),
-    }
-
-
-def _fit_polynomial(places: FloatArray, values: FloatArray, degree: int) -> Model:
-    coefficients = np.linalg.lstsq(_terms(places, degree), values, rcond=None)[0]
-    return lambda there: _terms(there, degree) @ coefficients
-
-
-def _terms(places: FloatArray, degree: int) -> FloatArray:
-    """Return the products of up to `degree` coordinates, shape (points, terms)."""
-    factors = np.column_stack([np.ones(len(places)), places])
-    return np.column_stack(
-        [
-            np.prod(factors[:, list(columns)], axis=1)
-            for columns in combinations_with_replacement(range(factors.shape[1]), degree)
-        ]
-    )
-
-
-def _fit_spline(places: FloatArray, values: FloatArray, kernel: str) -> Model:
-    from scipy.interpolate import RBFInterpolator
-
-    return RBFInterpolator(places, values, kernel=kernel, degree=1)
+    return min(found, key=lambda surface: surface.error, default=None)
 
 
 def inside_hull(places: FloatArray, solved: FloatArray, convex: bool) -> NDArray[np.bool_]:
@@ -245,9 +227,9 @@ def inside_hull(places: FloatArray, solved: FloatArray, convex: bool) -> NDArray
 
     parameters = solved.shape[1]
     if not convex or parameters > MAX_CONVEX:
-        terms = _terms(solved, 1)
+        terms = polynomial_terms(solved, 1)
         inverse = np.linalg.pinv(terms.T @ terms)
-        leverage = [np.einsum("ij,jk,ik->i", rows, inverse, rows) for rows in (_terms(places, 1), terms)]
+        leverage = [np.einsum("ij,jk,ik->i", rows, inverse, rows) for rows in (polynomial_terms(places, 1), terms)]
         return leverage[0] <= leverage[1].max() + ROUNDING
     if parameters == 1:
         return (places[:, 0] >= solved.min() - ROUNDING) & (places[:, 0] <= solved.max() + ROUNDING)
