@@ -265,10 +265,7 @@ def air_under(result: Any, layer: Layer, roller: Roller, air: PoreAir) -> AirUnd
         return RollerAir(result.solution, air)
     from compact.engines.pore_air.steady_flow import ColumnAir
 
-    edges = sorted((abs(result.leading), -abs(result.trailing)))
-    return ColumnAir(
-        air, layer.height, result.exit_height, result.indentation, edges[1], edges[0], roller.radius, roller.profile
-    )
+    return ColumnAir(air, layer, roller, result)
 
 
 def air_curve(under: AirUnderRoller, permeability: float, contact: ContactResult) -> AirCurve:

@@ -31,10 +31,7 @@ def columns(permeability, occlusion=None, roller=ROLLER):
     air = PoreAir(
         permeability=permeability, water=water_volume(0.10), fed_density_ratio=0.94, occlusion_saturation=occlusion
     )
-    under = ColumnAir(
-        air, LAYER.height, found.exit_height, found.indentation, found.leading, found.trailing, roller.radius,
-        roller.profile,
-    )  # fmt: skip
+    under = ColumnAir(air, LAYER, roller, found)
     return under, found
 
 

@@ -11,13 +11,14 @@ Friction of a turning roller is limited by the total pressure.
 
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact.engines.compaction.bow_wave import Relaxation
 from compact.engines.compaction.depth_target import DepthTarget
-from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, SolidIncrement, SolidState
+from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, SolidIncrement
 from compact.engines.compaction.incremental_rolling import DAMPING, IncrementalRolling, RollingStep
 from compact.engines.compaction.newton import IncrementSolver
 from compact.engines.compaction.results import CompactionContactResult
@@ -102,36 +103,34 @@ def roll_coupled(
     """
     depth = contact.indentation
     roller = replace(contact.roller, indentation=depth, load=None, peak_pressure=None)
-    frame = contact.solution.frame
-    target = DepthTarget(contact.layer, roller, contact.material, None, frame.inflow)
+    target = DepthTarget(contact.layer, roller, contact.material, None, contact.solution.frame.inflow)
     search = search_class(contact.material)(
         rolling=CoupledRolling(contact.solution if start is None else start.rolling, air, abs(speed)),
         target=target,
         depth=depth,
         tolerance=steady_tolerance,
         target_tolerance=target.tolerance,
-        stretch=_keep_mesh,
+        stretch=lambda rolling, _: rolling,  # the depth is held, so that the mesh is never stretched
         relaxation=contact.relaxation if start is None else start.relaxation,
     )
     with threadpool_limits(1):
         search.run()
     rolling = search.rolling
     assert isinstance(rolling, CoupledRolling)  # copies of it
-    step, of_air = rolling.steps[-1], RollerAir(rolling, air)
+    step, of_air, direction = rolling.steps[-1], RollerAir(rolling, air), float(np.sign(speed))
     pressure = of_air.pressure(speed)
-    load, resistance = of_air.forces(pressure)
-    direction = float(np.sign(speed))
+    air_load, air_resistance = of_air.forces(pressure)
     return CoupledContact(
-        load=step.load,
-        resistance=direction * step.resistance,
-        air_load=load,
-        air_resistance=direction * resistance,
-        largest_excess_behind=of_air.largest_excess_behind(pressure),
-        exit_density_ratio=step.exit_density_ratio,
-        error=search.errors.total,
-        pressure=pressure,
-        rolling=rolling,
-        relaxation=search.relaxation,
+        step.load,
+        direction * step.resistance,
+        air_load,
+        direction * air_resistance,
+        of_air.largest_excess_behind(pressure),
+        step.exit_density_ratio,
+        search.errors.total,
+        pressure,
+        rolling,
+        search.relaxation,
     )
 
 
@@ -207,22 +206,10 @@ class AirLoadedSolid(FiniteStrainSolid):
         weighted = weighted.reshape(*gradients.shape[:2], 2, 2)
         self.air_forces = np.einsum("epij,epaj->eai", weighted, gradients).reshape(self.element_dofs.shape)
 
-    def increment(
-        self,
-        before: SolidState,
-        displacement: Array,
-        tangent: bool = True,
-        near: SolidIncrement | None = None,
-    ) -> SolidIncrement:
+    def increment(self, *given: Any, **options: Any) -> SolidIncrement:
         """Integrate the stresses from a state to a displacement, with the forces of the air.
 
         Parameters and result are those of the base class.
         """
-        found = super().increment(before, displacement, tangent, near)
+        found = super().increment(*given, **options)
         return replace(found, element_forces=found.element_forces - self.air_forces)
-
-
-def _keep_mesh(rolling: IncrementalRolling, depth: float) -> IncrementalRolling:
-    """Return the roller; the depth is held, so that its mesh is never stretched."""
-    del depth
-    return rolling

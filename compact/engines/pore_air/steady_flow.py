@@ -33,24 +33,24 @@ A. N. Brooks and T. J. R. Hughes, Comput. Methods Appl. Mech. Eng. 32 (1982) 199
 Fletcher, Comput. Methods Appl. Mech. Eng. 37 (1983) 225 (group formulation).
 """
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import solve_banded
 from scipy.sparse import csr_array
-from skfem import Basis, BilinearForm, ElementLineP1, ElementQuad1, Mesh, MeshLine, MeshQuad
+from scipy.sparse.linalg import spsolve
+from skfem import Basis, BilinearForm, ElementLineP1, ElementQuad1, MeshLine, MeshQuad
 from skfem.helpers import dot, grad, mul
 from threadpoolctl import threadpool_limits
 
 from compact.material.pore_air import PoreAir
 from compact.numerics import Array, BoolArray
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
-from compact.rolling_contact import GapGeometry
+from compact.rolling_contact import Layer, Roller
 
 if TYPE_CHECKING:
+    from compact.engines.column.engine import ColumnContactResult
     from compact.engines.compaction.incremental_rolling import IncrementalRolling
 
 RESIDUAL_TOLERANCE = 1e-10  # [-], residual of a node over the sum of its fluxes
@@ -128,35 +128,51 @@ class AirFlow:
             If Newton's method does not converge.
         """
         require_positive(speed=speed)
-        operators = _Operators(self, speed)
-        excess = np.zeros(self.air_volume.size) if start is None else start.excess.ravel()
-        trial, sizes = operators.evaluate(np.where(operators.fixed, 0.0, excess)), []
+        convection, diffusion = self.operators(speed)
+        magnitudes, free = (abs(convection), abs(diffusion)), ~self.fixed
+        volume, ambient = self.air_volume.ravel(), self.ambient_pressure
+
+        def evaluate(excess: Array) -> tuple[Array, float]:
+            """Return the fluxes of the nodes, and the largest on a free one over the sum of its parts."""
+            p, potential = ambient + excess, excess * (excess + 2 * ambient) / 2  # (p^2 - p0^2)/2
+            fluxes = convection @ (volume * p) + diffusion @ potential
+            parts = magnitudes[0] @ (volume * p) + magnitudes[1] @ abs(potential)
+            return fluxes, float((abs(fluxes) / parts)[free].max())
+
+        excess = np.zeros(volume.size) if start is None else np.where(free, start.excess.ravel(), 0.0)
+        fluxes, size = evaluate(excess)
+        least = size
         with threadpool_limits(1):  # threads slow down systems of this size
             for iteration in range(MAX_ITERATIONS):
-                sizes.append(trial.size)
-                if trial.size <= RESIDUAL_TOLERANCE:
-                    found = trial.excess.reshape(self.air_volume.shape)
-                    return AirPressure(self, speed, found, iteration, trial.fluxes)
-                trial = operators.step(trial)
+                if size <= RESIDUAL_TOLERANCE:
+                    return AirPressure(self, speed, excess.reshape(self.air_volume.shape), iteration, fluxes)
+                p, before, change = ambient + excess, size, np.zeros(volume.size)
+                tangent = csr_array(convection.multiply(volume) + diffusion.multiply(p))
+                change[free] = spsolve(tangent[free][:, free], -fluxes[free])
+                for cuts in range(MAX_STEP_CUTS):
+                    trial = np.maximum(excess + change / 2**cuts, MIN_PRESSURE_SHARE * p - ambient)
+                    fluxes, size = evaluate(trial)
+                    if size < before:
+                        break
+                excess, least = trial, min(least, size)
         raise RuntimeError(
-            f"the pressure of the air at {speed:.4g} m/s did not converge: residual {min(sizes):.1e} of the fluxes "
+            f"the pressure of the air at {speed:.4g} m/s did not converge: residual {least:.1e} of the fluxes "
             f"after {MAX_ITERATIONS} iterations, tolerance {RESIDUAL_TOLERANCE:.0e}; use a lower speed or a larger "
             "`air_permeability`"
         )
 
     @cached_property
     def basis(self) -> Basis:
-        """Linear elements; Gauss points along x, nodes across it, so that the convection is lumped across."""
+        """Linear elements; Gauss points along x, nodes across it, so that the convection is lumped across.
+
+        Node i, j of the grid has the number i m + j.
+        """
         if len(self.y) == 1:
             return Basis(MeshLine(self.x), ElementLineP1(), quadrature=(GAUSS[None], WEIGHTS))
         across, along = np.meshgrid([0.0, 1.0], GAUSS)  # the first direction of an element of `init_tensor` is y
         points = np.array([across.ravel(), along.ravel()])
-        return Basis(self.mesh, ElementQuad1(), quadrature=(points, np.outer(WEIGHTS, WEIGHTS).ravel()))
-
-    @cached_property
-    def mesh(self) -> Mesh:
-        """Mesh of the grid; node i, j has the number i m + j."""
-        return MeshLine(self.x) if len(self.y) == 1 else MeshQuad.init_tensor(self.x, self.y)
+        mesh = MeshQuad.init_tensor(self.x, self.y)
+        return Basis(mesh, ElementQuad1(), quadrature=(points, np.outer(WEIGHTS, WEIGHTS).ravel()))
 
     @cached_property
     def fixed(self) -> BoolArray:
@@ -168,32 +184,17 @@ class AirFlow:
     @cached_property
     def diffusion(self) -> csr_array:
         """Matrix of the flow by p^2/2 [m2/(Pa s)], shape (n m, n m)."""
-        dimension = self.mesh.dim()
-        tensor = np.array([
-            [self.basis.interpolate(self.mobility[i, j].ravel()) for j in range(dimension)] for i in range(dimension)
-        ])  # fmt: skip
-
-        @BilinearForm
-        def flow(u: Any, w: Any, _: Any) -> Any:
-            return dot(mul(tensor, grad(u)), grad(w))
-
-        return csr_array(flow.assemble(self.basis))
+        axes = range(self.basis.mesh.dim())
+        tensor = np.array([[self.basis.interpolate(self.mobility[i, j].ravel()) for j in axes] for i in axes])
+        return csr_array(BilinearForm(lambda u, w, _: dot(mul(tensor, grad(u)), grad(w))).assemble(self.basis))
 
     def operators(self, speed: float) -> tuple[csr_array, csr_array]:
         """Return the matrices of a p and of (p^2 - p0^2)/2 at a speed [m/s], shape (n m, n m), upwinded along x."""
         delay, diffusion = self._delays(speed), self.diffusion
-
-        @BilinearForm
-        def convect(m: Any, w: Any, _: Any) -> Any:
-            return -speed * (w - speed * delay * grad(w)[0]) * grad(m)[0]
-
+        convect = BilinearForm(lambda u, w, _: -speed * (w - speed * delay * grad(w)[0]) * grad(u)[0])
         if self.leakage is not None:
             rate = self.basis.interpolate(self.leakage.ravel())
-
-            @BilinearForm
-            def leak(u: Any, w: Any, _: Any) -> Any:
-                return rate * u * (w - speed * delay * grad(w)[0])
-
+            leak = BilinearForm(lambda u, w, _: rate * u * (w - speed * delay * grad(w)[0]))
             diffusion = diffusion + csr_array(leak.assemble(self.basis))
         return csr_array(convect.assemble(self.basis)), diffusion
 
@@ -203,23 +204,20 @@ class AirFlow:
         The residual of linear elements lacks the flow. The shift is therefore bounded by the times of diffusion in the
         element along x and y, so that its error is of second order.
         """
-        rates = [self.mobility[i, i] * self.ambient_pressure / self.air_volume for i in range(self.mesh.dim())]
-        along, *across = (_element_means(rate) for rate in rates)  # diffusivities of the pressure [m2/s]
-        lengths, heights = np.diff(self.x)[:, None], np.diff(self.y)
-        diffusion = np.maximum(along, np.finfo(float).tiny * speed)
+
+        def of_elements(axis: int) -> Array:  # diffusivity of the pressure [m2/s], mean over the nodes
+            rate = self.mobility[axis, axis] * self.ambient_pressure / self.air_volume
+            means = (rate[:-1] + rate[1:]) / 2
+            return means if means.shape[1] == 1 else (means[:, :-1] + means[:, 1:]) / 2
+
+        lengths = np.diff(self.x)[:, None]
+        diffusion = np.maximum(of_elements(0), np.finfo(float).tiny * speed)
         peclet = np.minimum(speed * lengths / (2 * diffusion), LARGE_PECLET)
         safe = np.maximum(peclet, SMALL_PECLET)
-        share = np.where(peclet < SMALL_PECLET, peclet / 3, 1 / np.tanh(safe) - 1 / safe)
-        times = lengths / (2 * speed) * share
-        for rate in across:
-            times = times / np.hypot(1.0, times * 12 * rate / heights**2)
+        times = lengths / (2 * speed) * np.where(peclet < SMALL_PECLET, peclet / 3, 1 / np.tanh(safe) - 1 / safe)
+        if len(self.y) > 1:
+            times = times / np.hypot(1.0, times * 12 * of_elements(1) / np.diff(self.y) ** 2)
         return times.reshape(-1, 1)  # element i, j has the number i (m - 1) + j
-
-
-def _element_means(values: Array) -> Array:
-    """Return the means of nodal values over the elements of a grid, of columns over their elements along x."""
-    means = (values[:-1] + values[1:]) / 2
-    return means if means.shape[1] == 1 else (means[:, :-1] + means[:, 1:]) / 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,84 +270,25 @@ class AirPressure:
         return float(self.speed * height)
 
 
-@dataclass(frozen=True, eq=False)
-class _Trial:
-    """Excess pressure with the fluxes of the nodes, and the largest residual over the sum of the fluxes."""
+class AirUnderContact:
+    """Pore air in a contact, at any speed.
 
-    excess: Array
-    fluxes: Array
-    size: float
+    Attributes
+    ----------
+    flow : AirFlow
+        Flow of the air on its grid.
+    contact : (float, float)
+        Trailing and leading edge of the contact on the grid [m].
+    surface : ndarray
+        Positions of the surface of the grid [m], shape (2, n).
+    on_roller : slice or ndarray of bool
+        Nodes of the surface whose pressure acts on the roller; elsewhere it is that of the surroundings.
+    """
 
-
-class _Operators:
-    """Discrete equation at one speed: convection @ (a p) + diffusion @ (p^2 - p0^2)/2 = 0 on free nodes."""
-
-    def __init__(self, flow: AirFlow, speed: float) -> None:
-        self.volume, self.ambient = flow.air_volume.ravel(), flow.ambient_pressure
-        self.fixed, self.width = flow.fixed, len(flow.y) + 1
-        self.convection, self.diffusion = flow.operators(speed)
-        self.magnitudes = abs(self.convection), abs(self.diffusion)
-        self.bands = tuple(_band(matrix, self.width) for matrix in (self.convection, self.diffusion))
-
-    def evaluate(self, excess: Array) -> _Trial:
-        """Evaluate the fluxes of an excess pressure."""
-        p = self.ambient + excess
-        potential = excess * (p + self.ambient) / 2  # (p^2 - p0^2)/2
-        fluxes = self.convection @ (self.volume * p) + self.diffusion @ potential
-        scale = self.magnitudes[0] @ (self.volume * p) + self.magnitudes[1] @ abs(potential)
-        return _Trial(excess, fluxes, float(np.where(self.fixed, 0.0, abs(fluxes) / scale).max()))
-
-    def step(self, trial: _Trial) -> _Trial:
-        """Return the trial after a step of Newton's method."""
-        p = self.ambient + trial.excess
-        band = self.bands[0] * self.volume + self.bands[1] * p
-        column = np.arange(len(p))
-        for offset in range(-self.width, self.width + 1):  # rows of fixed nodes
-            row = column + offset
-            inside = (row >= 0) & (row < len(column))
-            inside[inside] = self.fixed[row[inside]]
-            band[self.width + offset, inside] = float(offset == 0)
-        change = solve_banded((self.width, self.width), band, np.where(self.fixed, 0.0, -trial.fluxes))
-        length = 1.0
-        for _ in range(MAX_STEP_CUTS):
-            lowest = MIN_PRESSURE_SHARE * p - self.ambient
-            candidate = self.evaluate(np.maximum(trial.excess + length * change, lowest))
-            if candidate.size < trial.size:
-                break
-            length /= 2
-        return candidate
-
-
-def _band(matrix: csr_array, width: int) -> Array:
-    """Return the diagonals of a matrix as rows, as `solve_banded` requires."""
-    entries = matrix.tocoo()
-    band = np.zeros((2 * width + 1, matrix.shape[0]))
-    np.add.at(band, (width + entries.row - entries.col, entries.col), entries.data)
-    return band
-
-
-class AirUnderContact(ABC):
-    """Pore air in a contact, at any speed."""
-
-    @property
-    @abstractmethod
-    def flow(self) -> AirFlow:
-        """Flow of the air on its grid."""
-
-    @property
-    @abstractmethod
-    def contact(self) -> tuple[float, float]:
-        """Trailing and leading edge of the contact on the grid [m]."""
-
-    @property
-    @abstractmethod
-    def surface(self) -> Array:
-        """Positions of the surface of the grid [m], shape (2, n)."""
-
-    @property
-    def on_roller(self) -> slice | BoolArray:
-        """Nodes of the surface whose pressure acts on the roller; elsewhere it is that of the surroundings."""
-        return slice(None)
+    flow: AirFlow
+    contact: tuple[float, float]
+    surface: Array
+    on_roller: slice | BoolArray = slice(None)
 
     def pressure(self, speed: float, start: AirPressure | None = None) -> AirPressure:
         """Solve for the pressure of the air, of columns for its mean over the height.
@@ -401,98 +340,53 @@ class AirUnderContact(ABC):
         return max(float(pressure.excess[pressure.flow.x < self.contact[0]].max()), 0.0)
 
 
-@dataclass(frozen=True, eq=False)
 class ColumnAir(AirUnderContact):
-    """Pore air in the columns under a roller.
+    """Pore air in the columns under a roller; nodes uniform along the contact with its edges, growing beyond.
 
     Parameters
     ----------
     air : PoreAir
         Pore air with its permeability.
-    height, exit_height, indentation : float
-        Height of the layer as fed and behind the roller, depth of the lowest generatrix [m].
-    leading, trailing : float
-        Edges of the contact, positive ahead [m].
-    radius : float
-        Radius of the roller [m].
-    profile : {"parabola", "circle", "deformed"}
-        Geometry of the gap; "deformed" is the circle.
+    layer : Layer
+        Layer as fed.
+    roller : Roller
+        Roller, whose profile "deformed" is the circle.
+    contact : ColumnContactResult
+        Contact without air.
     """
 
-    air: PoreAir
-    height: float
-    exit_height: float
-    indentation: float
-    leading: float
-    trailing: float
-    radius: float
-    profile: GapGeometry = "circle"
-
-    @cached_property
-    def flow(self) -> AirFlow:
-        """Flow of the air along the columns; nodes uniform along the contact with its edges, growing beyond."""
-        inner = np.linspace(self.trailing, self.leading, ELEMENTS + 1)
+    def __init__(self, air: PoreAir, layer: Layer, roller: Roller, contact: "ColumnContactResult") -> None:
+        self.air, self.height, self.roller = air, layer.height, roller
+        self.lowest, self.exit_height = layer.height - contact.indentation, contact.exit_height
+        self.contact = trailing, leading = -abs(contact.trailing), abs(contact.leading)
+        inner = np.linspace(trailing, leading, ELEMENTS + 1)
         step = inner[1] - inner[0]
         count = int(np.ceil(np.log1p(OUTER_LENGTH * self.height / step * (OUTER_GROWTH - 1)) / np.log(OUTER_GROWTH)))
         outer = np.cumsum(step * OUTER_GROWTH ** np.arange(1, count + 1))
         x = np.concatenate([inner[0] - outer[::-1], inner, inner[-1] + outer])
-        ratio = self.heights(x) / self.height
-        fed = self.air.fed_density_ratio
-        voids = self.air.bounded(ratio / fed - 1)
+        self.surface, self.on_roller = np.array([x, self.heights(x)]), (x >= trailing) & (x <= leading)
+        ratio = self.surface[1] / self.height
+        voids = air.bounded(ratio / air.fed_density_ratio - 1)
         mobility = np.zeros((2, 2, len(x), 1))
-        mobility[0, 0, :, 0] = self.air.mobility(voids) * ratio
-        mobility[1, 1, :, 0] = self.air.mobility(voids) / ratio
-        outside = (x < self.trailing) | (x > self.leading)
-        return AirFlow(
-            x=x,
-            y=np.zeros(1),
-            air_volume=(fed * voids)[:, None],
-            mobility=mobility,
-            drained=np.zeros((len(x), 1), dtype=bool),
-            ambient_pressure=self.air.ambient_pressure,
-            leakage=DRAINAGE / self.height**2 * mobility[1, 1] * outside[:, None],
-        )
-
-    @property
-    def contact(self) -> tuple[float, float]:
-        """Trailing and leading edge of the contact [m]."""
-        return self.trailing, self.leading
-
-    @property
-    def surface(self) -> Array:
-        """Positions of the surface [m], shape (2, n)."""
-        return np.array([self.flow.x, self.heights(self.flow.x)])
-
-    @property
-    def on_roller(self) -> BoolArray:
-        """Nodes between the edges; the mean pressure of the height does not vanish beyond."""
-        return (self.flow.x >= self.trailing) & (self.flow.x <= self.leading)
+        mobility[0, 0, :, 0], mobility[1, 1, :, 0] = air.mobility(voids) * ratio, air.mobility(voids) / ratio
+        self.flow = AirFlow(
+            x, np.zeros(1), (air.fed_density_ratio * voids)[:, None], mobility, np.zeros((len(x), 1), dtype=bool),
+            air.ambient_pressure, leakage=DRAINAGE / self.height**2 * mobility[1, 1] * ~self.on_roller[:, None],
+        )  # fmt: skip
 
     def heights(self, x: Array) -> Array:
-        """Compute the heights of the columns.
-
-        Parameters
-        ----------
-        x : ndarray
-            Positions from the lowest generatrix [m], ascending in the direction of the travel.
-
-        Returns
-        -------
-        ndarray
-            Heights [m].
-        """
-        inside = np.clip(x, self.trailing, self.leading)
-        if self.profile == "parabola":
-            gap = inside**2 / (2 * self.radius)
-        else:
-            gap = inside**2 / (self.radius + np.sqrt(np.maximum(self.radius**2 - inside**2, 0.0)))
-        heights = self.height - self.indentation + gap
-        return np.where(x > self.leading, self.height, np.where(x < self.trailing, self.exit_height, heights))
+        """Return the heights of the columns [m] at x from the lowest generatrix [m], ascending along the travel."""
+        R, inside = self.roller.radius, np.clip(x, *self.contact)
+        root = R if self.roller.profile == "parabola" else np.sqrt(np.maximum(R**2 - inside**2, 0.0))
+        heights = self.lowest + inside**2 / (R + root)
+        trailing, leading = self.contact
+        return np.where(x > leading, self.height, np.where(x < trailing, self.exit_height, heights))
 
 
-@dataclass(frozen=True, eq=False)
 class RollerAir(AirUnderContact):
     """Pore air in the deformed layer under a roller in steady motion.
+
+    It flows in the fed configuration, through which the mix moves straight along -x.
 
     Parameters
     ----------
@@ -502,61 +396,31 @@ class RollerAir(AirUnderContact):
         Pore air with its permeability.
     """
 
-    rolling: "IncrementalRolling"
-    air: PoreAir
-
-    @cached_property
-    def flow(self) -> AirFlow:
-        """Flow of the air on the grid, in the fed configuration, through which the mix moves straight along -x."""
-        frame = self.rolling.frame
-        gradient = frame.solid.displacement_gradient(self.rolling.state.displacement)
-        xx, xy, yx, yy = (gradient + np.array([1.0, 0, 0, 1.0])).T
+    def __init__(self, rolling: "IncrementalRolling", air: PoreAir) -> None:
+        self.rolling, self.air, frame = rolling, air, rolling.frame
+        fed, positions = frame.nodes[frame.surface_nodes], rolling.surface_positions
+        touching = np.flatnonzero(rolling.contact.pressure > 0)
+        trailing, leading = ((fed[i - 1, 0] + fed[i, 0]) / 2 for i in (touching[0], touching[-1] + 1))
+        self.contact = float(trailing), float(leading)
+        xx, xy, yx, yy = (frame.solid.displacement_gradient(rolling.state.displacement) + np.array([1.0, 0, 0, 1.0])).T
         volume_ratio = xx * yy - xy * yx
         density_ratio = np.broadcast_to(frame.fed_layer.stacked.points.density_ratio[:, None], frame.to_rows(xx).shape)
-        voids = self.air.bounded(frame.to_rows(volume_ratio) / density_ratio - 1)
+        voids = air.bounded(frame.to_rows(volume_ratio) / density_ratio - 1)
         # J C^-1 with C = F'F, the permeability of the fed configuration over that of the mix
         tensor = np.array([[xy * xy + yy * yy, -xx * xy - yx * yy], [-xx * xy - yx * yy, xx * xx + yx * yx]])
         tensor /= volume_ratio
-        mobility = np.array([[frame.to_rows(each) for each in row] for row in tensor]) * self.air.mobility(voids)
-        first, last = frame.mesh.x[-1, [0, -1]]
-        bottom, top = frame.mesh.y[[0, -1]]
-        x, y = np.concatenate([[first], frame.row_x, [last]]), np.concatenate([[bottom], frame.row_y, [top]])
+        mobility = np.array([[frame.to_rows(each) for each in row] for row in tensor]) * air.mobility(voids)
+        x = np.concatenate([frame.mesh.x[-1, :1], frame.row_x, frame.mesh.x[-1, -1:]])
+        y = np.concatenate([frame.mesh.y[:1], frame.row_y, frame.mesh.y[-1:]])
         drained = np.zeros((len(x), len(y)), dtype=bool)
-        drained[:, -1] = (x < self.contact[0]) | (x > self.contact[1])
-        return AirFlow(x, y, _on_grid(density_ratio * voids), _on_grid(mobility), drained, self.air.ambient_pressure)
-
-    @cached_property
-    def surface(self) -> Array:
-        """Positions of the surface of the grid [m], shape (2, n); x of the fed mix if the gap is measured there."""
-        rolling, x = self.rolling, self.flow.x
-        fed = rolling.frame.nodes[rolling.frame.surface_nodes]
-        moved = rolling.surface_positions if rolling.surface.profile == "deformed" else fed
-        return np.array(
-            [np.interp(x, fed[:, 0], moved[:, 0]), np.interp(x, fed[:, 0], rolling.surface_positions[:, 1])]
-        )
-
-    @cached_property
-    def contact(self) -> tuple[float, float]:
-        """Trailing and leading edge of the contact in the fed configuration [m]."""
-        frame = self.rolling.frame
-        x = frame.nodes[frame.surface_nodes, 0]
-        touching = np.flatnonzero(self.rolling.contact.pressure > 0)
-        first, last = touching[0], touching[-1]
-        return float((x[first - 1] + x[first]) / 2), float((x[last] + x[last + 1]) / 2)
+        drained[:, -1] = (x < trailing) | (x > leading)
+        self.flow = AirFlow(x, y, _on_grid(density_ratio * voids), _on_grid(mobility), drained, air.ambient_pressure)
+        # the gap is measured at x of the fed mix unless it is that of the deformed surface
+        moved = positions if rolling.surface.profile == "deformed" else fed
+        self.surface = np.array([np.interp(x, fed[:, 0], moved[:, 0]), np.interp(x, fed[:, 0], positions[:, 1])])
 
     def at_points(self, pressure: AirPressure) -> Array:
-        """Return the excess pressure at the Gauss points of the engine [Pa].
-
-        Parameters
-        ----------
-        pressure : AirPressure
-            Pressure of the air.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Excess pressure [Pa].
-        """
+        """Return the excess pressure at the Gauss points of the engine [Pa], shape (n,)."""
         return self.rolling.frame.to_points(pressure.excess[1:-1, 1:-1].T)
 
 
