@@ -28,12 +28,11 @@ from compact.engines.process.lifts import (
     simulate_lifts,
 )
 from compact.engines.process.operating_map import DensityCurve, OperatingMap, density_curve, operating_map
-from compact.engines.process.roller_row import FeedSleeve, GrainShare, RollerRow, confined_work
+from compact.engines.process.roller_row import FeedSleeve, RollerRow, confined_work
 from compact.engines.process.section import (
     BiteError,
     ClosedProcess,
     FormingProblem,
-    SectionOptions,
     mean_bite,
     require_bite,
     solve_closure,
@@ -262,7 +261,7 @@ class ProcessStudy:
             history = problem.at_pressure(self.closure.value, closed.offered, factor)
             offered = closed.offered
         else:
-            history = problem.with_amount(closed.amount, SectionOptions(factor, problem.layers))
+            history = problem.with_amount(closed.amount, factor)
             offered = history.make_up
         require_bite(problem.machine, history)
         return replace(self.row, problem=problem, closed=ClosedProcess(history, closed.amount, offered))
@@ -330,10 +329,10 @@ class ProcessStudy:
         """
         other, row = replace(self, scene=scene, known=None), self.row
         total, problem = row.flow.fill + row.flow.fed, other.problem
-        entries = [
-            GrainShare(row.flow.fill / total, problem.fill.density_ratio),
-            GrainShare(row.flow.fed / total, problem.feed.density_ratio),
-        ]
+        entries = (
+            (row.flow.fill / total, problem.fill.density_ratio),
+            (row.flow.fed / total, problem.feed.density_ratio),
+        )
         factor = problem.rate_factor(mean_bite(row.history))
         work = confined_work(problem.material, entries, row.product_density_ratio, factor)
         return self.scene.machine.rollers * self.resistance * work / row.confined_work + (other.sleeve_drag or 0.0)

@@ -287,7 +287,7 @@ def column_layer(
     material: Compaction,
     rate_factor: float,
     gap: GapShape,
-    strain_measure: int,
+    strain_measure: int = ode.LOGARITHMIC,
     lower_count: int = 0,
 ) -> ColumnLayer:
     """Build the `ColumnLayer` of columns at rest.

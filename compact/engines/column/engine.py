@@ -299,7 +299,7 @@ def required_feed(
         )
         scale, settlement = height / result.columns[0].height, 0.0
         if lower:
-            below = column_layer(lower, material, factor, PLATE, STRAINS["logarithmic"])
+            below = column_layer(lower, material, factor, PLATE)
             settlement = plate_indentation(require_integrable(below, material), result.peak_pressure, rtol)
         feed, before = RequiredFeed(height=scale, indentation=scale * result.indentation + settlement), factor
         if radius is not None:
@@ -357,7 +357,7 @@ def simulate_oedometer(
 def _unit_layer(material: Compaction, rate_factor: float) -> ColumnLayer:
     """Fresh mix of unit height under a plate."""
     column = Column(1.0, material.fed_density_ratio)
-    return require_integrable(column_layer((column,), material, rate_factor, PLATE, STRAINS["logarithmic"]), material)
+    return require_integrable(column_layer((column,), material, rate_factor, PLATE), material)
 
 
 def require_integrable(layer: ColumnLayer, material: Compaction) -> ColumnLayer:

@@ -15,18 +15,17 @@ before a stroke. A roller draws mix in up to the nip angle,
 """
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from compact.numerics import Array
-from compact.numerics.validation import require_fields, require_known, require_that
+from compact.numerics.validation import require_fields
 
 FeedLaw = Literal["room", "even", "first", "table"]
 FedStrokes = Literal["both", "forward"]
 ClosureKind = Literal["gap", "product_density_ratio", "extrusion_pressure"]
 COUNT_ROUNDING = 1e-9  # [-], of the number of strokes; 70.0000000001 is 70
-NIP_ANGLE_MAX = 60.0  # [deg]
 
 
 @dataclass(frozen=True)
@@ -63,8 +62,6 @@ class FormingMachine:
     def __post_init__(self) -> None:
         positive = "roller_radius roller_length height cart_speed stroke_period nip_angle strokes"
         require_fields(self, positive=positive, nonnegative="mould_speed")
-        rule = f"`nip_angle` must be at most {NIP_ANGLE_MAX:g}, got"
-        require_that(self.nip_angle <= NIP_ANGLE_MAX, self.nip_angle, rule)
         if (self.strokes is None) != (self.mould_speed > 0):
             raise ValueError(
                 "`strokes` must be given for a mould at rest only, whose sections never leave the roller, got "
@@ -138,10 +135,6 @@ class Fill:
     density_ratio: float
     by_sleeve: bool = False
 
-    def __post_init__(self) -> None:
-        require_fields(self, positive="height density_ratio")
-        require_that(self.density_ratio < 1, self.density_ratio, "`density_ratio` must be below 1, got")
-
 
 @dataclass(frozen=True)
 class Feed:
@@ -168,16 +161,6 @@ class Feed:
     positions: tuple[float, ...] = ()
     relative_thicknesses: tuple[float, ...] = ()
     strokes: FedStrokes = "both"
-
-    def __post_init__(self) -> None:
-        require_fields(self, positive="density_ratio")
-        require_that(self.density_ratio < 1, self.density_ratio, "`density_ratio` must be below 1, got")
-        require_known("feed law", self.law, get_args(FeedLaw))
-        require_known("fed strokes", self.strokes, get_args(FedStrokes))
-        if self.law == "first" and self.count < 1:
-            raise ValueError(f"`count` must be at least 1 for the feed law 'first', got {self.count!r}")
-        if self.law == "table" and (len(self.positions) != len(self.relative_thicknesses) or not self.positions):
-            raise ValueError("`positions` and `relative_thicknesses` must be lists of one length, not empty")
 
     def shares(self, machine: FormingMachine) -> Array:
         """Return the make-up of each stroke over the largest one [-], shape (stroke_count,); 0 of a stroke without."""
@@ -214,7 +197,3 @@ class Closure:
     kind: ClosureKind
     value: float
     offered: float | None = None
-
-    def __post_init__(self) -> None:
-        require_known("closure", self.kind, get_args(ClosureKind))
-        require_fields(self, nonnegative="value offered")

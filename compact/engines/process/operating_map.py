@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from compact.engines.process.section import BiteError, FormingProblem, OverfilledError, SectionOptions
+from compact.engines.process.section import BiteError, FormingProblem, OverfilledError
 from compact.numerics import Array
 
 CURVE_LAYERS = 1  # [-], merged layers; the load differs by 1e-9 from that of 20
@@ -109,7 +109,7 @@ def density_curve(problem: FormingProblem, density_ratio: float, most_strokes: f
     limit = int(np.ceil(min(most_strokes, STROKES_MAX)))
     feed = replace(problem.feed, law="room", count=0, positions=(), relative_thicknesses=())
     machine = replace(problem.machine, mould_speed=0.0, strokes=limit)
-    base = replace(problem, machine=machine, feed=feed)
+    base = replace(problem, machine=machine, feed=feed, layers=CURVE_LAYERS)
     gap, factor, points = problem.machine.max_bite, GAP_FACTOR, list[tuple[float, ...]]()
     while factor < GAP_FACTOR_LAST:
         try:
@@ -159,8 +159,8 @@ def operating_map(curve: DensityCurve, stroke: float, mould_speeds: Array, cart_
 
 def _curve_point(problem: FormingProblem, gap: float, density_ratio: float) -> tuple[float, ...] | None:
     """Return strokes, gap, mean load and work until a density ratio; None if it is not reached."""
-    options = SectionOptions(problem.rate_factor(gap), CURVE_LAYERS, CURVE_RTOL, density_ratio)
-    history = problem.with_amount(gap, options)
+    rate_factor = problem.rate_factor(gap)
+    history = problem.with_amount(gap, rate_factor, rtol=CURVE_RTOL, until_density_ratio=density_ratio)
     ratio = np.array([state.density_ratio for state in history.states])
     if ratio[-1] < density_ratio:
         return None

@@ -45,7 +45,7 @@ from compact.engines.process.forming import Closure
 from compact.engines.process.section import ClosedProcess, FormingProblem, SectionHistory
 from compact.material.laws import Compaction
 from compact.numerics import Array
-from compact.numerics.validation import require_fields, require_nonnegative, require_positive, require_that
+from compact.numerics.validation import require_fields, require_positive, require_that
 
 QUADRATURE_POINTS = 64  # [-], of Gauss and Legendre over ln(1 - k); the error is below 1e-12 up to k = 0.99
 GRAVITY = 9.80665  # [m/s2], standard acceleration of gravity
@@ -206,16 +206,13 @@ class RollerRow:
         """Work of confined compression in closed form per volume of the product [J/m3]; 0 without densification."""
         problem, flow = self.problem, self.flow
         total = flow.fill + flow.fed
-        entries = [
-            GrainShare(flow.fill / total, problem.fill.density_ratio),
-            GrainShare(flow.fed / total, problem.feed.density_ratio),
-        ]
+        entries = (flow.fill / total, problem.fill.density_ratio), (flow.fed / total, problem.feed.density_ratio)
         return confined_work(problem.material, entries, self.product_density_ratio, self.history.rate_factor)
 
     @property
     def confined_floor(self) -> float:
         """Confined floor of the resistance of the roller [N]; 0 of a mould at rest."""
-        return confined_floor(self.problem.machine.advance, self.product_height, self.confined_work)
+        return self.problem.machine.advance * self.product_height * self.confined_work
 
     @property
     def specific_work(self) -> float:
@@ -234,22 +231,6 @@ class RollerRow:
         return float(n - 1 + (self.required_density_ratio - ratio[n - 1]) / (ratio[n] - ratio[n - 1])) if n else 0.0
 
 
-@dataclass(frozen=True)
-class GrainShare:
-    """Share of the grains of a product that enter at one density ratio.
-
-    Parameters
-    ----------
-    share : float
-        Mass over that of the product [-].
-    density_ratio : float
-        Density ratio at entry [-].
-    """
-
-    share: float
-    density_ratio: float
-
-
 def confined_stress(material: Compaction, density_ratio: np.ndarray, rate_factor: float = 1.0) -> np.ndarray:
     """Return the vertical stress of rigid-plastic mix in confined compression [Pa].
 
@@ -265,14 +246,14 @@ def confined_stress(material: Compaction, density_ratio: np.ndarray, rate_factor
 
 
 def confined_work(
-    material: Compaction, entries: Iterable[GrainShare], density_ratio: float, rate_factor: float = 1.0
+    material: Compaction, entries: Iterable[tuple[float, float]], density_ratio: float, rate_factor: float = 1.0
 ) -> float:
     """Compute the work of confined compression per volume of the product [J/m3].
 
     Parameters
     ----------
-    entries : iterable of GrainShare
-        Grains by their density ratio at entry; the shares add up to 1.
+    entries : iterable of (share, density_ratio)
+        Share of the grains of the product [-] and their density ratio at entry [-]; the shares add up to 1.
     density_ratio : float
         Density ratio of the product [-], below 1.
     rate_factor : float
@@ -287,7 +268,7 @@ def confined_work(
     --------
     >>> mix = Compaction(unloading_modulus=60e6, poisson=0.3, heckel_slope=13e-6,
     ...                  loose_density_ratio=0.72, critical_slope=1.2, tensile_strength=14e3, fed_density_ratio=0.75)
-    >>> f"{confined_work(mix, [GrainShare(1.0, 0.75)], 0.98) / 1e3:.2f} kJ/m3"
+    >>> f"{confined_work(mix, [(1.0, 0.75)], 0.98) / 1e3:.2f} kJ/m3"
     '22.21 kJ/m3'
     """
     if not 0 < density_ratio < 1:
@@ -295,29 +276,13 @@ def confined_work(
     require_positive(rate_factor=rate_factor)
     nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
     work = 0.0
-    for entry in entries:
-        low, high = -np.log1p(-entry.density_ratio), -np.log1p(-density_ratio)
+    for share, entry in entries:
+        low, high = -np.log1p(-entry), -np.log1p(-density_ratio)
         u = (low + high) / 2 + (high - low) / 2 * nodes
         k = -np.expm1(-u)
         integrand = confined_stress(material, k, rate_factor) / k**2 * (1 - k)  # dk = (1 - k) du
-        work += entry.share * (high - low) / 2 * float(weights @ integrand)
+        work += share * (high - low) / 2 * float(weights @ integrand)
     return density_ratio * work
-
-
-def confined_floor(advance: float, height: float, work: float) -> float:
-    """Return the confined floor of the resistance of one roller [N].
-
-    Parameters
-    ----------
-    advance : float
-        Advance of the mould per stroke [m].
-    height : float
-        Height of the product [m].
-    work : float
-        Confined work per volume of the product [J/m3].
-    """
-    require_nonnegative(advance=advance, height=height, work=work)
-    return advance * height * work
 
 
 @dataclass(frozen=True)

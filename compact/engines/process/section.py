@@ -38,7 +38,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from compact.engines.column.column_ode import GapShape
-from compact.engines.column.column_pass import PLATE, STRAINS, Column, ColumnLayer, column_layer, plate_indentation
+from compact.engines.column.column_pass import PLATE, Column, ColumnLayer, PassResult, column_layer, plate_indentation
 from compact.engines.column.engine import INTEGRATION_RTOL, require_integrable
 from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
 from compact.material.cap_plasticity import CapConstants
@@ -65,20 +65,7 @@ class BiteError(ValueError):
 
 
 class OverfilledError(ValueError):
-    """Error for a section with more grains and water than fit below the lowest generatrix.
-
-    Parameters
-    ----------
-    stroke : int
-        Number of the stroke, from 1.
-    """
-
-    def __init__(self, message: str, stroke: int) -> None:
-        super().__init__(message)
-        self.stroke = stroke
-
-    def __reduce__(self) -> tuple[type["OverfilledError"], tuple[str, int]]:
-        return OverfilledError, (str(self), self.stroke)
+    """Error for a section with more grains and water than fit below the lowest generatrix."""
 
 
 class SectionState(NamedTuple):
@@ -186,28 +173,6 @@ class SectionHistory:
 
 
 @dataclass(frozen=True)
-class SectionOptions:
-    """Rate of compaction, layers and accuracy of a section.
-
-    Parameters
-    ----------
-    rate_factor : float
-        Factor of the yield pressure [-].
-    layers : int
-        Largest number of merged layers between two strokes, at least 1.
-    rtol : float
-        Error of a step of the integration over the size of a stroke [-].
-    until_density_ratio : float
-        Mean density ratio after which no further stroke is computed [-].
-    """
-
-    rate_factor: float = 1.0
-    layers: int = DEFAULT_LAYERS
-    rtol: float = INTEGRATION_RTOL
-    until_density_ratio: float = np.inf
-
-
-@dataclass(frozen=True)
 class FormingProblem:
     """Machine, mix and feed of a process.
 
@@ -229,15 +194,18 @@ class FormingProblem:
     feed: Feed
     layers: int = DEFAULT_LAYERS
 
-    def with_amount(self, amount: float, options: SectionOptions) -> SectionHistory:
+    def with_amount(self, amount: float, rate_factor: float = 1.0, **options: float) -> SectionHistory:
         """Compute the strokes with a gap, or a largest make-up of the laws without a gap [m].
 
         Parameters
         ----------
         amount : float
             Gap of the law "room", or largest make-up of the other laws [m].
-        options : SectionOptions
-            Rate of compaction, layers and accuracy.
+        rate_factor : float
+            Factor of the yield pressure [-].
+        **options
+            `rtol`, error of a step of the integration over the size of a stroke, and `until_density_ratio`, mean
+            density ratio after which no further stroke is computed [-].
 
         Returns
         -------
@@ -257,7 +225,7 @@ class FormingProblem:
                 return max(surface - state.height, 0.0) if shares[index] > 0 else 0.0
             return float(amount * shares[index])
 
-        return self._simulate(make_up, options)
+        return self._simulate(make_up, rate_factor, **options)
 
     def at_pressure(self, pressure: float, offered: Array, rate_factor: float) -> SectionHistory:
         """Compute the strokes with a make-up that brings the stress to a pressure [Pa], at most that offered [m].
@@ -290,7 +258,7 @@ class FormingProblem:
             left = max(self.machine.height - pressed_height(state.columns), 0.0)
             return min(most, left / pressed_height((Column(1.0, self.feed.density_ratio),)))
 
-        return self._simulate(make_up, SectionOptions(rate_factor, self.layers))
+        return self._simulate(make_up, rate_factor)
 
     def rate_factor(self, bite: float) -> float:
         """Return the factor of the yield pressure [-] for a mean bite [m]."""
@@ -300,33 +268,26 @@ class FormingProblem:
         rate = compaction_rate(machine.cart_speed, machine.roller_radius, machine.height + bite, bite)
         return self.material.rate_factor(rate)
 
-    def rate_factor_at(self, amount: float, rate_factor: float) -> float:
-        """Return the factor of the yield pressure for an amount [m]: the bite of the law "room" is the gap itself."""
-        return self.rate_factor(amount) if self.feed.law == "room" else rate_factor
-
     def product_density_ratio(self, history: SectionHistory) -> float:
         """Return the mean density ratio of the product [-]."""
         return self.machine.mean_of_product(*(state.density_ratio for state in history.states[-2:]))
 
     def _stack(self, columns: tuple[Column, ...], rate_factor: float) -> ColumnLayer:
-        gap = GapShape(float(self.machine.roller_radius), 1.0)
-        return column_layer(columns, self.material, rate_factor, gap, STRAINS["logarithmic"])
+        return column_layer(columns, self.material, rate_factor, GapShape(float(self.machine.roller_radius), 1.0))
 
-    def _simulate(self, make_up: MakeUp, options: SectionOptions) -> SectionHistory:
-        """Compute all strokes on a section."""
+    def _simulate(
+        self, make_up: MakeUp, rate_factor: float, rtol: float = INTEGRATION_RTOL, until_density_ratio: float = np.inf
+    ) -> SectionHistory:
+        """Compute the strokes on a section."""
         fill, fed, height = self.fill, self.feed.density_ratio, self.machine.height
         if not fill.density_ratio > self.material.loose_density_ratio:
             raise ValueError(
                 f"`density_ratio` of the fill must exceed that of Heckel's curve at its start, "
                 f"{self.material.loose_density_ratio!r}, got {fill.density_ratio!r}"
             )
-        columns = (Column(fill.height / options.layers, fill.density_ratio),) * options.layers
-        loosest = self._stack((*columns, Column(fill.height, fed)), options.rate_factor)
+        columns = (Column(fill.height / self.layers, fill.density_ratio),) * self.layers
+        loosest = self._stack((*columns, Column(fill.height, fed)), rate_factor)
         require_integrable(loosest, self.material)
-        if not isinstance(loosest.law, CapConstants):
-            raise ValueError(
-                "the process needs a `material` of constants, got tables over the density; use another law"
-            )
         states, rows = [SectionState(columns, loosest.law)], []
         for index in range(self.machine.stroke_count):
             state = states[-1]
@@ -335,15 +296,17 @@ class FormingProblem:
             bite = state.height + added - height
             forces: tuple[float, ...] = (0.0,) * 6
             if bite > CONTACT_SHARE * height:
-                forces, raised = _stroke(self._stack(raised, options.rate_factor), bite, index + 1, options.rtol)
+                passed = _press(self._stack(raised, rate_factor), bite, index + 1, rtol)
+                edges = passed.layer.gap.edge(bite), float(passed.layer.gap.positions(passed.unloading[-1:, 0])[0])
+                forces, raised = (
+                    (passed.load, passed.resistance, passed.peak_pressure, *edges, sum(passed.work)),
+                    passed.columns,
+                )
             rows.append((added, bite, *forces))
-            states.append(SectionState(merge_layers(raised, options.layers, state.law.K), state.law))
-            if states[-1].density_ratio >= options.until_density_ratio:
+            states.append(SectionState(merge_layers(raised, self.layers, state.law.K), state.law))
+            if states[-1].density_ratio >= until_density_ratio:
                 break
-        made_up, bites, load, resistance, peak, leading, trailing, work = np.array(rows).T
-        return SectionHistory(
-            made_up, bites, load, resistance, peak, leading, trailing, work, tuple(states), options.rate_factor, fed
-        )
+        return SectionHistory(*np.array(rows).T, tuple(states), rate_factor, fed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -390,9 +353,19 @@ def solve_closure(problem: FormingProblem, closure: Closure) -> ClosedProcess:
     """
     if closure.kind == "gap" and problem.feed.law != "room":
         raise ValueError(f"a `gap` is a closure of the feed law 'room', got {problem.feed.law!r}; give the density")
-    factor = problem.rate_factor(closure.value if closure.kind == "gap" else problem.machine.max_bite)
+    machine, amount = problem.machine, closure.value
+    offered = (machine.max_bite if closure.offered is None else closure.offered) * problem.feed.shares(machine)
+    factor = problem.rate_factor(closure.value if closure.kind == "gap" else machine.max_bite)
     for _ in range(RATE_ITERATIONS_MAX):
-        closed = _closed_at_rate(problem, closure, factor)
+        if closure.kind == "extrusion_pressure":
+            closed = ClosedProcess(problem.at_pressure(closure.value, offered, factor), float("nan"), offered)
+        else:
+            if closure.kind == "product_density_ratio":
+                amount = _amount_for_density(problem, closure.value, factor)
+                if problem.feed.law == "room":  # the bite is the gap itself
+                    factor = problem.rate_factor(amount)
+            history = problem.with_amount(amount, factor)
+            closed = ClosedProcess(history, amount, history.make_up)
         before, factor = closed.history.rate_factor, problem.rate_factor(mean_bite(closed.history))
         if abs(factor / before - 1) <= RATE_TOLERANCE:
             break
@@ -455,7 +428,13 @@ def merge_layers(columns: Sequence[Column], count: int, bulk_modulus: float) -> 
             for below, above in pairwise(kept)
         ]
         place = int(np.argmin(differences))
-        kept[place : place + 2] = [_merged(kept[place], kept[place + 1], bulk_modulus)]
+        below, above = kept[place : place + 2]
+        masses = np.array([grain_height(below, bulk_modulus), grain_height(above, bulk_modulus)])
+        total, height = float(masses.sum()), below.height + above.height
+        stress = float(masses / total @ [below.lateral_stress, above.lateral_stress])
+        densest = float(masses / total @ [below.max_density_ratio, above.max_density_ratio])
+        ratio = total / height * float(np.exp(-stress / 1.5 / bulk_modulus))
+        kept[place : place + 2] = [Column(height, ratio, stress, densest)]
     return tuple(kept)
 
 
@@ -490,27 +469,15 @@ def mean_over_height(heights: Array, values: Array, low: float, high: float) -> 
     return float(np.diff(bounds) @ values / (bounds[-1] - bounds[0]))
 
 
-def _closed_at_rate(problem: FormingProblem, closure: Closure, rate_factor: float) -> ClosedProcess:
-    """Return the strokes with a closure at a rate factor, which the amount of the law "room" replaces by its own."""
-    machine, feed = problem.machine, problem.feed
-    if closure.kind == "extrusion_pressure":
-        offered = (machine.max_bite if closure.offered is None else closure.offered) * feed.shares(machine)
-        return ClosedProcess(problem.at_pressure(closure.value, offered, rate_factor), float("nan"), offered)
-    amount = closure.value
-    if closure.kind == "product_density_ratio":
-        amount = _amount_for_density(problem, closure.value, rate_factor)
-        rate_factor = problem.rate_factor_at(amount, rate_factor)
-    history = problem.with_amount(amount, SectionOptions(rate_factor, problem.layers))
-    return ClosedProcess(history, amount, history.make_up)
-
-
 def _amount_for_density(problem: FormingProblem, target: float, rate_factor: float) -> float:
     """Return the amount [m] at which the product has a density ratio, by Brent's method with few layers."""
     machine, feed, fill = problem.machine, problem.feed, problem.fill
 
+    few_layers = replace(problem, layers=SEARCH_LAYERS)
+
     def reached(amount: float) -> float:
-        options = SectionOptions(problem.rate_factor_at(amount, rate_factor), SEARCH_LAYERS)
-        return problem.product_density_ratio(problem.with_amount(amount, options))
+        factor = problem.rate_factor(amount) if feed.law == "room" else rate_factor
+        return problem.product_density_ratio(few_layers.with_amount(amount, factor))
 
     def residual(amount: float) -> float:
         try:
@@ -537,26 +504,13 @@ def _amount_for_density(problem: FormingProblem, target: float, rate_factor: flo
     return float(brentq(residual, 0.0, most, xtol=DENSITY_TOLERANCE * machine.height / 100, rtol=AMOUNT_RTOL))
 
 
-def _stroke(layer: ColumnLayer, bite: float, number: int, rtol: float) -> tuple[tuple[float, ...], tuple[Column, ...]]:
-    """Return load, resistance, peak pressure, both edges of the contact and work of a stroke, and the columns after."""
+def _press(layer: ColumnLayer, bite: float, number: int, rtol: float) -> PassResult:
+    """Compute a stroke of a number from 1; OverfilledError or BiteError where the section has no room."""
     if not bite < layer.gap.radius:
         raise BiteError(f"stroke {number} would bury the roller to its axis, {bite:.3g} m below the surface; feed less")
     if not bite < layer.max_indentation:
         raise OverfilledError(
             f"stroke {number} closes all pores: grains and water fill {layer.solid_height:.6g} m, and "
-            f"{layer.height - bite:.6g} m remain below the lowest generatrix; feed less mix",
-            number,
+            f"{layer.height - bite:.6g} m remain below the lowest generatrix; feed less mix"
         )
-    passed = layer.compute_pass(bite, rtol)
-    edges = passed.layer.gap.edge(bite), float(passed.layer.gap.positions(passed.unloading[-1:, 0])[0])
-    return (passed.load, passed.resistance, passed.peak_pressure, *edges, sum(passed.work)), passed.columns
-
-
-def _merged(below: Column, above: Column, bulk_modulus: float) -> Column:
-    """Return one layer with the height and the grains of two."""
-    mass = np.array([grain_height(below, bulk_modulus), grain_height(above, bulk_modulus)])
-    total, height = float(mass.sum()), below.height + above.height
-    share = mass / total
-    stress = float(share @ [below.lateral_stress, above.lateral_stress])
-    densest = float(share @ [below.max_density_ratio, above.max_density_ratio])
-    return Column(height, total / height * float(np.exp(-stress / 1.5 / bulk_modulus)), stress, densest)
+    return layer.compute_pass(bite, rtol)
