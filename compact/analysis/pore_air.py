@@ -454,6 +454,4 @@ def add_air_field(mesh: Any, result: Any, air: PoreAir) -> None:
     from compact.engines.pore_air.steady_flow import RollerAir
 
     under = RollerAir(result.solution, air)
-    points = under.at_points(under.pressure(result.speed))
-    elements = sum(len(block.data) for block in mesh.cells)
-    mesh.cell_data["air_pressure"] = [points.reshape(elements, -1).mean(axis=1)]
+    under.add_field(mesh, under.pressure(result.speed))

@@ -115,8 +115,7 @@ class KnownLifts(NamedTuple):
 
 
 def _lift_of_json(content: dict[str, Any]) -> LumpedLift:
-    rows = {name: tuple(content[name]) for name in ("row_heights", "row_density_ratios", "row_lateral_stresses")}
-    return LumpedLift(**content | rows)
+    return LumpedLift(**content | {"rows": tuple(map(tuple, content["rows"]))})
 
 
 class PrintedForce(NamedTuple):

@@ -118,8 +118,8 @@ def process_contact(study: ProcessStudy, speed: float) -> ProcessContactResult:
         columns = tuple(ProductRow(each.height, each.density_ratio) for each in history.states[-1].columns)
         peak, residual = row.peak_pressure, 0.0
     else:
-        behind = found.lumpings[0].profile_at(row.product_density_ratio)
-        columns = tuple(map(ProductRow, behind.heights.tolist(), behind.density_ratios.tolist()))
+        heights, ratios, _ = found.lumpings[0].profile_at(row.product_density_ratio).tolist()
+        columns = tuple(map(ProductRow, heights, ratios))
         peak = found.rate_scale * found.of_product("peak_pressure")
         residual = max(sequence.largest_work_residual for sequence in found.sequences)
     return ProcessContactResult(

@@ -50,6 +50,8 @@ from compact.numerics.validation import require_finite, require_nonnegative, req
 from compact.rolling_contact import Layer, Roller
 
 if TYPE_CHECKING:
+    import meshio
+
     from compact.engines.column.engine import ColumnContactResult
     from compact.engines.compaction.incremental_rolling import IncrementalRolling
 
@@ -422,6 +424,11 @@ class RollerAir(AirUnderContact):
     def at_points(self, pressure: AirPressure) -> Array:
         """Return the excess pressure at the Gauss points of the engine [Pa], shape (n,)."""
         return self.rolling.frame.to_points(pressure.excess[1:-1, 1:-1].T)
+
+    def add_field(self, mesh: "meshio.Mesh", pressure: AirPressure) -> None:
+        """Add the excess pressure [Pa] to a mesh of `compaction.results.field_mesh`, means over the elements."""
+        elements = sum(len(block.data) for block in mesh.cells)
+        mesh.cell_data["air_pressure"] = [self.at_points(pressure).reshape(elements, -1).mean(axis=1)]
 
 
 def _on_grid(rows: Array) -> Array:

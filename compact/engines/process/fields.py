@@ -87,4 +87,4 @@ def section_rows(state: SectionState, lifts: LiftSequence | None) -> Iterator[tu
     if lifts is None:
         yield from ((column.height, column.density_ratio, column.lateral_stress) for column in state.columns)
     else:
-        yield from zip(*(values.tolist() for values in lifts.profile_at(state.density_ratio)), strict=True)
+        yield from zip(*lifts.profile_at(state.density_ratio).tolist(), strict=True)

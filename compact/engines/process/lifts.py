@@ -38,7 +38,7 @@ The excess pressure of the pore air is in proportion to the mix that a pass disp
 Both are taken from the thinnest lifts; the error is the difference to the thickest, and to the other meshes.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -47,7 +47,7 @@ import numpy as np
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.incremental_rolling import DAMPING, FINAL_DAMPING_RATIO
 from compact.engines.compaction.results import CompactionContactResult, build_result, field_mesh
-from compact.engines.compaction.roller_frame import LayerState, fresh_layer, rate_factor_at
+from compact.engines.compaction.roller_frame import fresh_layer, rate_factor_at
 from compact.engines.compaction.steady_search import FINAL_TOLERANCE
 from compact.engines.pore_air.coupled_rolling import roll_coupled
 from compact.engines.pore_air.steady_flow import RollerAir
@@ -98,8 +98,8 @@ class LumpedLift:
         Largest pressure [Pa].
     work_residual, mass_residual : float
         Relative residuals of the balances of the pass [-].
-    row_heights, row_density_ratios, row_lateral_stresses : tuple of float
-        Rows behind the roller from the base upwards: heights [m], density ratios [-] and lateral stress at rest [Pa].
+    rows : tuple of (height, density_ratio, lateral_stress)
+        Rows behind the roller from the base upwards [m, -, Pa], at rest.
     air_load, air_resistance : float
         Changes of load and resistance by the pore air [N/m]; 0 without air.
     air_excess_behind : float
@@ -123,9 +123,7 @@ class LumpedLift:
     peak_pressure: float
     work_residual: float
     mass_residual: float
-    row_heights: tuple[float, ...]
-    row_density_ratios: tuple[float, ...]
-    row_lateral_stresses: tuple[float, ...]
+    rows: tuple[tuple[float, ...], ...]
     air_load: float = 0.0
     air_resistance: float = 0.0
     air_excess_behind: float = 0.0
@@ -145,24 +143,6 @@ class LiftAir(NamedTuple):
 
     pore_air: PoreAir
     coupled: bool = False
-
-
-class SectionProfile(NamedTuple):
-    """Rows of a section of equal height, from the base upwards, arrays of shape (rows,).
-
-    Parameters
-    ----------
-    heights : ndarray
-        Heights [m].
-    density_ratios : ndarray
-        Density ratios [-].
-    lateral_stresses : ndarray
-        Lateral stress at rest, compression positive [Pa].
-    """
-
-    heights: Array
-    density_ratios: Array
-    lateral_stresses: Array
 
 
 @dataclass(frozen=True)
@@ -202,28 +182,45 @@ class LiftSequence:
         fed = thickness > 0
         return (ratio + self.values("density_before"))[fed] / 2, force[fed] / thickness[fed]
 
+    def at(self, name: str, density: Array) -> Array:
+        """Interpolate a force of `curve` at mean density ratios, linearly in the logarithm, and extrapolate it."""
+        ratio, force = self.curve(name)
+        if len(ratio) == 1:
+            return np.full(len(density), force[0])
+        slope, inside = np.diff(np.log(force)) / np.diff(ratio), np.interp(density, ratio, np.log(force))
+        below, above = np.minimum(density - ratio[0], 0.0), np.maximum(density - ratio[-1], 0.0)
+        return np.exp(inside + slope[0] * below + slope[-1] * above)
+
     @property
     def largest_work_residual(self) -> float:
         """Largest residual of the energy balance of a pass [-]."""
         return float(self.values("work_residual").max())
 
-    def profile_at(self, density_ratio: float) -> SectionProfile:
+    def profile_at(self, density_ratio: float) -> Array:
         """Interpolate the rows behind the roller between the lifts at a mean density ratio [-].
 
-        Parameters
-        ----------
-        density_ratio : float
-            Mean density ratio [-]; below the first lift uniform loose mix enters, above the last its rows remain.
+        Below the first lift uniform loose mix enters, above the last its rows remain.
+
+        Returns
+        -------
+        ndarray, shape (3, rows)
+            Heights, all equal [m], density ratios [-] and lateral stresses at rest, compression positive [Pa], from
+            the base upwards.
         """
+
+        def equal_rows(lift: LumpedLift) -> Array:
+            heights, *values = np.array(lift.rows).T
+            tops = np.append(0.0, np.cumsum(heights))
+            edges = np.linspace(0.0, tops[-1], PROFILE_ROWS + 1)
+            sums = (np.interp(edges, tops, np.append(0.0, np.cumsum(heights * each))) for each in values)
+            return np.array([np.diff(edges), *(np.diff(each) / np.diff(edges) for each in sums)])
+
         means = np.append(self.lifts[0].density_before, self.values("density_ratio"))
         place = int(np.clip(np.searchsorted(means, density_ratio), 1, len(self.lifts)))
         share = float(np.clip((density_ratio - means[place - 1]) / (means[place] - means[place - 1]), 0.0, 1.0))
-        after = np.array(_equal_rows(self.lifts[place - 1]))
-        if place > 1:
-            before = np.array(_equal_rows(self.lifts[place - 2]))
-        else:
-            before = np.multiply.outer([after[0, 0], means[0], 0.0], np.ones(PROFILE_ROWS))
-        return SectionProfile(*((1 - share) * before + share * after))
+        after = equal_rows(self.lifts[place - 1])
+        loose = np.multiply.outer([after[0, 0], means[0], 0.0], np.ones(PROFILE_ROWS))
+        return (1 - share) * (loose if place == 1 else equal_rows(self.lifts[place - 2])) + share * after
 
 
 def simulate_lifts(
@@ -261,13 +258,28 @@ def simulate_lifts(
     LiftSequence
         Without the lifts after one that has no steady state.
     """
-    lifts, stopped = list[LumpedLift](), ""
+    lifts, stopped, machine = list[LumpedLift](), "", problem.machine
+    material = replace(problem.material, fed_density_ratio=problem.feed.density_ratio)
+    filling = replace(material, fed_density_ratio=problem.fill.density_ratio)
+    state = fresh_layer(filling, np.full(FILL_ROWS, problem.fill.height / FILL_ROWS))
+    radius, m = machine.roller_radius, material.rate_sensitivity
     try:
-        for lift in _lifts(problem, friction, rate_factor, (thickness, increments), air):
-            lifts.append(lift)
-            report(f"lift {len(lifts)} of {thickness * 1e3:.3g} mm: mean density ratio {lift.density_ratio:.3f}")
-            if lift.density_ratio >= density_ratio or len(lifts) == LIFTS_MAX:
-                break
+        while not lifts or (lifts[-1].density_ratio < density_ratio and len(lifts) < LIFTS_MAX):
+            # a fill above the lowest generatrix, or elastic recovery, is pressed alone
+            fed = 0.0 if state.height + thickness - machine.height > machine.max_bite else thickness
+            raised = state.with_lift(fed, material) if fed else state
+            while raised.height <= machine.height:  # lifts in a mould that is not full
+                raised = raised.with_lift(thickness, material)
+            bite, speed = raised.height - machine.height, machine.cart_speed
+            if m and rate_factor >= 1 + RATE_ROUNDING:  # the speed at which the yield pressure has the rate factor
+                factor = rate_factor_at(material, radius, raised.height, bite, speed, raised)
+                speed *= float(np.expm1((rate_factor - 1) / m) / np.expm1((factor - 1) / m))
+            roller = Roller(radius, indentation=bite, friction=friction, rolling="free", profile="deformed")
+            options = {"fed_layer": raised, "increments": increments, "steady_tolerance": STEADY_TOLERANCE}
+            passed = _with_closed_energy(roll(Layer(raised.height), roller, material, speed, **options))
+            lifts.append(_lift(passed, raised.density_ratio, fed, air, machine.cart_speed))
+            report(f"lift {len(lifts)} of {thickness * 1e3:.3g} mm: mean density ratio {lifts[-1].density_ratio:.3f}")
+            state = passed.exit
     except (RuntimeError, ValueError) as error:  # no steady state, or more mix than fits
         if not lifts:
             raise
@@ -294,36 +306,6 @@ def lift_thickness(machine: FormingMachine, make_up: Array, share: float) -> flo
     return share * min(machine.max_bite, max(float(make_up.sum()) / LIFTS_MIN, single))
 
 
-def _lifts(
-    problem: FormingProblem, friction: float, rate_factor: float, lumping: tuple[float, int], air: LiftAir | None
-) -> Iterator[LumpedLift]:
-    """Yield lifts one after the other, of a thickness [m] and on a number of elements per contact length."""
-    (thickness, increments), machine = lumping, problem.machine
-    material = replace(problem.material, fed_density_ratio=problem.feed.density_ratio)
-    filling = replace(material, fed_density_ratio=problem.fill.density_ratio)
-    state = fresh_layer(filling, np.full(FILL_ROWS, problem.fill.height / FILL_ROWS))
-    while True:
-        # a fill above the lowest generatrix, or elastic recovery, is pressed alone
-        fed = 0.0 if state.height + thickness - machine.height > machine.max_bite else thickness
-        raised = state.with_lift(fed, material) if fed else state
-        while raised.height <= machine.height:  # lifts in a mould that is not full
-            raised = raised.with_lift(thickness, material)
-        bite = raised.height - machine.height
-        roller = Roller(machine.roller_radius, indentation=bite, friction=friction, rolling="free", profile="deformed")
-        speed, m = machine.cart_speed, material.rate_sensitivity
-        if m and rate_factor >= 1 + RATE_ROUNDING:  # the speed at which the yield pressure has the rate factor
-            factor = rate_factor_at(material, machine.roller_radius, raised.height, bite, speed, raised)
-            speed *= float(np.expm1((rate_factor - 1) / m) / np.expm1((factor - 1) / m))
-        passed = roll(
-            Layer(raised.height), roller, material, speed,
-            fed_layer=raised, increments=increments, steady_tolerance=STEADY_TOLERANCE,
-        )  # fmt: skip
-        passed = _with_closed_energy(passed)
-        record = _lift(passed, raised, fed)
-        yield record if air is None else _with_air(record, passed, air, machine.cart_speed)
-        state = passed.exit
-
-
 def _with_closed_energy(passed: CompactionContactResult) -> CompactionContactResult:
     """Return the pass after further travel until its energy closes, or the mix at its exit has left the last jump."""
     rolling, height = passed.solution, passed.solution.steps[-1].bottom_height
@@ -339,28 +321,21 @@ def _with_closed_energy(passed: CompactionContactResult) -> CompactionContactRes
     return passed
 
 
-def _with_air(lift: LumpedLift, passed: CompactionContactResult, air: LiftAir, speed: float) -> LumpedLift:
-    """Return a record with the pore air of its pass at a speed [m/s]."""
-    if air.coupled:
-        contact = roll_coupled(passed, air.pore_air, speed)
-        under, pressure = RollerAir(contact.rolling, air.pore_air), contact.pressure
-        behind = contact.largest_excess_behind
-        load, resistance = contact.load - passed.load, contact.resistance - passed.resistance
-    else:
-        under = RollerAir(passed.solution, air.pore_air)
-        pressure = under.pressure(speed)
-        behind, (load, resistance) = under.largest_excess_behind(pressure), under.forces(pressure)
-    assert lift.mesh is not None  # of every pass
-    points = under.at_points(pressure)
-    lift.mesh.cell_data["air_pressure"] = [points.reshape(len(lift.mesh.cells[0].data), -1).mean(axis=1)]
-    return replace(lift, air_load=load, air_resistance=resistance, air_excess_behind=behind)
-
-
-def _lift(passed: CompactionContactResult, raised: LayerState, thickness: float) -> LumpedLift:
-    """Return the record of a pass."""
-    state, error = passed.exit, passed.error
+def _lift(
+    passed: CompactionContactResult, density_before: float, thickness: float, air: LiftAir | None, speed: float
+) -> LumpedLift:
+    """Return the record of a pass, with its pore air at a speed [m/s]."""
+    state, error, mesh = passed.exit, passed.error, field_mesh(passed)
     assert error is not None  # the engine estimates its error
-    ratio = state.points.density_ratio
+    ratio, behind, load, resistance = state.points.density_ratio, 0.0, 0.0, 0.0
+    if air is not None:
+        coupled = roll_coupled(passed, air.pore_air, speed) if air.coupled else None
+        under = RollerAir(passed.solution if coupled is None else coupled.rolling, air.pore_air)
+        pressure = under.pressure(speed) if coupled is None else coupled.pressure
+        behind, (load, resistance) = under.largest_excess_behind(pressure), under.forces(pressure)
+        if coupled is not None:
+            load, resistance = coupled.load - passed.load, coupled.resistance - passed.resistance
+        under.add_field(mesh, pressure)
     return LumpedLift(
         thickness=thickness,
         bite=passed.indentation,
@@ -368,7 +343,7 @@ def _lift(passed: CompactionContactResult, raised: LayerState, thickness: float)
         resistance=passed.resistance,
         load_error=error[0],
         resistance_error=error[1],
-        density_before=raised.density_ratio,
+        density_before=density_before,
         density_ratio=passed.exit_density_ratio,
         bottom_density_ratio=mean_over_height(state.heights, ratio, 0.0, QUARTER),
         top_density_ratio=mean_over_height(state.heights, ratio, 1 - QUARTER, 1.0),
@@ -377,23 +352,12 @@ def _lift(passed: CompactionContactResult, raised: LayerState, thickness: float)
         peak_pressure=float(passed.peak_pressure or 0.0),
         work_residual=passed.work_residual or 0.0,
         mass_residual=passed.mass_residual,
-        row_heights=tuple(state.heights.tolist()),
-        row_density_ratios=tuple(ratio.tolist()),
-        row_lateral_stresses=tuple((-state.points.stress[:, [0, 2]].mean(axis=1)).tolist()),
-        mesh=field_mesh(passed),
+        rows=tuple(zip(state.heights, ratio, -state.points.stress[:, [0, 2]].mean(axis=1), strict=True)),
+        air_load=load,
+        air_resistance=resistance,
+        air_excess_behind=behind,
+        mesh=mesh,
     )
-
-
-def _equal_rows(lift: LumpedLift) -> SectionProfile:
-    """Return rows of equal height behind a lift, by the means of its own rows."""
-    heights = np.array(lift.row_heights)
-    tops = np.append(0.0, np.cumsum(heights))
-    edges = np.linspace(0.0, tops[-1], PROFILE_ROWS + 1)
-
-    def means(values: tuple[float, ...]) -> Array:
-        return np.diff(np.interp(edges, tops, np.append(0.0, np.cumsum(heights * values)))) / np.diff(edges)
-
-    return SectionProfile(np.diff(edges), means(lift.row_density_ratios), means(lift.row_lateral_stresses))
 
 
 @dataclass(frozen=True)
@@ -542,7 +506,7 @@ class TwoDimensionalRow:
             Degree of the polynomial in the thickness, less than the number of sequences; 0 for a power law.
         """
         density, made_up = self._densities(name), self.row.history.make_up
-        table = self.rate_scale * np.array([_interpolated(sequence, name, density) for sequence in sequences])
+        table = self.rate_scale * np.array([sequence.at(name, density) for sequence in sequences])
         if len(sequences) == 1:
             return table[0]
         thickness = np.array([sequence.thickness for sequence in sequences])
@@ -586,13 +550,3 @@ class TwoDimensionalRow:
             return Estimate(0.0, 0.0, 0.0, 0.0)
         meshes = [total(sequence) for sequence in self.meshes]
         return Estimate(value, abs(thickest / value - 1), abs(meshes[-1] / meshes[0] - 1), 0.0)
-
-
-def _interpolated(sequence: LiftSequence, name: str, density: Array) -> Array:
-    """Interpolate P, or F over the thickness, of a sequence at mean densities, linearly in the logarithm."""
-    ratio, force = sequence.curve(name)
-    if len(ratio) == 1:
-        return np.full(len(density), np.exp(np.log(force[0])))
-    slope, inside = np.diff(np.log(force)) / np.diff(ratio), np.interp(density, ratio, np.log(force))
-    below, above = np.minimum(density - ratio[0], 0.0), np.maximum(density - ratio[-1], 0.0)
-    return np.exp(inside + slope[0] * below + slope[-1] * above)
