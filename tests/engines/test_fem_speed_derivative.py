@@ -155,8 +155,8 @@ def accelerated_resistance(roller, speed, acceleration, steps, times, tolerance)
 
     (theta/step)(3/2 z - 2 z' + 1/2 z'') - v theta dz/dx + z = w,  from steady motion many creep times earlier
     """
-    creep = creep_function(MIX)
-    (share,), (time,), step = creep.shares, creep.times, times * creep.times[0] / steps
+    instant, (share,), (time,) = creep_function(MIX)
+    step = times * time / steps
     problem = contact_problem.RollingProblem(SLIP, roller, MIX, speed - acceleration * step * steps)
     grid = fem_engine.initial_discretisation(problem, None, tolerance)  # the edges move on the mesh
     window, factor = contact_problem.WINDOW * grid.half_width, 1 + 1.5 * time / step
@@ -167,7 +167,7 @@ def accelerated_resistance(roller, speed, acceleration, steps, times, tolerance)
         problem = replace(problem, speed=speed - acceleration * step * left)
         m = retardation_operator(elastic.x, time * problem.speed / factor) / factor
         decayed = time / step * (2 * z - before / 2) @ m.T
-        surface = elastic.retarded(creep.instant * np.eye(len(m)) + share * m)
+        surface = elastic.retarded(instant * np.eye(len(m)) + share * m)
         surface = replace(surface, initial=NodalField(elastic.x, share * decayed))
         contact = contact_problem.solve_at_target(problem, surface, grid, initial_guess=contact)
         before, z = z, elastic_displacement(elastic, contact) @ m.T + decayed

@@ -21,8 +21,6 @@ N. W. Tschoegl, The phenomenological theory of linear viscoelastic behavior (Spr
 creep and relaxation functions.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from compact.engines.spectral.galerkin_system import creep_spectrum
@@ -33,49 +31,34 @@ QUADRATURE_LIMIT = 2.0  # [-], interval over relaxation length; below it the rec
 QUADRATURE_POINTS = 14  # [-], of Gauss; exact to rounding below the limit
 
 
-@dataclass(frozen=True)
-class CreepFunction:
-    """Creep function J(t) E = instant + sum_k share_k (1 - exp(-t/time_k)) of a modulus E(t) with relaxed value E.
-
-    Parameters
-    ----------
-    instant : float
-        Instantaneous compliance J_0 [-]; it sums to 1 with the shares.
-    shares : tuple of float
-        Compliances J_k of the branches [-].
-    times : tuple of float
-        Retardation times theta_k [s].
-    """
-
-    instant: float
-    shares: tuple[float, ...] = ()
-    times: tuple[float, ...] = ()
-
-
-def creep_function(material: Elastic) -> CreepFunction:
+def creep_function(material: Elastic) -> tuple[float, Array, Array]:
     """Convert the Prony series of a material to its creep function.
 
-    Parameters
-    ----------
-    material : Elastic or Viscoelastic
-        Material with or without `branches` (stiffness share, relaxation time).
+        J(t) E = instant + sum_k share_k (1 - exp(-t/time_k)),    E the relaxed modulus
+
+    Returns
+    -------
+    instant : float
+        Instantaneous compliance J_0 [-]; it sums to 1 with the shares.
+    shares, times : ndarray
+        Compliances J_k of the branches [-] and their retardation times theta_k [s], shape (branches,).
 
     Examples
     --------
     >>> from compact.material.laws import Viscoelastic
     >>> creep = creep_function(Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),)))
-    >>> f"{creep.instant:.3f} instantaneous, {creep.shares[0]:.3f} with {creep.times[0]:.3f} s"
+    >>> instant, (share,), (time,) = creep
+    >>> f"{instant:.3f} instantaneous, {share:.3f} with {time:.3f} s"
     '0.500 instantaneous, 0.500 with 0.200 s'
     """
-    instant, shares, times = creep_spectrum(getattr(material, "branches", ()))
-    return CreepFunction(instant, tuple(shares.tolist()), tuple(times.tolist()))
+    return creep_spectrum(getattr(material, "branches", ()))
 
 
 def steady_creep_operator(x: Array, material: Elastic, speed: float) -> Array:
     """Operator C of u = C w at a speed [m/s], for w quadratic on each element of the nodes x [m], shape (n, n)."""
-    creep = creep_function(material)
-    C = creep.instant * np.eye(len(x))
-    for share, time in zip(creep.shares, creep.times, strict=True):
+    instant, *branches = creep_function(material)
+    C = instant * np.eye(len(x))
+    for share, time in zip(*branches, strict=True):
         C += share * retardation_operator(x, time * speed)
     return C
 
@@ -93,10 +76,13 @@ def retardation_operator(x: Array, length: float) -> Array:
     starts, ends = flow[:-2:2], flow[2::2]
     for place in (1, 2):
         reach = flow[place::2][: len(starts)] - starts
-        weights = _quadratic_weights(reach, ends - starts, (flow[1::2] - starts), length)
+        zeroth, first, second = _exponential_moments(reach / length)
+        r, m = reach / (ends - starts), (flow[1::2] - starts) / (ends - starts)  # in units of the element
+        first, second = first * r, second * r**2
+        of_start, of_end = zeroth - first * (1 + m) / m + second / m, (second - m * first) / (1 - m)
         rows = np.arange(len(starts)) * 2 + place
-        for k in range(3):
-            M[rows, rows - place + k] = weights[k]
+        for k, weight in enumerate((of_start, (first - second) / (m * (1 - m)), of_end)):
+            M[rows, rows - place + k] = weight
     decay_half, decay = np.exp(-(flow[1::2] - starts) / length), np.exp(-(ends - starts) / length)
     for j in range(len(starts)):  # contributions of the elements farther upstream
         M[2 * j + 1] += decay_half[j] * M[2 * j]
@@ -131,11 +117,3 @@ def _exponential_moments(y: Array) -> tuple[Array, ...]:
     first = 1 - zeroth / large
     recursion = (zeroth, first, 1 - 2 * first / large)
     return tuple(np.where(y < QUADRATURE_LIMIT, np.sum(kernel * r**k, axis=-1), recursion[k]) for k in range(3))
-
-
-def _quadratic_weights(reach: Array, size: Array, middle: Array, length: float) -> tuple[Array, Array, Array]:
-    """Weights of the start, middle and end value of a quadratic in the increment of z over `reach` from the start."""
-    zeroth, first, second = _exponential_moments(reach / length)
-    r, m = reach / size, middle / size  # in units of the element
-    first, second = first * r, second * r**2
-    return (zeroth - first * (1 + m) / m + second / m, (first - second) / (m * (1 - m)), (second - m * first) / (1 - m))

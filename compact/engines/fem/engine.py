@@ -24,7 +24,7 @@ Errors in this range, against closed forms and the engine "spectral":
 They hold for plies whose moduli differ 20-fold, if the top ply is a fifth of the half-width thick or more.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -40,15 +40,13 @@ from compact.engines.fem.contact_problem import (
     solve_contact,
     steady_surface,
 )
-from compact.engines.fem.fields import LoadedLayer, dissipated_work
+from compact.engines.fem.fields import FemContactResult, dissipated_work
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral.engine import SpectralContactResult
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh, mesh_for_error
-from compact.numerics import Array
 from compact.numerics.validation import require_positive
 from compact.rolling_contact import (
-    ContactResult,
     Layer,
     Roller,
     require_known_case,
@@ -77,37 +75,6 @@ TERM_GROWTH = 1.5  # [-], ratio of pressure terms from one level to the next, fr
 SPECTRAL_TOLERANCE = 1e-2  # [-], of the contact by the spectral engine to which a refined mesh is fitted
 MAX_UNKNOWNS = 60_000  # [-], of a refined mesh; the mesh of its error estimate has four times as many
 MESH_ROUNDING = 1e-6  # [-], of the layer height, by which a mesh may miss the surface or an interface
-
-
-@dataclass(frozen=True, kw_only=True)
-class FemContactResult(ContactResult):
-    """A `ContactResult` with the data that its fields require.
-
-    Its `history` lists (trailing, leading, step over length) of every iteration, along x [m].
-
-    Parameters
-    ----------
-    indentation : float
-        Indentation delta [m].
-    creep : float or None
-        Creepage, angular speed x radius/speed - 1 [-], of a roller with stick and slip.
-    forces : ndarray
-        Forces on the surface nodes over the relaxed modulus [m], shape (2, n).
-    """
-
-    indentation: float
-    creep: float | None
-    layer: Layer
-    roller: Roller
-    material: Elastic
-    speed: float
-    mesh: RowMesh
-    forces: Array
-
-    @property
-    def loaded_layer(self) -> LoadedLayer:
-        """Layer under the forces on its surface."""
-        return LoadedLayer(self.mesh, self.layer, self.material, self.forces, self.speed)
 
 
 def roll(
@@ -217,8 +184,12 @@ def _solve_on(problem: RollingProblem, discretisation: Discretisation, estimate:
     contact = solve_contact(problem, discretisation)
     result = _contact_result(problem, discretisation.mesh, contact)
     result = replace(result, work_residual=_work_residual(problem, result, contact))
-    tolerance = TARGET_FACTOR * problem.target_tolerance
-    require_on_target(result, problem.roller, tolerance, torque=_torques(problem, contact))
+    torques = None
+    if contact.shear is not None:  # prescribed and computed
+        force = contact.patch.integral(contact.shear.traction_at(contact.patch.x))
+        E, R = problem.material.youngs_modulus, problem.roller.radius
+        torques = problem.torque, float(-problem.direction * R * E * force)
+    require_on_target(result, problem.roller, TARGET_FACTOR * problem.target_tolerance, torque=torques)
     if not estimate:
         return result
     return replace(result, error=_error_estimate(problem, discretisation, result, contact))
@@ -226,15 +197,19 @@ def _solve_on(problem: RollingProblem, discretisation: Discretisation, estimate:
 
 def _solve_to_tolerance(problem: RollingProblem, tolerance: float) -> FemContactResult:
     """Refine the mesh and the pressure terms until the error estimates are within the tolerance."""
+
+    def largest(result: FemContactResult) -> float:
+        return max(result.error or (np.inf, np.inf))
+
     best: FemContactResult | None = None
-    discretisation: Discretisation | None
     failure, spectral_contact, meshes = None, None, 0
     for level in range(MAX_LEVEL + 1):
         try:
-            if level == 0:
-                discretisation = initial_discretisation(problem, None, tolerance)
-            else:
-                discretisation = refined_discretisation(problem, level, tolerance, best or spectral_contact)
+            discretisation = (
+                refined_discretisation(problem, level, tolerance, best or spectral_contact)
+                if level
+                else initial_discretisation(problem, None, tolerance)
+            )
             if discretisation is None:
                 break
             meshes += 1
@@ -242,32 +217,24 @@ def _solve_to_tolerance(problem: RollingProblem, tolerance: float) -> FemContact
         except UnresolvedError as error:
             failure = error
         else:
-            if _largest_error(result) <= tolerance:
+            if largest(result) <= tolerance:
                 return result
-            best = min(best or result, result, key=_largest_error)
+            best = min(best or result, result, key=largest)
         spectral_contact = spectral_contact or spectral_estimate(problem)
+    needs_fem = problem.turns_with_friction or problem.roller.profile == "deformed"
+    remedy = "use spectral" + ", with a gap measured vertically and without stick and slip" * needs_fem
     if best is None:
         raise UnresolvedError(
-            f"no contact found on {meshes} meshes of up to {MAX_UNKNOWNS} unknowns; {_remedy(problem)}; {failure}"
+            f"no contact found on {meshes} meshes of up to {MAX_UNKNOWNS} unknowns; {remedy}; {failure}"
         )
     load, resistance = best.error or (np.inf, np.inf)
-    digit = 10.0 ** (np.floor(np.log10(_largest_error(best))) - 1)  # the error is rounded up to two digits
+    digit = 10.0 ** (np.floor(np.log10(largest(best))) - 1)  # the error is rounded up to two digits
     raise RuntimeError(
         f"`tolerance` {tolerance:g} is not reached: the error estimate is {load:.1e} for the load and {resistance:.1e} "
         f"for the resistance on a mesh of {best.mesh.dofs} unknowns, the best of up to {MAX_LEVEL} refinements within "
-        f"{MAX_UNKNOWNS} unknowns; raise the tolerance to {float(np.ceil(_largest_error(best) / digit) * digit):g}, or "
-        f"{_remedy(problem)}"
+        f"{MAX_UNKNOWNS} unknowns; raise the tolerance to {float(np.ceil(largest(best) / digit) * digit):g}, or "
+        f"{remedy}"
     )
-
-
-def _largest_error(result: FemContactResult) -> float:
-    return max(result.error or (np.inf, np.inf))
-
-
-def _remedy(problem: RollingProblem) -> str:
-    if problem.turns_with_friction or problem.roller.profile == "deformed":
-        return "use spectral, with a gap measured vertically and without stick and slip"
-    return "use spectral"
 
 
 def _contact_result(problem: RollingProblem, mesh: RowMesh, contact: ContactSolution) -> FemContactResult:
@@ -298,15 +265,6 @@ def _contact_result(problem: RollingProblem, mesh: RowMesh, contact: ContactSolu
         mesh=mesh,
         forces=contact.forces,
     )
-
-
-def _torques(problem: RollingProblem, contact: ContactSolution) -> tuple[float, float] | None:
-    """Prescribed and computed torque per unit length [N] on a roller with stick and slip."""
-    if contact.shear is None:
-        return None
-    force = contact.patch.integral(contact.shear.traction_at(contact.patch.x))
-    E, R = problem.material.youngs_modulus, problem.roller.radius
-    return problem.torque, float(-problem.direction * R * E * force)
 
 
 def _error_estimate(
@@ -349,10 +307,22 @@ def _error_estimate(
 
 
 def _work_residual(problem: RollingProblem, result: FemContactResult, contact: ContactSolution) -> float:
-    """Energy balance over the resistance: work of the roller less dissipation in the layer and by slip."""
+    """Energy balance over the resistance: work of the roller less dissipation in the layer and by slip.
+
+    The held end of a slipping layer does the work Q e less the stored Q e/2 per length rolled,
+
+        e = (1 - nu^2) Q/(E sum c thickness),
+
+    with the shear force Q on the layer [N/m] and the relative modulus c of a ply.
+    """
     patch, shear, E = contact.patch, contact.shear, problem.material.youngs_modulus
-    direction = problem.direction
-    supplied, slipped = result.resistance + direction * _end_work(problem, contact), 0.0
+    direction, supplied, slipped = problem.direction, result.resistance, 0.0
+    if problem.layer.base == "slip":  # work at the held end less the energy that the strain of the layer stores
+        Q, tension_stiffness = (
+            contact.forces[0].sum(),
+            sum(ply.stiffness * ply.thickness for ply in problem.layer.stack),
+        )
+        supplied += direction * E * (1 - problem.material.poisson**2) * Q**2 / (2 * tension_stiffness)
     if shear is not None:
         supplied += direction * problem.torque / problem.roller.radius * (1 + shear.creepage)
         slipped = direction * E * shear.slip_work
@@ -360,22 +330,8 @@ def _work_residual(problem: RollingProblem, result: FemContactResult, contact: C
         stretch = patch.displacement @ shape_matrix(contact.surface.x, patch.x, derivative=True).T
         slip = np.array([[1.0], [0.0]]) + stretch  # of the roller on the mix, over the speed
         slipped = E * patch.integral(patch.pressure * np.sum(patch.shear * slip, axis=0))
-    balance = supplied - direction * dissipated_work(result.loaded_layer) - slipped
+    balance = supplied - direction * dissipated_work(result) - slipped
     return float(abs(balance) / resistance_scale(result.resistance, result.load))
-
-
-def _end_work(problem: RollingProblem, contact: ContactSolution) -> float:
-    """Work at the held end of a slipping layer less the energy stored by its strain e, per length rolled [N].
-
-        Q e - Q e/2,  e = (1 - nu^2) Q/(E sum c thickness)
-
-    Q is the shear force on the layer [N/m] and c the relative modulus of a ply.
-    """
-    if problem.layer.base == "bonded":
-        return 0.0
-    E, nu, Q = problem.material.youngs_modulus, problem.material.poisson, contact.forces[0].sum()
-    tension_stiffness = sum(ply.stiffness * ply.thickness for ply in problem.layer.stack)
-    return float(E * (1 - nu**2) * Q**2 / (2 * tension_stiffness))
 
 
 def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolerance: float) -> Discretisation:
@@ -395,12 +351,6 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
     if mesh is None and reach < fitted.half_width / spectral.WIDTH_RATIO**2:
         fitted = _fitted(problem, spectral.quantise_half_width(reach, fitted.half_width), mesh, tolerance)
     return replace(fitted, indentation=rough.indenter.indentation)
-
-
-def fitted_discretisation(problem: RollingProblem, tolerance: float) -> Discretisation:
-    """Discretisation of refinement level 1, whose mesh fits the contact at its own speed."""
-    refined = refined_discretisation(problem, 1, tolerance, spectral_estimate(problem))
-    return refined or initial_discretisation(problem, None, tolerance)
 
 
 def refined_discretisation(

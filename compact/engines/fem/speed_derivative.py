@@ -15,7 +15,7 @@ these contacts have the same position relative to their meshes, which are that o
 stretched along x. On a mesh at rest, edges that cross nodes cause errors of the derivatives ten times those of F_ss.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -98,10 +98,11 @@ def expand_resistance(
         return ResistanceExpansion(speed, result.resistance, slope=0.0, added_mass=0.0, error=0.0, relaxation_time=0.0)
     time = max(time for _, time in branches)
     with threadpool_limits(1):  # the matrices are small; threads cost more than they save
-        if mesh:
-            discretisation = fem_engine.initial_discretisation(problem, mesh, tolerance)
-        else:
-            discretisation = fem_engine.fitted_discretisation(problem, tolerance)
+        discretisation = None
+        if mesh is None:  # a mesh that fits the contact at its own speed
+            similar = fem_engine.spectral_estimate(problem)
+            discretisation = fem_engine.refined_discretisation(problem, 1, tolerance, similar)
+        discretisation = discretisation or fem_engine.initial_discretisation(problem, mesh, tolerance)
         resistance, slope, added_mass = expand_window(discretisation, partial(_expansion, problem, discretisation))
         error = None
         if estimate:
@@ -113,78 +114,51 @@ def expand_resistance(
 
 
 def _expansion(problem: RollingProblem, discretisation: Discretisation, window: float) -> tuple[float, float, float]:
-    """Return (F_ss, dF_ss/dv, M) in a loaded zone of a half-width [m]."""
-    mesh = discretisation.mesh
+    """Return (F_ss, dF_ss/dv, M) in a loaded zone of a half-width [m].
+
+    All contacts are similar to the steady one, each on its mesh shifted and stretched so that the edges keep their
+    elements; the compliance is expanded in the logarithm of the stretch.
+    """
+    mesh, (_, shares, times) = discretisation.mesh, creep_function(problem.material)
     steady = solve_at_target(problem, steady_surface(problem, mesh, window), discretisation)
-    similar = _SimilarContacts(
-        elastic_surface(problem, mesh, window),
-        elastic_surface(problem, mesh, window, stretch_rate=True),
-        steady,
-        replace(discretisation, indentation=steady.indenter.indentation),
-    )
+    elastic, stretch_rate = (elastic_surface(problem, mesh, window, stretch_rate=rate) for rate in (False, True))
+    edges, start = steady.patch.edges, replace(discretisation, indentation=steady.indenter.indentation)
+
+    def stretched(stretch: float) -> SurfaceCompliance:
+        return replace(elastic, response=elastic.response + np.log(stretch) * stretch_rate.response)
+
+    def solve(at: RollingProblem, initial: NodalField | None = None) -> ContactSolution:
+        contact = steady
+        for _ in range(MESH_ITERATIONS):
+            stretch = np.subtract(*contact.patch.edges) / np.subtract(*edges)
+            x = contact.patch.trailing + stretch * (elastic.x - edges[0])
+            surface = replace(stretched(stretch), x=x, initial=initial)
+            surface = surface.retarded(steady_creep_operator(x, at.material, at.speed))
+            contact = solve_at_target(at, surface, start, initial_guess=contact)
+        return contact
+
+    def elastic_displacement(contact: ContactSolution) -> Array:  # w [m], shape (2, n)
+        surface = stretched(np.ptp(contact.surface.x) / np.ptp(elastic.x))
+        return surface.displacement(contact.forces[:, surface.loaded])
+
+    def internal_variables(at: RollingProblem, contact: ContactSolution) -> Array:  # z_k [m], shape (branches, 2, n)
+        w, x = elastic_displacement(contact), contact.surface.x
+        return np.array([w @ retardation_operator(x, time * at.speed).T for time in times])
+
     slower, faster = (replace(problem, speed=problem.speed * (1 + side * SPEED_STEP)) for side in (-1, 1))
-    before, after = (similar.solve(each) for each in (slower, faster))
-    speed_change = faster.speed - slower.speed
-    w, z = similar.elastic_displacement(steady), similar.internal_variables(problem, steady)
-    z_change = similar.internal_variables(faster, after) - similar.internal_variables(slower, before)
+    before, after = solve(slower), solve(faster)
+    speed_change, surface = faster.speed - slower.speed, steady.surface
+    w, z = elastic_displacement(steady), internal_variables(problem, steady)
+    z_change = internal_variables(faster, after) - internal_variables(slower, before)
     mesh_velocity = (after.surface.x - before.surface.x) / speed_change
-    surface, creep = steady.surface, creep_function(problem.material)
-    lengths = problem.speed * np.array(creep.times)[:, None, None]
+    lengths = problem.speed * times[:, None, None]
     z_rate = z_change / speed_change - mesh_velocity * (z - w) / lengths  # at fixed x, since z - l dz/dx = w
     lag = sum(  # g [m s2/m]
         share * time * rate @ retardation_operator(surface.x, time * problem.speed).T
-        for share, time, rate in zip(creep.shares, creep.times, z_rate, strict=True)
+        for share, time, rate in zip(shares, times, z_rate, strict=True)
     )
-    step = float(DISPLACEMENT_STEP * similar.discretisation.indentation / np.abs(lag[:, surface.loaded]).max())
-    losing, gaining = (
-        similar.solve(problem, NodalField(surface.x, -acceleration * lag)) for acceleration in (-step, step)
-    )
+    step = float(DISPLACEMENT_STEP * start.indentation / np.abs(lag[:, surface.loaded]).max())
+    losing, gaining = (solve(problem, NodalField(surface.x, -acceleration * lag)) for acceleration in (-step, step))
     modulus = problem.material.youngs_modulus
     forces = [float(modulus * contact.resultant[0]) for contact in (steady, before, after, losing, gaining)]
     return forces[0], (forces[2] - forces[1]) / speed_change, (forces[4] - forces[3]) / (2 * step)
-
-
-@dataclass(frozen=True)
-class _SimilarContacts:
-    """Contacts similar to a steady one, each on its mesh shifted and stretched so that the edges keep their elements.
-
-    Parameters
-    ----------
-    elastic : SurfaceCompliance
-        Compliance of the elastic layer on the mesh of the steady contact.
-    stretch_rate : SurfaceCompliance
-        Its derivative with respect to the log of the stretch.
-    discretisation : Discretisation
-        Pressure terms and indentation of the steady contact.
-    """
-
-    elastic: SurfaceCompliance
-    stretch_rate: SurfaceCompliance
-    steady: ContactSolution
-    discretisation: Discretisation
-
-    def solve(self, problem: RollingProblem, initial: NodalField | None = None) -> ContactSolution:
-        """Solve a problem on a surface with an initial displacement."""
-        contact, edges = self.steady, self.steady.patch.edges
-        for _ in range(MESH_ITERATIONS):
-            stretch = np.subtract(*contact.patch.edges) / np.subtract(*edges)
-            x = contact.patch.trailing + stretch * (self.elastic.x - edges[0])
-            surface = replace(self.elastic, x=x, response=self._response(stretch), initial=initial)
-            surface = surface.retarded(steady_creep_operator(x, problem.material, problem.speed))
-            contact = solve_at_target(problem, surface, self.discretisation, initial_guess=contact)
-        return contact
-
-    def _response(self, stretch: float) -> Array:
-        return self.elastic.response + np.log(stretch) * self.stretch_rate.response
-
-    def elastic_displacement(self, contact: ContactSolution) -> Array:
-        """Displacement w of the elastic layer under a contact [m], shape (2, n)."""
-        stretch = np.ptp(contact.surface.x) / np.ptp(self.elastic.x)
-        surface = replace(self.elastic, response=self._response(stretch))
-        return surface.displacement(contact.forces[:, surface.loaded])
-
-    def internal_variables(self, problem: RollingProblem, contact: ContactSolution) -> Array:
-        """Compute the internal variables z_k of a contact [m], shape (branches, 2, n)."""
-        w, x = self.elastic_displacement(contact), contact.surface.x
-        times = creep_function(problem.material).times
-        return np.array([w @ retardation_operator(x, time * problem.speed).T for time in times])

@@ -40,7 +40,7 @@ Both are taken from the thinnest lifts; the error is the difference to the thick
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -275,8 +275,9 @@ def simulate_lifts(
                 factor = rate_factor_at(material, radius, raised.height, bite, speed, raised)
                 speed *= float(np.expm1((rate_factor - 1) / m) / np.expm1((factor - 1) / m))
             roller = Roller(radius, indentation=bite, friction=friction, rolling="free", profile="deformed")
-            options = {"fed_layer": raised, "increments": increments, "steady_tolerance": STEADY_TOLERANCE}
-            passed = _with_closed_energy(roll(Layer(raised.height), roller, material, speed, **options))
+            accuracy: Any = {"increments": increments, "steady_tolerance": STEADY_TOLERANCE}
+            passed = roll(Layer(raised.height), roller, material, speed, fed_layer=raised, **accuracy)
+            passed = _with_closed_energy(passed)
             lifts.append(_lift(passed, raised.density_ratio, fed, air, machine.cart_speed))
             report(f"lift {len(lifts)} of {thickness * 1e3:.3g} mm: mean density ratio {lifts[-1].density_ratio:.3f}")
             state = passed.exit

@@ -32,7 +32,7 @@ the rate is that of a single pass.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import brentq
@@ -306,7 +306,8 @@ class FormingProblem:
             states.append(SectionState(merge_layers(raised, self.layers, state.law.K), state.law))
             if states[-1].density_ratio >= until_density_ratio:
                 break
-        return SectionHistory(*np.array(rows).T, tuple(states), rate_factor, fed)
+        arrays: Any = np.array(rows).T
+        return SectionHistory(*arrays, states=tuple(states), rate_factor=rate_factor, fed_density_ratio=fed)
 
 
 @dataclass(frozen=True, eq=False)
