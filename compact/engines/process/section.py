@@ -306,8 +306,8 @@ class FormingProblem:
             states.append(SectionState(merge_layers(raised, self.layers, state.law.K), state.law))
             if states[-1].density_ratio >= until_density_ratio:
                 break
-        arrays: Any = np.array(rows).T
-        return SectionHistory(*arrays, states=tuple(states), rate_factor=rate_factor, fed_density_ratio=fed)
+        fields: list[Any] = [*np.array(rows).T, tuple(states), rate_factor, fed]
+        return SectionHistory(*fields)
 
 
 @dataclass(frozen=True, eq=False)
