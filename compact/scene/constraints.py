@@ -10,12 +10,14 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
+from operator import gt, le, lt
 from typing import Any
 
 from compact.material.earth_pressure import earth_pressure_bounds, matched_slopes
 from compact.material.mix import prior, scaled_fits
 from compact.scene.engine_capabilities import TORQUE_ENGINES, refusals
 from compact.scene.errors import Key, Mistake, Source
+from compact.scene.schema import unit_of
 
 OIL_SHARE = 0.02  # [-], of the stroke, by which oil may yield; a cart overshoots its stroke by up to half of this
 GUARD = 1 + 1e-9  # [-], relative rounding margin; the published machine satisfies 2R + B_T = stroke exactly
@@ -63,14 +65,17 @@ def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[
     return [Mistake(key, sentence) for key, sentence in said if sentence]
 
 
-def tables_exist(source: Source) -> Rule:
-    """Return the rule that every table of `motion.tables` is a file below the folder of the scene."""
-    return Rule(("motion.tables",), lambda tables: _missing(tables or (), source.folder))
+def files_exist(source: Source) -> tuple[Rule, ...]:
+    """Return the rules that the files that a scene names are below its folder."""
 
+    def missing(names: Any) -> str | None:
+        listed = (names,) if isinstance(names, str) else names or ()
+        if absent := [name for name in listed if not _is_file(source.folder / name)]:
+            names = ", ".join(map(repr, absent))
+            return f"no such file: {names} under {str(source.folder)!r}; give CSV files relative to the scene file"
+        return None
 
-def catalogue_exists(source: Source) -> Rule:
-    """Return the rule that the file of `drive.catalogue` is below the folder of the scene."""
-    return Rule(("drive.catalogue.file",), lambda file: None if file is None else _missing((file,), source.folder))
+    return Rule(("motion.tables",), missing), Rule(("drive.catalogue.file",), missing)
 
 
 def rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Broken], Broken]:
@@ -129,22 +134,19 @@ def _front_guide_is_in_front(positions):
         return f"front must be greater than rear, got [{front:g}, {rear:g}]; give [front, rear], + towards the drive"
 
 
-@rule("machine.journal_diameter", "machine.guide_wheel_diameter")
-def _journal_fits_the_wheel(journal, wheel):
-    if journal >= wheel:
-        return f"must be below machine.guide_wheel_diameter = {wheel:g} m, got {journal:g}; give the journal inside it"
+def _compared(word, holds, key, remedy, value, other):
+    if value is not None and not holds(value, other):
+        return f"must be {word} {key} = {other:g}{unit_of(key)}, got {value:g}; {remedy}"
 
 
-@rule("layer.fed_density_ratio", "mix.density_ratio")
-def _fed_mix_is_looser(fed, ratio):
-    if fed >= ratio:
-        return f"must be below mix.density_ratio = {ratio:g}, got {fed:g}; give the looser state before the first pass"
-
-
-@rule("layer.lower_lift.density_ratio", "layer.fed_density_ratio")
-def _lower_lift_is_denser_than_fed(ratio, fed):
-    if ratio is not None and ratio <= fed:
-        return f"must be above layer.fed_density_ratio = {fed:g}, got {ratio:g}; give that behind the earlier pass"
+for _key, _word, _holds, _other, _remedy in (
+    ("machine.journal_diameter", "below", lt, "machine.guide_wheel_diameter", "give the journal inside it"),
+    ("layer.fed_density_ratio", "below", lt, "mix.density_ratio", "give the looser state before the first pass"),
+    ("layer.lower_lift.density_ratio", "above", gt, "layer.fed_density_ratio", "give that behind the earlier pass"),
+    ("layer.lift_thickness", "at most", le, "product.height", "without it the product is one lift"),
+    ("cam.breadth", "greater than", gt, "motion.stroke", "give a broader cam"),
+):
+    rule(_key, _other)(partial(_compared, _word, _holds, _other, _remedy))
 
 
 @rule(
@@ -173,15 +175,10 @@ def _cap_has_the_earth_pressure(_, law, moisture, density_ratio, overrides, fitt
     return None
 
 
-@rule("layer.lift_thickness", "product.height")
-def _lift_is_of_the_product(lift, height):
-    if lift is not None and lift > height:
-        return f"must be at most product.height = {height:g} m, got {lift:g}; without it the product is one lift"
-
-
 @rule("layer.plies", "product.height", "layer.lift_thickness")
 def _plies_fill_the_layer(plies, height, lift):
-    total, (key, required) = sum(ply["thickness"] for ply in plies or ()), _pressed(height, lift)
+    total = sum(ply["thickness"] for ply in plies or ())
+    key, required = _pressed(height, lift)
     if plies and abs(total - required) > (GUARD - 1) * required:
         return f"must be {key} = {required:g} m thick together, got {total:.9g}; change one thickness"
 
@@ -407,12 +404,6 @@ def _compared_engines_are_others(compare, engine):
         return f'holds "{engine}", which is accuracy.engine itself; take it out, or choose another accuracy.engine'
 
 
-@rule("cam.breadth", "motion.stroke")
-def _cam_is_broader_than_the_stroke(breadth, stroke):
-    if breadth is not None and breadth <= stroke:
-        return f"must be greater than motion.stroke = {stroke:g} m, got {breadth:g}; give a broader cam"
-
-
 def _no_duplicates(names):
     if repeated := sorted({name for name in names or () if list(names).count(name) > 1}):
         return f"must not repeat an entry, got {', '.join(map(repr, repeated))} more than once; keep one of each"
@@ -469,12 +460,6 @@ def _torque_is_heeded(torque, rolling, engine):
         return f'the engine "{engine}" neglects machine.roller_torque; "fem" and "compaction" use it'
 
 
-def _missing(tables, folder):
-    if missing := [name for name in tables if not _is_file(folder / name)]:
-        names = ", ".join(map(repr, missing))
-        return f"no such file: {names} under {str(folder)!r}; give CSV files relative to the scene file"
-
-
 def _is_file(path):
     try:
         return path.is_file()
@@ -483,7 +468,10 @@ def _is_file(path):
 
 
 def _value(data, parts):
-    for part in parts:
+    """Return the value at a key path, of a list of tables a tuple of values."""
+    for number, part in enumerate(parts):
+        if isinstance(data, list | tuple):
+            return tuple(_value(entry, parts[number:]) for entry in data)
         data = data.get(part) if data is not None else None
     return _as_floats(data)
 

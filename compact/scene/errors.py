@@ -6,16 +6,18 @@ A scanner of table headers and keys provides the line; pydantic provides the key
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import date, time
 from difflib import get_close_matches
 from itertools import takewhile
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 from pydantic.fields import FieldInfo
+
+from compact.scene.schema import declared_tables, table_of
 
 Key = tuple[str, ...]
 LONGEST_SHOWN = 60  # [characters], of a refused value in a message
@@ -111,54 +113,6 @@ class Source:
 
 # --- fields: from pydantic's errors to sentences
 
-
-def field_mistakes(error: ValidationError, scene: type[BaseModel]) -> list[Mistake]:
-    """Convert the errors of pydantic to mistakes."""
-    errors = error.errors(include_url=False)
-    # pydantic also reports a list as too short if one of its entries is refused; the entry suffices
-    outer = {part["loc"][:length] for part in errors for length in range(len(part["loc"]))}
-    return [_field_mistake(part, scene) for part in errors if part["loc"] not in outer]
-
-
-def _field_mistake(error, scene):
-    path = tuple(part for part in error["loc"] if isinstance(part, str))
-    key = tuple(takewhile(lambda part: isinstance(part, str), error["loc"]))
-    inside = () if error["type"] == "invalid_key" else error["loc"][len(key) :]
-    entry = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in inside)
-    return Mistake(key, _field_sentence(path, error, scene), entry)
-
-
-def _field_sentence(path, error, scene):
-    if error["type"] == "extra_forbidden":
-        return _unknown(path, error["input"], scene)
-    info = dict(_tables(scene))[path[:-1]].model_fields[path[-1]]
-    if error["type"] == "model_type" and not table_of(info):
-        keys = ", ".join(f"{name} = …" for name in tables_of(info).model_fields)
-        return f"must be a table, got {shown(error['input'])}; write {{ {keys} }}"
-    if table_of(info):
-        return _no_table(path, error)
-    return f"{_rule(error, info)}; {_remedy(error, info)}"
-
-
-def _rule(error, info):
-    got = f", got {shown(error['input'])}"
-    match error["type"]:
-        case "missing":
-            return "is missing"
-        case "literal_error":
-            return f"must be one of {', '.join(_choices(error))}{got}"
-        case "too_short" | "too_long":
-            low, high = (_limits(info).get(end) for end in ("min_length", "max_length"))
-            length = f"exactly {low} entries" if high == low else f"at least {low} entry"
-            return f"must have {length}, got {len(error['input'])}"
-        case "float_type" if isinstance(error["input"], int) and not isinstance(error["input"], bool):
-            return f"must be finite and below 1.8e308{got}"
-        case kind if kind in TYPE_WORDS:
-            return f"must be {TYPE_WORDS[kind]}{got}"
-        case _:
-            return f"must be {_bounds(info)}{got}"
-
-
 TYPE_WORDS = {
     "float_type": "a number",
     "finite_number": "finite",
@@ -169,41 +123,83 @@ TYPE_WORDS = {
     "tuple_type": "a list",
     "dict_type": "a table",
 }
+LIMIT_WORDS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
 
 
-def _remedy(error, info):
-    value, meaning = error["input"], info.description
-    if error["type"] == "literal_error" and isinstance(value, str):
-        near = get_close_matches(value, _choices(error), n=1)
-        return f"did you mean '{near[0]}'?" if near else f"give {meaning}"
-    if error["type"] in ("float_type", "int_type") and isinstance(value, str):
-        return f"give {meaning}, without quotes, decimal comma or unit"
-    if error["type"] == "int_type" and isinstance(value, float):
-        return f"give {meaning}, without a decimal point"
-    return f"give {meaning} in square brackets" if error["type"] == "tuple_type" else f"give {meaning}"
+def field_mistakes(error: ValidationError) -> list[Mistake]:
+    """Convert the errors of pydantic to mistakes."""
+    errors = error.errors(include_url=False)
+    # pydantic also reports a list as too short if one of its entries is refused; the entry suffices
+    outer = {part["loc"][:length] for part in errors for length in range(len(part["loc"]))}
+    return [_field_mistake(part) for part in errors if part["loc"] not in outer]
 
 
-def _choices(error):
+def _field_mistake(error: Mapping[str, Any]) -> Mistake:
+    place, kind, value = error["loc"], error["type"], error["input"]
+    path = tuple(part for part in place if isinstance(part, str))
+    key = tuple(takewhile(lambda part: isinstance(part, str), place))
+    inside = () if kind == "invalid_key" else place[len(key) :]
+    entry = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in inside)
+    if kind == "extra_forbidden":
+        return Mistake(key, _unknown(path, value), entry)
+    info = dict(declared_tables())[path[:-1]].model_fields[path[-1]]
+    table, in_list = table_of(info), kind == "tuple_type" or kind == "too_short" or inside != ()
+    header, got = f"[{'.'.join(path)}]", f"got {shown(value)}"
+    if table and kind == "model_type" and inside:
+        words = f"must be a table, {got}; write {{ {', '.join(f'{name} = …' for name in table.model_fields)} }}"
+    elif kind == "invalid_key":
+        words = f"must have texts as keys, got {shown(place[-1])}"
+    elif table and not in_list and kind == "missing":
+        words = f"the table {header} is missing; add it with its keys (`compact new DIR` writes a commented scene)"
+    elif table and not in_list:
+        words = f"must be a table, {got}; write {header} on a line of its own, its keys below"
+    else:
+        words = f"{_rule(error, info)}; {_remedy(error, info)}"
+    return Mistake(key, words, entry)
+
+
+def _rule(error: Mapping[str, Any], info: FieldInfo) -> str:
+    kind, value, limits = error["type"], error["input"], limits_of(info)
+    match kind:
+        case "missing":
+            return "is missing"
+        case "too_short" | "too_long":
+            low, high = limits.get("min_length"), limits.get("max_length")
+            return f"must have {f'exactly {low} entries' if high == low else f'at least {low} entry'}, got {len(value)}"
+        case "literal_error":
+            rule = f"one of {', '.join(_choices(error))}"
+        case "float_type" if isinstance(value, int) and not isinstance(value, bool):
+            rule = "finite and below 1.8e308"
+        case _ if kind in TYPE_WORDS:
+            rule = TYPE_WORDS[kind]
+        case _ if limits in ({"gt": 0}, {"ge": 0}):
+            rule = "positive" if "gt" in limits else "zero or positive"
+        case _ if limits.keys() == {"ge", "le"}:
+            rule = f"between {limits['ge']:.15g} and {limits['le']:.15g}"
+        case _:
+            rule = " and ".join(f"{LIMIT_WORDS[name]} {bound:.15g}" for name, bound in limits.items())
+    return f"must be {rule}, got {shown(value)}"
+
+
+def _remedy(error: Mapping[str, Any], info: FieldInfo) -> str:
+    kind, value, remedy = error["type"], error["input"], f"give {info.description}"
+    if kind == "literal_error" and isinstance(value, str) and (near := get_close_matches(value, _choices(error), n=1)):
+        return f"did you mean '{near[0]}'?"
+    if kind in ("float_type", "int_type") and isinstance(value, str):
+        return f"{remedy}, without quotes, decimal comma or unit"
+    if kind == "int_type" and isinstance(value, float):
+        return f"{remedy}, without a decimal point"
+    return f"{remedy} in square brackets" if kind == "tuple_type" else remedy
+
+
+def _choices(error: Mapping[str, Any]) -> list[str]:
     return re.findall(r"'([^']+)'", error["ctx"]["expected"])
 
 
-def _limits(info):
+def limits_of(info: FieldInfo) -> dict[str, float]:
     """Return the bounds of a field, such as {"ge": 0.9, "le": 0.99} or {"min_length": 2}."""
-    names = ("gt", "ge", "lt", "le", "min_length", "max_length")
+    names = (*LIMIT_WORDS, "min_length", "max_length")
     return {name: getattr(part, name) for part in info.metadata for name in names if hasattr(part, name)}
-
-
-def _bounds(info):
-    match _limits(info):
-        case {"gt": 0, **rest} if not rest:
-            return "positive"
-        case {"ge": 0, **rest} if not rest:
-            return "zero or positive"
-        case {"ge": low, "le": high}:
-            return f"between {low:.15g} and {high:.15g}"
-        case limits:
-            words = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
-            return " and ".join(f"{words[name]} {bound:.15g}" for name, bound in limits.items())
 
 
 def shown(value: object) -> str:
@@ -221,62 +217,12 @@ def shown(value: object) -> str:
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}…"
 
 
-# --- tables and unknown keys
-
-REMOVED: dict[Key, str] = {  # keys of earlier releases without an equivalent, and the remedy
-    ("mix", "reference_speed"): (
-        "the yield pressure depends on the rate of compaction, and the Heckel slope is that at rest; take the key out, "
-        "and multiply a slope that was measured under a roller by 1 + m ln(1 + rate/reference_rate), about 1.1, with "
-        "rate = v ln(k_out/k_in)/contact length in 1/s and m, reference_rate of mix.overrides "
-        "(docs/theory/resistance.md)"
-    ),
-}
-
-
-def table_of(info: FieldInfo) -> type[BaseModel] | None:
-    """Return the table class of a field, or None for a field with a value."""
-    return _first_table((info.annotation, *get_args(info.annotation)))
-
-
-def tables_of(info: FieldInfo) -> type[BaseModel] | None:
-    """Return the class of the table, or of the tables in the list, of a field; else None."""
-    return _first_table(_kinds(info.annotation))
-
-
-def _first_table(kinds: Iterable[object]) -> type[BaseModel] | None:
-    return next((kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)), None)
-
-
-def _kinds(annotation: object) -> Iterator[object]:
-    yield annotation
-    for part in get_args(annotation):
-        yield from _kinds(part)
-
-
-def _tables(model: type[BaseModel], path: Key = ()) -> Iterator[tuple[Key, type[BaseModel]]]:
-    yield path, model
-    for name, info in model.model_fields.items():
-        if inner := tables_of(info):
-            yield from _tables(inner, (*path, name))
-
-
-def _within(path):
+def _within(path: Key) -> str:
     return f"in [{'.'.join(path)}]" if path else "at the top of the file, before any table"
 
 
-def _no_table(key, error):
-    header = f"[{'.'.join(key)}]"
-    if error["type"] == "invalid_key":
-        return f"must have texts as keys, got {shown(error['loc'][-1])}"
-    if error["type"] == "missing":
-        return f"the table {header} is missing; add it with its keys (`compact new DIR` writes a commented scene)"
-    return f"must be a table, got {shown(error['input'])}; write {header} on a line of its own, its keys below"
-
-
-def _unknown(key, value, scene):
-    if key in REMOVED:
-        return f"is no longer a key, got {shown(value)}: {REMOVED[key]}"
-    tables = dict(_tables(scene))
+def _unknown(key: Key, value: object) -> str:
+    tables = dict(declared_tables())
     name, here = key[-1], tables[key[:-1]].model_fields
     what = "table" if isinstance(value, dict) else "key"
     unknown = f"unknown {what} {_within(key[:-1])}, got {shown(value)}"
@@ -293,60 +239,60 @@ def _unknown(key, value, scene):
 
 # --- the text of the file
 
-STRING_OR_COMMENT = re.compile(
-    r'"""(?:\\.|[^\\])*?"{3,5}|' r"'''.*?'{3,5}|" r'"(?:\\.|[^"\\\n])*"|' r"'[^'\n]*'|#[^\n]*", re.DOTALL
+# Possessive repetitions (++) never try again, so that any text takes linear time
+TOKEN = re.compile(
+    r'''(?P<text>"""(?:\\.|[^\\])*?"{3,5}|\'{3}.*?\'{3,5}|"(?:\\.|[^"\\\n])*"|'[^'\n]*')'''
+    r"|(?P<comment>#[^\n]*)|(?P<word>[\w-]++)|(?P<mark>[\[\]{}=,\n])",
+    re.DOTALL,
 )
-# Possessive repetitions (++) never try again, so that a line of blanks takes linear time
-HEADER = re.compile(r"\s*+\[\[?([^\[\]]++)\]")
-KEY = re.compile(r"([\w\s.-]++)=(.*)")
-INLINE_KEY = re.compile(r"[{,]([\w\s.-]++)=")
 
 
 def key_lines(text: str) -> dict[Key, int]:
     """Return the line number of each table header and each key of a valid TOML text."""
-    lines: dict[Key, int] = {}
-    table: Key = ()
-    depth = 0  # of brackets open from the lines before
-    for number, line in enumerate(STRING_OR_COMMENT.sub(_plain, text).split("\n"), 1):
-        if depth == 0 and (header := HEADER.match(line)):
-            table = _parts(header[1])
-            _note(lines, table, number)
-        elif depth == 0 and (key := KEY.match(line)):
-            path = (*table, *_parts(key[1]))
-            _note(lines, path, number)
-            for inline in INLINE_KEY.finditer(key[2]):
-                _note(lines, (*path, *_parts(inline[1])), number)
-        depth += len(re.findall(r"[\[{]", line)) - len(re.findall(r"[\]}]", line))
-    return lines
+    return _scanned(text)[0]
 
 
 def key_remarks(text: str) -> dict[Key, str]:
     """Return the comment on the line of each key of a valid TOML text."""
+    lines, comments = _scanned(text)
+    return {key: comments[line] for key, line in lines.items() if line in comments}
+
+
+def _scanned(text: str) -> tuple[dict[Key, int], dict[int, str]]:
+    """Return the line of each key and the comment on each line, in one pass over the tokens of a text."""
+    lines: dict[Key, int] = {}
     comments: dict[int, str] = {}
-    line, known = 1, 0  # line of the character `known`
-    for token in STRING_OR_COMMENT.finditer(text):
-        line, known = line + text.count("\n", known, token.start()), token.start()
-        if token[0][0] == "#":
-            comments[line] = token[0].strip("# ")
-    return {key: comments[line] for key, line in key_lines(text).items() if line in comments}
+    paths: list[Key] = [()]  # of the table, and of the lists and inline tables that are open in it
+    words: list[str] = []  # since the last mark
+    key: Key = ()  # of the statement, () before its "="
+    number, is_header = 1, False
 
+    def note(path: Key) -> Key:
+        for length in range(1, len(path)):
+            lines.setdefault(path[:length], number)
+        lines[path] = number
+        return path
 
-def _plain(match):
-    """Remove a comment, and the quotes of a string that can be a key; keep line ends."""
-    token = match[0]
-    bare = token.strip("\"'")
-    word = bare if re.fullmatch(r"[\w-]+", bare) else "_"
-    return "" if token[0] == "#" else word + "\n" * token.count("\n")
-
-
-def _parts(dotted):
-    return tuple(part.strip() for part in dotted.split("."))
-
-
-def _note(lines, path, number):
-    for length in range(1, len(path)):
-        lines.setdefault(path[:length], number)
-    lines[path] = number
+    for token in TOKEN.finditer(text):
+        kind, said = token.lastgroup, token[0]
+        if kind == "comment":
+            comments[number] = said.strip("# ")
+        elif kind != "mark":
+            words.append(said.strip("\"'"))
+        elif said == "=":
+            key = note((*paths[-1], *words))
+        elif said in "[{":
+            is_header = not key
+            paths += [key] if key else []
+        elif said in "]}" and is_header and words:
+            paths, is_header = [note(tuple(words))], False
+        elif said in "]}" and len(paths) > 1:
+            key = paths.pop()
+        elif said == "\n" and len(paths) == 1:
+            key = ()
+        words = [] if kind == "mark" else words
+        number += said.count("\n")
+    return lines, comments
 
 
 def syntax_sentence(error: Exception, text: str) -> str:

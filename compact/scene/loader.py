@@ -17,22 +17,15 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from pydantic import Field, PrivateAttr, ValidationError
+from pydantic import PrivateAttr, ValidationError
 
 from compact.files import checksum
-from compact.scene import errors, plausible_ranges, schema
-from compact.scene.constraints import (
-    ADVICE,
-    RULES,
-    Rule,
-    catalogue_exists,
-    sentences,
-    tables_exist,
-)
+from compact.scene import errors, plausible_ranges
+from compact.scene.constraints import ADVICE, RULES, Rule, files_exist, sentences
 from compact.scene.engine_capabilities import LIMITS, adapt, replaced
 from compact.scene.errors import Mistake, SceneError, Source
 from compact.scene.process_constraints import PROCESS_ADVICE, PROCESS_RULES
-from compact.scene.schema import LAW_NAMES, Names, Table
+from compact.scene.schema import LAW_NAMES, SceneTables
 
 __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change", "starter_scene"]
 
@@ -40,24 +33,9 @@ __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "rea
 FILE_KEYS = ("drive.catalogue.file",)  # whose values are names of files
 
 
-class Scene(Table):
+class Scene(SceneTables):
     """One machine with one mix and one motion. Scenes compare by content, not by origin."""
 
-    title: str = Field(default="", description="a title in quotes")
-    unusual: Names = Field(default=(), description="keys whose values are meant as given, though implausible")
-    machine: schema.Machine
-    product: schema.Product
-    mix: schema.Mix
-    layer: schema.Layer
-    motion: schema.Motion
-    drive: schema.Drive
-    cam: schema.Cam | None = None
-    contact: schema.Contact | None = None
-    process: schema.Process | None = None
-    sleeve: schema.Sleeve | None = None
-    accuracy: schema.Accuracy
-    compare: schema.Compare | None = None
-    output: schema.Output
     _source: Source = PrivateAttr(default_factory=Source)
 
     @property
@@ -141,24 +119,18 @@ class Scene(Table):
     @property
     def replacements(self) -> dict[str, tuple[str, ...]]:
         """Sentences on the values that each engine replaces, by engine."""
-        engines = {self.accuracy.engine: self} | {name: self.with_engine(name) for name in self.compared_engines}
-        return {
-            name: (*self._left_out(name), *adapt(scene, name)[1], *self._scaled_fits(name, scene))
-            for name, scene in engines.items()
-        }
-
-    def _scaled_fits(self, engine: str, scene: Self) -> Iterator[str]:
-        """Yield the remark on the fitted values of an engine, unless it is that of the leading one."""
-        remark = scene.mix.fit_remark
-        if remark and (engine == self.accuracy.engine or remark != self.mix.fit_remark):
-            yield f"{engine}: {remark}"
-
-    def _left_out(self, engine: str) -> Iterator[str]:
-        """Yield sentences on the keys that the formulas neglect where they are compared with another engine."""
-        for limit in LIMITS[engine] if engine == "formula" != self.accuracy.engine else ():
-            value = limit.value_in(self)
-            if not limit.fixed and value not in limit.taken:
-                yield replaced(engine, limit, value)
+        own, found = self.accuracy.engine, {}
+        for name in (own, *self.compared_engines):
+            scene = self if name == own else self.with_engine(name)
+            left_out = [  # keys that the formulas neglect where they are compared with another engine
+                replaced(name, limit, limit.value_in(self))
+                for limit in (LIMITS[name] if name == "formula" != own else ())
+                if not limit.fixed and limit.value_in(self) not in limit.taken
+            ]
+            fits = scene.mix.fit_remark
+            told = fits and (name == own or fits != self.mix.fit_remark)
+            found[name] = (*left_out, *adapt(scene, name)[1], *([f"{name}: {fits}"] if told else []))
+        return found
 
     @property
     def advice(self) -> tuple[str, ...]:
@@ -197,11 +169,9 @@ class Scene(Table):
     @property
     def checksums(self) -> dict[str, tuple[str, ...]]:
         """Checksums of the contents of the files that the scene names, by key."""
-        named = {
-            "motion.tables": self.table_paths,
-            "drive.catalogue.file": (self.catalogue_path,),
-        }
-        return {key: tuple(checksum(_bytes(path)) for path in paths if path) for key, paths in named.items()}
+        catalogue = () if self.catalogue_path is None else (self.catalogue_path,)
+        named = {"motion.tables": self.table_paths, "drive.catalogue.file": catalogue}
+        return {key: tuple(checksum(_bytes(path)) for path in paths) for key, paths in named.items()}
 
     def checksum_of(self, file: str) -> str:
         """Return the checksum of a file that a change of the scene names; empty if it cannot be read."""
@@ -241,7 +211,7 @@ class Scene(Table):
             If a key is unknown, or its value is out of bounds or implausible.
         """
         data = self._given()
-        source, mistakes = _validated(type(self), data, self._source, changes)[1:]
+        _, source, mistakes = _validated(type(self), data, self._source, changes)
         mistakes += sentences(_involving(changes, plausible_ranges.REFUSALS), data, refused=mistakes)
         if mistakes:
             raise SceneError(source.report(mistakes))
@@ -336,8 +306,7 @@ def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, objec
 
 
 def _rules(source: Source) -> tuple[Rule, ...]:
-    own = tables_exist(source), catalogue_exists(source)
-    return (*RULES, *PROCESS_RULES, *plausible_ranges.REFUSALS, *own)
+    return (*RULES, *PROCESS_RULES, *plausible_ranges.REFUSALS, *files_exist(source))
 
 
 def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:
@@ -347,29 +316,22 @@ def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:
 
 
 def _checked(
-    kind: type[AnyScene],
-    data: dict[str, Any],
-    source: Source,
-    changes: Mapping[str, object],
-    rules: Iterable[Rule],
+    kind: type[AnyScene], data: dict[str, Any], source: Source, changes: Mapping[str, object], rules: Iterable[Rule]
 ) -> AnyScene:
+    """Return the scene of the changed data, whose fields, rules and compared engines are valid."""
     scene, source, mistakes = _validated(kind, data, source, changes)
     mistakes += sentences(rules, data, refused=mistakes)
     if not mistakes:
         scene._source = source
-        mistakes = list(_refused_comparisons(scene))
+        for engine in scene.compared_engines if scene.compare else ():
+            try:
+                scene.with_engine(engine)
+            except SceneError as error:
+                said = (each.split(": ", 1)[1] for each in error.mistakes)
+                mistakes += [Mistake(("compare", engine), f"with it {sentence}") for sentence in said]
     if mistakes:
         raise SceneError(source.report(mistakes))
     return scene
-
-
-def _refused_comparisons(scene: Scene) -> Iterator[Mistake]:
-    """Yield mistakes on the keys of `[compare.ENGINE]` that the engine does not accept."""
-    for engine in scene.compared_engines if scene.compare else ():
-        try:
-            scene.with_engine(engine)
-        except SceneError as error:
-            yield from (Mistake(("compare", engine), f"with it {said.split(': ', 1)[1]}") for said in error.mistakes)
 
 
 def _validated(
@@ -377,39 +339,38 @@ def _validated(
 ) -> tuple[Any, Source, list[Mistake]]:
     """Return the scene of the changed data (None if a field refuses its value), its source and the mistakes."""
     mistakes: list[Mistake] = []
-    keys = [tuple(path.split(".")) for path in changes]
-    for key, value in zip(keys, changes.values(), strict=True):
-        mistakes += _change(data, key, value)
-        source = source.changed(key)
-    _drop_fits(data, keys, changes.values())
+    for path, value in changes.items():
+        *above, last = key = tuple(path.split("."))
+        source, table = source.changed(key), data
+        for depth, part in enumerate(above, 1):
+            table = table.setdefault(part, {})
+            if not isinstance(table, dict):
+                words = f"`{'.'.join(key[:depth])}` is no table, so it has no key `{key[depth]}`"
+                mistakes.append(Mistake(key, words))
+                break
+        else:
+            if value is None:
+                table.pop(last, None)
+            else:
+                table[last] = dict(value) if isinstance(value, dict) else value  # a later change may go into it
+    _drop_fits(data, changes)
     try:
         return kind.model_validate(data), source, mistakes
     except ValidationError as error:
-        return None, source, mistakes + errors.field_mistakes(error, Scene)
+        return None, source, mistakes + errors.field_mistakes(error)
 
 
-def _drop_fits(data: dict[str, Any], keys: Iterable[tuple[str, ...]], values: Iterable[object]) -> None:
+def _drop_fits(data: dict[str, Any], changes: Mapping[str, object]) -> None:
     """Drop from `[mix.fitted_at]` the parameters that a caller gives: given values hold as they are."""
     mix: Any = data.get("mix")
     fit = mix.get("fitted_at") if isinstance(mix, dict) else None
-    if not isinstance(fit, dict) or any(key[:2] == ("mix", "fitted_at") for key in keys):
+    names = fit.get("parameters") if isinstance(fit, dict) else None
+    if not isinstance(names, (list, tuple)) or any(f"{key}.".startswith("mix.fitted_at.") for key in changes):
         return
-    given = {key[-1] for key in keys}.union(*(value for value in values if isinstance(value, dict)))
-    names = fit.get("parameters")
-    if isinstance(names, (list, tuple)) and given.intersection(names):
-        fit["parameters"] = [name for name in names if name not in given]
-        if not fit["parameters"]:
-            del mix["fitted_at"]
-
-
-def _change(data: dict[str, Any], key: tuple[str, ...], value: object) -> list[Mistake]:
-    """Set a key of nested tables, or remove it if the value is None; return the mistakes."""
-    for depth, part in enumerate(key[:-1], 1):
-        data = data.setdefault(part, {})
-        if not isinstance(data, dict):
-            return [Mistake(key, f"`{'.'.join(key[:depth])}` is no table, so it has no key `{key[depth]}`")]
-    if value is None:
-        data.pop(key[-1], None)
-    else:
-        data[key[-1]] = dict(value) if isinstance(value, dict) else value  # a later change may go into it
-    return []
+    given = {key.rpartition(".")[2] for key in changes}
+    given = given.union(*(value for value in changes.values() if isinstance(value, dict)))
+    kept = [name for name in names if name not in given]
+    if kept:
+        fit["parameters"] = kept
+    elif names:
+        del mix["fitted_at"]

@@ -1,4 +1,10 @@
-"""The tables of a scene: every key with its type, its bounds and its meaning; SI units, no default for a number.
+"""The tables of a scene: the one declaration of each key, with type, bounds, unit, plausible range and words.
+
+    roller_radius: float = positive("the radius [m]", 0.01, 1.5, ROLLERS)
+
+SI units, no default for a number. The plausible range is 0.01 to 1.5 m, and the constant states its reason; a value
+outside is usually a value in other units (`plausible_ranges`). The words and the unit stand in refusals, in the schema
+for editors, in the input table of the page and in the attributes of a sweep.
 
 `machine.roller_condition` and `machine.gap_geometry` have defaults, which each engine may replace by the nearest value
 that it accepts (`engine_capabilities`). A scene that sets them keeps its values or is refused.
@@ -6,10 +12,13 @@ that it accepts (`engine_capabilities`). A scene that sets them keeps its values
 Rules between the keys are in `constraints`; `loader` reads files into these tables and reports mistakes.
 """
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
+from functools import cache, partial
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, Strict, WrapValidator
+from pydantic.fields import FieldInfo
 
 from compact.material.mix import CALIBRATED, is_same_state, scaled_fits
 from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
@@ -65,25 +74,52 @@ Fits = Annotated[tuple[Fit, ...], Strict(False)]
 Outputs = Annotated[tuple[OutputItem, ...], Strict(False)]
 Keys = dict[str, Any]
 
+UNIT = re.compile(r"\[([\w/ ]+)\]")  # in the meaning of a key
+UNIT_WORDS = {"deg": "degrees"}
 
-def _positive(meaning: str) -> Any:
-    return Field(gt=0, description=meaning)
+# Reasons of plausible ranges
+CARTS = "forming carts weigh from tens of kilograms to tens of tonnes"
+LENGTHS = "carts are metres long"
+ROLLERS = "rollers of forming machines and of road rollers"
+WHEELS = "guide wheels, from those of instruments to those of cranes"
+SLEEVES = "sleeves of feeders"
+BEARINGS = "rolling bearings of wheels and rollers"
+PRODUCTS = "precast products"
+PART_OF_PRODUCT, PART_OF_ROLLER = "a part of the product", "a part of the roller"
+STROKES = "strokes of forming machines"
+MOTIONS = "motions of machines"
+DRIVES = "drives of machines"
+BELTS = "flat belts and V-belts"
+OILS = "industrial hydraulics"
+SPRINGS = "springs and bumpers"
+CAMS = "cams of machines"
+STATES: dict[str, Any] = {"gt": 0.72, "le": 0.99}  # density ratios of loose and pressed mix
 
 
-def _nonnegative(meaning: str) -> Any:
-    return Field(ge=0, description=meaning)
+def key(meaning: str, low: float = 0.0, high: float = 0.0, why: str = "", *, default: Any = ..., **bounds: Any) -> Any:
+    """Declare a key.
+
+    Parameters
+    ----------
+    meaning : str
+        Words with the unit in brackets, such as "the radius [m]".
+    low, high : float
+        Plausible range, in the unit; none by default.
+    why : str
+        Origin of the range.
+    default : object
+        Value where the key is absent; none by default, so that the key is required.
+    **bounds : object
+        Limits of allowed values, as `pydantic.Field` takes them.
+    """
+    unit = found[1] if (found := UNIT.search(meaning)) else "1"
+    words = UNIT.sub(f"in {UNIT_WORDS.get(unit, unit)}", meaning)
+    extra = {"unit": unit} | ({"plausible": [low, high], "why": why} if why else {})
+    return Field(default, description=words, json_schema_extra=extra if found or why else None, **bounds)
 
 
-def _between(low: float, high: float, meaning: str) -> Any:
-    return Field(ge=low, le=high, description=meaning)
-
-
-def _optional(meaning: str, **bounds: Any) -> Any:
-    return Field(default=None, description=meaning, **(bounds or {"gt": 0}))
-
-
-def _default(value: Any, meaning: str) -> Any:
-    return Field(default=value, description=meaning)
+positive, nonnegative, share = partial(key, gt=0), partial(key, ge=0), partial(key, ge=0, le=1)
+optional = partial(key, default=None)
 
 
 class Table(BaseModel):
@@ -95,41 +131,54 @@ class Table(BaseModel):
 class BearingTable(Table):
     """The rolling bearings of one wheel or roller, which share its load."""
 
-    dynamic_rating: float = _positive("the basic dynamic rating C of one bearing in N")
-    kind: Literal["ball", "roller"] = Field(description="the rolling elements")
-    count: int = _between(1, 1000, "the number of bearings that share the load")
+    dynamic_rating: float = positive("the basic dynamic rating C of one bearing [N]", 500, 1e7, BEARINGS)
+    kind: Literal["ball", "roller"] = key("the rolling elements")
+    count: int = key("the number of bearings that share the load", ge=1, le=1000)
 
 
 class Machine(Table):
     """The cart, its rollers, guides and drive pin; positions are from the cart's centre, + towards the drive."""
 
-    mass: float = _positive("the mass m of the cart in kg")
-    weight: float = _positive("the weight G of the cart in N")  # apart from mass: the paper rounds g to 10
-    rollers: int = _between(1, COUNT_LIMIT, "the number of rollers of one cart")
-    roller_radius: float = _positive("the radius in m")
-    roller_length: float = _positive("the length L of one roller, across the travel, in m")
-    roller_positions: Numbers = Field(description="one position per roller in m, + towards the drive")
-    guide_positions: Numbers = Field(
-        min_length=2, max_length=2, description="the positions of the [front, rear] guide wheels in m"
+    mass: float = positive("the mass m of the cart [kg]", 10, 1e5, CARTS)
+    weight: float = positive("the weight G of the cart [N]", 100, 1e6, CARTS)  # apart: the paper rounds g to 10
+    rollers: int = key("the number of rollers of one cart", ge=1, le=COUNT_LIMIT)
+    roller_radius: float = positive("the radius [m]", 0.01, 1.5, ROLLERS)
+    roller_length: float = positive("the length L of one roller, across the travel, [m]", 0.05, 5, ROLLERS)
+    roller_positions: Numbers = key("one position per roller [m], + towards the drive", 1e-3, 10, LENGTHS)
+    guide_positions: Numbers = key(
+        "the positions of the [front, rear] guide wheels [m]", 1e-3, 10, LENGTHS, min_length=2, max_length=2
     )
-    pin_position: float = Field(description="the position of the drive pin in m, + towards the drive")
-    pin_height: float = Field(description="the height of the drive pin above the roller axle in m")
-    guide_wheel_diameter: float = _positive("the diameter D of the guide wheels in m")
-    guide_friction: float = _between(0, 1, "the Coulomb coefficient at the guide wheels")
-    journal_diameter: float = _positive("the journal diameter d of the guide wheels in m (eq 1.9)")
-    bearing_friction: float = _between(0, 1, "the friction f3 of bush on journal (eqs 1.8, 1.9)")
-    rolling_arm: float = _nonnegative("the rolling-friction arm f4 of the guide wheels in m (eq 1.9)")
-    rib_factor: float = Field(ge=1, description="the factor f5 for rubbing of the wheel ribs, 1 for none (eq 1.9)")
-    roller_friction: float = _between(0, 1, "the friction f2 of the roller (eq 1.8)")
-    feeder_sleeve: float = _nonnegative("the width B_T of the feeder sleeve along the travel in m (eq 1.2)")
-    overlap: float = _nonnegative("the overlap b_n of neighbouring rollers' strips in m (eqs 1.2, 1.3)")
-    pressure_nonuniformity: float = _positive("the factor k2 for uneven pressure along the arc, 1 for even (eq 1.6)")
-    one_sided: bool = Field(description="true for contact on the front half only (rival reading of eq 1.6), else false")
-    roller_condition: RollerCondition = _default("free", "how the roller turns")
-    roller_torque: float | None = _default(
-        None, "the torque on one roller in N m, + driving it the way it travels, - braking it"
+    pin_position: float = key("the position of the drive pin [m], + towards the drive", 1e-3, 10, LENGTHS)
+    pin_height: float = key("the height of the drive pin above the roller axle [m]", 1e-3, 5, LENGTHS)
+    guide_wheel_diameter: float = positive("the diameter D of the guide wheels [m]", 5e-3, 1, WHEELS)
+    guide_friction: float = share("the Coulomb coefficient at the guide wheels")
+    journal_diameter: float = positive("the journal diameter d of the guide wheels [m] (eq 1.9)", 2e-3, 0.5, WHEELS)
+    bearing_friction: float = share("the friction f3 of bush on journal (eqs 1.8, 1.9)")
+    rolling_arm: float = nonnegative(
+        "the rolling-friction arm f4 of the guide wheels [m] (eq 1.9)", 1e-5, 0.01,
+        "0.0005 m for steel on steel, some millimetres for rubber",
+    )  # fmt: skip
+    rib_factor: float = key(
+        "the factor f5 for rubbing of the wheel ribs, 1 for none (eq 1.9)", 1, 5,
+        "ribs rub no more than the wheels resist a few times", ge=1,
+    )  # fmt: skip
+    roller_friction: float = share("the friction f2 of the roller (eq 1.8)")
+    feeder_sleeve: float = nonnegative(
+        "the width B_T of the feeder sleeve along the travel [m] (eq 1.2)", 5e-3, 2, SLEEVES
     )
-    gap_geometry: GapGeometry = _default("deformed", "where the gap is measured")
+    overlap: float = nonnegative(
+        "the overlap b_n of neighbouring rollers' strips [m] (eqs 1.2, 1.3)", 5e-4, 0.5, PART_OF_ROLLER
+    )
+    pressure_nonuniformity: float = positive(
+        "the factor k2 for uneven pressure along the arc, 1 for even (eq 1.6)", 0.2, 5, "1 for even pressure"
+    )
+    one_sided: bool = key("true for contact on the front half only (rival reading of eq 1.6), else false")
+    roller_condition: RollerCondition = key("how the roller turns", default="free")
+    roller_torque: float | None = optional(
+        "the torque on one roller [N m], + driving it the way it travels, - braking it", 1e-3, 1e4,
+        "a load of tonnes at the friction limit of a roller",
+    )  # fmt: skip
+    gap_geometry: GapGeometry = key("where the gap is measured", default="deformed")
     guide_bearing: BearingTable | None = None
     roller_bearing: BearingTable | None = None
 
@@ -137,62 +186,71 @@ class Machine(Table):
 class Product(Table):
     """The formed product."""
 
-    height: float = _positive("the height h0 of the product in m")
-    width: float = _positive("the width B of the product, along the travel, in m")
-    mould_speed: float | None = _optional("the speed of the mould, across the travel, in m/s")
+    height: float = positive("the height h0 of the product [m]", 0.01, 2, PRODUCTS)
+    width: float = positive("the width B of the product, along the travel, [m]", 0.02, 20, PRODUCTS)
+    mould_speed: float | None = optional(
+        "the speed of the mould, across the travel, [m/s]", 2e-3, 0.1,
+        "moulds of forming machines advance by centimetres a second", gt=0,
+    )  # fmt: skip
 
 
 class Overrides(Table):
-    """Parameters of the mix measured by the user, in place of the prior's; None: the prior's."""
+    """Parameters of the mix measured by the user, in place of the prior's; None: the prior's.
 
-    required_pressure: float | None = _optional("the pressure q that gives the density, in Pa")
-    plastic_modulus: float | None = _optional("the one-pass compaction modulus in Pa")
-    relaxed_modulus: float | None = _optional("the fully relaxed modulus in Pa")
-    unloading_modulus: float | None = _optional("the unloading modulus in Pa")
-    poisson: float | None = _optional("Poisson's ratio", ge=0, lt=0.5)
-    instant_over_relaxed: float | None = _optional("the ratio of instant to relaxed modulus", ge=1)
-    relaxation_time: float | None = _optional("the relaxation time in s")
-    pore_air_modulus: float | None = _optional("the modulus of the trapped air in Pa")
-    friction_angle: float | None = _optional("the angle of internal friction in degrees", ge=0, le=60)
-    cohesion: float | None = _optional("the cohesion in Pa", ge=0)
-    steel_friction: float | None = _optional("the friction of mix on steel", ge=0, le=1)
-    heckel_slope: float | None = _optional("the one-dimensional Heckel slope K_H in 1/Pa")
-    cohesion_loose: float | None = _optional("the cohesion of loose mix on the shear line in Pa", ge=0)
-    earth_pressure_coefficient: float | None = _optional(
+    Their plausible ranges follow from the prior, see `plausible_ranges`.
+    """
+
+    required_pressure: float | None = optional("the pressure q that gives the density, [Pa]", gt=0)
+    plastic_modulus: float | None = optional("the one-pass compaction modulus [Pa]", gt=0)
+    relaxed_modulus: float | None = optional("the fully relaxed modulus [Pa]", gt=0)
+    unloading_modulus: float | None = optional("the unloading modulus [Pa]", gt=0)
+    poisson: float | None = optional("Poisson's ratio", ge=0, lt=0.5)
+    instant_over_relaxed: float | None = optional("the ratio of instant to relaxed modulus", ge=1)
+    relaxation_time: float | None = optional("the relaxation time [s]", gt=0)
+    pore_air_modulus: float | None = optional("the modulus of the trapped air [Pa]", gt=0)
+    friction_angle: float | None = optional("the angle of internal friction [deg]", ge=0, le=60)
+    cohesion: float | None = optional("the cohesion [Pa]", ge=0)
+    steel_friction: float | None = optional("the friction of mix on steel", ge=0, le=1)
+    heckel_slope: float | None = optional("the one-dimensional Heckel slope K_H [1/Pa]", gt=0)
+    cohesion_loose: float | None = optional("the cohesion of loose mix on the shear line [Pa]", ge=0)
+    earth_pressure_coefficient: float | None = optional(
         "the lateral over the vertical stress of confined compression at the required pressure", gt=0, lt=1
     )
-    dilatancy_angle: float | None = _optional("the angle of dilatancy on the shear line in degrees", ge=0, le=60)
-    shear_viscosity: float | None = _optional(
-        "the stress beyond the shear line per plastic shear strain over the travel in Pa m, 0 for none", ge=0
+    dilatancy_angle: float | None = optional("the angle of dilatancy on the shear line [deg]", ge=0, le=60)
+    shear_viscosity: float | None = optional(
+        "the stress beyond the shear line per plastic shear strain over the travel [Pa m], 0 for none", ge=0
     )
-    rate_sensitivity: float | None = _optional(
+    rate_sensitivity: float | None = optional(
         "the increase m of the yield pressure over ln(rate of compaction), 0 for none", ge=0, le=0.1
     )
-    reference_rate: float | None = _optional("the rate of compaction in 1/s below which the Heckel slope is valid")
-    effective_modulus: float | None = _optional("the secant contact modulus E of eqs 1.5, 1.6 in Pa")
-    air_permeability: float | None = _optional("the intrinsic permeability of the fed mix to air in m2")
-    occlusion_saturation: float | None = _optional("the saturation above which the air is occluded", gt=0, le=1)
+    reference_rate: float | None = optional("the rate of compaction [1/s] below which the Heckel slope is valid", gt=0)
+    effective_modulus: float | None = optional("the secant contact modulus E of eqs 1.5, 1.6 [Pa]", gt=0)
+    air_permeability: float | None = optional("the intrinsic permeability of the fed mix to air [m2]", gt=0)
+    occlusion_saturation: float | None = optional("the saturation above which the air is occluded", gt=0, le=1)
+
+
+_moisture = partial(key, "the moisture W as water mass / dry mass, 0.10 for 10 %", ge=0.08, le=0.12)
 
 
 class FittedAt(Table):
     """Moisture and density ratio at which fitted values of the scene hold."""
 
-    moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
-    density_ratio: float = _between(0.90, 0.99, "the density ratio k of the product")
-    parameters: Fits = Field(min_length=1, description="the fitted parameters")
+    moisture: float = _moisture()
+    density_ratio: float = key("the density ratio k of the product", ge=0.90, le=0.99)
+    parameters: Fits = key("the fitted parameters", min_length=1)
 
 
 class Mix(Table):
     """The mix behind the last pass; the bounds are those of the table of the prior."""
 
-    moisture: float = _between(0.08, 0.12, "the moisture W as water mass / dry mass, 0.10 for 10 %")
-    density_ratio: float = _between(0.90, 0.99, "the required density ratio k of the product")
-    law: MixLaw = _default(
-        "ellipse",
-        "the yield surface of the engines that compact: an elliptic cap, or a cap with a shear line",
+    moisture: float = _moisture()
+    density_ratio: float = key("the required density ratio k of the product", ge=0.90, le=0.99)
+    law: MixLaw = key(
+        "the yield surface of the engines that compact: an elliptic cap, or a cap with a shear line", default="ellipse"
     )
-    pore_air: PoreAirModel = _default(
-        "drained", "the pore air: without pressure, at the deformation without air, or coupled with the deformation"
+    pore_air: PoreAirModel = key(
+        "the pore air: without pressure, at the deformation without air, or coupled with the deformation",
+        default="drained",
     )
     overrides: Overrides = Overrides()
     fitted_at: FittedAt | None = None
@@ -225,16 +283,20 @@ class Mix(Table):
 class Ply(Table):
     """One ply of the layer."""
 
-    thickness: float = _positive("the thickness in m")
-    relative_modulus: float = _positive("the moduli of the ply over those of the mix")
+    thickness: float = positive("the thickness [m]", 1e-3, 2, PRODUCTS)
+    relative_modulus: float = positive(
+        "the moduli of the ply over those of the mix", 1e-3, 1e3, "moduli over those of the mix"
+    )
 
 
 class LowerLift(Table):
     """Lift of the same mix below the layer, compacted by an earlier pass and bonded to it, on the rigid base."""
 
-    thickness: float = _positive("the thickness in m")
-    density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio k of the lift")
-    residual_stress: bool = _default(True, "true if the earlier pass has left its lateral stress, false for no stress")
+    thickness: float = positive("the thickness [m]", 5e-3, 2, PRODUCTS)
+    density_ratio: float = key("the density ratio k of the lift", **STATES)
+    residual_stress: bool = key(
+        "true if the earlier pass has left its lateral stress, false for no stress", default=True
+    )
 
 
 Plies = Annotated[tuple[Ply, ...], Strict(False)]
@@ -243,145 +305,163 @@ Plies = Annotated[tuple[Ply, ...], Strict(False)]
 class Layer(Table):
     """The layer under the roller; homogeneous without `plies`."""
 
-    base: BaseCondition = Field(description="the condition at the base of the layer")
-    lift_thickness: float | None = _optional(
-        "the compacted thickness of one lift in m; default the height of the product"
+    base: BaseCondition = key("the condition at the base of the layer")
+    lift_thickness: float | None = optional(
+        "the compacted thickness of one lift [m]; default the height of the product", 5e-3, 2, PRODUCTS, gt=0
     )
-    plies: Plies | None = Field(default=None, min_length=1, description="the plies from the base upwards, as tables")
+    plies: Plies | None = optional("the plies from the base upwards, as tables", min_length=1)
     lower_lift: LowerLift | None = None
-    fed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
-    passes: int = _between(1, PASS_LIMIT, "the number of passes")
-    return_stroke: Literal["fresh", "compacted"] = Field(
-        default="fresh", description="the mix under the return stroke: fresh as on the way out, or compacted by it"
+    fed_density_ratio: float = key("the density ratio of the mix as fed", **STATES)
+    passes: int = key(
+        "the number of passes", 1, 100, "mix keeps its density after some tens of passes", ge=1, le=PASS_LIMIT
+    )
+    return_stroke: Literal["fresh", "compacted"] = key(
+        "the mix under the return stroke: fresh as on the way out, or compacted by it", default="fresh"
     )
 
 
 class Optimise(Table):
     """Optimal laws: each minimises one objective against the computed resistance, within bounds."""
 
-    objectives: Objectives = Field(min_length=1, description="the objectives to minimise, one law for each")
-    smoothness: int = _between(1, 3, "the order up to which derivatives are continuous")
-    steady_tolerance: float | None = _optional(
+    objectives: Objectives = key("the objectives to minimise, one law for each", min_length=1)
+    smoothness: int = key("the order up to which derivatives are continuous", ge=1, le=3)
+    steady_tolerance: float | None = optional(
         "the deviation allowed from the constant speed between run-up and run-down, 0 for none", ge=0, le=1
     )
-    velocity: float | None = _optional("the largest velocity in m/s")
-    acceleration: float | None = _optional("the largest acceleration in m/s2")
-    jerk: float | None = _optional("the largest jerk in m/s3")
-    snap: float | None = _optional("the largest snap in m/s4")
-    pressure_angle: float | None = _optional("the largest pressure angle of the cam in rad", gt=0, lt=1.57)
-    radius_of_curvature: float | None = _optional("the least radius of curvature of a flat-faced cam in m", ge=0)
-    profile_radius: float | None = _optional(
-        "the least radius of curvature of the profile of a cam for rollers in m, convex or hollow; 0 for no undercut",
-        ge=0,
+    velocity: float | None = optional("the largest velocity [m/s]", 1e-3, 10, MOTIONS, gt=0)
+    acceleration: float | None = optional("the largest acceleration [m/s2]", 1e-3, 1e3, MOTIONS, gt=0)
+    jerk: float | None = optional("the largest jerk [m/s3]", 1e-3, 1e5, MOTIONS, gt=0)
+    snap: float | None = optional("the largest snap [m/s4]", 1e-3, 1e7, MOTIONS, gt=0)
+    pressure_angle: float | None = optional(
+        "the largest pressure angle of the cam [rad]", 0.05, 1.57, CAMS, gt=0, lt=1.57
     )
-    spread: Spreads = _default((), "the parameters of the mix over whose spread the regret is minimised")
+    radius_of_curvature: float | None = optional(
+        "the least radius of curvature of a flat-faced cam [m]", 1e-3, 10, CAMS, ge=0
+    )
+    profile_radius: float | None = optional(
+        "the least radius of curvature of the profile of a cam for rollers [m], convex or hollow; 0 for no undercut",
+        1e-3, 10, CAMS, ge=0,
+    )  # fmt: skip
+    spread: Spreads = key("the parameters of the mix over whose spread the regret is minimised", default=())
 
 
 class Motion(Table):
     """The travel of the cart, and the laws to compare; `laws` may be ["all"], see `Scene.law_names`."""
 
-    stroke: float = _positive("the travel between the two ends in m")
-    duration: float = _positive("the time of one pass in s")
-    laws: Laws = Field(min_length=1, description='the laws to compare, or ["all"]')
+    stroke: float = positive("the travel between the two ends [m]", 0.02, 20, STROKES)
+    duration: float = positive("the time of one pass [s]", 0.02, 600, STROKES)
+    laws: Laws = key('the laws to compare, or ["all"]', min_length=1)
     # each at most a half, so together at most the whole pass
-    run_up: float = Field(ge=1e-6, le=0.5, description="the share of the pass for the acceleration phase")
-    run_down: float = Field(ge=1e-6, le=0.5, description="the share of the pass for the deceleration phase")
-    energy_weight: float = _nonnegative("the weight of the speed term in the complex law")
-    acceleration_weight: float = _nonnegative("the weight of the acceleration term in the complex law")
-    dwell: float = _nonnegative("the dwell at each end in s")
-    rod_length: float | None = _optional("the length of the connecting rod in m")
-    other_durations: Numbers = _default((), "further times of one pass in s, over which the laws are ranked as well")
-    tables: Names = _default((), "CSV files of own laws, relative to the scene file")
+    run_up: float = key("the share of the pass for the acceleration phase", ge=1e-6, le=0.5)
+    run_down: float = key("the share of the pass for the deceleration phase", ge=1e-6, le=0.5)
+    energy_weight: float = nonnegative("the weight of the speed term in the complex law")
+    acceleration_weight: float = nonnegative("the weight of the acceleration term in the complex law")
+    dwell: float = nonnegative("the dwell at each end [s]", 1e-3, 3600, STROKES)
+    rod_length: float | None = optional(
+        "the length of the connecting rod [m]", 0.02, 40, "rods of a stroke of up to 20 m", gt=0
+    )
+    other_durations: Numbers = key("further times of one pass [s], over which the laws are ranked as well", default=())
+    tables: Names = key("CSV files of own laws, relative to the scene file", default=())
     optimise: Optimise | None = None
 
 
 class BeltTable(Table):
     """The flat belt between a motor and the gear of its shaft."""
 
-    pulley_radius: float = _positive("the radius of the motor's pulley in m")
-    stiffness: float = _positive("the force in N that would stretch the belt by its length, E A")
-    preload: float = _positive("the tension of both runs at rest in N")
-    friction: float = Field(gt=0, le=2, description="the friction of belt on pulley, of a V-belt that of the wedge")
-    wrap: float = Field(gt=0, lt=6.283, description="the angle of wrap of the smaller pulley in rad")
+    pulley_radius: float = positive("the radius of the motor's pulley [m]", 0.01, 2, "pulleys")
+    stiffness: float = positive("the force [N] that would stretch the belt by its length, E A", 1e3, 1e8, BELTS)
+    preload: float = positive("the tension of both runs at rest [N]", 1, 1e6, BELTS)
+    friction: float = positive("the friction of belt on pulley, of a V-belt that of the wedge", 0.05, 2, BELTS, le=2)
+    wrap: float = positive("the angle of wrap of the smaller pulley [rad]", 0.2, 6.3, BELTS, lt=6.283)
 
 
 class Motor(Table):
     """Motor, gear and flywheel of a drive; one turn of the shaft is one cycle."""
 
-    curve: Literal["kloss", "linear"] = Field(description="the torque-speed curve")
-    torque: float = _positive("the breakdown torque (kloss) or the torque at rest (linear) in N m")
-    speed: float = _positive("the synchronous speed (kloss) or that without load (linear) in rad/s")
-    breakdown_slip: float | None = _optional("the slip at the breakdown torque", gt=0, le=1)
-    inertia: float = _nonnegative("the inertia of the rotor in kg m2")
-    gear_ratio: float = _positive("the speed of the motor over that of the shaft, pulleys of a belt included")
-    flywheel_inertia: float = _nonnegative("the inertia of flywheel and shaft in kg m2")
+    curve: Literal["kloss", "linear"] = key("the torque-speed curve")
+    torque: float = positive("the breakdown torque (kloss) or the torque at rest (linear) [N m]", 0.01, 1e5, DRIVES)
+    speed: float = positive("the synchronous speed (kloss) or that without load (linear) [rad/s]", 1, 2000, DRIVES)
+    breakdown_slip: float | None = optional("the slip at the breakdown torque", 0.01, 1, DRIVES, gt=0, le=1)
+    inertia: float = nonnegative("the inertia of the rotor [kg m2]", 1e-6, 1e3, DRIVES)
+    gear_ratio: float = positive(
+        "the speed of the motor over that of the shaft, pulleys of a belt included", 0.01, 1e4, DRIVES
+    )
+    flywheel_inertia: float = nonnegative("the inertia of flywheel and shaft [kg m2]", 1e-5, 1e5, DRIVES)
     belt: BeltTable | None = None
 
 
 class Hydraulics(Table):
     """Cylinders, throttles, pump and oil of a hydraulic drive."""
 
-    piston_area: float = _positive("the area of each piston in m2")
-    supply_pressure: float = _positive("the pressure of the relief valve in Pa")
-    pump_flow: float = _positive("the flow of the pump in m3/s")
-    valve_area: float = _positive("the area of a throttle wide open in m2")
-    discharge_coefficient: float = Field(gt=0, le=1, description="the discharge coefficient of the throttles")
-    oil_density: float = _positive("the density of the oil in kg/m3")
-    transition_drop: float = _positive("the drop of pressure in Pa below which a throttle is laminar")
-    bulk_modulus: float = _positive("the bulk modulus of the oil in Pa")
-    dead_volume: float = _positive("the volume of a cylinder with its line, the piston at its end, in m3")
+    piston_area: float = positive("the area of each piston [m2]", 1e-5, 1, OILS)
+    supply_pressure: float = positive("the pressure of the relief valve [Pa]", 1e5, 1e8, OILS)
+    pump_flow: float = positive("the flow of the pump [m3/s]", 1e-6, 0.1, OILS)
+    valve_area: float = positive("the area of a throttle wide open [m2]", 1e-8, 0.01, OILS)
+    discharge_coefficient: float = positive("the discharge coefficient of the throttles", 0.1, 1, OILS, le=1)
+    oil_density: float = positive("the density of the oil [kg/m3]", 500, 2000, "oils, water and glycols")
+    transition_drop: float = positive("the drop of pressure [Pa] below which a throttle is laminar", 1, 1e6, OILS)
+    bulk_modulus: float = positive("the bulk modulus of the oil [Pa]", 1e8, 5e9, "oil with its air")
+    dead_volume: float = positive(
+        "the volume of a cylinder with its line, the piston at its end, [m3]", 1e-7, 0.1, OILS
+    )
 
 
 class EndSpringTable(Table):
     """Springs at both ends of the stroke that reverse the cart."""
 
-    stiffness: float = _nonnegative("the stiffness of one spring in N/m")
-    preload: float = _nonnegative("the force of a spring at first contact in N")
-    length: float = _positive("the travel at each end over which a spring is compressed in m")
+    stiffness: float = nonnegative("the stiffness of one spring [N/m]", 10, 1e9, SPRINGS)
+    preload: float = nonnegative("the force of a spring at first contact [N]", 0.1, 1e6, SPRINGS)
+    length: float = positive("the travel at each end over which a spring is compressed [m]", 1e-3, 5, SPRINGS)
 
 
 class CatalogueTable(Table):
     """The motors from which the smallest that holds is chosen, and the rule by which it holds."""
 
-    file: str = Field(description="the CSV file of the motors, relative to the scene file")
-    margin: float = _between(1, 10, "the factor of rms and peak torque that a motor must hold, 1 for none")
-    efficiency: float = Field(gt=0, le=1, description="the efficiency of the gear between motor and shaft")
-    gear_ratio: float | None = _optional("the speed of the motor over that of the shaft")
-    inertia_ratio: float | None = _optional("the largest inertia of the carts over that of the rotor, at the motor")
+    file: str = key("the CSV file of the motors, relative to the scene file")
+    margin: float = key("the factor of rms and peak torque that a motor must hold, 1 for none", ge=1, le=10)
+    efficiency: float = positive("the efficiency of the gear between motor and shaft", 0.1, 1, DRIVES, le=1)
+    gear_ratio: float | None = optional("the speed of the motor over that of the shaft", 0.01, 1e4, DRIVES, gt=0)
+    inertia_ratio: float | None = optional(
+        "the largest inertia of the carts over that of the rotor, at the motor", 0.01, 1e3, DRIVES, gt=0
+    )
 
 
 class Drive(Table):
     """Drive of the carts, and the criteria of the ranking."""
 
-    kind: Literal["rigid", "crank", "elastic", "motor", "hydraulic"] = Field(description="the kind of drive")
-    stiffness: float | None = _optional("the stiffness of an elastic drive in N/m")
-    damping: float | None = _optional("the damping of an elastic drive in N s/m, 0 for none", ge=0)
-    backlash: float | None = _optional("the backlash of an elastic drive in m", ge=0)
-    include_added_mass: bool | None = _default(
-        None, "true if the resistance of an elastic drive includes the added mass, F + a M, else false"
+    kind: Literal["rigid", "crank", "elastic", "motor", "hydraulic"] = key("the kind of drive")
+    stiffness: float | None = optional(
+        "the stiffness of an elastic drive [N/m]", 1e3, 1e10, "from a soft belt to a short steel bar", gt=0
     )
-    carts: int = _between(1, 4, "the number of carts on one shaft")
-    angles: Numbers | None = _default(None, "the crank angle of each cart in rad")
+    damping: float | None = optional("the damping of an elastic drive [N s/m], 0 for none", 1, 1e8, DRIVES, ge=0)
+    backlash: float | None = optional(
+        "the backlash of an elastic drive [m]", 1e-6, 0.05, "play of couplings and gears", ge=0
+    )
+    include_added_mass: bool | None = optional(
+        "true if the resistance of an elastic drive includes the added mass, F + a M, else false"
+    )
+    carts: int = key("the number of carts on one shaft", ge=1, le=4)
+    angles: Numbers | None = optional("the crank angle of each cart [rad]", 1e-3, 6.3, "one turn")
     motor: Motor | None = None
     hydraulics: Hydraulics | None = None
     end_springs: EndSpringTable | None = None
     catalogue: CatalogueTable | None = None
-    rank_by: Ranks = Field(min_length=1, description="the quantities to rank by")
+    rank_by: Ranks = key("the quantities to rank by", min_length=1)
 
 
 class Cam(Table):
     """The cam of constant breadth."""
 
-    breadth: float = _positive("the constant breadth b of the cam in m")
-    roller_follower_radius: float = _positive("the radius of the roller followers in m")
-    bore: float | None = _optional("the diameter of the bore for the shaft in m")
+    breadth: float = positive("the constant breadth b of the cam [m]", 0.02, 10, CAMS)
+    roller_follower_radius: float = positive("the radius of the roller followers [m]", 1e-3, 0.5, CAMS)
+    bore: float | None = optional("the diameter of the bore for the shaft [m]", 1e-3, 1, CAMS, gt=0)
 
 
 class FeedPoint(Table):
     """One point of the table of the feed along the roller."""
 
-    position: float = _nonnegative("the position along the roller from the empty mould in m")
-    relative_thickness: float = _nonnegative("the thickness of the fed mix over that of the other points")
+    position: float = nonnegative("the position along the roller from the empty mould [m]")
+    relative_thickness: float = nonnegative("the thickness of the fed mix over that of the other points")
 
 
 FeedPoints = Annotated[tuple[FeedPoint, ...], Strict(False)]
@@ -390,36 +470,51 @@ FeedPoints = Annotated[tuple[FeedPoint, ...], Strict(False)]
 class Process(Table):
     """The forming process: strokes over a mould that moves along the axis of the rollers, with feed before each."""
 
-    mould_speed: float = _nonnegative("the speed of the mould along the axis of the rollers in m/s, 0 at rest")
-    strokes: int | None = _optional("the number of strokes of a mould at rest", ge=1, le=STROKES_LIMIT)
-    fill_height: float | None = _optional("the height of the loose mix in the mould before the first stroke in m")
-    fill_density_ratio: float | None = _optional("the density ratio of that mix", gt=0.72, le=0.99)
-    feed_density_ratio: float = Field(gt=0.72, le=0.99, description="the density ratio of the mix as fed")
-    feed: FeedLaw = _default("room", "the distribution of the feed over the strokes")
-    feed_count: int | None = _optional('the number of fed strokes of the feed "first"', ge=1, le=STROKES_LIMIT)
-    feed_table: FeedPoints | None = Field(default=None, min_length=1, description='the points of the feed "table"')
-    feeds: Literal["both", "forward"] = _default("both", "the strokes before which mix is fed")
-    gap: float | None = _optional("the gap above the lowest generatrix up to which mix is fed in m", ge=0)
-    product_density_ratio: float | None = _optional("the mean density ratio of the product", gt=0.72, le=0.99)
-    extrusion_pressure: float | None = _optional("the pressure under the roller that mix evades in Pa")
-    offered_thickness: float | None = _optional("the thickness that the sleeves offer in a stroke in m", ge=0)
-    nip_angle: float = Field(
-        default=NIP_ANGLE, gt=0, le=60, description="the largest angle at which a roller draws mix in, in degrees"
+    mould_speed: float = nonnegative(
+        "the speed of the mould along the axis of the rollers [m/s], 0 at rest", 1e-4, 1,
+        "moulds creep by centimetres in a stroke",
+    )  # fmt: skip
+    strokes: int | None = optional(
+        "the number of strokes of a mould at rest", 1, 2000, "tens of strokes press a section", ge=1, le=STROKES_LIMIT
     )
-    largest_grain: float | None = _optional("the size of the largest grains in m")
-    layers: int = Field(default=20, ge=1, le=500, description="the number of merged layers of a section")
-    detail: ProcessDetail | None = _default(
-        None, 'the model: columns, or lumped lifts in two dimensions; default "quick" for the engine "process"'
+    fill_height: float | None = optional(
+        "the height of the loose mix in the mould before the first stroke [m]", 5e-3, 2, PRODUCTS, gt=0
+    )
+    fill_density_ratio: float | None = optional("the density ratio of that mix", **STATES)
+    feed_density_ratio: float = key("the density ratio of the mix as fed", **STATES)
+    feed: FeedLaw = key("the distribution of the feed over the strokes", default="room")
+    feed_count: int | None = optional('the number of fed strokes of the feed "first"', ge=1, le=STROKES_LIMIT)
+    feed_table: FeedPoints | None = optional('the points of the feed "table"', min_length=1)
+    feeds: Literal["both", "forward"] = key("the strokes before which mix is fed", default="both")
+    gap: float | None = optional(
+        "the gap above the lowest generatrix up to which mix is fed [m]", 1e-5, 0.2, PART_OF_ROLLER, ge=0
+    )
+    product_density_ratio: float | None = optional("the mean density ratio of the product", **STATES)
+    extrusion_pressure: float | None = optional(
+        "the pressure under the roller that mix evades [Pa]", 1e3, 5e6, "pressures that rollers reach", gt=0
+    )
+    offered_thickness: float | None = optional(
+        "the thickness that the sleeves offer in a stroke [m]", 1e-5, 0.5, PART_OF_ROLLER, ge=0
+    )
+    nip_angle: float = positive(
+        "the largest angle at which a roller draws mix in, [deg]", 1, 60, "mix on steel", default=NIP_ANGLE, le=60
+    )
+    largest_grain: float | None = optional(
+        "the size of the largest grains [m]", 1e-4, 0.05, "sand to coarse aggregate", gt=0
+    )
+    layers: int = key("the number of merged layers of a section", default=20, ge=1, le=500)
+    detail: ProcessDetail | None = optional(
+        'the model: columns, or lumped lifts in two dimensions; default "quick" for the engine "process"'
     )
 
 
 class Sleeve(Table):
     """The feed sleeves, full of loose mix that the moving cart shears over the bed."""
 
-    width: float = _positive("the width along the travel in m")
-    head: float = _positive("the height of the mix above the bed in m")
-    wall_friction: float = _between(0, 1, "the friction coefficient of the mix on the wall")
-    count: int = _between(1, COUNT_LIMIT, "the number of sleeves of one cart")
+    width: float = positive("the width along the travel [m]", 5e-3, 2, SLEEVES)
+    head: float = positive("the height of the mix above the bed [m]", 0.01, 5, SLEEVES)
+    wall_friction: float = share("the friction coefficient of the mix on the wall")
+    count: int = key("the number of sleeves of one cart", 1, 20, "a few sleeves feed one cart", ge=1, le=COUNT_LIMIT)
 
 
 TOUCHES = "(zero means no contact)"
@@ -428,15 +523,19 @@ TOUCHES = "(zero means no contact)"
 class Contact(Table):
     """Prescribed quantity and speeds of the contact; default the pressure that the mix requires."""
 
-    indentation: float | None = _optional(f"the depth of the roller below the undisturbed surface in m {TOUCHES}")
-    load: float | None = _optional(f"the normal force on one roller in N {TOUCHES}")
-    peak_pressure: float | None = _optional(f"the largest contact pressure in Pa {TOUCHES}")
-    held: HeldQuantity | None = _default(
-        None,
+    indentation: float | None = optional(
+        f"the depth of the roller below the undisturbed surface [m] {TOUCHES}", 1e-5, 0.5, PART_OF_PRODUCT, gt=0
+    )
+    load: float | None = optional(f"the normal force on one roller [N] {TOUCHES}", 10, 1e6, CARTS, gt=0)
+    peak_pressure: float | None = optional(
+        f"the largest contact pressure [Pa] {TOUCHES}", 1e3, 1e7,
+        "rolling presses with kilopascals to some megapascals", gt=0,
+    )  # fmt: skip
+    held: HeldQuantity | None = optional(
         "the quantity held constant over speed; default a prescribed load or peak pressure, else the height of the "
         "roller",
     )
-    speeds: Numbers | None = _default(None, "the speeds of the computed contacts in m/s")
+    speeds: Numbers | None = optional("the speeds of the computed contacts [m/s]", 1e-4, 5, "speeds of rolling")
 
 
 def _installed_engine(value: Any, validate: Callable[[Any], Any]) -> Any:
@@ -449,21 +548,21 @@ def _installed_engine(value: Any, validate: Callable[[Any], Any]) -> Any:
 class Accuracy(Table):
     """Contact engine and its relative error tolerance."""
 
-    tolerance: float = Field(gt=0, lt=0.5, description="the relative error tolerance, 0.01 for 1 %")
-    engine: Annotated[Engine, WrapValidator(_installed_engine), PlainSerializer(str, str)] = Field(
-        description="the contact engine"
+    tolerance: float = positive(
+        "the relative error tolerance, 0.01 for 1 %", 1e-5, 0.2, "engines estimate errors from about 1e-5 up", lt=0.5
     )
+    engine: Annotated[Engine, WrapValidator(_installed_engine), PlainSerializer(str, str)] = key("the contact engine")
 
 
 class Given(Table):
     """Keys that replace those of the scene for one engine of the comparison."""
 
-    machine: Keys | None = _default(None, "keys of [machine]")
-    mix: Keys | None = _default(None, "keys of [mix]")
-    layer: Keys | None = _default(None, "keys of [layer]")
-    contact: Keys | None = _default(None, "keys of [contact]")
-    accuracy: Keys | None = _default(None, "keys of [accuracy]")
-    process: Keys | None = _default(None, "keys of [process]")
+    machine: Keys | None = Field(None, description="keys of [machine]")
+    mix: Keys | None = Field(None, description="keys of [mix]")
+    layer: Keys | None = Field(None, description="keys of [layer]")
+    contact: Keys | None = Field(None, description="keys of [contact]")
+    accuracy: Keys | None = Field(None, description="keys of [accuracy]")
+    process: Keys | None = Field(None, description="keys of [process]")
 
 
 class Compare(Table):
@@ -480,4 +579,59 @@ class Compare(Table):
 class Output(Table):
     """Items of the output; nothing else is computed."""
 
-    items: Outputs = Field(description="the items to write, [] for the summary only")
+    items: Outputs = key("the items to write, [] for the summary only")
+
+
+class SceneTables(Table):
+    """All tables of a scene, and the keys before the first of them."""
+
+    title: str = key("a title in quotes", default="")
+    unusual: Names = key("keys whose values are meant as given, though implausible", default=())
+    machine: Machine
+    product: Product
+    mix: Mix
+    layer: Layer
+    motion: Motion
+    drive: Drive
+    cam: Cam | None = None
+    contact: Contact | None = None
+    process: Process | None = None
+    sleeve: Sleeve | None = None
+    accuracy: Accuracy
+    compare: Compare | None = None
+    output: Output
+
+
+def table_of(info: FieldInfo) -> type[Table] | None:
+    """Return the class of the table, or of the tables in the list, of a field; None for a field with a value."""
+    kinds = [info.annotation]
+    for kind in kinds:
+        if isinstance(kind, type) and issubclass(kind, Table):
+            return kind
+        kinds += get_args(kind)
+    return None
+
+
+def declared_tables(table: type[Table] = SceneTables, path: tuple[str, ...] = ()) -> Iterator[tuple[Any, type[Table]]]:
+    """Yield the key path of every table of a scene, () of the scene itself, with its class."""
+    yield path, table
+    for name, info in table.model_fields.items():
+        if inner := table_of(info):
+            yield from declared_tables(inner, (*path, name))
+
+
+@cache
+def declared_keys() -> dict[str, FieldInfo]:
+    """Return the declaration of every key by its path, those of lists of tables too."""
+    return {
+        ".".join((*path, name)): info
+        for path, table in declared_tables()
+        for name, info in table.model_fields.items()
+        if table_of(info) is None
+    }
+
+
+def unit_of(key: str) -> str:
+    """Return the unit of a key behind a blank, as a number is followed by it; empty for a plain number."""
+    unit = (declared_keys()[key].json_schema_extra or {}).get("unit", "1")
+    return "" if unit == "1" else f" {unit}"

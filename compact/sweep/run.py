@@ -44,8 +44,8 @@ from compact.files import (
 from compact.material import mix
 from compact.quantities import SWEEP_POINT, Quantity
 from compact.rolling_contact import ContactResult
-from compact.scene.errors import table_of
 from compact.scene.loader import FILE_KEYS, Scene
+from compact.scene.schema import declared_keys
 from compact.sweep.design import Axis, Sampled, design, scene_at, varied_engines
 from compact.sweep.point import WORDS, Results, headline, reason
 
@@ -391,12 +391,8 @@ def points_in_parts(points: list[KeyedPoint], size: int) -> list[list[KeyedPoint
 
 def _meaning(key: str) -> str:
     """Return the description of a scene key."""
-    table: Any = Scene
-    info: Any = None
-    for part in key.split("."):
-        info = table.model_fields[part]
-        table = table_of(info)
-    return info.description or key
+    declared = declared_keys().get(key)
+    return (declared and declared.description) or key
 
 
 def _import_netcdf() -> None:
