@@ -12,7 +12,6 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 from unittest import mock
@@ -27,9 +26,9 @@ from compact.report import text, writer
 from compact.report.page.writer import write_page
 from compact.report.summary import versions
 from compact.scene import plausible_ranges
-from compact.scene.errors import tables_of
-from compact.scene.loader import Scene, load_scene
-from compact.scene.schema import Table
+from compact.scene.errors import limits_of
+from compact.scene.loader import load_scene
+from compact.scene.schema import Layer, Process, declared_keys, table_of
 
 SCENES = Path(__file__).parents[1] / "studies" / "scenes"
 HUGE = 1.7e308  # largest number of a scene
@@ -76,17 +75,8 @@ TABLES: dict[str, dict[str, Any]] = DRIVES | {  # with the optional keys and tab
     "load": {"contact.load": 5e3, "contact.held": "load", "contact.speeds": [0.05, 0.2]},
     "pressure": {"contact.peak_pressure": 1e5, "contact.speeds": [0.05, 0.2]},
 }  # fmt: skip
+LISTS = {"layer.plies": Layer, "process.feed_table": Process}  # keys whose values are lists of tables
 SHORT = {"motion.laws": ["cubic"], "output.items": ["tables"]}  # changes of every scene, for speed
-
-
-def schema(table: type[Table], path: tuple[str, ...] = ()) -> Iterator[tuple[str, FieldInfo]]:
-    """(key path, field) of every key of a table and the tables in it."""
-    for name, field in table.model_fields.items():
-        inner = tables_of(field)
-        if inner is not None and issubclass(inner, Table) and name != "plies":
-            yield from schema(inner, (*path, name))
-        else:
-            yield ".".join((*path, name)), field
 
 
 def choices(field: FieldInfo) -> list[str]:
@@ -108,7 +98,10 @@ def at(tables: Any, key: str) -> Any:
 
 def keys() -> dict[str, FieldInfo]:
     """Field of every key of a scene but those that name it, and its engine."""
-    return {key: field for key, field in schema(Scene) if key not in ("title", "unusual", "accuracy.engine")}
+    others = ("title", "unusual", "accuracy.engine", *(f"{name}." for name in LISTS))
+    return {key: field for key, field in declared_keys().items() if not key.startswith(others)} | {
+        name: table.model_fields[name.rpartition(".")[2]] for name, table in LISTS.items()
+    }
 
 
 def complete(key: str, scene: str = "small.toml") -> dict[str, Any]:
@@ -126,8 +119,7 @@ def complete(key: str, scene: str = "small.toml") -> dict[str, Any]:
 def ends(key: str, given: Any) -> list[Any]:
     """Values at the ends of the range that a key takes, every word of one that takes words; of a list each entry."""
     field = keys()[key]
-    if key == "layer.plies":
-        inner = tables_of(field)
+    if inner := table_of(field):
         limits = [(name, bounds(each)) for name, each in inner.model_fields.items()]
         return [[{**given[0], name: end}, *given[1:]] for name, both in limits for end in both] if given else []
     if words := choices(field):
@@ -137,7 +129,7 @@ def ends(key: str, given: Any) -> list[Any]:
     if str in (field.annotation, *get_args(field.annotation)):
         return []
     low, high = bounds(field)
-    if key in plausible_ranges.compared_keys():
+    if key in plausible_ranges.COMPARED_KEYS:
         plausible, beyond = plausible_ranges.range_of(key), plausible_ranges.REFUSED
         high = min(high, plausible.high * beyond)
         low = max(low, plausible.low / beyond) if low >= 0 else -high
@@ -151,9 +143,7 @@ def ends(key: str, given: Any) -> list[Any]:
 
 def bounds(field: FieldInfo) -> tuple[float, float]:
     """Smallest and largest number that the schema allows."""
-    limits = {
-        name: getattr(part, name) for part in field.metadata for name in ("gt", "ge", "lt", "le") if hasattr(part, name)
-    }
+    limits = limits_of(field)
     low = limits.get("ge", math.nextafter(limits["gt"], math.inf) if "gt" in limits else -HUGE)
     high = limits.get("le", math.nextafter(limits["lt"], -math.inf) if "lt" in limits else HUGE)
     return low, high

@@ -363,7 +363,7 @@ def _validated(
 def _drop_fits(data: dict[str, Any], changes: Mapping[str, object]) -> None:
     """Drop from `[mix.fitted_at]` the parameters that a caller gives: given values hold as they are."""
     mix: Any = data.get("mix")
-    fit = mix.get("fitted_at") if isinstance(mix, dict) else None
+    fit: Any = mix.get("fitted_at") if isinstance(mix, dict) else None
     names = fit.get("parameters") if isinstance(fit, dict) else None
     if not isinstance(names, (list, tuple)) or any(f"{key}.".startswith("mix.fitted_at.") for key in changes):
         return

@@ -11,11 +11,13 @@
 A CSV has one measurement a row under the same names, and for a band the columns NAME_low and NAME_high.
 """
 
-import csv
 import math
 import tomllib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
+
+from compact.files import read_table
 
 FITTED = ("load", "resistance", "resistance_coefficient")  # data of a fit
 STATED = ("exit_density_ratio", "speed")  # conditions of a measurement
@@ -76,14 +78,13 @@ class Measured:
 
     def moved(self, name: str, value: float) -> "Measured":
         """Return the measurements with another value of the datum `name`, its band widened to contain it."""
-        return replace(self, measurements=tuple(_moved(m, name, value) for m in self.measurements))
 
+        def moved(measurement: Measurement) -> Measurement:
+            band = getattr(measurement, name)
+            wider: Any = band and Band(value, min(band.low, value), max(band.high, value))
+            return replace(measurement, **{name: wider})
 
-def _moved(measurement, name, value):
-    band = getattr(measurement, name)
-    if band is None:
-        return measurement
-    return replace(measurement, **{name: Band(value, min(band.low, value), max(band.high, value))})
+        return replace(self, measurements=tuple(map(moved, self.measurements)))
 
 
 def read_measurements(path: str | Path) -> Measured:
@@ -96,72 +97,51 @@ def read_measurements(path: str | Path) -> Measured:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    try:
-        return _from_csv(text) if path.suffix.lower() == ".csv" else _from_toml(text)
-    except ValueError as error:  # TOMLDecodeError is one
-        raise ValueError(f"{path}: {error}") from None
+        if path.suffix.lower() == ".csv":
+            data: dict[str, Any] = {"measurement": [_nested(cells) for _, cells in read_table(path)]}
+        else:
+            data = tomllib.loads(path.read_text(encoding="utf-8"))
+        _require_keys(data, ("measurement", "assumptions"), "the file")
+        tables, assumptions = data.get("measurement", []), data.get("assumptions", {})
+        if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+            raise ValueError("`measurement` must be tables, each under [[measurement]]")
+        if not tables:
+            raise ValueError("contains no measurement; add a table [[measurement]], or a row of a CSV file")
+        measurements = (_measurement(table, f"measurement {i}") for i, table in enumerate(tables, 1))
+        return Measured(tuple(measurements), {key: _range(key, value) for key, value in assumptions.items()})
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:  # also of a text that is not UTF-8 or not TOML
+        raise ValueError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
 
 
-def _from_toml(text):
-    data = tomllib.loads(text)
-    _require_keys(data, ("measurement", "assumptions"), "the file")
-    tables = data.get("measurement", [])
-    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-        raise ValueError("`measurement` must be tables, each under [[measurement]]")
-    assumptions = data.get("assumptions", {})
-    return Measured(
-        _all(_measurement(table, f"measurement {i}") for i, table in enumerate(tables, 1)),
-        {key: _range(key, value) for key, value in assumptions.items()},
-    )
-
-
-def _from_csv(text):
-    rows = csv.DictReader(line for line in text.splitlines() if line.strip() and not line.startswith("#"))
-    return Measured(_all(_measurement(_nested(row), f"row {i}") for i, row in enumerate(rows, 1)))
-
-
-def _nested(row):
+def _nested(cells: dict[str, str]) -> dict[str, Any]:
     """Return the nonempty cells of a CSV row, with bands nested as in TOML."""
-    if None in row or None in row.values():
-        raise ValueError(f"each row must have one cell for each name of the header, got {list(row.values())}")
-    numbers = {name.strip(): _parsed(name, cell) for name, cell in row.items() if cell.strip()}
-    table = {name: value for name, value in numbers.items() if not name.endswith(("_low", "_high"))}
-    for name in FITTED:
-        ends = {end: numbers.pop(f"{name}_{end}") for end in EDGES if f"{name}_{end}" in numbers}
-        if ends:
-            table[name] = {"value": table.get(name), **ends}
-    return table | {name: value for name, value in numbers.items() if name not in table}
+    bands: dict[str, dict[str, float]] = {}
+    for name, cell in cells.items():
+        quantity, _, end = name.rpartition("_")
+        try:
+            value = float(cell) if cell else None
+        except ValueError:
+            raise ValueError(f"`{name}` must be a number, got {cell!r}") from None
+        if value is not None:
+            of_band = end in EDGES and quantity in FITTED
+            bands.setdefault(quantity if of_band else name, {})[end if of_band else "value"] = value
+    return {name: band.get("value") if band.keys() == {"value"} else band for name, band in bands.items()}
 
 
-def _parsed(name, cell):
-    try:
-        return float(cell)
-    except ValueError:
-        raise ValueError(f"`{name}` must be a number, got {cell!r}") from None
-
-
-def _all(measurements):
-    measurements = tuple(measurements)
-    if not measurements:
-        raise ValueError("contains no measurement; add a table [[measurement]], or a row of a CSV file")
-    return measurements
-
-
-def _measurement(table, where):
+def _measurement(table: dict[str, Any], where: str) -> Measurement:
     _require_keys(table, FITTED + STATED, where)
     if "resistance" in table and "resistance_coefficient" in table:
         raise ValueError(f"{where}: give `resistance` or `resistance_coefficient`, not both")
-    bands = {name: _band(table[name], f"{where}, `{name}`") for name in FITTED if name in table}
+    bands: dict[str, Any] = {name: _band(table[name], f"{where}, `{name}`") for name in FITTED if name in table}
     if not bands:
         raise ValueError(f"{where}: give at least one of {', '.join(FITTED)}")
-    stated = {name: _positive(table[name], f"{where}, `{name}`") for name in STATED if name in table}
+    stated: dict[str, Any] = {name: _positive(table[name], f"{where}, `{name}`") for name in STATED if name in table}
     return Measurement(**bands, **stated)
 
 
-def _band(value, where):
+def _band(value: Any, where: str) -> Band:
     if not isinstance(value, dict):
         return Band(*[_positive(value, where)] * 3)
     _require_keys(value, ("value", *EDGES), where)
@@ -172,22 +152,23 @@ def _band(value, where):
     return Band(middle, low, high)
 
 
-def _range(key, value):
+def _range(key: str, value: Any) -> tuple[float, float]:
+    where = f"assumptions, `{key}`"
     if not isinstance(value, list) or len(value) != 2:
-        raise ValueError(f"assumptions, `{key}` must be [low, high], got {value!r}")
-    low, high = (_positive(end, f"assumptions, `{key}`") for end in value)
+        raise ValueError(f"{where} must be [low, high], got {value!r}")
+    low, high = (_positive(end, where) for end in value)
     if not low < high:
-        raise ValueError(f"assumptions, `{key}`: low < high must hold, got {low:g}, {high:g}")
+        raise ValueError(f"{where}: low < high must hold, got {low:g}, {high:g}")
     return low, high
 
 
-def _positive(value, where):
+def _positive(value: Any, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
         raise ValueError(f"{where} must be a positive number, got {value!r}")
     return float(value)
 
 
-def _require_keys(table, allowed, where):
+def _require_keys(table: dict[str, Any], allowed: tuple[str, ...], where: str) -> None:
     for name in table:
         if name not in allowed:
             raise ValueError(f"{where} has no key `{name}`; it takes {', '.join(allowed)}")

@@ -19,7 +19,7 @@ from typing import Any
 from compact.material.mix import prior, table_nodes
 from compact.scene.constraints import Rule
 from compact.scene.errors import Mistake, SceneError
-from compact.scene.schema import declared_keys
+from compact.scene.schema import declared_keys, extra_of
 
 REFUSED = 10.0  # [-], factor outside the range beyond which a value is refused
 WIDENED = 3.0  # [-], factor by which the spread of the prior is widened; mixes of other grading than the table's
@@ -108,20 +108,20 @@ class Range:
 
 
 MEAN_SPEED = Range(1e-3, 5.0, "m/s", "mean speeds of forming machines, motion.stroke over motion.duration")
-DECLARED: dict[str, Any] = {key: info.json_schema_extra or {} for key, info in declared_keys().items()}
-COMPARED_KEYS = tuple(key for key, extra in DECLARED.items() if "plausible" in extra or key.startswith(OF_MIX))
+COMPARED_KEYS = tuple(key for key in declared_keys() if "plausible" in extra_of(key) or key.startswith(OF_MIX))
 
 
 @cache
 def range_of(key: str) -> Range:
     """Return the range of one of `COMPARED_KEYS`."""
     if not key.startswith(OF_MIX):
-        return Range(*DECLARED[key]["plausible"], DECLARED[key]["unit"], DECLARED[key]["why"])
+        (low, high), unit, why = (extra_of(key)[name] for name in ("plausible", "unit", "why"))
+        return Range(low, high, unit, why)
     known = [prior(*node).parameter(key.removeprefix(OF_MIX)) for node in product(*table_nodes())]
     low, high = min(each.low for each in known), max(each.high for each in known)
     low = low or SMALLEST * high  # a spread from none
     reason = "the prior over all moistures and densities, threefold wider"
-    return Range(low / WIDENED, high * WIDENED, DECLARED[key].get("unit", "1"), reason)
+    return Range(low / WIDENED, high * WIDENED, extra_of(key).get("unit", "1"), reason)
 
 
 Say = Callable[[Range, str, float], str | None]

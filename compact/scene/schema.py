@@ -93,6 +93,15 @@ BELTS = "flat belts and V-belts"
 OILS = "industrial hydraulics"
 SPRINGS = "springs and bumpers"
 CAMS = "cams of machines"
+ARMS = "0.0005 m for steel on steel, some millimetres for rubber"
+RIBS = "ribs rub no more than the wheels resist a few times"
+TORQUES = "a load of tonnes at the friction limit of a roller"
+MOULDS = "moulds of forming machines advance by centimetres a second"
+CREEPING = "moulds creep by centimetres in a stroke"
+PRESSURES = "rolling presses with kilopascals to some megapascals"
+SECTIONS = "tens of strokes press a section"
+ERRORS = "engines estimate errors from about 1e-5 up"
+PASSES = "mix keeps its density after some tens of passes"
 STATES: dict[str, Any] = {"gt": 0.72, "le": 0.99}  # density ratios of loose and pressed mix
 
 
@@ -119,7 +128,7 @@ def key(meaning: str, low: float = 0.0, high: float = 0.0, why: str = "", *, def
 
 
 positive, nonnegative, share = partial(key, gt=0), partial(key, ge=0), partial(key, ge=0, le=1)
-optional = partial(key, default=None)
+optional = partial(positive, default=None)  # a positive number, or none
 
 
 class Table(BaseModel):
@@ -154,14 +163,8 @@ class Machine(Table):
     guide_friction: float = share("the Coulomb coefficient at the guide wheels")
     journal_diameter: float = positive("the journal diameter d of the guide wheels [m] (eq 1.9)", 2e-3, 0.5, WHEELS)
     bearing_friction: float = share("the friction f3 of bush on journal (eqs 1.8, 1.9)")
-    rolling_arm: float = nonnegative(
-        "the rolling-friction arm f4 of the guide wheels [m] (eq 1.9)", 1e-5, 0.01,
-        "0.0005 m for steel on steel, some millimetres for rubber",
-    )  # fmt: skip
-    rib_factor: float = key(
-        "the factor f5 for rubbing of the wheel ribs, 1 for none (eq 1.9)", 1, 5,
-        "ribs rub no more than the wheels resist a few times", ge=1,
-    )  # fmt: skip
+    rolling_arm: float = nonnegative("the rolling-friction arm f4 of the guide wheels [m] (eq 1.9)", 1e-5, 0.01, ARMS)
+    rib_factor: float = key("the factor f5 for rubbing of the wheel ribs, 1 for none (eq 1.9)", 1, 5, RIBS, ge=1)
     roller_friction: float = share("the friction f2 of the roller (eq 1.8)")
     feeder_sleeve: float = nonnegative(
         "the width B_T of the feeder sleeve along the travel [m] (eq 1.2)", 5e-3, 2, SLEEVES
@@ -174,10 +177,13 @@ class Machine(Table):
     )
     one_sided: bool = key("true for contact on the front half only (rival reading of eq 1.6), else false")
     roller_condition: RollerCondition = key("how the roller turns", default="free")
-    roller_torque: float | None = optional(
-        "the torque on one roller [N m], + driving it the way it travels, - braking it", 1e-3, 1e4,
-        "a load of tonnes at the friction limit of a roller",
-    )  # fmt: skip
+    roller_torque: float | None = key(
+        "the torque on one roller [N m], + driving it the way it travels, - braking it",
+        1e-3,
+        1e4,
+        TORQUES,
+        default=None,
+    )
     gap_geometry: GapGeometry = key("where the gap is measured", default="deformed")
     guide_bearing: BearingTable | None = None
     roller_bearing: BearingTable | None = None
@@ -188,10 +194,7 @@ class Product(Table):
 
     height: float = positive("the height h0 of the product [m]", 0.01, 2, PRODUCTS)
     width: float = positive("the width B of the product, along the travel, [m]", 0.02, 20, PRODUCTS)
-    mould_speed: float | None = optional(
-        "the speed of the mould, across the travel, [m/s]", 2e-3, 0.1,
-        "moulds of forming machines advance by centimetres a second", gt=0,
-    )  # fmt: skip
+    mould_speed: float | None = optional("the speed of the mould, across the travel, [m/s]", 2e-3, 0.1, MOULDS)
 
 
 class Overrides(Table):
@@ -200,33 +203,33 @@ class Overrides(Table):
     Their plausible ranges follow from the prior, see `plausible_ranges`.
     """
 
-    required_pressure: float | None = optional("the pressure q that gives the density, [Pa]", gt=0)
-    plastic_modulus: float | None = optional("the one-pass compaction modulus [Pa]", gt=0)
-    relaxed_modulus: float | None = optional("the fully relaxed modulus [Pa]", gt=0)
-    unloading_modulus: float | None = optional("the unloading modulus [Pa]", gt=0)
-    poisson: float | None = optional("Poisson's ratio", ge=0, lt=0.5)
-    instant_over_relaxed: float | None = optional("the ratio of instant to relaxed modulus", ge=1)
-    relaxation_time: float | None = optional("the relaxation time [s]", gt=0)
-    pore_air_modulus: float | None = optional("the modulus of the trapped air [Pa]", gt=0)
-    friction_angle: float | None = optional("the angle of internal friction [deg]", ge=0, le=60)
-    cohesion: float | None = optional("the cohesion [Pa]", ge=0)
-    steel_friction: float | None = optional("the friction of mix on steel", ge=0, le=1)
-    heckel_slope: float | None = optional("the one-dimensional Heckel slope K_H [1/Pa]", gt=0)
-    cohesion_loose: float | None = optional("the cohesion of loose mix on the shear line [Pa]", ge=0)
+    required_pressure: float | None = optional("the pressure q that gives the density, [Pa]")
+    plastic_modulus: float | None = optional("the one-pass compaction modulus [Pa]")
+    relaxed_modulus: float | None = optional("the fully relaxed modulus [Pa]")
+    unloading_modulus: float | None = optional("the unloading modulus [Pa]")
+    poisson: float | None = nonnegative("Poisson's ratio", lt=0.5, default=None)
+    instant_over_relaxed: float | None = key("the ratio of instant to relaxed modulus", ge=1, default=None)
+    relaxation_time: float | None = optional("the relaxation time [s]")
+    pore_air_modulus: float | None = optional("the modulus of the trapped air [Pa]")
+    friction_angle: float | None = nonnegative("the angle of internal friction [deg]", le=60, default=None)
+    cohesion: float | None = nonnegative("the cohesion [Pa]", default=None)
+    steel_friction: float | None = nonnegative("the friction of mix on steel", le=1, default=None)
+    heckel_slope: float | None = optional("the one-dimensional Heckel slope K_H [1/Pa]")
+    cohesion_loose: float | None = nonnegative("the cohesion of loose mix on the shear line [Pa]", default=None)
     earth_pressure_coefficient: float | None = optional(
-        "the lateral over the vertical stress of confined compression at the required pressure", gt=0, lt=1
+        "the lateral over the vertical stress of confined compression at the required pressure", lt=1
     )
-    dilatancy_angle: float | None = optional("the angle of dilatancy on the shear line [deg]", ge=0, le=60)
-    shear_viscosity: float | None = optional(
-        "the stress beyond the shear line per plastic shear strain over the travel [Pa m], 0 for none", ge=0
+    dilatancy_angle: float | None = nonnegative("the angle of dilatancy on the shear line [deg]", le=60, default=None)
+    shear_viscosity: float | None = nonnegative(
+        "the stress beyond the shear line per plastic shear strain over the travel [Pa m], 0 for none", default=None
     )
-    rate_sensitivity: float | None = optional(
-        "the increase m of the yield pressure over ln(rate of compaction), 0 for none", ge=0, le=0.1
+    rate_sensitivity: float | None = nonnegative(
+        "the increase m of the yield pressure over ln(rate of compaction), 0 for none", le=0.1, default=None
     )
-    reference_rate: float | None = optional("the rate of compaction [1/s] below which the Heckel slope is valid", gt=0)
-    effective_modulus: float | None = optional("the secant contact modulus E of eqs 1.5, 1.6 [Pa]", gt=0)
-    air_permeability: float | None = optional("the intrinsic permeability of the fed mix to air [m2]", gt=0)
-    occlusion_saturation: float | None = optional("the saturation above which the air is occluded", gt=0, le=1)
+    reference_rate: float | None = optional("the rate of compaction [1/s] below which the Heckel slope is valid")
+    effective_modulus: float | None = optional("the secant contact modulus E of eqs 1.5, 1.6 [Pa]")
+    air_permeability: float | None = optional("the intrinsic permeability of the fed mix to air [m2]")
+    occlusion_saturation: float | None = optional("the saturation above which the air is occluded", le=1)
 
 
 _moisture = partial(key, "the moisture W as water mass / dry mass, 0.10 for 10 %", ge=0.08, le=0.12)
@@ -307,14 +310,12 @@ class Layer(Table):
 
     base: BaseCondition = key("the condition at the base of the layer")
     lift_thickness: float | None = optional(
-        "the compacted thickness of one lift [m]; default the height of the product", 5e-3, 2, PRODUCTS, gt=0
+        "the compacted thickness of one lift [m]; default the height of the product", 5e-3, 2, PRODUCTS
     )
-    plies: Plies | None = optional("the plies from the base upwards, as tables", min_length=1)
+    plies: Plies | None = key("the plies from the base upwards, as tables", min_length=1, default=None)
     lower_lift: LowerLift | None = None
     fed_density_ratio: float = key("the density ratio of the mix as fed", **STATES)
-    passes: int = key(
-        "the number of passes", 1, 100, "mix keeps its density after some tens of passes", ge=1, le=PASS_LIMIT
-    )
+    passes: int = key("the number of passes", 1, 100, PASSES, ge=1, le=PASS_LIMIT)
     return_stroke: Literal["fresh", "compacted"] = key(
         "the mix under the return stroke: fresh as on the way out, or compacted by it", default="fresh"
     )
@@ -325,23 +326,24 @@ class Optimise(Table):
 
     objectives: Objectives = key("the objectives to minimise, one law for each", min_length=1)
     smoothness: int = key("the order up to which derivatives are continuous", ge=1, le=3)
-    steady_tolerance: float | None = optional(
-        "the deviation allowed from the constant speed between run-up and run-down, 0 for none", ge=0, le=1
+    steady_tolerance: float | None = nonnegative(
+        "the deviation allowed from the constant speed between run-up and run-down, 0 for none", le=1, default=None
     )
-    velocity: float | None = optional("the largest velocity [m/s]", 1e-3, 10, MOTIONS, gt=0)
-    acceleration: float | None = optional("the largest acceleration [m/s2]", 1e-3, 1e3, MOTIONS, gt=0)
-    jerk: float | None = optional("the largest jerk [m/s3]", 1e-3, 1e5, MOTIONS, gt=0)
-    snap: float | None = optional("the largest snap [m/s4]", 1e-3, 1e7, MOTIONS, gt=0)
-    pressure_angle: float | None = optional(
-        "the largest pressure angle of the cam [rad]", 0.05, 1.57, CAMS, gt=0, lt=1.57
+    velocity: float | None = optional("the largest velocity [m/s]", 1e-3, 10, MOTIONS)
+    acceleration: float | None = optional("the largest acceleration [m/s2]", 1e-3, 1e3, MOTIONS)
+    jerk: float | None = optional("the largest jerk [m/s3]", 1e-3, 1e5, MOTIONS)
+    snap: float | None = optional("the largest snap [m/s4]", 1e-3, 1e7, MOTIONS)
+    pressure_angle: float | None = optional("the largest pressure angle of the cam [rad]", 0.05, 1.57, CAMS, lt=1.57)
+    radius_of_curvature: float | None = nonnegative(
+        "the least radius of curvature of a flat-faced cam [m]", 1e-3, 10, CAMS, default=None
     )
-    radius_of_curvature: float | None = optional(
-        "the least radius of curvature of a flat-faced cam [m]", 1e-3, 10, CAMS, ge=0
-    )
-    profile_radius: float | None = optional(
+    profile_radius: float | None = nonnegative(
         "the least radius of curvature of the profile of a cam for rollers [m], convex or hollow; 0 for no undercut",
-        1e-3, 10, CAMS, ge=0,
-    )  # fmt: skip
+        1e-3,
+        10,
+        CAMS,
+        default=None,
+    )
     spread: Spreads = key("the parameters of the mix over whose spread the regret is minimised", default=())
 
 
@@ -358,7 +360,7 @@ class Motion(Table):
     acceleration_weight: float = nonnegative("the weight of the acceleration term in the complex law")
     dwell: float = nonnegative("the dwell at each end [s]", 1e-3, 3600, STROKES)
     rod_length: float | None = optional(
-        "the length of the connecting rod [m]", 0.02, 40, "rods of a stroke of up to 20 m", gt=0
+        "the length of the connecting rod [m]", 0.02, 40, "rods of a stroke of up to 20 m"
     )
     other_durations: Numbers = key("further times of one pass [s], over which the laws are ranked as well", default=())
     tables: Names = key("CSV files of own laws, relative to the scene file", default=())
@@ -381,7 +383,7 @@ class Motor(Table):
     curve: Literal["kloss", "linear"] = key("the torque-speed curve")
     torque: float = positive("the breakdown torque (kloss) or the torque at rest (linear) [N m]", 0.01, 1e5, DRIVES)
     speed: float = positive("the synchronous speed (kloss) or that without load (linear) [rad/s]", 1, 2000, DRIVES)
-    breakdown_slip: float | None = optional("the slip at the breakdown torque", 0.01, 1, DRIVES, gt=0, le=1)
+    breakdown_slip: float | None = optional("the slip at the breakdown torque", 0.01, 1, DRIVES, le=1)
     inertia: float = nonnegative("the inertia of the rotor [kg m2]", 1e-6, 1e3, DRIVES)
     gear_ratio: float = positive(
         "the speed of the motor over that of the shaft, pulleys of a belt included", 0.01, 1e4, DRIVES
@@ -420,9 +422,9 @@ class CatalogueTable(Table):
     file: str = key("the CSV file of the motors, relative to the scene file")
     margin: float = key("the factor of rms and peak torque that a motor must hold, 1 for none", ge=1, le=10)
     efficiency: float = positive("the efficiency of the gear between motor and shaft", 0.1, 1, DRIVES, le=1)
-    gear_ratio: float | None = optional("the speed of the motor over that of the shaft", 0.01, 1e4, DRIVES, gt=0)
+    gear_ratio: float | None = optional("the speed of the motor over that of the shaft", 0.01, 1e4, DRIVES)
     inertia_ratio: float | None = optional(
-        "the largest inertia of the carts over that of the rotor, at the motor", 0.01, 1e3, DRIVES, gt=0
+        "the largest inertia of the carts over that of the rotor, at the motor", 0.01, 1e3, DRIVES
     )
 
 
@@ -431,17 +433,19 @@ class Drive(Table):
 
     kind: Literal["rigid", "crank", "elastic", "motor", "hydraulic"] = key("the kind of drive")
     stiffness: float | None = optional(
-        "the stiffness of an elastic drive [N/m]", 1e3, 1e10, "from a soft belt to a short steel bar", gt=0
+        "the stiffness of an elastic drive [N/m]", 1e3, 1e10, "from a soft belt to a short steel bar"
     )
-    damping: float | None = optional("the damping of an elastic drive [N s/m], 0 for none", 1, 1e8, DRIVES, ge=0)
-    backlash: float | None = optional(
-        "the backlash of an elastic drive [m]", 1e-6, 0.05, "play of couplings and gears", ge=0
+    damping: float | None = nonnegative(
+        "the damping of an elastic drive [N s/m], 0 for none", 1, 1e8, DRIVES, default=None
     )
-    include_added_mass: bool | None = optional(
-        "true if the resistance of an elastic drive includes the added mass, F + a M, else false"
+    backlash: float | None = nonnegative(
+        "the backlash of an elastic drive [m]", 1e-6, 0.05, "play of couplings and gears", default=None
+    )
+    include_added_mass: bool | None = key(
+        "true if the resistance of an elastic drive includes the added mass, F + a M, else false", default=None
     )
     carts: int = key("the number of carts on one shaft", ge=1, le=4)
-    angles: Numbers | None = optional("the crank angle of each cart [rad]", 1e-3, 6.3, "one turn")
+    angles: Numbers | None = key("the crank angle of each cart [rad]", 1e-3, 6.3, "one turn", default=None)
     motor: Motor | None = None
     hydraulics: Hydraulics | None = None
     end_springs: EndSpringTable | None = None
@@ -454,7 +458,7 @@ class Cam(Table):
 
     breadth: float = positive("the constant breadth b of the cam [m]", 0.02, 10, CAMS)
     roller_follower_radius: float = positive("the radius of the roller followers [m]", 1e-3, 0.5, CAMS)
-    bore: float | None = optional("the diameter of the bore for the shaft [m]", 1e-3, 1, CAMS, gt=0)
+    bore: float | None = optional("the diameter of the bore for the shaft [m]", 1e-3, 1, CAMS)
 
 
 class FeedPoint(Table):
@@ -471,40 +475,37 @@ class Process(Table):
     """The forming process: strokes over a mould that moves along the axis of the rollers, with feed before each."""
 
     mould_speed: float = nonnegative(
-        "the speed of the mould along the axis of the rollers [m/s], 0 at rest", 1e-4, 1,
-        "moulds creep by centimetres in a stroke",
-    )  # fmt: skip
-    strokes: int | None = optional(
-        "the number of strokes of a mould at rest", 1, 2000, "tens of strokes press a section", ge=1, le=STROKES_LIMIT
+        "the speed of the mould along the axis of the rollers [m/s], 0 at rest", 1e-4, 1, CREEPING
+    )
+    strokes: int | None = key(
+        "the number of strokes of a mould at rest", 1, 2000, SECTIONS, ge=1, le=STROKES_LIMIT, default=None
     )
     fill_height: float | None = optional(
-        "the height of the loose mix in the mould before the first stroke [m]", 5e-3, 2, PRODUCTS, gt=0
+        "the height of the loose mix in the mould before the first stroke [m]", 5e-3, 2, PRODUCTS
     )
-    fill_density_ratio: float | None = optional("the density ratio of that mix", **STATES)
+    fill_density_ratio: float | None = key("the density ratio of that mix", **STATES, default=None)
     feed_density_ratio: float = key("the density ratio of the mix as fed", **STATES)
     feed: FeedLaw = key("the distribution of the feed over the strokes", default="room")
-    feed_count: int | None = optional('the number of fed strokes of the feed "first"', ge=1, le=STROKES_LIMIT)
-    feed_table: FeedPoints | None = optional('the points of the feed "table"', min_length=1)
+    feed_count: int | None = key('the number of fed strokes of the feed "first"', ge=1, le=STROKES_LIMIT, default=None)
+    feed_table: FeedPoints | None = key('the points of the feed "table"', min_length=1, default=None)
     feeds: Literal["both", "forward"] = key("the strokes before which mix is fed", default="both")
-    gap: float | None = optional(
-        "the gap above the lowest generatrix up to which mix is fed [m]", 1e-5, 0.2, PART_OF_ROLLER, ge=0
+    gap: float | None = nonnegative(
+        "the gap above the lowest generatrix up to which mix is fed [m]", 1e-5, 0.2, PART_OF_ROLLER, default=None
     )
-    product_density_ratio: float | None = optional("the mean density ratio of the product", **STATES)
+    product_density_ratio: float | None = key("the mean density ratio of the product", **STATES, default=None)
     extrusion_pressure: float | None = optional(
-        "the pressure under the roller that mix evades [Pa]", 1e3, 5e6, "pressures that rollers reach", gt=0
+        "the pressure under the roller that mix evades [Pa]", 1e3, 5e6, "pressures that rollers reach"
     )
-    offered_thickness: float | None = optional(
-        "the thickness that the sleeves offer in a stroke [m]", 1e-5, 0.5, PART_OF_ROLLER, ge=0
+    offered_thickness: float | None = nonnegative(
+        "the thickness that the sleeves offer in a stroke [m]", 1e-5, 0.5, PART_OF_ROLLER, default=None
     )
     nip_angle: float = positive(
         "the largest angle at which a roller draws mix in, [deg]", 1, 60, "mix on steel", default=NIP_ANGLE, le=60
     )
-    largest_grain: float | None = optional(
-        "the size of the largest grains [m]", 1e-4, 0.05, "sand to coarse aggregate", gt=0
-    )
+    largest_grain: float | None = optional("the size of the largest grains [m]", 1e-4, 0.05, "sand to coarse aggregate")
     layers: int = key("the number of merged layers of a section", default=20, ge=1, le=500)
-    detail: ProcessDetail | None = optional(
-        'the model: columns, or lumped lifts in two dimensions; default "quick" for the engine "process"'
+    detail: ProcessDetail | None = key(
+        'the model: columns, or lumped lifts in two dimensions; default "quick" for the engine "process"', default=None
     )
 
 
@@ -524,18 +525,18 @@ class Contact(Table):
     """Prescribed quantity and speeds of the contact; default the pressure that the mix requires."""
 
     indentation: float | None = optional(
-        f"the depth of the roller below the undisturbed surface [m] {TOUCHES}", 1e-5, 0.5, PART_OF_PRODUCT, gt=0
+        f"the depth of the roller below the undisturbed surface [m] {TOUCHES}", 1e-5, 0.5, PART_OF_PRODUCT
     )
-    load: float | None = optional(f"the normal force on one roller [N] {TOUCHES}", 10, 1e6, CARTS, gt=0)
-    peak_pressure: float | None = optional(
-        f"the largest contact pressure [Pa] {TOUCHES}", 1e3, 1e7,
-        "rolling presses with kilopascals to some megapascals", gt=0,
-    )  # fmt: skip
-    held: HeldQuantity | None = optional(
+    load: float | None = optional(f"the normal force on one roller [N] {TOUCHES}", 10, 1e6, CARTS)
+    peak_pressure: float | None = optional(f"the largest contact pressure [Pa] {TOUCHES}", 1e3, 1e7, PRESSURES)
+    held: HeldQuantity | None = key(
         "the quantity held constant over speed; default a prescribed load or peak pressure, else the height of the "
         "roller",
+        default=None,
     )
-    speeds: Numbers | None = optional("the speeds of the computed contacts [m/s]", 1e-4, 5, "speeds of rolling")
+    speeds: Numbers | None = key(
+        "the speeds of the computed contacts [m/s]", 1e-4, 5, "speeds of rolling", default=None
+    )
 
 
 def _installed_engine(value: Any, validate: Callable[[Any], Any]) -> Any:
@@ -548,9 +549,7 @@ def _installed_engine(value: Any, validate: Callable[[Any], Any]) -> Any:
 class Accuracy(Table):
     """Contact engine and its relative error tolerance."""
 
-    tolerance: float = positive(
-        "the relative error tolerance, 0.01 for 1 %", 1e-5, 0.2, "engines estimate errors from about 1e-5 up", lt=0.5
-    )
+    tolerance: float = positive("the relative error tolerance, 0.01 for 1 %", 1e-5, 0.2, ERRORS, lt=0.5)
     engine: Annotated[Engine, WrapValidator(_installed_engine), PlainSerializer(str, str)] = key("the contact engine")
 
 
@@ -631,7 +630,13 @@ def declared_keys() -> dict[str, FieldInfo]:
     }
 
 
+def extra_of(key: str) -> dict[str, Any]:
+    """Return unit, plausible range ("plausible") and its reason ("why") of a key, where they are declared."""
+    extra = declared_keys()[key].json_schema_extra
+    return dict(extra) if isinstance(extra, dict) else {}
+
+
 def unit_of(key: str) -> str:
-    """Return the unit of a key behind a blank, as a number is followed by it; empty for a plain number."""
-    unit = (declared_keys()[key].json_schema_extra or {}).get("unit", "1")
+    """Return the unit of a key behind a blank, as it follows a number; empty for a plain number."""
+    unit = extra_of(key).get("unit", "1")
     return "" if unit == "1" else f" {unit}"

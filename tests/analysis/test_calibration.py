@@ -373,9 +373,9 @@ def test_invalid_measurements_are_refused(tmp_path, text, message):
     ("text", "message"),
     [
         ("load\nx\n", "`load` must be a number, got 'x'"),
-        ("load,speed\n3\n", "each row must have one cell for each name"),
+        ("load,speed\n3\n", "a row must have one cell for each"),
         ("load\n", "contains no measurement"),
-        ("lod\n3\n", "row 1 has no key `lod`"),
+        ("lod\n3\n", "measurement 1 has no key `lod`"),
     ],
 )
 def test_invalid_rows_are_refused(tmp_path, text, message):

@@ -87,7 +87,7 @@ def odd(draw, key):
 
 def extreme(draw, key, given):
     """A value of the right type: within the plausible range or up to 300 times beyond it, or far from the one given."""
-    if key in plausible_ranges.RANGES or key.startswith("mix.overrides."):
+    if key in plausible_ranges.COMPARED_KEYS:
         found, beyond = plausible_ranges.range_of(key), draw.choice((1, 1, 3, 30, 300))
         value = math.exp(draw.uniform(math.log(found.low / beyond), math.log(found.high * beyond)))
         if isinstance(given, tuple):
@@ -130,7 +130,7 @@ def case(seed):
         changes["accuracy.tolerance"] = max(changes["accuracy.tolerance"], FINEST)
     if not deep and draw.random() < 0.2:
         changes[draw.choice(("machine.roler_radius", "nothing", "mix.overrides.poison", "contact.depth"))] = 0.1
-    named = [key for key in plausible_ranges.compared_keys() if any(key.startswith(change) for change in changes)]
+    named = [key for key in plausible_ranges.COMPARED_KEYS if any(key.startswith(change) for change in changes)]
     if named and draw.random() < (0.8 if deep else 0.2):
         changes["unusual"] = named
     options = ()

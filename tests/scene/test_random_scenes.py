@@ -39,7 +39,7 @@ def value(draw, key, given):
         return draw.choice(WILD)
     if kind == "end" and not key.startswith(LONG) and (found := ends(key, given)):
         return draw.choice(found)
-    if key in plausible_ranges.compared_keys() and key != "layer.plies":
+    if key in plausible_ranges.COMPARED_KEYS:
         found = plausible_ranges.range_of(key)
         size = math.exp(draw.uniform(math.log(found.low), math.log(found.high)))
     elif isinstance(given, int | float) and not isinstance(given, bool):
@@ -59,7 +59,7 @@ def case(seed):
     changes["output.items"] = draw.choice(([], ["tables"], ["tables"], ["report"], [file]))
     tables = load_scene(SCENES / f"{scene}.toml").model_dump(mode="json", exclude_none=True)
     if draw.random() < 0.7:
-        changes["unusual"] = list(plausible_ranges.compared_keys())
+        changes["unusual"] = list(plausible_ranges.COMPARED_KEYS)
     for name in draw.sample(tuple(TABLES), 2):
         changes = one_of(draw, scene, changes, TABLES[name])
     given = {key: changes.get(key, at(tables, key)) for key in KEYS if key not in OWN}
