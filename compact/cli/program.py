@@ -273,7 +273,7 @@ def cam(
     out
         folder of the results; default out/NAME-cams, NAME as in `compact run`
     """
-    from compact.scene.schema import LAW_NAMES
+    from compact.scene.choices import LAW_NAMES
 
     given = read_scene(scene, console.quiet, changes, {"motion.laws": (law,)} if law in LAW_NAMES else {})
 

@@ -21,11 +21,12 @@ from pydantic import PrivateAttr, ValidationError
 
 from compact.files import checksum
 from compact.scene import errors, plausible_ranges
+from compact.scene.choices import LAW_NAMES
 from compact.scene.constraints import ADVICE, RULES, Rule, files_exist, sentences
 from compact.scene.engine_capabilities import LIMITS, adapt, replaced
 from compact.scene.errors import Mistake, SceneError, Source
 from compact.scene.process_constraints import PROCESS_ADVICE, PROCESS_RULES
-from compact.scene.schema import LAW_NAMES, SceneTables
+from compact.scene.schema import SceneTables
 
 __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change", "starter_scene"]
 

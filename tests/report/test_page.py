@@ -26,8 +26,8 @@ from compact.report.page import answer as html_answer
 from compact.report.page import machine as html_machine
 from compact.report.page.blocks import Picture, Section, Table, render_block, render_page
 from compact.report.tables import PREFIX_FACTORS, format_column, format_number, format_percent, format_quantity
+from compact.scene.choices import RankBy
 from compact.scene.loader import load_scene, parse_scene, starter_scene
-from compact.scene.schema import RankBy
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

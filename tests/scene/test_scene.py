@@ -19,9 +19,10 @@ from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.material.mix import CALIBRATED
 from compact.motion.objectives import OBJECTIVES
 from compact.scene import plausible_ranges
+from compact.scene.choices import Fit, MixParameter, Objective
 from compact.scene.errors import key_lines, key_remarks
 from compact.scene.loader import LAW_NAMES, Scene, SceneError, load_scene, parse_scene, starter_scene
-from compact.scene.schema import Fit, MixParameter, Objective, Overrides, declared_keys
+from compact.scene.schema import Overrides, declared_keys
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 PUBLISHED = (SCENES / "loveikin-2015.toml").read_text("utf-8")
