@@ -1,10 +1,13 @@
-"""Words and lists that keys of a scene take; `schema` declares the keys."""
+"""Words, lists and largest counts that keys of a scene take; `schema` declares the keys.
+
+Words of other packages are repeated where their import would cost seconds; tests compare the two.
+"""
 
 from typing import Annotated, Any, Literal, get_args
 
 from pydantic import Strict
 
-# The keys of `motion.LAWS`, repeated because importing `motion` costs 0.7 s of scipy; a test compares the two.
+# The keys of `motion.LAWS`
 Law = Literal[
     "constant-velocity", "cubic", "quintic", "septic", "complex", "combined-2", "combined-3", "combined-4",
     "reversal-2", "reversal-3", "reversal-4", "reversal-3-free-acceleration", "reversal-4-free-acceleration",
@@ -16,7 +19,7 @@ LAW_NAMES: tuple[str, ...] = get_args(Law)
 OutputItem = Literal[
     "tables", "figures", "cams", "reactions", "crank", "fields", "model_spread", "roller_motors", "report"
 ]
-# The keys of `machine.ranking.CRITERIA`, repeated for the same reason
+# The keys of `machine.ranking.CRITERIA`
 RankBy = Literal[
     "peak_force", "peak_power", "rms_force", "rms_power", "mean_force", "mean_power", "energy", "drawn_energy",
     "peak_jerk", "dynamic_factor", "nonuniformity", "dynamic_amplification",
@@ -49,3 +52,9 @@ Spreads = Annotated[tuple[MixParameter, ...], Strict(False)]
 Fits = Annotated[tuple[Fit, ...], Strict(False)]
 Outputs = Annotated[tuple[OutputItem, ...], Strict(False)]
 Keys = dict[str, Any]
+
+# Default and largest counts
+NIP_ANGLE = 20.0  # [deg], default of `process.nip_angle`
+STROKES_LIMIT = 10_000  # [-], strokes on one section of a product
+PASS_LIMIT = 1000  # [-], some seconds by columns, half an hour by finite elements; the mix changes in the first tens
+COUNT_LIMIT = 1_000_000  # [-], beyond any machine; excludes typing errors such as 0xffff... from loops

@@ -8,8 +8,8 @@ import math
 from functools import partial
 from itertools import pairwise
 
+from compact.scene.choices import NIP_ANGLE, STROKES_LIMIT
 from compact.scene.constraints import GUARD, Rule, rule
-from compact.scene.schema import NIP_ANGLE, STROKES_LIMIT
 
 PROCESS_RULES: list[Rule] = []
 PROCESS_ADVICE: list[Rule] = []

@@ -2,9 +2,8 @@
 
     roller_radius: float = positive("the radius [m]", 0.01, 1.5, ROLLERS)
 
-SI units, no default for a number. The plausible range is 0.01 to 1.5 m, and the constant states its reason; a value
-outside is usually a value in other units (`plausible_ranges`). The words and the unit stand in refusals, in the schema
-for editors, in the input table of the page and in the attributes of a sweep.
+SI units, no default for a number. The plausible range is 0.01 to 1.5 m, and the constant states its reason. Refusals,
+the schema for editors, the page and the attributes of a sweep have the same words and unit.
 
 `machine.roller_condition` and `machine.gap_geometry` have defaults, which each engine may replace by the nearest value
 that it accepts (`engine_capabilities`). A scene that sets them keeps its values or is refused.
@@ -22,48 +21,23 @@ from pydantic.fields import FieldInfo
 
 from compact.material.mix import CALIBRATED, is_same_state, scaled_fits
 from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
-from compact.scene.choices import (
-    Engine,
-    FeedLaw,
-    Fits,
-    HeldQuantity,
-    Keys,
-    Laws,
-    MixLaw,
-    Names,
-    Numbers,
-    Objectives,
-    Outputs,
-    PoreAirModel,
-    ProcessDetail,
-    Ranks,
-    Spreads,
-)
+from compact.scene import choices
 from compact.scene.engine_capabilities import BUILT_IN, installed_engines
 
-NIP_ANGLE = 20.0  # [deg], default of `process.nip_angle`
-STROKES_LIMIT = 10_000  # [-], strokes on one section of a product
-PASS_LIMIT = 1000  # [-], some seconds by columns, half an hour by finite elements; the mix changes in the first tens
-COUNT_LIMIT = 1_000_000  # [-], beyond any machine; excludes typing errors such as 0xffff... from loops
-UNIT = re.compile(r"\[([\w/ ]+)\]")  # in the meaning of a key
-UNIT_WORDS = {"deg": "degrees"}
+UNIT, UNIT_WORDS = re.compile(r"\[([\w/ ]+)\]"), {"deg": "degrees"}  # in the meaning of a key
 
 # Reasons of plausible ranges
 CARTS = "forming carts weigh from tens of kilograms to tens of tonnes"
 LENGTHS = "carts are metres long"
 ROLLERS = "rollers of forming machines and of road rollers"
 WHEELS = "guide wheels, from those of instruments to those of cranes"
-SLEEVES = "sleeves of feeders"
-BEARINGS = "rolling bearings of wheels and rollers"
+SLEEVES, BEARINGS = "sleeves of feeders", "rolling bearings of wheels and rollers"
 PRODUCTS = "precast products"
 PART_OF_PRODUCT, PART_OF_ROLLER = "a part of the product", "a part of the roller"
 STROKES = "strokes of forming machines"
-MOTIONS = "motions of machines"
-DRIVES = "drives of machines"
 BELTS = "flat belts and V-belts"
-OILS = "industrial hydraulics"
-SPRINGS = "springs and bumpers"
-CAMS = "cams of machines"
+OILS, SPRINGS = "industrial hydraulics", "springs and bumpers"
+MOTIONS, DRIVES, CAMS = "motions of machines", "drives of machines", "cams of machines"
 ARMS = "0.0005 m for steel on steel, some millimetres for rubber"
 RIBS = "ribs rub no more than the wheels resist a few times"
 TORQUES = "a load of tonnes at the friction limit of a roller"
@@ -121,11 +95,11 @@ class Machine(Table):
 
     mass: float = positive("the mass m of the cart [kg]", 10, 1e5, CARTS)
     weight: float = positive("the weight G of the cart [N]", 100, 1e6, CARTS)  # apart: the paper rounds g to 10
-    rollers: int = key("the number of rollers of one cart", ge=1, le=COUNT_LIMIT)
+    rollers: int = key("the number of rollers of one cart", ge=1, le=choices.COUNT_LIMIT)
     roller_radius: float = positive("the radius [m]", 0.01, 1.5, ROLLERS)
     roller_length: float = positive("the length L of one roller, across the travel, [m]", 0.05, 5, ROLLERS)
-    roller_positions: Numbers = key("one position per roller [m], + towards the drive", 1e-3, 10, LENGTHS)
-    guide_positions: Numbers = key(
+    roller_positions: choices.Numbers = key("one position per roller [m], + towards the drive", 1e-3, 10, LENGTHS)
+    guide_positions: choices.Numbers = key(
         "the positions of the [front, rear] guide wheels [m]", 1e-3, 10, LENGTHS, min_length=2, max_length=2
     )
     pin_position: float = key("the position of the drive pin [m], + towards the drive", 1e-3, 10, LENGTHS)
@@ -211,7 +185,7 @@ class FittedAt(Table):
 
     moisture: float = _moisture()
     density_ratio: float = key("the density ratio k of the product", ge=0.90, le=0.99)
-    parameters: Fits = key("the fitted parameters", min_length=1)
+    parameters: choices.Fits = key("the fitted parameters", min_length=1)
 
 
 class Mix(Table):
@@ -219,10 +193,10 @@ class Mix(Table):
 
     moisture: float = _moisture()
     density_ratio: float = key("the required density ratio k of the product", ge=0.90, le=0.99)
-    law: MixLaw = key(
+    law: choices.MixLaw = key(
         "the yield surface of the engines that compact: an elliptic cap, or a cap with a shear line", default="ellipse"
     )
-    pore_air: PoreAirModel = key(
+    pore_air: choices.PoreAirModel = key(
         "the pore air: without pressure, at the deformation without air, or coupled with the deformation",
         default="drained",
     )
@@ -286,7 +260,7 @@ class Layer(Table):
     plies: Plies | None = key("the plies from the base upwards, as tables", min_length=1, default=None)
     lower_lift: LowerLift | None = None
     fed_density_ratio: float = key("the density ratio of the mix as fed", **STATES)
-    passes: int = key("the number of passes", 1, 100, PASSES, ge=1, le=PASS_LIMIT)
+    passes: int = key("the number of passes", 1, 100, PASSES, ge=1, le=choices.PASS_LIMIT)
     return_stroke: Literal["fresh", "compacted"] = key(
         "the mix under the return stroke: fresh as on the way out, or compacted by it", default="fresh"
     )
@@ -295,7 +269,7 @@ class Layer(Table):
 class Optimise(Table):
     """Optimal laws: each minimises one objective against the computed resistance, within bounds."""
 
-    objectives: Objectives = key("the objectives to minimise, one law for each", min_length=1)
+    objectives: choices.Objectives = key("the objectives to minimise, one law for each", min_length=1)
     smoothness: int = key("the order up to which derivatives are continuous", ge=1, le=3)
     steady_tolerance: float | None = nonnegative(
         "the deviation allowed from the constant speed between run-up and run-down, 0 for none", le=1, default=None
@@ -315,7 +289,7 @@ class Optimise(Table):
         CAMS,
         default=None,
     )
-    spread: Spreads = key("the parameters of the mix over whose spread the regret is minimised", default=())
+    spread: choices.Spreads = key("the parameters of the mix over whose spread the regret is minimised", default=())
 
 
 class Motion(Table):
@@ -323,7 +297,7 @@ class Motion(Table):
 
     stroke: float = positive("the travel between the two ends [m]", 0.02, 20, STROKES)
     duration: float = positive("the time of one pass [s]", 0.02, 600, STROKES)
-    laws: Laws = key('the laws to compare, or ["all"]', min_length=1)
+    laws: choices.Laws = key('the laws to compare, or ["all"]', min_length=1)
     # each at most a half, so together at most the whole pass
     run_up: float = key("the share of the pass for the acceleration phase", ge=1e-6, le=0.5)
     run_down: float = key("the share of the pass for the deceleration phase", ge=1e-6, le=0.5)
@@ -333,8 +307,10 @@ class Motion(Table):
     rod_length: float | None = optional(
         "the length of the connecting rod [m]", 0.02, 40, "rods of a stroke of up to 20 m"
     )
-    other_durations: Numbers = key("further times of one pass [s], over which the laws are ranked as well", default=())
-    tables: Names = key("CSV files of own laws, relative to the scene file", default=())
+    other_durations: choices.Numbers = key(
+        "further times of one pass [s], over which the laws are ranked as well", default=()
+    )
+    tables: choices.Names = key("CSV files of own laws, relative to the scene file", default=())
     optimise: Optimise | None = None
 
 
@@ -416,12 +392,12 @@ class Drive(Table):
         "true if the resistance of an elastic drive includes the added mass, F + a M, else false", default=None
     )
     carts: int = key("the number of carts on one shaft", ge=1, le=4)
-    angles: Numbers | None = key("the crank angle of each cart [rad]", 1e-3, 6.3, "one turn", default=None)
+    angles: choices.Numbers | None = key("the crank angle of each cart [rad]", 1e-3, 6.3, "one turn", default=None)
     motor: Motor | None = None
     hydraulics: Hydraulics | None = None
     end_springs: EndSpringTable | None = None
     catalogue: CatalogueTable | None = None
-    rank_by: Ranks = key("the quantities to rank by", min_length=1)
+    rank_by: choices.Ranks = key("the quantities to rank by", min_length=1)
 
 
 class Cam(Table):
@@ -449,15 +425,17 @@ class Process(Table):
         "the speed of the mould along the axis of the rollers [m/s], 0 at rest", 1e-4, 1, CREEPING
     )
     strokes: int | None = key(
-        "the number of strokes of a mould at rest", 1, 2000, SECTIONS, ge=1, le=STROKES_LIMIT, default=None
+        "the number of strokes of a mould at rest", 1, 2000, SECTIONS, ge=1, le=choices.STROKES_LIMIT, default=None
     )
     fill_height: float | None = optional(
         "the height of the loose mix in the mould before the first stroke [m]", 5e-3, 2, PRODUCTS
     )
     fill_density_ratio: float | None = key("the density ratio of that mix", **STATES, default=None)
     feed_density_ratio: float = key("the density ratio of the mix as fed", **STATES)
-    feed: FeedLaw = key("the distribution of the feed over the strokes", default="room")
-    feed_count: int | None = key('the number of fed strokes of the feed "first"', ge=1, le=STROKES_LIMIT, default=None)
+    feed: choices.FeedLaw = key("the distribution of the feed over the strokes", default="room")
+    feed_count: int | None = key(
+        'the number of fed strokes of the feed "first"', ge=1, le=choices.STROKES_LIMIT, default=None
+    )
     feed_table: FeedPoints | None = key('the points of the feed "table"', min_length=1, default=None)
     feeds: Literal["both", "forward"] = key("the strokes before which mix is fed", default="both")
     gap: float | None = nonnegative(
@@ -471,11 +449,16 @@ class Process(Table):
         "the thickness that the sleeves offer in a stroke [m]", 1e-5, 0.5, PART_OF_ROLLER, default=None
     )
     nip_angle: float = positive(
-        "the largest angle at which a roller draws mix in, [deg]", 1, 60, "mix on steel", default=NIP_ANGLE, le=60
+        "the largest angle at which a roller draws mix in, [deg]",
+        1,
+        60,
+        "mix on steel",
+        default=choices.NIP_ANGLE,
+        le=60,
     )
     largest_grain: float | None = optional("the size of the largest grains [m]", 1e-4, 0.05, "sand to coarse aggregate")
     layers: int = key("the number of merged layers of a section", default=20, ge=1, le=500)
-    detail: ProcessDetail | None = key(
+    detail: choices.ProcessDetail | None = key(
         'the model: columns, or lumped lifts in two dimensions; default "quick" for the engine "process"', default=None
     )
 
@@ -486,7 +469,9 @@ class Sleeve(Table):
     width: float = positive("the width along the travel [m]", 5e-3, 2, SLEEVES)
     head: float = positive("the height of the mix above the bed [m]", 0.01, 5, SLEEVES)
     wall_friction: float = share("the friction coefficient of the mix on the wall")
-    count: int = key("the number of sleeves of one cart", 1, 20, "a few sleeves feed one cart", ge=1, le=COUNT_LIMIT)
+    count: int = key(
+        "the number of sleeves of one cart", 1, 20, "a few sleeves feed one cart", ge=1, le=choices.COUNT_LIMIT
+    )
 
 
 TOUCHES = "(zero means no contact)"
@@ -500,39 +485,40 @@ class Contact(Table):
     )
     load: float | None = optional(f"the normal force on one roller [N] {TOUCHES}", 10, 1e6, CARTS)
     peak_pressure: float | None = optional(f"the largest contact pressure [Pa] {TOUCHES}", 1e3, 1e7, PRESSURES)
-    held: HeldQuantity | None = key(
+    held: choices.HeldQuantity | None = key(
         "the quantity held constant over speed; default a prescribed load or peak pressure, else the height of the "
         "roller",
         default=None,
     )
-    speeds: Numbers | None = key(
+    speeds: choices.Numbers | None = key(
         "the speeds of the computed contacts [m/s]", 1e-4, 5, "speeds of rolling", default=None
     )
 
 
 def _installed_engine(value: Any, validate: Callable[[Any], Any]) -> Any:
     """Accept the engines of other packages as well."""
-    return (
-        value if isinstance(value, str) and value not in BUILT_IN and value in installed_engines() else validate(value)
-    )
+    is_other = isinstance(value, str) and value not in BUILT_IN and value in installed_engines()
+    return value if is_other else validate(value)
 
 
 class Accuracy(Table):
     """Contact engine and its relative error tolerance."""
 
     tolerance: float = positive("the relative error tolerance, 0.01 for 1 %", 1e-5, 0.2, ERRORS, lt=0.5)
-    engine: Annotated[Engine, WrapValidator(_installed_engine), PlainSerializer(str, str)] = key("the contact engine")
+    engine: Annotated[choices.Engine, WrapValidator(_installed_engine), PlainSerializer(str, str)] = key(
+        "the contact engine"
+    )
 
 
 class Given(Table):
     """Keys that replace those of the scene for one engine of the comparison."""
 
-    machine: Keys | None = Field(None, description="keys of [machine]")
-    mix: Keys | None = Field(None, description="keys of [mix]")
-    layer: Keys | None = Field(None, description="keys of [layer]")
-    contact: Keys | None = Field(None, description="keys of [contact]")
-    accuracy: Keys | None = Field(None, description="keys of [accuracy]")
-    process: Keys | None = Field(None, description="keys of [process]")
+    machine: choices.Keys | None = Field(None, description="keys of [machine]")
+    mix: choices.Keys | None = Field(None, description="keys of [mix]")
+    layer: choices.Keys | None = Field(None, description="keys of [layer]")
+    contact: choices.Keys | None = Field(None, description="keys of [contact]")
+    accuracy: choices.Keys | None = Field(None, description="keys of [accuracy]")
+    process: choices.Keys | None = Field(None, description="keys of [process]")
 
 
 class Compare(Table):
@@ -549,14 +535,14 @@ class Compare(Table):
 class Output(Table):
     """Items of the output; nothing else is computed."""
 
-    items: Outputs = key("the items to write, [] for the summary only")
+    items: choices.Outputs = key("the items to write, [] for the summary only")
 
 
 class SceneTables(Table):
     """All tables of a scene, and the keys before the first of them."""
 
     title: str = key("a title in quotes", default="")
-    unusual: Names = key("keys whose values are meant as given, though implausible", default=())
+    unusual: choices.Names = key("keys whose values are meant as given, though implausible", default=())
     machine: Machine
     product: Product
     mix: Mix
