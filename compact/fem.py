@@ -17,8 +17,8 @@ from compact.rolling_contact import ContactResult, Layer, PrescribedMotion, Roll
 if TYPE_CHECKING:
     import meshio
 
+    from compact.engines.compaction.engine import CompactionContactResult
     from compact.engines.compaction.reciprocating import CompactionTransientResult
-    from compact.engines.compaction.results import CompactionContactResult
 
 __all__ = ["FemContactResult", "fields", "roll", "travel", "write_fields"]
 
@@ -108,7 +108,7 @@ def fields(result: "FemContactResult | CompactionContactResult") -> "meshio.Mesh
         from compact.engines.fem.fields import field_mesh as linear_fields
 
         return linear_fields(result)
-    from compact.engines.compaction.results import field_mesh as compaction_fields
+    from compact.engines.compaction.engine import field_mesh as compaction_fields
 
     return compaction_fields(result)
 

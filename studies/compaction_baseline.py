@@ -108,7 +108,7 @@ def reference(increments=24, travel=REFERENCE_TRAVEL, change=WAVE_CHANGE):
 
 def rolled_on(rolling, steps):
     """Return a roller after more steps at its depth, each to the full tolerance."""
-    from compact.engines.compaction.incremental_rolling import DAMPING, FINAL_DAMPING_RATIO, ROLLING_TOLERANCE
+    from compact.engines.compaction.rolling import DAMPING, FINAL_DAMPING_RATIO, ROLLING_TOLERANCE
 
     rolling.solver.tolerance = ROLLING_TOLERANCE
     height = rolling.frame.mesh.height - rolling.depth

@@ -18,9 +18,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction.engine import RollingCase, RollingNumerics
-from compact.engines.compaction.incremental_rolling import DAMPING, FINAL_DAMPING_RATIO, IncrementalRolling
 from compact.engines.compaction.roller_frame import transfer_state
+from compact.engines.compaction.rolling import DAMPING, FINAL_DAMPING_RATIO, IncrementalRolling
+from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.files import write_figure
 from compact.material.earth_pressure import cap_slope, drucker_prager_cap
 from compact.material.laws import Compaction

@@ -193,7 +193,7 @@ _BUILT_IN: Mapping[str, Engine] = MappingProxyType({
             (*_PLASTIC, "steel_friction"),
             compacting=True, continuation=True, density_target=True, rate_factor_only=True, cheap=False,
             points_per_task=8,
-            fields_module="compact.engines.compaction.results", low_fidelity="column",
+            fields_module="compact.engines.compaction.engine", low_fidelity="column",
         ),
         Engine(
             "process", "compact.analysis.process_contact",

@@ -445,7 +445,7 @@ def add_air_field(mesh: Any, result: Any, air: PoreAir) -> None:
     Parameters
     ----------
     mesh : meshio.Mesh
-        Mesh of `compaction.results.field_mesh`.
+        Mesh of `engines.compaction.engine.field_mesh`.
     result : CompactionContactResult
         Its contact.
     air : PoreAir

@@ -4,7 +4,7 @@
     line  q <= M P                       P >= 0,   potential q - N P,  dV = -N ls,       de = ls
     cut   P >= 0
 
-with P = p + pt and a = (pc + pt)/2. The steady rolling of `incremental_rolling` replaces the line by q <= M (p' + pt).
+with P = p + pt and a = (pc + pt)/2. Steady rolling (`engines.compaction.rolling`) has q <= M (p' + pt) for the line.
 The carried pressure p' is that of the same place in the last step. Flow with N = 0 is then associated and every
 increment convex; in steady motion p' = p, and the law is the same. Both are q <= m P + b, with m = M, b = 0 or m = 0,
 b = M (p' + pt). A viscous stress n ls may exceed the line, up to the top Mc a of the cap where P < a.

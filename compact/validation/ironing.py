@@ -13,7 +13,7 @@ rolling has a heap, to which V, H and H/V refer. The heap is measured from the l
 
 import numpy as np
 
-from compact.engines.compaction.engine import RollingCase, RollingNumerics
+from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.numerics import Array
 from compact.rolling_contact import Layer, Roller
 from compact.validation.case import Computed, Panel, Rows, ValidationCase, numbers, ours, read_rows, theirs

@@ -16,8 +16,8 @@ from compact.analysis.stages.contacts import roll_scene
 from compact.cli import program as cli
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
-from compact.engines.compaction.depth_target import DENSITY_TOLERANCE
-from compact.engines.compaction.results import CompactionContactResult
+from compact.engines.compaction.engine import CompactionContactResult
+from compact.engines.compaction.steady_state import DENSITY_TOLERANCE
 from compact.scene.loader import SceneError, load_scene, read_change
 from compact.scene.plant_data import Band, Measured, Measurement, read_measurements
 

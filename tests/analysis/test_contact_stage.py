@@ -11,7 +11,7 @@ from compact.analysis import contact_cases
 from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.study import Study
 from compact.engines.column.engine import simulate_oedometer
-from compact.engines.compaction.results import CompactionContactResult
+from compact.engines.compaction.engine import CompactionContactResult
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Viscoelastic
 from compact.report import writer as report

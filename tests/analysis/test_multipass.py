@@ -10,7 +10,8 @@ from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.study import Study
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
-from compact.engines.compaction.roller_frame import LayerState, RollerFrame, fresh_layer, rolling_mesh
+from compact.engines.compaction.layer_state import LayerState, fresh_layer
+from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.report import contact_tables, text

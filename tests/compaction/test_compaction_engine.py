@@ -9,21 +9,15 @@ import pytest
 
 from compact import fem
 from compact.engines.column import engine as column
-from compact.engines.compaction.depth_target import DepthTarget
-from compact.engines.compaction.engine import roll
+from compact.engines.compaction.engine import build_result, field_mesh, roll
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
-from compact.engines.compaction.incremental_rolling import IncrementalRolling
-from compact.engines.compaction.results import (
-    CompactionContactResult,
-    _contact_tractions,
-    exit_layer,
-    field_mesh,
-    relax_rows,
-)
+from compact.engines.compaction.layer_state import relax_rows
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
+from compact.engines.compaction.rolling import IncrementalRolling
+from compact.engines.compaction.steady_state import DepthTarget
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
-from compact.rolling_contact import Layer, Ply, Roller, compaction_rate
+from compact.rolling_contact import ContactResult, Layer, Ply, Roller, compaction_rate
 
 HEIGHT = 0.22 * 0.98 / 0.94
 THIN = Compaction(
@@ -309,7 +303,7 @@ def test_inverted_exit_column_is_refused(mix):
     state = frame.initial_state()
     state.displacement[:, 0] = -1.5 * frame.nodes[:, 0]
     with pytest.raises(RuntimeError, match="elements of the exit column invert along the travel; reduce the depth"):
-        exit_layer(frame, state, frame.exit_column)
+        frame.exit_layer(state)
 
 
 @pytest.mark.parametrize("node", [0, -1], ids=["rear", "front"])
@@ -319,7 +313,7 @@ def test_contact_at_the_end_of_the_mesh_is_refused(mix, node):
     pressure[node] = 1.0
     rolling.contact = SimpleNamespace(pressure=pressure)
     with pytest.raises(RuntimeError, match=r"the contact reaches the end of the mesh, from .* m; reduce the depth"):
-        _contact_tractions(rolling)
+        build_result(rolling, Layer(0.1), Roller(0.11, indentation=0.002), mix, 0.2)
 
 
 def test_stiffness_without_tangent_is_refused(mix):
@@ -444,7 +438,7 @@ def test_progress_is_reported_and_can_interrupt():
 
 
 def test_load_that_is_not_reached_reports_the_nearest_depth(monkeypatch):
-    monkeypatch.setattr(MODULES + "depth_target.TARGET_TOLERANCE", 1e-12)
+    monkeypatch.setattr(MODULES + "steady_state.TARGET_TOLERANCE", 1e-12)
     message = r"`load` 400000 N/m not reached after \d+ depths from \S+ to \S+ mm; the nearest was \S+ N/m at \S+ mm$"
     with pytest.raises(RuntimeError, match=message):
         roll_thin(10, increments=4, indentation=None, load=4e5)
@@ -487,4 +481,4 @@ def test_start_on_another_base_is_refused(coarse, roller, mix):
 def test_result_without_contact_is_refused():
     line = np.zeros(2)
     with pytest.raises(RuntimeError, match="the roller does not touch the layer"):
-        CompactionContactResult(0.0, 0.0, 0.0, 0.0, line, line, line)
+        ContactResult(0.0, 0.0, 0.0, 0.0, line, line, line)

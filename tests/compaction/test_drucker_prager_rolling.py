@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compact.engines.compaction.engine import RollingCase, RollingNumerics, roll
+from compact.engines.compaction.engine import roll
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
-from compact.engines.compaction.incremental_rolling import FINAL_DAMPING_RATIO
 from compact.engines.compaction.reciprocating import simulate_reciprocating
+from compact.engines.compaction.rolling import FINAL_DAMPING_RATIO
+from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.material import cap_plasticity
 from compact.material.earth_pressure import drucker_prager_cap
 from compact.mesh import RowMesh

@@ -9,14 +9,10 @@ from scipy.linalg import logm, polar
 from skfem import MeshQuad
 
 from compact.engines.compaction import finite_strain_kernels
-from compact.engines.compaction.finite_strain_kernels import (
-    announce_compilation,
-    strain_derivatives,
-    strain_increment,
-)
+from compact.engines.compaction.finite_strain_kernels import announce_compilation, strain_derivatives, strain_increment
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
-from compact.engines.compaction.newton import IncrementSolver
 from compact.engines.compaction.roller_contact import ContactForces
+from compact.engines.compaction.rolling import IncrementSolver
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.rolling_contact import EquilibriumError

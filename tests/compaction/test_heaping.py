@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from compact.engines.column.engine import required_feed
-from compact.engines.compaction.engine import HeapingError, RollingCase, roll
+from compact.engines.compaction.engine import HeapingError, roll
 from compact.engines.compaction.heaping import HeapingEstimate, require_no_heaping
-from compact.engines.compaction.incremental_rolling import require_low_wave
-from compact.engines.compaction.roller_frame import fresh_layer
+from compact.engines.compaction.layer_state import fresh_layer
+from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
+from compact.engines.compaction.rolling_case import RollingCase
+from compact.engines.compaction.steady_search import SteadySearch
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
@@ -163,11 +165,14 @@ def test_density_of_the_remedy_is_accepted():
 # (e) growing bow waves
 
 
-def rolling_with(bow_wave, max_wave_height=0.032, depth=0.01):
-    """Incremental rolling at one depth with a bow wave [m]."""
-    step = SimpleNamespace(travel=0.05, load=1e4, resistance=3e3, bow_wave=bow_wave)
-    surface = SimpleNamespace(radius=0.11)
-    return SimpleNamespace(steps=(step,), max_wave_height=max_wave_height, depth=depth, surface=surface)
+def rolled_with(layer_height, bow_wave, max_wave_height=0.032, depth=0.01):
+    """Roll a search whose last step has a bow wave [m]."""
+    step = RollingStep(0.05, layer_height - depth, 1e4, 3e3, 0.95, 2e5, 1, 1e-4, bow_wave, 1e-4)
+    rolling = IncrementalRolling.__new__(IncrementalRolling)
+    rolling.steps, rolling.max_wave_height = (step,), max_wave_height
+    rolling.surface, rolling.advance = SimpleNamespace(radius=0.11), lambda height, damping: step
+    rolling.frame = SimpleNamespace(contact_length=0.05, step=0.05, mesh=SimpleNamespace(height=layer_height))
+    SteadySearch(rolling, None, depth, 2e-3, 1e-3, None)._roll(1.0)
 
 
 def test_bow_wave_of_the_largest_contact_angle_ends_rolling():
@@ -176,13 +181,10 @@ def test_bow_wave_of_the_largest_contact_angle_ends_rolling():
         "which the contact angle is too large; load 10000 N/m, resistance 3000 N/m, bow wave 23 mm"
     )
     with pytest.raises(HeapingError, match=f"^{message}$") as raised:
-        require_low_wave(rolling_with(0.023))
+        rolled_with(0.1, 0.023)
     heaping = raised.value.heaping
-    assert (heaping.depth, heaping.wave_height, heaping.travel) == (0.01, 0.023, 0.05)
+    assert (heaping.depth, heaping.wave_height, heaping.travel) == pytest.approx((0.01, 0.023, 0.05))
     assert heaping.contact_angle == pytest.approx(np.arccos(1 - 0.033 / 0.11))
     copy = pickle.loads(pickle.dumps(raised.value))
     assert (str(copy), copy.heaping) == (str(raised.value), heaping)
-
-
-def test_lower_bow_wave_is_accepted():
-    assert require_low_wave(rolling_with(0.0219)) is None
+    rolled_with(0.1, 0.0219)

@@ -17,13 +17,8 @@ from compact.analysis.contact_cases import (
 from compact.analysis.multipass import Pass, density, passes
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
-from compact.engines.compaction.roller_frame import (
-    RollerFrame,
-    compacted_lift,
-    fresh_layer,
-    rolling_mesh,
-    transfer_state,
-)
+from compact.engines.compaction.layer_state import compacted_lift, fresh_layer
+from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
 from compact.engines.spectral import engine as spectral
 from compact.material.cap_plasticity import compacted_state
 from compact.material.laws import Compaction, Elastic

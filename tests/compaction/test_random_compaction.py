@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from compact.engines.compaction import engine
-from compact.engines.compaction.engine import HeapingError, RollingCase, RollingNumerics, roll
+from compact.engines.compaction.engine import HeapingError, roll
+from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.material.laws import Compaction
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
 from compact.rolling_contact import Layer, Roller

@@ -8,8 +8,12 @@ import pytest
 from compact.analysis.multipass import Pass, passes
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
-from compact.engines.compaction.reciprocating import simulate_reciprocating
-from compact.engines.compaction.reciprocating_roller import MULTIPLIER_TOLERANCE, ReciprocatingCase, ReciprocatingRoller
+from compact.engines.compaction.reciprocating import (
+    MULTIPLIER_TOLERANCE,
+    ReciprocatingCase,
+    ReciprocatingRoller,
+    simulate_reciprocating,
+)
 from compact.engines.stroke_schedule import stroke_schedule
 from compact.material.laws import Compaction
 from compact.motion.profile import law
@@ -198,14 +202,14 @@ def free_strokes():
             arcs_before, start = surface.arcs(roller.state.displacement[nodes]), surface.position
             roller.move_to(position, surface.bottom_height, 1.0)
             slip = roller.surface.arcs(roller.state.displacement[nodes]) - arcs_before + position - start
-            steps.append((stroke, roller.contact, slip + roller.contact.creep_travel, roller.roller_state))
+            steps.append((stroke, roller.contact, slip + roller.contact.creep_travel, roller.record))
     return roller, steps
 
 
 def test_free_roller_has_no_torque_and_satisfies_coulombs_law(free_strokes):
     roller, steps = free_strokes
     for _, contact, slip, state in steps:
-        assert abs(roller.surface.weights @ contact.shear) < 1e-12 * state.load
+        assert abs(roller.surface.weights @ contact.shear) < 1e-12 * state["load"]
         assert (np.abs(contact.shear) <= 0.3 * contact.pressure * (1 + 1e-12)).all()
         slipping = np.abs(contact.shear) > 0.3 * contact.pressure * (1 - 1e-9)
         assert np.where(slipping, contact.shear * slip, 0.0).max() <= 0.0  # against the slip
@@ -217,7 +221,7 @@ def test_free_roller_has_no_torque_and_satisfies_coulombs_law(free_strokes):
 def test_slip_dissipates_work_and_all_work_balances(free_strokes):
     _, steps = free_strokes
     names = ("slip_work", "input_work", "stored_work")
-    slip, supplied, stored = (np.array([getattr(step[-1], name) for step in steps]) for name in names)
+    slip, supplied, stored = (np.array([step[-1][name] for step in steps]) for name in names)
     assert np.diff(slip).min() > -1e-3 * slip[-1]
     assert slip[-1] > 0
     assert np.abs(supplied - stored).max() < 5e-3 * supplied.max()
@@ -228,8 +232,10 @@ def test_friction_of_a_free_roller_is_continuous_at_a_reversal(free_strokes):
     k = next(i for i, step in enumerate(steps) if step[0] == 1)
     (_, before, _, there), (_, after, _, back) = steps[k - 1], steps[k]
     assert np.abs(after.shear - before.shear).max() < 0.2 * np.abs(before.shear).max()
-    assert back.load == pytest.approx(there.load, rel=0.1)
-    assert (back.angle - there.angle) * WIDE.radius == pytest.approx(back.position - there.position, rel=1e-3)
+    assert back["load"] == pytest.approx(there["load"], rel=0.1)
+    assert (back["angle"] - there["angle"]) * WIDE.radius == pytest.approx(
+        back["position"] - there["position"], rel=1e-3
+    )
 
 
 @pytest.mark.slow

@@ -8,11 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from compact import fem
-from compact.engines.compaction.engine import roll
-from compact.engines.compaction.incremental_rolling import IncrementalRolling
-from compact.engines.compaction.results import build_result
+from compact.engines.compaction.engine import build_result, roll
 from compact.engines.compaction.roller_contact import RollingSurface
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh
+from compact.engines.compaction.rolling import IncrementalRolling
 from compact.material.laws import Compaction, Elastic
 from compact.rolling_contact import Layer, Roller
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from compact.engines.compaction.engine import roll
-from compact.engines.compaction.incremental_rolling import RollingStep
-from compact.engines.compaction.shear_line_search import SCATTER, ShearLineSearch, search_class
-from compact.engines.compaction.steady_search import SteadySearch, WaveGrowth, mesh_errors
+from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
+from compact.engines.compaction.steady_search import SCATTER, ShearLineSearch, SteadySearch, mesh_errors, search_class
+from compact.engines.compaction.steady_state import WaveGrowth
 from compact.material.earth_pressure import drucker_prager_cap, earth_pressure_bounds, matched_slopes
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
 from compact.rolling_contact import HeapingError, Layer, Roller, UnsteadyError
@@ -34,7 +34,7 @@ def lift(fed):
 
 
 def step(travel, load=5e3, resistance=700.0, wave_area=0.0):
-    return RollingStep(travel, 0.0, load, resistance, 0.96, 2e5, 1, 1e-3, 1e-3, wave_area)
+    return RollingStep(travel, 0.06 - DEPTH, load, resistance, 0.96, 2e5, 1, 1e-3, 1e-3, wave_area)
 
 
 def search_with(steps, quantity="indentation", fed=0.9):
@@ -42,9 +42,8 @@ def search_with(steps, quantity="indentation", fed=0.9):
     material = law(fed)
     frame = SimpleNamespace(contact_length=LENGTH, step=1e-3, mesh=SimpleNamespace(height=0.06))
     frame.solid = SimpleNamespace(material=material)
-    rolling = SimpleNamespace(
-        steps=tuple(steps), frame=frame, depth=DEPTH, surface=SimpleNamespace(radius=0.11), mesh_depth=DEPTH
-    )
+    rolling = IncrementalRolling.__new__(IncrementalRolling)
+    rolling.steps, rolling.frame, rolling.surface = tuple(steps), frame, SimpleNamespace(radius=0.11)
     return ShearLineSearch(rolling, SimpleNamespace(quantity=quantity, value=DEPTH), DEPTH, 2e-3, 1e-3, None)
 
 

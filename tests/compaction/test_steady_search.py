@@ -5,11 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compact.engines.compaction.bow_wave import QUANTITIES, BowWaveMode, WaveDrift, crossing_length, relaxation_length
-from compact.engines.compaction.depth_target import DepthSecant, DepthTarget
-from compact.engines.compaction.engine import STEADY_TOLERANCE, mesh_cascade, roll
-from compact.engines.compaction.incremental_rolling import RollingStep
-from compact.engines.compaction.steady_search import WaveGrowth
+from compact.engines.compaction.engine import mesh_cascade, roll
+from compact.engines.compaction.rolling import RollingStep
+from compact.engines.compaction.rolling_case import STEADY_TOLERANCE
+from compact.engines.compaction.steady_state import (
+    QUANTITIES,
+    BowWaveMode,
+    DepthSecant,
+    DepthTarget,
+    WaveDrift,
+    WaveGrowth,
+    crossing_length,
+    relaxation_length,
+)
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
@@ -93,7 +101,7 @@ def test_jump_along_the_mode_changes_the_wave_by_its_area(coarse):
     before = solution.state, solution.surface
     try:
         mode.add_to(solution, 0.01 * solution.steps[-1].wave_area)
-        assert solution._wave_area() == pytest.approx(1.01 * solution.steps[-1].wave_area, rel=2e-3)
+        assert solution.wave_area == pytest.approx(1.01 * solution.steps[-1].wave_area, rel=2e-3)
         points = solution.state.points
         assert np.all(points.max_density_ratio >= points.density_ratio)
     finally:

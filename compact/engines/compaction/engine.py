@@ -1,11 +1,13 @@
 """Engine "compaction": steady rolling of a rigid roller over compacting mix, plane strain, finite strain.
 
-The roller rolls element by element (`incremental_rolling`) until the motion is steady (`steady_search`), first on a
-coarse mesh, then on finer ones that start from the interpolated state. What relaxes slowly is the bow wave: its
-relaxation length is found on the coarse mesh, and each mesh jumps along its slow mode (`bow_wave`). A prescribed load,
-peak pressure or exit density corrects the depth in the same cycles (`depth_target`). A neighbouring case, of another
-depth, speed, roller or mix, starts from the last solution stretched to it. Mix with a shear line, whose wave has no
-single mode, rolls on without jumps (`shear_line_search`).
+The roller rolls element by element (`rolling`) until the motion is steady (`steady_search`), first on a coarse mesh,
+then on finer ones that start from the interpolated state. What relaxes slowly is the bow wave: its relaxation length is
+found on the coarse mesh, and each mesh jumps along its slow mode (`steady_state`). A prescribed load, peak pressure or
+exit density corrects the depth in the same cycles. A neighbouring case, of another depth, speed, roller or mix, starts
+from the last solution stretched to it. Mix with a shear line, whose wave has no single mode, rolls on without jumps.
+
+    mass    solids and water of the exit column = those of the fed column, both at rest (`LayerState.solid_height`)
+    work    resistance = sum of W dY + int t (slip velocity) dx/v,    W = int J sigma : d strain of the exit column
 
 The error has three parts: of the mesh, from the change between the last two meshes, of first order; of the drift, the
 distance to the steady state along the slow mode; of the start, the scatter of that distance and the last transient.
@@ -16,112 +18,247 @@ bow wave may grow without a steady state; then `HeapingError` is raised, for mos
 (`heaping`). A mean exit density ratio of 1 or more is refused. Times and errors: `studies/speed_against_error.py`.
 """
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Literal, TypedDict, Unpack, get_args
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction.depth_target import MAX_ELONGATED_SHARE, DepthTarget
 from compact.engines.compaction.finite_strain_kernels import announce_compilation
-from compact.engines.compaction.finite_strain_solid import SolidState
-from compact.engines.compaction.heaping import (
-    MAX_CONTACT_ANGLE,
-    HeapingEstimate,
-    remedy,
-    require_no_heaping,
+from compact.engines.compaction.heaping import remedy, require_no_heaping
+from compact.engines.compaction.layer_state import LayerState
+from compact.engines.compaction.roller_contact import RollingSurface
+from compact.engines.compaction.rolling import IncrementalRolling
+from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
+from compact.engines.compaction.steady_search import SteadySearch, mesh_errors, search_class
+from compact.engines.compaction.steady_state import (
+    MAX_ELONGATED_SHARE,
+    TARGET_TOLERANCE,
+    DepthTarget,
+    ErrorParts,
+    Relaxation,
 )
-from compact.engines.compaction.incremental_rolling import IncrementalRolling
-from compact.engines.compaction.newton import Progress
-from compact.engines.compaction.results import CompactionContactResult, build_result
-from compact.engines.compaction.roller_frame import (
-    LayerState,
-    RollerFrame,
-    compacted_lift,
-    rate_factor_at,
-    rolling_mesh,
-)
-from compact.engines.compaction.shear_line_search import search_class
-from compact.engines.compaction.steady_search import SteadySearch, error_parts, mesh_errors
 from compact.material import cap_plasticity
-from compact.material.laws import Compaction, DruckerPragerCap
-from compact.mesh import RowMesh
-from compact.numerics.validation import require_between, require_known, require_positive
+from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction, DruckerPragerCap
+from compact.numerics.validation import require_known
 from compact.rolling_contact import (
     HEIGHT_TOLERANCE,
+    ContactResult,
     HeapingError,
     Layer,
     Roller,
     RollerCondition,
     require_moving,
+    require_on_target,
     require_torque_allowed,
 )
 
+if TYPE_CHECKING:
+    import meshio
+
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
-INCREMENTS = 14  # [-], elements per contact length sqrt(2 R depth)
 COARSE_INCREMENTS = 4  # [-], elements per contact length of the first mesh
 REFINEMENT, MIN_REFINEMENT = 2.0, 1.4  # [-], of successive meshes, and at least of the first two
-STEADY_TOLERANCE = 2e-3  # [-], estimated distance of load, resistance and exit density from the steady state
 COARSE_TOLERANCE = 2.0  # [-], tolerances of the coarser meshes over those of the last one
 COARSE_TARGET_TOLERANCE = 10.0  # [-], tolerance of a target on the coarser meshes over that on the last one
 NEIGHBOUR_DEPTH = 1.3  # [-], largest ratio of depths of neighbours; others are solved from scratch
-
-Strain = Literal["finite", "small"]
-
-
-class RollingOptions(TypedDict, total=False):
-    """Numerical options of `roll`; see `RollingNumerics`."""
-
-    strain: Strain
-    increments: int
-    steady_tolerance: float
-    max_contact_angle: float | None
-    threads: int
-    progress: Progress | None
+MIN_RESISTANCE = 1e-3  # [-], least scale of the work residual over the load
 
 
 @dataclass(frozen=True, kw_only=True)
-class RollingNumerics:
-    """Numerical options of `roll`.
+class CompactionContactResult(ContactResult):
+    """A `ContactResult` over compacting mix.
 
     Parameters
     ----------
-    strain : {"finite", "small"}
-        Strain measure; small strain is fair up to contact angles of 12 to 15 degrees, and its density ratio is low by
-        half a squared strain.
-    increments : int
-        Elements and steps per contact length.
-    steady_tolerance : float
-        Relative tolerance of the steady state: estimated remaining change of load, resistance and exit density [-].
-    max_contact_angle : float or None
-        Contact angle at which a bow wave counts as unbounded [rad], up to pi/2. Depths and loads in fresh mix that
-        require more are refused, and incremental rolling ends there. None omits both.
-    threads : int
-        Threads that share the elements; the number changes no digit. Two idle cores save a fifth of the time.
-    progress : callable, optional
-        Called with a line of text after each step.
+    indentation : float
+        Depth of the lowest generatrix below the fed surface [m].
+    creep : float or None
+        Creepage, angular speed x radius/speed - 1, of a roller that sticks and slips [-], else None.
+    exit : LayerState
+        Exit state by rows from the base up, for the next pass, with the lower lift behind the roller.
+    exit_height : float
+        Height of the layer behind the roller [m], without a lower lift.
+    exit_density_ratio : float
+        Mean density ratio over the exit height [-].
+    elastic_recovery : float
+        Rise of the surface behind the lowest generatrix [m].
+    bow_wave : float
+        Rise of the surface ahead of the roller above the fed layer [m].
+    peak_density_ratio : float
+        Largest density ratio of the layer [-].
+    lower_height, lower_density_ratio : float or None
+        Height [m] and mean density ratio [-] of the lower lift behind the roller; None without one.
+    mass_residual, equilibrium_residual : float
+        Relative residuals of mass, the larger one of both lifts, and of nodal forces [-].
+    yield_residual : float
+        Largest stress beyond the cap over its pressure [-].
+    overdense_work : float
+        Share of the plastic work at density ratios above that of the densest measurement of the pressure curve,
+        where the constitutive law extrapolates [-].
+    solution : IncrementalRolling
+        Finite-element solution, the initial guess of a neighbour.
+    layer, roller, material, speed : Layer, Roller, Compaction, float
+        Case.
+    error_parts : ErrorParts
+        Parts of `error`.
+    relaxation : Relaxation
+        Slow relaxation of the bow wave of the solution.
+    """
+
+    indentation: float
+    creep: float | None
+    exit: LayerState
+    exit_height: float
+    exit_density_ratio: float
+    elastic_recovery: float
+    bow_wave: float
+    peak_density_ratio: float
+    lower_height: float | None
+    lower_density_ratio: float | None
+    mass_residual: float
+    equilibrium_residual: float
+    yield_residual: float
+    overdense_work: float
+    solution: IncrementalRolling
+    layer: Layer
+    roller: Roller
+    material: Compaction
+    speed: float
+    error_parts: ErrorParts = field(default_factory=ErrorParts)
+    relaxation: Relaxation = field(default_factory=Relaxation)
+
+    @property
+    def exceeds_full_density(self) -> bool:
+        """True if the density ratio exceeds 1 anywhere, outside the range of the constitutive law."""
+        return self.peak_density_ratio > 1
+
+
+def build_result(
+    solution: IncrementalRolling, layer: Layer, roller: Roller, material: Compaction, speed: float
+) -> CompactionContactResult:
+    """Evaluate a steady solution.
+
+    Parameters
+    ----------
+    solution : IncrementalRolling
+        Steady solution.
+    layer, roller, material : Layer, Roller, Compaction
+        Case.
+    speed : float
+        Speed of the roller along x [m/s].
+
+    Returns
+    -------
+    CompactionContactResult
 
     Raises
     ------
-    ValueError
-        If an option is out of its range.
+    RuntimeError
+        If the roller has no contact or skids, the contact reaches the end of the mesh, or the exit state has no
+        equilibrium at rest.
     """
+    frame, points = solution.frame, solution.state.points
+    touching, positions = np.flatnonzero(solution.contact.pressure > 0), solution.surface_positions
+    if not len(touching):
+        raise RuntimeError("the roller does not touch the layer; increase the depth")
+    first, end = touching[0], touching[-1] + 1
+    if first == 0 or end == len(positions):
+        edges = positions[[first, end - 1], 0]
+        raise RuntimeError(
+            f"the contact reaches the end of the mesh, from {edges[0]:.3g} to {edges[1]:.3g} m; reduce the depth"
+        )
+    if isinstance(solution.surface, RollingSurface):
+        utilisation = solution.surface.friction_utilisation(solution.contact)
+        if utilisation >= 1:  # the creepage of a skidding roller is undetermined
+            raise RuntimeError(
+                f"the roller skids: the torque requires {utilisation:.3g} times the friction limit; reduce the torque"
+            )
 
-    strain: Strain = "finite"
-    increments: int = INCREMENTS
-    steady_tolerance: float = STEADY_TOLERANCE
-    max_contact_angle: float | None = MAX_CONTACT_ANGLE
-    threads: int = 1
-    progress: Progress | None = None
+    last = solution.steps[-1]
+    # the edges lie half-way to the first node without contact
+    trailing, leading = positions[first - 1 : first + 1, 0].mean(), positions[end - 1 : end + 1, 0].mean()
+    x = np.concatenate([[trailing], positions[first:end, 0], [leading]])
+    pressure, shear = (np.pad(each[first:end], 1) for each in (solution.surface_pressure, solution.surface_shear))
+    order, direction = (slice(None), 1.0) if speed > 0 else (slice(None, None, -1), -1.0)
+    exit_state, length_ratio = frame.exit_layer(solution.state)
+    solid, lower = frame.solid.material, exit_state.lower
+    lifts = ((exit_state, frame.fed_layer), (lower, frame.fed_layer.lower))
+    # one more step without strain corrects the stresses beyond the yield surface
+    still = np.zeros((len(points.stress), 3))
+    rest, _ = cap_plasticity.integrate_points(solid, points, still, frame.solid.rate_factor, tangent=False)
+    yield_pressure = solid.yield_pressure(points.max_density_ratio) * frame.solid.rate_factor
+    return CompactionContactResult(
+        load=last.load,
+        resistance=direction * last.resistance,
+        leading=float(leading),
+        trailing=float(trailing),
+        x=direction * x[order],
+        pressure=pressure[order],
+        shear_traction=direction * shear[order],
+        work_residual=work_residual(solution),
+        peak_pressure=float(pressure.max()),
+        indentation=frame.mesh.height - last.bottom_height,
+        creep=solution.contact.creepage,
+        exit=exit_state,
+        exit_height=exit_state.height,
+        exit_density_ratio=exit_state.density_ratio,
+        elastic_recovery=exit_state.stacked.height - last.bottom_height,
+        bow_wave=float(max(positions[:, 1].max() - frame.mesh.height, 0.0)),
+        peak_density_ratio=float(frame.to_rows(points.density_ratio)[frame.lower_rows :].max()),
+        lower_height=None if lower is None else lower.height,
+        lower_density_ratio=None if lower is None else lower.density_ratio,
+        mass_residual=max(
+            abs(after.solid_height(solid) * length_ratio / before.solid_height(solid) - 1)
+            for after, before in lifts
+            if after is not None and before is not None
+        ),
+        equilibrium_residual=last.residual,
+        yield_residual=float((np.abs(rest.stress - points.stress).max(axis=1) / yield_pressure).max()),
+        overdense_work=_overdense_work(solution),
+        solution=solution,
+        layer=layer,
+        roller=roller,
+        material=material,
+        speed=speed,
+    )
 
-    def __post_init__(self) -> None:
-        require_known("strain", self.strain, ("finite", "small"))
-        require_positive(increments=self.increments, steady_tolerance=self.steady_tolerance, threads=self.threads)
-        if self.max_contact_angle is not None:
-            require_positive(max_contact_angle=self.max_contact_angle)
-            require_between(0.0, np.pi / 2, max_contact_angle=self.max_contact_angle)
+
+def field_mesh(rolled: CompactionContactResult) -> "meshio.Mesh":
+    """Return the fields inside the layer of a result, see `RollerFrame.field_mesh`."""
+    return rolled.solution.frame.field_mesh(rolled.solution.state, 1.0 if rolled.speed > 0 else -1.0)
+
+
+def work_residual(solution: IncrementalRolling) -> float:
+    """Return the residual of the energy balance over the resistance [-].
+
+    It is the work of the roller less the work of deformation of the exit column and the work of slip.
+
+    Parameters
+    ----------
+    solution : IncrementalRolling
+        Steady solution.
+    """
+    frame, surface, (load, resistance) = solution.frame, solution.surface, solution.load_and_resistance()
+    nodes = frame.surface_nodes
+    deformation = frame.row_heights @ frame.to_rows(solution.state.work)[:, frame.exit_column]
+    slip = np.array([1.0, 0.0]) - solution.displacement_change[nodes] / frame.step  # of the roller, over its speed
+    sliding = np.sum(surface.tangents(solution.state.displacement[nodes]) * slip, axis=1)
+    # the work of rotation, - (1 + creepage) times the sum of the shear, cancels with its share of the slip
+    slip_work = np.sum(surface.weights * solution.contact.shear * sliding)
+    return float(abs(resistance - deformation - slip_work) / max(abs(resistance), MIN_RESISTANCE * load))
+
+
+def _overdense_work(solution: IncrementalRolling) -> float:
+    """Return the share of the plastic work of one step at density ratios beyond the measured curve [-]."""
+    frame, points = solution.frame, solution.state.points
+    work = points.plastic_work - frame.convect(solution.state).points.plastic_work
+    near = frame.solid.point_coordinates[:, 0] > -frame.exit_distance
+    area = frame.solid.point_areas * frame.solid.volume_ratio(solution.state.displacement)
+    work = np.where(near, np.maximum(work, 0.0), 0.0) * area  # interpolated where elements grow, so never negative
+    overdense = points.density_ratio > HECKEL_MAX_DENSITY_RATIO
+    return float(work[overdense].sum() / work.sum()) if overdense.any() else 0.0
 
 
 def roll(
@@ -134,7 +271,7 @@ def roll(
     fed_layer: LayerState | None = None,
     start: CompactionContactResult | None = None,
     exit_density_ratio: float | None = None,
-    **options: Unpack[RollingOptions],
+    **options: Any,
 ) -> CompactionContactResult:
     """Compute one roller in steady motion over a layer of compacting mix.
 
@@ -185,147 +322,22 @@ def roll(
     if case.heaping is not None and fed_layer is None and not isinstance(material, DruckerPragerCap):
         require_no_heaping(case.heaping, target.quantity, target.value, target.required_depth)
     with threadpool_limits(1):
-        if start is None or not _is_neighbour(case, target, start):
-            return _roll_from_scratch(case, target)
-        return _roll_from_neighbour(case, target, start)
-
-
-@dataclass(frozen=True, eq=False)
-class RollingCase:
-    """Arguments of `roll`, from which frames and rollers at rest are created.
-
-    Parameters
-    ----------
-    layer, roller, material, speed, torque, fed_layer
-        As of `roll`.
-    numerics : RollingNumerics
-        Numerical options.
-    """
-
-    layer: Layer
-    roller: Roller
-    material: Compaction
-    speed: float
-    torque: float | None
-    fed_layer: LayerState | None
-    numerics: RollingNumerics
-
-    @cached_property
-    def lower(self) -> LayerState | None:
-        """Lower lift before the pass, all mix below the fed layer; None on the rigid base."""
-        if self.fed_layer is not None:
-            return None if self.fed_layer.lower is None else self.fed_layer.lower.stacked
-        lift = self.layer.lower_lift
-        if lift is None:
-            return None
-        rate = lift.compaction_rate(self.speed, self.roller.radius, self.material.fed_density_ratio)
-        return compacted_lift(lift, self.material, self.material.rate_factor(rate))
-
-    @cached_property
-    def heaping(self) -> HeapingEstimate | None:
-        """Estimate of the largest depth; None if it does not apply. It regards a lower lift as rigid.
-
-        It is fitted to the elliptic cap: with a shear line only its contact angle limits the wave.
-        Small strain causes no bow wave, and mix on a frictionless base may elongate instead of being compacted.
-        """
-        angle = self.numerics.max_contact_angle
-        if angle is None or self.numerics.strain == "small" or self.layer.base == "slip":
-            return None
-        estimate = HeapingEstimate(self.layer.height, self.roller.radius, self.material, angle)
-        deepest = min(estimate.contact_height, self.layer.height * (1 - self.material.fed_density_ratio))
-        return replace(estimate, rate_factor=self.rate_factor(deepest))
-
-    def rate_factor(self, depth: float) -> float:
-        """Return the factor of the yield pressure [-] by the rate of compaction at a depth [m]."""
-        return rate_factor_at(self.material, self.roller.radius, self.layer.height, depth, self.speed, self.fed_layer)
-
-    def create_frame(self, depth: float, increments: int) -> RollerFrame:
-        """Create the frame for a depth [m] with a number of elements per contact length."""
-        length = np.sqrt(2 * self.roller.radius * depth)
-        mesh = rolling_mesh(
-            self.layer.height, length, length / increments, 0.0 if self.lower is None else self.lower.height
-        )
-        return self.frame_on(mesh, depth, self.numerics.strain == "finite")
-
-    def frame_on(self, mesh: RowMesh, depth: float, finite: bool) -> RollerFrame:
-        """Create a frame on a mesh.
-
-        Parameters
-        ----------
-        mesh : RowMesh
-            Mesh of the fed layer.
-        depth : float
-            Depth [m].
-        finite : bool
-            True for finite strain.
-        """
-        frame = RollerFrame(
-            mesh,
-            self.material,
-            self.layer.base,
-            float(np.sqrt(2 * self.roller.radius * depth)),
-            fed_layer=self.fed_layer,
-            lower=self.lower,
-            finite=finite,
-            rate_factor=self.rate_factor(depth),
-        )
-        frame.solid.threads = self.numerics.threads
-        return frame
-
-    def roller_at_rest(self, frame: RollerFrame) -> IncrementalRolling:
-        """Create the roller above the fed layer of a frame."""
-        roller = self.roller
-        rotates = roller.rolling in ("free", "driven") and roller.friction > 0
-        return IncrementalRolling(
-            frame,
-            roller.radius,
-            profile=roller.profile,
-            friction=0.0 if roller.rolling == "frictionless" else roller.friction,
-            torque=(self.torque or 0.0) if rotates else None,
-            max_wave_height=np.inf if self.heaping is None else self.heaping.contact_height,
-            progress=self.numerics.progress,
-        )
-
-    def stretched(self, old: IncrementalRolling, depth: float) -> IncrementalRolling:
-        """Return the roller of this case at the state of another one stretched to a depth.
-
-        The mesh is stretched with contact length and layer height. Strains change in proportion to depth over height,
-        stresses to the yield pressure. The roller remains in place; the next steps move it and restore equilibrium.
-
-        Parameters
-        ----------
-        old : IncrementalRolling
-            Roller in a state with a similar fed layer.
-        depth : float
-            Depth [m].
-        """
-        frame, state = old.frame, old.state
-        length = float(np.sqrt(2 * self.roller.radius * depth))
-        below = 0.0 if self.lower is None else self.lower.height  # each lift is stretched by itself
-        along, across = length / frame.contact_length, self.layer.height / (frame.mesh.height - frame.lower_height)
-        layer, lower = across * (frame.mesh.y - frame.lower_height), np.minimum(frame.mesh.y, frame.lower_height)
-        if below:
-            layer = np.maximum(layer, 0.0) + lower * (below / frame.lower_height)
-        mesh = RowMesh(along * frame.mesh.x, layer)
-        rolling = self.roller_at_rest(self.frame_on(mesh, depth, frame.solid.finite))
-        strain = depth / old.depth / across
-        displacement = state.displacement * strain * across
-        points, fed, old_fed = state.points, rolling.frame.initial_state().points, frame.initial_state().points
-        ratios = {
-            name: getattr(fed, name) * (getattr(points, name) / getattr(old_fed, name)) ** strain
-            for name in ("density_ratio", "max_density_ratio")
-        }
-        solids = rolling.frame.solid, frame.solid
-        pressure, old_pressure = (
-            solid.material.yield_pressure(densest) * solid.rate_factor
-            for solid, densest in zip(solids, (ratios["max_density_ratio"], points.max_density_ratio), strict=True)
-        )
-        stress = np.asarray(pressure / old_pressure)
-        moved = cap_plasticity.MaterialPoint(
-            points.stress * stress[:, None], **ratios, plastic_work=points.plastic_work * stress * strain
-        )
-        rolling.initialise_from(old, SolidState(displacement, moved, state.work * stress * strain), depth)
-        return rolling
+        if start is not None and _is_neighbour(case, target, start):
+            depth = target.depth_from(getattr(start, target.quantity), start.indentation)
+            rolling, mesh = case.stretched(start.solution, depth), start.error_parts.mesh
+            search = _run(_create_search(case, target, rolling, depth, relaxation=start.relaxation), case)
+        else:
+            searches: list[SteadySearch] = []
+            for count in mesh_cascade(numerics.increments):
+                depth = searches[-1].depth if searches else target.initial_depth()
+                rolling = case.roller_at_rest(case.create_frame(depth, count))
+                searches.append(_create_search(case, target, rolling, depth, is_last=count == case.numerics.increments))
+                if len(searches) > 1:
+                    searches[-1].start_from(searches[-2])
+                _run(searches[-1], case)
+            *coarser, search = searches
+            mesh = mesh_errors(coarser[-1], search, *coarser[-2:-1]) if coarser else None
+        return _to_result(case, search, mesh)
 
 
 def mesh_cascade(increments: int) -> list[int]:
@@ -336,73 +348,28 @@ def mesh_cascade(increments: int) -> list[int]:
     return counts
 
 
-def _roll_from_scratch(case: RollingCase, target: DepthTarget) -> CompactionContactResult:
-    """Solve on a cascade of meshes, each from the state of the last one."""
-    searches: list[SteadySearch] = []
-    for count in mesh_cascade(case.numerics.increments):
-        searches.append(_search_on(case, target, count, searches[-1] if searches else None))
-        _run(searches[-1], case)
-    *coarser, last = searches
-    return _to_result(case, last, mesh_errors(coarser[-1], last, *coarser[-2:-1]) if coarser else None)
-
-
-def _search_on(case: RollingCase, target: DepthTarget, count: int, coarse: SteadySearch | None) -> SteadySearch:
-    """Return the search on a mesh, from the state on a coarser one or from rest."""
-    is_last = count == case.numerics.increments
-    depth = target.initial_depth() if coarse is None else coarse.depth
-    search = search_class(case.material)(
-        rolling=case.roller_at_rest(case.create_frame(depth, count)),
+def _create_search(
+    case: RollingCase,
+    target: DepthTarget,
+    rolling: IncrementalRolling,
+    depth: float,
+    is_last: bool = True,
+    **other: Any,
+) -> SteadySearch:
+    """Return the search on a mesh."""
+    return search_class(case.material)(
+        rolling=rolling,
         target=target,
         depth=depth,
         tolerance=case.numerics.steady_tolerance * (1 if is_last else COARSE_TOLERANCE),
         target_tolerance=target.tolerance * (1 if is_last else COARSE_TARGET_TOLERANCE),
         stretch=case.stretched,
         rate_factor=case.rate_factor,
-        is_last=is_last,
+        **other,
     )
-    if coarse is not None:
-        search.start_from(coarse)
-    return search
 
 
-def _roll_from_neighbour(
-    case: RollingCase, target: DepthTarget, start: CompactionContactResult
-) -> CompactionContactResult:
-    """Solve from a neighbouring result, on its mesh stretched to the depth."""
-    depth = target.depth_from(start)
-    search = search_class(case.material)(
-        rolling=case.stretched(start.solution, depth),
-        target=target,
-        depth=depth,
-        tolerance=case.numerics.steady_tolerance,
-        target_tolerance=target.tolerance,
-        stretch=case.stretched,
-        rate_factor=case.rate_factor,
-        relaxation=start.relaxation,
-    )
-    _run(search, case)
-    return _to_result(case, search, start.error_parts.mesh)
-
-
-def _is_neighbour(case: RollingCase, target: DepthTarget, start: CompactionContactResult) -> bool:
-    """Return whether a result is near enough to start from; raise if its layer is another one."""
-    frame = start.solution.frame
-    same_base = (case.layer.base == "slip") == frame.has_frictionless_base
-    if case.fed_layer is not frame.inflow or not same_base or case.layer.lower_lift != start.layer.lower_lift:
-        raise ValueError("`start` must have the same `base`, `lower_lift` and `fed_layer`, got a result of others")
-    ratio = target.depth_from(start) / start.indentation
-    return max(ratio, 1 / ratio) <= NEIGHBOUR_DEPTH
-
-
-def _to_result(case: RollingCase, search: SteadySearch, mesh: tuple[float, float] | None) -> CompactionContactResult:
-    """Evaluate a steady solution and require what is prescribed."""
-    rolled = build_result(search.rolling, case.layer, case.roller, case.material, case.speed)
-    search.target.require_reached(rolled, search.rolling, case.torque)
-    parts = error_parts(search, mesh)
-    return replace(rolled, error=parts.total, error_parts=parts, relaxation=search.relaxation)
-
-
-def _run(search: SteadySearch, case: RollingCase) -> None:
+def _run(search: SteadySearch, case: RollingCase) -> SteadySearch:
     """Run a search; its errors name a remedy for a depth in fresh mix without a steady state."""
     try:
         search.run()
@@ -412,6 +379,32 @@ def _run(search: SteadySearch, case: RollingCase) -> None:
             raise
         advice = remedy(case.heaping, depth, for_density=search.target.quantity == "exit_density_ratio")
         raise type(error)(f"{error}; {advice}", *error.args[1:]) from error
+    return search
+
+
+def _is_neighbour(case: RollingCase, target: DepthTarget, start: CompactionContactResult) -> bool:
+    """Return whether a result is near enough to start from; raise if its layer is another one."""
+    frame = start.solution.frame
+    same_base = (case.layer.base == "slip") == frame.has_frictionless_base
+    if case.fed_layer is not frame.inflow or not same_base or case.layer.lower_lift != start.layer.lower_lift:
+        raise ValueError("`start` must have the same `base`, `lower_lift` and `fed_layer`, got a result of others")
+    ratio = target.depth_from(getattr(start, target.quantity), start.indentation) / start.indentation
+    return max(ratio, 1 / ratio) <= NEIGHBOUR_DEPTH
+
+
+def _to_result(case: RollingCase, search: SteadySearch, mesh: tuple[float, float] | None) -> CompactionContactResult:
+    """Evaluate a steady solution and require what is prescribed."""
+    solution, target = search.rolling, search.target
+    rolled = build_result(solution, case.layer, case.roller, case.material, case.speed)
+    surface, torques, tolerance = solution.surface, None, TARGET_TOLERANCE
+    if solution.contact.creepage is not None:
+        torques = case.torque or 0.0, float(-surface.radius * (surface.weights @ solution.contact.shear))
+    density = target.value if target.quantity == "exit_density_ratio" else None
+    if density is not None and not solution.frame.solid.finite:
+        tolerance += 0.5 * (1 - target.fed_ratio / density) ** 2  # small strain determines it to half a squared strain
+    require_on_target(rolled, target.roller, tolerance, exit_density_ratio=density, torque=torques)
+    parts = search.error_parts(mesh)
+    return replace(rolled, error=parts.total, error_parts=parts, relaxation=search.relaxation)
 
 
 def require_compactable(
@@ -451,32 +444,24 @@ def require_compactable(
             f"`exit_density_ratio` must lie between that of the fed mix {fed_ratio:.6g} and 1, got "
             f"{exit_density_ratio!r}"
         )
-    if roller.indentation is not None:
-        lower = (layer.lower_lift and layer.lower_lift.thickness) if fed_layer is None else fed_layer.lower
-        elongates = layer.base == "slip"
-        _require_indentation(
-            roller.indentation, layer.height, roller, fed_ratio, has_lower=bool(lower), elongates=elongates
-        )
-
-
-def _require_indentation(
-    depth: float, height: float, roller: Roller, fed_ratio: float, *, has_lower: bool, elongates: bool
-) -> None:
+    depth, height = roller.indentation, layer.height
+    if depth is None:
+        return
     if roller.profile != "parabola" and depth >= roller.radius:
         raise ValueError(
             f"`indentation` must be less than the roller's `radius` {roller.radius!r} m, or its axle would be below "
             f"the mix in front, got {depth!r} m"
         )
-    deepest = MAX_ELONGATED_SHARE * height
-    if elongates and depth > deepest:
-        raise ValueError(
-            f"`indentation` must be at most {deepest:.6g} m on a frictionless base, got {depth!r} m in a layer of "
-            f"{height!r} m"
-        )
-    if elongates:  # beyond full density the mix leaves along the travel
+    if layer.base == "slip":  # beyond full density the mix leaves along the travel
+        if depth > MAX_ELONGATED_SHARE * height:
+            raise ValueError(
+                f"`indentation` must be at most {MAX_ELONGATED_SHARE * height:.6g} m on a frictionless base, got "
+                f"{depth!r} m in a layer of {height!r} m"
+            )
         return
+    lower = layer.lower_lift if fed_layer is None else fed_layer.lower  # the depth includes its settlement
     full = height * (1 - fed_ratio)
-    if depth >= full and not has_lower:  # the depth includes the settlement of a lower lift
+    if depth >= full and lower is None:
         raise ValueError(
             f"`indentation` must be less than {full:.6g} m, got {depth!r} m: it would press mix fed at {fed_ratio:.6g} "
             f"and {height!r} m beyond full density"

@@ -138,6 +138,13 @@ class FiniteStrainSolid:
         nodal = displacement[self.basis.element_dofs.T]
         return np.matmul(nodal.transpose(0, 2, 1)[:, None], self.shape_gradients).reshape(-1, 4)
 
+    def volume_ratio(self, displacement: FloatArray) -> FloatArray:
+        """Return J of the Gauss points; 1 plus the change of area in small strain."""
+        gradient = self.displacement_gradient(displacement)
+        if self.finite:
+            return (1 + gradient[:, 0]) * (1 + gradient[:, 3]) - gradient[:, 1] * gradient[:, 2]
+        return 1 + gradient[:, 0] + gradient[:, 3]
+
     def increment(
         self,
         before: SolidState,

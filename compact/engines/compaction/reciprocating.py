@@ -4,13 +4,15 @@
 
 The mesh covers the stroke and a length beyond its ends, and the roller moves over it. No state is convected, so that
 the return stroke needs no special treatment. The multiplier tractions move along the surface with the roller by whole
-elements. Mix without rate effect depends on the path alone; with it, the yield pressure follows the rate of compaction
-at the mean |v| of each step. Nothing changes while the roller is at rest.
+elements; the prediction of a step is the displacement change of the step one element before. Mix without rate effect
+depends on the path alone; with it, the yield pressure follows the rate of compaction at the mean |v| of each step.
+Nothing changes while the roller is at rest.
 
-Steps are half elements, the spacing of the Gauss points. After a
-reversal they begin with 1/16 of an element. The error estimate is the change from steps twice as long on the same mesh.
-The forces also oscillate within each element as its nodes enter the contact: with 6 elements per contact length by
-1.3 % of the resistance and 0.3 % of the load.
+Steps are half elements, the spacing of the Gauss points. After a reversal they begin with 1/16 of an element. The error
+estimate is the change from steps twice as long on the same mesh. The forces also oscillate within each element as its
+nodes enter the contact: with 6 elements per contact length by 1.3 % of the resistance and 0.3 % of the load. A step on
+the shear line of a `DruckerPragerCap` that has no equilibrium is solved with a carried pressure (`drucker_prager_cap`),
+first that before the step, then half-way to that after it, until both agree.
 
 Friction
     A rotating roller has Coulomb friction with stick and slip; its rotation follows from the torque
@@ -33,33 +35,53 @@ Lifts
 """
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, field, fields
-from typing import Literal, TypedDict, Unpack
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction.engine import require_compactable
+from compact.engines.compaction.engine import CompactionContactResult, require_compactable
 from compact.engines.compaction.finite_strain_solid import FloatArray
-from compact.engines.compaction.reciprocating_roller import ReciprocatingCase, ReciprocatingRoller, RollerState
-from compact.engines.compaction.results import CompactionContactResult
-from compact.engines.compaction.roller_frame import LayerState
-from compact.engines.stroke_schedule import PLACE_TOLERANCE, Strokes, stroke_schedule
-from compact.material.laws import Compaction
+from compact.engines.compaction.layer_state import LayerState, rate_factor_at
+from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
+from compact.engines.compaction.roller_frame import RollerFrame, stroke_mesh, transfer_state
+from compact.engines.compaction.rolling import (
+    CARRIED_SHARE,
+    PENALTY,
+    PENALTY_REDUCTION,
+    PENALTY_ROWS,
+    Equilibrium,
+    IncrementalRolling,
+    IncrementSolver,
+    mean_pressure,
+)
+from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, Strokes, stroke_schedule
+from compact.material.laws import Compaction, DruckerPragerCap
 from compact.numerics.validation import require_finite, require_integers, require_known, require_nonnegative
-from compact.rolling_contact import Layer, PrescribedMotion, Roller, TransientResult, require_torque_allowed
+from compact.rolling_contact import (
+    EquilibriumError,
+    Layer,
+    PrescribedMotion,
+    Roller,
+    TransientResult,
+    require_torque_allowed,
+)
+
+if TYPE_CHECKING:
+    import meshio
 
 INCREMENTS = 6  # [-], elements per contact length sqrt(2 R depth)
-
-
-class ReciprocatingOptions(TypedDict, total=False):
-    """Numerical options of `simulate_reciprocating`; see `ReciprocatingNumerics`."""
-
-    strain: Literal["finite", "small"]
-    increments: int
-    instants: Sequence[float]
-    estimate: bool
+PRESSING_STEPS = 6  # [-], steps in which the roller is pressed to its depth
+STEP_TOLERANCE = 1e-4  # [-], residual of a step over the nodal forces
+MULTIPLIER_TOLERANCE = 0.01  # [-], change of a multiplier in an augmentation over the largest pressure
+MAX_AUGMENTATIONS = 10  # [-], in a step; one in ten steps on thick layers ends with more, which the next steps reduce
+MAX_CARRYING = 30  # [-], solutions of a step with a carried pressure; the differences halve
+CARRIED_TOLERANCE = 0.01  # [-], mean of |p - p'| over the mean pressure of the contact
+STEPS_PER_ELEMENT = round(1 / STEP_LENGTH)  # [-], steps with stored changes for the prediction
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,6 +162,272 @@ class CompactionTransientResult(TransientResult):
         return tuple(layer.density_ratio for layer in self.exit_layers)
 
 
+@dataclass(frozen=True, eq=False)
+class ReciprocatingCase:
+    """Arguments of `simulate_reciprocating` that determine a roller.
+
+    Parameters
+    ----------
+    roller, material : Roller, Compaction
+        Roller and constitutive law.
+    strokes : Strokes
+        Motion, cut at its reversals.
+    torque : float
+        Torque per unit length on a rotating roller, + along its travel [N].
+    element, contact_length : float
+        Lengths of an element and of the contact [m].
+    finite : bool
+        True for finite strain.
+    """
+
+    roller: Roller
+    material: Compaction
+    strokes: Strokes
+    torque: float
+    element: float
+    contact_length: float
+    finite: bool
+
+
+class ReciprocatingRoller:
+    """Roller on one layer, at first just in touch with it.
+
+    Parameters
+    ----------
+    case : ReciprocatingCase
+        Roller, mix and strokes.
+    height : float
+        Height of the layer [m].
+    fed_layer : LayerState or None
+        Layer of an earlier pass, None for fresh mix.
+    position : float
+        x of the roller [m].
+    """
+
+    def __init__(self, case: ReciprocatingCase, height: float, fed_layer: LayerState | None, position: float) -> None:
+        roller = case.roller
+        self.strokes, self.element = strokes, element = case.strokes, case.element
+        # for travel along +x: traction over pressure of a sliding roller, sum of the tractions of a rotating one
+        self.traction_ratio = roller.friction if roller.rolling == "sliding" else 0.0
+        self.tangential_force = -case.torque / roller.radius
+        mesh = stroke_mesh(height, case.contact_length, element, round(strokes.span / element))
+        self.frame = frame = RollerFrame(
+            mesh, case.material, "bonded", case.contact_length, fed_layer=fed_layer, finite=case.finite
+        )
+        coordinates = frame.nodes[frame.surface_nodes] + [strokes.low, 0.0]
+        penalty = PENALTY * case.material.unloading_modulus / min(element, height / PENALTY_ROWS)
+        zero = np.zeros(len(coordinates))
+        geometry = coordinates, frame.surface_weights, roller.radius, height, penalty, zero, roller.profile
+        self.surface: RollerSurface = RollerSurface(*geometry, position=float(position))
+        if roller.rolling in ("free", "driven") and roller.friction > 0:
+            self.surface = RollingSurface(
+                *geometry, position=float(position), friction=roller.friction, multiplier_shear=zero
+            )
+        self.solver = IncrementSolver(frame.solid, frame.surface_nodes, STEP_TOLERANCE)
+        self.state, self.iterations = frame.initial_state(), 0
+        self._past: list[tuple[float, float, ContactForces, FloatArray]] = []  # place, travel, contact, change of steps
+        self.contact = self.surface.normal_contact(self._surface_displacement)
+        self.angle, self.input_work, self.slip_work, self.stored_work = 0.0, 0.0, 0.0, 0.0
+
+    @property
+    def is_set_valued(self) -> bool:
+        """True if the friction or torque change sign with the travel."""
+        return bool(self.traction_ratio or self.tangential_force)
+
+    @property
+    def record(self) -> dict[str, float]:
+        """Present position, forces and works, by the names of `CompactionTransientResult`."""
+        surface = self.surface
+        x = surface.coordinates[:, 0] + self._surface_displacement[:, 0] - surface.position
+        touching, leading, trailing = np.flatnonzero(self.contact.pressure > 0), np.nan, np.nan
+        if len(touching):
+            first, last = touching[[0, -1]]
+            leading, trailing = float(x[last] + x[last + 1]) / 2, float(x[first - 1] + x[first]) / 2
+        load, resistance = surface.load_and_resistance(self.contact)
+        return {
+            "position": surface.position,
+            "bottom_height": surface.bottom_height,
+            "load": load,
+            "resistance": resistance,
+            "leading": leading,
+            "trailing": trailing,
+        } | {name: getattr(self, name) for name in ("angle", "input_work", "slip_work", "stored_work")}
+
+    @property
+    def middle_layer(self) -> LayerState:
+        """State of the layer in the middle of the stroke."""
+        middle = int(np.searchsorted(self.frame.row_x, self.strokes.span / 2))
+        return self.frame.exit_layer(self.state, middle)[0]
+
+    @property
+    def fields(self) -> "meshio.Mesh":
+        """Fields of the layer as of `RollerFrame.field_mesh`, a meshio mesh at the positions of the motion."""
+        mesh = self.frame.field_mesh(self.state)
+        mesh.points[:, 0] += self.strokes.low
+        return mesh
+
+    def initialise_from(self, solution: IncrementalRolling) -> None:
+        """Continue from a steady solution with x = 0 at the lower end of the stroke."""
+        x, old = (frame.nodes[frame.surface_nodes, 0] for frame in (self.frame, solution.frame))
+        pressure, shear = (
+            np.interp(x, old, traction, left=0.0, right=0.0)
+            for traction in (solution.contact.pressure, solution.contact.shear)
+        )
+        self.state = transfer_state(solution.state, solution.frame, self.frame)
+        tractions = ContactTractions(pressure, shear, solution.contact.creepage)
+        surface = self._surface_along(1.0).with_multipliers(tractions)
+        surface = replace(surface, bottom_height=solution.steps[-1].bottom_height)
+        self.surface = surface.begin_increment(self._surface_displacement)
+        self.contact = self.surface.contact_forces(self._surface_displacement)
+
+    def rate_factor(self, speed: float, bottom_height: float | None = None) -> float:
+        """Return the factor of the yield pressure [-] at a speed [m/s] and a height [m], the present one by default."""
+        frame, height = self.frame, self.frame.mesh.height
+        depth = height - (self.surface.bottom_height if bottom_height is None else bottom_height)
+        return rate_factor_at(frame.solid.material, self.surface.radius, height, depth, speed, frame.inflow)
+
+    def press(self, bottom_height: float, speed: float, every: int = 1) -> None:
+        """Press the roller down.
+
+        Parameters
+        ----------
+        bottom_height : float
+            Final height of the lowest generatrix [m].
+        speed : float
+            Speed of the stroke that follows [m/s].
+        every : int
+            1 for all steps, 2 for every second step.
+        """
+        factor = self.rate_factor(speed, bottom_height)
+        for height in np.linspace(self.surface.bottom_height, bottom_height, PRESSING_STEPS + 1)[every::every]:
+            self.move_to(self.surface.position, height, factor)
+
+    def move_to(self, x: float, bottom_height: float, rate_factor: float, sign: float | None = None) -> None:
+        """Move the roller by one step.
+
+        Parameters
+        ----------
+        x, bottom_height : float
+            Position and height of the lowest generatrix after the step [m].
+        rate_factor : float
+            Factor of the yield pressure [-].
+        sign : float, optional
+            Direction of friction and torque along x [-]; that of the step by default.
+        """
+        old, travel = self.surface, x - self.surface.position
+        sign = float(np.sign(travel)) if sign is None else sign
+        forces_before = old.load_and_resistance(self.contact)
+        tractions, prediction = self._predict(travel)
+        surface = self._surface_along(sign).with_multipliers(tractions)
+        surface = surface.begin_increment(self._surface_displacement).moved_to(bottom_height, x)
+        solid, nodes = self.frame.solid, self.frame.surface_nodes
+        solid.rate_factor, solid.travel = rate_factor, abs(travel) or self.element
+        equilibrium = self._solve_augmented(surface, self.state.displacement + prediction)
+        contact, change = equilibrium.contact, equilibrium.state.displacement - self.state.displacement
+        if isinstance(surface, RollingSurface) and surface.tangential_force:
+            utilisation = surface.friction_utilisation(contact)
+            if utilisation >= 1:  # the creepage of a skidding roller is undetermined
+                raise RuntimeError(
+                    f"the roller skids at {surface.position:.6g} m: the torque requires {utilisation:.3g} times the "
+                    "friction limit; reduce the torque"
+                )
+        rotation = 0.0 if contact.creep_travel is None else travel + contact.creep_travel
+        load, resistance = np.add(forces_before, surface.load_and_resistance(contact)) / 2
+        # of slip along the roller surface, which has moved back by the rotation
+        slip = np.array([travel, 0.0]) - change[nodes]
+        along = np.sum(surface.tangents(equilibrium.state.displacement[nodes]) * slip, axis=1) - rotation
+        slip_work = surface.weights * (self.contact.shear + contact.shear) / 2 @ along
+        self.angle += rotation / surface.radius
+        self.input_work += (
+            resistance * travel
+            - load * (bottom_height - old.bottom_height)
+            - sign * self.tangential_force * rotation
+            - slip_work
+        )
+        self.slip_work += slip_work
+        self.stored_work += float(solid.point_areas @ (equilibrium.state.work - self.state.work))
+        self._past = [*self._past[1 - STEPS_PER_ELEMENT :], (x, travel, contact, change)]
+        self.state, self.contact = equilibrium.state, contact
+        self.iterations += equilibrium.iterations
+        self.surface = surface.with_multipliers(contact)
+
+    @property
+    def _surface_displacement(self) -> FloatArray:
+        return self.state.displacement[self.frame.surface_nodes]
+
+    def _surface_along(self, sign: float) -> RollerSurface:
+        """Return the surface of a roller with travel along `sign` x, 0 for none."""
+        if isinstance(self.surface, RollingSurface):
+            return replace(self.surface, tangential_force=sign * self.tangential_force)
+        return replace(self.surface, traction_ratio=sign * self.traction_ratio)
+
+    def _predict(self, travel: float) -> tuple[ContactTractions, FloatArray]:
+        """Predict tractions and displacement change: as one element before, or with the last tractions."""
+        x, sign = self.surface.position + travel, np.sign(travel)
+        shift, tractions = travel, self.contact
+        change = np.zeros_like(self.state.displacement)
+        for place, past_travel, contact, past_change in self._past:
+            distance = abs(x - place - sign * self.element) + abs(travel - past_travel)
+            if travel and distance < PLACE_TOLERANCE * self.element:
+                shift, tractions, change = sign * self.element, contact, self._shift_matrices[sign] @ past_change
+        change.ravel()[self.frame.solid.fixed_dofs] = 0.0
+        nodes = self.surface.coordinates[:, 0]
+        pressure, shear = (
+            np.interp(nodes - shift, nodes, traction) for traction in (tractions.pressure, tractions.shear)
+        )
+        return ContactTractions(pressure, shear, self.contact.creepage), change
+
+    @cached_property
+    def _shift_matrices(self) -> dict[float, csr_matrix]:
+        """Matrices that shift nodal fields by one element, by the sign of the travel."""
+        (x, y), probes = self.frame.nodes.T, self.frame.solid.basis.probes
+        low, high = x.min(), x.max()
+        return {sign: probes(np.array([np.clip(x - sign * self.element, low, high), y])) for sign in (1.0, -1.0)}
+
+    def _solve_augmented(self, surface: RollerSurface, guess: FloatArray) -> Equilibrium:
+        """Solve a step, with updates of the multipliers until they no longer change."""
+        iterations = 0
+        for _ in range(MAX_AUGMENTATIONS):
+            equilibrium = self._solve_penalised(surface, guess)
+            iterations += equilibrium.iterations
+            contact = equilibrium.contact
+            if surface.multiplier_error(contact) <= MULTIPLIER_TOLERANCE * contact.pressure.max():
+                break
+            surface, guess = surface.with_multipliers(contact), equilibrium.state.displacement
+        return replace(equilibrium, iterations=iterations)
+
+    def _solve_penalised(self, surface: RollerSurface, guess: FloatArray) -> Equilibrium:
+        """Solve a step with constant multipliers, with a lower penalty or a carried pressure if necessary."""
+        try:
+            return self.solver.solve(self.state, surface, guess)
+        except EquilibriumError:
+            self.solver.solve_tangent = None
+        try:
+            if isinstance(self.frame.solid.material, DruckerPragerCap):
+                return self._solve_carrying(surface)
+            soft = replace(surface, penalty=PENALTY_REDUCTION * surface.penalty)
+            return self.solver.solve(self.state, soft, self.state.displacement)
+        except EquilibriumError as reason:
+            load, resistance = self.surface.load_and_resistance(self.contact)
+            raise RuntimeError(
+                f"step from {self.surface.position:.6g} to {surface.position:.6g} m, lowest generatrix at "
+                f"{surface.bottom_height:.6g} m: {reason}; last step: load {load:.6g} N/m, resistance "
+                f"{resistance:.6g} N/m"
+            ) from reason
+
+    def _solve_carrying(self, surface: RollerSurface) -> Equilibrium:
+        """Solve a step with the carried pressure that equals the pressure after it."""
+        carried, guess, iterations = mean_pressure(self.state), self.state.displacement, 0
+        for _ in range(MAX_CARRYING):
+            found = self.solver.solve(replace(self.state, carried_pressure=carried), surface, guess)
+            after = mean_pressure(found.state)
+            guess, iterations = found.state.displacement, iterations + found.iterations
+            if np.abs(after - carried).mean() < CARRIED_TOLERANCE * np.abs(after).mean():
+                return replace(found, state=replace(found.state, carried_pressure=None), iterations=iterations)
+            carried = carried + CARRIED_SHARE * (after - carried)
+        raise EquilibriumError(f"no equilibrium: the pressure on the shear line changes after {MAX_CARRYING} solutions")
+
+
 def simulate_reciprocating(
     layer: Layer,
     roller: Roller,
@@ -150,7 +438,7 @@ def simulate_reciprocating(
     lift_thickness: float = 0.0,
     fed_layer: LayerState | None = None,
     start: CompactionContactResult | None = None,
-    **options: Unpack[ReciprocatingOptions],
+    **options: Any,
 ) -> CompactionTransientResult:
     """Simulate the motion of a roller at a constant indentation over compacting mix.
 
@@ -193,112 +481,94 @@ def simulate_reciprocating(
     strokes = stroke_schedule(motion)
     depth = _require_simulable(layer, roller, material, strokes, lift_thickness, fed_layer)
     if start is not None:
-        _require_same_start(start, layer, depth, strokes, fed_layer)
+        same = start.layer == layer and start.solution.frame.inflow is fed_layer
+        if not same or abs(start.indentation - depth) > PLACE_TOLERANCE * depth:
+            raise ValueError(
+                "`start` must have the same `layer`, `fed_layer` and `indentation`, got a result of others"
+            )
+        if start.speed < 0 or strokes.places[1] < strokes.places[0]:
+            raise ValueError(
+                f"`start` must roll along +x and the `motion` begin along +x, got {start.speed!r} m/s and a first "
+                f"stroke from {strokes.places[0]:.6g} to {strokes.places[1]:.6g} m"
+            )
     require_torque_allowed(roller, torque)
     length = float(np.sqrt(2 * roller.radius * depth))
     element = strokes.span / np.ceil(strokes.span * numerics.increments / length * (1 - PLACE_TOLERANCE))
     case = ReciprocatingCase(roller, material, strokes, torque or 0.0, element, length, numerics.strain == "finite")
-    program = _StrokeProgram(case, layer.height, lift_thickness, fed_layer, start)
+    program = case, layer.height, lift_thickness, fed_layer, start
     with threadpool_limits(1):
-        history = program.simulate(1, numerics.instants)
-        coarse = program.simulate(2) if numerics.estimate else None
-    return _build_transient_result(strokes, history, coarse)
+        run = _simulate(*program, 1, numerics.instants)
+        coarse = _simulate(*program, 2) if numerics.estimate else None
+    error = None
+    if coarse is not None:  # largest difference of the resistance at common steps over the largest resistance
+        fine, rough = ({step[:2]: step[2]["resistance"] for step in each.steps} for each in (run, coarse))
+        error = max(abs(fine[step] - rough[step]) for step in rough) / max(map(abs, fine.values()))
+    stroke, time, records = zip(*run.steps, strict=True)
+    return CompactionTransientResult(
+        time=np.array(time),
+        velocity=motion.velocity(np.array(time)),
+        stroke=np.array(stroke) + 1,
+        exit_layers=tuple(run.exit_layers),
+        frames=tuple(run.frames),
+        iterations=sum(each.iterations for each in run.rollers),
+        error=error,
+        steps=len(run.steps) + (len(coarse.steps) if coarse else 0),
+        **{name: np.array([record[name] for record in records]) for name in records[0]},
+    )
 
 
 @dataclass(eq=False)
-class _StrokeHistory:
-    """Results of strokes: (stroke, time, `RollerState`) of each step, layers, frames, and the rollers."""
+class _History:
+    """Results of strokes: (stroke, time, record of the roller) of each step, layers, frames, and the rollers."""
 
-    steps: list[tuple[int, float, RollerState]] = field(default_factory=list)
+    steps: list[tuple[int, float, dict[str, float]]] = field(default_factory=list)
     exit_layers: list[LayerState] = field(default_factory=list)
-    frames: list[tuple] = field(default_factory=list)
+    frames: list[tuple[float, Any]] = field(default_factory=list)
     rollers: list[ReciprocatingRoller] = field(default_factory=list)
 
 
-@dataclass(frozen=True, eq=False)
-class _StrokeProgram:
-    """Strokes over a layer, with lifts between them."""
-
-    case: ReciprocatingCase
-    height: float
-    lift_thickness: float
-    fed_layer: LayerState | None
-    start: CompactionContactResult | None
-
-    def simulate(self, every: int, instants: Sequence[float] = ()) -> _StrokeHistory:
-        """Simulate all strokes in all steps, or in every second one."""
-        history, roller = _StrokeHistory(), None
-        for stroke in range(self.case.strokes.count):
-            roller = self._simulate_stroke(history, stroke, roller, every, instants)
-        return history
-
-    def _simulate_stroke(self, history, stroke, roller, every, instants):
-        """Simulate a stroke and return its roller, a new one after a lift."""
-        strokes = self.case.strokes
-        times, positions = strokes.steps(stroke, self.case.element, every)
-        speeds = np.diff(positions) / np.diff(times)
+def _simulate(
+    case: ReciprocatingCase,
+    height: float,
+    lift_thickness: float,
+    fed_layer: LayerState | None,
+    start: CompactionContactResult | None,
+    every: int,
+    instants: Sequence[float] = (),
+) -> _History:
+    """Simulate all strokes in all steps, or in every second one; a new roller presses each lift."""
+    run, strokes = _History(), case.strokes
+    for stroke in range(strokes.count):
+        times, positions = strokes.steps(stroke, case.element, every)
+        speeds = (np.diff(positions) / np.diff(times)).tolist()
         frames_at = strokes.nearest(stroke, times, instants)
-        is_new = roller is None or self.lift_thickness > 0
+        is_new = stroke == 0 or lift_thickness > 0
         if is_new:
-            roller = self._create_roller(history, positions[0], float(speeds[0]), every)
-        rate_factors = [roller.rate_factor(speed) for speed in speeds.tolist()]
+            fed = run.exit_layers[-1].with_lift(lift_thickness, case.material) if stroke else fed_layer
+            roller = ReciprocatingRoller(case, height if fed is None else fed.height, fed, positions[0])
+            if run.rollers:
+                roller.input_work, roller.stored_work = run.rollers[-1].input_work, run.rollers[-1].stored_work
+            run.rollers.append(roller)
+            if start is not None and stroke == 0:
+                roller.initialise_from(start.solution)
+            else:
+                assert case.roller.indentation is not None  # required of a constant height
+                roller.press(roller.surface.bottom_height - case.roller.indentation, speeds[0], every)
+        rate_factors = [roller.rate_factor(speed) for speed in speeds]
         if roller.is_set_valued:
             if is_new:
-                history.steps.append((stroke, times[0], roller.roller_state))
-            roller.reverse_friction(np.sign(positions[1] - positions[0]), rate_factors[0])
+                run.steps.append((stroke, times[0], roller.record))
+            sign = float(np.sign(positions[1] - positions[0]))  # friction and torque change theirs at rest
+            roller.move_to(roller.surface.position, roller.surface.bottom_height, rate_factors[0], sign)
         for k, (time, position) in enumerate(zip(times, positions, strict=True)):
             if k:
                 roller.move_to(position, roller.surface.bottom_height, rate_factors[k - 1])
             if k or is_new or roller.is_set_valued:
-                history.steps.append((stroke, time, roller.roller_state))
+                run.steps.append((stroke, time, roller.record))
             if k in frames_at:
-                history.frames.append((float(time), roller.fields))
-        history.exit_layers.append(roller.middle_layer)
-        return roller
-
-    def _create_roller(self, history, position, speed, every):
-        """Create the roller on the last layer with its lift, on the first layer, or in steady motion."""
-        fed_layer = self.fed_layer
-        if history.exit_layers:
-            fed_layer = history.exit_layers[-1].with_lift(self.lift_thickness, self.case.material)
-        height = self.height if fed_layer is None else fed_layer.height
-        roller = ReciprocatingRoller(self.case, height, fed_layer, position)
-        if history.rollers:
-            last = history.rollers[-1]
-            roller.input_work, roller.stored_work = last.input_work, last.stored_work
-        history.rollers.append(roller)
-        if self.start is not None and not history.exit_layers:
-            roller.initialise_from(self.start.solution)
-        else:
-            roller.press(height - self.case.roller.indentation, speed, every)
-        return roller
-
-
-def _build_transient_result(
-    strokes: Strokes, history: _StrokeHistory, coarse: _StrokeHistory | None
-) -> CompactionTransientResult:
-    stroke, time, states = zip(*history.steps, strict=True)
-    names = (entry.name for entry in fields(RollerState))
-    values = {
-        name: np.array(column) for name, column in zip(names, zip(*map(astuple, states), strict=True), strict=True)
-    }
-    return CompactionTransientResult(
-        time=np.array(time),
-        velocity=strokes.motion.velocity(np.array(time)),
-        stroke=np.array(stroke) + 1,
-        exit_layers=tuple(history.exit_layers),
-        frames=tuple(history.frames),
-        iterations=sum(roller.iterations for roller in history.rollers),
-        error=None if coarse is None else _step_error(history, coarse),
-        steps=len(history.steps) + (len(coarse.steps) if coarse else 0),
-        **values,
-    )
-
-
-def _step_error(history: _StrokeHistory, coarse: _StrokeHistory) -> float:
-    """Return the largest difference of the resistance at common steps over the largest resistance."""
-    fine, rough = ({(stroke, time): state.resistance for stroke, time, state in run.steps} for run in (history, coarse))
-    return max(abs(fine[step] - rough[step]) for step in rough) / max(map(abs, fine.values()))
+                run.frames.append((float(time), roller.fields))
+        run.exit_layers.append(roller.middle_layer)
+    return run
 
 
 def _require_simulable(
@@ -328,17 +598,3 @@ def _require_simulable(
             f"{lift_thickness!r} m"
         )
     return depth
-
-
-def _require_same_start(
-    start: CompactionContactResult, layer: Layer, depth: float, strokes: Strokes, fed_layer: LayerState | None
-) -> None:
-    """Require a start on the same layer, at the same depth [m] and along the first stroke."""
-    same = start.layer == layer and start.solution.frame.inflow is fed_layer
-    if not same or abs(start.indentation - depth) > PLACE_TOLERANCE * depth:
-        raise ValueError("`start` must have the same `layer`, `fed_layer` and `indentation`, got a result of others")
-    if start.speed < 0 or strokes.places[1] < strokes.places[0]:
-        raise ValueError(
-            f"`start` must roll along +x and the `motion` begin along +x, got {start.speed!r} m/s and a first stroke "
-            f"from {strokes.places[0]:.6g} to {strokes.places[1]:.6g} m"
-        )

@@ -11,8 +11,9 @@ Behind it the stress itself is interpolated, since interpolated displacements of
 spurious stresses. The fed mix enters at the front end, and the mix leaves at the rear end with its displacement.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,11 +27,15 @@ from compact.engines.compaction.finite_strain_solid import (
     FloatArray,
     SolidState,
 )
+from compact.engines.compaction.layer_state import LayerState, fresh_layer, relax_rows
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics.assembly import unit_moduli
-from compact.rolling_contact import BaseCondition, LowerLift, compaction_rate
+from compact.rolling_contact import BaseCondition
+
+if TYPE_CHECKING:
+    import meshio
 
 GROWTH = 1.2  # [-], ratio of neighbouring elements outside the uniform zone and downwards
 LARGEST_ELEMENT = 0.4  # [-], over the layer height
@@ -105,183 +110,6 @@ def _growing_distances(length: float, first: float, height: float) -> FloatArray
     while sum(sizes) < length:
         sizes.append(min(sizes[-1] * GROWTH, max(LARGEST_ELEMENT * height, first)))
     return np.cumsum(sizes)
-
-
-@dataclass(frozen=True, eq=False)
-class LayerState:
-    """Mix ahead of a roller, at rest and uniform along x, by rows from the base up.
-
-    A layer at rest under a free surface has no shear stress on horizontal planes (d s_xy/dy = 0), and the cap has no
-    anisotropic memory. The state therefore holds for either direction of the next pass.
-
-    Parameters
-    ----------
-    heights : ndarray, shape (n,)
-        Heights of the rows [m].
-    points : MaterialPoint
-        Mean states of the rows, without stress on horizontal planes.
-    lower : LayerState, optional
-        Lift below, bonded to the layer; None on the rigid base.
-    """
-
-    heights: FloatArray
-    points: cap_plasticity.MaterialPoint
-    lower: "LayerState | None" = None
-
-    @property
-    def height(self) -> float:
-        """Height of the layer [m], without a lower lift."""
-        return float(self.heights.sum())
-
-    @property
-    def stacked(self) -> "LayerState":
-        """Rows of the lower lift and of the layer, as one layer on the rigid base."""
-        if self.lower is None:
-            return self
-        below = self.lower.stacked
-        rows = (np.concatenate([getattr(below.points, name), getattr(self.points, name)]) for name in POINT_FIELDS)
-        return LayerState(np.concatenate([below.heights, self.heights]), cap_plasticity.MaterialPoint(*rows))
-
-    def split(self, count: int) -> "LayerState":
-        """Return the layer with its lowest rows, a number of them, as lower lift; the inverse of `stacked`."""
-        if not count:
-            return self
-        parts = (
-            LayerState(
-                self.heights[rows],
-                cap_plasticity.MaterialPoint(*(getattr(self.points, name)[rows] for name in POINT_FIELDS)),
-            )
-            for rows in (slice(count, None), slice(count))
-        )
-        layer, lower = parts
-        return replace(layer, lower=lower)
-
-    @property
-    def y(self) -> FloatArray:
-        """Heights of the row centres above the base [m], shape (n,)."""
-        return np.cumsum(self.heights) - self.heights / 2
-
-    @property
-    def density_ratio(self) -> float:
-        """Mean density ratio over the height [-]."""
-        return float(self.heights @ self.points.density_ratio / self.height)
-
-    def solid_height(self, material: Compaction) -> float:
-        """Return the height filled by solids and water [m].
-
-        The elastic volume strain of mix under pressure adds to its density ratio.
-
-        Parameters
-        ----------
-        material : Compaction
-            Constitutive law.
-        """
-        modulus, poisson = material.elastic_moduli(self.points.max_density_ratio)
-        elastic = np.exp(-self.points.stress[:, :3].mean(axis=1) / (modulus / (3 - 6 * poisson)))
-        return float(self.heights @ (self.points.density_ratio * elastic))
-
-    def with_lift(self, lift_thickness: float, material: Compaction) -> "LayerState":
-        """Return the layer with a lift of fresh mix on top.
-
-        Parameters
-        ----------
-        lift_thickness : float
-            Thickness of the lift [m].
-        material : Compaction
-            Constitutive law with the fed density ratio.
-        """
-        lift = cap_plasticity.initial_state(material, 1)
-        covered = LayerState(np.array([lift_thickness]), lift, replace(self, lower=None)).stacked
-        return replace(covered, lower=self.lower)
-
-    def resampled(self, heights: FloatArray) -> "LayerState":
-        """Return the layer by rows of other heights [m]; the sums over the height are conserved."""
-        stress, k, densest, work = (
-            _conservative_means(getattr(self.points, name), self.heights, heights) for name in POINT_FIELDS
-        )
-        densest = np.maximum(densest, k)  # the preconsolidation density ratio is at least the density ratio
-        return LayerState(heights, cap_plasticity.MaterialPoint(stress, k, densest, work), self.lower)
-
-
-def fresh_layer(material: Compaction, heights: FloatArray) -> LayerState:
-    """Return a layer of fresh mix.
-
-    Parameters
-    ----------
-    material : Compaction
-        Constitutive law with the fed density ratio.
-    heights : ndarray, shape (n,)
-        Heights of the rows [m].
-
-    Returns
-    -------
-    LayerState
-    """
-    return LayerState(heights, cap_plasticity.initial_state(material, len(heights)))
-
-
-def compacted_lift(lift: LowerLift, material: Compaction, rate_factor: float = 1.0) -> LayerState:
-    """Return the state of a lower lift before the pass, in one row.
-
-    Parameters
-    ----------
-    lift : LowerLift
-        Thickness, density ratio and residual stress.
-    material : Compaction
-        Constitutive law.
-    rate_factor : float
-        Factor of the yield pressure by the speed of the earlier pass [-].
-    """
-    points = cap_plasticity.compacted_state(
-        material, lift.density_ratio, rate_factor, residual_stress=lift.residual_stress
-    )
-    return LayerState(np.array([lift.thickness]), points)
-
-
-def _conservative_means(values, old, new):
-    """Means over new rows of values that are linear within the old rows and conserve their means.
-
-    A slope is the smaller one to the two neighbours, and 0 at an extremum or an end (minmod limiter). Fresh mix on
-    compacted mix thus causes no overshoot.
-    """
-    shape = (-1,) + (1,) * (values.ndim - 1)
-    edges = np.concatenate([[0.0], np.cumsum(old)])
-    slopes = np.diff(values, axis=0) / np.diff((edges[1:] + edges[:-1]) / 2).reshape(shape)
-    down, up = slopes[:-1], slopes[1:]
-    slope = np.zeros_like(values)
-    slope[1:-1] = np.where(down * up > 0, np.sign(up) * np.minimum(abs(down), abs(up)), 0.0)
-    below = np.concatenate([0 * values[:1], np.cumsum(values * old.reshape(shape), axis=0)])
-
-    ends = np.concatenate([[0.0], np.cumsum(new)]) * (edges[-1] / np.sum(new))
-    row = np.clip(np.searchsorted(edges, ends, side="right") - 1, 0, len(old) - 1)
-    into = (ends - edges[row]).reshape(shape)
-    sums = below[row] + values[row] * into + slope[row] * into * (into - old[row].reshape(shape)) / 2
-    return np.diff(sums, axis=0) / np.diff(ends).reshape(shape)
-
-
-def rate_factor_at(
-    material: Compaction, radius: float, height: float, depth: float, speed: float, fed_layer: LayerState | None = None
-) -> float:
-    """Compute the factor of the yield pressure by the rate of compaction, see `rolling_contact.compaction_rate` [-].
-
-    Parameters
-    ----------
-    material : Compaction
-        Constitutive law.
-    radius : float
-        Roller radius [m].
-    height, depth : float
-        Height of the layer before the pass and depth of the lowest generatrix below it [m].
-    speed : float
-        Speed of the roller [m/s].
-    fed_layer : LayerState, optional
-        Layer of an earlier pass; fresh mix by default.
-    """
-    fed_height = height
-    if fed_layer is not None:
-        fed_height *= fed_layer.density_ratio / material.fed_density_ratio
-    depth = min(depth + fed_height - height, fed_height * (1 - material.fed_density_ratio))  # a lower lift settles too
-    return material.rate_factor(compaction_rate(speed, radius, fed_height, depth))
 
 
 class RollerFrame:
@@ -482,6 +310,76 @@ class RollerFrame:
         mass = self.fed_layer.heights * self.fed_layer.points.density_ratio
         exit_ratios = self.to_rows(density_ratio)[self.lower_rows :, self.exit_column]
         return float(mass.sum() / np.sum(mass / exit_ratios))
+
+    def exit_layer(self, state: SolidState, column: int | None = None) -> tuple[LayerState, float]:
+        """Return the mix of a column of Gauss points as the layer of the next pass.
+
+        Far behind the roller the layer is uniform along x: horizontal planes have no stress, and a bonded layer has its
+        fed length. A layer on a frictionless base keeps its force along x, which is 0.
+
+        Parameters
+        ----------
+        state : SolidState
+            State of the layer.
+        column : int, optional
+            Index of the column; the exit column by default.
+
+        Returns
+        -------
+        layer : LayerState
+            Layer at rest, with its lower lift.
+        length_ratio : float
+            Its length over that as fed [-].
+
+        Raises
+        ------
+        RuntimeError
+            If elements of the column invert, or it has no equilibrium at rest.
+        """
+        column = self.exit_column if column is None else column
+        points = cap_plasticity.MaterialPoint(
+            *(self.to_rows(getattr(state.points, name))[:, column] for name in POINT_FIELDS)
+        )
+        along = self.to_rows(self.solid.displacement_gradient(state.displacement)[:, 0])[:, column]
+        if along.min() <= -1:
+            raise RuntimeError("elements of the exit column invert along the travel; reduce the depth")
+        stretch = np.log1p(along)
+        area = self.row_heights * self.to_rows(self.solid.volume_ratio(state.displacement))[:, column]
+        mean = area @ stretch / area.sum() if self.has_frictionless_base else 0.0
+        rest, volume = relax_rows(self.solid, points, mean - stretch)
+        return LayerState(area * volume * np.exp(-mean), rest).split(self.lower_rows), float(np.exp(mean))
+
+    def field_mesh(self, state: SolidState, direction: float = 1.0) -> "meshio.Mesh":
+        """Return the fields inside the layer on 8-node quadrilaterals of the fed layer.
+
+        Parameters
+        ----------
+        state : SolidState
+            State of the layer.
+        direction : float
+            1, or -1 for a mesh mirrored about x = 0.
+
+        Returns
+        -------
+        meshio.Mesh
+            Point data: displacement [m], 3 components. Cell data, means of the elements: stress (xx, yy, zz, xy, yz,
+            xz) [Pa], tension positive; mean pressure [Pa], compression positive; density_ratio [-]; plastic_work
+            [J/m3].
+        """
+        import meshio
+
+        mirror, points, count = np.array([direction, 1.0]), state.points, self.solid.basis.nelems
+        stress = np.zeros((count, 6))
+        stress[:, :4] = points.stress.reshape(count, -1, 4).mean(axis=1) * [1, 1, 1, direction]
+        cells = {"stress": stress, "pressure": -stress[:, :3].mean(axis=1)}
+        for name in ("density_ratio", "plastic_work"):
+            cells[name] = getattr(points, name).reshape(count, -1).mean(axis=1)
+        return meshio.Mesh(
+            np.pad(self.nodes * mirror, ((0, 0), (0, 1))),
+            [("quad8", self.solid.basis.element_dofs.T)],
+            point_data={"displacement": np.pad(state.displacement * mirror, ((0, 0), (0, 1)))},
+            cell_data={name: [values] for name, values in cells.items()},
+        )
 
     def layer_bottom(self, displacement: FloatArray, x: float) -> float:
         """Return the height of the bottom of the fed layer above the rigid base at a position, at rest in x [m].

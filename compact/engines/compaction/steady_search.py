@@ -1,9 +1,9 @@
 """Search for the steady state of a roller on one mesh, for a prescribed depth, load, peak pressure or density.
 
-A cycle rolls until the transient of the last change has passed, measures the drift of the bow wave (`bow_wave`), and
-corrects wave and depth together: the wave by a jump along its slow mode, the depth by a secant method for the
-extrapolated steady state (`depth_target`). The search ends when the estimated distance to the steady state is below the
-tolerance and the target is satisfied. A wave that requires ever larger jumps has no steady state.
+A cycle rolls until the transient of the last change has passed, measures the drift of the bow wave, and corrects wave
+and depth together (`steady_state`): the wave by a jump along its slow mode, the depth by a secant method for the
+extrapolated steady state. The search ends when the estimated distance to the steady state is below the tolerance and
+the target is satisfied. A wave that requires ever larger jumps has no steady state.
 
 The error of a result has three parts:
 
@@ -15,6 +15,21 @@ The error of a result has three parts:
 
 At a given load, peak pressure or density both meshes are compared at the prescribed value. The resistance then takes
 over the drift of the load, times its exponent.
+
+The wave of mix with a shear line (`DruckerPragerCap`) differs much from mesh to mesh and has no single slow mode: jumps
+and a changed rear excite others, which take longer to decay than the wave itself. Bands of shear also form and pass
+under the roller, so that load and resistance of a high wave fluctuate by a few per cent about their steady mean. The
+roller therefore rolls on until the second half of the travel shows neither drift nor more scatter than the tolerance,
+or to a largest travel, with both in the error estimate:
+
+    drift   change along a straight line through the second half of the travel; what is left of an exponential
+            relaxation is about as much
+    start   twice the standard deviation from that line, or the distance of the last state from it
+
+A residual of `SETTLING_TOLERANCE` suffices up to half a per cent, since it is random from step to step where nothing
+restarts; half of the Newton iterations remain. The last state is one near the mean. A wave that takes up most of the
+mix above the lowest generatrix or grows threefold, without slowing down, or that still grows by a third in the second
+half of the largest travel on the first mesh, has no steady state.
 """
 
 from collections.abc import Callable
@@ -23,27 +38,23 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from compact.engines.compaction.bow_wave import (
+from compact.engines.compaction.finite_strain_solid import FloatArray
+from compact.engines.compaction.roller_frame import transfer_state
+from compact.engines.compaction.rolling import DAMPING, FINAL_DAMPING_RATIO, ROLLING_TOLERANCE, IncrementalRolling
+from compact.engines.compaction.steady_state import (
     QUANTITIES,
     BowWaveMode,
+    DepthSecant,
+    DepthTarget,
+    ErrorParts,
     Relaxation,
+    SteadyErrors,
     WaveDrift,
+    WaveGrowth,
     crossing_length,
     relaxation_length,
 )
-from compact.engines.compaction.depth_target import DepthSecant, DepthTarget
-from compact.engines.compaction.finite_strain_solid import FloatArray
-from compact.engines.compaction.incremental_rolling import (
-    DAMPING,
-    FINAL_DAMPING_RATIO,
-    ROLLING_TOLERANCE,
-    IncrementalRolling,
-    describe_step,
-    heaping_error,
-    require_low_wave,
-)
-from compact.engines.compaction.roller_frame import transfer_state
-from compact.material.laws import DruckerPragerCap
+from compact.material.laws import Compaction, DruckerPragerCap
 from compact.rolling_contact import EquilibriumError, Unsteady, UnsteadyError
 
 FIRST_SETTLING, FIRST_MEASURING = 1.33, 1.0  # [-], travel over the contact length of the first cycle; new depths
@@ -59,8 +70,6 @@ FINAL_TOLERANCE = 1e-3  # [-], of those near the steady state, whose scatter cou
 EXACT_STEPS = 4  # [-], last steps; the gap in the contact is then below 1e-5 of the depth
 NEAR = 4.0  # [-], estimated distance from the steady state over its tolerance
 JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
-GROWTH, MAX_GROWTHS = 0.3, 7  # [-], required jump over the area, and number of successive ones with a steady state
-MAX_UNSLOWED, SLOWING = 2, 0.8  # [-], such jumps if the growth per travel remains above that share of the first one
 FIRST_LENGTH = 5.0  # [-], relaxation length of the wave over the contact length before any is known
 LENGTH_RANGE = (2.0, 40.0)  # [-], relaxation length over the contact length
 MIN_CROSSING = 0.2  # [-], least relaxation length between waves that grow and decay, over the last length
@@ -75,60 +84,24 @@ MIN_ERROR_SCALE = 1e-3  # [-], least scale of the error of the resistance over t
 DEPTH_EXPONENTS = np.array([1.2, 2.3, 1.0, 0.6])  # [-], of `QUANTITIES` over the depth; of the density: its increase
 ORDERS = np.array([1.0, 1.5])  # [-], of load and resistance in the element length
 WAVE_SHARE = 0.5  # [-], of the change of a force by that of the wave, the least change between two meshes
-
-Stretch = Callable[[IncrementalRolling, float], IncrementalRolling]
-
-
-@dataclass(frozen=True, eq=False)
-class SteadyErrors:
-    """Estimated distance of a state from the steady state, in the units of `QUANTITIES`.
-
-    Parameters
-    ----------
-    drift : ndarray, shape (4,)
-        Distance along the slow mode.
-    start : ndarray, shape (4,)
-        Scatter of the drift, and the transient of the start.
-    load, resistance : float
-        Scales of load and resistance [N/m].
-    """
-
-    drift: FloatArray
-    start: FloatArray
-    load: float
-    resistance: float
-
-    @property
-    def total(self) -> float:
-        """Largest sum of both of load and resistance over their scales, and of the exit density ratio [-]."""
-        return float(((self.drift + self.start)[:3] / [self.load, self.resistance, 1.0]).max())
-
-
-@dataclass
-class WaveGrowth:
-    """Successive jumps by which a wave should grow by more than `GROWTH`.
-
-    Attributes
-    ----------
-    slopes : list of float
-        Growth of the wave over the travel before each of these jumps [m].
-    """
-
-    slopes: list[float] = field(default_factory=list)
-
-    def record(self, drift: WaveDrift, jump: float) -> None:
-        """Record the drift of a cycle and the jump to the steady wave [m2]."""
-        self.slopes = [*self.slopes, drift.wave_slope] if jump > GROWTH * drift.wave_area else []
-
-    @property
-    def is_unslowed(self) -> bool:
-        """True if the wave grows as fast as before the first jump, although it is much larger."""
-        return len(self.slopes) > 1 and self.slopes[-1] > SLOWING * self.slopes[0]
-
-    @property
-    def is_endless(self) -> bool:
-        """True if the wave has no steady state."""
-        return len(self.slopes) > MAX_GROWTHS or (len(self.slopes) > MAX_UNSLOWED and self.is_unslowed)
+# of mix with a shear line
+CYCLE = 2.0  # [-], travel of a cycle over the contact length
+MIN_CYCLES, MIN_WAVE_CYCLES = 2, 4  # [-], of a mesh, and of one with a wave
+MAX_FIRST_STEPS, MAX_COARSE_STEPS, MAX_STEPS = 270, 170, 450  # [-], of the first mesh, of those between, of the last
+COARSE_ERROR = 0.02  # [-], estimated distance from the steady state at which a coarse mesh has served
+ACCEPTED_ERRORS = ((220, 0.05), (330, 0.15))  # [-], steps on the last mesh after which this distance is accepted
+FINAL_SHARE = 0.5  # [-], travel over the contact length with `FINAL_TOLERANCE` at the end
+SCATTER = 2.0  # [-], standard deviations of the last state from the steady mean
+GROWTH, SLOWING = 0.3, 0.8  # [-], of the wave in the last half of the travel, and of its slope over the largest one
+GROWN = 3.0  # [-], area of a wave over that of the first cycle, beyond which it must slow down
+MAX_ERROR = 0.2  # [-], estimated distance from the steady state beyond which there is no answer
+MEAN_CYCLES, MEAN_SHARE = 2.0, 0.25  # [-], largest travel to a state near the mean, and its distance over the scatter
+PLOUGHED = 0.8  # [-], growth of the wave over the depth, from which most of the mix in the way is pushed ahead
+TARGET_ERROR = 0.05  # [-], estimated distance below which the depth is corrected for a target
+MIN_TARGET_CYCLES = 6  # [-], cycles after which it is corrected anyway
+MAX_TRIMS = 12  # [-], steps that trim the depth to a prescribed load or pressure
+LARGEST_TRIM = 5e-3  # [-], relative change of the depth by one of them
+FIRST_EXPONENT, LEAST_EXPONENT = 5.0, 1.0  # [-], of the load over the depth within a step, which is mostly elastic
 
 
 @dataclass
@@ -162,7 +135,7 @@ class SteadySearch:
     depth: float
     tolerance: float
     target_tolerance: float
-    stretch: Stretch
+    stretch: Callable[[IncrementalRolling, float], IncrementalRolling]
     relaxation: Relaxation = field(default_factory=Relaxation)
     rate_factor: Callable[[float], float] | None = None
     is_last: bool = True
@@ -181,10 +154,9 @@ class SteadySearch:
         """Start from the steady state on a coarser mesh."""
         old, new = coarse.rolling, self.rolling
         new.initialise_from(old, transfer_state(old.state, old.frame, new.frame))
-        mode = coarse.relaxation.mode
-        first = coarse.relaxation.first_length
+        mode, first = coarse.relaxation.mode, coarse.relaxation.first_length
         self.relaxation = Relaxation(first, None if mode is None else mode.on_mesh(old, new), first)
-        self.finds_length = self.relaxation.length is None
+        self.finds_length = first is None
         self._density_factor, self._depth_exponent = coarse._density_factor, coarse._depth_exponent
 
     def run(self) -> None:
@@ -204,7 +176,7 @@ class SteadySearch:
             self._find_steady_state(growth)
         except EquilibriumError as error:
             if growth.is_unslowed:
-                raise heaping_error(self.rolling, "grows without slowing down until a step fails") from error
+                raise self.rolling.heaping_error("grows without slowing down until a step fails") from error
             raise
 
     def _find_steady_state(self, growth: WaveGrowth) -> None:
@@ -217,7 +189,7 @@ class SteadySearch:
             jump = self._estimate(drift)
             growth.record(drift, jump)
             if growth.is_endless:
-                raise heaping_error(self.rolling, "grows without a steady state")
+                raise self.rolling.heaping_error("grows without a steady state")
             is_near, is_final, depth = self.errors.total < NEAR * self.tolerance, False, self.depth
             if is_near:  # the depth waits for the wave, since corrections of both at once oscillate
                 corrected = secant.next_depth(depth, self._target_value())
@@ -251,11 +223,14 @@ class SteadySearch:
         """Height of the lowest generatrix [m]."""
         return self.rolling.frame.mesh.height - self.depth
 
+    @property
+    def _length(self) -> float:
+        """Contact length, or a third of the height of a much higher layer [m]."""
+        return max(self.rolling.frame.contact_length, HEIGHT_SHARE * self.rolling.frame.mesh.height)
+
     def _steps_of(self, share: float) -> int:
-        """Return the number of steps in a share of the contact length, or of a third of a much higher layer."""
-        frame = self.rolling.frame
-        length = max(frame.contact_length, HEIGHT_SHARE * frame.mesh.height)
-        return max(int(np.ceil(share * length / frame.step)), MIN_STEPS)
+        """Return the number of steps in a share of the contact length."""
+        return max(int(np.ceil(share * self._length / self.rolling.frame.step)), MIN_STEPS)
 
     def _roll(self, share: float, damping: float = FINAL_DAMPING_RATIO * DAMPING) -> None:
         """Roll a share of the contact length at the present depth, which the first half of the steps approaches."""
@@ -264,7 +239,9 @@ class SteadySearch:
         approach = np.linspace(start, self._height, 1 + (2 * count if not rolling.steps else max(count // 2, 1)))[1:]
         for height in [*approach, *[self._height] * max(count - len(approach), count // 2)]:
             rolling.advance(float(height), damping)
-        require_low_wave(rolling)
+        limit = rolling.max_wave_height - rolling.depth
+        if rolling.steps[-1].bow_wave >= limit:
+            raise rolling.heaping_error(f"exceeds {1e3 * limit:.3g} mm, at which the contact angle is too large")
 
     def _measure(self, share: float) -> WaveDrift:
         """Roll on, fit the drift, and update relaxation length and mode from the settled states."""
@@ -273,56 +250,57 @@ class SteadySearch:
         drift = WaveDrift.of_steps(self.rolling.steps[-count - 1 :])
         first, before = (begin, None) if self._settled is None else (self._settled, self._drifts[-1])
         self._drifts.append(drift)
-        self._update_length()
-        self._update_mode(first, before, drift)
-        self._settled = copy(self.rolling)
-        return drift
 
-    def _update_length(self) -> None:
-        """Fit the relaxation length, or on a finer mesh shorten it where two waves bracket the steady one."""
+        # fit the relaxation length, or on a finer mesh shorten it where two waves bracket the steady one
         known = self.relaxation.length
-        if self.finds_length:
+        if self.finds_length or known is None:
             found = relaxation_length(self._drifts)
             bounds = np.multiply(LENGTH_RANGE, self.rolling.frame.contact_length)
         else:
-            assert known is not None  # otherwise this mesh finds it
             found, bounds = crossing_length(self._drifts), np.array([MIN_CROSSING * known, known])
         if found is not None:
             length = float(np.clip(found, *bounds))
-            first = length if self.finds_length else self.relaxation.first_length
-            self.relaxation = replace(self.relaxation, length=length, first_length=first)
+            self.relaxation = replace(
+                self.relaxation,
+                length=length,
+                first_length=length if self.finds_length else self.relaxation.first_length,
+            )
 
-    def _update_mode(self, first: IncrementalRolling, before: WaveDrift | None, drift: WaveDrift) -> None:
-        """Take the difference of two settled states of one depth as mode if the wave has changed beyond its scatter."""
-        is_low = drift.wave_area < MIN_WAVE * self.depth * self.rolling.frame.contact_length
-        if is_low or (before is None and self.relaxation.mode is not None):
-            return
+        # take the difference of two settled states of one depth as mode if the wave has changed beyond its scatter
         change = self.rolling.steps[-1].wave_area - first.steps[-1].wave_area
-        if abs(change) < max(MIN_MODE * drift.wave_area, SIGNIFICANCE * drift.wave_error * drift.travel):
-            return
-        if before is None:
-            slopes = drift.slopes / drift.wave_slope
-        else:
-            slopes = (drift.values - before.values) / (drift.wave_area - before.wave_area)
-        self.relaxation = replace(self.relaxation, mode=BowWaveMode.between(first, self.rolling, slopes))
+        is_significant = abs(change) >= max(MIN_MODE * drift.wave_area, SIGNIFICANCE * drift.wave_error * drift.travel)
+        if is_significant and not self._is_low(drift) and (before is not None or self.relaxation.mode is None):
+            if before is None:
+                slopes = drift.slopes / drift.wave_slope
+            else:
+                slopes = (drift.values - before.values) / (drift.wave_area - before.wave_area)
+            self.relaxation = replace(self.relaxation, mode=BowWaveMode.between(first, self.rolling, slopes))
+        self._settled = copy(self.rolling)
+        return drift
+
+    def _is_low(self, drift: WaveDrift) -> bool:
+        """Return whether a wave is too low to count."""
+        return drift.wave_area < MIN_WAVE * self.depth * self.rolling.frame.contact_length
 
     def _estimate(self, drift: WaveDrift) -> float:
         """Estimate steady values and errors; return the distance of the area of the wave to its steady value [m2]."""
-        contact_length = self.rolling.frame.contact_length
-        known = self.relaxation
+        known, contact_length = self.relaxation, self.rolling.frame.contact_length
         length = FIRST_LENGTH * contact_length if known.length is None else known.length
         slopes = np.zeros(len(QUANTITIES)) if known.mode is None else known.mode.slopes
         jump, scatter = length * drift.wave_slope, length * drift.wave_error
         if abs(drift.wave_slope) < SIGNIFICANCE * drift.wave_error:
             jump = 0.0
-        load, resistance = np.abs(drift.values[:2])
         self.values = drift.values + slopes * jump
-        transient = max(contact_length, HEIGHT_SHARE * self.rolling.frame.mesh.height) * np.abs(
-            drift.slopes - slopes * drift.wave_slope
+        transient = self._length * np.abs(drift.slopes - slopes * drift.wave_slope)
+        self.errors = SteadyErrors(
+            LENGTH_ERROR * np.abs(slopes * jump), np.abs(slopes) * scatter + transient, *self._scales(drift)
         )
-        drifted, start = LENGTH_ERROR * np.abs(slopes * jump), np.abs(slopes) * scatter + transient
-        self.errors = SteadyErrors(drifted, start, float(load), float(max(resistance, MIN_RESISTANCE * load)))
         return jump
+
+    def _scales(self, drift: WaveDrift) -> tuple[float, float]:
+        """Return load and resistance, the latter not too small, as scales of the distance [N/m]."""
+        load, resistance = np.abs(drift.values[:2])
+        return float(load), float(max(resistance, MIN_RESISTANCE * load))
 
     def _target_value(self) -> float:
         """Extrapolated steady value of the prescribed quantity."""
@@ -346,7 +324,7 @@ class SteadySearch:
         """
         rolling, frame = self.rolling, self.rolling.frame
         x, y = rolling.surface_positions.T
-        passed = rolling.steps[-min(int(rolling.frame.exit_distance / rolling.frame.step) + 1, len(rolling.steps))]
+        passed = rolling.steps[-min(int(frame.exit_distance / frame.step) + 1, len(rolling.steps))]
         recovery = float(np.interp(-frame.exit_distance, x, y)) - passed.bottom_height
         bottom = frame.layer_bottom(rolling.state.displacement, -frame.exit_distance)
         height = frame.mesh.height - frame.lower_height
@@ -369,68 +347,185 @@ class SteadySearch:
             if self.relaxation.mode is not None and trial:
                 self.relaxation.mode.add_to(self.rolling, trial * jump)
             self.rolling.remove_marks_behind()
-            stretching = depth / self.rolling.mesh_depth
-            if max(stretching, 1 / stretching) > STRETCHED_DEPTH:
-                self.rolling = self.stretch(self.rolling, depth)
-            if self.rate_factor is not None:
-                self.rolling.frame.solid.rate_factor = self.rate_factor(depth)
+            self._fit_mesh()
             try:
                 return self._roll(share)
             except RuntimeError:
                 if not trial:
                     raise
 
+    def _fit_mesh(self) -> None:
+        """Stretch the mesh to a depth that differs much from its own, and update the rate factor."""
+        stretching = self.depth / self.rolling.mesh_depth
+        if max(stretching, 1 / stretching) > STRETCHED_DEPTH:
+            self.rolling = self.stretch(self.rolling, self.depth)
+        if self.rate_factor is not None:
+            self.rolling.frame.solid.rate_factor = self.rate_factor(self.depth)
+
     def _unsteady_error(self) -> UnsteadyError:
         """Return the error of a motion that does not become steady."""
-        step = self.rolling.steps[-1]
-        distance = self.errors.total
-        unsteady = Unsteady(self.depth, step.bow_wave, step.travel, distance, step.load, step.resistance)
+        step, distance = self.rolling.steps[-1], self.errors.total
         message = (
             f"not steady at depth {1e3 * self.depth:.4g} mm after {step.travel:.3g} m of travel: estimated distance "
-            f"{100 * distance:.2g} % of load, resistance or exit density; {describe_step(step)}"
+            f"{100 * distance:.2g} % of load, resistance or exit density; {step}"
         )
+        unsteady = Unsteady(self.depth, step.bow_wave, step.travel, distance, step.load, step.resistance)
         return UnsteadyError(message, unsteady)
 
-
-@dataclass(frozen=True)
-class ErrorParts:
-    """Estimated relative errors of load and resistance [-], pairs.
-
-    Parameters
-    ----------
-    mesh : tuple of float, or None
-        Error of the finite elements; None for a single mesh.
-    drift : tuple of float
-        Distance to the steady state.
-    start : tuple of float
-        Scatter and transient.
-    """
-
-    mesh: tuple[float, float] | None
-    drift: tuple[float, float]
-    start: tuple[float, float]
+    def error_parts(self, mesh: tuple[float, float] | None) -> ErrorParts:
+        """Return the relative errors of load and resistance at what is prescribed, with those by the mesh [-]."""
+        parts = []
+        for errors in (self.errors.drift, self.errors.start):
+            load, resistance = (float(error) for error in errors[:2] / self._error_scales)
+            if self.target.quantity == "load":
+                load, resistance = 0.0, resistance + float(DEPTH_EXPONENTS[1] / DEPTH_EXPONENTS[0]) * load
+            parts.append((load, resistance))
+        return ErrorParts(mesh, *parts)
 
     @property
-    def total(self) -> tuple[float, float] | None:
-        """Sums of the parts for load and resistance [-]; None without an estimate of the mesh."""
-        if self.mesh is None:
-            return None
-        load, resistance = np.sum([self.mesh, self.drift, self.start], axis=0)
-        return float(load), float(resistance)
+    def _error_scales(self) -> FloatArray:
+        """Load and resistance, the latter not too small, as scales of their errors [N/m], shape (2,)."""
+        load, resistance = np.abs(self.values[:2])
+        return np.array([load, max(resistance, MIN_ERROR_SCALE * load)])
 
 
-def error_parts(search: SteadySearch, mesh: tuple[float, float] | None) -> ErrorParts:
-    """Return the errors of a steady solution.
+class ShearLineSearch(SteadySearch):
+    """Search for the steady state on one mesh for mix with a shear line; parameters as of `SteadySearch`."""
 
-    Parameters
-    ----------
-    search : SteadySearch
-        Search that has found the steady state.
-    mesh : tuple of float, or None
-        Relative errors of load and resistance by the mesh [-].
-    """
-    drift, start = (_at_target(part, search) for part in (search.errors.drift, search.errors.start))
-    return ErrorParts(mesh, drift, start)
+    _begin: int = 0
+    _waves: tuple[WaveDrift, ...] = ()
+
+    def _find_steady_state(self, growth: WaveGrowth) -> None:
+        """Roll in cycles until the motion is steady and the target satisfied; record the growth of the wave."""
+        secant = DepthSecant(self.target, self._depth_exponent)
+        from_rest, first, self._waves = not self.rolling.steps, len(self.rolling.steps), ()
+        max_steps = MAX_STEPS if self.is_last else MAX_FIRST_STEPS if from_rest else MAX_COARSE_STEPS
+        self.rolling.solver.tolerance = SETTLING_TOLERANCE
+        self._roll_on(FIRST_SETTLING, DAMPING)
+        self._begin = len(self.rolling.steps) - 1
+        cycle, count = 0, 0
+        while count < max_steps:
+            self._roll_on(CYCLE)
+            cycle, count = cycle + 1, len(self.rolling.steps) - first
+            drift = self._estimate_distance()
+            self._require_slowing(growth)
+            is_near = self.errors.total < TARGET_ERROR or cycle >= MIN_TARGET_CYCLES
+            is_met = is_near and self._correct_depth(secant)
+            if cycle < (MIN_CYCLES if self._is_low(drift) else MIN_WAVE_CYCLES):
+                continue
+            accepted = [error for least, error in ACCEPTED_ERRORS if count >= least]
+            if is_met and self.errors.total < (max(self.tolerance, *accepted, 0.0) if self.is_last else COARSE_ERROR):
+                break
+            is_coarse = self.rolling.solver.tolerance > FINAL_TOLERANCE
+            if self.is_last and is_coarse and self.errors.total < NEAR * self.tolerance:
+                # measure the drift from here with the scatter of a smaller residual
+                self.rolling.solver.tolerance, self._begin = FINAL_TOLERANCE, len(self.rolling.steps) - 1
+
+        is_steady, wave = self.errors.total < MAX_ERROR, self._waves[-1] if self._waves else None
+        half = (self.rolling.steps[-1].travel - self.rolling.steps[self._begin].travel) / 2
+        if not is_steady and from_rest and wave is not None and wave.wave_slope * half > GROWTH * wave.wave_area:
+            raise self.rolling.heaping_error("still grows")
+        if self.is_last and not is_steady:
+            raise self._unsteady_error()
+        if self.is_last and not self._is_met(secant):
+            raise RuntimeError(secant.failure())
+        if self.is_last:
+            self._finish()
+
+    def _roll_on(self, share: float, damping: float = FINAL_DAMPING_RATIO * DAMPING) -> None:
+        """Roll a share of the contact length, with more iterations and damping if a step has no equilibrium."""
+        before = copy(self.rolling)
+        try:
+            self._roll(share, damping)
+        except EquilibriumError:
+            self.rolling, tolerance = before, self.rolling.solver.tolerance
+            self.rolling.solver.tolerance, self.rolling.solver.solve_tangent = FINAL_TOLERANCE, None
+            self._roll(share, DAMPING)
+            self.rolling.solver.tolerance = tolerance
+
+    def _estimate_distance(self) -> WaveDrift:
+        """Return the drift in the second half of the travel; set steady values and errors by it."""
+        steps = self.rolling.steps[self._begin :]
+        steps = steps[len(steps) // 2 :]
+        drift = WaveDrift.of_steps(steps)
+        table = np.array([[getattr(step, name) for name in QUANTITIES] for step in steps])
+        travel = np.array([step.travel for step in steps]) - steps[-1].travel
+        scatter = SCATTER * (table - drift.values - travel[:, None] * drift.slopes).std(axis=0)
+        start = np.maximum(scatter, np.abs(table[-1] - drift.values))
+        self.values = drift.values
+        self.errors = SteadyErrors(np.abs(drift.slopes) * drift.travel, start, *self._scales(drift))
+        return drift
+
+    def _require_slowing(self, growth: WaveGrowth) -> None:
+        """Require that a wave that has grown threefold has slowed down."""
+        count = self._steps_of(CYCLE)
+        self._waves += (WaveDrift.of_steps(self.rolling.steps[-count - 1 :]),)
+        first, last = self._waves[0], self._waves[-1]
+        fastest = max(wave.wave_slope for wave in self._waves)
+        growth.slopes = [] if self._is_low(last) else [fastest, last.wave_slope]
+        if last.wave_slope <= max(SLOWING * fastest, 0.0) or len(self._waves) <= MIN_CYCLES:
+            return
+        if last.wave_slope > PLOUGHED * self.depth:
+            pushed = f"grows by {100 * last.wave_slope / self.depth:.0f} % of the depth times the travel"
+            raise self.rolling.heaping_error(f"{pushed}, without slowing down")
+        if last.wave_area > GROWN * first.wave_area and not self._is_low(last):
+            raise self.rolling.heaping_error("has grown threefold without slowing down")
+
+    def _correct_depth(self, secant: DepthSecant) -> bool:
+        """Return whether the target is satisfied; else change the depth, and measure the drift from there."""
+        quantity = self.target.quantity
+        value = self.depth if quantity == "indentation" else float(self.values[QUANTITIES.index(quantity)])
+        depth = secant.next_depth(self.depth, value)
+        self._depth_exponent = secant.slope
+        if self._is_met(secant):
+            return True
+        self.depth, self._waves = depth, ()
+        self._fit_mesh()
+        self._roll_on(CYCLE)
+        self._begin = len(self.rolling.steps) - 1
+        return False
+
+    def _is_met(self, secant: DepthSecant) -> bool:
+        """Return whether the target is satisfied to its tolerance, or to the scatter of the quantity."""
+        scatter = 0.0
+        if self.target.quantity != "indentation":
+            index = QUANTITIES.index(self.target.quantity)
+            value, error = float(self.values[index]), float(self.errors.start[index])
+            scatter = abs(self.target.log_miss(value + error) - self.target.log_miss(value))
+        return abs(secant.last_miss) < max(self.target_tolerance, scatter)
+
+    def _finish(self) -> None:
+        """Roll the last steps to the full tolerance, and trim the depth to a prescribed load or pressure."""
+        self.rolling.solver.tolerance = FINAL_TOLERANCE
+        self._roll(FINAL_SHARE)
+        forces = np.array([self.errors.load, self.errors.resistance])
+        for _ in range(self._steps_of(MEAN_CYCLES * CYCLE)):  # to load and resistance near the steady mean
+            scatter = np.maximum(MEAN_SHARE * self.errors.start[:2], self.tolerance * forces)
+            if (self._last_distance[:2] < scatter).all():
+                break
+            self.rolling.advance(self._height, FINAL_DAMPING_RATIO * DAMPING)
+        self._advance_exactly()
+        exponent, target = FIRST_EXPONENT, self.target
+        miss = target.log_miss_of(self.rolling.steps[-1])
+        for _ in range(MAX_TRIMS if target.quantity in ("load", "peak_pressure") else 0):
+            if abs(miss) < target.tolerance:
+                break
+            change = float(np.clip(-miss / exponent, -LARGEST_TRIM, LARGEST_TRIM))
+            self.depth *= np.exp(change)
+            self._advance_exactly()
+            before, miss = miss, target.log_miss_of(self.rolling.steps[-1])
+            exponent = max((miss - before) / change, LEAST_EXPONENT)
+        self.errors = replace(self.errors, start=np.maximum(self.errors.start, self._last_distance))
+
+    @property
+    def _last_distance(self) -> FloatArray:
+        """Distance of `QUANTITIES` of the last step from the steady mean."""
+        return np.abs([getattr(self.rolling.steps[-1], name) for name in QUANTITIES] - self.values)
+
+
+def search_class(material: Compaction) -> type[SteadySearch]:
+    """Return the search for the steady state of a constitutive law."""
+    return ShearLineSearch if isinstance(material, DruckerPragerCap) else SteadySearch
 
 
 def mesh_errors(coarse: SteadySearch, fine: SteadySearch, coarsest: SteadySearch | None = None) -> tuple[float, float]:
@@ -459,36 +554,16 @@ def mesh_errors(coarse: SteadySearch, fine: SteadySearch, coarsest: SteadySearch
 def _change_to(coarse: SteadySearch, fine: SteadySearch, orders: FloatArray) -> FloatArray:
     """Return the relative errors of load and resistance by the change between two meshes [-], shape (2,)."""
     elements = [search.rolling.frame.contact_length / search.rolling.frame.step for search in (coarse, fine)]
-    remaining = 1 / ((elements[1] / elements[0]) ** orders - 1)
-    change = np.abs(_at_same_target(coarse, fine) - fine.values)
-    mode = fine.relaxation.mode
-    if mode is not None and fine.target.quantity == "indentation":
+    quantity, values = fine.target.quantity, coarse.values  # at the prescribed value of the fine mesh
+    if quantity == "exit_density_ratio":  # prescribes the depth; the density of a column lags behind it
+        values = values * (fine.depth / coarse.depth) ** DEPTH_EXPONENTS
+    elif quantity != "indentation":
+        index = QUANTITIES.index(quantity)
+        miss = coarse.target.log_miss(float(values[index])) - fine.target.log_miss(float(fine.values[index]))
+        values = values * np.exp(-miss * DEPTH_EXPONENTS / DEPTH_EXPONENTS[index])
+    change, mode = np.abs(values - fine.values), fine.relaxation.mode
+    if mode is not None and quantity == "indentation":
         wave = fine.rolling.steps[-1].wave_area - coarse.rolling.steps[-1].wave_area
         change = np.maximum(change, WAVE_SHARE * np.abs(mode.slopes * wave))
-    return np.asarray(remaining * change[:2] / _scales(fine))
-
-
-def _at_same_target(coarse: SteadySearch, fine: SteadySearch) -> FloatArray:
-    """Return the values of a coarse solution at the prescribed value of the fine one; targets are met loosely."""
-    quantity, values = fine.target.quantity, coarse.values
-    if quantity == "indentation":
-        return values
-    if quantity == "exit_density_ratio":  # prescribes the depth; the density of a column lags behind it
-        return values * (fine.depth / coarse.depth) ** DEPTH_EXPONENTS
-    index = QUANTITIES.index(quantity)
-    miss = coarse.target.log_miss(float(values[index])) - fine.target.log_miss(float(fine.values[index]))
-    return values * np.exp(-miss * DEPTH_EXPONENTS / DEPTH_EXPONENTS[index])
-
-
-def _at_target(errors: FloatArray, search: SteadySearch) -> tuple[float, float]:
-    """Return the errors of load and resistance at what is prescribed."""
-    load, resistance = (float(error) for error in errors[:2] / _scales(search))
-    if search.target.quantity != "load":
-        return load, resistance
-    return 0.0, resistance + float(DEPTH_EXPONENTS[1] / DEPTH_EXPONENTS[0]) * load
-
-
-def _scales(search: SteadySearch) -> FloatArray:
-    """Return load and resistance, the latter not too small, as scales of their errors [N/m], shape (2,)."""
-    load, resistance = np.abs(search.values[:2])
-    return np.array([load, max(resistance, MIN_ERROR_SCALE * load)])
+    remaining = 1 / ((elements[1] / elements[0]) ** orders - 1)
+    return np.asarray(remaining * change[:2] / fine._error_scales)

@@ -16,13 +16,11 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction.bow_wave import Relaxation
-from compact.engines.compaction.depth_target import DepthTarget
+from compact.engines.compaction.engine import CompactionContactResult
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, SolidIncrement
-from compact.engines.compaction.incremental_rolling import DAMPING, IncrementalRolling, RollingStep
-from compact.engines.compaction.newton import IncrementSolver
-from compact.engines.compaction.results import CompactionContactResult
-from compact.engines.compaction.shear_line_search import search_class
+from compact.engines.compaction.rolling import DAMPING, IncrementalRolling, IncrementSolver, RollingStep
+from compact.engines.compaction.steady_search import search_class
+from compact.engines.compaction.steady_state import DepthTarget, Relaxation
 from compact.engines.pore_air.steady_flow import AirPressure, RollerAir
 from compact.material.pore_air import PoreAir
 from compact.numerics import Array

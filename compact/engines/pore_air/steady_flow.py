@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     import meshio
 
     from compact.engines.column.engine import ColumnContactResult
-    from compact.engines.compaction.incremental_rolling import IncrementalRolling
+    from compact.engines.compaction.rolling import IncrementalRolling
 
 RESIDUAL_TOLERANCE = 1e-10  # [-], residual of a node over the sum of its fluxes
 MAX_ITERATIONS = 60  # [-], Newton iterations; 3 to 12 are usual

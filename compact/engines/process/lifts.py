@@ -44,10 +44,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from compact.engines.compaction.engine import roll
-from compact.engines.compaction.incremental_rolling import DAMPING, FINAL_DAMPING_RATIO
-from compact.engines.compaction.results import CompactionContactResult, build_result, field_mesh
-from compact.engines.compaction.roller_frame import fresh_layer, rate_factor_at
+from compact.engines.compaction.engine import CompactionContactResult, build_result, field_mesh, roll
+from compact.engines.compaction.layer_state import fresh_layer, rate_factor_at
+from compact.engines.compaction.rolling import DAMPING, FINAL_DAMPING_RATIO
 from compact.engines.compaction.steady_search import FINAL_TOLERANCE
 from compact.engines.pore_air.coupled_rolling import roll_coupled
 from compact.engines.pore_air.steady_flow import RollerAir
