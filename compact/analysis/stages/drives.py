@@ -4,14 +4,15 @@
 """
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from compact import drive
 from compact.analysis import machine_models
@@ -56,9 +57,7 @@ class DriveStage:
         return dict(self._runs(self.resistance.map.scaled(1 + self.resistance.error), suppress(RuntimeError)))
 
     def _runs(self, resistance: Any, tolerated: AbstractContextManager[Any]) -> Iterator[tuple[str, Any]]:
-        for name, cycle in self.laws.cycles.items():
-            self.count("runs")
-            yield from self.simulated({name: cycle}, resistance, tolerated)
+        return self.simulated(self.laws.cycles, resistance, tolerated, begin=partial(self.count, "runs"))
 
     def simulated(
         self,
@@ -66,8 +65,9 @@ class DriveStage:
         resistance: Any,
         tolerated: AbstractContextManager[Any],
         scene: Scene | None = None,
+        begin: Callable[[], object] = lambda: None,
     ) -> Iterator[tuple[str, Any]]:
-        """Simulate laws against a resistance with the drive of a scene.
+        """Simulate laws against a resistance with the drive of a scene; laws of one motion behind a spring once.
 
         Parameters
         ----------
@@ -77,6 +77,8 @@ class DriveStage:
             Context of each simulation; a law whose error it suppresses has no run.
         scene : Scene, optional
             Scene of the drive; that of the study by default.
+        begin : callable
+            Called before each law.
 
         Yields
         ------
@@ -84,11 +86,18 @@ class DriveStage:
             Name of a law and its run.
         """
         motion, cart = self.scene.motion, self.resistance.cart
-        working = (motion.run_up, 1 - motion.run_down)
+        working, alike = (motion.run_up, 1 - motion.run_down), dict[Any, Any]()
         for name, cycle in cycles.items():
+            begin()
+            if twin := alike.get(_motion_of(cycle)):
+                yield name, replace(twin, cycle=cycle)
+                continue
             with tolerated:
                 moved_by = machine_models.drive_of(scene or self.scene, cycle)
-                yield name, drive.simulate(cart, moved_by, cycle, resistance, working=working)
+                run = drive.simulate(cart, moved_by, cycle, resistance, working=working)
+                if (scene or self.scene).drive.kind == "elastic":
+                    alike[_motion_of(cycle)] = run
+                yield name, run
 
     @cached_property
     def rankings(self) -> dict[str, list[Ranked]]:
@@ -204,6 +213,13 @@ class DriveStage:
             assert crank is not None  # rule of the scene: the output "crank" requires a rod
             turns[key] = simulate_crankshaft(self.resistance.cart, crank, speed, self.resistance.resistance, ahead)
         return turns
+
+
+def _motion_of(cycle: Cycle) -> Any:
+    """Return what laws of the same motion share, such as two reversal laws whose free parameter has the same value."""
+    forward, curve = cycle.forward, cycle.forward.curve
+    same = (curve.x.tobytes(), curve.c.tobytes()) if isinstance(curve, PPoly) else forward.name
+    return same, forward.stroke, forward.duration, forward.retraces, cycle.far_dwell, cycle.near_dwell
 
 
 @dataclass(frozen=True)
