@@ -21,14 +21,13 @@ from typing import Any, Literal
 import numpy as np
 
 from compact.analysis.engines import ENGINES
-from compact.analysis.worker_pool import Executor
 from compact.files import versions
 from compact.quantities import SWEEP_CORRECTION, Quantity
 from compact.scene.engine_capabilities import LIMITS
 from compact.scene.loader import Scene
 from compact.sweep.design import Axis, Sampled
 from compact.sweep.point import Results
-from compact.sweep.run import KeyedPoint, Points, Step, Store, Sweep, Task, points_in_parts
+from compact.sweep.run import Computed, KeyedPoint, Sweep, Task, points_in_parts
 from compact.sweep.surfaces import (
     FloatArray,
     Surface,
@@ -128,26 +127,26 @@ class CorrectedSweep(Sweep):
         _, group = np.unique(np.column_stack(words), axis=0, return_inverse=True)
         return places, [np.flatnonzero(group == number).tolist() for number in range(group.max() + 1)]
 
-    def _results(self, store: Store, known: Points, executor: Executor, step: Step) -> list[Results]:
+    def _results(self, computed: Computed) -> list[Results]:
         """Return the results of all points: columns, chosen points, and the correction."""
-        columns = self._by_columns(store, known, executor)
-        exact = self._by_engine(columns, store, known, executor, step)
+        columns = self._by_columns(computed)
+        exact = self._by_engine(columns, computed)
         corrections = [Correction(self.places, group, columns, exact, not self.design.names) for group in self.groups]
         self.notes = tuple(correction.note for correction in corrections)
         found = {number: result for correction in corrections for number, result in correction.results().items()}
         return [found[number] for number in range(self.size)]
 
-    def _by_columns(self, store: Store, known: Points, executor: Executor) -> list[Results]:
+    def _by_columns(self, computed: Computed) -> list[Results]:
         """Return the results of the engine of low fidelity at all points."""
         scene, base = self.scene.replaced(**self._accepted({})), self._base_key(self.low_fidelity)
         keyed: list[KeyedPoint] = []
         for number in range(self.size):
             changes, shares = self.design.point(number)
             keyed.append(self._key(base, None, changes | self._accepted(changes), shares))
-        missing = [point for point in keyed if point[0] not in known]
+        missing = [point for point in keyed if point[0] not in computed.known]
         groups = points_in_parts(missing, ENGINES[self.low_fidelity].points_per_task)
         tasks = [Task(scene, tuple(group), False, False, versions()) for group in groups]
-        points = self._computed(tasks, keyed, known, store, executor, lambda *_: None)
+        points = computed(tasks, keyed, silent=True)
         return [points[key] for key, *_ in keyed]
 
     def _accepted(self, changes: dict[str, Any]) -> dict[str, Any]:
@@ -161,9 +160,7 @@ class CorrectedSweep(Sweep):
             accepted["machine.roller_torque"] = None
         return accepted
 
-    def _by_engine(
-        self, columns: list[Results], store: Store, known: Points, executor: Executor, step: Step
-    ) -> dict[int, Results]:
+    def _by_engine(self, columns: list[Results], computed: Computed) -> dict[int, Results]:
         """Return the results at the chosen points by their number; points without a result are replaced by others."""
         exact: dict[int, Results] = {}
         for _ in range(ROUNDS):
@@ -175,10 +172,10 @@ class CorrectedSweep(Sweep):
             tasks = [
                 Task(self.scene, chain, False, True, versions(), tuple(map(tuple, self.places[part].tolist())))
                 for part, chain in zip(parts, chains, strict=True)
-                if any(key not in known for key, *_ in chain)
+                if any(key not in computed.known for key, *_ in chain)
             ]
             keyed = [point for chain in chains for point in chain]
-            points = self._computed(tasks, keyed, known, store, executor, step)
+            points = computed(tasks, keyed)
             numbers = (number for part in parts for number in part)
             exact |= {number: points[key] for number, (key, *_) in zip(numbers, keyed, strict=True)}
         return exact

@@ -17,7 +17,7 @@ import json
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import dist
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,21 +26,9 @@ import numpy as np
 from filelock import SoftFileLock, Timeout
 from threadpoolctl import threadpool_limits
 
-from compact import quantities
+from compact import files, quantities
 from compact.analysis.engines import ENGINES
 from compact.analysis.worker_pool import Executor, WorkerDied, run_tasks
-from compact.files import (
-    NETCDF_BACKENDS,
-    NETCDF_HDF5,
-    ResultsError,
-    atomic_file,
-    checksum,
-    claimed_directory,
-    read_netcdf,
-    results_key,
-    versions,
-    write_netcdf,
-)
 from compact.material import mix
 from compact.quantities import SWEEP_POINT, Quantity
 from compact.rolling_contact import ContactResult
@@ -99,12 +87,12 @@ class Store:
             owner = (
                 f"process {words[0]} on {words[1]}" if len(words) > 1 and words[0].isdecimal() else "another command"
             )
-            raise ResultsError(
+            raise files.ResultsError(
                 f"{path}: {owner} writes to this directory; wait for it, give another --out, or delete the file if "
                 "that process has ended"
             ) from None
         except OSError as error:
-            raise ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
+            raise files.ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
         try:
             yield
         finally:
@@ -117,8 +105,8 @@ class Store:
             try:
                 recorded, _, body = path.read_bytes().partition(b"\n")
             except OSError as error:
-                raise ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
-            if recorded == checksum(body).encode():
+                raise files.ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
+            if recorded == files.checksum(body).encode():
                 points |= dict(map(json.loads, body.splitlines()))
             else:
                 self.broken.append(path.name)
@@ -131,9 +119,9 @@ class Store:
     def write(self, points: Points) -> None:
         """Write the points of one task by key."""
         body = "".join(json.dumps(entry) + "\n" for entry in points.items()).encode()
-        name = checksum("".join(points).encode())[:24]
-        with atomic_file(self.directory / f"{name}{SUFFIX}", "wb") as stream:
-            stream.write(checksum(body).encode() + b"\n" + body)
+        name = files.checksum("".join(points).encode())[:24]
+        with files.atomic_file(self.directory / f"{name}{SUFFIX}", "wb") as stream:
+            stream.write(files.checksum(body).encode() + b"\n" + body)
 
 
 @dataclass(frozen=True)
@@ -170,7 +158,7 @@ def compute(task: Task) -> dict[str, Results]:
     RuntimeError
         If this worker has other versions than the command.
     """
-    here = versions()
+    here = files.versions()
     if differing := [f"{name} {here.get(name)} for {v}" for name, v in task.versions.items() if here.get(name) != v]:
         raise RuntimeError(
             f"a worker has other versions than the command: {', '.join(differing)}; the results would not be the "
@@ -193,6 +181,40 @@ def compute(task: Task) -> dict[str, Results]:
     return found
 
 
+@dataclass
+class Computed:
+    """Results of points: those that are known, and those of tasks, which are kept."""
+
+    store: Store
+    known: Points
+    executor: Executor
+    step: Step
+    count: int = 0
+    used: set[str] = field(default_factory=set)
+
+    def __call__(self, tasks: Sequence[Task], keyed: Iterable[KeyedPoint], silent: bool = False) -> dict[str, Results]:
+        """Compute tasks, and return the results of keyed points."""
+        points: dict[str, Results] = {}
+
+        def add(found: Points) -> None:
+            fresh = [each for key, each in found.items() if key not in points]
+            points.update(found)
+            self.used.update(found)
+            if not silent:
+                self.step(len(fresh), sum(bool(each.get("reason")) for each in fresh))
+
+        add({key: self.known[key] for key, *_ in keyed if key in self.known})
+        with closing(run_tasks(compute, tasks, self.executor, meanwhile=_import_netcdf)) as coming:
+            for number, outcome in coming:
+                if isinstance(outcome, WorkerDied):  # no checkpoint: another run tries again
+                    outcome = {key: {"reason": outcome.reason} for key, *_ in tasks[number].points}
+                else:
+                    self.store.write(outcome)
+                self.count += len(outcome)
+                add(outcome)
+        return points
+
+
 class Sweep:
     """Sweep of a scene.
 
@@ -210,7 +232,6 @@ class Sweep:
         self.engines = varied_engines(scene, self.design.axes)
         self.computed = self.needed = 0  # points computed, and all points with those that were kept
         self.unused = 0  # points that were kept, under keys of another sweep, other files or other sources
-        self._used: set[str] = set()
         self.broken: tuple[str, ...] = ()
 
     @property
@@ -253,7 +274,7 @@ class Sweep:
         ResultsError
             If the directory has checkpoints, and neither `resume` nor `force` is set.
         """
-        with claimed_directory(directory, self.scene.hash, force) as place, Store(place / POINTS).locked():
+        with files.claimed_directory(directory, self.scene.hash, force) as place, Store(place / POINTS).locked():
             store = Store(place / POINTS)
             known = store.read()
             self.broken = tuple(store.broken)
@@ -262,44 +283,23 @@ class Sweep:
                     path.unlink()
                 known = {}
             if known and not resume:
-                raise ResultsError(
+                raise files.ResultsError(
                     f"{place}: holds {len(known)} points of this scene; --resume uses them, --force computes all again"
                 )
-            table = self._table(self._results(store, known, executor, step))
-            self.unused = len(known.keys() - self._used)
-            write_netcdf(place / "sweep.nc", table, NETCDF_HDF5)
+            computed = Computed(store, known, executor, step)
+            try:
+                table = self._table(self._results(computed))
+            finally:
+                self.computed = computed.count
+            self.needed, self.unused = len(computed.used), len(known.keys() - computed.used)
+            files.write_netcdf(place / "sweep.nc", table, files.NETCDF_HDF5)
         return table
 
-    def _results(self, store: Store, known: Points, executor: Executor, step: Step) -> list[Results]:
+    def _results(self, computed: "Computed") -> list[Results]:
         """Return the results of all points, in the order of the design."""
         keyed = self._keyed()
-        points = self._computed(self._tasks(keyed, known), keyed, known, store, executor, step)
+        points = computed(self._tasks(keyed, computed.known), keyed)
         return [points[key] for key, *_ in keyed]
-
-    def _computed(
-        self, tasks: Sequence[Task], keyed: Iterable[KeyedPoint], known: Points, store: Store, executor: Executor,
-        step: Step,
-    ) -> dict[str, Results]:  # fmt: skip
-        """Return the results of keyed points: those that are known, and those of tasks."""
-        points: dict[str, Results] = {}
-
-        def add(found: Points) -> None:
-            fresh = [each for key, each in found.items() if key not in points]
-            points.update(found)
-            step(len(fresh), sum(bool(each.get("reason")) for each in fresh))
-
-        add({key: known[key] for key, *_ in keyed if key in known})
-        with closing(run_tasks(compute, tasks, executor, meanwhile=_import_netcdf)) as coming:
-            for number, outcome in coming:
-                if isinstance(outcome, WorkerDied):  # no checkpoint: another run tries again
-                    outcome = {key: {"reason": outcome.reason} for key, *_ in tasks[number].points}
-                else:
-                    store.write(outcome)
-                self.computed += len(outcome)
-                add(outcome)
-        self.needed += len(points)
-        self._used |= points.keys()
-        return points
 
     def _keyed(self) -> list[KeyedPoint]:
         """Return key, changes and shares of every point; in a chain the key depends on the points before."""
@@ -312,12 +312,16 @@ class Sweep:
 
     def _base_key(self, *options: Any) -> str:
         """Hash all that the points of the sweep have in common."""
-        return results_key(self.scene.hash, [ENGINES[name].source for name in self.engines], *options)
+        return files.results_key(self.scene.hash, [ENGINES[name].source for name in self.engines], *options)
 
     def _key(self, base: str, before: Any, changes: dict[str, Any], shares: dict[str, float]) -> KeyedPoint:
         """Return a point with the hash of all its inputs, with the contents of the files that it names."""
         tables = [self.scene.checksum_of(str(changes[key])) for key in FILE_KEYS if key in changes]
-        return checksum(json.dumps([base, before, changes, shares, tables]).encode())[:KEY_LENGTH], changes, shares
+        return (
+            files.checksum(json.dumps([base, before, changes, shares, tables]).encode())[:KEY_LENGTH],
+            changes,
+            shares,
+        )
 
     def _tasks(self, keyed: list[KeyedPoint], known: Points) -> list[Task]:
         """Return the tasks of the missing points; a line of neighbours is computed as a whole."""
@@ -330,7 +334,7 @@ class Sweep:
             size = min(ENGINES[engine].points_per_task for engine in self.engines)
             size = max(1, size // POINTS_PER_RANKING) if self.rank else size
             groups = points_in_parts([point for point in keyed if point[0] not in known], size)
-        return [Task(self.scene, tuple(group), self.rank, self.chained, versions()) for group in groups]
+        return [Task(self.scene, tuple(group), self.rank, self.chained, files.versions()) for group in groups]
 
     def _table(self, points: list[Results]) -> "xarray.Dataset":
         """Return the table of all points, in the order of the design."""
@@ -380,7 +384,7 @@ class Sweep:
             "engine": ", ".join(self.engines),
             "scene": self.scene.model_dump_json(exclude_none=True),
             "scene_hash": self.scene.hash,
-            "versions": json.dumps(versions()),
+            "versions": json.dumps(files.versions()),
         }
 
 
@@ -399,9 +403,9 @@ def _import_netcdf() -> None:
     """Import the modules of `write_netcdf`, which takes a second or two, while the workers start."""
     import xarray
 
-    xarray.Dataset().to_netcdf(format=NETCDF_HDF5, engine=NETCDF_BACKENDS[NETCDF_HDF5])
+    xarray.Dataset().to_netcdf(format=files.NETCDF_HDF5, engine=files.NETCDF_BACKENDS[files.NETCDF_HDF5])
 
 
 def read_sweep(path: Path | str) -> "xarray.Dataset":
     """Read the table of a sweep.nc."""
-    return read_netcdf(path, NETCDF_HDF5)
+    return files.read_netcdf(path, files.NETCDF_HDF5)
