@@ -9,22 +9,18 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 import xarray
 from interrupts import of_unix
+from sweeps import COLUMNS
 
 from compact.analysis import worker_pool
 from compact.analysis.worker_pool import DaskExecutor, SerialExecutor
 from compact.files import ResultsError
-from compact.scene.loader import load_scene
 from compact.sweep.design import read_design
 from compact.sweep.run import LOCK, Store, Sweep
 
-SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015.toml"
-PLAIN = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless", "layer.fed_density_ratio": 0.9}
-COLUMNS = load_scene(SCENE, **PLAIN, **{"accuracy.engine": "column"})
 GRID = ("mix.moisture=0.08:0.12:6", "mix.density_ratio=0.94:0.98:100")  # 6 tasks
 START_SECONDS = 60.0  # [s], limit
 

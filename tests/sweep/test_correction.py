@@ -1,14 +1,14 @@
 """Sweeps of columns corrected by finite elements at chosen points: designs, surfaces, errors, resumption, refusals."""
 
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
+import sweeps
 import xarray
+from sweeps import SCENES
 
-from compact.analysis.worker_pool import ProcessExecutor, SerialExecutor
-from compact.cli import program as cli
+from compact.analysis.worker_pool import ProcessExecutor
 from compact.report import sweep_writer
 from compact.scene.loader import load_scene
 from compact.sweep import corrected, sobol_indices
@@ -25,20 +25,15 @@ from compact.sweep.surfaces import (
     refinement_weights,
 )
 
-ROOT = Path(__file__).parents[2]
-SCENE_FILE = ROOT / "studies" / "scenes" / "loveikin-2015.toml"
-SCENE = load_scene(
-    SCENE_FILE,
-    **{"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "contact.indentation": 0.002},
-)
+SCENE_FILE = SCENES / "loveikin-2015.toml"
+THIN = {"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "contact.indentation": 0.002}
+SCENE = load_scene(SCENE_FILE, **THIN)
 GRID = ("mix.moisture=0.08:0.12:6", "mix.density_ratio=0.95:0.98:6")
 PLACES = np.array([(x, y) for x in np.linspace(0, 1, 6) for y in np.linspace(0, 1, 6)])
 
 
-def swept(directory, scene=SCENE, varied=GRID, executor=None, resume=False, step=lambda *_: None, **options):
-    """Table and sweep of a scene."""
-    many = create_sweep(scene, [vary.read_design(text) for text in varied], **options)
-    return many.run(directory, executor=executor or SerialExecutor(), resume=resume, step=step), many
+def swept(directory, scene=SCENE, varied=GRID, executor=None, **options):
+    return sweeps.swept(directory, scene, varied, executor, **options)
 
 
 # (a) chosen points
@@ -248,8 +243,14 @@ def test_correction_is_for_engines_with_one_of_low_fidelity():
     assert type(create_sweep(SCENE, varied[:1])) is Sweep  # no more points than would be chosen
     assert type(create_sweep(SCENE, varied[:1], direct=5)) is CorrectedSweep
     assert type(create_sweep(SCENE.replaced(**{"accuracy.engine": "column"}), varied)) is Sweep
-    with pytest.raises(ValueError, match="give --direct all, or --engine column"):
-        create_sweep(SCENE, varied, rank=True)
+    columns = SCENE.replaced(**{"accuracy.engine": "column"})
+    for scene, options, words in (
+        (columns, {"direct": 9}, "--direct is for sweeps by compaction alone, got column"),
+        (SCENE, {"direct": 0}, "--direct must be at least 1, or all, got 0"),
+        (SCENE, {"rank": True}, "--rank needs a resistance over speed, .* give --direct all, or --engine column"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            create_sweep(scene, varied, **options)
 
 
 def test_columns_replace_what_they_do_not_take():
@@ -259,21 +260,6 @@ def test_columns_replace_what_they_do_not_take():
     many = CorrectedSweep(scene, [vary.read_design(text) for text in GRID])
     there = scene.replaced(**many._accepted({}))
     assert (there.machine.roller_condition, there.layer.base) == ("frictionless", "bonded")
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--engine", "column", "--direct", "9"), "--direct is for sweeps by compaction alone, got column"),
-        (("--engine", "compaction", "--direct", "0"), "--direct must be at least 1, or all, got 0"),
-        (("--engine", "compaction", "--direct", "3", "--rank"), "--rank needs a resistance over speed"),
-    ],
-)
-def test_invalid_corrections_end_with_a_message(arguments, words, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    code = cli._exit_code(["sweep", str(SCENE_FILE), "--vary", GRID[0], *arguments])
-    assert code == 2
-    assert words in "".join(capsys.readouterr())
 
 
 # (e) finite elements

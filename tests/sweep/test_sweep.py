@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import xarray
 from interrupts import heed_interrupts, of_unix
+from sweeps import COLUMNS, FORMULA, SCENES, swept
 
 from compact import files
 from compact.analysis.study import Study
@@ -31,20 +32,8 @@ from compact.sweep import run as sweep
 from compact.sweep import sobol_indices
 from compact.sweep.run import Sweep
 
-ROOT = Path(__file__).parents[2]
-SCENES = ROOT / "studies" / "scenes"
-PLAIN = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless", "layer.fed_density_ratio": 0.9}
-SCENE = load_scene(SCENES / "loveikin-2015.toml", **PLAIN)
-COLUMNS = SCENE.replaced(**{"accuracy.engine": "column"})
 GRID = ("mix.moisture=0.08:0.12:4", "mix.density_ratio=0.94:0.98:3")
-
-
-def swept(
-    directory, scene=COLUMNS, varied=GRID, executor=None, resume=False, step=lambda points, failed: None, **options
-):
-    """Table and sweep of a scene."""
-    many = Sweep(scene, [vary.read_design(text) for text in varied], **options)
-    return many.run(directory, executor=executor or SerialExecutor(), resume=resume, step=step), many
+PAIR = ("mix.moisture=0.1,0.11",)
 
 
 def test_the_load_of_the_starter_falls_with_water_as_that_of_the_prior(tmp_path):
@@ -70,7 +59,7 @@ def small_tasks(monkeypatch):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    return swept(tmp_path_factory.mktemp("whole"))[0]
+    return swept(tmp_path_factory.mktemp("whole"), COLUMNS, GRID)[0]
 
 
 @pytest.fixture(scope="module")
@@ -78,35 +67,32 @@ def cluster():
     """Scheduler with one worker, in processes of their own."""
     from distributed import LocalCluster
 
-    with LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=True, dashboard_address=":0", host="127.0.0.1"
-    ) as scheduler:
+    options = {"threads_per_worker": 1, "processes": True, "dashboard_address": ":0", "host": "127.0.0.1"}
+    with LocalCluster(n_workers=1, **options) as scheduler:
         yield scheduler.scheduler_address
 
 
 # (a) points
 
 
-def test_points_are_those_of_single_studies(whole):
+def test_points_are_those_of_single_studies(whole, tmp_path):
     there = COLUMNS.replaced(**{"mix.moisture": 0.12, "mix.density_ratio": 0.96})
-    study = Study(there)
-    rolled = headline.roll_passes(there, study.mix, 0.4 / 3)[0]
+    rolled = headline.roll_passes(there, Study(there).mix, 0.4 / 3)[0]
     point = whole.sel(moisture=0.12, density_ratio=0.96)
     assert float(point["load"]) == 1.164 * rolled.load
     assert float(point.resistance) == 2 * 1.164 * rolled.resistance
     assert float(point.power) == pytest.approx(float(point.resistance) * 0.4 / 3)
     assert float(point.exit_density_ratio) == pytest.approx(0.96, abs=1e-9)
     assert (whole.reason == "").all()
-
-
-def test_formulas_have_the_published_point(tmp_path):
-    table, _ = swept(tmp_path, SCENE.replaced(**{"machine.roller_condition": "free"}), ["mix.moisture=0.1"])
-    assert float(table["load"][0]) == pytest.approx(9740, rel=1e-6)
-    assert float(table.resistance_coefficient[0]) == pytest.approx(0.178961, rel=1e-5)
+    free = FORMULA.replaced(**{"machine.roller_condition": "free"})
+    published, _ = swept(tmp_path, free, ["mix.moisture=0.1"])
+    assert float(published["load"][0]) == pytest.approx(9740, rel=1e-6)
+    assert float(published.resistance_coefficient[0]) == pytest.approx(0.178961, rel=1e-5)
 
 
 def test_table_is_labelled_and_identical_when_read_back(tmp_path):
-    table, _ = swept(tmp_path, varied=["mix.moisture=0.1,0.11", "layer.base=bonded,slip", "mix.overrides.poisson=~2"])
+    varied = ["mix.moisture=0.1,0.11", "layer.base=bonded,slip", "mix.overrides.poisson=~2"]
+    table, _ = swept(tmp_path, COLUMNS, varied)
     back = sweep.read_sweep(tmp_path / "sweep.nc")
     xarray.testing.assert_identical(back.astype(object), table.astype(object))
     assert back.moisture.attrs["key"] == "mix.moisture"
@@ -117,7 +103,7 @@ def test_table_is_labelled_and_identical_when_read_back(tmp_path):
 
 
 def test_laws_are_ranked_at_every_point(tmp_path):
-    scene = SCENE.replaced(**{"motion.laws": ["parabolic", "septic"]})
+    scene = FORMULA.replaced(**{"motion.laws": ["parabolic", "septic"]})
     table, _ = swept(tmp_path, scene, ["mix.moisture=0.09,0.1"], rank=True)
     place = Study(scene).rankings["peak_power"][0]
     assert table.best_law_by_peak_power.values[1] == place.run.name
@@ -130,7 +116,7 @@ def test_laws_are_ranked_at_every_point(tmp_path):
 
 @pytest.mark.usefixtures("small_tasks")
 def test_cluster_gives_the_same_bits(whole, cluster, tmp_path):
-    table, many = swept(tmp_path, executor=DaskExecutor(cluster))
+    table, many = swept(tmp_path, COLUMNS, GRID, DaskExecutor(cluster))
     assert many.computed == 12
     xarray.testing.assert_identical(table, whole)
 
@@ -146,9 +132,8 @@ def test_two_processes_give_the_same_bits_though_one_is_killed(whole, tmp_path):
             killed.append(executor.pids[0])
             os.kill(killed[0], signal.SIGKILL)
 
-    table, _ = swept(tmp_path, executor=executor, step=kill)
-    assert killed
-    assert executor.deaths == 1
+    table, _ = swept(tmp_path, COLUMNS, GRID, executor, step=kill)
+    assert (len(killed), executor.deaths) == (1, 1)
     xarray.testing.assert_identical(table, whole)
 
 
@@ -166,23 +151,17 @@ def test_worker_of_other_versions_is_refused(cluster):
 
 
 @pytest.mark.usefixtures("small_tasks")
-def test_truncated_file_alone_is_recomputed(whole, tmp_path):
-    swept(tmp_path)
-    files = sorted((tmp_path / "points").iterdir(), key=lambda path: path.stat().st_mtime_ns)
-    assert len(files) == 4
-    newest = files[-1]
-    newest.write_bytes(newest.read_bytes()[:-40])
-    table, many = swept(tmp_path, resume=True)
-    assert (many.computed, many.broken) == (3, (newest.name,))
+@pytest.mark.parametrize(
+    "damage", [lambda content: content[:-40], lambda content: b"", lambda content: content.replace(b"0.9", b"0.8", 1)]
+)
+def test_damaged_file_alone_is_recomputed(damage, whole, tmp_path):
+    swept(tmp_path, COLUMNS, GRID)
+    kept = sorted((tmp_path / "points").iterdir())
+    assert len(kept) == 4
+    kept[-1].write_bytes(damage(kept[-1].read_bytes()))
+    table, many = swept(tmp_path, COLUMNS, GRID, resume=True)
+    assert (many.computed, many.broken) == (3, (kept[-1].name,))
     xarray.testing.assert_identical(table, whole)
-
-
-@pytest.mark.parametrize("damage", [lambda content: b"", lambda content: content.replace(b"0.9", b"0.8", 1)])
-def test_damaged_file_is_recomputed(damage, tmp_path):
-    swept(tmp_path)
-    (file,) = (tmp_path / "points").iterdir()
-    file.write_bytes(damage(file.read_bytes()))
-    assert swept(tmp_path, resume=True)[1].computed == 12
 
 
 @pytest.mark.usefixtures("small_tasks")
@@ -195,26 +174,21 @@ def test_interrupted_sweep_is_resumed(whole, tmp_path):
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        swept(tmp_path, step=stop)
+        swept(tmp_path, COLUMNS, GRID, step=stop)
     assert not (tmp_path / "sweep.nc").exists()
-    table, many = swept(tmp_path, resume=True)
+    table, many = swept(tmp_path, COLUMNS, GRID, resume=True)
     assert many.computed == 6
     xarray.testing.assert_identical(table, whole)
-    assert swept(tmp_path, resume=True)[1].computed == 0
+    assert swept(tmp_path, COLUMNS, GRID, resume=True)[1].computed == 0
 
 
-def test_wider_grid_computes_new_points_alone(tmp_path):
-    swept(tmp_path, varied=["mix.moisture=0.1,0.11"])
-    assert swept(tmp_path, varied=["mix.moisture=0.1,0.11,0.12"], resume=True)[1].computed == 1
-
-
-def test_points_of_other_versions_are_recomputed(monkeypatch, tmp_path):
-    varied = ["mix.moisture=0.1,0.11"]
-    swept(tmp_path, varied=varied)
+def test_new_points_and_those_of_other_versions_are_computed(monkeypatch, tmp_path):
+    swept(tmp_path, COLUMNS, PAIR)
+    assert swept(tmp_path, COLUMNS, ["mix.moisture=0.1,0.11,0.12"], resume=True)[1].computed == 1
     other = files.versions() | {"source": "changed"}
     monkeypatch.setattr(files, "versions", lambda: other)
-    again = swept(tmp_path, varied=varied, resume=True)[1]
-    assert (again.computed, again.unused) == (2, 2)
+    again = swept(tmp_path, COLUMNS, PAIR, resume=True)[1]
+    assert (again.computed, again.unused) == (2, 3)
 
 
 def test_points_of_a_changed_table_are_recomputed(tmp_path):
@@ -230,42 +204,41 @@ def test_points_of_a_changed_table_are_recomputed(tmp_path):
     assert before != after
 
 
-def test_point_of_dead_workers_is_recomputed_by_the_next_run(monkeypatch, tmp_path):
-    varied = ["mix.moisture=0.1,0.11"]
-
+def test_point_of_dead_workers_is_recomputed_by_the_next_run(tmp_path):
     class Deadly(SerialExecutor):
         def finished(self):
             number, *_ = self._submitted.popleft()
             return [(number, WorkerDied("its worker process died 3 times"))]
 
-    table, _ = swept(tmp_path, varied=varied, executor=Deadly())
+    table, _ = swept(tmp_path, COLUMNS, PAIR, Deadly())
     assert set(table.reason.values) == {"its worker process died 3 times"}
-    table, many = swept(tmp_path, varied=varied, resume=True)
+    table, many = swept(tmp_path, COLUMNS, PAIR, resume=True)
     assert many.computed == 2
     assert (table.reason == "").all()
 
 
 def test_existing_points_require_resume_or_force(tmp_path):
-    swept(tmp_path, varied=["mix.moisture=0.1,0.11"])
+    swept(tmp_path, COLUMNS, PAIR)
     with pytest.raises(ResultsError, match="holds 2 points of this scene; --resume uses them, --force"):
-        swept(tmp_path, varied=["mix.moisture=0.1,0.11"])
+        swept(tmp_path, COLUMNS, PAIR)
     with pytest.raises(ResultsError, match="holds results of another scene"):
-        swept(tmp_path, SCENE, ["mix.moisture=0.1,0.11"])
-    many = Sweep(COLUMNS, [vary.read_design("mix.moisture=0.1")])
-    many.run(tmp_path, executor=SerialExecutor(), force=True)
-    assert many.computed == 1
+        swept(tmp_path, FORMULA, PAIR)
+    assert swept(tmp_path, COLUMNS, ["mix.moisture=0.1"], force=True)[1].computed == 1
 
 
 # (d) points without numbers
 
 
-def test_failed_point_is_masked_with_its_reason(tmp_path):
+def test_failed_point_is_masked_with_its_reason_and_counted(tmp_path):
     scene, steps = COLUMNS.replaced(**{"layer.fed_density_ratio": 0.94}), []
     table, _ = swept(tmp_path, scene, ["mix.density_ratio=0.92:0.98:4"], step=lambda *step: steps.append(step))
     assert np.isnan(table["load"].values).tolist() == [True, True, False, False]
     assert "layer.fed_density_ratio: must be below mix.density_ratio = 0.94, got 0.94" in table.reason.values[1]
     assert (table.reason.values[2:] == "").all()
     assert steps == [(0, 0), (4, 2)]
+    digest = sweep_writer.sweep_digest(table, {})
+    assert "4 points by column, 2 without numbers" in digest
+    assert "without numbers: 2 x " in digest
 
 
 def test_internal_error_is_a_reason(monkeypatch):
@@ -278,19 +251,7 @@ def test_internal_error_is_a_reason(monkeypatch):
     assert found["required_pressure"] == pytest.approx(203e3)
 
 
-def test_grouped_reasons_are_counted(tmp_path):
-    scene = COLUMNS.replaced(**{"layer.fed_density_ratio": 0.94})
-    table, _ = swept(tmp_path, scene, ["mix.density_ratio=0.92:0.98:4"])
-    digest = sweep_writer.sweep_digest(table, {})
-    assert "4 points by column, 2 without numbers" in digest
-    assert "without numbers: 2 x " in digest
-
-
 # (e) continuation
-
-
-class Contact:
-    """Substitute for a contact by finite elements."""
 
 
 def test_each_line_starts_from_scratch_and_continues_from_point_to_point(monkeypatch, tmp_path):
@@ -302,22 +263,22 @@ def test_each_line_starts_from_scratch_and_continues_from_point_to_point(monkeyp
 
     monkeypatch.setattr(sweep, "headline", recorded)
     monkeypatch.setattr(sweep, "LINE", 2)
-    swept(tmp_path, scene, ["mix.moisture=0.1,0.11", "mix.density_ratio=0.94:0.98:3"])
+    swept(tmp_path, scene, [*PAIR, "mix.density_ratio=0.94:0.98:3"], direct="all")
     assert starts == [None, (0.1, 0.94), None, None, (0.11, 0.94), None]
-    longer = ["mix.moisture=0.1,0.11", "mix.density_ratio=0.94,0.96,0.98,0.99"]
-    assert swept(tmp_path, scene, longer, resume=True)[1].computed == 4  # incomplete lines, from their first point
+    longer = [*PAIR, "mix.density_ratio=0.94,0.96,0.98,0.99"]
+    many = swept(tmp_path, scene, longer, resume=True, direct="all")[1]
+    assert many.computed == 4  # incomplete lines, from their first point
 
 
 @pytest.mark.slow
 def test_continuation_by_finite_elements_agrees_with_a_start_from_scratch(tmp_path):
-    thin = {
+    thin = COLUMNS.replaced(**{
         "accuracy.engine": "compaction", "product.height": 0.096, "machine.roller_radius": 0.11,
         "contact.indentation": 0.002, "layer.fed_density_ratio": 0.94, "machine.gap_geometry": "deformed",
         "mix.overrides.unloading_modulus": 60e6, "mix.overrides.friction_angle": 44.0,
-    }  # fmt: skip
-    varied = ["mix.overrides.heckel_slope=11.4e-6,12e-6"]
-    table, _ = swept(tmp_path / "line", COLUMNS.replaced(**thin), varied)
-    cold, _ = swept(tmp_path / "cold", COLUMNS.replaced(**thin), ["mix.overrides.heckel_slope=12e-6"])
+    })  # fmt: skip
+    table, _ = swept(tmp_path / "line", thin, ["mix.overrides.heckel_slope=11.4e-6,12e-6"], direct="all")
+    cold, _ = swept(tmp_path / "cold", thin, ["mix.overrides.heckel_slope=12e-6"], direct="all")
     assert (table.reason == "").all()
     assert float(table["load"][1]) == pytest.approx(float(cold["load"][0]), rel=1e-3)
     assert float(table.resistance[1]) == pytest.approx(float(cold.resistance[0]), rel=1e-3)
@@ -338,7 +299,7 @@ def held(task):
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no such file states the memory here")
 def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
     grid = [vary.read_design("mix.moisture=0.08:0.12:25"), vary.read_design("mix.density_ratio=0.94:0.98:40")]
-    many = Sweep(SCENE.replaced(**{"accuracy.engine": engine}), grid)
+    many = Sweep(FORMULA.replaced(**{"accuracy.engine": engine}), grid)
     memory = dict(run_tasks(held, many._tasks(many._keyed(), {}), ProcessExecutor(1)))
     last = len(memory) - 1
     assert memory[last] - memory[last // 10] < 1
@@ -360,7 +321,7 @@ def test_bands_contain_the_calibrated_operating_point(tmp_path):
 
 @pytest.mark.slow
 def test_heckel_slope_explains_the_resistance_of_columns(tmp_path):
-    table, _ = swept(tmp_path, varied=["mix.overrides=~64"], indices=True)
+    table, _ = swept(tmp_path, COLUMNS, ["mix.overrides=~64"], indices=True)
     indices = sobol_indices.of_table(table)
     names, found = indices["resistance"]
     assert found.rows == 64
@@ -373,7 +334,7 @@ def test_heckel_slope_explains_the_resistance_of_columns(tmp_path):
 
 @pytest.mark.slow
 def test_maps_bands_and_best_laws_are_drawn(tmp_path):
-    scene = SCENE.replaced(**{"motion.laws": ["parabolic", "septic"], "layer.fed_density_ratio": 0.92})
+    scene = FORMULA.replaced(**{"motion.laws": ["parabolic", "septic"], "layer.fed_density_ratio": 0.92})
     table, _ = swept(
         tmp_path, scene, ["mix.moisture=0.08,0.12", "mix.density_ratio=0.91:0.99:4", "mix.overrides=~2"], rank=True
     )
