@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from functools import partial
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.synchronize import Event
-from typing import Any, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Self
 
 from compact.analysis.failures import run_marked
 
@@ -43,123 +43,6 @@ class WorkerDied:
     """Outcome of a task that no worker process survived."""
 
     reason: str
-
-
-class Executor(Protocol):
-    """Place where tasks are run."""
-
-    def __enter__(self) -> Self:
-        """Start."""
-
-    def __exit__(self, *error: object) -> None:
-        """Stop, and abandon unfinished tasks."""
-
-    @property
-    def free(self) -> bool:
-        """True if a further task would start now."""
-
-    def submit(self, name: Any, work: Work, task: Any) -> None:
-        """Start a task, or queue it where none would start now."""
-
-    def finished(self) -> Outcomes:
-        """Wait for one outcome at least, and return those that are available."""
-
-
-def cores() -> int:
-    """Return the number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def choose_executor(workers: int | None = None, scheduler: str | None = None) -> Executor:
-    """Return the executor for the options of a command.
-
-    Parameters
-    ----------
-    workers : int, optional
-        Number of processes; one per processor by default, none for 1.
-    """
-    if workers is not None and scheduler is not None:
-        raise ValueError("give --workers or --scheduler, got both")
-    if scheduler is not None:
-        return DaskExecutor(scheduler)
-    count = cores() if workers is None else workers
-    if not isinstance(count, int) or count < 1:
-        raise ValueError(f"--workers must be at least 1, got {count!r}")
-    return SerialExecutor() if count == 1 else ProcessExecutor(count)
-
-
-def run_tasks(
-    work: Work, tasks: Sequence[Any], executor: Executor, meanwhile: Callable[[], None] = lambda: None
-) -> Generator[tuple[int, Any], None, None]:
-    """Run tasks; the executor is stopped at the end, and also if the caller stops early.
-
-    Parameters
-    ----------
-    meanwhile : callable
-        Called once after the first tasks have been submitted, while workers start.
-
-    Yields
-    ------
-    tuple
-        Number of a task and its outcome, in the order of completion.
-    """
-    waiting, pending = deque(enumerate(tasks)), len(tasks)
-    with executor:
-        while pending:
-            while waiting and executor.free:
-                number, task = waiting.popleft()
-                executor.submit(number, work, task)
-            if pending == len(tasks):
-                meanwhile()
-            for number, outcome in executor.finished():
-                pending -= 1
-                yield number, outcome
-
-
-class BackgroundTasks:
-    """Tasks that an executor runs in their order while the caller continues.
-
-        with BackgroundTasks(executor) as tasks:
-            result = tasks.submit("name", work, task)
-            ...
-            result()  # waits for the outcome
-
-    The executor has all tasks from the beginning, so that no worker is idle.
-    """
-
-    def __init__(self, executor: Executor) -> None:
-        self._executor = executor
-        self._found: dict[Any, Any] = {}
-
-    def __enter__(self) -> Self:
-        self._executor.__enter__()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._executor.__exit__(*error)
-
-    def submit(self, name: str, work: Work, task: Any) -> Callable[[], Any]:
-        """Start a task.
-
-        Parameters
-        ----------
-        name : str
-            Unique name of the task.
-
-        Returns
-        -------
-        callable
-            Waits for the outcome and returns it; raises RuntimeError if it is `WorkerDied`.
-        """
-        self._executor.submit(name, work, task)
-        return partial(self._outcome, name)
-
-    def _outcome(self, name: str) -> Any:
-        while name not in self._found:
-            self._found.update(self._executor.finished())
-        if isinstance(self._found[name], WorkerDied):
-            raise RuntimeError(f"{name}: {self._found[name].reason}")
-        return self._found[name]
 
 
 class SerialExecutor:
@@ -326,7 +209,7 @@ class DaskExecutor:
     def __init__(self, address: str) -> None:
         self.address = address
         self._client: Any = None
-        self._log_level = logging.NOTSET
+        self._log_level, self._workerless = logging.NOTSET, 0.0  # [s], without any worker
         self._futures: dict[Any, Any] = {}
 
     def __enter__(self) -> Self:
@@ -377,29 +260,30 @@ class DaskExecutor:
             except distributed.KilledWorker as error:
                 return WorkerDied(f"its workers died: {error}")
 
-        workerless = 0.0
         with self._loss_explained(), self._client.as_current():
             while self._futures:
                 try:
                     done = distributed.wait(list(self._futures), CLUSTER_POLL, return_when="FIRST_COMPLETED").done
                 except TimeoutError:
-                    workerless = self._require_workers(workerless)
+                    self._require_workers()
                 else:
+                    self._workerless = 0.0
                     return [(self._futures.pop(future), outcome(future)) for future in done]
         return []
 
-    def _require_workers(self, workerless: float) -> float:
-        """Return the time without any worker [s], that of the last call by the last period."""
+    def _require_workers(self) -> None:
+        """Add a period to the time without any worker, or end it."""
         if self._client.nthreads():
-            return 0.0
-        if workerless == 0:
+            self._workerless = 0.0
+            return
+        if self._workerless == 0:
             _LOG.warning("no worker is connected to %s; waiting for workers", self.address)
-        if workerless >= WORKERLESS_LIMIT:
+        if self._workerless >= WORKERLESS_LIMIT:
             raise RuntimeError(
                 f"no worker was connected to {self.address} for {WORKERLESS_LIMIT / 3600:g} h; start workers and "
                 "repeat the command with --resume"
             )
-        return workerless + CLUSTER_POLL
+        self._workerless += CLUSTER_POLL
 
     @contextmanager
     def _loss_explained(self) -> Iterator[None]:
@@ -410,3 +294,103 @@ class DaskExecutor:
                 f"the dask scheduler at {self.address} is lost ({type(error).__name__}); finished points are kept, "
                 "start a scheduler and repeat the command with --resume"
             ) from error
+
+
+Executor = SerialExecutor | ProcessExecutor | DaskExecutor
+
+
+def cores() -> int:
+    """Return the number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def choose_executor(workers: int | None = None, scheduler: str | None = None) -> Executor:
+    """Return the executor for the options of a command.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Number of processes; one per processor by default, none for 1.
+    """
+    if workers is not None and scheduler is not None:
+        raise ValueError("give --workers or --scheduler, got both")
+    if scheduler is not None:
+        return DaskExecutor(scheduler)
+    count = cores() if workers is None else workers
+    if not isinstance(count, int) or count < 1:
+        raise ValueError(f"--workers must be at least 1, got {count!r}")
+    return SerialExecutor() if count == 1 else ProcessExecutor(count)
+
+
+def run_tasks(
+    work: Work, tasks: Sequence[Any], executor: Executor, meanwhile: Callable[[], None] = lambda: None
+) -> Generator[tuple[int, Any], None, None]:
+    """Run tasks; the executor is stopped at the end, and also if the caller stops early.
+
+    Parameters
+    ----------
+    meanwhile : callable
+        Called once after the first tasks have been submitted, while workers start.
+
+    Yields
+    ------
+    tuple
+        Number of a task and its outcome, in the order of completion.
+    """
+    waiting, pending = deque(enumerate(tasks)), len(tasks)
+    with executor:
+        while pending:
+            while waiting and executor.free:
+                number, task = waiting.popleft()
+                executor.submit(number, work, task)
+            if pending == len(tasks):
+                meanwhile()
+            for number, outcome in executor.finished():
+                pending -= 1
+                yield number, outcome
+
+
+class BackgroundTasks:
+    """Tasks that an executor runs in their order while the caller continues.
+
+        with BackgroundTasks(executor) as tasks:
+            result = tasks.submit("name", work, task)
+            ...
+            result()  # waits for the outcome
+
+    The executor has all tasks from the beginning, so that no worker is idle.
+    """
+
+    def __init__(self, executor: Executor) -> None:
+        self._executor = executor
+        self._found: dict[Any, Any] = {}
+
+    def __enter__(self) -> Self:
+        self._executor.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._executor.__exit__(*error)
+
+    def submit(self, name: str, work: Work, task: Any) -> Callable[[], Any]:
+        """Start a task.
+
+        Parameters
+        ----------
+        name : str
+            Unique name of the task.
+
+        Returns
+        -------
+        callable
+            Waits for the outcome and returns it; raises RuntimeError if it is `WorkerDied`.
+        """
+        self._executor.submit(name, work, task)
+        return partial(self._outcome, name)
+
+    def _outcome(self, name: str) -> Any:
+        while name not in self._found:
+            self._found.update(self._executor.finished())
+        if isinstance(self._found[name], WorkerDied):
+            raise RuntimeError(f"{name}: {self._found[name].reason}")
+        return self._found[name]
