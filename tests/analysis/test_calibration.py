@@ -235,18 +235,14 @@ def test_initial_guess_starts_the_next_fit(doubled, monkeypatch):
 
 
 @pytest.mark.slow
-def test_refits_omit_parameters_without_effect_on_columns(doubled):
-    refits = {refit.name: refit for refit in doubled[0].refits}
-    assert "columns do not depend on it; calibrate with --set" in refits["mix.overrides.friction_angle"].reason
-    assert not refits["mix.overrides.unloading_modulus"].reason
-
-
-@pytest.mark.slow
-def test_first_trial_is_the_shallowest(doubled):
-    _, double = doubled
+def test_first_trial_is_the_shallowest_and_refits_are_by_columns(doubled):
+    found, double = doubled
     angles = [np.arccos(1 - roller.indentation / roller.radius) for _, _, roller in double.calls]
     assert angles[0] < 0.25
     assert np.argmin(angles) == 0
+    refits = {refit.name: refit for refit in found.refits}
+    assert "columns do not depend on it; calibrate with --set" in refits["mix.overrides.friction_angle"].reason
+    assert not refits["mix.overrides.unloading_modulus"].reason
 
 
 @pytest.mark.slow
@@ -272,44 +268,29 @@ def test_fit_by_real_finite_elements_satisfies_the_measurements():
     assert again.resistance == pytest.approx(rolled.resistance, rel=error[1])
 
 
-@pytest.mark.slow
-def test_published_point_by_finite_elements():
-    """K_H, fed density and depth as fitted on 4 increments, under the free roller of the scene.
-
-    The three were fitted to contacts from scratch, as the one here.
-    """
-    mix = {"mix.overrides.heckel_slope": 27.96034e-6, "layer.fed_density_ratio": 0.9683468}
-    rolled = pressed(load_scene(PUBLISHED, **mix), 2.826423e-3)
-    assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
-    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
-    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=5e-5)
-
-
 LIFT = {"layer.lift_thickness": 0.06}
+POINTS = {  # K_H [1/Pa], fed density, depth [m] as fitted on 4 increments; the last on 14, at the depth of the engine
+    "one pass of the whole product": ({}, 27.96034e-6, 0.9683468, 2.826423e-3, 5e-5),
+    "lifts": (LIFT, 17.19464e-6, 0.9302728, 3.358617e-3, DENSITY_TOLERANCE),
+    "lifts at default settings": (LIFT, 16.37453e-6, 0.9362456, None, 2e-4),
+}
 
 
 @pytest.mark.slow
-def test_published_point_by_finite_elements_in_lifts():
-    """K_H, fed density and depth as fitted on 4 increments; the prior has 9.6-21.6/MPa and .93-.955.
+@pytest.mark.parametrize("case", POINTS)
+def test_published_point_by_finite_elements(case):
+    """The three were fitted to contacts from scratch, under the free roller of the scene, as the one here.
 
-    Trials a few 1e-5 apart scatter by 8e-5 in density, which the tolerance of the engine contains.
+    The prior has 9.6-21.6/MPa and .93-.955. Trials a few 1e-5 apart scatter by 8e-5 in density, which the tolerance of
+    the engine contains.
     """
-    mix = LIFT | {"mix.overrides.heckel_slope": 17.19464e-6, "layer.fed_density_ratio": 0.9302728}
-    rolled = pressed(load_scene(PUBLISHED, **mix), 3.358617e-3)
-    assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
-    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
-    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=DENSITY_TOLERANCE)
-
-
-@pytest.mark.slow
-def test_scene_calibrated_in_lifts_gives_the_published_point_at_default_settings():
-    """As fitted to contacts from scratch on 14 increments."""
-    mix = LIFT | {"mix.overrides.heckel_slope": 16.37453e-6, "layer.fed_density_ratio": 0.9362456}
-    scene = load_scene(PUBLISHED, **mix)
-    rolled = roll_scene(scene, scene_mix(scene), 0.4 / 3, "compaction")
-    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-4)
-    assert rolled.load * 1.164 == pytest.approx(9740, rel=3e-3)
-    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=3e-3)
+    changes, slope, fed, depth, tolerance = POINTS[case]
+    scene = load_scene(PUBLISHED, **changes, **{"mix.overrides.heckel_slope": slope, "layer.fed_density_ratio": fed})
+    rolled = pressed(scene, depth) if depth else roll_scene(scene, scene_mix(scene), 0.4 / 3, "compaction")
+    share = 1e-3 if depth else 3e-3
+    assert rolled.load * 1.164 == pytest.approx(9740, rel=share)
+    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=share)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=tolerance)
 
 
 def pressed(scene, depth):
@@ -326,11 +307,8 @@ def test_toml_and_csv_are_equivalent(tmp_path):
     toml, csv = tmp_path / "a.toml", tmp_path / "a.csv"
     toml.write_text("[[measurement]]\nload = {value = 9740, low = 9000, high = 10000}\nspeed = 0.2\n")
     csv.write_text("# of one roller\nload,load_low,load_high,speed,resistance\n9740,9000,10000,0.2,\n")
-    assert (
-        read_measurements(toml)
-        == read_measurements(csv)
-        == Measured((Measurement(load=Band(9740, 9000, 10000), speed=0.2),))
-    )
+    same = Measured((Measurement(load=Band(9740, 9000, 10000), speed=0.2),))
+    assert read_measurements(toml) == read_measurements(csv) == same
 
 
 def test_moved_datum_stays_within_its_band():
@@ -340,113 +318,98 @@ def test_moved_datum_stays_within_its_band():
     assert measured.moved("load", 1e4).measurements[0].load == Band(1e4, 9740, 1e4)
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "contains no measurement; add a table"),
-        ("x = 1", "the file has no key `x`; it takes measurement, assumptions"),
-        ("measurement = 3", "`measurement` must be tables"),
-        ("[[measurement]]\nlod = 3.0", "measurement 1 has no key `lod`; it takes load, resistance"),
-        ("[[measurement]]\nspeed = 3.0", "measurement 1: give at least one of load"),
-        ("[[measurement]]\nload = -3.0", "measurement 1, `load` must be a positive number, got -3.0"),
-        ("[[measurement]]\nload = nan", "measurement 1, `load` must be a positive number, got nan"),
-        ("[[measurement]]\nload = true", "measurement 1, `load` must be a positive number, got True"),
-        ("[[measurement]]\nload = {value = 3, low = 4}", "low <= value <= high must hold, got 4, 3, 3"),
-        ("[[measurement]]\nload = {low = 4}", "measurement 1, `load` value must be a positive number, got None"),
-        (
-            "[[measurement]]\nload = 1\nresistance = 1\nresistance_coefficient = 1",
-            "or `resistance_coefficient`, not bo",
-        ),
-        ("[assumptions]\na = 3\n[[measurement]]\nload = 1", r"assumptions, `a` must be \[low, high\], got 3"),
-        ("[assumptions]\na = [2, 1]\n[[measurement]]\nload = 1", "assumptions, `a`: low < high must hold, got 2, 1"),
-        ("[[measurement]", "Expected"),
-    ],
-)
-def test_invalid_measurements_are_refused(tmp_path, text, message):
-    path = tmp_path / "a.toml"
-    path.write_text(text)
-    with pytest.raises(ValueError, match=message):
-        read_measurements(path)
+ONE = "[[measurement]]\n"
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("suffix", "text", "message"),
     [
-        ("load\nx\n", "`load` must be a number, got 'x'"),
-        ("load,speed\n3\n", "a row must have one cell for each"),
-        ("load\n", "contains no measurement"),
-        ("lod\n3\n", "measurement 1 has no key `lod`"),
+        ("toml", None, r"a\.toml: cannot be read: No such file"),
+        ("toml", "", "contains no measurement; add a table"),
+        ("toml", "x = 1", "the file has no key `x`; it takes measurement, assumptions"),
+        ("toml", "measurement = 3", "`measurement` must be tables"),
+        ("toml", f"{ONE}lod = 3.0", "measurement 1 has no key `lod`; it takes load, resistance"),
+        ("toml", f"{ONE}speed = 3.0", "measurement 1: give at least one of load"),
+        ("toml", f"{ONE}load = -3.0", "measurement 1, `load` must be a positive number, got -3.0"),
+        ("toml", f"{ONE}load = nan", "measurement 1, `load` must be a positive number, got nan"),
+        ("toml", f"{ONE}load = true", "measurement 1, `load` must be a positive number, got True"),
+        ("toml", f"{ONE}load = {{value = 3, low = 4}}", "low <= value <= high must hold, got 4, 3, 3"),
+        ("toml", f"{ONE}load = {{low = 4}}", "measurement 1, `load` value must be a positive number, got None"),
+        ("toml", f"{ONE}load = 1\nresistance = 1\nresistance_coefficient = 1", "or `resistance_coefficient`, not bo"),
+        ("toml", f"[assumptions]\na = 3\n{ONE}load = 1", r"assumptions, `a` must be \[low, high\], got 3"),
+        ("toml", f"[assumptions]\na = [2, 1]\n{ONE}load = 1", "assumptions, `a`: low < high must hold, got 2, 1"),
+        ("toml", "[[measurement]", "Expected"),
+        ("csv", "load\nx\n", "`load` must be a number, got 'x'"),
+        ("csv", "load,speed\n3\n", "a row must have one cell for each"),
+        ("csv", "load\n", "contains no measurement"),
+        ("csv", "lod\n3\n", "measurement 1 has no key `lod`"),
     ],
 )
-def test_invalid_rows_are_refused(tmp_path, text, message):
-    path = tmp_path / "a.csv"
-    path.write_text(text)
+def test_invalid_measurements_are_refused(tmp_path, suffix, text, message):
+    path = tmp_path / f"a.{suffix}"
+    if text is not None:
+        path.write_text(text)
     with pytest.raises(ValueError, match=message):
         read_measurements(path)
-
-
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(ValueError, match=r"a\.toml: cannot be read: No such file"):
-        read_measurements(tmp_path / "a.toml")
 
 
 # refusals
 
-
-def test_more_unknowns_than_data_are_refused():
-    with pytest.raises(SceneError, match="2 unknowns cannot be determined from 1 data; measure more or fit fewer"):
-        calibrate(load_scene(PUBLISHED), reading(load=9740.0))
+LOAD, SLOPE = reading(load=9740.0), {"unknowns": ("heckel_slope",)}
+BOTH = reading(load=9740.0, resistance_coefficient=0.179)
 
 
 @pytest.mark.parametrize(
-    ("data", "unknowns", "message"),
+    ("changes", "measured", "options", "message"),
     [
-        ({"load": 9740.0}, ("heckel_slope",), "`initial_guess` must have fitted heckel_slope, got heckel_slope, fed"),
-        (None, ("heckel_slope", "fed_density_ratio"), "`initial_guess` must have 2 measurements, got 1"),
+        ({}, LOAD, {}, "2 unknowns cannot be determined from 1 data; measure more or fit fewer"),
+        ({"contact.load": 9740.0}, LOAD, SLOPE, r"contact\.load: a calibration .* to its density; delete 9740"),
+        ({"mix.pore_air": "one-way"}, LOAD, SLOPE, r"mix\.pore_air: a calibration has contacts without pore air"),
+        ({}, replace(BOTH, assumptions={"machine.size": (1.0, 2.0)}), {}, r"machine\.size"),
     ],
 )
-@pytest.mark.slow
-def test_initial_guess_of_other_measurements_is_refused(doubled, data, unknowns, message):
-    one = reading(**(data or {"load": 9740.0}))
-    measured = one if data else Measured(one.measurements * 2)
-    with pytest.raises(ValueError, match=message):
-        calibrate(load_scene(PUBLISHED), measured, "compaction", unknowns=unknowns, initial_guess=doubled[0])
+def test_unfit_scenes_and_measurements_are_refused(changes, measured, options, message):
+    with pytest.raises(SceneError, match=message):
+        calibrate(load_scene(PUBLISHED, **changes), measured, **options)
 
 
 def test_columns_are_no_initial_guess_for_finite_elements(published):
-    with pytest.raises(
-        ValueError, match="`initial_guess` must be a calibration of finite elements, got one of columns"
-    ):
-        calibrate(load_scene(PUBLISHED), read_measurements(MEASURED), "compaction", initial_guess=published)
+    with pytest.raises(ValueError, match="must be a calibration of finite elements, got one of columns"):
+        calibrate(load_scene(PUBLISHED), BOTH, "compaction", initial_guess=published)
 
 
-def test_scene_with_a_prescribed_contact_is_refused():
-    scene = load_scene(PUBLISHED, **{"contact.load": 9740.0})
-    with pytest.raises(
-        SceneError, match=r"contact\.load: a calibration compacts the product to its density; delete 9740"
-    ):
-        calibrate(scene, reading(load=9740.0), unknowns=("heckel_slope",))
-
-
-def test_unknown_key_of_an_assumption_is_refused():
-    measured = replace(reading(load=9740.0, resistance_coefficient=0.179), assumptions={"machine.size": (1.0, 2.0)})
-    with pytest.raises(SceneError, match=r"machine\.size"):
-        calibrate(load_scene(PUBLISHED), measured)
+@pytest.mark.parametrize(
+    ("measured", "options", "message"),
+    [
+        (LOAD, SLOPE, "`initial_guess` must have fitted heckel_slope, got heckel_slope, fed"),
+        (Measured(LOAD.measurements * 2), {}, "`initial_guess` must have 2 measurements, got 1"),
+    ],
+)
+@pytest.mark.slow
+def test_initial_guess_of_other_measurements_is_refused(doubled, measured, options, message):
+    with pytest.raises(ValueError, match=message):
+        calibrate(load_scene(PUBLISHED), measured, "compaction", initial_guess=doubled[0], **options)
 
 
 # the command
 
 
-def test_command_writes_and_prints_the_fit(tmp_path, monkeypatch, capsys):
-    out = tmp_path / "c.json"
-    monkeypatch.setattr("sys.argv", ["compact", "calibrate", str(PUBLISHED), str(MEASURED), "--out", str(out)])
+def command(monkeypatch, capsys, out, *options):
+    """Written and printed result of `compact calibrate`."""
+    monkeypatch.setattr(
+        "sys.argv", ["compact", "calibrate", str(PUBLISHED), str(MEASURED), "--out", str(out), *options]
+    )
     with pytest.raises(SystemExit) as exit_code:
         cli.main()
     assert exit_code.value.code == 0
-    written = json.loads(out.read_text())
+    return json.loads(out.read_text()), capsys.readouterr().out
+
+
+def test_command_writes_and_prints_the_fit(published, tmp_path, monkeypatch, capsys):
+    written, text = command(monkeypatch, capsys, tmp_path / "c.json")
     assert written["heckel_slope"] == pytest.approx(15.228e-6, rel=1e-4)
-    text = capsys.readouterr().out
     assert "--set layer.fed_density_ratio=0.934303" in text
+    assert all(refit.name in text for refit in published.refits)
     changes = dict(map(read_change, re.findall(r"--set '?(.+?)'?(?= --set|\n|$)", text)))
     scene = load_scene(PUBLISHED, **changes)
     assert scene.mix.fitted_at.model_dump() == changes["mix.fitted_at"] | {"parameters": FITTED}
@@ -463,20 +426,10 @@ def test_a_fit_at_another_moisture_takes_earlier_fits_along():
 
 @pytest.mark.slow
 def test_command_calibrates_by_finite_elements(tmp_path, monkeypatch, capsys):
-    double, out = Double(), tmp_path / "c.json"
+    double = Double()
     monkeypatch.setattr("compact.engines.compaction.engine.roll", double.roll)
     options = ["--engine", "compaction", "--increments", "6", "--set", "machine.roller_condition=frictionless"]
-    monkeypatch.setattr(
-        "sys.argv", ["compact", "calibrate", str(PUBLISHED), str(MEASURED), "--out", str(out), *options]
-    )
-    with pytest.raises(SystemExit) as exit_code:
-        cli.main()
-    assert exit_code.value.code == 0
+    written, text = command(monkeypatch, capsys, tmp_path / "c.json", *options)
     last = [increments for increments, *_ in double.calls].count(6)
-    assert len(json.loads(out.read_text())["runs"]) == last > 1
-    assert f"by {last} runs of finite elements" in capsys.readouterr().out
-
-
-def test_digest_lists_every_refit(published):
-    digest = calibration_digest(published)
-    assert all(refit.name in digest for refit in published.refits)
+    assert len(written["runs"]) == last > 1
+    assert f"by {last} runs of finite elements" in text

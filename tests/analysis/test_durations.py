@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from compact.analysis.sizing import durations
-from compact.analysis.sizing.durations import DurationStudy, over_durations, read_durations
-from compact.analysis.stages.drives import build_stages
+from compact.analysis.sizing.durations import DurationStudy, read_durations
 from compact.analysis.study import Study
 from compact.cli import program as cli
 from compact.files import render_png
@@ -18,7 +17,6 @@ from compact.report import writer
 from compact.report.figures.sizing import draw_durations
 from compact.report.page.sizing import duration_section
 from compact.report.sizing.duration_tables import duration_sentence
-from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -59,13 +57,9 @@ def test_crossover_of_two_laws_is_that_of_the_closed_form():
     def parabolic(duration):
         return (force + 4 * mass * stroke / duration**2) * 2 * stroke / duration
 
-    (crossover,) = [each for each in found.over_durations.crossovers if each.by == "peak_power"] or [None]
-    if crossover is None:
-        first = found.over_durations.orders["peak_power"]
-        assert all((cubic(t) < parabolic(t)) == (o[0].run.name == "cubic")
-                   for t, o in zip(found.durations, first, strict=True))  # fmt: skip
-    else:
-        assert cubic(crossover.duration) == pytest.approx(parabolic(crossover.duration), rel=1e-6)
+    for crossover in found.over_durations.crossovers:
+        if crossover.by == "peak_power":
+            assert cubic(crossover.duration) == pytest.approx(parabolic(crossover.duration), rel=1e-6)
     for duration, order in zip(found.durations, found.over_durations.orders["peak_power"], strict=True):
         values = {each.run.name: each.value for each in order}
         assert values["parabolic"] == pytest.approx(parabolic(duration), rel=1e-9)
@@ -168,15 +162,6 @@ def test_compliant_drives_have_durations(kind):
     assert isinstance(found, DurationStudy)
 
 
-def test_motor_determines_its_own_duration():
-    motor = {
-        "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15, "gear_ratio": 150.0,
-        "inertia": 0.01, "flywheel_inertia": 50.0,
-    }  # fmt: skip
-    with pytest.raises(ValueError, match="determines the duration of a pass by the speed of the motor"):
-        study(**{"drive.kind": "motor", "drive.motor": motor})
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
@@ -197,9 +182,26 @@ def test_option_is_validated(text, words):
     assert words in str(error.value)
 
 
-def test_implausible_duration_is_refused():
-    with pytest.raises(SceneError, match=r"motion\.duration"):
-        study("duration=1e-6:3:3")
+MOTOR = {
+    "curve": "kloss", "torque": 40.0, "speed": 157.0, "breakdown_slip": 0.15, "gear_ratio": 150.0, "inertia": 0.01,
+    "flywheel_inertia": 50.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("over", "changes", "words"),
+    [
+        ("duration=1e-6:3:3", {}, r"motion\.duration"),
+        (
+            "duration=1:3:3",
+            {"drive.kind": "motor", "drive.motor": MOTOR},
+            "determines the duration of a pass by the spee",
+        ),
+    ],
+)
+def test_duration_that_is_implausible_or_that_of_the_motor_is_refused(over, changes, words):
+    with pytest.raises(ValueError, match=words):
+        study(over, **changes)
 
 
 def test_durations_are_in_equal_ratios():
@@ -219,49 +221,35 @@ def test_results_reach_files_summary_and_page(tmp_path):
     assert [block.kind for block in section.blocks][:2] == ["paragraph", "picture"]
     assert section.blocks[3].rows[-1][:2] == ("3 s", "reversal-3")
     assert json.loads((tmp_path / "summary.json").read_text("utf-8"))["over_durations"]["peak_force"]["unit"] == "N"
-
-
-def test_scene_without_durations_has_none(tmp_path):
     bare = Study(load_scene(SMALL, **{"output.items": []}))
     assert bare.over_durations is None
-    assert writer.write_study(bare, tmp_path)["over_durations"] is None
+    assert writer.write_study(bare, tmp_path / "bare")["over_durations"] is None
 
 
-def test_figure_marks_the_first_laws(published):
-    found = published
-    figure = draw_durations(found, 1.0)
+def test_figure_marks_the_first_laws_or_states_that_there_is_none(published):
+    figure = draw_durations(published, 1.0)
     force, power = figure.axes
-    assert [text.get_text() for text in power.get_legend().get_texts()] == [
-        law for law, *_ in found.segments("peak_power")
-    ]
+    first = [law for law, *_ in published.segments("peak_power")]
+    assert [text.get_text() for text in power.get_legend().get_texts()] == first
     assert force.get_xlabel() == "duration of a pass T [s]"
     assert writer._figures(study("duration=1:3:2"))["duration"][0] is draw_durations
+    jumps = draw_durations(study("duration=0.3:3:2", **{"motion.laws": ["constant-velocity"]}).over_durations, 1.0)
+    assert len(render_png(jumps)) > 0
+    for ax, peak in zip(jumps.axes, ("force", "power"), strict=True):
+        assert f"no law has a finite peak drive {peak}" in {text.get_text() for text in ax.texts}
 
 
-def test_figure_states_that_no_law_has_a_finite_peak():
-    figure = draw_durations(study("duration=0.3:3:2", **{"motion.laws": ["constant-velocity"]}).over_durations, 1.0)
-    assert len(render_png(figure)) > 0
-    said = [{text.get_text() for text in ax.texts} for ax in figure.axes]
-    assert said[0] >= {"no law has a finite peak drive force"}
-    assert said[1] >= {"no law has a finite peak drive power"}
-
-
-def test_command_has_the_option(tmp_path, capsys, monkeypatch):
-    out = str(tmp_path / "out")
-    monkeypatch.setattr("sys.argv", ["compact", "run", str(SMALL), "--over", "duration=0.5:3:2", "--out", out,
-                                     "--set", "output.items=[]"])  # fmt: skip
+@pytest.mark.parametrize(
+    ("option", "code", "words"),
+    [
+        ("duration=0.5:3:2", 0, "over durations of a pass of 0.5 to 3 s"),
+        ("mass=1:2:3", 2, "--over takes duration=LOW:HIGH:N"),
+    ],
+)
+def test_command_has_the_option(option, code, words, tmp_path, capsys, monkeypatch):
+    more = ["--over", option, "--out", str(tmp_path / "out"), "--set", "output.items=[]"]
+    monkeypatch.setattr("sys.argv", ["compact", "run", str(SMALL), *more])
     with pytest.raises(SystemExit) as stop:
         cli.main()
-    assert stop.value.code == 0
-    assert "over durations of a pass of 0.5 to 3 s" in capsys.readouterr().out
-    monkeypatch.setattr("sys.argv", ["compact", "run", str(SMALL), "--over", "mass=1:2:3", "--out", out])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    assert stop.value.code == 2
-    assert "--over takes duration=LOW:HIGH:N" in capsys.readouterr().err
-
-
-def test_stages_alone_rank_over_durations():
-    stages = build_stages(load_scene(SMALL), shortest=1.0)
-    found = over_durations(stages, (1.0, 3.0))
-    assert len(found.orders["peak_force"]) == 2
+    assert stop.value.code == code
+    assert words in "".join(capsys.readouterr())
