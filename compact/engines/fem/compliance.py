@@ -150,25 +150,16 @@ def contact_quadrature(nodes: Array, edges: Array | tuple[float, float]) -> Cont
 
 def shape_matrix(nodes: Array, x: Array, derivative: bool = False) -> Array:
     """Values of the quadratic shape functions at points x [m], extrapolated at the ends, or slopes [1/m]; (q, n)."""
-    element, size, z = _local_coordinate(nodes, x)
+    corners = nodes[::2]
+    element = np.clip(np.searchsorted(corners, x, side="right") - 1, 0, len(corners) - 2)
+    size = corners[element + 1] - corners[element]
+    z = (x - corners[element]) / size
     slopes = (4 * z - 3) / size, (4 - 8 * z) / size, (4 * z - 1) / size
-    values = slopes if derivative else _shape_functions(z)
+    values = slopes if derivative else ((1 - z) * (1 - 2 * z), 4 * z * (1 - z), z * (2 * z - 1))
     N = np.zeros((len(x), len(nodes)))
     for place, value in enumerate(values):
         N[np.arange(len(x)), 2 * element + place] = value
     return N
-
-
-def _local_coordinate(nodes: Array, x: Array) -> tuple[NDArray[np.intp], Array, Array]:
-    """Element of each point, its length and the coordinate in it from 0 to 1."""
-    corners = nodes[::2]
-    element = np.clip(np.searchsorted(corners, x, side="right") - 1, 0, len(corners) - 2)
-    size = corners[element + 1] - corners[element]
-    return element, size, (x - corners[element]) / size
-
-
-def _shape_functions(z: Array) -> tuple[Array, Array, Array]:
-    return (1 - z) * (1 - 2 * z), 4 * z * (1 - z), z * (2 * z - 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,8 +206,14 @@ def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffne
     quads = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
     basis = Basis(quads, ElementQuad2(), intorder=GAUSS_ORDER)
     K = assemble_stiffness(basis, element_moduli(mesh, poisson, layer))
-    lines = _node_lines(basis, mesh)
-    free = np.setdiff1d(np.arange(K.shape[0]), _fixed_unknowns(basis, lines[0], layer))
+    rows, columns = mesh.shape
+    lines = np.empty((2 * rows + 1, 2 * columns + 1), dtype=np.intp)
+    for (x, y), nodes in zip(basis.elem.doflocs, basis.element_dofs.reshape(-1, rows, columns), strict=True):
+        lines[int(2 * y) :: 2, int(2 * x) :: 2][:rows, :columns] = nodes
+    fixed = np.concatenate([2 * lines[0], 2 * lines[0] + 1])
+    if layer.base == "slip":  # fixed along x at one node in the middle, without reaction
+        fixed = np.append(2 * lines[0] + 1, 2 * lines[0][np.argmin(np.abs(basis.doflocs[0][lines[0]]))])
+    free = np.setdiff1d(np.arange(K.shape[0]), fixed)
     solve_free = _factorised(K[free][:, free].tocsc())
 
     def solve(forces: Array) -> Array:
@@ -291,24 +288,6 @@ def _condensed(
         response[:, :, 0] += respond(tension)[body.surface].transpose(1, 0, 2)
         response[0] -= response[0, behind - 1]  # displacements count from the end ahead, which is undisturbed
     return SurfaceCompliance(x, first, last, response)
-
-
-def _node_lines(basis: Basis, mesh: RowMesh) -> NDArray[np.intp]:
-    """Nodes of corners, sides and centres of the elements as a grid, shape (2 rows + 1, 2 columns + 1)."""
-    rows, columns = mesh.shape
-    lines = np.empty((2 * rows + 1, 2 * columns + 1), dtype=np.intp)
-    numbers = basis.element_dofs.reshape(-1, rows, columns)
-    for (x, y), nodes in zip(basis.elem.doflocs, numbers, strict=True):
-        lines[int(2 * y) :: 2, int(2 * x) :: 2][:rows, :columns] = nodes
-    return lines
-
-
-def _fixed_unknowns(basis: Basis, bottom: NDArray[np.intp], layer: Layer) -> NDArray[np.intp]:
-    """Unknowns fixed by the base; along x a slipping layer is fixed at one node in the middle, without reaction."""
-    if layer.base == "bonded":
-        return np.concatenate([2 * bottom, 2 * bottom + 1])
-    middle = bottom[np.argmin(np.abs(basis.doflocs[0][bottom]))]
-    return np.append(2 * bottom + 1, 2 * middle)
 
 
 def _end_tension(mesh: RowMesh, layer: Layer, lines: NDArray[np.intp], count: int) -> Array:

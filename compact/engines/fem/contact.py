@@ -24,6 +24,7 @@ J. J. Kalker, Three-dimensional elastic bodies in rolling contact (Kluwer, 1990)
 (Cambridge, 1985), chapter 8; B. M. Irons and R. C. Tuck, Int. J. Numer. Meth. Eng. 1 (1969) 275 (Aitken relaxation).
 """
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -197,16 +198,15 @@ def solve_contact_patch(
     from those of an active set; the number of terms then increases in stages. UnresolvedError lists the last
     iterations; BeyondWindowError: the edges leave the loaded zone.
     """
-    solver = _EdgeSolver(surface, indenter)
+    solver, patch = _EdgeSolver(surface, indenter), None
     if initial_guess is not None:
         patch = solver.solve_from(initial_guess, initial_guess.terms)
-    elif edges is None:
-        patch = solver.solve_in_stages(estimate_edges(surface, indenter), terms)
-    else:
-        try:
+    elif edges is not None:
+        with suppress(
+            UnresolvedError
+        ):  # a surface that moves far along x has other edges than one without displacement
             patch = solver.solve_in_stages(np.array(edges), terms)
-        except UnresolvedError:  # a surface that moves far along x has other edges than one without displacement
-            patch = solver.solve_in_stages(estimate_edges(surface, indenter), terms)
+    patch = patch or solver.solve_in_stages(estimate_edges(surface, indenter), terms)
     return replace(patch, history=tuple(solver.history))
 
 
@@ -222,7 +222,11 @@ def estimate_edges(surface: SurfaceCompliance, indenter: Indenter) -> Array:
     """Estimate both edges [m], shape (2,), from a pressure linear between corner nodes by an active-set method."""
     loaded_x = surface.x[surface.loaded]
     corners = loaded_x[::2]
-    H = _hat_forces(np.diff(corners))
+    sizes, k = np.diff(corners), np.arange(len(corners) - 1)
+    H = np.zeros((len(loaded_x), len(corners)))  # nodal forces of pressures that are hats on the corners
+    H[2 * k, k] += sizes / 6
+    H[2 * k + 1, k] = H[2 * k + 1, k + 1] = sizes / 3
+    H[2 * k + 2, k + 1] += sizes / 6
     response = surface.response[1, surface.loaded]
     A = H.T @ (response[:, 1] - indenter.friction * response[:, 0]) @ H
     depth = H.T @ _contact_condition(surface, indenter, loaded_x, 0.0)[1]
@@ -363,16 +367,6 @@ def _pressure_functions(fraction: Array, complement: Array, exponent: float, ter
     return np.column_stack([regular, base / fraction, base / complement])
 
 
-def _hat_forces(sizes: Array) -> Array:
-    """Nodal forces of pressures that are hats on the c corner nodes, shape (2 c - 1, c)."""
-    H = np.zeros((2 * len(sizes) + 1, len(sizes) + 1))
-    k = np.arange(len(sizes))
-    H[2 * k, k] += sizes / 6
-    H[2 * k + 1, k] = H[2 * k + 1, k + 1] = sizes / 3
-    H[2 * k + 2, k + 1] += sizes / 6
-    return H
-
-
 @dataclass(frozen=True, eq=False)
 class FrictionCondition:
     """Coulomb friction of a roller under a prescribed tangential force.
@@ -477,22 +471,42 @@ def solve_shear(
     -------
     ShearSolution
     """
-    x = _nodes_between_edges(patch, surface.x if nodes is None else nodes)
-    hats, share = _nodal_forces(surface, patch, x)
-    bound = friction.friction * np.maximum(np.interp(x[1:-1], patch.x, patch.pressure), 0)
-    force = friction.tangential_force
+    nodes = surface.x if nodes is None else nodes
+    inner = nodes[(nodes > patch.trailing) & (nodes < patch.leading)]
+    if len(inner) > 2:  # without nodes close to an edge
+        low = inner[0] - patch.trailing < EDGE_CLEARANCE * (inner[1] - inner[0])
+        high = patch.leading - inner[-1] < EDGE_CLEARANCE * (inner[-1] - inner[-2])
+        inner = inner[int(low) : len(inner) - int(high)]
+    x = np.concatenate([[patch.trailing], inner, [patch.leading]])
+
+    def tangent(at: Array) -> Array:  # of the roller towards +x, of unit length, shape (2, q)
+        normal = np.stack([np.interp(at, patch.x, part) for part in patch.direction - patch.shear])
+        return np.stack([-normal[1], normal[0]])
+
+    points, weight, _, _ = contact_quadrature(surface.x, patch.edges)
+    functions = _traction_functions(x, points) * weight[:, None]
+    loads, share = shape_matrix(surface.x, points)[:, surface.loaded].T, functions.sum(axis=0)
+    hats = np.stack([loads @ (functions * part[:, None]) for part in tangent(points)])
+    bound = friction.friction * np.maximum(np.interp(inner, patch.x, patch.pressure), 0)
+    force, direction = friction.tangential_force, friction.direction
     if abs(force) >= bound @ share:
         raise RuntimeError(
             f"the roller skids: the torque is {abs(force) / (bound @ share):.3g} times the friction limit; reduce the "
             "torque, or raise the load or `friction`"
         )
+    # slip s = A q + b + creepage of the nodes, signed along the travel
     response = surface.displacement(hats)
-    A, b = _slip_equations(surface, patch, friction, x, response)
+    upstream = slice(1, None) if direction > 0 else slice(0, -1)  # intervals on the upstream side of the nodes
+    rate = -direction * (np.diff(shape_matrix(surface.x, x), axis=0) / np.diff(x)[:, None])[upstream]
+    along = tangent(((x[1:] + x[:-1]) / 2)[upstream])
+    A = sum(part[:, None] * (rate @ response[i]) for i, part in enumerate(along))
+    u = patch.displacement + (0.0 if surface.initial is None else surface.initial.values)
+    b = direction * (1 - along[0]) + sum(part * (rate @ u[i]) for i, part in enumerate(along))
     q, creepage, sticks = _stick_slip_active_set(A, b, bound, share, force)
     return ShearSolution(
         x=x,
         traction=np.concatenate([[0.0], q, [0.0]]),
-        creepage=float(friction.direction * creepage),
+        creepage=float(direction * creepage),
         sticks=sticks,
         resultant=hats.sum(axis=1) @ q,
         forces=hats @ q,
@@ -501,26 +515,15 @@ def solve_shear(
     )
 
 
-def _slip_equations(
-    surface: SurfaceCompliance, patch: ContactPatch, friction: FrictionCondition, x: Array, response: Array
-) -> tuple[Array, Array]:
-    """Assemble A and b of the slip s = A q + b + creepage at the nodes between the edges, signed along the travel."""
-    upstream = slice(1, None) if friction.direction > 0 else slice(0, -1)  # intervals on the upstream side of the nodes
-    rate = -friction.direction * (np.diff(shape_matrix(surface.x, x), axis=0) / np.diff(x)[:, None])[upstream]
-    tangent = _tangent(patch, ((x[1:] + x[:-1]) / 2)[upstream])
-    A = sum(part[:, None] * (rate @ response[i]) for i, part in enumerate(tangent))
-    u = patch.displacement + (0.0 if surface.initial is None else surface.initial.values)
-    moved = sum(part * (rate @ u[i]) for i, part in enumerate(tangent))
-    return A, friction.direction * (1 - tangent[0]) + moved
-
-
 def _stick_slip_active_set(
     A: Array, b: Array, bound: Array, share: Array, force: float
 ) -> tuple[Array, float, BoolArray]:
     """Traction, creepage and nodes that stick: s = A q + b + creepage and share.q = force, signed along the travel."""
     sticks, sign, visited = np.ones(len(b), dtype=bool), np.zeros(len(b)), set()
     for _ in range(MAX_EXCHANGES):
-        q, creepage = _solve_stick_zone(A, b, sign * bound, share, force, sticks)
+        q, k = np.where(sticks, 0.0, sign * bound), np.flatnonzero(sticks)  # s = 0 on the nodes k that stick
+        left = np.block([[A[np.ix_(k, k)], np.ones((len(k), 1))], [share[k][None], np.zeros((1, 1))]])
+        *q[k], creepage = np.linalg.solve(left, np.append(-(A @ q + b)[k], force - share @ q))
         slip = A @ q + b + creepage
         over, drags = sticks & (np.abs(q) > bound * (1 + FRICTION_ROUNDING)), ~sticks & (slip * sign > 0)
         if not (over | drags).any():
@@ -539,36 +542,6 @@ def _stick_slip_active_set(
     raise UnresolvedError(f"the zones of stick and slip did not converge in {MAX_EXCHANGES} exchanges")
 
 
-def _solve_stick_zone(
-    A: Array, b: Array, slipping: Array, share: Array, force: float, sticks: BoolArray
-) -> tuple[Array, float]:
-    """Return the traction, s = 0 in the stick zone and the friction limit elsewhere, and the creepage for its sum."""
-    q, k = np.where(sticks, 0.0, slipping), np.flatnonzero(sticks)
-    left = np.block([[A[np.ix_(k, k)], np.ones((len(k), 1))], [share[k][None], np.zeros((1, 1))]])
-    answer = np.linalg.solve(left, np.append(-(A @ q + b)[k], force - share @ q))
-    q[k] = answer[:-1]
-    return q, answer[-1]
-
-
-def _nodes_between_edges(patch: ContactPatch, nodes: Array) -> Array:
-    """Both edges and the nodes between them, without nodes close to an edge."""
-    x = nodes[(nodes > patch.trailing) & (nodes < patch.leading)]
-    if len(x) > 2:
-        low = x[0] - patch.trailing < EDGE_CLEARANCE * (x[1] - x[0])
-        high = patch.leading - x[-1] < EDGE_CLEARANCE * (x[-1] - x[-2])
-        x = x[int(low) : len(x) - int(high)]
-    return np.concatenate([[patch.trailing], x, [patch.leading]])
-
-
-def _nodal_forces(surface: SurfaceCompliance, patch: ContactPatch, x: Array) -> tuple[Array, Array]:
-    """Nodal forces of the traction functions, shape (2, m, k), and their integrals, shape (k,)."""
-    points, weight, _, _ = contact_quadrature(surface.x, patch.edges)
-    functions = _traction_functions(x, points) * weight[:, None]
-    loads = shape_matrix(surface.x, points)[:, surface.loaded].T
-    forces = np.stack([loads @ (functions * part[:, None]) for part in _tangent(patch, points)])
-    return forces, functions.sum(axis=0)
-
-
 def _traction_functions(x: Array, points: Array) -> Array:
     """Functions that are 1 at one node between the edges x[0] and x[-1] and 0 at the others, shape (q, k).
 
@@ -577,9 +550,3 @@ def _traction_functions(x: Array, points: Array) -> Array:
     hats = np.array([np.interp(points, x[1:-1], row) for row in np.eye(len(x) - 2)]).T
     root, unit = (np.sqrt(np.maximum((at - x[0]) * (x[-1] - at), 0)) for at in (points, x[1:-1]))
     return hats * root[:, None] / unit
-
-
-def _tangent(patch: ContactPatch, x: Array) -> Array:
-    """Tangent of the roller towards +x, of unit length, shape (2, q)."""
-    normal = np.stack([np.interp(x, patch.x, part) for part in patch.direction - patch.shear])
-    return np.stack([-normal[1], normal[0]])

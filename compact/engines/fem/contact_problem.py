@@ -84,19 +84,21 @@ class RollingProblem:
         """True if forces along x act on the surface."""
         return self.traction_ratio != 0 or self.turns_with_friction or self.roller.profile == "deformed"
 
-    @property
-    def target_tolerance(self) -> float:
-        """Relative tolerance of a prescribed load or peak pressure [-]."""
-        return STICK_SECANT_TOLERANCE if self.turns_with_friction else SECANT_TOLERANCE
-
     def indenter(self, indentation: float) -> Indenter:
         """Roller at an indentation [m]."""
         exponent = float(pressure_exponent(self.material.poisson, self.traction_ratio))
         return Indenter(self.roller.radius, indentation, self.roller.profile, self.traction_ratio, exponent)
 
-    def tangential_force(self, direction: float) -> float:
-        """Sum of the shear traction under the torque over the relaxed modulus [m], for a direction of travel."""
-        return -direction * self.torque / self.roller.radius / self.material.youngs_modulus
+    @property
+    def friction(self) -> FrictionCondition:
+        """Friction with the sum of the shear traction under the torque."""
+        force = -self.direction * self.torque / self.roller.radius / self.material.youngs_modulus
+        return FrictionCondition(self.roller.friction, force, self.direction)
+
+    @property
+    def target_tolerance(self) -> float:
+        """Relative tolerance of a prescribed load or peak pressure [-]."""
+        return STICK_SECANT_TOLERANCE if self.turns_with_friction else SECANT_TOLERANCE
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,10 +269,9 @@ def solve_at_indentation(
     """
     indenter, terms = problem.indenter(indentation), discretisation.terms
     patch, shear = (None, None) if initial_guess is None else (initial_guess.patch, initial_guess.shear)
-    if patch is None or not problem.turns_with_friction:
-        patch = solve_contact_patch(surface, indenter, terms, patch, discretisation.edges)
-    if not problem.turns_with_friction:
-        return ContactSolution(surface, indenter, with_peak_pressures(surface, indenter, patch))
-    direction = problem.direction
-    friction = FrictionCondition(problem.roller.friction, problem.tangential_force(direction), direction)
-    return ContactSolution(surface, indenter, *solve_stick_slip(surface, indenter, terms, friction, patch, shear))
+    if problem.turns_with_friction:
+        patch = patch or solve_contact_patch(surface, indenter, terms, None, discretisation.edges)
+        contact = solve_stick_slip(surface, indenter, terms, problem.friction, patch, shear)
+        return ContactSolution(surface, indenter, *contact)
+    patch = solve_contact_patch(surface, indenter, terms, patch, discretisation.edges)
+    return ContactSolution(surface, indenter, with_peak_pressures(surface, indenter, patch))
