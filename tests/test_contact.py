@@ -292,18 +292,6 @@ def test_width_is_proportional_to_the_root_of_the_load(load, scale):
 ROLLINGS = ["frictionless", "free", "sliding", "driven"]
 
 
-@pytest.mark.parametrize("rolling", ROLLINGS)
-@given(friction=st.floats(0, 1), speed=st.floats(1e-6, 10))
-def test_resistance_is_odd_in_speed(rolling, friction, speed):
-    roller = Roller(0.11, load=4e3, friction=friction, rolling=rolling)
-    forth, back = (contact.roll(BULK, roller, Elastic(**MIX), v) for v in (speed, -speed))
-    assert back.resistance == -forth.resistance
-    assert (back.load, back.leading, back.trailing) == (forth.load, forth.leading, forth.trailing)
-    assert back.x.tolist() == (-forth.x[::-1]).tolist()
-    assert back.shear_traction.tolist() == (-forth.shear_traction[::-1]).tolist()
-    assert np.all(np.diff(back.x) > 0)
-
-
 @pytest.mark.parametrize("friction", [0.0, 0.35])
 @pytest.mark.parametrize("speed", [-0.2, 0.2])
 def test_pressure_of_the_formulas_has_the_peak_the_edges_and_the_exponent(friction, speed):
@@ -398,42 +386,3 @@ def test_error_contains_the_index_in_a_large_array():
     pressure[7] = 1e6
     with pytest.raises(ValueError, match=r"sin phi would be .*1\.8.* at index 7"):
         contact.capture_angle(pressure, 1e6, 0.3, 0.47)
-
-
-@pytest.mark.parametrize(
-    ("roller", "material", "speed", "message"),
-    [
-        (Roller(0.11, load=1e3), Elastic(youngs_modulus=1e6, poisson=0.3), 0.0, "`speed` must not be 0"),
-        (Roller(0.11, load=1e3), Elastic(youngs_modulus=1e6, poisson=0.3), np.nan, "`speed` must be finite, got nan"),
-        (
-            Roller(0.11, indentation=0.003),
-            Elastic(youngs_modulus=1e6, poisson=0.3),
-            0.2,
-            "`indentation` is undefined.*0.003; use `load`",
-        ),
-        (
-            Roller(0.11, load=1e3, profile="circle"),
-            Elastic(youngs_modulus=1e6, poisson=0.3),
-            0.2,
-            "'parabola', got 'circle'; use fem",
-        ),
-        (
-            Roller(0.11, load=1e3, rolling="gliding"),
-            Elastic(youngs_modulus=1e6, poisson=0.3),
-            0.2,
-            "no rolling 'gliding'.*sliding",
-        ),
-        (Roller(0.11, load=1e3), object(), 0.2, "`material` with `youngs_modulus`, got object; use fem"),
-        (Roller(0.11, load=1e6), Elastic(youngs_modulus=1e6, poisson=0.3), 0.2, "no capture angle"),
-    ],
-    ids=lambda value: value if isinstance(value, str) else "",
-)
-def test_parameters_outside_the_formulas_raise_an_error(roller, material, speed, message):
-    with pytest.raises(ValueError, match=message):
-        contact.roll(BULK, roller, material, speed)
-
-
-def test_thin_layer_raises_a_warning():
-    message = r"needs `half_width` < 0.5 `height`, got 0.0\d+ m for 0.05 m.*spectral or fem"
-    with pytest.warns(UserWarning, match=message):
-        contact.roll(Layer(0.05), Roller(0.11, load=4e3), Elastic(**MIX), 0.2)

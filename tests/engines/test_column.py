@@ -115,13 +115,6 @@ def test_load_under_a_parabola_scales_with_the_root_of_the_radius():
     assert np.array(load) / np.sqrt([0.05, 0.2, 3.2]) == pytest.approx([load[0] / np.sqrt(0.05)] * 3, rel=1e-9)
 
 
-def test_all_results_scale_with_the_height():
-    one, seven = rolled(), rolled(height=7 * FED_HEIGHT, roller=Roller(7 * R, indentation=7 * DEPTH, profile="circle"))
-    names = ("load", "resistance", "leading", "trailing", "exit_height", "plastic_work")
-    assert [getattr(seven, n) / 7 for n in names] == pytest.approx([getattr(one, n) for n in names], rel=1e-9)
-    assert seven.exit_density_ratio == pytest.approx(one.exit_density_ratio, rel=1e-12)
-
-
 @pytest.mark.parametrize("fed", [0.90, 0.92, 0.96])
 def test_plastic_column_depends_on_its_mass_alone(fed):
     one = rolled()

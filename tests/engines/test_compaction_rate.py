@@ -84,8 +84,6 @@ def test_feed_of_a_product_has_the_rate_of_its_own_depth():
     contact = roll(Layer(fed.height), circle(fed.indentation), RATED, SPEED)
     assert contact.exit_density_ratio == pytest.approx(0.98, abs=1e-9)
     assert contact.exit_height == pytest.approx(HEIGHT, rel=1e-8)
-    with pytest.raises(ValueError, match="`radius` must be given for a mix with a rate sensitivity, got None"):
-        required_feed(HEIGHT, 0.98, RATED, SPEED)
 
 
 def test_second_pass_at_the_same_height_stays_elastic():

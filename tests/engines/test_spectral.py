@@ -3,10 +3,7 @@
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from rolling_scenes import SPEED, error_ratios, prescribing, random_scenes, true_errors
-from sampling import examples
 
 from compact.engines.halfplane import galin, hertz
 from compact.engines.spectral import engine as spectral
@@ -144,151 +141,6 @@ def test_error_falls_geometrically_with_the_modes():
     assert rate > 1, f"error falls by exp(-{rate:.2f}) a mode"
 
 
-# published numbers: tables of reference/contact.md
-
-TABLE_C = [
-    ("slip", 0.05, 1.001302, 1.921263, None),
-    ("slip", 0.20, 1.020631, 1.253421, None),
-    ("slip", 0.50, 1.122578, 0.880311, None),
-    ("slip", 1.0, 1.422646, 0.691674, None),
-    ("slip", 3.0, 3.029437, 0.560787, None),
-    ("bonded", 0.05, 1.001789, 1.834624, 1.001789),
-    ("bonded", 0.20, 1.028286, 1.173893, 1.028475),
-    ("bonded", 0.50, 1.166134, 0.819921, 1.172175),
-    ("bonded", 1.0, 1.555640, 0.653997, 1.609769),
-    ("bonded", 3.0, 3.533403, 0.545418, 3.966384),
-]
-
-
-@pytest.mark.parametrize(("base", "ratio", "B0", "D", "PM"), TABLE_C, ids=str)
-def test_elastic_layer_of_table_c(base, ratio, B0, D, PM):
-    a = ratio * H
-    rolled = spectral.roll(Layer(H, base=base), pressed(D * a**2 / R), MIX, 1.0)
-    assert rolled.leading == pytest.approx(a, rel=2e-6)
-    assert rolled.load == pytest.approx(B0 * np.pi * MIX.contact_modulus * a**2 / (4 * R), rel=3e-6)
-    if PM:
-        assert rolled.peak_pressure == pytest.approx(PM * MIX.contact_modulus * a / (2 * R), rel=3e-6)
-
-
-def unit_load(ratio, poisson):
-    """B0 of table c at a prescribed half-width over height."""
-    mix = Elastic(youngs_modulus=1e7, poisson=poisson)
-    problem, _ = build_rolling_problem(LAYER, pressed(), mix, 1.0)
-    contact = solve_pressure(problem, assemble_system(problem.response, 24, ratio * H), 24)
-    return contact.load / (np.pi * mix.contact_modulus * (ratio * H) ** 2 / (4 * R))
-
-
-@pytest.mark.parametrize(("ratio", "B0"), [(0.5, 1.247484), (1.0, 1.903299), (2.0, 4.047816), (3.0, 7.330825)])
-def test_incompressible_layer_of_table_c_is_the_limit_of_poissons_ratio(ratio, B0):
-    farther, nearer = unit_load(ratio, 0.4998), unit_load(ratio, 0.4999)
-    assert 2 * nearer - farther == pytest.approx(B0, rel=5e-6)
-
-
-@pytest.mark.parametrize(("poisson", "shift"), [(0.2, 0.179), (0.3, 0.122), (0.4, -0.111)])
-def test_thin_bonded_layer_is_an_oedometer_with_a_wider_contact(poisson, shift):
-    ratio = 8.0
-    stiffness = (1 - poisson) ** 2 / (1 - 2 * poisson)  # oedometer modulus over E*
-    wider = 2 / 3 * stiffness * (ratio + shift) ** 3 / (np.pi * ratio**2 / 4)
-    assert unit_load(ratio, poisson) == pytest.approx(wider, rel=4e-3)
-
-
-@pytest.mark.parametrize(
-    ("deborah", "B0", "xi0", "coefficient"),
-    [
-        (0.1, 1.05052023, -0.0240834304, 0.0463491206),
-        (1.0, 1.46890869, -0.163997048, 0.233129056),
-        (10.0, 1.97122987, -0.119610263, 0.131907347),
-        (100.0, 1.99947803, -0.0236000628, 0.0248497157),
-    ],
-)
-def test_viscoelastic_half_plane_of_table_d(deborah, B0, xi0, coefficient):
-    load = B0 * np.pi / 4 / 100.0
-    mix = Viscoelastic(youngs_modulus=0.91, poisson=0.3, branches=((1.0, deborah / 2),))
-    rolled = spectral.roll(Layer(1e8), Roller(100.0, load=load), mix, 1.0)
-    assert rolled.resistance / rolled.load * 100.0 == pytest.approx(coefficient, rel=1e-7)
-    assert (rolled.leading + rolled.trailing) / 2 == pytest.approx(-xi0, rel=1e-6)
-    assert (rolled.leading - rolled.trailing) / 2 == pytest.approx(1, rel=1e-7)
-
-
-@pytest.mark.parametrize(
-    ("deborah", "narrower", "coefficient"),
-    [(0.1, 0.975054, 0.046258), (1.0, 0.803403, 0.196843), (10.0, 0.710007, 0.075388), (1.0870, None, 0.19729)],
-)
-def test_load_controlled_half_plane_of_table_d(deborah, narrower, coefficient):
-    mix = Viscoelastic(youngs_modulus=0.91, poisson=0.3, branches=((1.0, deborah / 2),))
-    rolled = spectral.roll(Layer(1e8), Roller(100.0, load=np.pi / 400), mix, 1.0)
-    assert rolled.resistance / rolled.load * 100.0 == pytest.approx(coefficient, rel=2e-5)
-    if narrower:
-        assert (rolled.leading - rolled.trailing) / 2 == pytest.approx(narrower, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("length", "a", "load", "coefficient"),
-    [
-        (0.003, 0.020103, 0.0031237, 0.012162),
-        (0.03, 0.017258, 0.0035739, 0.038768),
-        (0.3, 0.019344, 0.0053431, 0.013773),
-    ],
-)
-def test_viscoelastic_layer_of_table_d(length, a, load, coefficient):
-    mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.05),))  # creep time 0.1 s
-    rolled = spectral.roll(LAYER, pressed(0.006), mix, length / 0.1)
-    assert (rolled.leading - rolled.trailing) / 2 == pytest.approx(a, rel=3e-5)
-    assert rolled.load / mix.contact_modulus == pytest.approx(load, rel=2e-5)
-    assert rolled.resistance / rolled.load == pytest.approx(coefficient, rel=5e-5)
-
-
-TABLE_E = [
-    (0.1, 0.9148892, 0.67944528, 0.05309453),
-    (0.3, 0.8261563, 0.74767122, 0.10107269),
-    (0.5, 0.8075270, 0.82328221, 0.11235094),
-    (1.0, 0.8331252, 0.95942002, 0.10445711),
-    (3.0, 0.9140695, 1.15651099, 0.06130111),
-]
-
-
-@pytest.mark.parametrize(("deborah", "edge", "load", "resistance"), TABLE_E)
-def test_thin_layer_on_a_frictionless_base_is_the_winkler_foundation_of_table_e(deborah, edge, load, resistance):
-    h, b, radius = 0.1, 1.0, 100.0
-    mix = Viscoelastic(youngs_modulus=0.91, poisson=0.3, branches=((1.0, deborah * b),))
-    rolled = spectral.roll(Layer(h, base="slip"), Roller(radius, indentation=b**2 / (2 * radius)), mix, 1.0)
-    assert rolled.load * radius * h == pytest.approx(load, rel=5e-3)
-    assert rolled.resistance * radius**2 * h == pytest.approx(resistance, rel=5e-3)
-    assert -rolled.trailing == pytest.approx(edge - 0.177 * h / 2, abs=0.2 * h)
-
-
-@pytest.mark.parametrize(
-    ("speed", "resistance", "rate"),
-    [(0.05, 5.86129e-5, 9.4278e-4), (0.2, 1.29245e-4, 1.6930e-4), (1.0, 1.21647e-4, -3.5182e-5)],
-)
-def test_rolling_layer_of_table_e2(speed, resistance, rate):
-    mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.05),))
-    step = 1e-3 * speed
-    slower, here, faster = (
-        spectral.roll(LAYER, pressed(0.006), mix, v).resistance / mix.contact_modulus
-        for v in (speed - step, speed, speed + step)
-    )
-    assert here == pytest.approx(resistance, rel=5e-6)
-    assert (faster - slower) / (2 * step) == pytest.approx(rate, rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("profile", "load", "edge", "peak"),
-    [("parabola", 15085.0, 13.846e-3, 693.58e3), ("circle", 15077.4, 13.802e-3, 694.09e3)],
-)
-def test_layer_at_project_size_of_table_g(profile, load, edge, peak):
-    rolled = spectral.roll(LAYER, pressed(profile=profile), MIX, 1.0)
-    assert (rolled.load, rolled.leading) == pytest.approx((load, edge), rel=2e-5)
-    assert rolled.trailing == pytest.approx(-rolled.leading, rel=1e-9)
-    assert rolled.peak_pressure == pytest.approx(peak, rel=1e-5)
-
-
-@pytest.mark.parametrize(("length", "load", "resistance"), [(0.003, 15386.4, 289.42), (0.03, 20455.8, 392.89)])
-def test_rolling_at_project_size_of_table_g(length, load, resistance):
-    rolled = spectral.roll(LAYER, pressed(), SOLID, length / 0.1)
-    assert (rolled.load, rolled.resistance) == pytest.approx((load, resistance), rel=1e-5)
-
-
 # limits
 
 
@@ -384,74 +236,6 @@ def test_surface_has_the_shape_of_the_roller(mix, friction, base):
     assert depth == pytest.approx(0.02 - x**2 / (2 * R), abs=2e-4 * 0.02)
 
 
-# properties
-
-lengths = st.floats(1e-2, 1e2)
-moduli = st.floats(1e4, 1e9)
-depths = st.floats(1e-4, 0.5)
-speeds = st.floats(1e-3, 1e3)
-
-
-@examples(6, slow=20)
-@given(lengths, moduli, depths, speeds)
-def test_load_scales_with_modulus_and_length(length, modulus, depth, speed):
-    small = spectral.roll(
-        Layer(1.0),
-        Roller(0.7, indentation=0.7 * depth),
-        Viscoelastic(youngs_modulus=1.0, poisson=0.3, branches=((1.0, 1.0),)),
-        speed,
-    )
-    large = spectral.roll(
-        Layer(length),
-        Roller(0.7 * length, indentation=0.7 * depth * length),
-        Viscoelastic(youngs_modulus=modulus, poisson=0.3, branches=((1.0, 1.0),)),
-        speed * length,
-    )
-    scale = modulus * length
-    assert large.load == pytest.approx(small.load * scale, rel=1e-6)
-    assert large.resistance == pytest.approx(small.resistance * scale, rel=3e-6, abs=1e-9 * large.load)
-
-
-@examples(6, slow=20)
-@given(st.sampled_from(["frictionless", "sliding", "driven"]), st.sampled_from(["parabola", "circle"]), speeds)
-def test_return_stroke_is_the_mirror_image(rolling, profile, speed):
-    roller = pressed(friction=0.4 * (rolling != "frictionless"), rolling=rolling, profile=profile)
-    forth, back = (spectral.roll(LAYER, roller, SOLID, v) for v in (speed, -speed))
-    assert back.resistance == -forth.resistance
-    assert (back.load, back.leading, back.trailing) == (forth.load, forth.leading, forth.trailing)
-    assert np.array_equal(back.x, -forth.x[::-1])
-    assert np.array_equal(back.pressure, forth.pressure[::-1])
-    assert np.array_equal(back.shear_traction, -forth.shear_traction[::-1])
-    assert np.all(np.diff(back.x) > 0)
-
-
-@examples(5, slow=15)
-@given(depths, st.floats(0.0, 0.49), st.sampled_from(["bonded", "slip"]), speeds, st.floats(0.0, 1.0))
-def test_targets_recover_the_contact(depth, poisson, base, speed, friction):
-    mix, layer = Viscoelastic(youngs_modulus=1e7, poisson=poisson, branches=((1.0, 0.1),)), Layer(H, base=base)
-    rolled = spectral.roll(layer, pressed(depth * R, friction=friction, rolling="sliding"), mix, speed, rtol=1e-7)
-    for name in ("load", "peak_pressure"):
-        target = {name: getattr(rolled, name)}
-        again = spectral.roll(layer, Roller(R, friction=friction, rolling="sliding", **target), mix, speed, rtol=1e-7)
-        assert again.indentation == pytest.approx(rolled.indentation, rel=3e-6)
-        assert again.resistance == pytest.approx(rolled.resistance, rel=3e-6)
-
-
-@examples(5, slow=15)
-@given(depths, st.floats(0.0, 0.49), st.sampled_from(["bonded", "slip"]), speeds, st.floats(0.0, 1.0))
-def test_forces_and_work_of_the_pressure_balance(depth, poisson, base, speed, friction):
-    mix = Viscoelastic(youngs_modulus=1e7, poisson=poisson, branches=((1.0, 0.1), (2.0, 1e-3)))
-    rolled = spectral.roll(Layer(H, base=base), pressed(depth * R, friction=friction, rolling="sliding"), mix, speed)
-    angle = np.linspace(0, np.pi, len(rolled.x))
-    sines = np.sin(angle) * (rolled.leading - rolled.trailing) / 2 * np.pi / (len(angle) - 1)
-    assert np.sum(rolled.pressure * sines) == pytest.approx(rolled.load, rel=1e-4)
-    sideways = rolled.pressure * rolled.x / R + rolled.shear_traction
-    assert np.sum(sideways * sines) == pytest.approx(rolled.resistance, rel=1e-4, abs=1e-4 * rolled.load)
-    assert rolled.work_residual < 5e-3
-    assert rolled.trailing < 0 < rolled.leading
-    assert rolled.pressure.min() > -1e-3 * rolled.peak_pressure
-
-
 # error estimate
 
 
@@ -505,30 +289,6 @@ def test_number_of_assembled_systems_is_bounded(monkeypatch):
 
 
 # refused arguments and failures
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"speed": 0.0}, "`speed` must not be 0, got 0"),
-        ({"speed": np.nan}, "`speed` must be finite, got nan"),
-        ({"roller": pressed(profile="deformed")}, "needs `profile` 'parabola' or 'circle', got 'deformed'; use fem"),
-        ({"roller": pressed(profile="flat")}, "no profile 'flat'; choose from parabola, circle, deformed"),
-        ({"roller": pressed(rolling="stuck")}, "no rolling 'stuck'; choose from"),
-        (
-            {"roller": pressed(rolling="free", friction=0.3)},
-            "full slip only, got `rolling` 'free' with `friction` 0.3; use fem",
-        ),
-        ({"layer": Layer(H, base="glued")}, "no base 'glued'; choose from bonded, slip"),
-        ({"material": "clay"}, "needs a `material` Elastic or Viscoelastic, got str; use fem"),
-        ({"rtol": 0.0}, "`rtol` must be positive and finite, got 0.0"),
-    ],
-    ids=lambda value: value if isinstance(value, str) else "",
-)
-def test_contact_out_of_range_is_refused(change, words):
-    arguments = {"layer": LAYER, "roller": pressed(), "material": MIX, "speed": 1.0} | change
-    with pytest.raises(ValueError, match=words):
-        spectral.roll(**arguments)
 
 
 def test_free_roller_without_friction_is_frictionless():

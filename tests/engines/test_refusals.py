@@ -1,0 +1,158 @@
+"""Refused cases of the engines: one table of what is refused with which words."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from column_cases import FED_HEIGHT, HEIGHT, MIX, R, circle, mix, mix_of, rolled
+
+from compact import fem, mesh
+from compact.analysis.engines import ENGINES, expand_resistance
+from compact.engines.column.column_pass import Column
+from compact.engines.column.engine import required_feed, roll, simulate_oedometer
+from compact.engines.fem.speed_derivative import expand_resistance as expand_by_elements
+from compact.engines.formula import roll as roll_by_formula
+from compact.material.laws import Elastic, Viscoelastic
+from compact.resistance import ResistanceExpansion
+from compact.rolling_contact import Layer, LowerLift, Ply, Roller
+
+LINEAR = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.05),))
+SOFT = Elastic(youngs_modulus=1e6, poisson=0.3)
+PLIES = Layer(0.22, plies=(Ply(thickness=0.12, stiffness=1.0), Ply(thickness=0.1, stiffness=2.0)))
+ROWS = mesh.graded_mesh(0.22, 0.02, 4)
+STIFF = mix(unloading_modulus=1e12)
+TURNING = {"indentation": 1e-3, "friction": 0.2}
+CASE = {  # accepted case of each engine
+    "formula": {"layer": Layer(10.0), "roller": Roller(R, load=1e3), "material": SOFT, "speed": 0.2},
+    "column": {"layer": Layer(FED_HEIGHT), "roller": circle(), "material": MIX, "speed": 0.2},
+    "spectral": {"layer": Layer(0.22), "roller": Roller(R, indentation=0.003), "material": LINEAR, "speed": 0.2},
+    "fem": {"layer": Layer(0.22), "roller": Roller(R, indentation=0.003), "material": LINEAR, "speed": 0.2},
+}
+REFUSED = [
+    *((engine, {"speed": 0}, "`speed` must not be 0, got 0: the resistance at rest is set-valued") for engine in CASE),
+    *((engine, {"speed": np.nan}, "`speed` must be finite, got nan") for engine in CASE),
+    *((engine, {"rolling": "stuck"}, "no rolling 'stuck'; choose from frictionless, sliding") for engine in CASE),
+    *((engine, {"profile": "cone"}, "no profile 'cone'|'parabola', got 'cone'; use fem") for engine in CASE),
+    *((engine, {"layer": Layer(0.22, base="glued")}, "no base 'glued'; choose") for engine in list(CASE)[1:]),
+    *((engine, {"material": "clay"}, "`material` .*, got str") for engine in CASE),
+    *((engine, {"rtol": 0.0}, "`rtol` must be positive and finite, got 0.0") for engine in ("column", "spectral")),
+    ("formula", {"layer": PLIES}, "the formula engine needs one modulus, got 2 `plies`; use spectral or fem"),
+    ("formula", {"indentation": 0.003}, "`indentation` is undefined.*0.003; use `load`"),
+    ("formula", {"profile": "circle"}, "'parabola', got 'circle'; use fem"),
+    ("formula", {"load": 1e6}, "no capture angle"),
+    ("column", {"layer": Layer(0.22, base="slip")}, "needs a `base` that is bonded, got 'slip': mix"),
+    ("column", {"layer": PLIES}, "the engine column needs a layer of one mix, got 2 `plies`; use"),
+    ("column", {"material": SOFT}, "needs a `material` Compaction or StateUpdate, got Elastic; use"),
+    ("column", {"friction": 0.3, "rolling": "sliding"}, "the engine column carries no shear, got `rolling` 'slid"),
+    ("column", {"friction": 0.3, "rolling": "driven"}, "`friction` 0.3; use 'free' or the engine co"),
+    ("column", {"layer": Layer(0.22), "indentation": 0.0132}, "must be less than 0.0132 m, where grains and water"),
+    ("column", {"layer": Layer(0.22), "load": 1e6}, "`load` must be less than .*, where grains and water alone fill"),
+    ("column", {"layer": Layer(0.22), "peak_pressure": 1e6}, "`peak_pressure` must be less than .*, where grains"),
+    ("column", {"layer": Layer(9.0), "indentation": 0.2}, "less than 0.11 m, where the circle is buried to its"),
+    ("column", {"strain": "engineering"}, "no strain 'engineering'; choose from logarithmic, small, mass-true"),
+    ("column", {"material": STIFF}, r"`unloading_modulus` must be less than 2.91e\+11 Pa .* got 1000000"),
+    ("column", {"exit_density_ratio": 0.93}, "must lie between 0.94, before the pass, and 0.99.*got 0.93"),
+    ("spectral", {"profile": "deformed"}, "needs `profile` 'parabola' or 'circle', got 'deformed'; use fem"),
+    ("spectral", {"rolling": "free", "friction": 0.3}, "full slip only, got `rolling` 'free' with `friction` 0.3"),
+    ("spectral", {"layer": Layer(0.2, lower_lift=LowerLift(thickness=0.1, density_ratio=0.9))}, "`lower_lift` must"),
+    ("fem", {"tolerance": -1}, "`tolerance` must be positive and finite, got -1"),
+    ("fem", {"layer": Layer(0.3), "mesh": ROWS}, "`mesh` must be as high as the layer, 0.3 m, got 0.22 m"),
+    ("fem", {"layer": PLIES, "mesh": ROWS}, "a line of nodes at every interface of plies, got none at y = 0.12 m"),
+    ("fem", {"rolling": "driven", "friction": 0.2}, "`torque` must be given for a 'driven' roller"),
+    ("fem", {"rolling": "sliding", "friction": 0.2, "torque": 3.0}, "`torque` needs a roller that"),
+    ("fem", {"rolling": "free", "torque": 3.0}, "got 3.0 for 'free' with 0.0"),
+    ("fem", {"rolling": "free", "friction": 0.2, "torque": np.inf}, "`torque` must be finite"),
+]
+TARGETS = ("indentation", "load", "peak_pressure")
+
+
+def changed(engine, change):
+    """The accepted case of an engine with changes of its arguments or of its roller."""
+    case = dict(CASE[engine])
+    of_roller = {key: value for key, value in change.items() if hasattr(case["roller"], key)}
+    cleared = dict.fromkeys(TARGETS) if set(TARGETS) & set(of_roller) else {}
+    case["roller"] = replace(case["roller"], **cleared | of_roller)
+    return case | {key: value for key, value in change.items() if key not in of_roller}
+
+
+@pytest.mark.parametrize(("engine", "change", "words"), REFUSED)
+def test_case_is_refused(engine, change, words):
+    with pytest.raises(ValueError, match=words):
+        ENGINES[engine].roll(**changed(engine, change))
+
+
+VALUES = [
+    (lambda: required_feed(HEIGHT, 1.0, MIX, 0.2), "must lie between 0.94, before the pass, and 0.99.*got 1.0"),
+    (lambda: required_feed(HEIGHT, 0.93, MIX, 0.2), "must lie between 0.94, before the pass, and .*got 0.93"),
+    (lambda: required_feed(-1.0, 0.98, MIX, 0.2), "`height` must be positive and finite, got -1.0"),
+    (lambda: required_feed(HEIGHT, 0.98, replace(MIX, rate_sensitivity=0.03), 0.2), "`radius` must be given for a mix"),
+    (lambda: required_feed(HEIGHT, 0.98, STIFF, 0.2), "`unloading_modulus` must be less than"),
+    (lambda: simulate_oedometer(STIFF, 1e5), "`unloading_modulus` must be less than"),
+    (lambda: simulate_oedometer(MIX, -1.0), "`pressure` must be zero or positive, and finite, got .*-1.0"),
+    (lambda: simulate_oedometer(MIX, [1e5, 1e7]), "less than the stress that closes all pores, got 10000000.0 Pa"),
+    (lambda: simulate_oedometer(MIX, 1e5, rate_factor=0), "`rate_factor` must be positive and finite, got 0"),
+    (lambda: Column(0.2, 1.0), "`density_ratio` must be below 1, got 1.0"),
+    (lambda: Column(0.0, 0.9), "`height` must be positive and finite, got 0.0"),
+    (lambda: Column(0.2, 0.9, lateral_stress=np.inf), "`lateral_stress` must be finite, got inf"),
+    (
+        lambda: rolled(
+            mix(fed_density_ratio=0.8044),
+            1.8,
+            Roller(0.0337, indentation=1e-3, profile="circle"),
+            exit_density_ratio=0.95,
+        ),
+        "must lie .* after a pass with the circle buried to its",
+    ),
+    (
+        lambda: rolled(
+            mix(fed_density_ratio=0.9656411, unloading_modulus=1.17065e6, critical_slope=0.357036, dry_side="flat"),
+            0.35,
+            circle(1e-3),
+            exit_density_ratio=0.971368,
+        ),
+        r"must lie between 0\.965641, before the pass, and 0.9656",
+    ),  # elastic until its pores close
+    (lambda: Ply(thickness=0.0, stiffness=1.0), "`thickness` must be positive and finite, got 0.0"),
+    (lambda: Ply(thickness=0.1, stiffness=-1.0), "`stiffness` must be positive and finite, got -1.0"),
+    (lambda: Layer(0.2, plies=PLIES.plies), "must add up to the layer height, 0.2 m, got 0.22 m"),
+    (lambda: mesh.graded_mesh(0.22, 0.02, 4, interfaces=(0.2, 0.1)), r"`interfaces` must ascend between 0 and the he"),
+    (lambda: fem.roll(Layer(0.22), circle(), MIX, 0.2, mesh=ROWS), r"must be None for a compacting layer, .* got one"),
+    (lambda: expand_resistance(**changed("spectral", {"speed": 0.0})), "`speed` must not be 0, got 0"),
+    (lambda: expand_resistance(**changed("spectral", {"rtol": -1.0})), "`rtol` must be positive and finite, got -1.0"),
+    (lambda: expand_resistance(**changed("spectral", {"engine": "column"})), "no engine with memory in time 'column'"),
+    (lambda: expand_by_elements(**changed("fem", {"speed": np.inf})), "`speed` must be finite, got inf"),
+    (lambda: expand_by_elements(**changed("fem", {"tolerance": 0.0})), "`tolerance` must be positive and finite"),
+    (lambda: expand_by_elements(**changed("fem", {"rolling": "free", "friction": 0.3})), "without stick and slip only"),
+    (lambda: ResistanceExpansion(1.0, 1.0, 1.0, 1.0, 0.0, 0.1).unsteadiness(np.nan), "`acceleration` must be finite"),
+]
+
+
+@pytest.mark.parametrize(("make", "words"), VALUES)
+def test_value_is_refused(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("height", "radius", "fed", "load"),
+    [(0.5090909090909091, 0.05, 0.77, 5154.639175257732), (1.1247052271667615, 0.032597, 0.77212, 940.8319470976468)],
+)
+def test_load_beyond_a_buried_circle_is_refused(height, radius, fed, load):
+    """The slope of the circle is unbounded at its axis, where steps over x would shrink without limit."""
+    material = replace(mix_of(0.1, 0.98, fed), heckel_slope=1.4296351665768224e-05)
+    roller = Roller(radius, load=load, friction=0.35, rolling="free", profile="deformed")
+    with pytest.raises(ValueError, match=r"`load` must be less than .*, where the circle is buried to its axis, got"):
+        roll(Layer(height), roller, material, 0.133)
+
+
+@pytest.mark.parametrize("engine", [pytest.param("spectral", marks=pytest.mark.slow), "fem"])
+def test_thin_top_ply_under_a_wide_contact_raises(engine):
+    plies = Ply(thickness=0.2199, stiffness=1.0), Ply(thickness=1e-4, stiffness=2.0)
+    with pytest.raises(RuntimeError, match=r"more than 100 times the thickness of the top ply, 0.0001 m; join that"):
+        ENGINES[engine].roll(**changed(engine, {"layer": Layer(0.22, plies=plies), "material": SOFT}))
+
+
+def test_thin_layer_is_beyond_the_formulas():
+    message = r"needs `half_width` < 0.5 `height`, got 0.0\d+ m for 0.05 m.*spectral or fem"
+    with pytest.warns(UserWarning, match=message):
+        roll_by_formula(Layer(0.05), Roller(R, load=4e3), Elastic(youngs_modulus=0.75e6, poisson=0.3), 0.2)
