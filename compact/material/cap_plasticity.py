@@ -156,7 +156,9 @@ def integrate_points(
     tangents = np.empty((n, 3, 3) if tangent else (0, 3, 3))
     for first in range(0, n, BATCH_POINTS):
         end = min(first + BATCH_POINTS, n)
-        failed = _integrate_batch(first, end, constants, tuple(arrays), strain, (stress, scalars, tangents))
+        failed = _integrate_batch(
+            (first, end), constants, constants.line or None, tuple(arrays), strain, (stress, scalars, tangents)
+        )
         if failed >= 0:
             require_finite(strain=strain, stress=state.stress, density_ratio=state.density_ratio)
             raise RuntimeError(
@@ -168,16 +170,16 @@ def integrate_points(
 
 
 @compiled
-def _integrate_batch(first, end, law, state, strain, results):
-    """Integrate points `first` to `end` - 1; return the first that did not converge, or -1."""
+def _integrate_batch(block, law, line, state, strain, results):
+    """Integrate the points of a block (first, end); return the first that did not converge, or -1."""
     stress, density_ratio, max_density_ratio, work = state
     new_stress, new_scalars, tangents = results
     derivatives = np.empty((6, 3 if len(tangents) else 0))
-    for i in range(first, end):
+    for i in range(block[0], block[1]):
         before = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], max_density_ratio[i])
         part = (strain[i, 0], strain[i, 1], strain[i, 2])
         derivatives[:] = 0.0
-        converged, after, dissipated, _ = integrate_point(law, before, part, 0.0, 1.0, np.nan, derivatives)
+        converged, after, dissipated, _ = integrate_point(law, line, before, part, 0.0, 1.0, np.nan, derivatives)
         if not converged:
             return i
         for j in range(4):
@@ -195,7 +197,13 @@ def _integrate_batch(first, end, law, state, strain, results):
 
 @compiled
 def integrate_path(
-    law: CapConstants, before: tuple, strain: tuple, multipliers: Array, carried: float, derivatives: Array
+    law: CapConstants,
+    line: bool | None,
+    before: tuple,
+    strain: tuple,
+    multipliers: Array,
+    carried: float,
+    derivatives: Array,
 ) -> tuple:
     """Integrate the constitutive law of one point along a straight strain path; one step if the path is elastic.
 
@@ -203,6 +211,8 @@ def integrate_path(
 
     Parameters
     ----------
+    line : True or None
+        True for a law with a shear line; None, a type of its own, compiles the ellipse without it.
     before : tuple of float
         Stress xx, yy, zz, xy [Pa], density ratio and largest density ratio [-] before the path.
     strain : tuple of float
@@ -227,8 +237,16 @@ def integrate_path(
     """
     derivatives[:] = 0.0
     still = max(abs(strain[0]), abs(strain[1]), abs(strain[2])) <= NO_STRAIN  # interpolated states may lie outside
-    elastic, end = _elastic_path(law, before, strain, still, carried, derivatives)
-    if elastic:
+    p, q, deviator = _trial_state(law, before, strain)
+    densest = before[5] if law.flat else before[4]
+    if line is None:
+        elastic = is_elastic(law, p, q, yield_surface(law, p, densest))
+    else:
+        elastic = is_elastic_in_line(law, p, q, densest, carried)
+    if still or elastic:
+        _propagate(law, deviator, 1.0, NO_SLOPES, not law.flat, 1.0, derivatives)
+        xx, yy, zz, xy = _stress(p, deviator, 1.0)
+        end = (xx, yy, zz, xy, before[4], densest)
         converged, plastic_work = True, 0.0
         work = _work(before, end, strain)
     else:
@@ -239,31 +257,12 @@ def integrate_path(
         for step in range(steps):
             start, guess = end, multipliers[step] if multipliers[step] > 0 else x
             limit = pressure + (carried - pressure) * ((step + 1) / steps)
-            good, end, dissipated, x = integrate_point(law, start, part, guess, 1 / steps, limit, derivatives)
+            good, end, dissipated, x = integrate_point(law, line, start, part, guess, 1 / steps, limit, derivatives)
             multipliers[step] = x
             converged = converged and good
             plastic_work += dissipated
             work += _work(start, end, part)
     return converged, end, plastic_work, work
-
-
-@compiled
-def _elastic_path(law, before, strain, still, carried, derivatives):
-    """Return True if a path is elastic, and the state after it, for the ellipse with and without shear line."""
-    p, q, deviator = _trial_state(law, before, strain)
-    densest = before[5] if law.flat else before[4]
-    if not (still or _is_elastic(law, p, q, densest, carried)):
-        return False, before
-    _propagate(law, deviator, 1.0, NO_SLOPES, not law.flat, 1.0, derivatives)
-    return True, (*_stress(p, deviator, 1.0), before[4], densest)
-
-
-@compiled
-def _is_elastic(law, p, q, densest, carried):
-    """Return True if a trial state does not yield."""
-    if law.line:
-        return is_elastic_in_line(law, p, q, densest, carried)
-    return is_elastic(law, p, q, yield_surface(law, p, densest))
 
 
 @compiled
@@ -276,6 +275,7 @@ def _work(before, after, strain):
 @compiled
 def integrate_point(
     law: CapConstants,
+    line: bool | None,
     before: tuple,
     strain: tuple,
     guess: float,
@@ -287,6 +287,8 @@ def integrate_point(
 
     Parameters
     ----------
+    line : True or None
+        As of `integrate_path`.
     before : tuple of float
         Stress xx, yy, zz, xy [Pa], density ratio and largest density ratio [-] before the increment.
     strain : tuple of float
@@ -314,10 +316,10 @@ def integrate_point(
     """
     p, q, deviator = _trial_state(law, before, strain)
     densest = before[5] if law.flat else before[4]
-    if law.line:
-        result = return_to_line(law, p, q, before[4], densest, guess, carried, share)
-    else:
+    if line is None:
         result = return_map(law, p, q, before[4], densest, guess)
+    else:
+        result = return_to_line(law, p, q, before[4], densest, guess, carried, share)
     iterations, p, scale, k, densest, dissipated, x, slopes = result
     hardened = densest == k and (k != before[4] or not law.flat)
     _propagate(law, deviator, scale, slopes, hardened, share, derivatives)

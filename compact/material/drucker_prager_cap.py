@@ -102,8 +102,12 @@ def return_to_line(
     end, top = P + law.K * law.dilatancy * shear, law.M * a
     if a >= P and slope == 0 and limit >= top:
         return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
-    if end < 0:
-        return _return_to_apex(law, p, q, k, densest, limit, viscosity)
+    if end < 0:  # the apex P = 0
+        shear, by_q = max((q - limit) / (G3 + viscosity), 0.0), 0.0
+        if shear > 0:
+            by_q = 1 / (G3 + viscosity)
+        derivatives = (1 / law.K, 0.0, 0.0, 1 - G3 * by_q, 0.0, 0.0)
+        return _result(law, (p, q, k, densest), (P / law.K, -law.pt, q - G3 * shear), derivatives, False)
     if end <= a and q - G3 * shear > top:
         return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
     end_q = q - G3 * shear
@@ -152,17 +156,6 @@ def _result(law, trial, solution, derivatives, hardens):
 
 
 @compiled
-def _return_to_apex(law, p, q, k, densest, limit, viscosity):
-    """Return the results at the tension cut-off P = 0."""
-    G3 = 3 * law.G
-    shear, by_q = max((q - limit) / (G3 + viscosity), 0.0), 0.0
-    if shear > 0:
-        by_q = 1 / (G3 + viscosity)
-    derivatives = (1 / law.K, 0.0, 0.0, 1 - G3 * by_q, 0.0, 0.0)
-    return _result(law, (p, q, k, densest), ((p + law.pt) / law.K, -law.pt, q - G3 * shear), derivatives, False)
-
-
-@compiled
 def _return_to_top(law, p, q, k, densest, slope, limit, viscosity):
     """Return the results below the top q = Mc a of the cap, which bounds the viscous stress and the line where P < a.
 
@@ -203,7 +196,11 @@ def _corner(law, trial, limit, viscosity):
     P_trial, _, densest, onset, slope = trial
     pc = hardening(law, densest)[0]
     a_before = (pc + law.pt) / 2
-    V = (P_trial - _intersection(law, a_before, slope, limit)[0]) / law.K
+    # from the intersection of line and supercritical side before hardening, or the nearest point
+    M2 = law.M**2
+    square, half = 1 + slope * slope / M2, a_before - slope * limit / M2
+    root = np.sqrt(max(half * half - square * limit * limit / M2, 0.0))
+    V = (P_trial - (half + root) / square) / law.K
     low, high, tolerance = -np.inf, np.inf, CORNER_TOLERANCE * (abs(P_trial) + a_before) / law.K
     shear, a, h = 0.0, a_before, 0.0
     for _ in range(MAX_ITERATIONS):
@@ -247,15 +244,6 @@ def _corner_residual(law, trial, solution, limit, viscosity):
             ratio_V = ratio * (q_V / q - y_V / y)
             by_V -= viscosity * (q_V + ratio_V * (V + N * shear) + ratio) / (G3 + ratio * N)
     return shear, q_square - line * line, q_square_V - 2 * line * by_V
-
-
-@compiled
-def _intersection(law, a, slope, limit):
-    """Return P of the intersection of line and supercritical side, and dP/da; the nearest point without one."""
-    M2 = law.M**2
-    square, half = 1 + slope * slope / M2, a - slope * limit / M2
-    root = np.sqrt(max(half * half - square * limit * limit / M2, 0.0))
-    return (half + root) / square, (1 + (half / root if root > 0 else 0.0)) / square
 
 
 @compiled

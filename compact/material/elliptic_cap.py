@@ -189,9 +189,19 @@ def return_map(law: CapConstants, p: float, q: float, k: float, densest: float, 
     surface = yield_surface(law, p, densest)
     if is_elastic(law, p, q, surface):
         return 0, p, 1.0, k, densest, 0.0, 0.0, NO_SLOPES
-    if surface[3] == 0:
-        return _return_to_flat(law, surface, p, q, k, densest)
-    return return_to_curve(law, surface, p, q, k, densest, guess)
+    a, p0, _, r, rate = surface
+    if r != 0:
+        return return_to_curve(law, surface, p, q, k, densest, guess)
+    # the flat part, q <= M a
+    end_p, end_q = max(p, p0), min(q, law.M * a)
+    V, scale = (p - end_p) / law.K, 1.0
+    work = end_p * V + end_q * (q - end_q) / (3 * law.G)
+    V_p = 0.0 if end_p == p else 1 / law.K
+    scale_s, scale_densest = 0.0, 0.0
+    if end_q < q:
+        scale = end_q / q
+        scale_s, scale_densest = -1.5 * scale / q**2, law.M * rate / q
+    return 0, end_p, scale, k * np.exp(V), densest, work, 0.0, (V_p, 0.0, 0.0, 0.0, 0.0, scale_s, 0.0, scale_densest)
 
 
 @compiled
@@ -250,21 +260,6 @@ def is_elastic(law: CapConstants, p: float, q: float, surface: tuple) -> bool:
 
 
 @compiled
-def _return_to_flat(law, surface, p_trial, q_trial, k, densest):
-    """Return the results of `return_map` on the flat part, q <= M a."""
-    a, p0, _, _, rate = surface
-    p, q = max(p_trial, p0), min(q_trial, law.M * a)
-    V, scale = (p_trial - p) / law.K, 1.0
-    work = p * V + q * (q_trial - q) / (3 * law.G)
-    V_p = 0.0 if p == p_trial else 1 / law.K
-    scale_s, scale_densest = 0.0, 0.0
-    if q < q_trial:
-        scale = q / q_trial
-        scale_s, scale_densest = -1.5 * scale / q_trial**2, law.M * rate / q_trial
-    return 0, p, scale, k * np.exp(V), densest, work, 0.0, (V_p, 0.0, 0.0, 0.0, 0.0, scale_s, 0.0, scale_densest)
-
-
-@compiled
 def return_to_curve(
     law: CapConstants, surface: tuple, p_trial: float, q_trial: float, k: float, densest: float, guess: float
 ) -> tuple:
@@ -288,33 +283,29 @@ def return_to_curve(
     tuple
         As of `return_map`.
     """
-    a, _, start, r, rate = surface
-    distance = max(abs(p_trial - start), MIN_TRIAL_DISTANCE * a)
+    a_before, _, start, r, rate = surface
+    distance = max(abs(p_trial - start), MIN_TRIAL_DISTANCE * a_before)
     A = distance if p_trial >= start else -distance
     onset = np.log(densest / k) if law.flat else 0.0  # V at which hardening starts
-    iterations, x, (V, y, a, h, m, scale, N, _) = _solve_multiplier(
-        law, (A, q_trial / law.M, densest, onset, a, r), guess
-    )
-    k *= np.exp(V)
-    densest = max(k, densest) if law.flat else k
-    a = (hardening(law, densest)[0] + law.pt) / 2
-    if r == 1.0:  # c depends on pc
-        start = a - law.pt
-    p = start + y * (a / N)  # a/N removes the remaining residual
-    scale *= a / N
-    q = q_trial * scale
-    work = p * V + q * (q_trial - q) / (3 * law.G)
-    hardens = not law.flat or onset < V
-    return iterations, p, scale, k, densest, work, x, _slopes(law, (y, a, h, m, scale), r, q, rate, hardens)
-
-
-@compiled
-def _solve_multiplier(law, trial, x):
-    """Return the iterations, more than MAX_ITERATIONS without convergence, x, and the results of `_evaluate` there."""
-    A, low, high = trial[0], 0.0, np.inf
+    d_trial, b, pc = q_trial / law.M, 6 * law.G / law.M**2, 2 * a_before - law.pt
+    x, low, high, iterations = guess, 0.0, np.inf, MAX_ITERATIONS + 1
+    V, y, a, h, m, scale, N = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
     for iteration in range(MAX_ITERATIONS):
-        values = _evaluate(law, trial, x)
-        V, y, a, h, _, _, N, dN = values
+        # V, y, a, h = da/dV, m, scale = q/q_trial, N = sqrt(d^2 + r y^2) with d = q/M, and dN/dV at x
+        outer = 1 / (1 + x)
+        V = A / law.K * (x * outer)
+        rise, H = 0.0, 0.0
+        if not law.flat or onset < V:
+            rise, H = pressure_rise(law, densest, V - onset, pc)
+        a, h = a_before + rise / 2, H / 2
+        y, dy = A * outer - rise / 2, -law.K - h
+        ry = r * y
+        inverse = 1 / (2 * ry)
+        m = V * inverse
+        scale = 2 * ry / (2 * ry + b * V)  # 1/(1 + b m)
+        d, dm = d_trial * scale, (1 - 2 * r * m * dy) * inverse
+        N = np.sqrt(d * d + ry * y)
+        dN = (ry * dy - d * d * scale * b * dm) / N
         residual = a / N - 1 if y * A > 0 else np.inf  # y has changed its sign
         if residual <= 1:
             next_x = x + residual * N * N * law.K * (1 + x) ** 2 / ((a * dN - h * N) * A)
@@ -323,7 +314,8 @@ def _solve_multiplier(law, trial, x):
             next_x = law.K * inner / (A - law.K * inner) if residual < np.inf else -1.0
         stalled = min(abs(next_x - x), high - low) <= STEP_TOLERANCE * x
         if abs(residual) <= RESIDUAL_TOLERANCE or (stalled and abs(residual) <= RESIDUAL_ACCEPTED):
-            return iteration + 1, x, values
+            iterations = iteration + 1
+            break
         if residual < 0:
             low = x
         else:
@@ -332,27 +324,18 @@ def _solve_multiplier(law, trial, x):
         x = next_x if low < next_x < high else middle
         if x >= high:  # no number between the bounds
             x = low
-    return MAX_ITERATIONS + 1, x, values
 
-
-@compiled
-def _evaluate(law, trial, x):
-    """Return V, y, a, h = da/dV, m, q/q_trial, N = sqrt(d^2 + r y^2) with d = q/M, and dN/dV at x."""
-    A, d_trial, densest, onset, a_before, r = trial
-    b, outer = 6 * law.G / law.M**2, 1 / (1 + x)
-    V = A / law.K * (x * outer)
-    rise, H = 0.0, 0.0
-    if not law.flat or onset < V:
-        rise, H = pressure_rise(law, densest, V - onset, 2 * a_before - law.pt)
-    a, h = a_before + rise / 2, H / 2
-    y, dy = A * outer - rise / 2, -law.K - h
-    ry = r * y
-    inverse = 1 / (2 * ry)
-    m = V * inverse
-    scale = 2 * ry / (2 * ry + b * V)  # 1/(1 + b m)
-    d, dm = d_trial * scale, (1 - 2 * r * m * dy) * inverse
-    N = np.sqrt(d * d + ry * y)
-    return V, y, a, h, m, scale, N, (ry * dy - d * d * scale * b * dm) / N
+    k *= np.exp(V)
+    densest = max(k, densest) if law.flat else k
+    end_a = (hardening(law, densest)[0] + law.pt) / 2
+    if r == 1.0:  # c depends on pc
+        start = end_a - law.pt
+    p = start + y * (end_a / N)  # a/N removes the remaining residual
+    scale *= end_a / N
+    q = q_trial * scale
+    work = p * V + q * (q_trial - q) / (3 * law.G)
+    hardens = not law.flat or onset < V
+    return iterations, p, scale, k, densest, work, x, _slopes(law, (y, end_a, h, m, scale), r, q, rate, hardens)
 
 
 @compiled

@@ -148,7 +148,7 @@ def integrate_interval(
     Parameters
     ----------
     law : tuple
-        `CapConstants`, True for finite strain.
+        `CapConstants`, True for a shear line or None, True for finite strain.
     values : tuple of float
         Values before the increment.
     before, after : tuple of float
@@ -169,10 +169,10 @@ def integrate_interval(
     frame : tuple of float
         Cosine and sine of the rotation, for `stress_derivatives`.
     """
-    constants, finite = law
+    constants, line, finite = law
     valid, strain, volume, c, s = strain_increment(before, after, finite)
     converged, end, plastic_work, work = integrate_path(
-        constants, values, strain, multipliers, carried, path_derivatives
+        constants, line, values, strain, multipliers, carried, path_derivatives
     )
     xx, yy, xy = _rotate(end[0], end[1], end[3], c, s)
     rotated = (xx, yy, end[2], xy, end[4], end[5])
@@ -237,7 +237,7 @@ def integrate_elements(
     block : tuple of int
         First element and end of the range.
     law : tuple
-        `CapConstants`, True for finite strain.
+        `CapConstants`, True for a shear line or None, True for finite strain.
     mesh : tuple of ndarray
         Nodes (elements, 8), gradients of the shape functions (elements, 4, 8, 2) [1/m], areas of the points [m2].
     displacements : tuple of ndarray
@@ -281,12 +281,12 @@ def integrate_elements(
                 after[0][i, j] = values[j]
             after[1][i], after[2][i] = values[4], values[5]
             after[3][i], after[4][i] = plastic_work[i] + dissipated, work[i] + done
-            cofactors = (1 + new[3], -new[2], -new[1], 1 + new[0]) if law[1] else (1.0, 0.0, 0.0, 1.0)
+            cofactors = (1 + new[3], -new[2], -new[1], 1 + new[0]) if law[2] else (1.0, 0.0, 0.0, 1.0)
             _add_forces(_piola_stress(values, cofactors), areas[i], shapes, forces[element])
             if tangent:
-                strain_derivatives(old, new, law[1], kinematics)
+                strain_derivatives(old, new, law[2], kinematics)
                 stress_derivatives(values, frame, path_derivatives, kinematics, derivatives)
-                _piola_derivatives(values, cofactors, law[1], derivatives, by_gradient)
+                _piola_derivatives(values, cofactors, law[2], derivatives, by_gradient)
                 _add_stiffness(by_gradient, areas[i], shapes, products, stiffness[element])
     return -1
 

@@ -182,7 +182,8 @@ class FiniteStrainSolid:
         elements, size = self.element_dofs.shape
         forces, stiffness = np.empty((elements, size)), np.empty((elements if tangent else 0, size, size))
         multipliers = np.zeros((len(before.work), self.substeps)) if near is None else near.multipliers.copy()
-        law = cap_plasticity.cap_constants(self.material, self.rate_factor, self.travel), self.finite
+        constants = cap_plasticity.cap_constants(self.material, self.rate_factor, self.travel)
+        law = constants, constants.line or None, self.finite
         carried = np.empty(0) if before.carried_pressure is None else np.ascontiguousarray(before.carried_pressure)
         inputs = law, self._mesh, displacements, state, after, (multipliers, carried), (forces, stiffness)
         failed = self._integrate_blocks(elements, inputs)
