@@ -1,8 +1,9 @@
-"""Laboratory tests of a mix at a point: oedometer, isotropic and biaxial compression, pure shear, unconfined strength.
+"""Laboratory tests of a mix or an own material at a point, as strain paths of its `StateUpdate`.
 
-The tests apply the law that the engines of compaction integrate, so that its parameters can be compared with those of a
-laboratory. Loose specimens have the initial density ratio, compacted ones that of the product. All tests but isotropic
-compression are in plane strain; compression is positive.
+The tests of a mix apply the law that the engines of compaction integrate, so that its parameters can be compared with
+those of a laboratory. Loose specimens have the initial density ratio, compacted ones that of the product. An own
+material is first compressed by equal strains up to the lateral pressure, as its state at rest as fed has no stress. All
+tests but isotropic compression are in plane strain; compression is positive.
 
     oedometer   no lateral strain, s_v up to a pressure and back to zero
     isotropic   s_1 = s_2 = s_3
@@ -11,27 +12,33 @@ compression are in plane strain; compression is positive.
     unconfined  biaxial without lateral pressure
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from compact.material import cap_plasticity
 from compact.material.drucker_prager_cap import return_to_line
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction
-from compact.numerics.validation import require_positive
+from compact.material.state_update import StateUpdate
+from compact.numerics import Array
+from compact.numerics.validation import require_instance, require_positive
 
 STEPS = 200  # [-], of one test
 AXIAL_STRAIN = 0.05  # [-], at the end of biaxial, unconfined and shear tests
 AXIAL_INCREMENTS = np.diff(AXIAL_STRAIN * np.linspace(0, 1, STEPS + 1) ** 2)  # [-], of the axial strain, first small
 LATERAL_SHARES = (0.125, 0.25)  # [-], lateral pressures of the biaxial tests over the pressure of the oedometer
-STRESS_TOLERANCE = 1e-9  # [-], of the lateral stress over the pressure of the oedometer
+STRESS_TOLERANCE, OWN_TOLERANCE = 1e-9, 1e-8  # [-], of the lateral stress over the pressure; of own materials
+STRAIN_ROUNDING = 1e-15  # [-], of the last increment of a path to a pressure
+OWN_FIRST, LARGEST = 1e-6, 1e-2  # [-], first increment of own materials and largest one of a path to a pressure
+VOLUME_LIMIT = 0.999  # [-], density ratio at which own materials end without reaching a pressure
 MAX_ITERATIONS = 100  # [-], of the lateral strain in one step; some 5 are usual
-STIFFNESS_SHARE = 1e-4  # [-], least tangent of the lateral strain over the bulk modulus
-
-FloatArray = NDArray[np.float64]
+STIFFNESS_SHARE = 1e-4  # [-], least tangent of the lateral strain over that at rest
+LATERAL, AXIAL = 0, 1  # components of x and y
+CONFINED, EQUAL = np.array([0.0, -1.0, 0.0, 0.0]), np.array([-1.0, -1.0, -1.0, 0.0])  # directions of strain
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,26 +64,26 @@ class MaterialTest:
     name: str
     specimen: str
     lateral_pressure: float
-    axial_strain: FloatArray
-    volume_strain: FloatArray
-    axial_stress: FloatArray
-    lateral_stress: FloatArray
-    transverse_stress: FloatArray
-    density_ratio: FloatArray
+    axial_strain: Array
+    volume_strain: Array
+    axial_stress: Array
+    lateral_stress: Array
+    transverse_stress: Array
+    density_ratio: Array
 
     @property
-    def mean_pressure(self) -> FloatArray:
+    def mean_pressure(self) -> Array:
         """Mean pressure p [Pa]."""
         return (self.axial_stress + self.lateral_stress + self.transverse_stress) / 3
 
     @property
-    def shear_stress(self) -> FloatArray:
+    def shear_stress(self) -> Array:
         """Von Mises stress q [Pa]."""
         a, b, c = self.axial_stress, self.lateral_stress, self.transverse_stress
         return np.sqrt(((a - b) ** 2 + (b - c) ** 2 + (c - a) ** 2) / 2)
 
     @property
-    def deviator_stress(self) -> FloatArray:
+    def deviator_stress(self) -> Array:
         """Axial less lateral stress [Pa]."""
         return self.axial_stress - self.lateral_stress
 
@@ -121,9 +128,8 @@ class LaboratoryProgramme:
         yield oedometer(self.material, self.pressure)
         yield isotropic_compression(self.material, self.pressure)
         for specimen, ratio in (("loose", self.material.fed_density_ratio), ("compacted", self.density_ratio)):
-            for share in (0.0, *LATERAL_SHARES):
-                yield biaxial_compression(self.material, share * self.pressure, ratio, specimen)
-            yield pure_shear(self.material, LATERAL_SHARES[-1] * self.pressure, ratio, specimen)
+            path = partial(_path_of_mix, self.material, self.pressure, density_ratio=ratio)
+            yield from _shear_tests(path, self.pressure, specimen)
 
     def test(self, name: str, specimen: str = "loose", lateral_pressure: float | None = None) -> MaterialTest:
         """Return the first test with a name and a specimen.
@@ -193,56 +199,12 @@ class LaboratoryProgramme:
 
 
 def oedometer(material: Compaction, pressure: float) -> MaterialTest:
-    """Compress loose mix without lateral strain, and release it.
-
-    Parameters
-    ----------
-    material : Compaction
-        Constitutive law.
-    pressure : float
-        Largest vertical stress [Pa].
-
-    Returns
-    -------
-    MaterialTest
-    """
-    path = _Path(material, 0.0, material.fed_density_ratio)
-    increment = 2 * -np.log(material.fed_density_ratio) / STEPS
-    while path.stress(1) < pressure:
-        before, state = path.stress(1), path.state
-        path.advance(0.0, increment)
-        if path.stress(1) > pressure:  # the last step ends at the pressure
-            path.step_back(state)
-            low, high = 0.0, increment
-            while high - low > 1e-15 and abs(path.stress_after(0.0, high, 1) - pressure) > STRESS_TOLERANCE * pressure:
-                middle = low + (high - low) / 2
-                low, high = (middle, high) if path.stress_after(0.0, middle, 1) < pressure else (low, middle)
-            path.advance(0.0, high)
-            break
-        increment *= 2.0 if path.stress(1) - before < pressure / STEPS else 0.7
-    for release in np.diff(np.linspace(0, 1.0, STEPS // 4)):
-        state = path.state
-        path.advance(0.0, -release * pressure / path.oedometric_modulus)
-        if path.stress(1) <= 0:
-            path.step_back(state)
-            break
-    return path.test("oedometer", "loose", 0.0)
+    """Compress loose mix without lateral strain up to a vertical stress [Pa], and release it."""
+    return _path_of_mix(material, pressure).oedometer()
 
 
 def isotropic_compression(material: Compaction, pressure: float) -> MaterialTest:
-    """Compress loose mix by equal principal stresses.
-
-    Parameters
-    ----------
-    material : Compaction
-        Constitutive law.
-    pressure : float
-        Largest pressure [Pa].
-
-    Returns
-    -------
-    MaterialTest
-    """
+    """Compress loose mix by equal principal stresses up to a pressure [Pa], by the return mapping itself."""
     constants = cap_plasticity.cap_constants(material, 1.0)
     k = densest = float(material.fed_density_ratio)
     p, strain, step = 0.0, 0.0, pressure / STEPS / constants.K
@@ -279,97 +241,192 @@ def biaxial_compression(material: Compaction, pressure: float, density_ratio: fl
     -------
     MaterialTest
     """
-    path = _Path(material, pressure, density_ratio)
-    for increment in AXIAL_INCREMENTS:
-        path.advance_at_pressure(float(increment), pressure)
-        if path.history[-1].density_ratio[0] > HECKEL_MAX_DENSITY_RATIO:
-            break
-    return path.test("biaxial" if pressure else "unconfined", specimen, pressure)
+    scale = max(pressure, float(material.yield_pressure(density_ratio)))
+    return _path_of_mix(material, scale, pressure, density_ratio).biaxial(specimen)
 
 
-def pure_shear(material: Compaction, pressure: float, density_ratio: float, specimen: str) -> MaterialTest:
-    """Shear mix in plane strain at constant volume.
+def own_material_tests(material: StateUpdate, pressure: float) -> tuple[MaterialTest, ...]:
+    """Apply the laboratory tests to loose mix of an own material; see `api.laboratory.laboratory_tests`.
 
     Parameters
     ----------
+    material : StateUpdate
+        Material law.
     pressure : float
-        Confining pressure before the test [Pa].
-    material, density_ratio, specimen
-        As of `biaxial_compression`.
+        Vertical stress at the end of the oedometer and of isotropic compression [Pa], > 0.
 
     Returns
     -------
-    MaterialTest
+    tuple of MaterialTest
+        Oedometer with unloading, isotropic compression, biaxial tests, among them the unconfined one, and pure shear.
+
+    Raises
+    ------
+    RuntimeError
+        If the material does not reach the pressure before its pores close, or a lateral stress is not reached.
     """
-    path = _Path(material, pressure, density_ratio)
-    for increment in AXIAL_INCREMENTS:
-        path.advance(-float(increment), float(increment))
-    return path.test("pure shear", specimen, pressure)
+    require_instance(StateUpdate, "a StateUpdate", material=material)
+    require_positive(pressure=pressure)
+
+    def path(confining: float = 0.0) -> StrainPath:
+        found = StrainPath(material, material.initial_state, pressure, confining)
+        if confining:
+            found.compress(EQUAL, confining)
+        found.begin()
+        return found
+
+    isotropic = path()
+    isotropic.compress(EQUAL, pressure)
+    return path().oedometer(), isotropic.test("isotropic"), *_shear_tests(path, pressure, "loose")
 
 
-class _Path:
-    """Strain path of one point in plane strain with its history, compression positive."""
+def _shear_tests(path: "Callable[[float], StrainPath]", pressure: float, specimen: str) -> Iterator[MaterialTest]:
+    """Apply the shear tests to specimens under lateral pressures [Pa], each on a new path."""
+    for share in (0.0, *LATERAL_SHARES):
+        yield path(share * pressure).biaxial(specimen)
+    sheared = path(LATERAL_SHARES[-1] * pressure)
+    for increment in AXIAL_INCREMENTS.tolist():
+        sheared.advance(np.array([increment, -increment, 0.0, 0.0]))
+    yield sheared.test("pure shear", specimen)
 
-    def __init__(self, material: Compaction, pressure: float, density_ratio: float) -> None:
-        start = cap_plasticity.initial_state(material, 1)
-        start.stress[:] = -pressure * np.array([1.0, 1.0, 1.0, 0.0])
+
+def _path_of_mix(
+    material: Compaction, pressure: float, confining: float = 0.0, density_ratio: float | None = None
+) -> "StrainPath":
+    """Return the path of mix under a confining pressure [Pa] at a density ratio [-], that of the fed mix by default."""
+    start = cap_plasticity.initial_state(material, 1)
+    start.stress[:, :3] = -confining
+    if density_ratio is not None:
         start.density_ratio[:] = start.max_density_ratio[:] = density_ratio
-        self.material, self.history, self.strains = material, [start], [np.zeros(2)]
-        self.oedometric_modulus = material.unloading_modulus * (1 - material.poisson)
-        self.oedometric_modulus /= (1 + material.poisson) * (1 - 2 * material.poisson)
-        self.guess = 0.0
+
+    def update(state: cap_plasticity.MaterialPoint, strain: Array) -> tuple[Array, Any, Array]:
+        after, tangent = cap_plasticity.integrate_points(material, state, strain[None, [0, 1, 3]])
+        assert tangent is not None  # as tangents are computed by default
+        whole = np.zeros((4, 4))
+        whole[np.ix_([0, 1, 3], [0, 1, 3])] = tangent[0]
+        return after.stress[0], after, whole
+
+    law = StateUpdate(update, start, material.fed_density_ratio, "the mix")
+    path = StrainPath(law, start, pressure, confining, STRESS_TOLERANCE)
+    path.first, path.densest = 2 * -np.log(material.fed_density_ratio) / STEPS, np.inf
+    path.ratio_of = lambda state, _: float(state.density_ratio[0])  # without the elastic part of the volume
+    path.begin()
+    return path
+
+
+class StrainPath:
+    """Strain path of one point with its history, compression positive.
+
+    Parameters
+    ----------
+    law : StateUpdate
+        Material law.
+    state : object
+        State at the begin.
+    pressure : float
+        Largest pressure of the tests [Pa], to which tolerances refer.
+    confining : float
+        Lateral pressure [Pa].
+    tolerance : float
+        Of the lateral stress over the pressure [-].
+    """
+
+    def __init__(
+        self, law: StateUpdate, state: Any, pressure: float, confining: float = 0.0, tolerance: float = OWN_TOLERANCE
+    ) -> None:
+        self.law, self.pressure, self.confining, self.tolerance = law, pressure, confining, tolerance
+        self.first, self.densest = OWN_FIRST, VOLUME_LIMIT
+        self.ratio_of: Callable[[Any, float], float] = lambda _, volume: law.fed_density_ratio * float(np.exp(volume))
+        self.stress, self.state, self.tangent = law.advance(state, np.zeros(4))
+        self.stiffness = float(self.tangent[LATERAL, LATERAL])  # at rest
+        self.volume, self.guess = 0.0, 0.0
+        self.begin()
+
+    def begin(self) -> None:
+        """Let the history begin with the present state."""
+        self.rows = [np.array([0.0, 0.0, 0.0, *-self.stress[:3], self.ratio_of(self.state, self.volume)])]
+
+    def advance(self, strain: Array) -> None:
+        """Apply a strain increment."""
+        self.stress, self.state, self.tangent = self.law.advance(self.state, strain)
+        volume = -float(strain[:3].sum())
+        self.volume += volume
+        strains = self.rows[-1][:3] + np.array([-strain[LATERAL], -strain[AXIAL], volume])
+        self.rows.append(np.array([*strains, *-self.stress[:3], self.ratio_of(self.state, self.volume)]))
 
     @property
-    def state(self) -> int:
-        """Number of the present state."""
-        return len(self.history)
+    def axial_stress(self) -> float:
+        """Axial stress [Pa]."""
+        return -float(self.stress[AXIAL])
 
-    def step_back(self, state: int) -> None:
-        """Return to an earlier state."""
-        del self.history[state:], self.strains[state:]
+    def _axial_stress_after(self, strain: Array) -> float:
+        return -float(self.law.advance(self.state, strain)[0][AXIAL])
 
-    def stress(self, axis: int) -> float:
-        """Return the stress along an axis [Pa]."""
-        return -float(self.history[-1].stress[0, axis])
+    def _advance_to(self, direction: Array, pressure: float, ends: tuple[float, float]) -> None:
+        """Advance by the strain in a direction, between two ends, after which the axial stress equals a pressure."""
+        strain = brentq(lambda part: self._axial_stress_after(part * direction) - pressure, *ends, xtol=STRAIN_ROUNDING)
+        self.advance(float(strain) * direction)
 
-    def stress_after(self, lateral: float, axial: float, axis: int) -> float:
-        """Return the stress along an axis after a strain increment [Pa]."""
-        strain = np.array([[-lateral, -axial, 0.0]])
-        new, _ = cap_plasticity.integrate_points(self.material, self.history[-1], strain, tangent=False)
-        return -float(new.stress[0, axis])
+    def compress(self, direction: Array, pressure: float) -> None:
+        """Strain in a direction until the axial stress equals a pressure [Pa]."""
+        step, fed = self.first, self.law.fed_density_ratio
+        while (reached := self.axial_stress) < pressure:
+            if fed * np.exp(self.volume) > self.densest:
+                raise RuntimeError(
+                    f"{self.law.name} bears {reached:.4g} Pa at a density ratio of {VOLUME_LIMIT}, required "
+                    f"{pressure:.4g} Pa; lower the pressure of the tests"
+                )
+            after = self._axial_stress_after(step * direction)
+            if after > pressure:  # the last increment ends at the pressure
+                self._advance_to(direction, pressure, (0.0, step))
+                return
+            self.advance(step * direction)
+            step = min(LARGEST, step * (2.0 if after - reached < pressure / STEPS else 0.7))
 
-    def advance(self, lateral: float, axial: float) -> None:
-        """Apply a strain increment."""
-        strain = np.array([[-lateral, -axial, 0.0]])
-        new, _ = cap_plasticity.integrate_points(self.material, self.history[-1], strain, tangent=False)
-        self.history.append(new)
-        self.strains.append(self.strains[-1] + [lateral, axial])
-
-    def advance_at_pressure(self, axial: float, pressure: float) -> None:
-        """Apply an axial strain increment at a lateral stress [Pa]; Newton's method, safeguarded by bisection."""
-        low, high, lateral = -np.inf, np.inf, self.guess * axial
-        scale = max(pressure, float(self.material.yield_pressure(self.history[-1].max_density_ratio[0])))
-        for _ in range(MAX_ITERATIONS):
-            strain = np.array([[-lateral, -axial, 0.0]])
-            new, slope = cap_plasticity.integrate_points(self.material, self.history[-1], strain)
-            assert slope is not None  # as tangents are computed by default
-            excess = -new.stress[0, 0] - pressure
-            if abs(excess) < STRESS_TOLERANCE * scale:
+    def oedometer(self) -> MaterialTest:
+        """Compress the point without lateral strain up to the pressure, and release it."""
+        self.compress(CONFINED, self.pressure)
+        while (stress := self.axial_stress) > 0:
+            step = -self.pressure / (STEPS // 4 - 1) / max(float(self.tangent[AXIAL, AXIAL]), self.stiffness)
+            if not np.isfinite(step) or step >= 0:
+                raise RuntimeError(f"the tangent of {self.law.name} in confined compression must be positive")
+            if self._axial_stress_after(step * CONFINED) < 0:
+                self._advance_to(CONFINED, 0.0, (step, 0.0))
                 break
+            self.advance(step * CONFINED)
+            if self.axial_stress >= stress:
+                raise RuntimeError(f"{self.law.name} does not unload in confined compression")
+        return self.test("oedometer")
+
+    def biaxial(self, specimen: str) -> MaterialTest:
+        """Compress the point along its axis at the confining pressure, up to the end of measured densities of a mix."""
+        for axial in AXIAL_INCREMENTS.tolist():
+            self._advance_at_pressure(axial)
+            if self.densest == np.inf and self.rows[-1][-1] > HECKEL_MAX_DENSITY_RATIO:
+                break
+        return self.test("biaxial" if self.confining else "unconfined", specimen)
+
+    def _advance_at_pressure(self, axial: float) -> None:
+        """Apply an axial compression at the confining pressure; Newton's method, safeguarded by bisection."""
+        low, high, lateral = -np.inf, np.inf, self.guess * axial
+        for _ in range(MAX_ITERATIONS):
+            strain = np.array([-lateral, -axial, 0.0, 0.0])
+            stress, _, tangent = self.law.advance(self.state, strain)
+            excess = -float(stress[LATERAL]) - self.confining
+            if abs(excess) < self.tolerance * self.pressure:
+                self.guess = lateral / axial
+                self.advance(strain)
+                return
             low, high = (low, lateral) if excess > 0 else (lateral, high)
-            lateral -= float(excess / max(slope[0, 0, 0], STIFFNESS_SHARE * self.oedometric_modulus))
+            lateral -= excess / max(float(tangent[LATERAL, LATERAL]), STIFFNESS_SHARE * self.stiffness)
             if not low < lateral < high:
                 lateral = (low + high) / 2
-        else:
-            raise RuntimeError(f"the lateral stress differs by {excess:.3g} Pa after {MAX_ITERATIONS} iterations")
-        self.guess = lateral / axial
-        self.history.append(new)
-        self.strains.append(self.strains[-1] + [lateral, axial])
-
-    def test(self, name: str, specimen: str, pressure: float) -> MaterialTest:
-        """Return the test with this path."""
-        stress = -np.array([point.stress[0] for point in self.history])
-        strain, ratio = np.array(self.strains), np.array([point.density_ratio[0] for point in self.history])
-        return MaterialTest(
-            name, specimen, pressure, strain[:, 1], strain.sum(axis=1), stress[:, 1], stress[:, 0], stress[:, 2], ratio
+        raise RuntimeError(
+            f"the lateral stress of {self.law.name} differs by {excess:.3g} Pa from {self.confining:.3g} Pa after "
+            f"{MAX_ITERATIONS} iterations; check the tangent"
         )
+
+    def test(self, name: str, specimen: str = "loose") -> MaterialTest:
+        """Return the test with this path."""
+        _, axial, volume, side, along, across, ratio = np.array(self.rows).T
+        return MaterialTest(name, specimen, self.confining, axial, volume, along, side, across, ratio)

@@ -1,15 +1,19 @@
-"""Laboratory tests of a mix or of an own material, as a table and a figure."""
+"""Laboratory tests of a mix or of an own material, as a table and a figure; contacts of an own material."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, overload
 
-from compact.analysis.contact_cases import compaction_material, scene_mix
-from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest
-from compact.api.own_material import own_material_tests
+from compact.analysis.contact_cases import compaction_material, contact_inputs, prescribed_target, scene_mix
+from compact.analysis.engines import ENGINES
+from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest, own_material_tests
+from compact.analysis.pore_air import has_air
 from compact.api.tables import build_frame, render_html
+from compact.engines.column.state_update_columns import required_height
 from compact.material.state_update import StateUpdate
+from compact.numerics.validation import require_instance
 from compact.quantities import Quantity
+from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
@@ -124,3 +128,43 @@ def tests_of_mix(scene: Scene) -> LaboratoryTests:
     mix = scene_mix(scene)
     programme = LaboratoryProgramme(compaction_material(scene, mix), scene.mix.density_ratio, mix.required_pressure)
     return LaboratoryTests(programme.tests, f"the mix, law {scene.mix.law}", programme)
+
+
+def roll_material(scene: Scene, material: StateUpdate, speed: float) -> ContactResult:
+    """Compute the contact of one roller of a scene over an own material.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the engine "column" with one pass. Without a target in [contact] the pass leads to the thickness and
+        the density ratio of the product.
+    material : StateUpdate
+        Material law, whose initial density ratio replaces that of the scene.
+    speed : float
+        Speed of the roller [m/s].
+
+    Returns
+    -------
+    ContactResult
+
+    Raises
+    ------
+    ValueError
+        If the engine of the scene is another, or the scene has several passes or pore air.
+    """
+    require_instance(StateUpdate, "a StateUpdate", material=material)
+    if scene.accuracy.engine != "column" or scene.layer.passes != 1:
+        raise ValueError(
+            f"an own material needs the engine column and one pass, got {scene.accuracy.engine} and "
+            f"{scene.layer.passes}; the other engines have no Python interface to the stress of a point"
+        )
+    if has_air(scene):
+        raise ValueError(f'{scene.file}: an own material has no pore air; set mix.pore_air = "drained"')
+    scene = scene.replaced(**{"layer.fed_density_ratio": material.fed_density_ratio})
+    layer, roller, _ = contact_inputs(scene, scene_mix(scene), "column", speed)
+    options: dict[str, Any] = {"rtol": scene.accuracy.tolerance / 10}
+    if not prescribed_target(scene):
+        ratio = scene.mix.density_ratio
+        layer = replace(layer, height=required_height(scene.lift_thickness, ratio, material))
+        options["exit_density_ratio"] = ratio
+    return ENGINES["column"].roll(layer, roller, material, speed, **options)

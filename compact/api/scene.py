@@ -70,7 +70,7 @@ class Scene(loader.Scene):
         from compact.analysis.contact_cases import contact_record, contact_speeds, scene_mix
         from compact.analysis.stages.contacts import ContactStage
         from compact.api.contacts import Contacts
-        from compact.api.own_material import roll_material
+        from compact.api.laboratory import roll_material
         from compact.numerics.validation import as_numbers
 
         scene = self._by(engine)
