@@ -256,7 +256,7 @@ def test_tangents_are_the_derivatives(dilatancy_angle, is_carried, viscosity):
         def step(e, before=before, carried=carried):
             derivatives = np.zeros((6, 3))
             good, after, _, _ = cap_plasticity.integrate_point(
-                constants, before, tuple(e), 0.0, 1.0, carried, derivatives
+                constants, True, before, tuple(e), 0.0, 1.0, carried, derivatives
             )
             assert good
             return np.array(after[:4]), derivatives
@@ -295,7 +295,7 @@ def test_viscous_stress_is_proportional_to_the_shear_over_the_travel():
         before = (*state, 0.9, DENSE)
         for _ in range(30):
             good, before, _, _ = cap_plasticity.integrate_point(
-                constants, before, (0.0, 0.0, 1e-3), 0.0, 1.0, np.nan, np.empty((6, 0))
+                constants, True, before, (0.0, 0.0, 1e-3), 0.0, 1.0, np.nan, np.empty((6, 0))
             )
             assert good
         (p,), (q,) = invariants(np.array([before[:4]]))
