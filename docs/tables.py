@@ -10,7 +10,7 @@ import re
 import sys
 from pathlib import Path
 
-from compact.report import validation_writer
+from compact.report import validation
 from compact.validation.runner import CASES, CaseResult
 from compact.verification import published_numbers
 
@@ -29,7 +29,7 @@ def table(name: str) -> str:
     if kind == "published":
         return published_numbers.markdown(published_numbers.rows())
     if kind == "validation" and not part.endswith(".csv"):
-        return validation_writer.markdown_case(recorded(part)) if part else overview()
+        return validation.markdown_case(recorded(part)) if part else overview()
     path = DOCS / ("verification.csv" if kind == "verification" else name)
     header, *rows = csv.reader(path.read_text("utf-8").splitlines())
     if kind == "verification":
@@ -37,12 +37,12 @@ def table(name: str) -> str:
         rows = [[text, f"`{limit}`", files(paths)] for section, text, limit, paths in rows if section == part]
     if not rows:
         raise KeyError(f"no table {name}")
-    return validation_writer.markdown_table([header, ["---"] * len(header), *rows])
+    return validation.markdown_table([header, ["---"] * len(header), *rows])
 
 
 def overview() -> str:
     """Return the count of verdicts of every case."""
-    return validation_writer.markdown_overview([recorded(name) for name in CASES])
+    return validation.markdown_overview([recorded(name) for name in CASES])
 
 
 def files(paths: str) -> str:

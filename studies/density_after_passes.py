@@ -110,7 +110,7 @@ def _draw(rows):
     """Draw the largest load and resistance over the number of passes, one line for each radius and moisture content."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures.style import PALETTE
+    from compact.report.figures import PALETTE
 
     figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True)
@@ -137,7 +137,7 @@ def draw_profiles(rows):
     """Draw the density over depth behind each pass: in the whole layer, and near the surface, where passes differ."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures.style import PALETTE
+    from compact.report.figures import PALETTE
 
     figure = Figure(figsize=(9.0, 4.4), layout="constrained")
     panels = figure.subplots(1, 2)

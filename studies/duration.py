@@ -88,7 +88,7 @@ def _draw(answers):
     """Draw the durations over which each law is first, a bar for each model."""
     from matplotlib.patches import Patch
 
-    from compact.report.figures.style import law_style, panels
+    from compact.report.figures import law_style, panels
 
     figure, axes = panels(1, 2, (4.6, 0.38 * len(answers) + 0.35), left=1.7, bottom=1.05, top=0.35, gaps=(0.3, 0.3))
     names = {}

@@ -53,7 +53,7 @@ def _draw(rows, runs):
     """Draw dynamic amplification and non-uniformity over stiffness for each law, and the drive force of two laws."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures.style import law_style
+    from compact.report.figures import law_style
 
     figure = Figure(figsize=(13.0, 4.0), layout="constrained")
     panels = figure.subplots(1, 3)

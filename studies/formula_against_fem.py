@@ -94,8 +94,7 @@ def figure(rows):
     """Draw the relative differences to the spectral engine, one panel for each quantity, one colour for each engine."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures.ranking import ENGINE_STYLES
-    from compact.report.figures.style import PALETTE
+    from compact.report.figures import ENGINE_STYLES, PALETTE
 
     drawn = Figure(figsize=(12, 3.8), layout="constrained")
     panels = drawn.subplots(1, 3)

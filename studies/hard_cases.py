@@ -254,7 +254,7 @@ def draw(rows):
     """Draw the relative error of each case that has one, below the name of its reference."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures.style import PALETTE
+    from compact.report.figures import PALETTE
 
     errors = {f"{name}\n({reference})": error for name, reference, _, error, _ in rows if not math.isnan(error)}
     figure = Figure(figsize=(9.0, 0.8 + 0.42 * len(errors)), layout="constrained")

@@ -74,7 +74,7 @@ def figure(table, reference="fem"):
     """Draw maps of the ratio to the reference, one row for each engine, one column for each quantity."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures.sweep import label_contours
+    from compact.report.figures import label_contours
 
     found = ratios_to(table, reference)
     engines = list(dict.fromkeys(engine for engine, _ in found))

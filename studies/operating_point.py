@@ -159,7 +159,7 @@ def _draw(contacts, fits):
     from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    from compact.report.figures.style import PALETTE
+    from compact.report.figures import PALETTE
 
     figure = Figure(figsize=(10.4, 5.6), layout="constrained")
     left, right = figure.subplots(1, 2)

@@ -109,7 +109,7 @@ def _draw(study, front):
     """Draw velocity and drive power of the optimal laws and of two published ones, and both Pareto fronts."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures.style import PALETTE, law_style
+    from compact.report.figures import PALETTE, law_style
 
     figure = Figure(figsize=(12.5, 7.2), layout="constrained")
     (speed, power), panels = figure.subplots(2, 2)

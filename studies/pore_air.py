@@ -122,7 +122,7 @@ def draw(cases, occlusion=0.90):
     """Draw the change of the resistance over the speed for each permeability, one panel for each of the cases."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures.style import PALETTE
+    from compact.report.figures import PALETTE
 
     speeds = np.geomspace(SPEEDS[0], SPEEDS[-1], 13)
     figure = Figure(figsize=(10.0, 4.0), layout="constrained")

@@ -227,7 +227,7 @@ def _draw(rows, spreads, most=8):
     """Draw the excess of each law over the first with its error, and the share of mixes with the same first law."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures.ranking import ENGINE_STYLES, mark_offsets
+    from compact.report.figures import ENGINE_STYLES, mark_offsets
 
     figure = Figure(figsize=(13.0, 4.8), layout="constrained")
     panels = figure.subplots(1, len(SHOWN) + 1, width_ratios=[3] * len(SHOWN) + [2.4])

@@ -104,7 +104,7 @@ def _draw(done, radius, increments, steady):
     """Draw the resistance over the travel compared with steady rolling, and the density at three instants."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures.style import PALETTE
+    from compact.report.figures import PALETTE
 
     figure = Figure(figsize=(10.0, 5.2), layout="constrained")
     grid = figure.add_gridspec(len(done.frames), 2, width_ratios=(1.6, 1.0))

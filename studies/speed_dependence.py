@@ -116,7 +116,7 @@ def _draw(curves):
     """Draw the resistance over the speed."""
     from matplotlib.figure import Figure
 
-    from compact.report.figures.style import PALETTE
+    from compact.report.figures import PALETTE
 
     figure = Figure(figsize=(8.6, 5.2), layout="constrained")
     axes = figure.subplots()

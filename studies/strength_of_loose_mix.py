@@ -158,7 +158,7 @@ def main(increments: Sequence[int] = (6, 12), names: Sequence[str] = (), out: Pa
 
 def draw(passes: Sequence[Pass]) -> Figure:
     """Draw coefficient and bow wave of each case, one mark for each mesh; hollow marks are not steady."""
-    from compact.report.figures.style import PALETTE
+    from compact.report.figures import PALETTE
 
     names = list(dict.fromkeys(each.case for each in passes))
     figure = Figure(figsize=(9.0, 0.8 + 0.32 * len(names)), layout="constrained")

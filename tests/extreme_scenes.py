@@ -23,8 +23,8 @@ from compact.analysis.stages import balance_checks
 from compact.analysis.study import Study
 from compact.cli import program as cli
 from compact.report import text, writer
-from compact.report.page.writer import write_page
-from compact.report.summary import versions
+from compact.report.page import write_page
+from compact.report.writer import versions
 from compact.scene import plausible_ranges
 from compact.scene.errors import limits_of
 from compact.scene.loader import load_scene
@@ -162,7 +162,7 @@ def fault(scene: str, changes: dict[str, Any], folder: Path) -> str:
             study = Study(load_scene(SCENES / scene, **changes))
             writer.write_study(study, folder, force=True)
             text.study_digest(study)
-            pictures = dict.fromkeys([*writer._figures(study), "pressure"], b"")
+            pictures = dict.fromkeys([*writer.study_figures(study), "pressure"], b"")
             write_page(folder / "report.html", study, pictures, versions())
         except Exception as error:
             return "" if is_refusal(error) else traceback.format_exc()

@@ -3,8 +3,7 @@
 from copy import copy
 from html.parser import HTMLParser
 
-from compact.report.page import answer as html_answer
-from compact.report.page.blocks import render_block, render_page
+from compact.report.page import answer, render_block, render_page
 
 
 class PageReader(HTMLParser):
@@ -34,8 +33,7 @@ def answer_html(study, checks=(), shifts=()):
     """HTML of question, answer and uncertainty."""
     study = copy(study)
     study.sensitivities = list(shifts)
-    answer = html_answer.answer(study, checks)
-    return render_page("page", sections=[], answer=answer, **html_answer.question(study))
+    return render_page("page", sections=[], **answer(study, checks))
 
 
 def answer_words(study, checks=(), shifts=()):

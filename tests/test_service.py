@@ -15,8 +15,7 @@ from interrupts import interrupted, of_unix
 from compact.cli import INTERRUPTED, options
 from compact.cli import program as cli
 from compact.files import write_json
-from compact.report.progress import STAGES, Progress
-from compact.report.stage_log import StageProfile
+from compact.report.progress import STAGES, Progress, StageProfile
 from compact.scene.json_schemas import scene_schema, summary_schema
 from compact.scene.loader import Scene, SceneError, parse_scene, starter_scene
 

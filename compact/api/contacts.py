@@ -91,7 +91,7 @@ class Contacts(Sequence[ContactResult]):
         -------
         matplotlib.figure.Figure
         """
-        from compact.report.figures.contact import draw_loads
+        from compact.report.contact_figures import draw_loads
 
         return draw_loads(self.records)
 

@@ -60,7 +60,7 @@ class LaboratoryTests(Sequence[MaterialTest]):
 
     def to_dataframe(self) -> "pandas.DataFrame":
         """Return the points of all paths as a table in SI units, compression positive."""
-        from compact.report.material_writer import HEADER, path_rows
+        from compact.report.laboratory import HEADER, path_rows
 
         names = [name.removesuffix("_Pa") for name in HEADER]
         columns = dict(zip(names, zip(*path_rows(self.tests), strict=True), strict=True))
@@ -73,7 +73,7 @@ class LaboratoryTests(Sequence[MaterialTest]):
         -------
         matplotlib.figure.Figure
         """
-        from compact.report.figures.material import draw_material_tests, draw_stress_strain
+        from compact.report.laboratory import draw_material_tests, draw_stress_strain
 
         return draw_stress_strain(self.tests) if self.programme is None else draw_material_tests(self.programme)
 

@@ -84,7 +84,7 @@ class Ranking(Sequence[Place]):
         -------
         matplotlib.figure.Figure
         """
-        from compact.report.figures.ranking import draw_rankings
+        from compact.report.figures import draw_rankings
 
         return draw_rankings({self.by: list(self)}, {})
 

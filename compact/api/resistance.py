@@ -78,13 +78,13 @@ class CartResistance:
         -------
         matplotlib.figure.Figure
         """
-        from compact.report.figures import contact, ranking
+        from compact.report import contact_figures
 
         if isinstance(self.law, ResistanceMap):
-            return contact.draw_resistance(self.law, self.largest_acceleration)
+            return contact_figures.draw_resistance(self.law, self.largest_acceleration)
         columns = self._columns
         drawn = ResistanceMap(np.asarray(columns["speed"]), np.asarray(columns["resistance"]), 0.0)
-        return ranking.draw_resistances({self.engine: drawn})
+        return contact_figures.draw_resistances({self.engine: drawn})
 
     def __repr__(self) -> str:
         error = "error unknown" if self.error is None else f"relative error {self.error:.1e}"

@@ -46,7 +46,7 @@ class Study(study.Study):
         -------
         matplotlib.figure.Figure
         """
-        from compact.report.figures.ranking import draw_rankings
+        from compact.report.figures import draw_rankings
 
         return draw_rankings(self.stages.drive.places[self.scene.drive.kind], {})
 
@@ -83,7 +83,7 @@ class Process(process.ProcessStudy):
 
     def to_dataframe(self) -> "pandas.DataFrame":
         """Return the strokes on a section as a table in SI units, per unit roller length."""
-        from compact.report.process_writer import stroke_columns
+        from compact.report.process import stroke_columns
 
         return build_frame(stroke_columns(self), STROKE)
 
@@ -91,7 +91,7 @@ class Process(process.ProcessStudy):
         """Return the results of one roller by columns, in SI units; nan where a result does not exist."""
         import pandas
 
-        from compact.report.process_writer import process_numbers
+        from compact.report.process import process_numbers
 
         found = pandas.Series(dict(process_numbers(self)), dtype=float)
         found.attrs["units"] = {name: quantity.unit for name, quantity in PROCESS.items()}
@@ -104,7 +104,7 @@ class Process(process.ProcessStudy):
         -------
         matplotlib.figure.Figure
         """
-        from compact.report.figures.process import draw_section
+        from compact.report.process import draw_section
 
         return draw_section(self)
 
@@ -122,7 +122,7 @@ class Process(process.ProcessStudy):
             Files written.
         """
         from compact.files import claimed_directory
-        from compact.report.process_writer import write_process
+        from compact.report.process import write_process
 
         with claimed_directory(directory, self.scene.hash, force) as place:
             return write_process(self, place)

@@ -43,7 +43,7 @@ def material(
     from compact.analysis.contact_cases import compaction_material, scene_mix
     from compact.analysis.material_tests import LaboratoryProgramme
     from compact.files import claimed_directory
-    from compact.report.material_writer import material_digest, write_material_tests
+    from compact.report.laboratory import material_digest, write_material_tests
 
     given = read_scene(scene, console.quiet, changes)
     mix = scene_mix(given)
@@ -148,7 +148,7 @@ def validate(
     markdown
         print them as tables of Markdown
     """
-    from compact.report import validation_writer
+    from compact.report import validation
     from compact.validation.runner import evaluate_case, select_cases
 
     cases = select_cases(names)
@@ -158,11 +158,11 @@ def validate(
             progress.begin(case.name)
             results.append(evaluate_case(case))
             progress.advance()
-    written = [] if out is None else validation_writer.write_validation(out, results)
+    written = [] if out is None else validation.write_validation(out, results)
     files = "".join(f"\n  {path}" for path in written)
     console.show(
-        lambda: (validation_writer.markdown if markdown else validation_writer.text_table)(results) + files,
-        files=written, cases=validation_writer.case_summaries(results),
+        lambda: (validation.markdown if markdown else validation.text_table)(results) + files,
+        files=written, cases=validation.case_summaries(results),
     )  # fmt: skip
     moved = sum(each.moved for result in results for each in result.comparisons)
     return print_error(f"{moved} computed numbers have moved from the recorded ones", NO_RESULT) if moved else SUCCESS

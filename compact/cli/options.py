@@ -79,7 +79,7 @@ class Console:
         if not (self.verbose or self.profile or self.quiet):
             yield
             return
-        from compact.report.stage_log import logged
+        from compact.report.progress import logged
 
         with logged(self.verbose, self.profile):
             yield

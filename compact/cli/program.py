@@ -216,7 +216,7 @@ def roll(
 
     from compact.analysis.study import Study
     from compact.files import claimed_directory
-    from compact.report import contact_tables, text
+    from compact.report import text, writer
     from compact.report.pictures import require_picture, write_picture
     from compact.scene.plausible_ranges import check_speed
 
@@ -233,7 +233,7 @@ def roll(
         progress.begin(f"contact by {name}")
         passes = study.stages.contacts.passes_at(speed)
         progress.begin("tables and figures")
-        contact_tables.write_contact(directory, study, speed, passes)
+        writer.write_contact(directory, study, speed, passes)
         if picture is not None:
             write_picture(picture, study.stages.contacts.field_mesh(passes[0]), passes[0])
     console.show(
@@ -316,7 +316,7 @@ def process(
     """
     from compact.analysis.process import ProcessStudy
     from compact.files import claimed_directory
-    from compact.report.process_writer import process_digest, write_process
+    from compact.report.process import process_digest, write_process
 
     progress, place = console.progress(), out or default_directory(scene, "process")
     given = read_scene(scene, console.quiet, changes)
@@ -374,7 +374,7 @@ def sweep(
         relative error tolerance that replaces the tolerance of the scene
     """
     from compact.analysis.worker_pool import choose_executor
-    from compact.report import sweep_writer
+    from compact.report.sweep import sweep_digest, sweep_summary, write_sweep_report
     from compact.sweep import design as varying
     from compact.sweep import sobol_indices
     from compact.sweep.corrected import create_sweep
@@ -398,7 +398,7 @@ def sweep(
         progress.begin("points")
         table = many.run(directory, executor=workforce, resume=resume, force=force, step=step)
     indices = sobol_indices.of_table(table)
-    sweep_writer.write_sweep_report(directory, table, indices)
+    write_sweep_report(directory, table, indices)
     for name in () if console.quiet else many.broken:
         print(f"compact: {name} was incomplete; its points have been computed again", file=sys.stderr)
     if many.unused and many.computed and not console.quiet:
@@ -406,7 +406,7 @@ def sweep(
         print(f"compact: {many.unused} points of earlier runs in {directory} are not used: {why}", file=sys.stderr)
     counts = f"{many.computed} of {many.needed} computed now"
     console.show(
-        lambda: f"{sweep_writer.sweep_digest(table, indices)}\n\n{counts}; results: {directory}",
-        results=directory, points=many.needed, computed_now=many.computed, **sweep_writer.sweep_summary(table, indices),
+        lambda: f"{sweep_digest(table, indices)}\n\n{counts}; results: {directory}",
+        results=directory, points=many.needed, computed_now=many.computed, **sweep_summary(table, indices),
     )  # fmt: skip
     return SUCCESS if (table["reason"] == "").any() else print_error("no point has a result", NO_RESULT)

@@ -152,7 +152,10 @@ class TableSpec:
         """Return a column as text of the page: one prefix and one number of decimals, words as they are."""
         if self.quantities[name] is WORD:
             return ["" if value is None else str(value) for value in self[name]]
-        return format_column(self[name], self.quantities[name].unit, digits)
+        values = self[name]
+        if all(isinstance(value, int) for value in values):
+            return [format_number(value) for value in values]
+        return format_column(values, self.quantities[name].unit, digits)
 
     def shown(self, *names: str, digits: int = DIGITS) -> dict[str, list[str]]:
         """Return columns as text of the page by their heads: the term, or the name of a column of words."""

@@ -1,18 +1,35 @@
 """Results of a study in a directory: the files that the scene requires, and summary.json last."""
 
-from collections.abc import Callable, Iterator, Mapping
+import platform
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from compact import quantities
+from compact.analysis.contact_cases import HeldQuantity, contact_record, contact_to_json
+from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.sizing.durations import DurationStudy
+from compact.analysis.sizing.machine_sizing import MachineSizing
+from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
-from compact.files import claimed_directory, render_png, write_bytes, write_json
-from compact.report import contact_tables, drive_tables, machine_tables, ranking_tables
-from compact.report.sizing import duration_tables
-from compact.report.sizing import machine_tables as sizing_tables
-from compact.report.summary import study_summary, versions
+from compact.files import claimed_directory, render_png, write_bytes, write_figure, write_json, write_vtu_series
+from compact.machine.ranking import CRITERIA, value_of
+from compact.report import results
+from compact.report.tables import json_number, json_numbers, write_arrays
+from compact.rolling_contact import ContactResult
+
+SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
+PACKAGES = ("compact", "numpy", "scipy")  # whose versions are recorded
+HELD = {"height": ("indentation", "m"), "load": ("load", "N/m"), "peak_pressure": ("peak_pressure", "Pa")}
+WORK_BALANCE = (
+    "pass_work_J/m3 confined_work_J/m3 work_ratio loose_work_J/m3 cycle_work_J pressed_volume_m3 carried_volume_m3 "
+    "feed_ratio strokes_on_section throughput_work_J/m3 explained_share"
+)
 
 
 def write_study(
@@ -34,58 +51,111 @@ def write_study(
     ResultsError
         If a file cannot be written or the directory holds results of another scene.
     """
-    items = study.scene.output.items
+    items, layered = study.scene.output.items, study.stages.contacts.engine.layered
+    writers: dict[str, Callable[[Study, Path], Iterator[Path]]] = {
+        "reactions": results.write_reactions, "cams": results.write_cams, "crank": results.write_crank,
+        "fields": _write_fields,
+    }  # fmt: skip
     with claimed_directory(directory, study.scene.hash, force) as place, study.helped(executor or SerialExecutor()):
-        files = list(contact_tables.write_contact_tables(study, place)) if study.stages.contacts.engine.layered else []
+        files = list(_write_contacts(study, place)) if layered else []
         study.begin_model_spread()
-        kept = list(study.keep(place, files)) if study.stages.contacts.engine.layered else []
-        for item, write in WRITERS.items():
+        kept = list(study.keep(place, files)) if layered else []
+        for item, write in writers.items():
             if item in items:
                 files += write(study, place)
         pictures = _draw(study) if {"figures", "report"} & set(items) else {}
         if "tables" in items:
-            files += machine_tables.write_law_tables(study, place)
-            files += drive_tables.write_drive_tables(study, place)
-            files += ranking_tables.write_ranking_tables(study, place)
-            files += sizing_tables.write_sizing(study.machine_sizing, place)
+            files += results.write_tables(study, place)
         if study.over_durations is not None:
-            files += duration_tables.write_durations(study.over_durations, place)
+            tables = results.duration_tables(study.over_durations)
+            files += [table.write(place / f"{table.title}.csv") for table in tables]
         if "report" in items:
             files += _write_report(study, place, pictures)
         if "figures" in items:
             files += [write_bytes(place / f"{name}.png", picture) for name, picture in pictures.items()]
-        if study.stages.contacts.engine.layered:
+        if layered:
             list(study.keep(place, files))
-        files += [*kept, *ranking_tables.save_comparisons(study, place)]
+        files += kept
+        for name, other in study.comparison.items():
+            if other.records:  # contacts and map of a compared engine, for the next run
+                found: tuple[Any, ...] = (other.records, other.held, other.second_pass, other.resistance)
+                files += write_results(place / "comparison" / name, KeptResults(*found), other.key)
         summary = study_summary(study, [str(Path(file).relative_to(place)) for file in files])
         write_json(place / "summary.json", summary)
     return summary
+
+
+def _write_contacts(study: Study, place: Path) -> Iterator[Path]:
+    """Write contact.csv; of a compacting layer also passes.csv and density.csv."""
+    yield results.contact_table(study).write(place / "contact.csv")
+    if study.stages.contacts.engine.compacting:
+        standing = study.standing(place, "passes.csv", "density.csv")
+        yield from standing or _write_passes(study.stages.contacts.passes, place)
+
+
+def _write_passes(passes: Sequence[tuple[float, Sequence[ContactResult]]], place: Path) -> Iterator[Path]:
+    for name, table in results.pass_tables(passes).items():
+        yield table.write(place / f"{name}.csv")
+
+
+def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[ContactResult]) -> None:
+    """Write one contact: tractions, scalar results, figures, fields, and all passes of a compacting layer.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the roller [m/s].
+    passes : sequence of ContactResult
+        Results of the passes in order; the tractions are those of the first.
+    """
+    from compact.report import contact_figures
+
+    first, stage, engine = passes[0], study.stages.contacts, study.scene.accuracy.engine
+    values = first.x, first.pressure, first.shear_traction
+    write_arrays(directory / "pressure.csv", "x_m pressure_Pa shear_traction_Pa", values)
+    content = contact_to_json(contact_record(engine, speed, tuple(passes), stage.air_forces_of(first, speed)))
+    write_json(directory / "contact.json", content | {"replaced": list(study.scene.replacements[engine])})
+    write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, stage.exact, speed))
+    if stage.engine.compacting:
+        list(_write_passes([(speed, passes)], directory))
+        write_figure(directory / "density.png", contact_figures.draw_density(passes))
+    if stage.engine.fields_module:
+        list(_write_layers(directory, [(stage.field_mesh(first), first)]))
+
+
+def _write_layers(directory: Path, layers: list[tuple[Any, Any]]) -> Iterator[Path]:
+    """Write the fields of contacts, pairs of mesh and result, as VTU files and as a figure."""
+    from compact.report import contact_figures
+
+    frames = ((contact.speed, mesh) for mesh, contact in layers)
+    yield from write_vtu_series(directory / "fields.pvd", "fields", "speed", frames)
+    yield write_figure(directory / "fields.png", contact_figures.draw_fields(layers))
 
 
 def _write_fields(study: Study, directory: Path) -> Iterator[Path]:
     if standing := study.standing(directory, "fields.pvd", "fields/", "fields.png"):
         yield from standing
     else:
-        yield from contact_tables.write_fields(directory, study.stages.contacts.fields)
+        yield from _write_layers(directory, study.stages.contacts.fields)
         study.count("figures")
 
 
-WRITERS: dict[str, Callable[[Study, Path], Iterator[Path]]] = {  # of items that need no engine of the comparison
-    "reactions": machine_tables.write_reactions,
-    "cams": machine_tables.write_cams,
-    "crank": machine_tables.write_crank,
-    "fields": _write_fields,
-}
-
-
 def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) -> Iterator[Path]:
-    from compact.report.page.writer import write_page
+    """Write the pressure along the contact, or the section of a process, and the page."""
+    from compact.report import contact_figures, process
+    from compact.report.page import write_page
 
     study.count("report")
-    items = study.scene.output.items
-    pressure = contact_tables.write_pressure_figure(study, directory)
+    stage = study.stages.contacts
+    if standing := study.standing(directory, "pressure.png"):
+        pressure = standing[0]
+    elif stage.process is not None:
+        pressure = write_figure(directory / "section.png", process.draw_section(stage.process))
+    else:
+        speed, contact = stage.typical
+        pressure = write_figure(directory / "pressure.png", contact_figures.draw_pressure(contact, stage.exact, speed))
     found = {pressure.stem: pressure.read_bytes(), **pictures}
-    if "fields" in items:
+    if "fields" in study.scene.output.items:
         found["fields"] = (directory / "fields.png").read_bytes()
     yield pressure
     yield write_page(directory / "report.html", study, found, versions())
@@ -94,49 +164,313 @@ def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) 
 def _draw(study: Study) -> dict[str, bytes]:
     """Draw the figures of a study, PNG files by name."""
     pictures = {}
-    for name, (figure, *results) in _figures(study).items():
+    for name, (figure, *shown) in study_figures(study).items():
         study.count("figures")
-        pictures[name] = render_png(figure(*results))
+        pictures[name] = render_png(figure(*shown))
     return pictures
 
 
-def _figures(study: Study) -> dict[str, tuple[Any, ...]]:
+def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
     """List the figures of a study: function and results by name."""
-    from compact.report.figures import answer, contact, motion, ranking, sizing
+    from compact.report import contact_figures, figures
 
-    items, places = study.scene.output.items, study.stages.drive.places[study.scene.drive.kind]
+    items, drive = study.scene.output.items, study.stages.drive
+    places = drive.places[study.scene.drive.kind]
     found: dict[str, tuple[Any, ...]] = {
-        "kinematics": (motion.draw_kinematics, study.cycles),
-        "drive": (motion.draw_drive, study.runs),
+        "kinematics": (figures.draw_kinematics, study.cycles),
+        "drive": (figures.draw_drive, study.runs),
     }
     if "reactions" in items:
         by_rod = (name for name, run in study.runs.items() if run.state.rod_tangent.any())
-        names = list(dict.fromkeys([study.stages.drive.best_law, *by_rod]))
-        found["reactions"] = (motion.draw_reactions, study.runs, names)
+        found["reactions"] = (figures.draw_reactions, study.runs, list(dict.fromkeys([drive.best_law, *by_rod])))
     if "cams" in items:
-        found["cams"] = (motion.draw_cams, study.stages.laws.cams, list(study.cycles), "roller")
+        found["cams"] = (figures.draw_cams, study.stages.laws.cams, list(study.cycles), "roller")
     if "crank" in items:
-        found["crank"] = (motion.draw_crank_turns, study.stages.drive.turns)
+        found["crank"] = (figures.draw_crank_turns, drive.turns)
+    forces = {name: other.resistance for name, other in study.comparison.items()}
     if study.stages.contacts.engine.layered:
         peaks = [cycle.forward.peaks().acceleration for cycle in study.cycles.values()]
-        resistances: dict[str, Any] = {study.scene.accuracy.engine: study.resistance}
-        resistances |= {name: other.resistance for name, other in study.comparison.items()}
-        found["contact"] = (contact.draw_loads, study.contacts)
-        found["resistance"] = (contact.draw_resistance, study.stages.resistance.map, float(np.median(peaks)))
-        found["resistances"] = (ranking.draw_resistances, resistances)
-        found["engines"] = (ranking.draw_engines, study.places_by_engine)
+        resistances = {study.scene.accuracy.engine: study.resistance} | forces
+        found["contact"] = (contact_figures.draw_loads, study.contacts)
+        found["resistance"] = (contact_figures.draw_resistance, study.stages.resistance.map, float(np.median(peaks)))
+        found["resistances"] = (contact_figures.draw_resistances, resistances)
+        found["engines"] = (figures.draw_engines, study.places_by_engine)
     first = study.machine_sizing.first
     if first is not None and first.requirement is not None:
-        found["shaft"] = (sizing.draw_shaft_torque, first, study.machine_sizing.rule)
+        found["shaft"] = (figures.draw_shaft_torque, first, study.machine_sizing.rule)
     if study.over_durations is not None:
-        found["duration"] = (sizing.draw_durations, study.over_durations, study.scene.motion.duration)
+        found["duration"] = (figures.draw_durations, study.over_durations, study.scene.motion.duration)
     if "report" in items and study.verdicts:
         best = study.best_laws
         speeds = {law: study.cycles[law].forward.peaks().velocity for law in best}
-        forces: dict[str, Any] = {study.scene.accuracy.engine: study.resistance}
-        forces |= {name: other.resistance for name, other in study.comparison.items()}
-        found["models"] = (answer.draw_models, study.models, forces, speeds)
-        found["best_cycles"] = (answer.draw_best_cycles, {law: study.runs[law] for law in best})
-    comparisons = {by: ranking_tables.comparison_places(study, study.scene.drive.kind, by) for by in places}
-    found["ranking"] = (ranking.draw_rankings, places, comparisons)
+        resistances = {study.scene.accuracy.engine: study.resistance} | forces
+        found["models"] = (contact_figures.draw_models, study.models, resistances, speeds)
+        found["best_cycles"] = (figures.draw_best_cycles, {law: study.runs[law] for law in best})
+    comparisons = {by: results.comparison_places(study, study.scene.drive.kind, by) for by in places}
+    found["ranking"] = (figures.draw_rankings, places, comparisons)
     return found
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of PACKAGES by name."""
+    return {"python": platform.python_version()} | {name: version(name) for name in PACKAGES}
+
+
+def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
+    """Build the content of summary.json.
+
+    Parameters
+    ----------
+    files : list of str
+        Paths of its files, relative to the directory of the results.
+    """
+    scene, stages, reach = study.scene, study.stages, study.mix.density_achievable
+    heaping = "depth_m wave_height_m travel_m contact_angle_rad"
+    unsteady = "depth_m wave_height_m travel_m distance load_N/m resistance_N/m"
+    return {
+        "schema": SCHEMA,
+        "title": scene.title,
+        "scene_hash": scene.hash,
+        "versions": versions(),
+        "engine": scene.accuracy.engine,
+        "drive_resistance": _drive_resistance(study),
+        "held": _held(stages.contacts.held),
+        "return_stroke": _return_stroke(study),
+        "pore_air": _pore_air(study),
+        "model_spread": _model_spread(study),
+        "steady_forces": _steady_forces(study),
+        "over_durations": None if study.over_durations is None else _over_durations(study.over_durations),
+        "machine_sizing": sizing_numbers(study.machine_sizing),
+        "work_balance": {"law": study.work_balance.law} | json_numbers(study.work_balance, WORK_BALANCE),
+        "verdict": _verdict(study),
+        "advice": list(scene.advice),
+        "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
+        "reachable": {"density_achievable": reach.possible, "reason": reach.reason},
+        "numbers": {name: asdict(number) for name, number in stages.contacts.numbers.items()},
+        "contacts": [contact_to_json(contact) for contact in study.contacts],
+        "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},
+        "laws_not_made": stages.laws.not_made,
+        "rankings": _rankings(stages.drive.places[scene.drive.kind]),
+        "rigid_rankings": _rankings(stages.drive.places.get("rigid", {})),
+        "roller_motors": results.roller_motor_numbers(study) if "cams" in scene.output.items else {},
+        "comparison": _comparison(study),
+        "heaping": {
+            name: json_numbers(error.heaping, heaping)
+            | {"is_estimate": error.heaping.travel is None, "reason": str(error)}
+            for name, error in study.heaping.items()
+        },
+        "unsteady": {
+            name: json_numbers(error.unsteady, unsteady) | {"reason": str(error)}
+            for name, error in study.unsteady.items()
+        },
+        "no_equilibrium": {name: {"reason": str(error)} for name, error in study.without_equilibrium.items()},
+        "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
+        "evaluation_counts": dict(study.counts),
+        "files": files,
+    }
+
+
+def _held(held: HeldQuantity | None) -> dict[str, Any] | None:
+    """Convert the quantity that is held constant over speed."""
+    if held is None:
+        return None
+    key, unit = HELD[held.name]
+    return {"quantity": held.name, key: json_number(held.value, unit), "found_at": json_number(held.speed, "m/s")}
+
+
+def _drive_resistance(study: Study) -> dict[str, Any]:
+    """Convert the resistance to the cart and its error estimates."""
+    if not study.stages.contacts.engine.layered:
+        return {"by": "eq 1.8"}
+    found = study.stages.resistance.map
+    return {
+        "by": study.scene.accuracy.engine,
+        "speeds": found.speeds,
+        "error_between_speeds": found.error,
+        "engine_error": found.engine_error,
+        "added_masses": found.added_masses,
+        "relaxation_time": found.relaxation_time,
+        "kept": study.stages.contacts.kept is not None,
+    }
+
+
+def _return_stroke(study: Study) -> dict[str, Any]:
+    """Convert the state of the mix under the return stroke, the ratios of a second pass and the energy of a cycle."""
+    load, resistance = study.stages.contacts.second_pass or (None, None)
+    return {
+        "over": study.scene.layer.return_stroke,
+        "second_pass_load": json_number(load, "1"),
+        "second_pass_resistance": json_number(resistance, "1"),
+        "energy": {over: json_number(energy, "J") for over, energy in study.stages.drive.cycle_energies.items()},
+    }
+
+
+def _pore_air(study: Study) -> dict[str, Any] | None:
+    """Convert the numbers on the pore air; None where the layer has none."""
+    air, curve = study.pore_air, study.stages.contacts.air_curve
+    if air is None:
+        return None
+    permeability, (value, low, high) = air.permeability, air.deaeration_speeds
+    return {
+        "model": study.scene.mix.pore_air,
+        "air_permeability": json_number(permeability.value, "m2")
+        | {"low": permeability.low, "high": permeability.high},
+        "deaeration_speed": json_number(value, "m/s") | {"low": low, "high": high},
+        **json_numbers(
+            air, "load_share=shares.0 resistance_share=shares.1 excess_behind_Pa=at_mean_speed.excess_behind "
+            "tensile_strength_Pa",
+        ),
+        "coupled": [asdict(each) for each in curve.coupled] if curve else [],
+    }  # fmt: skip
+
+
+def _model_spread(study: Study) -> dict[str, Any] | None:
+    """Convert the contacts by the other laws of the mix; None where they are not required."""
+    spread = study.model_spread
+    if spread is None:
+        return None
+    bands = {"load": spread.load, "resistance": spread.resistance}
+    return {
+        **{name: {"low": low, "high": high, "unit": "1"} for name, (low, high) in bands.items()},
+        "variants": [
+            asdict(each) | json_numbers(each, "load resistance cohesion_loose_Pa") for each in spread.variants
+        ],
+    }
+
+
+def _verdict(study: Study) -> dict[str, Any] | None:
+    """Convert models, verdicts and their uncertainty; None for a scene without the output "report"."""
+    known = study.uncertainty
+    if known is None:
+        return None
+    models = [
+        {
+            "engine": each.engine,
+            "sizing": each.valid,
+            "mean_resistance": {f"{time:g}": json_number(force, "N") for time, force in each.mean_resistance.items()},
+            "resistance_error": each.error,
+            "law_spread": each.spread,
+        }
+        for each in study.models
+    ]
+    verdicts = [
+        asdict(each) | {"value": json_number(each.value, CRITERIA[each.by].unit)} for each in study.verdicts.values()
+    ]
+    return {
+        "models": models,
+        "verdicts": verdicts,
+        "margins": {by: known.margin(by) for by in known.peaks},
+        "sources": [asdict(each) for each in known.sources],
+        "mix": None if known.mix is None else asdict(known.mix),
+    }
+
+
+def _steady_forces(study: Study) -> dict[str, Any]:
+    """Convert the forces on one cart at constant mean speed."""
+    steady = study.stages.resistance.steady
+    force, guides = float(steady.drive_force[0]), float(steady.guide_friction[0])
+    forces = {"drive_force": force, "resistance": force - guides, "guide_friction": guides}
+    return {name: json_number(value, "N") for name, value in forces.items()}
+
+
+def _over_durations(found: DurationStudy) -> dict[str, Any]:
+    """Convert the first laws over the duration, and where they change."""
+    return {
+        by: {
+            "unit": CRITERIA[by].unit,
+            "first": [
+                {"duration": duration, "law": order[0].run.name, "value": order[0].value, "margin": order[0].margin}
+                for duration, order in zip(found.durations, orders, strict=True)
+            ],
+            "crossovers": [
+                {name: getattr(each, name) for name in ("duration", "shorter", "longer", "value")}
+                for each in found.crossovers
+                if each.by == by
+            ],
+        }
+        for by, orders in found.orders.items()
+    }
+
+
+def sizing_numbers(sizing: MachineSizing) -> dict[str, Any]:
+    """Convert shaft, motor, wheel loads and lives of bearings of the first law to the content of summary.json."""
+    first = sizing.first
+    requirement = None if first is None else first.requirement
+    choice = None if first is None else first.choice
+    shaft = motor = None
+    if first is not None and requirement is not None:
+        shaft = json_numbers(
+            requirement, "speed_rad/s mean_torque_Nm rms_torque_Nm peak_torque_Nm driving_share braking_share"
+        )
+        shaft["largest_inertia"] = json_number(requirement.largest_inertia, "kg m2")
+        shaft["required_power"] = json_number(first.required_power, "W")
+    if choice is not None:
+        chosen, smaller = choice.chosen, choice.next_smaller
+        motor = {
+            "by": choice.by,
+            "chosen": None if chosen is None else chosen.motor.name,
+            "gear_ratio": None if chosen is None else chosen.gear_ratio,
+            "inertia_ratio": None if chosen is None else chosen.inertia_ratio,
+            "next_smaller": None if smaller is None else smaller.motor.name,
+            "next_smaller_fails": [] if smaller is None else list(smaller.failures),
+        }
+    return {
+        "law": sizing.first_law,
+        "margin": sizing.rule.margin,
+        "efficiency": sizing.rule.efficiency,
+        "shaft": shaft,
+        "motor": motor,
+        "wheels": {
+            wheel.name: json_numbers(wheel, "least_N largest_N")
+            | {"cycles": [{"range": each.range, "mean": each.mean, "count": each.count} for each in wheel.cycles]}
+            for wheel in sizing.wheels
+        },
+        "bearings": {
+            name: json_numbers(life, "equivalent_load_N")
+            | {"life": json_number(life.million_revolutions * 1e6, "1"), "hours": json_number(life.hours, "h")}
+            | {"valid": life.valid}
+            for name, life in sizing.lives.items()
+        },
+    }
+
+
+def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
+    """Convert the criteria of a run, their errors and the quantities of its kind of drive."""
+    own = [name for name in quantities.RUN if name != "unsteady_share" and hasattr(run, name)]
+    content = {by: value_of(run, by) for by in CRITERIA} | {name: getattr(run, name) for name in own}
+    if study.stages.contacts.engine.layered:
+        content["unsteady_share"] = run.time_fraction(study.stages.resistance.map.is_unsteady)
+    return content | {"errors": {by: results.criterion_error(study, run, by) for by in CRITERIA}}
+
+
+def _comparison(study: Study) -> dict[str, Any]:
+    """Convert the results of each engine of the comparison."""
+    agreed = study.agreements if study.comparison else []
+    return {
+        name: {
+            "contacts": [contact_to_json(contact) for contact in other.records],
+            "held": _held(other.held),
+            "resistance_error": other.error,
+            "roller_load": json_number(other.roller_load, "N"),
+            "rankings": {kind: _rankings(order) for kind, order in other.places.items()},
+            "agreement": [
+                {"drive": each.drive, "criterion": each.by, **each.agreement._asdict()}
+                | {"first": each.first, "other_first": each.other_first}
+                for each in agreed
+                if each.other_engine == name
+            ],
+            "evaluation_counts": dict(other.counts),
+        }
+        for name, other in study.comparison.items()
+    }
+
+
+def _rankings(orders: Mapping[str, Iterable[Place]]) -> dict[str, list[dict[str, Any]]]:
+    """Convert the places by criterion; `reason` is of infinite values only."""
+    return {
+        by: [
+            {key: value for key, value in each._asdict().items() if key != "reason" or value} | {"tie": each.tie}
+            for each in found
+        ]
+        for by, found in orders.items()
+    }

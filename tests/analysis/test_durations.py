@@ -14,9 +14,9 @@ from compact.analysis.study import Study
 from compact.cli import program as cli
 from compact.files import render_png
 from compact.report import writer
-from compact.report.figures.sizing import draw_durations
-from compact.report.page.sizing import duration_section
-from compact.report.sizing.duration_tables import duration_sentence
+from compact.report.figures import draw_durations
+from compact.report.sections import duration_section
+from compact.report.text import duration_sentence
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -218,7 +218,7 @@ def test_results_reach_files_summary_and_page(tmp_path):
     assert len(table) == 2 * 3 * 3
     assert {"duration.csv", "duration-crossovers.csv"} <= set(summary["files"])
     section = duration_section(found.over_durations, {"duration": b""})
-    assert [block.kind for block in section.blocks][:2] == ["paragraph", "picture"]
+    assert [type(block).__name__ for block in section.blocks][:2] == ["str", "Picture"]
     assert section.blocks[3].rows[-1][:2] == ("3 s", "reversal-3")
     assert json.loads((tmp_path / "summary.json").read_text("utf-8"))["over_durations"]["peak_force"]["unit"] == "N"
     bare = Study(load_scene(SMALL, **{"output.items": []}))
@@ -232,7 +232,7 @@ def test_figure_marks_the_first_laws_or_states_that_there_is_none(published):
     first = [law for law, *_ in published.segments("peak_power")]
     assert [text.get_text() for text in power.get_legend().get_texts()] == first
     assert force.get_xlabel() == "duration of a pass T [s]"
-    assert writer._figures(study("duration=1:3:2"))["duration"][0] is draw_durations
+    assert writer.study_figures(study("duration=1:3:2"))["duration"][0] is draw_durations
     jumps = draw_durations(study("duration=0.3:3:2", **{"motion.laws": ["constant-velocity"]}).over_durations, 1.0)
     assert len(render_png(jumps)) > 0
     for ax, peak in zip(jumps.axes, ("force", "power"), strict=True):

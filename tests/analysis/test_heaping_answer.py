@@ -13,7 +13,7 @@ from compact.cli import program as cli
 from compact.engines.compaction import engine as compaction
 from compact.report import text
 from compact.report import writer as report
-from compact.report.page.answer_text import model_table
+from compact.report.text import model_table
 from compact.rolling_contact import EquilibriumError, Heaping, HeapingError, Unsteady, UnsteadyError
 from compact.scene.loader import load_scene
 

@@ -13,10 +13,10 @@ from compact.analysis.machine_models import catalogue
 from compact.analysis.sizing.machine_sizing import machine_sizing
 from compact.analysis.study import Study
 from compact.report import writer as report
-from compact.report.figures.sizing import draw_shaft_torque
-from compact.report.page.motor import motor_section
-from compact.report.sizing.machine_tables import sizing_numbers
-from compact.report.sizing.sentences import bearing_sentence, margin_sentence, motor_sentence
+from compact.report.figures import draw_shaft_torque
+from compact.report.sections import motor_section
+from compact.report.text import bearing_sentence, margin_sentence, motor_sentence
+from compact.report.writer import sizing_numbers
 from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
 
@@ -219,7 +219,7 @@ def test_results_reach_files_summary_figure_and_page(small, tmp_path):
         held = [row["motor"] for row in csv.DictReader(file) if row["holds"] == "True"]
     assert held[0] == "M-3"
     section = motor_section(study, {"shaft": b"\0" * 30})
-    assert [block.kind for block in section.blocks] == ["paragraph"] * 2 + ["picture"] + ["table"] * 4
+    assert [type(block).__name__ for block in section.blocks] == ["str"] * 2 + ["Picture"] + ["Table"] * 4
     figure = draw_shaft_torque(study.machine_sizing.first, study.machine_sizing.rule)
     labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
     assert labels == ["cubic", "rms torque", "mean torque", "rated, M-3", "peak, M-3"]

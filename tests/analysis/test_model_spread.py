@@ -8,8 +8,8 @@ from compact.analysis.contact_cases import scene_mix
 from compact.analysis.stages import model_spread as stage
 from compact.analysis.stages.model_spread import LawVariant, ModelSpread, model_spread
 from compact.analysis.study import Study
-from compact.report.summary import study_summary
 from compact.report.text import spread_sentence
+from compact.report.writer import study_summary
 from compact.rolling_contact import Heaping, HeapingError
 from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene

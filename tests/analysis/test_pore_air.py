@@ -11,7 +11,7 @@ from compact.analysis.calibration import calibrate
 from compact.analysis.pore_air import AirCurve, CoupledSample, air_answer, coupled_forces, pore_air_of
 from compact.analysis.study import Study
 from compact.report import text
-from compact.report.summary import study_summary
+from compact.report.writer import study_summary
 from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
 from compact.scene.plant_data import read_measurements

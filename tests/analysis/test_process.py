@@ -10,7 +10,7 @@ from lift_sequences import sequence
 from compact.analysis import process
 from compact.analysis.process import ProcessStudy
 from compact.cli import program as cli
-from compact.report.process_writer import process_digest, process_summary
+from compact.report.process import process_digest, process_summary
 from compact.scene.loader import SceneError, load_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"

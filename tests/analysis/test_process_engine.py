@@ -16,7 +16,7 @@ from compact.analysis.stages.uncertainty import mix_spread
 from compact.analysis.study import Study
 from compact.engines.process.lifts import simulate_lifts
 from compact.report import writer
-from compact.report.page.answer_text import model_table
+from compact.report.text import model_table
 from compact.resistance import ResistanceMap
 from compact.scene.loader import SceneError, load_scene
 

@@ -12,10 +12,9 @@ from pages import answer_words, section_html
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.machine.ranking import BUILD_TOLERANCE
-from compact.report import text
+from compact.report import figures, text
 from compact.report import writer as report
-from compact.report.figures import ranking as ranking_figures
-from compact.report.page import machine as html_machine
+from compact.report.sections import ranking_section
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
@@ -80,7 +79,7 @@ def test_peak_force_has_ties_and_resolved_ranks(written):
 
 
 def test_page_prints_ties_as_such(written):
-    page = section_html(html_machine.ranking_section(written[0], {}))
+    page = section_html(ranking_section(written[0], {}))
     table = re.search(r"<caption>Laws by peak drive force, rigid.*?</table>", page, re.DOTALL).group(0)
     cells = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", table)[1:]]
     ties = {row["law"] for row in rows(written[1], "peak_force") if row["tie"] == "True"}
@@ -113,4 +112,4 @@ def test_figure_of_the_engines_has_no_excess_relative_to_rounding(written):
     study, _, _ = written
     for places in study.stages.drive.places["rigid"]["nonuniformity"], study.stages.drive.places["rigid"]["energy"]:
         by = "nonuniformity" if places is study.stages.drive.places["rigid"]["nonuniformity"] else "energy"
-        assert max(value for value, _ in ranking_figures._excess(places, by).values()) < 200
+        assert max(value for value, _ in figures._excess(places, by).values()) < 200

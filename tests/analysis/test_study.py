@@ -320,7 +320,7 @@ def test_figures_have_labelled_axes_and_pixels(written):
 
 
 def test_style_of_a_law_is_the_same_in_every_figure():
-    from compact.report.figures.style import law_style
+    from compact.report.figures import law_style
 
     assert {name: law_style(name) for name in LAW_NAMES}.keys() == set(LAW_NAMES)
     assert law_style("cubic") == law_style("cubic") != law_style("quintic")

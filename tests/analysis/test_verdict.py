@@ -18,7 +18,6 @@ from compact.analysis.stages.verdict import ModelAnswer, contenders, fitted_inpu
 from compact.analysis.study import Study
 from compact.report import text
 from compact.report import writer as report
-from compact.report.page import answer_text
 from compact.rolling_contact import Heaping
 from compact.scene.loader import load_scene
 
@@ -121,7 +120,7 @@ def test_sobol_indices_sum_to_one_and_name_the_first_measurement():
     for shares in known.mix.shares.values():
         assert max(shares, key=shares.get) == "heckel_slope"
         assert sum(shares.values()) == pytest.approx(1.0, abs=0.05)  # nearly additive
-    assert "measure first: the one-dimensional Heckel slope K_H" in answer_text.measurement_sentence(study())
+    assert "measure first: the one-dimensional Heckel slope K_H" in text.measurement_sentence(study())
 
 
 def test_margin_is_the_root_of_the_sum_of_squares_and_falls_with_a_known_mix():
@@ -133,16 +132,16 @@ def test_margin_is_the_root_of_the_sum_of_squares_and_falls_with_a_known_mix():
 
 def test_margin_of_the_other_peak_is_that_of_the_same_law():
     """A machine is bought for one law: both peaks of it, each with its own margin."""
-    known, first = study().uncertainty, answer_text.recommendations(study())[0]
+    known, first = study().uncertainty, text.recommendations(study())[0]
     values = study().models[1].values(study().scene.motion.duration, "elastic", "peak_power")
     required = values["parabolic"] * (1 + known.margin("peak_power", law="parabolic"))
-    assert float(first.required.split()[-2]) == pytest.approx(required / 1e3, rel=5e-3)
+    assert float(text.plain(first[1]).split(", a margin")[0].split()[-2]) == pytest.approx(required / 1e3, rel=5e-3)
 
 
 def test_margin_names_the_mix_that_heaps_up(monkeypatch):
     heaped = LawVariant("drucker-prager-cap", 2500.0, heaping=Heaping(0.003, 0.7, 0.008, 0.27))
     monkeypatch.setitem(study().__dict__, "model_spread", ModelSpread((heaped,)))
-    sentences = [each.sentence for each in answer_text.recommendations(study())]
+    sentences = ["; ".join(each) for each in text.recommendations(study())]
     assert all(
         re.search(r"a margin of \d+ % and \d+ % without mix that heaps up \(cohesion 2.5 kPa\); ", each)
         for each in sentences
@@ -161,7 +160,7 @@ def test_linear_lead_has_peaks_and_margin_of_a_valid_model():
         "machine.gap_geometry": "circle", "motion.laws": ["cubic", "parabolic"], "drive.kind": "rigid",
         "drive.stiffness": None, "drive.damping": None, "motion.other_durations": None,
     }))  # fmt: skip
-    first = answer_text.recommendations(case)[0].sentence
+    first = text.plain("; ".join(text.recommendations(case)[0]))
     assert re.match(r"least peak drive force: parabolic, 5\.\d+ kN and 5\.\d+ kW by formula; ", first)
     assert case.uncertainty.source(MIX).changes("parabolic", FORCE)[1] == pytest.approx(0.3, abs=0.05)
 
@@ -281,7 +280,7 @@ def test_fitted_models_are_one_witness():
     assert fitted_inputs(lead.with_engine("column")) == ("mix.overrides.heckel_slope", "layer.fed_density_ratio")
     assert fitted_inputs(lead.with_engine("formula")) == ("mix.overrides.effective_modulus", "machine.roller_friction")
     both = [model(name, fitted=("mix",), a=100.0, b=120.0) for name in ("formula", "compaction")]
-    assert "(the 2 that are fitted count as one)" in answer_text._agreement(judged(*both), both)
+    assert "(the 2 that are fitted count as one)" in text.agreement(judged(*both), both)
 
 
 # crossovers of the first law over the duration

@@ -9,8 +9,8 @@ from compact.analysis.material_tests import oedometer
 from compact.analysis.sizing.work_balance import WorkBalance, heckel_work
 from compact.analysis.study import Study
 from compact.material.laws import Compaction
-from compact.report.sizing.sentences import work_sentence, work_warnings
-from compact.report.summary import study_summary
+from compact.report.text import work_sentence, work_warnings
+from compact.report.writer import study_summary
 from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
 

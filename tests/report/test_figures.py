@@ -10,26 +10,8 @@ from matplotlib.colors import LogNorm, to_rgb
 
 from compact.analysis.ranking_uncertainty import Place
 from compact.motion.profile import LAWS, law
-from compact.report import writer
-from compact.report.figures import (
-    answer as answer_figures,
-)
-from compact.report.figures import (
-    contact as contact_figures,
-)
-from compact.report.figures import (
-    motion as figures,
-)
-from compact.report.figures import (
-    ranking as ranking_figures,
-)
-from compact.report.figures import (
-    sizing as sizing_figures,
-)
-from compact.report.figures import (
-    style as figure_style,
-)
-from compact.report.figures.style import law_style
+from compact.report import contact_figures, figures, writer
+from compact.report.figures import law_style
 from compact.rolling_contact import Layer, Roller
 
 COLOURS = {name: law_style(name)["color"] for name in LAWS}
@@ -71,26 +53,26 @@ def test_colours_of_laws_are_distinct_with_colour_blindness(sight):
     assert nearest > 16
 
 
-@pytest.mark.parametrize("family", figure_style.FAMILIES)
+@pytest.mark.parametrize("family", figures.FAMILIES)
 def test_laws_of_a_family_differ_in_lightness(family):
-    lightness = [lab(COLOURS[name])[0] for name in figure_style.FAMILIES[family]]
+    lightness = [lab(COLOURS[name])[0] for name in figures.FAMILIES[family]]
     assert np.diff(lightness).min() > 14
 
 
 @pytest.mark.parametrize("sight", SIGHT)
 def test_colours_of_engines_are_distinct_with_colour_blindness(sight):
-    shades = [lab(shade, sight) for shade, _, _ in ranking_figures.ENGINE_STYLES.values()]
+    shades = [lab(shade, sight) for shade, _, _ in figures.ENGINE_STYLES.values()]
     assert min(np.linalg.norm(one - other) for one, other in combinations(shades, 2)) > 16
 
 
 def test_curves_of_the_first_screen_differ_without_colour():
-    styles = ranking_figures.ENGINE_STYLES.values()
+    styles = figures.ENGINE_STYLES.values()
     assert len({str(dash) for _, _, dash in styles}) == len({mark for _, mark, _ in styles}) == len(styles)
-    assert len({str(dash) for dash in answer_figures.BEST_DASHES}) == answer_figures.BEST_LAWS
+    assert len({str(dash) for dash, _ in figures.BEST_STYLES}) == len(figures.BEST_STYLES)
 
 
 def test_levels_of_the_shaft_differ_without_colour():
-    assert len({str(dash) for _, dash in sizing_figures.LEVELS.values()}) == len(sizing_figures.LEVELS)
+    assert len({str(dash) for _, dash in figures.LEVELS.values()}) == len(figures.LEVELS)
 
 
 def test_labels_of_a_logarithmic_axis_do_not_overlap():
@@ -128,13 +110,13 @@ def test_kinematics_of_a_report_are_those_of_the_laws():
     study = SimpleNamespace(
         over_durations=None, machine_sizing=SimpleNamespace(first=None),
         scene=SimpleNamespace(output=SimpleNamespace(items=()), drive=SimpleNamespace(kind="elastic")),
-        runs="runs", cycles="cycles", count=lambda stage: None,
+        runs="runs", cycles="cycles", comparison={}, count=lambda stage: None,
         stages=SimpleNamespace(
             drive=SimpleNamespace(places={"elastic": {}}),
             contacts=SimpleNamespace(engine=SimpleNamespace(layered=False)),
         ),
     )  # fmt: skip
-    figure, *results = writer._figures(study)["kinematics"]
+    figure, *results = writer.study_figures(study)["kinematics"]
     assert figure is figures.draw_kinematics
     assert results == ["cycles"]
 
@@ -251,7 +233,7 @@ VALUES = {"parabolic": 700.0, "harmonic": 720.0, "reversal-4-free-acceleration":
 
 def test_marks_of_engines_in_a_ranking_do_not_overlap():
     beside = {"peak_force": {"formula": by_law(VALUES), "column": by_law(VALUES), "spectral": by_law(VALUES)}}
-    figure = ranking_figures.draw_rankings({"peak_force": places(VALUES, 5.0)}, beside)
+    figure = figures.draw_rankings({"peak_force": places(VALUES, 5.0)}, beside)
     marks = [line for line in figure.axes[0].lines if line.get_label().startswith("by ")]
     assert [line.get_label() for line in marks] == ["by formula", "by column", "by spectral"]
     heights = np.array([line.get_ydata() for line in marks])
@@ -263,13 +245,13 @@ def test_legend_of_a_ranking_has_the_marks_of_all_panels():
     order = {"peak_force": places(VALUES), "peak_power": places(VALUES)}
     none = {name: place._replace(value=np.inf, reason="velocity jumps") for name, place in by_law(VALUES).items()}
     comparisons = {"peak_force": {"column": none}, "peak_power": {"column": by_law(VALUES)}}
-    figure = ranking_figures.draw_rankings(order, comparisons)
+    figure = figures.draw_rankings(order, comparisons)
     assert [text.get_text() for text in figure.legends[0].texts] == ["by column"]
 
 
 def test_panels_of_a_ranking_form_one_narrow_column():
     order = {by: places(VALUES) for by in ("peak_force", "peak_power", "rms_force", "rms_power")}
-    figure = ranking_figures.draw_rankings(order, {})
+    figure = figures.draw_rankings(order, {})
     left = {round(ax.get_position().x0, 9) for ax in figure.axes}
     assert len(figure.axes) == 4
     assert len(left) == 1
@@ -280,7 +262,7 @@ def test_marks_of_engines_do_not_overlap_and_have_no_bar_without_error():
     orders = {
         engine: {"rigid": {"peak_force": places(VALUES, error)}} for engine, error in (("fem", 5.0), ("column", 0.0))
     }
-    figure = ranking_figures.draw_engines(orders)
+    figure = figures.draw_engines(orders)
     fem, column = figure.axes[0].containers
     assert np.abs(fem.lines[0].get_ydata() - column.lines[0].get_ydata()).min() > 0.2
     bars = column.lines[2][0].get_segments()
@@ -292,9 +274,7 @@ def test_labels_of_rankings_are_within_the_figure(figure):
     long = {"reversal-3-free-acceleration": 700.0, "reversal-4-free-acceleration": 1234.0}
     order = {by: places(long, 5.0) for by in ("peak_force", "peak_power")}
     drawn = (
-        ranking_figures.draw_rankings(order, {})
-        if figure == "ranking"
-        else ranking_figures.draw_engines({"fem": {"elastic": order}})
+        figures.draw_rankings(order, {}) if figure == "ranking" else figures.draw_engines({"fem": {"elastic": order}})
     )
     FigureCanvasAgg(drawn).draw()
     for ax in drawn.axes:
@@ -313,6 +293,6 @@ def test_lines_of_equal_resistances_are_both_visible():
             return 400.0 + 0 * speed
 
     flat = lambda speed, acceleration: 3500.0 + 0 * speed  # noqa: E731
-    figure = ranking_figures.draw_resistances({"fem": Map(), "formula": flat, "column": flat})
+    figure = contact_figures.draw_resistances({"fem": Map(), "formula": flat, "column": flat})
     widths = {line.get_label(): line.get_linewidth() for line in figure.axes[0].lines if line.get_linestyle() != "None"}
     assert widths["column"] > widths["formula"] + 1  # the broader below

@@ -22,9 +22,8 @@ from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.quantities import CRITERIA as TERMS
 from compact.report import writer as report
-from compact.report.page import answer as html_answer
-from compact.report.page import machine as html_machine
-from compact.report.page.blocks import Picture, Section, Table, render_block, render_page
+from compact.report.page import answer, render_block, render_page
+from compact.report.sections import Picture, Section, Table, scene_section, sensitivity_section
 from compact.report.tables import PREFIX_FACTORS, format_column, format_number, format_percent, format_quantity
 from compact.scene.choices import RankBy
 from compact.scene.loader import load_scene, parse_scene, starter_scene
@@ -114,11 +113,10 @@ def test_quantity_is_its_number_times_its_prefix(size, unit, sign):
 
 
 def test_text_is_escaped():
-    blocks = [Table("<script>", ("<script>",), [("<script>",)]), Picture(b"", "<script>", "<script>")]
+    blocks = [Table("<script>", {"<script>": ["<script>"]}), Picture(b"", "<script>", "<script>")]
     sections = [Section("name", "<script>", "<script>", blocks)]
     study = Study(scene(title="<b>", **{"output.items": []}))
-    answer = html_answer.answer(study, [])
-    page = render_page("<b>", sections=sections, answer=answer, **html_answer.question(study))
+    page = render_page("<b>", sections=sections, **answer(study, []))
     assert page.count("<script>") == 1
     assert "<b>" not in page
 
@@ -182,7 +180,7 @@ def test_assumed_and_changed_values_are_marked(written):
 
 
 def test_mark_requires_a_clause_that_begins_with_its_word():
-    told = section_html(html_machine.scene_section(parse_scene(starter_scene())))
+    told = section_html(scene_section(parse_scene(starter_scene())))
     row = re.search(r"<code>guide_positions</code>.*?</tr>", told)[0]  # its remark: measured in the same way
     assert "mark" not in row
     assert '<span class="mark assumed">guess</span>' in re.search(r"<code>rib_factor</code>.*?</tr>", told)[0]
@@ -215,11 +213,11 @@ def test_only_wide_pictures_scroll_on_a_narrow_screen(pixels, wide):
 
 
 def test_resistance_is_drawn_over_speed_and_acceleration(written):
-    from compact.report.figures import contact as contact_figures
+    from compact.report.contact_figures import draw_resistance
 
     study, _, _ = written
     met = study.stages.resistance.map
-    ax, second = contact_figures.draw_resistance(met, 0.2).axes
+    ax, second = draw_resistance(met, 0.2).axes
     lines = {line.get_label(): line.get_xydata() for line in ax.lines}
     for acceleration in (-0.2, -0.1, 0.1, 0.2):
         speed, force = lines[f"a = {acceleration:+.2g} m/s²"].T
@@ -235,7 +233,7 @@ def test_resistance_is_drawn_over_speed_and_acceleration(written):
 
 def test_number_and_unit_stay_on_one_line():
     words = "takes 1.1 % more, 3.74 kN, 0.6 m/s², 7 laws, 10 % moisture"
-    shown = render_page("", "base.html.j2", content=words)
+    shown = render_page("", content=words)
     assert "1.1\u00a0% more, 3.74\u00a0kN, 0.6\u00a0m/s², 7 laws, 10\u00a0% moisture" in shown
 
 
@@ -329,7 +327,7 @@ def test_sensitivities_of_an_expensive_engine_are_by_its_map_or_by_formula():
     assert shifts["machine.mass"].base.least["peak_force"] == pytest.approx(
         min(run.peak_force for run in study.runs.values()), rel=1e-3
     )
-    told = PageReader(section_html(html_machine.sensitivity_section(list(shifts.values())))).words
+    told = PageReader(section_html(sensitivity_section(list(shifts.values())))).words
     assert "Inputs that do not change the layer are by the resistance map of the engine" in told
 
 
@@ -481,9 +479,7 @@ def test_browser_shows_the_page_whole_on_a_screen_and_a_phone(written, tmp_path)
 @needs_chromium
 def test_browser_test_detects_defects(tmp_path):
     wide = '<div style="width: 900px">wide</div><img src="data:image/png;base64,AAAA" alt="broken">'
-    told = browsed(
-        render_page("wrong", "base.html.j2", content=Markup(f"{wide}<script>nothing.at.all</script>")), tmp_path
-    )
+    told = browsed(render_page("wrong", content=Markup(f"{wide}<script>nothing.at.all</script>")), tmp_path)
     assert told[400]["scroll"] >= 900
     assert told[1280]["images"] == [0]
     assert any("nothing is not defined" in words for words in told[1280]["told"])

@@ -9,7 +9,7 @@ import xarray
 from sweeps import SCENES
 
 from compact.analysis.worker_pool import ProcessExecutor
-from compact.report import sweep_writer
+from compact.report import sweep as sweep_report
 from compact.scene.loader import load_scene
 from compact.sweep import corrected, sobol_indices
 from compact.sweep import design as vary
@@ -175,7 +175,7 @@ def test_columns_are_corrected_where_finite_elements_are_not_computed(solved, tm
     assert outside.any()
     assert all("beyond the hull of the 18 points" in reason for reason in table.reason.values[outside])
     assert (table.reason.values[refused] == "the mix heaps up").all()
-    digest = sweep_writer.sweep_digest(table, {})
+    digest = sweep_report.sweep_digest(table, {})
     assert f"18 of {len(solved)} chosen points have a result in two dimensions; load 1.17 to 1.27 of columns" in digest
     assert "error of interpolation" in digest
     xarray.testing.assert_identical(sweep.read_sweep(tmp_path / "sweep.nc").astype(object), table.astype(object))

@@ -23,8 +23,7 @@ from compact.analysis.study import Study
 from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerDied, run_tasks
 from compact.cli import program as cli
 from compact.files import ResultsError
-from compact.report import sweep_writer
-from compact.report.figures import sweep as sweep_figures
+from compact.report import sweep as sweep_report
 from compact.scene.loader import load_scene, parse_scene, starter_scene
 from compact.sweep import design as vary
 from compact.sweep import point as headline
@@ -236,7 +235,7 @@ def test_failed_point_is_masked_with_its_reason_and_counted(tmp_path):
     assert "layer.fed_density_ratio: must be below mix.density_ratio = 0.94, got 0.94" in table.reason.values[1]
     assert (table.reason.values[2:] == "").all()
     assert steps == [(0, 0), (4, 2)]
-    digest = sweep_writer.sweep_digest(table, {})
+    digest = sweep_report.sweep_digest(table, {})
     assert "4 points by column, 2 without numbers" in digest
     assert "without numbers: 2 x " in digest
 
@@ -313,9 +312,9 @@ def test_bands_contain_the_calibrated_operating_point(tmp_path):
     scene = {"accuracy.engine": "column", "layer.fed_density_ratio": fed}
     table, _ = swept(tmp_path, load_scene(SCENES / "loveikin-2015.toml", **scene), ["mix.overrides=~64"])
     for quantity, calibrated in (("load", 9740.0), ("resistance", 2 * 0.179 * 9740), ("resistance_coefficient", 0.179)):
-        low, _, high = sweep_figures.band(table, quantity)
+        low, _, high = sweep_report.band(table, quantity)
         assert low < calibrated < high
-    low, _, high = sweep_figures.band(table, "heckel_slope")
+    low, _, high = sweep_report.band(table, "heckel_slope")
     assert low < slope < high
 
 
@@ -327,7 +326,7 @@ def test_heckel_slope_explains_the_resistance_of_columns(tmp_path):
     assert found.rows == 64
     assert found.first_low[names.index("heckel_slope")] > 0.7
     assert np.abs(np.delete(found.total, names.index("heckel_slope"))).max() < 0.05
-    sweep_writer.write_sweep_report(tmp_path, table, indices)
+    sweep_report.write_sweep_report(tmp_path, table, indices)
     assert (tmp_path / "sobol.csv").read_text().count("\n") == 1 + 4 * 6
     assert (tmp_path / "sobol.png").stat().st_size > 10_000
 
@@ -338,11 +337,11 @@ def test_maps_bands_and_best_laws_are_drawn(tmp_path):
     table, _ = swept(
         tmp_path, scene, ["mix.moisture=0.08,0.12", "mix.density_ratio=0.91:0.99:4", "mix.overrides=~2"], rank=True
     )
-    sweep_writer.write_sweep_report(tmp_path, table, {})
+    sweep_report.write_sweep_report(tmp_path, table, {})
     for name in ("maps", "bands", "best_laws"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
-    assert float(sweep_figures.required_share(table).max()) > 1  # hatched
-    assert sweep_figures._most_frequent(table.best_law_by_peak_force)[0].tolist()[0] == ""
+    assert float(sweep_report.required_share(table).max()) > 1  # hatched
+    assert sweep_report._most_frequent(table.best_law_by_peak_force)[0].tolist()[0] == ""
 
 
 # (h) the command

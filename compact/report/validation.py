@@ -11,7 +11,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from compact.files import atomic_file, write_csv, write_figure
-from compact.report.figures.style import DASHES, PALETTE, panels
+from compact.report.figures import DASHES, PALETTE, panels
 from compact.validation.case import PREDICTED, Comparison, Panel
 from compact.validation.runner import VERDICTS, CaseResult
 

@@ -1,12 +1,14 @@
-"""Figures of a sweep: maps over two keys, bands over one, first laws, and bars of Sobol indices.
+"""Results of a sweep in addition to sweep.nc: figures, Sobol indices, and the digest on the terminal.
 
-Each function draws one figure from the table of a sweep and returns it. Maps of a sample show the median, and the ratio
-of the upper to the lower quantile BAND. A map is hatched where rolling cannot reach the density, and grey where there
-is no number.
+Maps of a sample show the median, and the ratio of the upper to the lower quantile BAND. A map is hatched where rolling
+cannot reach the density, and grey where there is no number.
 """
 
+import re
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,18 +17,21 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
-from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
+from compact.files import write_csv, write_figure
 from compact.material.mix import ROLLING_PRESSURE, ROLLING_SATURATION
-from compact.quantities import CRITERIA, INPUT, SWEEP_POINT
-from compact.report.figures.style import law_style
+from compact.quantities import CRITERIA, INPUT, SWEEP_POINT, unit_symbol
+from compact.report.figures import label_contours, law_style
 from compact.sweep.sobol_indices import SobolTable
 
 if TYPE_CHECKING:
-    from matplotlib.contour import QuadContourSet
     from xarray import DataArray, Dataset
 
+SHOWN_SENTENCES = 6  # [-], number of different sentences in the digest
+DIGEST_QUANTITIES = ("load", "resistance", "resistance_coefficient", "power", "capture_angle", "exit_density_ratio")
+SOBOL_FIELDS = ("first", "first_low", "first_high", "total", "total_low", "total_high")
+DIGITS = re.compile(r"\d[\d.e+-]*")
 BAND = (0.05, 0.95)  # [-], quantiles of a sample
 BAND_LABEL = f"{BAND[0]:.0%} to {BAND[1]:.0%} of the sample"
 DRAWN_QUANTITIES = ("resistance", "load", "power", "capture_angle", "exit_density_ratio", "resistance_coefficient")
@@ -35,8 +40,77 @@ PANEL_COLUMNS = 3  # [-]
 LOGARITHMIC_RATIO = 10  # [-], of largest to smallest value, above which an axis is logarithmic
 CONSTANT_SPAN = 1e-9  # [-], relative range below which a quantity is constant
 NO_NUMBER = "0.82"  # grey
-READABLE_ANGLE = 180.0  # [degrees], above which text is upside down
-LABEL_MARGIN = 0.05  # [-], of a panel, without labels of contour lines
+
+
+def write_sweep_report(directory: Path, table: "Dataset", sobol: SobolTable) -> None:
+    """Write the figures and Sobol indices that the axes and numbers of a sweep admit."""
+    if sobol:
+        write_csv(directory / "sobol.csv", ("quantity", "input", *SOBOL_FIELDS, "rows"), [
+            (quantity, name, *values, found.rows)
+            for quantity, (names, found) in sobol.items()
+            for name, *values in zip(names, *(getattr(found, field).tolist() for field in SOBOL_FIELDS), strict=True)
+        ])  # fmt: skip
+        write_figure(directory / "sobol.png", draw_sobol_indices(sobol))
+    if not varying_quantities(table):
+        return
+    axes = numeric_axes(table)
+    if len(axes) >= 2:
+        write_figure(directory / "maps.png", draw_maps(table))
+    if axes:
+        write_figure(directory / "bands.png", draw_bands(table))
+    if len(axes) >= 2 and any(str(name).startswith("best_law_by_") for name in table):
+        write_figure(directory / "best_laws.png", draw_best_laws(table))
+
+
+def sweep_summary(table: "Dataset", sobol: SobolTable) -> dict[str, Any]:
+    """Return counts, ranges of the quantities and Sobol indices of a sweep, for JSON."""
+    found = {}
+    for name in DIGEST_QUANTITIES:
+        values = table[name].values[np.isfinite(table[name].values)]
+        low, middle, high = np.quantile(values, [0, 0.5, 1]) if values.size else (None, None, None)
+        found[name] = {"low": low, "median": middle, "high": high, "unit": SWEEP_POINT[name].unit}
+    return {
+        "engine": table.attrs["engine"],
+        "without_numbers": (table["reason"] != "").values.sum(),
+        "quantities": found,
+        "sobol_first": {name: dict(zip(names, each.first, strict=True)) for name, (names, each) in sobol.items()},
+    }
+
+
+def sweep_digest(table: "Dataset", sobol: SobolTable) -> str:
+    """Summarise a sweep: ranges of the quantities, failures, warnings and Sobol indices."""
+    summary, beyond = sweep_summary(table, sobol), (table["not_reachable"] != "").values.sum()
+    lines = [f"{table['reason'].size} points by {summary['engine']}, {summary['without_numbers']} without numbers"]
+    lines += [f"  {sentence}" for sentence in filter(None, table.attrs.get("correction", "").splitlines())]
+    for name, each in summary["quantities"].items():
+        if each["low"] is not None:
+            low, high, unit = each["low"], each["high"], unit_symbol(each["unit"])
+            lines.append(f"  {name:<24}{low:>10.4g} to {high:<10.4g} {unit:<4} median {each['median']:.4g}")
+    if beyond:
+        lines.append(f"  not reachable by rolling: {beyond} points, reasons in not_reachable")
+    for name, words in (("reason", "without numbers"), ("warnings", "warned"), ("replaced", "replaced")):
+        lines += [f"  {words}: {sentence}" for sentence in _count_sentences(table[name].values.ravel())]
+    for quantity, (names, found) in sobol.items():
+        shares = zip(names, found.first, found.first_low, found.first_high, strict=True)
+        text = ", ".join(f"{name} {share:.2f} ({low:.2f} to {high:.2f})" for name, share, low, high in shares)
+        lines.append(f"  variance of {quantity}, first order: {text}")
+    return "\n".join(lines)
+
+
+def _count_sentences(sentences: Iterable[str]) -> list[str]:
+    """Count sentences that differ in numbers only; return the most frequent ones."""
+    counts: Counter[str] = Counter()
+    examples: dict[str, str] = {}
+    for sentence in filter(None, sentences):
+        kind = DIGITS.sub("#", sentence)
+        counts[kind] += 1
+        examples.setdefault(kind, sentence)
+    shown = counts.most_common(SHOWN_SENTENCES)
+    rest = counts.total() - sum(count for _, count in shown)
+    return [*(f"{count} x {examples[kind]}" for kind, count in shown), *[f"{rest} x for other reasons"] * bool(rest)]
+
+
+# figures
 
 
 def numeric_axes(table: "Dataset") -> list[str]:
@@ -90,6 +164,21 @@ def required_share(table: "Dataset") -> Any:
     return np.maximum(pressure / ROLLING_PRESSURE, filled / ROLLING_SATURATION)
 
 
+def _grid(count: int, rows: int, height: float, **shared: Any) -> tuple[Figure, NDArray[Any]]:
+    """Make a figure with hidden panels, PANEL_COLUMNS a row."""
+    figure = Figure(figsize=(4.3 * PANEL_COLUMNS, 3.3 * rows + height), layout="constrained")
+    axes = figure.subplots(rows, PANEL_COLUMNS, squeeze=False, **shared)
+    for ax in axes.ravel()[count:]:
+        ax.set_visible(False)
+    return figure, axes
+
+
+def _plane(table: "Dataset", x: str, y: str) -> "Dataset":
+    """Select the table over two keys and the sample, at the first value of other keys."""
+    others = {name: 0 for name in table["load"].dims if name not in (x, y, "sample")}
+    return table.isel(others).transpose(y, x, ...)
+
+
 def draw_maps(table: "Dataset", point: tuple[float, float] | None = None) -> Figure:
     """Draw every quantity over the last two varied keys, with a second row for the bands of a sample.
 
@@ -100,30 +189,28 @@ def draw_maps(table: "Dataset", point: tuple[float, float] | None = None) -> Fig
     """
     y, x = numeric_axes(table)[-2:]
     table = _plane(table, x, y)
-    quantities, deep = varying_quantities(table), 2 if "sample" in table.dims else 1
-    rows = -(-len(quantities) // PANEL_COLUMNS) * deep
-    figure = Figure(figsize=(4.3 * PANEL_COLUMNS, 3.3 * rows + 0.5), layout="constrained")
-    panels = figure.subplots(rows, PANEL_COLUMNS, squeeze=False, sharex=True, sharey=True)
-    for ax in panels.ravel():
-        ax.set_visible(False)
-    for place, name in enumerate(quantities):
+    names, deep = varying_quantities(table), 2 if "sample" in table.dims else 1
+    figure, axes = _grid(0, -(-len(names) // PANEL_COLUMNS) * deep, 0.5, sharex=True, sharey=True)
+    for place, name in enumerate(names):
         shown, (low, middle, high) = SWEEP_POINT[name], band(table, name)
         row, column = place // PANEL_COLUMNS * deep, place % PANEL_COLUMNS
-        _draw_map(panels[row, column], table, middle * shown.plot_factor, "viridis", shown.axis_label)
+        _draw_map(axes[row, column], table, middle * shown.plot_factor, "viridis", shown.axis_label)
         if deep == 2:
-            _draw_map(panels[row + 1, column], table, high / low, "magma_r", f"{shown.term}: upper over lower band [-]")
-    for ax in panels.ravel():
+            _draw_map(axes[row + 1, column], table, high / low, "magma_r", f"{shown.term}: upper over lower band [-]")
+    for ax in axes.ravel():
         ax.tick_params(labelbottom=True)
         if point is not None:
             ax.plot(*point, "o", color="white", markeredgecolor="black", markersize=6)
-    _legend(figure, table)
+    marks = []
+    if np.nanmax(required_share(table).values, initial=0.0) > 1:
+        marks.append(Patch(facecolor="none", edgecolor="black", hatch="////", label="not reachable by rolling"))
+    if (table["reason"] != "").any():
+        marks.append(Patch(facecolor=NO_NUMBER, label="no result, reason in sweep.nc"))
+    if deep == 2:
+        marks.append(Patch(facecolor="none", label=f"above: median; below: its band, {BAND_LABEL}"))
+    if marks:
+        figure.legend(handles=marks, loc="outside lower center", ncols=len(marks), frameon=False, fontsize=9)
     return figure
-
-
-def _plane(table: "Dataset", x: str, y: str) -> "Dataset":
-    """Select the table over two keys and the sample, at the first value of other keys."""
-    others = {name: 0 for name in table["load"].dims if name not in (x, y, "sample")}
-    return table.isel(others).transpose(y, x, ...)
 
 
 def _draw_map(ax: Axes, table: "Dataset", values: "DataArray", cmap: str, title: str) -> None:
@@ -137,49 +224,13 @@ def _draw_map(ax: Axes, table: "Dataset", values: "DataArray", cmap: str, title:
     shown = np.ma.masked_invalid(values.values)
     if shown.count() and _is_constant(shown):
         ax.set_facecolor("white")
-        ax.text(0.5, 0.5, f"{_short(shown.max())} everywhere", transform=ax.transAxes, ha="center")
+        ax.text(0.5, 0.5, f"{shown.max():.4g} everywhere", transform=ax.transAxes, ha="center")
     elif shown.count():
         filled = ax.contourf(table[x], table[y], shown, CONTOUR_LEVELS, cmap=cmap)
-        lines = ax.contour(filled, colors="black", linewidths=0.6)
-        label_contours(ax, lines)
+        label_contours(ax, ax.contour(filled, colors="black", linewidths=0.6))
     share = required_share(table).transpose(y, x).values
     if np.nanmax(share, initial=0.0) > 1:
         ax.contourf(table[x], table[y], share, [1, np.inf], colors="none", hatches=["////"])
-
-
-def label_contours(ax: Axes, lines: "QuadContourSet") -> None:
-    """Label contour lines; labels at the frame of a panel, which would be cut, are left out.
-
-    Parameters
-    ----------
-    ax : Axes
-        Panel of the lines, with its final limits.
-    lines : QuadContourSet
-        Lines of `contour`.
-    """
-    for text in ax.clabel(lines, fontsize=8, fmt=_short, inline=False, colors="black"):
-        place = ax.transAxes.inverted().transform(ax.transData.transform(text.get_position()))
-        if np.abs(place - 0.5).max() > 0.5 - LABEL_MARGIN:
-            text.remove()
-        if text.get_rotation() > READABLE_ANGLE:
-            text.set_rotation(text.get_rotation() - 180)
-        text.set_path_effects([withStroke(linewidth=2, foreground="white")])
-
-
-def _short(value: float) -> str:
-    return f"{value:.4g}"
-
-
-def _legend(figure: Figure, table: "Dataset") -> None:
-    marks = []
-    if np.nanmax(required_share(table).values, initial=0.0) > 1:
-        marks.append(Patch(facecolor="none", edgecolor="black", hatch="////", label="not reachable by rolling"))
-    if (table["reason"] != "").any():
-        marks.append(Patch(facecolor=NO_NUMBER, label="no result, reason in sweep.nc"))
-    if "sample" in table.dims:
-        marks.append(Patch(facecolor="none", label=f"above: median; below: its band, {BAND_LABEL}"))
-    if marks:
-        figure.legend(handles=marks, loc="outside lower center", ncols=len(marks), frameon=False, fontsize=9)
 
 
 def draw_bands(table: "Dataset", point: Mapping[str, float] | None = None) -> Figure:
@@ -192,39 +243,30 @@ def draw_bands(table: "Dataset", point: Mapping[str, float] | None = None) -> Fi
     """
     *_, x = numeric_axes(table)
     before = [str(name) for name in table["load"].dims if name not in (x, "sample")][-1:]
-    quantities = varying_quantities(table)
-    rows = -(-len(quantities) // PANEL_COLUMNS)
-    figure = Figure(figsize=(4.3 * PANEL_COLUMNS, 3.3 * rows + 0.7), layout="constrained")
-    panels = figure.subplots(rows, PANEL_COLUMNS, squeeze=False).ravel()
-    for ax, name in zip(panels, quantities, strict=False):
-        _draw_bands(ax, table, name, x, before)
+    names = varying_quantities(table)
+    figure, axes = _grid(len(names), -(-len(names) // PANEL_COLUMNS), 0.7)
+    for ax, name in zip(axes.ravel(), names, strict=False):
+        quantity, values = SWEEP_POINT[name], table[name].values
+        for color, line, label in _lines(table, x, before):
+            low, middle, high = (part.values * quantity.plot_factor for part in band(line, name))
+            ax.plot(line[x], middle, color=color, marker=".", label=label)
+            ax.fill_between(line[x], low, high, color=color, alpha=0.15, linewidth=0)
+        ax.set(xlabel=_axis_label(x), ylabel=quantity.axis_label)
+        ax.margins(x=0)
+        if np.nanmin(values) > 0 and np.nanmax(values) > LOGARITHMIC_RATIO * np.nanmin(values):
+            ax.set_yscale("log")
         if point is not None and name in point:
-            value = point[name] * SWEEP_POINT[name].plot_factor
+            value = point[name] * quantity.plot_factor
             ax.plot(point[x], value, "o", color="white", markeredgecolor="black", label="calibrated")
-    for ax in panels[len(quantities) :]:
-        ax.set_visible(False)
-    handles, labels = panels[0].get_legend_handles_labels()
+    handles, labels = axes[0, 0].get_legend_handles_labels()
     if any(labels):
         title, columns = f"bands: {BAND_LABEL}" if "sample" in table.dims else None, min(8, len(labels))
         figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False, title=title)
     return figure
 
 
-def _draw_bands(ax: Axes, table: "Dataset", name: str, x: str, before: Sequence[str]) -> None:
-    quantity = SWEEP_POINT[name]
-    values = table[name].values
-    for color, line, label in _lines(table, x, before):
-        low, middle, high = (part.values * quantity.plot_factor for part in band(line, name))
-        ax.plot(line[x], middle, color=color, marker=".", label=label)
-        ax.fill_between(line[x], low, high, color=color, alpha=0.15, linewidth=0)
-    ax.set(xlabel=_axis_label(x), ylabel=quantity.axis_label)
-    ax.margins(x=0)
-    if np.nanmin(values) > 0 and np.nanmax(values) > LOGARITHMIC_RATIO * np.nanmin(values):
-        ax.set_yscale("log")
-
-
 def _lines(table: "Dataset", x: str, before: Sequence[str]) -> "Iterator[tuple[Any, Dataset, str | None]]":
-    """Return colour, table over x and the sample, and label for each value of the key before."""
+    """Yield colour, table over x and the sample, and label for each value of the key before."""
     values = table[before[0]].values if before else [None]
     for i, value in enumerate(values):
         line = table.isel({before[0]: i}) if before else table
@@ -240,16 +282,16 @@ def draw_best_laws(table: "Dataset") -> Figure:
     table = _plane(table, x, y)
     criteria = [str(name) for name in table if str(name).startswith("best_law_by_")]
     figure = Figure(figsize=(5.2 * len(criteria), 4.6), layout="constrained")
-    panels = figure.subplots(1, len(criteria), squeeze=False, sharex=True, sharey=True)[0]
+    axes = figure.subplots(1, len(criteria), squeeze=False, sharex=True, sharey=True)[0]
     shown: dict[str, str] = {}
-    for ax, criterion in zip(panels, criteria, strict=True):
+    for ax, criterion in zip(axes, criteria, strict=True):
         best = _most_frequent(table[criterion])
         names = sorted(set(best.ravel()) - {""})
         shown |= {name: law_style(name)["color"] for name in names}
         numbers = np.ma.masked_where(best == "", np.searchsorted(names, best))
-        ax.set_facecolor(NO_NUMBER)
         colours = ListedColormap([shown[name] for name in names] or [NO_NUMBER])
         last = max(len(names), 1) - 0.5
+        ax.set_facecolor(NO_NUMBER)
         ax.pcolormesh(table[x], table[y], numbers, cmap=colours, vmin=-0.5, vmax=last, shading="nearest")
         ax.set_title(f"least {CRITERIA[criterion.removeprefix('best_law_by_')].term}", fontsize=10)
         ax.set(xlabel=_axis_label(x), ylabel=_axis_label(y))
@@ -271,8 +313,8 @@ def _most_frequent(laws: "DataArray") -> NDArray[Any]:
 def draw_sobol_indices(sobol: SobolTable) -> Figure:
     """Draw first-order and total Sobol indices with their confidence intervals."""
     figure = Figure(figsize=(3.9 * len(sobol) + 0.8, 3.4), layout="constrained")
-    panels = figure.subplots(1, len(sobol), squeeze=False, sharey=True)[0]
-    for ax, (quantity, (names, found)) in zip(panels, sobol.items(), strict=True):
+    axes = figure.subplots(1, len(sobol), squeeze=False, sharey=True)[0]
+    for ax, (quantity, (names, found)) in zip(axes, sobol.items(), strict=True):
         place = np.arange(len(names))
         for shift, kind, color, label in ((-0.2, "first", "tab:blue", "first order"), (0.2, "total", "0.65", "total")):
             value, low, high = (getattr(found, kind + end) for end in ("", "_low", "_high"))
@@ -283,6 +325,6 @@ def draw_sobol_indices(sobol: SobolTable) -> Figure:
         ax.set_title(f"{SWEEP_POINT[quantity].term} ({found.rows} rows)", fontsize=10)
         ax.axvline(0, color="0.6", linewidth=0.8)
         ax.spines[["top", "right"]].set_visible(False)
-    panels[0].invert_yaxis()
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
+    axes[0].invert_yaxis()
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2, frameon=False)
     return figure

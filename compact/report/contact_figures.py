@@ -1,0 +1,263 @@
+"""Figures of the contact: tractions, density, load and resistance over speed, and fields in the layer."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from compact.analysis.contact_cases import ContactRecord
+from compact.analysis.stages.verdict import ModelAnswer
+from compact.engines.halfplane import LineContact
+from compact.quantities import CONTACT, FIELD, MOTION, SPEED
+from compact.report.figures import DASHES, PALETTE, ZERO, curve, engine_style, label_decades, panels
+from compact.resistance import ResistanceMap
+from compact.rolling_contact import ContactResult
+
+if TYPE_CHECKING:
+    from meshio import Mesh
+
+SMALL_ACCELERATION = 1e-3  # [-], of the largest acceleration at 1 m/s; small against the memory of the layer
+LEAST_SPAN = 0.02  # [-], of a value, shown on each side of a constant curve
+FIELD_COLOURS = {"pressure": "viridis", "dissipation": "magma", "density_ratio": "cividis", "plastic_work": "magma"}
+FIELD_DECADES = {"dissipation": 3}  # [-], decades of a logarithmic colour scale below the maximum
+OUTLINE_NODES = [0, 4, 1, 5, 2, 6, 3, 7]  # of a quadrilateral with nodes on its sides, in order
+SHOWN_CONTACTS = 2.5  # [-], contact lengths shown on each side
+DEEPEST_RATIO = 2.5  # [-], height over shown half-width, up to which a layer is shown down to its base
+FIELD_PANEL_WIDTH = 3.3  # [inch]
+LEAST_BAND = 0.01  # [-], relative half-width of a band that is drawn
+BASE_LABELS = {"bonded": "rigid base, bonded", "slip": "rigid base, frictionless"}
+
+
+def draw_pressure(contact: ContactResult, exact: LineContact, speed: float) -> Figure:
+    """Draw pressure and shear traction along one contact against Galin's pressure at the peak of the formulas.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the roller; its sign gives the direction of the travel [m/s].
+    """
+    figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
+    axes = ax, FIELD["travel_position"], FIELD["contact_stress"]
+    half_plane = np.linspace(float(exact.trailing), float(exact.leading), 401)
+    curve(*axes, half_plane, exact.pressure(half_plane), color="0.5", label="Galin, half-plane")
+    along, shear = np.sign(speed) * contact.x, np.sign(speed) * contact.shear_traction
+    curve(*axes, along, contact.pressure, ".", markersize=3.5, color=PALETTE[0], label="pressure p")
+    if np.any(shear):
+        mark: dict[str, Any] = {"markersize": 3.5, "fillstyle": "none", "color": PALETTE[1]}
+        curve(*axes, along, shear, "^", label="shear q on the mix", **mark)
+    ax.axvline(0, **ZERO)
+    ax.axhline(0, **ZERO)
+    ax.legend(frameon=False)
+    return figure
+
+
+def draw_density(passes: Sequence[ContactResult]) -> Figure:
+    """Draw the density ratio over the height behind each pass, constant in each row of the engine.
+
+    Parameters
+    ----------
+    passes : sequence of ContactResult
+        Results of the passes over a compacting layer.
+    """
+    from compact.analysis.multipass import density as density_rows
+
+    figure, ((ax,),) = panels(1, 1, (4.4, 3.5))
+    for number, contact in enumerate(passes):
+        bottom, top, ratio = density_rows(contact).T
+        edges = np.append(bottom, top[-1]) * FIELD["height"].plot_factor
+        style = {"color": PALETTE[number % len(PALETTE)], "linestyle": DASHES[number % len(DASHES)]}
+        ax.stairs(ratio, edges, orientation="horizontal", baseline=None, label=f"after pass {number + 1}", **style)
+    ax.set(xlabel=FIELD["density_ratio"].axis_label, ylabel=FIELD["height"].axis_label, ylim=(0, None))
+    ax.legend(frameon=False)
+    return figure
+
+
+def draw_loads(contacts: Sequence[ContactRecord]) -> Figure:
+    """Draw load and rolling-resistance coefficient over the speed, with bars for the error estimates."""
+    figure, (both,) = panels(1, 2, (4.4, 2.9))
+    speed = np.array([each.speed for each in contacts])
+    for ax, color, name, error in zip(both, PALETTE, ("load", "coefficient"), ("load", "resistance"), strict=False):
+        values = np.array([getattr(each, name) for each in contacts]) * CONTACT[name].plot_factor
+        errors = np.array([getattr(each, f"{error}_error") or 0.0 for each in contacts]) * np.abs(values)
+        ax.errorbar(speed, values, errors, fmt="o-", color=color, markersize=4)
+        ax.set(xscale="log", xlabel=SPEED.axis_label, ylabel=CONTACT[name].axis_label)
+        label_decades(ax.xaxis, *ax.get_xlim())
+        (low, high), least = ax.get_ylim(), LEAST_SPAN * np.abs(values).max()
+        ax.set_ylim(min(low, values.min() - least), max(high, values.max() + least))
+    return figure
+
+
+def draw_resistance(resistance_map: ResistanceMap, acceleration: float) -> Figure:
+    """Draw the resistance of one cart over speed at several accelerations, and the added mass.
+
+    Curves are dotted beyond first order in the acceleration, see `ResistanceMap.is_unsteady`.
+
+    Parameters
+    ----------
+    acceleration : float
+        Largest acceleration drawn [m/s2].
+    """
+    masses, resistance = resistance_map.added_masses, MOTION["cart_resistance"]
+    known = masses is not None and bool(np.any(masses))
+    ratios, width = ([4 / 3, 2 / 3], 4.7) if known else ([1], 6.2)
+    figure, ((ax, *second),) = panels(1, 1 + known, (width, 3.4), width_ratios=ratios)
+    speed = np.linspace(0, resistance_map.speeds[-1], 801)[1:]
+    axes = ax, SPEED, resistance
+    for share, color in zip((-1, -0.5, 0.5, 1), colormaps["coolwarm"]((0.0, 0.2, 0.8, 1.0)), strict=True):
+        if known and acceleration:
+            each = share * acceleration
+            force, beyond = resistance_map(speed, each), resistance_map.is_unsteady(speed, each)
+            curve(*axes, speed, np.where(beyond, np.nan, force), color=color, label=f"a = {each:+.2g} m/s²")
+            curve(*axes, speed, np.where(beyond, force, np.nan), color=color, linestyle=":")
+    curve(*axes, speed, resistance_map(speed), color="black", label="steady speed, a = 0")
+    computed = np.array([each[:2] for each in resistance_map.computed]).T
+    curve(*axes, *computed, "o", color="black", markersize=4, label="computed")
+    low, high = ax.get_ylim()
+    ax.set_ylim(min(0.0, low), max(0.0, 1.05 * high))
+    ax.legend(frameon=False, fontsize=8)
+    for panel in second:
+        small = speed * SMALL_ACCELERATION * (acceleration or 1.0)  # of an unlimited added mass
+        mass = (resistance_map(speed, small) - resistance_map(speed)) / small
+        curve(panel, SPEED, MOTION["added_mass"], speed, mass, color="black")
+        curve(panel, SPEED, MOTION["added_mass"], resistance_map.speeds, masses, "o", color="black", markersize=4)
+        panel.axhline(0, **ZERO)
+    for panel in (ax, *second):
+        panel.set_xlim(0, 1.02 * resistance_map.speeds[-1])
+    return figure
+
+
+def draw_resistances(maps: Mapping[str, Any]) -> Figure:
+    """Draw the resistance of one cart over speed by each engine.
+
+    Parameters
+    ----------
+    maps : mapping of str to callable
+        Resistance [N] of velocity [m/s] and acceleration [m/s2] by engine; the first is a `ResistanceMap`, whose
+        computed values are drawn as well.
+    """
+    figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
+    (reference, first), axes = next(iter(maps.items())), (ax, SPEED, MOTION["cart_resistance"])
+    widths = np.linspace(4.0, 1.5, len(maps))  # the lower line is broader, so that none hides another
+    for (engine, force), width in zip(reversed(list(maps.items())), widths, strict=True):
+        (color, _, dash), fastest = engine_style(engine), getattr(force, "speeds", first.speeds)[-1]
+        speed = np.linspace(0, min(fastest, first.speeds[-1]), 801)[1:]
+        curve(*axes, speed, force(speed, 0.0), linestyle=dash, color=color, linewidth=width, label=engine)
+    color, label = engine_style(reference)[0], f"{reference}, computed"
+    curve(*axes, first.speeds, first.forces, "o", color=color, markersize=4, label=label)
+    ax.set(xlim=(0, 1.02 * first.speeds[-1]), ylim=(min(0.0, 1.1e-3 * first.forces.min()), None))
+    ax.legend(frameon=False, reverse=True, handlelength=3.2)
+    return figure
+
+
+def draw_models(
+    models: Sequence[ModelAnswer], resistances: Mapping[str, Callable[..., Any]], speeds: Mapping[str, float]
+) -> Figure:
+    """Draw the resistance of one cart over its speed by all models.
+
+    Parameters
+    ----------
+    models : sequence of ModelAnswer
+        Answers, that of the engine of the scene first. Its band is the spread over the laws of the mix, that of the
+        others the error estimate.
+    resistances : mapping of str to callable
+        Resistance [N] of velocity [m/s] and acceleration [m/s2] by engine.
+    speeds : mapping of str to float
+        Largest speed of each law that is marked [m/s].
+    """
+    figure, ((ax,),) = panels(1, 1, (5.0, 3.2), top=0.3)
+    resistance, fastest, largest = MOTION["cart_resistance"], 1.08 * max(speeds.values()), 0.0
+    for number, model in enumerate(models):
+        force, (color, _, dash) = resistances[model.engine], engine_style(model.engine)
+        speed = np.linspace(0, min(fastest, float(getattr(force, "speeds", [fastest])[-1])), 401)[1:]
+        values = np.asarray(force(speed, np.zeros_like(speed)))
+        style = {"linewidth": 1.7, "zorder": 3} if number else {"linewidth": 3.0, "zorder": 2.5}
+        label = model.engine if model.valid else f"{model.engine}, not for sizing"
+        curve(ax, SPEED, resistance, speed, values, linestyle=dash, color=color, label=label, **style)
+        low, high = model.spread or (1 - (model.error or 0.0), 1 + (model.error or 0.0))
+        values = values * resistance.plot_factor
+        if max(1 - low, high - 1) > LEAST_BAND:
+            words = "laws of the mix" if model.spread else f"error, {model.engine}"
+            ax.fill_between(speed, low * values, high * values, color=color, alpha=0.18, linewidth=0, label=words)
+        largest = max(largest, float(max(high, 1.0) * values.max()))
+    for row, (name, each) in enumerate(sorted(speeds.items(), key=lambda item: item[1])):
+        height = 0.36 - 0.07 * (row % 4)
+        ax.axvline(each, ymax=height + 0.02, color="0.45", linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
+        ax.annotate(
+            name, (each, height), xycoords=("data", "axes fraction"), xytext=(-3, 0), textcoords="offset points",
+            ha="right", va="center", fontsize=7.5, color="0.2",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
+        )  # fmt: skip
+    ax.set(xlim=(0, fastest), ylim=(0, 1.5 * largest))
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.set_title("Resistance of one cart by all models", fontsize=10, loc="left", fontweight="bold")
+    ax.legend(frameon=False, fontsize=8, ncols=2, handlelength=3.2, loc="upper left", labelspacing=0.3)
+    return figure
+
+
+def draw_fields(layers: Sequence[tuple["Mesh", Any]]) -> Figure:
+    """Draw the fields of an engine on the deformed layer, to scale, a row for each contact.
+
+    Each field has one colour scale for all rows.
+
+    Parameters
+    ----------
+    layers : sequence of tuples
+        Mesh with displacement and element means, and the `ContactResult` of the engine.
+
+    Notes
+    -----
+    Matplotlib draws element means without a graphics driver; VTK terminates the process where the driver is missing.
+    """
+    names = [name for name in FIELD_COLOURS if name in layers[0][0].cell_data]
+    height = layers[0][1].layer.height * 1e3
+    reach = SHOWN_CONTACTS * 1e3 * max(contact.leading - contact.trailing for _, contact in layers)
+    deep = height > DEEPEST_RATIO * reach
+    low, high = height - DEEPEST_RATIO * reach if deep else -0.08 * reach, height + 0.35 * reach
+    size = FIELD_PANEL_WIDTH, FIELD_PANEL_WIDTH * (high - low) / (2 * reach)
+    margins: dict[str, Any] = {"bottom": 1.15, "top": 0.1, "gaps": (0.35, 0.15)}
+    figure, axes = panels(len(layers), len(names), size, **margins, sharex=True, sharey=True)
+    for column, name in zip(axes.T, names, strict=True):
+        values = [layer.cell_data[name][0] * FIELD[name].plot_factor for layer, _ in layers]
+        norm, decades = Normalize(min(map(np.min, values)), max(map(np.max, values))), FIELD_DECADES.get(name)
+        if decades is not None:
+            most = float(norm.vmax or 0.0)
+            norm = LogNorm(most / 10**decades, most) if most > 0 else Normalize(0.0, 1.0)
+        for ax, (layer, rolled), each in zip(column, layers, values, strict=True):
+            displaced = (layer.points + layer.point_data["displacement"])[:, :2] * 1e3
+            shown = PolyCollection(
+                displaced[layer.cells[0].data[:, OUTLINE_NODES]], array=np.maximum(each, float(norm.vmin or 0.0)),
+                cmap=FIELD_COLOURS[name], norm=norm, antialiased=False, linewidth=0,
+            )  # fmt: skip
+            ax.add_collection(shown)
+            ax.set_aspect("equal")
+            _draw_surroundings(ax, rolled, reach, low if deep else None)
+        column[-1].set_xlabel(FIELD["position"].axis_label)
+        place, tall = column[-1].get_position(), figure.get_size_inches()[1]
+        bar = figure.add_axes((place.x0, 0.5 / tall, place.width, 0.13 / tall))
+        figure.colorbar(shown, cax=bar, orientation="horizontal", extend="min" if decades else "neither")
+        bar.set_xlabel(FIELD[name].axis_label + (", black: below the scale" if decades else ""))
+    for ax in axes[:, 0]:
+        ax.set_ylabel(FIELD["height"].axis_label)
+    axes[0, 0].set(xlim=(-reach, reach), ylim=(low, high))  # shared by all
+    return figure
+
+
+def _draw_surroundings(ax: Axes, contact: Any, reach: float, bottom: float | None) -> None:
+    """Draw roller, arrow of its travel and rigid base [mm], or the depth of the base of a layer cut at `bottom`."""
+    lowest, radius = (contact.layer.height - contact.indentation) * 1e3, contact.roller.radius * 1e3
+    ax.add_patch(Circle((0, lowest + radius), radius, facecolor="0.92", edgecolor="0.3", linewidth=0.8))
+    arrow = f"{contact.speed:.3g} m/s →" if contact.speed > 0 else f"← {-contact.speed:.3g} m/s"
+    ax.text(0, lowest + 0.2 * radius, arrow, ha="center", fontsize=9)
+    height, label = 0.02 * reach, BASE_LABELS[contact.layer.base]
+    if bottom is not None:
+        height, label = bottom, f"{label}, {bottom:.0f} mm below"
+    else:
+        ax.axhspan(-reach, 0, facecolor="0.85", edgecolor="0.4", hatch="////", linewidth=0)
+        ax.axhline(0, color="black", linewidth=1.2)
+    ax.text(0, height, label, ha="center", va="bottom", fontsize=8, color="white")

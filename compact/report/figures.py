@@ -1,0 +1,598 @@
+"""Figures of a study, each drawn from finished results: laws and drives, contact and fields, rankings, durations.
+
+A law, and an engine, has the same colour and dash in all figures. The colours are distinct with red-green colour
+blindness: two laws differ by 16 or more in CIELAB (1976 distance) for normal vision, deuteranopes and protanopes
+(Machado, Oliveira and Fernandes 2009), laws of one family also in lightness. Curves differ by dash as well, so that the
+figures can be read in grey.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import chain, islice, pairwise, zip_longest
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
+from numpy.typing import NDArray
+
+from compact import quantities
+from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.sizing.durations import DurationStudy
+from compact.analysis.sizing.machine_sizing import LawSizing
+from compact.cams.profile import Cam
+from compact.machine.crankshaft import CrankshaftRevolution
+from compact.machine.motor_sizing import SizingRule
+from compact.machine.ranking import CRITERIA, group_equal
+from compact.motion.profile import Cycle
+from compact.quantities import MOTION, TIME, Quantity
+
+if TYPE_CHECKING:
+    from matplotlib.contour import QuadContourSet
+
+FAMILIES: Mapping[str, Mapping[str, str]] = {  # family -> law -> colour, dark to light
+    "rest to rest": {
+        "constant-velocity": "#03255d", "cubic": "#00449f", "quintic": "#577388", "septic": "#509afa",
+        "complex": "#9dc8fe",
+    },
+    "constant speed, combined": {"combined-2": "#1e4740", "combined-3": "#5b735f", "combined-4": "#5adda2"},
+    "constant speed, reversal": {
+        "reversal-2": "#702e01", "reversal-3": "#bf4809", "reversal-4": "#f7740f", "reversal-4-free-jerk": "#f5bc63",
+    },
+    "constant speed, free turn": {
+        "reversal-3-free-acceleration": "#4d180e", "reversal-4-free-acceleration": "#c16243",
+        "reversal-4-free-both": "#fe8b7b",
+    },
+    "comparators": {
+        "parabolic": "#281b37", "harmonic": "#8862b1", "cycloidal": "#bf8ac2", "modified-trapezoid": "#e7b9d5",
+    },
+    "machines and tables": {"crank": "#000000", "gear-sector": "#989898"},
+}  # fmt: skip
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")  # other curves; Okabe and Ito
+DASHES = ("-", "--", ":", "-.", (0, (8, 2, 1, 2, 1, 2)))
+ENGINE_STYLES: Mapping[str, tuple[str, str, Any]] = {  # colour, mark and dash
+    "formula": ("0.35", "x", ":"),
+    "column": (PALETTE[2], "o", "--"),
+    "spectral": (PALETTE[0], "s", "-."),
+    "fem": (PALETTE[1], "D", (0, (5, 1.5, 1, 1.5, 1, 1.5))),
+    "compaction": ("0.05", "^", "-"),
+    "process": (PALETTE[3], "v", (0, (7, 2))),
+}
+OTHER_STYLE: tuple[str, str, Any] = (PALETTE[3], "v", (0, (4, 1.5)))  # of engines of other packages
+TICKS, DECADES = (1, 2, 3, 5), range(-6, 9)  # labels of a logarithmic axis
+TITLE_HEIGHT = 1.0  # [-], of a title above its panel; a fixed height saves measuring every label
+ZERO: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 0}
+CONTOUR_MARGIN = 0.05  # [-], of a panel, without labels of contour lines
+READABLE_ANGLE = 180.0  # [degrees], above which text is upside down
+CROP_RATIO = 3.0  # [-], limit of a figure of drives over the median of the peaks
+POINTS_OF_A_LAW = 400  # [-]
+FIRST_LINE_WIDTH, LINE_RATIO = 2.8, 0.87  # [points, -]; each line is narrower, so that none hides another
+CAM_COLUMNS = 7  # [-], panels of cams in a row
+DRIVE_PANELS = 2  # [-], number of criteria of the comparison of engines, for each drive
+RANKING_PANELS = 4  # [-], number of criteria of the rankings, the first of the scene
+LETTER_WIDTH = 0.061  # [inch], of a letter of 8 points
+ROW_HEIGHT, PANEL_WIDTH = 0.24, 2.8  # [inch]; a panel and its labels fit a narrow screen
+MARK_SPREAD = 0.6  # [-], of a row, over which the marks of engines are spread so that none hides another
+CYCLE_SIZE = (5.0, 1.5)  # [inch]; two such figures lie side by side on a screen
+BEST_STYLES: tuple[tuple[Any, float], ...] = (("-", 2.4), ((0, (6, 2)), 1.9), ((0, (1, 1.4)), 2.2))  # dash, points
+LEVELS: Mapping[str, tuple[str, Any]] = {  # of the torque of a shaft: colour and dash
+    "rms": (PALETTE[0], "--"), "mean": ("0.45", ":"), "rated": (PALETTE[1], "-."), "peak": (PALETTE[1], (0, (8, 2))),
+}  # fmt: skip
+
+
+def law_style(name: str) -> dict[str, Any]:
+    """Return colour and dash of a law; laws outside FAMILIES, such as tables, are black."""
+    for members in FAMILIES.values():
+        if name in members:
+            return {"color": members[name], "linestyle": DASHES[list(members).index(name)]}
+    return {"color": "black", "linestyle": "-"}
+
+
+def engine_style(engine: str) -> tuple[str, str, Any]:
+    """Return colour, mark and dash of an engine; those of other packages share one."""
+    return ENGINE_STYLES.get(engine, OTHER_STYLE)
+
+
+def panels(
+    rows: int,
+    columns: int,
+    size: tuple[float, float],
+    *,
+    left: float = 0.8,
+    right: float = 0.2,
+    bottom: float = 0.55,
+    top: float = 0.15,
+    gaps: tuple[float, float] = (0.8, 0.3),
+    **shared: Any,
+) -> tuple[Figure, NDArray[Any]]:
+    """Make a figure with a grid of panels.
+
+    Parameters
+    ----------
+    size : tuple of float
+        Width and height of a panel [inch].
+    left, right, bottom, top : float
+        Margins [inch].
+    gaps : tuple of float
+        Gaps between columns and between rows [inch].
+
+    Returns
+    -------
+    tuple
+        Figure and panels, array of shape (rows, columns).
+
+    Notes
+    -----
+    A constrained layout would compute the margins, in as much time as the rest of the figure.
+    """
+    across, along = (count * (each + gap) - gap for count, each, gap in zip((columns, rows), size, gaps, strict=True))
+    width, height = across + left + right, along + bottom + top
+    figure = Figure(figsize=(width, height))
+    axes = figure.subplots(rows, columns, squeeze=False, **shared)
+    margins = {"left": left / width, "right": 1 - right / width, "bottom": bottom / height, "top": 1 - top / height}
+    figure.subplots_adjust(**margins, wspace=gaps[0] / size[0], hspace=gaps[1] / size[1])
+    return figure, axes
+
+
+def curve(ax: Axes, x: Quantity, y: Quantity, across: Any, along: Any, *mark: str, **style: Any) -> None:
+    """Draw values in SI units in the units of plots of their quantities, and label both axes.
+
+    Parameters
+    ----------
+    x, y : Quantity
+        Quantities of the axes.
+    across, along : array_like
+        Values in SI units.
+    """
+    ax.plot(np.multiply(across, x.plot_factor), np.multiply(along, y.plot_factor), *mark, **style)
+    ax.set(xlabel=x.axis_label, ylabel=y.axis_label)
+
+
+def label_decades(axis: Axis, low: float, high: float) -> None:
+    """Label a logarithmic axis from `low` to `high` at 1, 2, 3 and 5 of every decade with plain numbers."""
+    marks = [mark * 10.0**decade for decade in DECADES for mark in TICKS]
+    axis.set_major_locator(FixedLocator([mark for mark in marks if low <= mark <= high]))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def label_contours(ax: Axes, lines: "QuadContourSet") -> None:
+    """Label contour lines; labels at the frame of a panel, which would be cut, are left out.
+
+    Parameters
+    ----------
+    ax : Axes
+        Panel of the lines, with its final limits.
+    lines : QuadContourSet
+        Lines of `contour`.
+    """
+    for text in ax.clabel(lines, fontsize=8, fmt="{:.4g}".format, inline=False, colors="black"):
+        place = ax.transAxes.inverted().transform(ax.transData.transform(text.get_position()))
+        if np.abs(place - 0.5).max() > 0.5 - CONTOUR_MARGIN:
+            text.remove()
+        if text.get_rotation() > READABLE_ANGLE:
+            text.set_rotation(text.get_rotation() - 180)
+        text.set_path_effects([withStroke(linewidth=2, foreground="white")])
+
+
+def _legend_below(figure: Figure, ax: Axes, columns: int) -> None:
+    figure.legend(*ax.get_legend_handles_labels(), loc="lower center", ncols=columns, frameon=False)
+
+
+def _write_none_finite(ax: Axes, by: str) -> None:
+    words = f"no law has a finite {quantities.CRITERIA[by].term}"
+    ax.text(0.5, 0.5, words, transform=ax.transAxes, ha="center", va="center", fontsize=9)
+
+
+# laws and drives
+
+
+def _families(names: Iterable[str]) -> dict[str, list[str]]:
+    """Group laws by family; laws outside FAMILIES join the machines and tables."""
+    names = list(names)
+    known = {name for members in FAMILIES.values() for name in members}
+    groups = {family: [n for n in members if n in names] for family, members in FAMILIES.items()}
+    groups["machines and tables"] += [name for name in names if name not in known]
+    return {family: members for family, members in groups.items() if members}
+
+
+def _draw_laws(
+    names: Iterable[str],
+    fields: Sequence[str],
+    width: float,
+    curves: Callable[[str], tuple[Any, Sequence[Any], bool]],
+) -> tuple[Figure, NDArray[Any]]:
+    """Draw fields of MOTION over the time, a row for each family of laws and a column for each field.
+
+    Parameters
+    ----------
+    curves : callable
+        Time, values of each field in SI units, and whether the velocity jumps, of the name of a law.
+    """
+    families = _families(names)
+    figure, axes = panels(len(families), len(fields), (width, 2.0), right=2.6, top=0.35, sharex=True, sharey="col")
+    for row, (family, members) in zip(axes, families.items(), strict=True):
+        for number, name in enumerate(members):
+            time, values, impulsive = curves(name)
+            style = law_style(name) | {"linewidth": FIRST_LINE_WIDTH * LINE_RATIO**number}
+            label = f"{name} (velocity jumps)" if impulsive else name
+            for ax, field, along in zip(row, fields, values, strict=True):
+                ax.plot(time, along * MOTION[field].plot_factor, label=label, **style)
+        row[0].set_ylabel(family, fontsize=10)
+        row[-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False, handlelength=3.2)
+    for ax, field in zip(axes[0], fields, strict=True):
+        ax.set_title(MOTION[field].axis_label, fontsize=11, y=TITLE_HEIGHT)
+    for ax in axes[-1]:
+        ax.set_xlabel(TIME.axis_label)
+    for ax in axes.ravel():
+        ax.axhline(0, **ZERO)
+        ax.margins(x=0)
+        ax.locator_params(axis="y", nbins=4)  # labels take most of the time of a figure
+    return figure, axes
+
+
+def draw_kinematics(cycles: Mapping[str, Cycle]) -> Figure:
+    """Draw velocity, acceleration and jerk of every law over the forward stroke, as the law prescribes them."""
+
+    def curves(name: str) -> tuple[Any, Sequence[Any], bool]:
+        """Sample both sides of every join, so that discontinuities are drawn upright."""
+        forward: Any = cycles[name].forward
+        joined = forward.curve.x
+        count = max(3, POINTS_OF_A_LAW // (len(joined) - 1))
+        pieces = [(np.nextafter(low, 2.0), np.nextafter(high, -1.0)) for low, high in pairwise(joined)]
+        phase = np.concatenate([np.linspace(low, high, count) for low, high in pieces])
+        impulsive = any(join.order == 1 for join in forward.discontinuities())
+        return phase * forward.duration, [forward.at_phase(phase, order) for order in (1, 2, 3)], impulsive
+
+    return _draw_laws(cycles, ("velocity", "acceleration", "jerk"), 3.6, curves)[0]
+
+
+def draw_drive(runs: Mapping[str, Any]) -> Figure:
+    """Draw drive force, positive along the motion, and power of every law over a cycle."""
+
+    def curves(name: str) -> tuple[Any, Sequence[Any], bool]:
+        run = runs[name]
+        return run.time, (run.direction * run.drive_force, run.drive_power), bool(run.impulses)
+
+    figure, axes = _draw_laws(runs, ("drive_force", "drive_power"), 4.6, curves)
+    for column, by in zip(axes.T, ("peak_force", "peak_power"), strict=True):
+        quantity = CRITERIA[by].quantity
+        peaks = {name: getattr(run, by) * quantity.plot_factor for name, run in runs.items()}
+        finite = [peak for peak in peaks.values() if np.isfinite(peak)]
+        most = CROP_RATIO * np.median(finite) if finite else np.inf  # a few laws exceed it many times
+        low, high = column[0].get_ylim()
+        column[0].set_ylim(max(low, -most), min(high, most))
+        for ax, members in zip(column, _families(runs).values(), strict=True):
+            _name_cropped(ax, {name: peaks[name] for name in members}, quantity.shown_unit)
+    return figure
+
+
+def _name_cropped(ax: Axes, peaks: Mapping[str, float], unit: str) -> None:
+    """Name the laws beyond the scale of a panel with their peaks."""
+    limit, labels = max(map(abs, ax.get_ylim())), []
+    for name, peak in peaks.items():
+        digits = f"{peak:.3g}" if abs(peak) < 100 else f"{peak:.0f}"
+        words = f"peak {digits} {unit}, off the scale" if np.isfinite(peak) else "infinite at its jumps"
+        labels += [f"▲ {name}: {words}"] * bool(peak > limit)
+    if labels:
+        ax.text(
+            0.03, 0.05, "\n".join(labels), transform=ax.transAxes, ha="left", va="bottom", fontsize=8,
+            bbox={"facecolor": "white", "edgecolor": "0.6", "pad": 2},
+        )  # fmt: skip
+
+
+def draw_reactions(runs: Mapping[str, Any], names: Sequence[str]) -> Figure:
+    """Draw the guide-wheel reactions over a cycle; below zero a wheel runs on the lower rail."""
+    figure, (axes,) = panels(1, len(names), (5.2, 2.5), bottom=0.85, top=0.3, gaps=(0.3, 0.0), sharey=True)
+    reaction = MOTION["guide_reaction"]
+    for ax, name in zip(axes, names, strict=True):
+        forces, time = runs[name].state.forces, runs[name].time
+        curve(ax, TIME, reaction, time, forces.front_reaction, color=PALETTE[0], label="front wheel N₁")
+        curve(ax, TIME, reaction, time, forces.rear_reaction, "--", color=PALETTE[1], label="rear wheel N₂")
+        lowest = min(forces.front_reaction.min(), forces.rear_reaction.min()) * reaction.plot_factor
+        if lowest < 0:
+            ax.axhspan(lowest, 0, color="0.92", zorder=0, label="lifted off: on the lower rail")
+        ax.axhline(0, color="0.6", linewidth=0.8)
+        ax.set_title(name, y=TITLE_HEIGHT)
+        ax.set_ylabel(reaction.axis_label if ax is axes[0] else "")
+        ax.margins(x=0)
+    _legend_below(figure, axes[-1], columns=3)
+    return figure
+
+
+def draw_cams(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], follower: str) -> Figure:
+    """Draw the cam profiles for one follower with the path of the roller centre, a panel for each law.
+
+    The panel of an undercut cam is shaded and labelled.
+    """
+    columns = min(CAM_COLUMNS, len(names))
+    size, rows = (1.6, 1.8), -(-len(names) // columns)
+    figure, axes = panels(rows, columns, size, top=0.45, gaps=(0.45, 0.5), sharex=True, sharey=True)
+    phi = np.linspace(0, 2 * np.pi, 2001)
+    for ax, name in zip_longest(axes.ravel(), names):
+        ax.set_visible(name is not None)
+        if name is None:
+            continue
+        cam = cams[name, follower]
+        radius = cam.radius(phi)
+        ax.plot(*cam.profile(phi), color=law_style(name)["color"], linewidth=1.6)
+        ax.plot(radius * np.cos(phi), radius * np.sin(phi), color="0.6", linewidth=0.7, linestyle="--")
+        ax.plot(0, 0, "k+", markersize=6)
+        ax.set_title(name + ("\nUNDERCUT" if cam.undercut else "\n"), fontsize=8, y=TITLE_HEIGHT)
+        ax.set_facecolor("0.92" if cam.undercut else "white")
+        ax.set_aspect("equal")
+        ax.tick_params(labelsize=7)
+    figure.supxlabel("x [m]", fontsize=9)
+    figure.supylabel("y [m]", fontsize=9)
+    return figure
+
+
+def draw_crank_turns(turns: Mapping[str, CrankshaftRevolution]) -> Figure:
+    """Draw torque and power of the shaft over a turn for 1 to 4 carts, with thin lines of the means."""
+    figure, (both,) = panels(1, 2, (4.4, 2.9), bottom=0.85)
+    shafts = [key for key in turns if key.isdigit()]
+    for key, color, dash in zip(shafts, colormaps["viridis"](np.linspace(0, 0.85, len(shafts))), DASHES, strict=False):
+        turn, style = turns[key], {"color": color, "linestyle": dash}
+        label = f"{key} cart{'s' if key != '1' else ''}"
+        for ax, name, values in zip(both, ("shaft_torque", "shaft_power"), (turn.torque, turn.power), strict=True):
+            curve(ax, MOTION["crank_angle"], MOTION[name], turn.angle, values, label=label, **style)
+            ax.axhline(turn.mean(values) * MOTION[name].plot_factor, linewidth=0.7, **style)
+            ax.set_xticks(range(0, 361, 45))
+            ax.margins(x=0)
+    _legend_below(figure, both[0], columns=4)
+    return figure
+
+
+def draw_shaft_torque(sizing: LawSizing, rule: SizingRule) -> Figure:
+    """Draw the torque of all carts over the angle of the shaft.
+
+    Parameters
+    ----------
+    sizing : LawSizing
+        Requirement of a law, with the motor of the catalogue if there is one.
+    rule : SizingRule
+        Rule by which the motor holds; its torques are shown at the shaft, divided by the margin.
+    """
+    found = sizing.requirement
+    assert found is not None  # a law with finite torque
+    figure, ((ax,),) = panels(1, 1, (7.2, 3.0), right=1.6, bottom=0.6)
+    ax.plot(np.degrees(found.angle), found.torque, color="black", linewidth=1.6, label=sizing.law)
+    levels = {"rms": (found.rms_torque, "rms torque"), "mean": (found.mean_torque, "mean torque")}
+    chosen = None if sizing.choice is None else sizing.choice.chosen
+    if chosen is not None:
+        at_shaft = chosen.gear_ratio * rule.efficiency / rule.margin
+        levels["rated"] = chosen.motor.rated_torque * at_shaft, f"rated, {chosen.motor.name}"
+        levels["peak"] = chosen.motor.peak_torque * at_shaft, f"peak, {chosen.motor.name}"
+    for name, (value, label) in levels.items():
+        colour, line = LEVELS[name]
+        order = 2 if name in ("rated", "peak") else 3  # those of the motor below those of the shaft
+        ax.axhline(value, color=colour, linestyle=line, linewidth=1.4, label=label, zorder=order)
+    ax.axhline(0.0, color="0.7", linewidth=0.8)
+    ax.set(xlabel="angle of the shaft [°]", ylabel="torque of the shaft [N m]", xlim=(0, 360))
+    ax.set_xticks(range(0, 361, 90))
+    ax.grid(color="0.93")
+    ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False, fontsize="small")
+    return figure
+
+
+def draw_durations(found: DurationStudy, own_duration: float) -> Figure:
+    """Draw peak force and peak power over the duration: the laws, the first ones where they are first, the crossovers.
+
+    Parameters
+    ----------
+    found : DurationStudy
+        Ranking over the duration.
+    own_duration : float
+        Duration of the scene [s], marked where it is within the range.
+    """
+    figure, (axes,) = panels(1, len(found.orders), (5.2, 3.4), bottom=0.6, gaps=(0.85, 0.3))
+    times, small = np.array(found.durations), {"textcoords": "offset points", "fontsize": "small"}
+    for ax, by in zip(axes, found.orders, strict=True):
+        factor, peaks, segments = quantities.CRITERIA[by].plot_factor, found.values(by), found.segments(by)
+        crossed = [each for each in found.crossovers if each.by == by]
+        ax.set(xlabel="duration of a pass T [s]", ylabel=quantities.CRITERIA[by].axis_label)
+        if np.isfinite(list(peaks.values())).any():
+            ax.set(xscale="log", yscale="log")
+            for values in peaks.values():
+                ax.plot(times, np.where(np.isfinite(values), values, np.nan) * factor, color="0.82", linewidth=0.8)
+            for law, low, high in segments:
+                grid = np.unique([low, high, *times[(times > low) & (times < high)]])
+                line = np.exp(np.interp(np.log(grid), np.log(times), np.log(peaks[law])))
+                for each in crossed:
+                    line = np.where(np.isclose(grid, each.duration), each.value, line)
+                ax.plot(grid, line * factor, **law_style(law) | {"linewidth": 2.2, "label": law})
+            for each in crossed:
+                place = each.duration, each.value * factor
+                ax.plot(*place, "o", color="black", markersize=4, zorder=3)
+                ax.annotate(f"{each.duration:.3g} s", place, (4, 4), **small)
+            label_decades(ax.xaxis, times[0], times[-1])
+            label_decades(ax.yaxis, *ax.get_ylim())
+            ax.set_xlim(times[0], times[-1])
+            ax.grid(color="0.93")
+            if segments:
+                ax.legend(loc="upper right", fontsize="small", title="first law", title_fontsize="small")
+        else:
+            _write_none_finite(ax, by)
+        if times[0] <= own_duration <= times[-1]:
+            ax.axvline(own_duration, color="0.6", linewidth=0.8, linestyle=":", zorder=0)
+            place = own_duration, 0.02
+            ax.annotate("scene", place, (-3, 0), xycoords=("data", "axes fraction"), color="0.4", ha="right", **small)
+    return figure
+
+
+# answer and rankings
+
+
+def draw_best_cycles(runs: Mapping[str, Any]) -> Figure:
+    """Draw drive force, positive along the motion, and power of the best laws over a cycle.
+
+    Parameters
+    ----------
+    runs : mapping
+        Run of each law, as many as BEST_STYLES at most.
+    """
+    figure, axes = panels(2, 1, CYCLE_SIZE, top=0.3, gaps=(0.0, 0.2), sharex=True)
+    force, power = axes[:, 0]
+    for (name, run), (dash, width) in zip(runs.items(), BEST_STYLES, strict=False):
+        style = {"color": law_style(name)["color"], "linestyle": dash, "linewidth": width, "label": name}
+        force.plot(run.time, run.direction * run.drive_force / 1e3, **style)
+        power.plot(run.time, run.drive_power, **style)
+    for ax, label in ((force, "force [kN]"), (power, "power [W]")):
+        ax.axhline(0, **ZERO)
+        ax.margins(x=0)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.set_ylabel(label, fontsize=9)
+    power.set_xlabel(TIME.axis_label)
+    force.set_title("Force and power over a cycle, best laws", fontsize=10, loc="left", fontweight="bold")
+    low, high = force.get_ylim()
+    force.set_ylim(low, high + 0.3 * (high - low))
+    force.legend(frameon=False, fontsize=8, ncols=len(BEST_STYLES), loc="upper center", handlelength=3.4)
+    return figure
+
+
+def draw_rankings(
+    orders: Mapping[str, list[Place]], comparisons: Mapping[str, Mapping[str, Mapping[str, Place]]]
+) -> Figure:
+    """Draw bars of the ranked laws, first law on top, a panel for each of the first criteria.
+
+    Parameters
+    ----------
+    comparisons : mapping
+        Places by criterion, engine and law, drawn as marks.
+
+    Returns
+    -------
+    Figure
+        Infinite values are named in place of a bar.
+    """
+    orders = dict(islice(orders.items(), RANKING_PANELS))
+    labels = {}
+    for by, order in orders.items():
+        factor = CRITERIA[by].quantity.plot_factor
+        values = ["" if each.reason else f"{each.value * factor:#.4g}".rstrip(".") for each in order]
+        labels[by] = [f"{each.rank}  {each.law}  {value}" for each, value in zip(order, values, strict=True)]
+    figure, axes = _stacked_panels(len(orders), max(map(len, orders.values())), chain(*labels.values()))
+    for ax, (by, order) in zip(axes, orders.items(), strict=True):
+        _draw_bars(ax, by, order, labels[by])
+        _draw_marks(ax, by, order, comparisons.get(by, {}))
+    _common_legend(figure, axes)
+    return figure
+
+
+def _stacked_panels(count: int, rows: int, labels: Iterable[str]) -> tuple[Figure, NDArray[Any]]:
+    """Make a column of panels with a margin for the labels of their rows."""
+    size = PANEL_WIDTH, ROW_HEIGHT * rows + 0.2
+    figure, axes = panels(count, 1, size, left=0.3 + LETTER_WIDTH * max(map(len, labels)), top=0.5, gaps=(0.0, 0.6))
+    return figure, axes[:, 0]
+
+
+def _common_legend(figure: Figure, axes: Iterable[Axes]) -> None:
+    """Place one legend with the labels of all panels above them."""
+    found = {label: mark for ax in axes for mark, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(found.values()), list(found), loc="upper center", ncols=len(found), frameon=False, fontsize=8)
+
+
+def _draw_bars(ax: Axes, by: str, order: list[Place], labels: Sequence[str]) -> None:
+    """Draw a bar with its error and its label for each place."""
+    factor = CRITERIA[by].quantity.plot_factor
+    for row, place in enumerate(order):
+        if place.reason:
+            ax.text(0, row, f" infinite: {place.reason.split(':')[0]}", va="center", fontsize=8, color="0.35")
+    rows = np.array([row for row, place in enumerate(order) if not place.reason], dtype=int)
+    finite = np.array([order[row].value * factor for row in rows])
+    errors = np.nan_to_num([(order[row].error or 0.0) * factor for row in rows], posinf=0.0)
+    colors = [law_style(order[row].law)["color"] for row in rows]
+    ax.barh(rows, finite, color=colors, height=0.72, edgecolor="black", linewidth=0.4)
+    known = np.flatnonzero(errors)
+    if known.size:
+        whisker: dict[str, Any] = {"fmt": "none", "ecolor": "black", "capsize": 2.5, "elinewidth": 1.2}
+        ax.errorbar(finite[known], rows[known], xerr=errors[known], label="error", **whisker)
+    ax.set_yticks(range(len(order)), labels, fontsize=8)
+    ax.set_xlim(0, 1.15 * max(finite + errors, default=1.0) or 1.0)
+    ax.set_ylim(len(order) - 0.4, -0.6)
+    ax.set_xlabel(CRITERIA[by].quantity.axis_label)
+    ax.spines[["top", "right"]].set_visible(False)
+
+
+def mark_offsets(count: int) -> NDArray[np.float64]:
+    """Return the vertical offsets of the marks of engines over the height of a row [-], shape (count,)."""
+    return np.linspace(-MARK_SPREAD / 2, MARK_SPREAD / 2, count) if count > 1 else np.zeros(count)
+
+
+def _draw_marks(ax: Axes, by: str, order: list[Place], comparison: Mapping[str, Mapping[str, Place]]) -> None:
+    """Mark the values by other engines."""
+    factor = CRITERIA[by].quantity.plot_factor
+    for (engine, places), offset in zip(comparison.items(), mark_offsets(len(comparison)), strict=True):
+        found = [(places[place.law].value * factor, row) for row, place in enumerate(order) if place.law in places]
+        found = [mark for mark in found if np.isfinite(mark[0])]
+        if found:
+            color, mark, _ = engine_style(engine)
+            value, row = np.transpose(found)
+            style: dict[str, Any] = {"mfc": "white", "markersize": 4, "linestyle": "none", "clip_on": False}
+            ax.plot(value, row + offset, mark, color=color, label=f"by {engine}", **style)
+            ax.set_xlim(0, max(ax.get_xlim()[1], 1.05 * value.max()))
+
+
+def draw_engines(orders: Mapping[str, Mapping[str, Mapping[str, list[Place]]]], most: int = 12) -> Figure:
+    """Draw the excess of the laws over the first one, a mark with its error for each engine.
+
+    Parameters
+    ----------
+    orders : mapping
+        Rankings by engine, drive and criterion, the engine of the scene first.
+    most : int
+        Largest number of laws in a panel: those that are first by any engine, in the order of the first engine.
+
+    Returns
+    -------
+    Figure
+        A panel for each drive and criterion.
+    """
+    reference = orders[next(iter(orders))]
+    shown = [(kind, by) for kind, found in reference.items() for by in islice(found, DRIVE_PANELS)]
+    names = (place.law for kind, by in shown for place in reference[kind][by])
+    rows = min(most, max(len(reference[kind][by]) for kind, by in shown))
+    figure, axes = _stacked_panels(len(shown), rows, names)
+    for ax, (kind, by) in zip(axes, shown, strict=True):
+        _draw_excess(ax, {engine: _excess(found[kind][by], by) for engine, found in orders.items()}, by, most)
+        ax.set_xlabel(f"excess {CRITERIA[by].quantity.term} [%], {kind} drive", fontsize=9)
+    _common_legend(figure, axes)
+    return figure
+
+
+def _draw_excess(ax: Axes, excess: Mapping[str, Mapping[str, tuple[float, float]]], by: str, most: int) -> None:
+    """Mark the excess of the laws by each engine, with its error."""
+    reference = next(iter(excess.values()))
+    least = {law: min(found[law][0] for found in excess.values() if law in found) for law in reference}
+    nearest = chain(*group_equal(list(least.values()), floor=100.0))
+    shown = {list(least)[i] for i in islice(nearest, most)}
+    laws = [law for law in reference if law in shown]  # in their order by the first engine
+    for (engine, found), offset in zip(excess.items(), mark_offsets(len(excess)), strict=True):
+        color, mark, _ = engine_style(engine)
+        value, error = np.reshape([found.get(law, (np.nan, 0.0)) for law in laws], (-1, 2)).T
+        style: dict[str, Any] = {"color": color, "mfc": "white", "markersize": 4, "lw": 0.8, "capsize": 2}
+        error = np.where(error, error, np.nan)  # no whisker without an error
+        ax.errorbar(value, np.arange(len(laws)) + offset, xerr=error, fmt=mark, label=engine, **style)
+    if not laws:
+        _write_none_finite(ax, by)
+    ax.set_yticks(range(len(laws)), laws, fontsize=8)
+    ax.set_ylim(len(laws) - 0.4, -0.6)
+    ax.set_yticks(np.arange(max(len(laws) - 1, 0)) + 0.5, minor=True)
+    ax.grid(axis="y", which="minor", color="0.9")
+    ax.tick_params(axis="y", which="minor", length=0)
+
+
+def _excess(order: Iterable[Place], by: str) -> dict[str, tuple[float, float]]:
+    """Return excess over the first law and its error [%] by law, of finite values."""
+    finite = [place for place in order if not place.reason]
+    values = [place.value for place in finite]
+    least = min(values, default=0.0)
+    scale = CRITERIA[by].scale(least) or max(values, default=0.0) or 1.0
+    errors = [place.error if place.error and np.isfinite(place.error) else 0.0 for place in finite]
+    return {
+        place.law: (100 * (place.value - least) / scale, 100 * error / scale)
+        for place, error in zip(finite, errors, strict=True)
+    }

@@ -1,1 +1,0 @@
-"""Figures of a study, a contact, a ranking and a sweep by matplotlib."""

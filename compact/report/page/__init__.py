@@ -1,1 +1,0 @@
-"""The HTML page of a study: blocks, texts and Jinja2 templates."""

@@ -1,0 +1,309 @@
+"""Tables of a finished study, by the names of their files; the page and summary.json select from the same tables."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import astuple
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from compact.analysis.ranking_uncertainty import Place, error
+from compact.analysis.sizing.durations import DurationStudy
+from compact.analysis.sizing.machine_sizing import MachineSizing
+from compact.analysis.study import Study
+from compact.files import write_csv
+from compact.machine.ranking import CRITERIA
+from compact.machine.ranking import value_of as criterion_of
+from compact.machine.roller_motors import roller_rotation
+from compact.motion.profile import EndCondition
+from compact.report.tables import Getter, TableSpec, columns, value_of, write_arrays
+
+CAM_POINTS = 721  # [-], rows of the table of a cam, each half degree
+CONTACT = (
+    "speed_m/s load_N/m resistance_N/m coefficient leading_m trailing_m peak_pressure_Pa load_error resistance_error "
+    "work_residual iterations"
+)
+PASS = (
+    "speed_m/s=0 pass=1 load_N/m=2.load resistance_N/m=2.resistance coefficient=3 indentation_m=2.indentation "
+    "exit_height_m=2.exit_height exit_density_ratio=2.exit_density_ratio load_error=2.error.0 "
+    "resistance_error=2.error.1 work_residual=2.work_residual mass_residual=2.mass_residual"
+)
+CYCLE = (
+    "time_s position_m velocity_m/s acceleration_m/s2 jerk_m/s3 resistance_N drive_force_N drive_power_W "
+    "front_reaction_N rear_reaction_N"
+)
+RUN = {  # table of the runs by the kind of drive: name of the file and columns
+    "elastic": (
+        "dynamic-amplification",
+        "law=name peak_force_N rigid_peak_force_N=rigid.peak_force dynamic_amplification peak_power_W "
+        "rigid_peak_power_W=rigid.peak_power nonuniformity rigid_nonuniformity=rigid.nonuniformity stick_time_s "
+        "energy_residual intervals=cost.intervals",
+    ),
+    "motor": (
+        "motor",
+        "law=name period_s least_speed_rad/s largest_speed_rad/s fluctuation peak_motor_torque_Nm peak_motor_power_W "
+        "work_of_a_cycle_J=work nonuniformity energy_residual belt_creep belt_loss_J",
+    ),
+    "hydraulic": (
+        "hydraulic",
+        "law=name lack peak_inlet_pressure_Pa=0 peak_outlet_pressure_Pa=0 peak_flow_m3/s largest_inlet_area_m2=0 "
+        "least_outlet_area_m2=0 pump_work_J work_on_the_cart_J=energy throttle_heat_J relief_heat_J energy_residual",
+    ),
+}
+RUN_GETTERS: Mapping[str, Getter] = {  # of columns that are computed
+    "work_of_a_cycle_J": lambda run: float(np.sum(run.weights * run.motor_power)),
+    "peak_inlet_pressure_Pa": lambda run: float(run.valve_flow.inlet_pressure.max()),
+    "peak_outlet_pressure_Pa": lambda run: float(run.valve_flow.outlet_pressure.max()),
+    "largest_inlet_area_m2": lambda run: float(run.valve_flow.inlet_area.max()),
+    "least_outlet_area_m2": lambda run: float(run.valve_flow.outlet_area.min()),
+}
+THROTTLE = "time_s position_m velocity_m/s flow_m3/s inlet_pressure_Pa outlet_pressure_Pa inlet_area_m2 outlet_area_m2"
+STROKE = "time_s position_m velocity_m/s law_position_m inlet_pressure_Pa outlet_pressure_Pa"
+CAM = (
+    "law=0 follower=1 breadth_m=2.breadth least_breadth_m=3.breadth rule=3.rule undercut=2.undercut "
+    "least_radius_of_curvature_m=2.least_radius_of_curvature largest_pressure_angle_rad=2.largest_pressure_angle "
+    "largest_contact_offset_m=2.largest_contact_offset breadth_error_m=2.breadth_error"
+)
+STEPPER = "time_s angle_rad angular_velocity_rad/s angular_acceleration_rad/s2 angular_jerk_rad/s3"
+ROLLER_MOTOR = "peak_torque_Nm peak_power_W peak_creep share lack"
+SIZING = (
+    "law shaft_speed_rad/s=requirement.speed mean_torque_Nm=requirement.mean_torque "
+    "rms_torque_Nm=requirement.rms_torque peak_torque_Nm=requirement.peak_torque "
+    "peak_braking_torque_Nm=requirement.peak_braking driving_share=requirement.driving_share "
+    "braking_share=requirement.braking_share largest_inertia_kgm2=requirement.largest_inertia "
+    "excess_energy_J=requirement.excess_energy required_power_W motor=choice.chosen.motor.name"
+)
+CATALOGUE = (
+    "motor=motor.name price=motor.price rated_power_W=motor.rated_power gear_ratio rms_torque_Nm "
+    "rated_torque_Nm=motor.rated_torque peak_torque_needed_Nm=peak_torque peak_torque_Nm=motor.peak_torque "
+    "inertia_ratio fluctuation holds"
+)
+RANKING = "rank=0.rank law=2 value=0.value unit=1 margin=0.margin tie=0.tie"
+
+
+def _table(title: str, records: Iterable[Any], names: str, **getters: Getter) -> TableSpec:
+    return TableSpec.of(title, records, columns(names) | getters)
+
+
+def contact_table(study: Study) -> TableSpec:
+    """Tabulate the contacts over the speed, with the formulas and the exact half-plane."""
+    stage, length = study.stages.contacts, study.scene.machine.roller_length
+    beside: dict[str, Getter] = {
+        "formula_load_N/m": lambda _: stage.engineering.roller_force / length,
+        "formula_coefficient": lambda _: stage.engineering.resistance_coefficient,
+        "exact_load_N/m": lambda _: float(stage.exact.load),
+    }
+    return TableSpec.of("contact", study.contacts, columns(CONTACT) | beside)
+
+
+def pass_tables(passes: Sequence[tuple[float, Sequence[Any]]]) -> dict[str, TableSpec]:
+    """Tabulate forces and compaction of each pass, and the density over the height; even passes have negative speed."""
+    from compact.analysis.multipass import density
+
+    cases: list[tuple[Any, ...]] = [
+        (speed if number % 2 else -speed, number, contact, contact.resistance / contact.load)
+        for speed, contacts in passes for number, contact in enumerate(contacts, start=1)
+    ]  # fmt: skip
+    rows = [(speed, number, *row) for speed, number, contact, _ in cases for row in density(contact).tolist()]
+    return {
+        "passes": _table("passes", cases, PASS),
+        "density": _table("density", rows, "speed_m/s=0 pass=1 bottom_m=2 top_m=3 density_ratio=4"),
+    }
+
+
+def law_table(study: Study) -> TableSpec:
+    """Tabulate peaks, continuity and criteria of the laws."""
+    turn: EndCondition = "dwell" if study.scene.motion.dwell > 0 else "reversal"
+    rows = [
+        (each.forward, each.forward.peaks(), f"C{each.forward.smoothness(turn)}",
+         *(each.forward.criterion(order, turn) for order in range(1, 5)))
+        for each in study.cycles.values()
+    ]  # fmt: skip
+    return _table(
+        "laws", rows, "law=0.name peak_velocity_m/s=1.velocity peak_acceleration_m/s2=1.acceleration "
+        "peak_jerk_m/s3=1.jerk peak_snap_m/s4=1.snap continuity=2 J1_m2/s=3 J2_m2/s3=4 J3_m2/s5=5 J4_m2/s7=6",
+    )  # fmt: skip
+
+
+def _law_tables(study: Study) -> Iterator[TableSpec]:
+    """Tabulate formulas, mix, laws and their joins."""
+    numbers = study.stages.contacts.numbers.items()
+    yield _table(
+        "engineering", numbers, "quantity=0 value=1.value unit=1.unit low=1.low high=1.high known_by=1.known_by"
+    )
+    yield _table("mix", study.mix.parameters, "parameter=name value unit low high flag origin")
+    yield law_table(study)
+    joins = [(name, join) for name, cycle in study.cycles.items() for join in cycle.discontinuities()]
+    yield _table("joins", joins, "law=0 time_s=1.time quantity=1.quantity before_SI=1.before after_SI=1.after")
+
+
+def write_tables(study: Study, place: Path) -> Iterator[Path]:
+    """Write the tables of the item "tables": formulas, mix, laws, cycles, drives, rankings and sizing."""
+    for table in _law_tables(study):
+        yield table.write(place / f"{table.title}.csv")
+    for name, run in study.runs.items():
+        forces = run.state.forces
+        values = run.time, *run.state[:5], run.drive_force, run.drive_power, forces.front_reaction, forces.rear_reaction
+        yield write_arrays(place / "cycles" / f"{name}.csv", CYCLE, values)
+    yield from _write_drive(study, place)
+    yield from _write_rankings(study, place)
+    for table in sizing_tables(study.machine_sizing):
+        yield table.write(place / f"{table.title}.csv")
+
+
+def _write_drive(study: Study, place: Path) -> Iterator[Path]:
+    """Write the tables of the kind of drive of the scene."""
+    kind, drive, runs = study.scene.drive.kind, study.stages.drive, list(study.runs.values())
+    if kind in RUN:
+        title, names = RUN[kind]
+        declared = columns(names)
+        declared |= {name: getter for name, getter in RUN_GETTERS.items() if name in declared}
+        shown = [run for run in runs if kind != "motor" or hasattr(run, "motor_torque")]
+        yield TableSpec.of(title, shown, declared).write(place / f"{title}.csv")
+    if kind == "motor" and drive.motor_start is not None:
+        law, start = drive.motor_start
+        values: Sequence[Any] = (start.time, start.angle, start.speed)
+        yield write_arrays(place / f"run-up-{law}.csv", "time_s angle_rad speed_rad/s", values)
+    if kind == "hydraulic":
+        for run in runs:
+            values = (run.time, *run.state[:2], *vars(run.valve_flow).values())
+            yield write_arrays(place / "throttles" / f"{run.name}.csv", THROTTLE, values)
+        if drive.hydraulic_stroke is not None:
+            run, made = drive.hydraulic_stroke
+            law = run.inverse_dynamics.cycle.forward.position(made.time)
+            values = (made.time, made.position, made.velocity, law, made.inlet_pressure, made.outlet_pressure)
+            yield write_arrays(place / f"passage-{run.name}.csv", STROKE, values)
+
+
+def _write_rankings(study: Study, place: Path) -> Iterator[Path]:
+    """Write ranking.csv, criteria.csv and, where engines are compared, agreement.csv and their contacts."""
+    kind = study.scene.drive.kind
+    ranked = [
+        (each, CRITERIA[by].unit, each.law, by, engine, moved_by)
+        for engine, orders in study.places_by_engine.items() for moved_by, order in orders.items()
+        for by, found in order.items() for each in found
+    ]  # fmt: skip
+    names = f"engine=4 drive=5 criterion=3 {RANKING} error=0.error resolved=0.resolved reason=0.reason"
+    yield _table("ranking", ranked, names).write(place / "ranking.csv")
+    values = [
+        (name, kind, by, criterion_of(run, by), criterion.unit, criterion_error(study, run, by))
+        for name, run in study.runs.items() for by, criterion in CRITERIA.items()
+    ]  # fmt: skip
+    names = "law=0 drive=1 criterion=2 value=3 unit=4 error=5"
+    yield _table("criteria", values, names).write(place / "criteria.csv")
+    if study.comparison:
+        yield _table(
+            "agreement", study.agreements, "engine drive other_engine other_drive criterion=by kendall_tau=agreement.0 "
+            "discordant_pairs=agreement.1 resolved_discordant_pairs=agreement.2 pairs=agreement.3 first other_first",
+        ).write(place / "agreement.csv")  # fmt: skip
+    for name, other in study.comparison.items():
+        if other.records:
+            yield _table("contact", other.records, CONTACT).write(place / "comparison" / name / "contact.csv")
+
+
+def criterion_error(study: Study, run: Any, by: str) -> float | None:
+    """Estimate the error of a criterion from that of the resistance, in its unit; None where that is unknown."""
+    heavier = study.stages.drive.heavier_runs
+    return None if heavier is None else error(run, heavier.get(run.name), by)
+
+
+def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, Place]]:
+    """Collect the places of each law by the engines of the comparison."""
+    return {name: {place.law: place for place in other.places[kind][by]} for name, other in study.comparison.items()}
+
+
+def write_reactions(study: Study, place: Path) -> Iterator[Path]:
+    """Write reactions.csv, the extremes of the guide-wheel reactions."""
+    rows = []
+    for name, run in study.runs.items():
+        front, rear = run.state.forces.front_reaction, run.state.forces.rear_reaction
+        lifted = float(np.sum(run.weights * ((front < 0) | (rear < 0))) / run.period)
+        rows.append((name, *(float(value) for each in (front, rear) for value in (each.min(), each.max())), lifted))
+    names = "law=0 front_least_N=1 front_largest_N=2 rear_least_N=3 rear_largest_N=4 lifted_off_share=5"
+    yield _table("reactions", rows, names).write(place / "reactions.csv")
+
+
+def write_cams(study: Study, place: Path) -> Iterator[Path]:
+    """Write cams.csv, the profiles of all cams, the rotation of the rollers and the requirements on their motors."""
+    laws, motors = study.stages.laws, study.stages.drive.roller_motors
+    for (law, follower), cam in laws.cams.items():
+        points = cam.table(CAM_POINTS)
+        yield write_csv(place / "cams" / f"{law}-{follower}.csv", points.header, points.rows())
+    cams = [(*key, cam, laws.least_breadths[key]) for key, cam in laws.cams.items()]
+    yield _table("cams", cams, CAM).write(place / "cams.csv")
+    for law, cycle in study.cycles.items():
+        turned = roller_rotation(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
+        motor, names = motors[law], f"{STEPPER} torque_Nm power_W traction"
+        _, state = motor.traction_over(turned.time)
+        values = [*astuple(turned), state.torque, motor.power(turned.time), state.traction]
+        if motor.roller.has_creep:
+            names += " creep angle_with_creep_rad angular_velocity_with_creep_rad/s"
+            values += [state.creep, motor.angle(turned.time), motor.angular_velocity(turned.time)]
+        yield write_arrays(place / "cams" / f"{law}-stepper.csv", names, values)
+    yield from write_roller_motors(study, place)
+
+
+def roller_motor_numbers(study: Study) -> dict[str, dict[str, Any]]:
+    """Collect the requirements of each law on the motors in the rollers, in SI units, by law and name."""
+    motors, names = study.stages.drive.roller_motors, columns(ROLLER_MOTOR).values()
+    return {law: {str(name): value_of(motor, name) for name in names} for law, motor in motors.items()}
+
+
+def write_roller_motors(study: Study, place: Path) -> Iterator[Path]:
+    """Write roller-motors.csv and, where the contact model has a creepage, the response of a driven roller."""
+    motors = study.stages.drive.roller_motors
+    rows = [{"law": law} | numbers for law, numbers in roller_motor_numbers(study).items()]
+    yield _table("roller-motors", rows, f"law {ROLLER_MOTOR}").write(place / "roller-motors.csv")
+    roller: Any = next(iter(motors.values())).roller
+    if roller.has_creep:
+        sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)
+        values = [column.ravel() for column in sampled]
+        yield write_arrays(place / "driven-roller.csv", "speed_m/s torque_Nm pull_N creep load_N", values)
+
+
+def write_crank(study: Study, place: Path) -> Iterator[Path]:
+    """Write crank.csv for 1 to 4 carts, and crank-turn.csv, one turn of the shaft of the scene."""
+    turns = study.stages.drive.turns
+    rows = [(key, turn.mean(turn.power), turn.peak_power, turn.peak_torque) for key, turn in turns.items()]
+    yield _table(
+        "crank", rows, "carts=0 mean_power_W=1 peak_power_W=2", peak_over_mean=lambda row: row[2] / row[1],
+        peak_torque_Nm="3",
+    ).write(place / "crank.csv")  # fmt: skip
+    turn, names = turns["scene"], "angle_rad torque_Nm power_W"
+    values = [turn.angle, turn.torque, turn.power]
+    for number, cart in enumerate(turn.carts, start=1):
+        names += f" rod_force_N_{number} torque_Nm_{number} power_W_{number}"
+        values += [cart.rod_force, cart.torque, cart.power]
+    yield write_arrays(place / "crank-turn.csv", names, values)
+
+
+def sizing_tables(sizing: MachineSizing) -> Iterator[TableSpec]:
+    """Tabulate shaft and motor of every law, the catalogue, loads of wheels and lives, as far as they exist."""
+    if sizing.laws:
+        yield _table("motor-sizing", sizing.laws.values(), SIZING)
+    first = sizing.first
+    if first is not None and first.choice is not None:
+        yield _table("motor-catalogue", first.choice.fits, CATALOGUE, reason=lambda fit: "; ".join(fit.failures))
+    cycles = [(wheel.name, each, sizing.per_hour(each.count)) for wheel in sizing.wheels for each in wheel.cycles]
+    names = "load=0 range_N=1.range mean_N=1.mean count_per_cycle=1.count count_per_hour=2"
+    yield _table("wheel-loads", cycles, names)
+    if sizing.lives:
+        yield _table(
+            "bearing-lives", sizing.lives.items(), "bearing=0 equivalent_load_N=1.equivalent_load "
+            "life_million_revolutions=1.million_revolutions life_hours=1.hours valid=1.valid",
+        )  # fmt: skip
+
+
+def duration_tables(found: DurationStudy) -> Iterator[TableSpec]:
+    """Tabulate the laws at every duration, and the durations at which the first law changes."""
+    ranked = [
+        (each, CRITERIA[by].unit, each.run.name, by, duration)
+        for by, orders in found.orders.items()
+        for duration, order in zip(found.durations, orders, strict=True)
+        for each in order
+    ]
+    yield _table("duration", ranked, f"duration_s=4 criterion=3 {RANKING} reason=0.reason")
+    yield _table(
+        "duration-crossovers", found.crossovers, "criterion=by duration_s shorter longer value",
+        unit=lambda each: CRITERIA[each.by].unit,
+    )  # fmt: skip
