@@ -1,11 +1,12 @@
 """Elastic drive: a spring and a damper between the imposed motion law and the cart.
 
-    m x'' = H - W(x', x'') - guide friction + end springs,   H = k (e - o) + c e',   e = y(t) - x
+    m x'' = H - W(x', x'', s) - guide friction + end springs,   H = k (e - o) + c e',   e = y(t) - x
 
 y is the law, x the cart, H the drive force, positive towards the driven end. With a backlash b the spring is engaged
 for e > b/2 (o = b/2) and e < -b/2 (o = -b/2), and slack between; the damper acts throughout. The resistance W is that
 of the steady speed, or depends on the acceleration to first order, F(v) + a M(v). During oscillations the added-mass
-term is saturated for most of the time (`force_elements`); the solution then takes several times as long.
+term is saturated for most of the time; the solution then takes several times as long. A resistance with the attribute
+`travels` is called with the travel s since the last turn [m] as a third argument.
 
 W and the guide friction jump at rest and hold the cart there, as does the plate of a preloaded end spring. A
 resistance that vanishes with a small power of the speed, such as v^0.02 of a compacting mix, acts like dry friction: a
@@ -24,18 +25,19 @@ from functools import cached_property
 
 import numpy as np
 
-from compact.dynamics.event_driven import MIN_STEP, peak_force_and_power
-from compact.dynamics.trajectory import (
+from compact.machine import rigid_drive
+from compact.machine.cart import Balance, Cart, balance
+from compact.machine.elastic_cycle import CartMotion, SolutionCost
+from compact.machine.elastic_motion import MIN_STEP
+from compact.machine.trajectory import (
     CELL_ANGLE,
     CELL_POINTS,
     MAX_SAMPLES,
     OSCILLATION_FLOOR,
+    Kinematics,
     Trajectory,
     oscillation_time,
 )
-from compact.machine import rigid_drive
-from compact.machine.cart import Balance, Cart, balance
-from compact.machine.elastic_cycle import PeriodicProblem, SolutionCost
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_known, require_opposing, require_positive
@@ -120,14 +122,9 @@ def simulate_elastic(
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
     _require_resolved_period(cart, drive, cycle)
     _require_resolvable(cart, drive, cycle, _expected_samples(cart, drive, cycle))
-    problem = PeriodicProblem(cart, drive, cycle, resistance, tolerance)
-    if regime == "rest":
-        start = problem.rest_state
-        intervals, end = problem.integrate(problem.law, start)
-    else:
-        intervals, start = problem.solve_periodic()
-        end = start
-    trajectory = Trajectory(problem.oscillator, intervals, problem.resistance, start, end)
+    problem = CartMotion(cart, drive, cycle, resistance, tolerance)
+    periodic = regime == "periodic"
+    trajectory = problem.solve_periodic() if periodic else problem.integrate(problem.law, problem.rest_state)
     _require_resolvable(cart, drive, cycle, trajectory.sample_count)
     return ElasticRun(cart, cycle, resistance, working, trajectory, problem.cost, drive.include_added_mass)
 
@@ -215,42 +212,46 @@ class ElasticRun(rigid_drive.CycleStatistics):
         return self.cycle.direction(self.trajectory.intervals.start + 1e-9 * self.period)[self._points[0]]
 
     @cached_property
+    def motion(self) -> Kinematics:
+        """Motion and forces of the cart and its spring."""
+        i, u, _ = self._points
+        return self.trajectory.at(i, u)
+
+    @cached_property
     def state(self) -> rigid_drive.DriveState:
         """Motion and forces of the cart.
 
         Slower than the integration resolves, mix and guides share its resistance in the ratio of their limits.
         """
-        i, u, _ = self._points
-        position, velocity, acceleration, jerk, resisting = self.trajectory.kinematics(i, u)
-        force, end_force = self.trajectory.drive_force(i, u), self.trajectory.end_spring_force(i, u)
-        slip, zero, pull = self.trajectory.intervals.slip[i], np.zeros(force.shape), force + end_force
-        direction, slowest = np.where(slip != 0, slip, np.sign(pull)), self.trajectory.resistance.knots[0]
-        velocity = np.where(slip * velocity > 0, velocity, 0.0)  # rounding at the ends of a slip
+        motion, i = self.motion, self._points[0]
+        slip, zero = self.trajectory.intervals.slip[i], np.zeros(len(i))
+        slowest, acceleration = self.trajectory.cart.knots[0], motion.acceleration
+        direction = np.where(slip != 0, slip, np.sign(motion.drive_force + motion.end_spring_force))
+        velocity = np.where(slip * motion.velocity > 0, motion.velocity, 0.0)  # rounding at the ends of a slip
         moving = direction * np.maximum(np.abs(velocity), slowest)  # limit from inside the motion
-        mix = rigid_drive.evaluate_resistance(self.resistance, moving, self.include_added_mass * acceleration)
+        travel = slip * (motion.position - self.trajectory.intervals.turn[i])
+        mix = rigid_drive.evaluate_resistance(self.resistance, moving, self.include_added_mass * acceleration, travel)
         limit = balance(self.cart, zero, mix, direction).drive_force
         share = np.divide(mix, limit, out=np.zeros(mix.shape), where=limit != 0)
-        mix = np.where(np.abs(velocity) < slowest, resisting * share, mix)
-        reactions = balance(self.cart, acceleration, mix, slip, end_spring_force=end_force)
-        forces = Balance(force, reactions.front_reaction, reactions.rear_reaction, resisting - mix)
-        return rigid_drive.DriveState(position, velocity, acceleration, jerk, mix, zero, forces)
+        mix = np.where(np.abs(velocity) < slowest, motion.resistance * share, mix)
+        reactions = balance(self.cart, acceleration, mix, slip, end_spring_force=motion.end_spring_force)
+        forces = Balance(motion.drive_force, reactions.front_reaction, reactions.rear_reaction, motion.resistance - mix)
+        return rigid_drive.DriveState(motion.position, velocity, acceleration, motion.jerk, mix, zero, forces)
 
-    @cached_property
+    @property
     def drive_force(self) -> Array:
         """Drive force H [N], positive towards the driven end."""
-        i, u, _ = self._points
-        return self.trajectory.drive_force(i, u)
+        return self.motion.drive_force
 
-    @cached_property
+    @property
     def drive_power(self) -> Array:
         """Power H y' of the driven end [W]."""
-        i, u, _ = self._points
-        return self.drive_force * self.trajectory.driven_end(i, u, 1)
+        return self.motion.drive_force * self.motion.driven_velocity
 
     @cached_property
     def _peaks(self):
         """Largest |H| [N] and |H y'| [W]."""
-        return peak_force_and_power(self.trajectory.oscillator, self.trajectory.intervals)
+        return self.trajectory.peak_force_and_power()
 
     @property
     def peak_force(self) -> float:
@@ -282,8 +283,8 @@ class ElasticRun(rigid_drive.CycleStatistics):
         """Jumps of the acceleration of the cart."""
         intervals = self.trajectory.intervals
         rows = np.arange(len(intervals.start))
-        after = self.trajectory.kinematics(rows, np.zeros(len(rows))).acceleration
-        before = self.trajectory.kinematics(rows, intervals.duration / intervals.scale).acceleration
+        after = self.trajectory.at(rows, np.zeros(len(rows))).acceleration
+        before = self.trajectory.at(rows, intervals.duration / intervals.scale).acceleration
         largest = np.abs(self.state.acceleration).max()
         jumps = [(i, before[i - 1], after[i]) for i in rows]
         return tuple(
@@ -296,7 +297,7 @@ class ElasticRun(rigid_drive.CycleStatistics):
     def nonuniformity(self) -> float:
         """(v_max - v_min)/v_mean of the cart over the working part of the forward stroke [-]."""
         time = np.linspace(*self.working, rigid_drive.NONUNIFORMITY_SAMPLES) * self.cycle.forward.duration
-        position, velocity, *_ = self.trajectory.kinematics(*self.trajectory.locate(time))
+        position, velocity, *_ = self.trajectory.at(*self.trajectory.locate(time))
         mean = (position[-1] - position[0]) / (time[-1] - time[0])
         return float((velocity.max() - velocity.min()) / mean)
 
@@ -309,11 +310,8 @@ class ElasticRun(rigid_drive.CycleStatistics):
     @cached_property
     def energy_residual(self) -> float:
         """Energy-balance residual of driven end, cart, springs and losses over int |H y'| dt [-]."""
-        trajectory = self.trajectory
-        i, u, weights = self._points
-        _, velocity, _, _, resisting = trajectory.kinematics(i, u)
-        _, rate = trajectory.elongation(i, u)
+        trajectory, motion = self.trajectory, self.motion
         gain = trajectory.energy(trajectory.end) - trajectory.energy(trajectory.start)
-        loss = trajectory.oscillator.damping * rate**2 + resisting * velocity
-        residual = np.sum(weights * (self.drive_power - loss)) - gain
-        return float(abs(residual) / np.sum(weights * np.abs(self.drive_power)))
+        loss = trajectory.cart.damping * motion.elongation_rate**2 + motion.resistance * motion.velocity
+        residual = np.sum(self.weights * (self.drive_power - loss)) - gain
+        return float(abs(residual) / np.sum(self.weights * np.abs(self.drive_power)))

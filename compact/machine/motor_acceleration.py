@@ -14,9 +14,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from compact.dynamics.shaft_speed import solve_shaft_speed
 from compact.machine.cart import Cart, Resistance
 from compact.machine.motor_drive import Motor, MotorRun, ShaftLoad, simulate_motor
+from compact.machine.shaft_speed import solve_shaft_speed
 from compact.motion.profile import Cycle, MotionProfile
 from compact.numerics import Array
 from compact.numerics.validation import require_positive

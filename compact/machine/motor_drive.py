@@ -7,7 +7,7 @@ the drive force of each cart at v = x' phi' and a = x'' phi'^2 + x' phi'' (`cart
 motor over its speed, g the ratio of motor to shaft speed. At a reversal x' = 0, so a jump of friction causes no
 torque. Behind a belt the motor is faster than g phi' by the creep under its load T - J_motor g phi''.
 
-The shaft angle is the independent variable (`dynamics.shaft_speed`).
+The shaft angle is the independent variable (`shaft_speed`).
 """
 
 import math
@@ -19,11 +19,11 @@ from operator import attrgetter
 
 import numpy as np
 
-from compact.dynamics.shaft_speed import ShaftRevolution, solve_shaft_speed
 from compact.machine import rigid_drive
 from compact.machine.cart import Cart, Resistance
 from compact.machine.motor_characteristics import Belt, TorqueCurve
 from compact.machine.shaft_load import RIGID, CartsOnShaft
+from compact.machine.shaft_speed import ShaftRevolution, solve_shaft_speed
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics import Array
 from compact.numerics.piecewise import find_maximum, interior_grid

@@ -153,11 +153,20 @@ class InverseDynamics:
         }
 
 
-def evaluate_resistance(resistance: Resistance, velocity: Array, acceleration: Array) -> Array:
-    """Evaluate a resistance [N] at velocities [m/s] and accelerations [m/s^2]; 0 in a dwell; require finite values."""
+def evaluate_resistance(
+    resistance: Resistance, velocity: Array, acceleration: Array, travel: Array | None = None
+) -> Array:
+    """Evaluate a resistance [N] at velocities [m/s], accelerations [m/s^2] and travels since the last turn [m].
+
+    It is 0 in a dwell and required to be finite. Only a resistance with the attribute `travels` depends on the travel;
+    its default is that far from the turn.
+    """
     force = np.zeros(np.shape(velocity))
     moves = np.asarray(velocity) != 0
-    force[moves] = resistance(velocity[moves], acceleration[moves])
+    arguments = [velocity, acceleration]
+    if travel is not None and hasattr(resistance, "travels"):
+        arguments.append(travel)
+    force[moves] = resistance(*(values[moves] for values in arguments))
     if not np.all(np.isfinite(force)):
         worst = tuple(np.argwhere(~np.isfinite(force))[0])
         raise ValueError(

@@ -98,7 +98,7 @@ def test_elastic_drive_of_a_scene_is_summarised(tmp_path):
     summary = report.write_study(study, tmp_path / "out")
     forces = study.resistance.force + 0.008 * (2 * study.stages.contacts.engineering.roller_force - 10000)
     for name, run in study.runs.items():
-        damper = np.sum(run.weights * 3e3 * run.trajectory.elongation(*run.trajectory.locate(run.time))[1] ** 2)
+        damper = np.sum(run.weights * 3e3 * run.motion.elongation_rate**2)
         slid = np.sum(run.weights * np.abs(run.state.velocity))
         assert run.energy == pytest.approx(
             forces * slid + damper, rel=1e-4
@@ -128,7 +128,7 @@ def test_added_mass_acts_on_the_elastic_drive_if_the_scene_includes_it(included)
     }
     study = Study(scene(**given))
     run, resistance = study.runs["cubic"], study.resistance
-    state, slowest = run.state, run.trajectory.resistance.knots[0]
+    state, slowest = run.state, run.trajectory.cart.knots[0]
     moves = np.abs(state.velocity) > slowest  # as resolved by the integration
     velocity, acceleration = state.velocity[moves], state.acceleration[moves]
     added = resistance(velocity, acceleration) - resistance(velocity)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from published import CART_OF_C
 
-from compact.dynamics.shaft_speed import solve_shaft_speed
 from compact.machine.crankshaft import CRANK_ANGLES
 from compact.machine.motor_acceleration import simulate_acceleration_phase
 from compact.machine.motor_characteristics import Kloss, LinearTorqueCurve
 from compact.machine.motor_drive import Motor
+from compact.machine.shaft_speed import solve_shaft_speed
 from compact.motion.profile import law
 
 CART = replace(CART_OF_C, guide_friction=0.0)
