@@ -44,7 +44,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a test compares the names wi
         ElasticRun as ElasticRun,
         simulate_elastic as simulate_elastic,
     )
-    from compact.machine.motor_characteristics import (
+    from compact.machine.shaft import (
         Belt as Belt,
         Kloss as Kloss,
         LinearTorqueCurve as LinearTorqueCurve,
@@ -92,7 +92,7 @@ _HOMES = {
     "files": ("ResultsError",),
     "machine.cart": ("Balance", "Cart", "MotionResistance", "balance"),
     "machine.elastic_drive": ("ElasticDrive", "ElasticRun", "simulate_elastic"),
-    "machine.motor_characteristics": ("Belt", "Kloss", "LinearTorqueCurve"),
+    "machine.shaft": ("Belt", "Kloss", "LinearTorqueCurve"),
     "machine.motor_drive": ("Motor", "MotorRun", "simulate_motor"),
     "machine.roller_motors": ("CreepFreeRoller", "DrivenRoller", "RollerMotor"),
     "material.laws": ("Elastic", "Viscoelastic"),

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from compact.machine.cart import Cart, EndSprings
+from compact.machine.component_sizing import CatalogueMotor
 from compact.machine.crankshaft import CRANK_ANGLES
 from compact.machine.hydraulic_drive import Hydraulic
-from compact.machine.motor_characteristics import Belt, Kloss, LinearTorqueCurve
 from compact.machine.motor_drive import Motor
-from compact.machine.motor_sizing import CatalogueMotor
 from compact.machine.rigid_drive import Crank, Rigid
+from compact.machine.shaft import Belt, Kloss, LinearTorqueCurve
 from compact.motion.profile import Cycle, MotionProfile, law
 from compact.motion.tabulated import from_table
 from compact.scene.loader import Scene, SceneError

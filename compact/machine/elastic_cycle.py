@@ -25,8 +25,7 @@ from compact.machine.cart import Cart, balance
 from compact.machine.elastic_motion import integrate
 from compact.machine.oscillator import substitute
 from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, Resistance, evaluate_resistance
-from compact.machine.spring_cart import AT_NEAR_PLATE, FAR_SPRING, NEAR_SPRING, CartState, SpringCart
-from compact.machine.trajectory import Trajectory
+from compact.machine.spring_cart import AT_NEAR_PLATE, FAR_SPRING, NEAR_SPRING, CartState, SpringCart, Trajectory
 from compact.motion.profile import Cycle, Leg
 from compact.numerics import Array
 from compact.numerics.piecewise import (

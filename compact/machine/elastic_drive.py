@@ -29,7 +29,7 @@ from compact.machine import rigid_drive
 from compact.machine.cart import Balance, Cart, balance
 from compact.machine.elastic_cycle import CartMotion, SolutionCost
 from compact.machine.elastic_motion import MIN_STEP
-from compact.machine.trajectory import (
+from compact.machine.spring_cart import (
     CELL_ANGLE,
     CELL_POINTS,
     MAX_SAMPLES,

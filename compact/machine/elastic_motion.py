@@ -40,15 +40,16 @@ from compact.machine.spring_cart import (
     FULL_RANGE,
     KNOT_TOLERANCE,
     NEAR_SPRING,
+    ROW_HEAD,
     CartState,
     SpringCart,
+    Trajectory,
     breakaway_direction,
     differentiate_resistance,
     linearise,
     spring_force,
     stiction_limits,
 )
-from compact.machine.trajectory import ROW_HEAD, Trajectory
 from compact.numerics import Array
 from compact.numerics.jit import compiled, internal
 from compact.numerics.piecewise import PiecewisePolynomial

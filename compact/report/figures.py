@@ -24,8 +24,8 @@ from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import LawSizing
 from compact.cams.profile import Cam
+from compact.machine.component_sizing import SizingRule
 from compact.machine.crankshaft import CrankshaftRevolution
-from compact.machine.motor_sizing import SizingRule
 from compact.machine.ranking import CRITERIA, group_equal
 from compact.motion.profile import Cycle
 from compact.quantities import MOTION, TIME, Quantity

@@ -19,7 +19,7 @@ from compact.analysis.stages.cam_drawing import CamDrawing
 from compact.analysis.stages.laws import COMPLIANT_DRIVES, FOLLOWERS
 from compact.analysis.stages.sensitivity import PRIOR, Shift
 from compact.analysis.study import Study
-from compact.machine.motor_sizing import MotorChoice
+from compact.machine.component_sizing import MotorChoice
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, group_equal
 from compact.quantities import column_names
 from compact.report import results, text

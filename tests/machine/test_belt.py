@@ -8,9 +8,8 @@ import pytest
 from published import CART_OF_C
 from scipy.integrate import solve_ivp
 
-from compact.machine.motor_acceleration import simulate_acceleration_phase
-from compact.machine.motor_characteristics import Belt, Kloss, LinearTorqueCurve
-from compact.machine.motor_drive import Motor, simulate_motor
+from compact.machine.motor_drive import Motor, simulate_acceleration_phase, simulate_motor
+from compact.machine.shaft import Belt, Kloss, LinearTorqueCurve
 from compact.motion.profile import law
 
 CART = replace(CART_OF_C, guide_friction=0.0)

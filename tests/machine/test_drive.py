@@ -18,10 +18,10 @@ from compact.drive import CRITERIA, Crank, Rigid, rank, simulate
 from compact.machine.crankshaft import simulate_crankshaft
 from compact.machine.elastic_drive import ElasticDrive
 from compact.machine.hydraulic_drive import Hydraulic
-from compact.machine.motor_characteristics import LinearTorqueCurve
 from compact.machine.motor_drive import Motor
 from compact.machine.ranking import ROUNDING_TIE, first_of
 from compact.machine.rigid_drive import SAMPLES_PER_PIECE
+from compact.machine.shaft import LinearTorqueCurve
 from compact.motion.profile import LAWS, Cycle, law
 from compact.resistance import ResistanceMap
 

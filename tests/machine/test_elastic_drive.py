@@ -23,8 +23,7 @@ from compact.machine.elastic_cycle import CartMotion
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.elastic_motion import POINTS, integrate
 from compact.machine.oscillator import first_downcrossing, max_abs_product
-from compact.machine.spring_cart import CartState, SpringCart
-from compact.machine.trajectory import CELL_ANGLE, CELL_POINTS, MAX_SAMPLES
+from compact.machine.spring_cart import CELL_ANGLE, CELL_POINTS, MAX_SAMPLES, CartState, SpringCart
 from compact.motion.profile import LAWS, Cycle, law
 from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise
 from compact.resistance import ResistanceMap

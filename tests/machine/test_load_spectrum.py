@@ -8,7 +8,7 @@ import rainflow
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compact.machine.load_spectrum import Bearing, LoadCycle, bearing_life, count_cycles
+from compact.machine.component_sizing import Bearing, LoadCycle, bearing_life, count_cycles
 
 HISTORY = [-2.0, 1.0, -3.0, 5.0, -1.0, 3.0, -4.0, 4.0, -2.0]  # of the figures 6 and 7
 BALL, ROLLER = Bearing(20e3, "ball", 1), Bearing(20e3, "roller", 1)

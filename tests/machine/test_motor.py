@@ -14,8 +14,8 @@ from scipy.integrate import solve_ivp
 
 from compact.drive import Crank, Rigid, simulate
 from compact.machine.crankshaft import CRANK_ANGLES, simulate_crankshaft
-from compact.machine.motor_characteristics import Kloss, LinearTorqueCurve
 from compact.machine.motor_drive import Motor, simulate_motor
+from compact.machine.shaft import Kloss, LinearTorqueCurve
 from compact.motion.profile import law
 
 CART = replace(CART_OF_C, guide_friction=0.0)

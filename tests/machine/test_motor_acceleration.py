@@ -7,10 +7,8 @@ import pytest
 from published import CART_OF_C
 
 from compact.machine.crankshaft import CRANK_ANGLES
-from compact.machine.motor_acceleration import simulate_acceleration_phase
-from compact.machine.motor_characteristics import Kloss, LinearTorqueCurve
-from compact.machine.motor_drive import Motor
-from compact.machine.shaft_speed import solve_shaft_speed
+from compact.machine.motor_drive import Motor, simulate_acceleration_phase
+from compact.machine.shaft import Kloss, LinearTorqueCurve, solve_shaft_speed
 from compact.motion.profile import law
 
 CART = replace(CART_OF_C, guide_friction=0.0)

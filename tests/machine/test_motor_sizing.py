@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from published import CART_OF_C
 
 from compact.drive import Crank, Rigid, simulate
+from compact.machine.component_sizing import CatalogueMotor, SizingRule, check_motor, choose_motor, shaft_requirement
 from compact.machine.crankshaft import simulate_crankshaft
-from compact.machine.motor_sizing import CatalogueMotor, SizingRule, check_motor, choose_motor, shaft_requirement
-from compact.machine.shaft_load import CartsOnShaft
+from compact.machine.shaft import CartsOnShaft
 from compact.motion import law
 
 STROKE, DURATION, MASS, FORCE = 0.4, 1.0, 1000.0, 3486.0

@@ -14,8 +14,8 @@ from compact.machine.cart import EndSprings
 from compact.machine.crankshaft import CRANK_ANGLES, simulate_crankshaft
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.elastic_motion import integrate
-from compact.machine.motor_characteristics import Kloss
 from compact.machine.motor_drive import Motor
+from compact.machine.shaft import Kloss
 from compact.machine.spring_cart import AT_NEAR_PLATE, NEAR_SPRING, CartState, SpringCart
 from compact.motion.profile import LAWS, law
 from compact.numerics.piecewise import PiecewisePolynomial

@@ -19,16 +19,21 @@ import numpy as np
 
 from compact.analysis import machine_models
 from compact.analysis.stages.drives import Stages
-from compact.machine.load_spectrum import SECONDS_PER_HOUR, Bearing, BearingLife, LoadCycle, bearing_life, count_cycles
-from compact.machine.motor_sizing import (
+from compact.machine.component_sizing import (
+    SECONDS_PER_HOUR,
+    Bearing,
+    BearingLife,
+    LoadCycle,
     MotorChoice,
     ShaftRequirement,
     SizingRule,
+    bearing_life,
     choose_motor,
+    count_cycles,
     requirement_of_run,
     shaft_requirement,
 )
-from compact.machine.shaft_load import CartsOnShaft
+from compact.machine.shaft import CartsOnShaft
 from compact.numerics import Array
 from compact.scene.schema import BearingTable, Machine
 

@@ -161,7 +161,7 @@ class DriveStage:
     @cached_property
     def motor_start(self) -> tuple[str, Any] | None:
         """First law that the motor drives, and the start from rest with it; None where the motor does not start."""
-        from compact.machine.motor_acceleration import simulate_acceleration_phase
+        from compact.machine.motor_drive import simulate_acceleration_phase
 
         first = next((run for run in self._ranked_runs if hasattr(run, "load")), None)
         if first is None:
