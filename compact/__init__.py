@@ -58,9 +58,8 @@ if TYPE_CHECKING:  # for type checkers and editors; a test compares the names wi
     from compact.material.laws import Elastic as Elastic, Viscoelastic as Viscoelastic
     from compact.material.mix import Mix as Mix, prior as prior
     from compact.material.state_update import StateUpdate as StateUpdate
-    from compact.motion.laws import LAWS as LAWS
+    from compact.motion.laws import LAWS as LAWS, ComplexLaw as ComplexLaw, minimiser as minimiser
     from compact.motion.limits import CamLimits as CamLimits, InfeasibleError as InfeasibleError, Limits as Limits
-    from compact.motion.minimum_criterion import ComplexLaw as ComplexLaw, minimiser as minimiser
     from compact.motion.optimal_motion import optimise as optimise
     from compact.motion.profile import Cycle as Cycle, MotionProfile as MotionProfile, law as law
     from compact.motion.tabulated import from_function as from_function, from_table as from_table

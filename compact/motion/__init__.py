@@ -3,25 +3,18 @@
 from importlib import import_module
 from typing import Any
 
-_HOME_OF = {
-    "LAWS": "laws",
-    "CamLimits": "limits",
-    "ComplexLaw": "minimum_criterion",
-    "Cycle": "profile",
-    "InfeasibleError": "limits",
-    "Limits": "limits",
-    "MotionProfile": "profile",
-    "OptimalMotion": "optimal_motion",
-    "from_function": "tabulated",
-    "from_table": "tabulated",
-    "law": "profile",
-    "minimiser": "minimum_criterion",
-    "optimise": "optimal_motion",
+_NAMES_OF = {  # public names by module
+    "laws": ("LAWS", "ComplexLaw", "minimiser"),
+    "limits": ("CamLimits", "InfeasibleError", "Limits"),
+    "optimal_motion": ("OptimalMotion", "optimise"),
+    "profile": ("Cycle", "MotionProfile", "law"),
+    "tabulated": ("from_function", "from_table"),
 }
-__all__ = [*_HOME_OF]
+__all__ = [name for names in _NAMES_OF.values() for name in names]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME_OF:
+    home = next((module for module, names in _NAMES_OF.items() if name in names), None)
+    if home is None:
         raise AttributeError(f"module 'compact.motion' has no attribute {name!r}")
-    return getattr(import_module(f"compact.motion.{_HOME_OF[name]}"), name)
+    return getattr(import_module(f"compact.motion.{home}"), name)

@@ -1,12 +1,12 @@
 """Limits of a motion law: bounds on its derivatives, its constant velocity, its continuity and the cam that drives it.
 
-A law satisfies its limits at every instant. `constraint_set` turns them into linear constraints on a spline;
+A law satisfies its limits at every instant. `optimisation_problem` turns them into linear constraints on a spline;
 `violations` checks any law against them, independently of splines.
 
     cam, phi = 2 pi t/period, rho = b/2 +- (x - stroke/2), + forward and - return (`compact.cams.profile`):
     pressure angle      |dx/dphi| <= tan(angle) rho           of a pointed or a roller follower
     radius of curvature rho + rho'' >= radius                 of a flat-faced follower
-    profile of a roller follower: see `pitch_curve`
+    profile of a roller follower: see `PitchCurve`
 """
 
 from collections.abc import Iterable, Mapping
@@ -16,8 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compact.motion.laws import SUM_TOLERANCE
-from compact.motion.pitch_curve import PitchCurve
+from compact.motion.laws import SUM_TOLERANCE, require_phases
 from compact.motion.profile import END_CONDITIONS, EndCondition, MotionProfile
 from compact.numerics import Array
 from compact.numerics.validation import require_between, require_fields, require_known, require_number
@@ -27,6 +26,88 @@ BOUNDED_DERIVATIVES: Mapping[str, tuple[int, str]] = MappingProxyType(
     {"velocity": (1, "m/s"), "acceleration": (2, "m/s^2"), "jerk": (3, "m/s^3"), "snap": (4, "m/s^4")}
 )
 VIOLATION_TOLERANCE = 1e-9  # [-], of a limit: a smaller excess is rounding of the convex programs
+CURVATURE_MARGIN = 2e-5  # [-], of the curvature ratio: reserve for peaks between the nodes, twice their usual excess
+
+
+@dataclass(frozen=True)
+class PitchCurve:
+    """Path of the centre of a roller on a cam of constant breadth, whose curvature limits the profile of the cam.
+
+        rho = b/2 +- (x - stroke/2),  rho' = +- q x',  rho'' = +- q^2 x'',  q = period/(2 pi),  + forward and - return
+        kappa = (rho^2 + 2 rho'^2 - rho rho'')/w^3,  w^2 = rho^2 + rho'^2
+
+    The cam profile is the pitch curve offset inwards by the roller radius r: its radius of curvature is 1/kappa - r
+    where it is convex and 1/|kappa| + r where it is concave. Both are at least R, without undercut, where
+
+        kappa (r + R) <= 1   and   kappa (r - R) <= 1
+
+    at every angle, the near dwell included. The left-hand sides are the `curvature_ratios`. The constraint is not
+    linear in the unknowns of a spline; sequential convex programming linearises it.
+
+    Attributes
+    ----------
+    breadth, stroke, roller_radius : float
+        Breadth b of the cam, travel of one pass, and roller radius r [m].
+    profile_radius : float
+        Smallest allowed radius of curvature R of the profile [m].
+    seconds_per_radian : float
+        Period over 2 pi, q [s/rad].
+    dwells : bool
+        True if the cart dwells at the ends.
+    """
+
+    breadth: float
+    stroke: float
+    roller_radius: float
+    profile_radius: float
+    seconds_per_radian: float
+    dwells: bool
+
+    @property
+    def crossing_angle(self) -> float:
+        """Pressure angle [rad] below which the flanks of the profile cannot cross: rho^2/w = rho cos(angle) >= r."""
+        return float(np.arccos(2 * self.roller_radius / (self.breadth - self.stroke)))
+
+    def curvature(self, x: Array, v: Array, a: Array) -> Array:
+        """Return kappa [1/m] of both strokes, shape (2, n), at x [m], v [m/s] and a [m/s^2]."""
+        rho, slope, second, _ = self._polar(x, v, a)
+        w = np.hypot(rho, slope)
+        return (w**2 + slope**2 - rho * second) / w**3
+
+    def curvature_ratios(self, x: Array, v: Array, a: Array) -> Array:
+        """Return kappa (r + R) and kappa (r - R) [-] of both strokes and a dwell, shape (4 or 5, n); all at most 1."""
+        ratios = (self._spans * self.curvature(x, v, a)).reshape(4, -1)
+        near = (self.breadth - self.stroke) / 2
+        return np.vstack([ratios, np.full(len(x), self._spans.max() / near)]) if self.dwells else ratios
+
+    def ratio_slopes(self, x: Array, v: Array, a: Array) -> tuple[Array, ...]:
+        """Return the derivatives of the `curvature_ratios` by x, v and a, each of their shape."""
+        rho, slope, second, sign = self._polar(x, v, a)
+        w, q = np.hypot(rho, slope), self.seconds_per_radian
+        top = w**2 + slope**2 - rho * second
+        by_position = sign * ((2 * rho - second) / w**3 - 3 * rho * top / w**5)
+        by_velocity = sign * q * (4 * slope / w**3 - 3 * slope * top / w**5)
+        slopes = (by_position, by_velocity, sign * q**2 * -rho / w**3)
+        return tuple(np.pad((self._spans * each).reshape(4, -1), ((0, int(self.dwells)), (0, 0))) for each in slopes)
+
+    def reached_radius(self, x: Array, v: Array, a: Array) -> float:
+        """Return the largest R [m] that the profile of a law satisfies with the `CURVATURE_MARGIN`."""
+        kappa = self.curvature(x, v, a)
+        near, room = (self.breadth - self.stroke) / 2, 1 - CURVATURE_MARGIN
+        convex, concave = max(kappa.max(), 1 / near if self.dwells else -np.inf), -kappa.min()
+        of_concave = room / concave + self.roller_radius if concave > 0 else np.inf
+        return float(min(room / convex - self.roller_radius, of_concave))
+
+    @property
+    def _spans(self):
+        """Sum and difference of roller radius and profile radius [m], shape (2, 1, 1)."""
+        r, R = self.roller_radius, self.profile_radius
+        return np.array([r + R, r - R])[:, None, None]
+
+    def _polar(self, x, v, a):
+        """Return rho, rho', rho'' of both strokes, each of shape (2, n), and the sign of each stroke."""
+        sign, q = np.array([[1.0], [-1.0]]), self.seconds_per_radian
+        return self.breadth / 2 + sign * (x - self.stroke / 2), sign * q * v, sign * q**2 * a, sign
 
 
 @dataclass(frozen=True)
@@ -60,10 +141,10 @@ class CamLimits:
         require_fields(self, positive="breadth roller_radius", nonnegative="dwell radius_of_curvature profile_radius")
         if self.pressure_angle is not None:
             require_number(pressure_angle=self.pressure_angle)
-        if self.pressure_angle is not None and not 0 < self.pressure_angle < np.pi / 2:
-            raise ValueError(
-                f"`pressure_angle` must lie in (0, pi/2) rad, got {self.pressure_angle!r}; use None for no limit"
-            )
+            if not 0 < self.pressure_angle < np.pi / 2:
+                raise ValueError(
+                    f"`pressure_angle` must lie in (0, pi/2) rad, got {self.pressure_angle!r}; use None for no limit"
+                )
         if self.profile_radius is not None and self.roller_radius is None:
             raise ValueError("`profile_radius` requires `roller_radius`, got None; set that of the roller [m]")
 
@@ -118,8 +199,7 @@ class Limits:
     def __post_init__(self) -> None:
         require_fields(self, positive=" ".join([*BOUNDED_DERIVATIVES, "run_up", "run_down"]))
         require_number(run_up=self.run_up, run_down=self.run_down)
-        if self.run_up + self.run_down > 1 + SUM_TOLERANCE:
-            raise ValueError(f"`run_up` + `run_down` must not exceed 1, got {self.run_up!r} + {self.run_down!r}")
+        require_phases(self.run_up, self.run_down)
         require_between(0, 1, steady_tolerance=self.steady_tolerance)
         require_known("end condition", self.end_condition, END_CONDITIONS)
         if self.smoothness not in (1, 2, 3):
@@ -192,45 +272,30 @@ def violations(limits: Limits, motion: MotionProfile, instants: int = 100_001) -
     dict of str to float
         Relative excess by name [-]; for the smoothness, the missing orders. Empty if the law satisfies all limits.
     """
-    time = np.linspace(0, motion.duration, instants)
-    travel = [motion.derivative(time, order) for order in range(5)]
-    excess = {
-        name: np.abs(travel[order]).max() / getattr(limits, name) - 1
-        for name, (order, _) in BOUNDED_DERIVATIVES.items()
-        if getattr(limits, name)
-    }
-    excess["reversal inside the pass"] = -travel[1].min() / (motion.stroke / motion.duration)
+    time, excess = np.linspace(0, motion.duration, instants), {}
+    x, v, a, *_ = travel = [motion.derivative(time, order) for order in range(5)]
+    for name, (order, _) in BOUNDED_DERIVATIVES.items():
+        if limit := getattr(limits, name):
+            excess[name] = np.abs(travel[order]).max() / limit - 1
+    excess["reversal inside the pass"] = -v.min() / (motion.stroke / motion.duration)
     excess["smoothness"] = limits.continuous - motion.smoothness(limits.end_condition)
-    tiny = np.finfo(float).tiny
-    ends = [np.abs(travel[k][[0, -1]]).max() / max(np.abs(travel[k]).max(), tiny) for k in limits.at_rest]
-    excess["rest at the ends"] = max(ends, default=0.0)
+    for k in limits.at_rest:
+        excess[f"rest of order {k}"] = np.abs(travel[k][[0, -1]]).max() / max(np.abs(travel[k]).max(), 1e-300)
     if limits.steady:
-        excess["constant velocity"] = _velocity_deviation(limits, motion, time, travel[1]) - limits.steady_tolerance
-    if limits.cam:
-        excess |= _cam_excess(limits.cam, motion, *travel[:3])
+        start, end = np.array(limits.steady) * motion.duration
+        mean = (motion.position(end) - motion.position(start)) / (end - start)
+        deviation = np.abs(v[(time >= start) & (time <= end)] / mean - 1).max()
+        excess["constant velocity"] = deviation - limits.steady_tolerance
+    if cam := limits.cam:
+        radians = (motion.duration + cam.dwell) / np.pi
+        rho = cam.breadth / 2 + np.outer([1, -1], x - motion.stroke / 2)
+        steepest = np.abs(np.arctan(radians * v / rho)).max()
+        if cam.pressure_angle is not None:
+            excess["pressure angle"] = steepest / cam.pressure_angle - 1
+        if cam.radius_of_curvature is not None:
+            smallest = (rho + np.outer([1, -1], radians**2 * a)).min()
+            excess["radius of curvature"] = (cam.radius_of_curvature - smallest) / cam.breadth
+        if pitch := cam.pitch_curve(motion.stroke, motion.duration):
+            excess["crossing flanks"] = steepest / pitch.crossing_angle - 1
+            excess["profile radius"] = pitch.curvature_ratios(x, v, a).max() - 1
     return {name: float(value) for name, value in excess.items() if value > VIOLATION_TOLERANCE}
-
-
-def _velocity_deviation(limits, motion, time, velocity):
-    """Largest relative deviation from the mean velocity in the phase of constant velocity."""
-    start, end = np.array(limits.steady) * motion.duration
-    inside = (time >= start) & (time <= end)
-    mean = (motion.position(end) - motion.position(start)) / (end - start)
-    return np.abs(velocity[inside] / mean - 1).max()
-
-
-def _cam_excess(cam: CamLimits, motion: MotionProfile, x: Array, v: Array, a: Array) -> dict[str, float]:
-    """Relative excess over each limit of a cam."""
-    excess = {}
-    radians = (motion.duration + cam.dwell) / np.pi
-    strokes = [(cam.breadth / 2 + sign * (x - motion.stroke / 2), sign * radians**2 * a) for sign in (1, -1)]
-    steepest = max(np.abs(np.arctan(radians * v / rho)).max() for rho, _ in strokes)
-    if cam.pressure_angle is not None:
-        excess["pressure angle"] = steepest / cam.pressure_angle - 1
-    if cam.radius_of_curvature is not None:
-        smallest = min((rho + second).min() for rho, second in strokes)
-        excess["radius of curvature"] = (cam.radius_of_curvature - smallest) / cam.breadth
-    if pitch := cam.pitch_curve(motion.stroke, motion.duration):
-        excess["crossing flanks"] = steepest / pitch.crossing_angle - 1
-        excess["profile radius"] = pitch.curvature_ratios(x, v, a).max() - 1
-    return excess

@@ -1,25 +1,67 @@
-"""Optimal motion of a cart: the motion law that minimises a drive criterion.
+"""Optimal motion of a cart: the motion law that minimises a drive criterion, by sequential convex programming.
 
-    minimise J(H, P),   H = m a + R(v, a),   P = H v,   forward and return stroke
+    minimise  J = sum_j w_j J_j  of H = m a + R(v, a) and P = H v,  the largest over samples of R, or a quantile
 
-The criteria are those of `objectives`, the constraints those of `limits`, and the method is sequential convex
-programming on a spline space (`sequential_programming`).
+The law is a spline within linear constraints; `optimisation_problem` provides both, the J_j and their convex
+linearisations. Each step minimises the linearised criterion inside a trust region and is accepted only if J itself
+decreases; otherwise the region shrinks. The curvature of a cam for a roller follower enters as an exact penalty. Peaks
+between the nodes are added as nodes (exchange method).
+
+The result states its `gap`: the relative decrease that the linearisations at the result allow *any* law within the
+constraints. Where H is linear in v and a and no power is a criterion, J is convex, its linearisations bound it from
+below, and the gap is a duality gap: no law of the space is better by more. Otherwise it measures stationarity.
+
+References
+----------
+J. Nocedal and S. J. Wright, Numerical Optimization, Springer 2006, ch. 17-18 (exact penalty, trust region).
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
 
-from compact.motion.limits import Limits
-from compact.motion.objectives import OBJECTIVES, Resistance
+from compact.motion.limits import CURVATURE_MARGIN, Conflict, InfeasibleError, Limits
+from compact.motion.optimisation_problem import (
+    OBJECTIVES,
+    PEAKS,
+    ConstraintSet,
+    Linearisation,
+    QuadratureNodes,
+    Resistance,
+    evaluate_state,
+    linearise_curvature,
+    spline_space_for,
+)
 from compact.motion.profile import LARGEST, SMALLEST, MotionProfile
-from compact.motion.sequential_programming import DriveCriterion, find_optimal_law
-from compact.numerics import validation
+from compact.numerics import Array, validation
+from compact.numerics.convex_programs import LinearConstraints, minimise_linear, minimise_quadratic
 
 PROGRAM_TOLERANCE = 1e-6  # [-], of the largest value of a derivative: a smaller jump is left by the convex programs
 PIECES_LIMIT = 1024  # [-], of an optimal law: dense programs of 0.1 GB; the memory grows with the square of the pieces
+# Pieces of a law, by its smoothness [-]: the last doubling gains about 1e-3, 1e-4, 1e-4 of the criterion
+PIECES_BY_SMOOTHNESS = {1: 128, 2: 64, 3: 48}
+CAM_PIECES = 64  # [-], at most with a cam: its bounds on the travel are dense, each depends on all unknowns before it
+PROFILE_PIECES = 48  # [-], at most with a limit on the profile, whose penalty takes more steps; doubling gains 1e-3
+COARSEST_PIECES = 16  # [-], at least, of the first search; they are halved until the number is reached
+LOBATTO_NODES = np.array([0.0, (1 - (3 / 7) ** 0.5) / 2, 0.5, (1 + (3 / 7) ** 0.5) / 2, 1.0])  # [-], of a piece
+LOBATTO_WEIGHTS = np.array([9.0, 49.0, 64.0, 49.0, 9.0]) / 180  # [-], their sum is 1
+PEAK_SAMPLES = 33  # [-], of a piece: samples of the search for peaks between the nodes
+PEAK_TOLERANCE = 1e-5  # [-], relative, by which a peak between the nodes may exceed those at the nodes
+EXCHANGE_ROUNDS = 8  # [-], of adding such peaks to the nodes; 2 to 4 are usual
+STEP_LIMIT = 60  # [-], convex subproblems on one set of pieces
+GAP_TOLERANCE = 1e-6  # [-], largest optimality gap of a result
+DECREASE_TOLERANCE = 1e-9  # [-], relative predicted decrease at which a search ends
+FINE_DECREASE = 1e-14  # [-], the same where the gap, of the order of its square root, remains too large
+RADIUS_TOLERANCE = 1e-9  # [-], of the largest unknown: smallest trust region
+ACTIVE_TOLERANCE = 1e-6  # [-], relative to the worst sample, within which samples contribute their curvature
+RESTORATION_TOLERANCE = 1e-4  # [-], relative increase of the radius below which the feasibility restoration ends
+PENALTY_FACTORS = np.geomspace(10.0, 1e5, 5)  # [-], times J of the first law: price of a curvature ratio of 2
+ACCEPTED, POOR, GOOD = 0.02, 0.25, 0.75  # [-], actual over predicted decrease: accept the step, shrink, enlarge region
 
 
 @dataclass(frozen=True)
@@ -29,10 +71,11 @@ class OptimalMotion(MotionProfile):
     Attributes
     ----------
     value : float
-        Minimum of the criterion over forward and return stroke without dwells, in the unit of the criterion.
+        Minimum of the criterion over forward and return stroke without dwells, in the unit of the criterion; peaks
+        between the nodes are exact to 3e-4, without steep ramps to 1e-5.
     gap, refinement : float
-        Relative optimality gap, see `sequential_programming.optimality_gap`, and relative decrease by the last halving
-        of the pieces, nan without one [-].
+        Relative optimality gap, see `optimality_gap`, and relative decrease by the last halving of the pieces, nan
+        without one [-].
     steps : int
         Number of convex subproblems accepted.
     """
@@ -104,28 +147,6 @@ def optimise(  # noqa: PLR0913, public signature: each argument is one physical 
     """
     validation.require_instance((str, Mapping), "the name of an objective, or weights by name", objective=objective)
     weights = {objective: 1.0} if isinstance(objective, str) else dict(objective)
-    resistances = (resistance,) if callable(resistance) else tuple(resistance)
-    _require_valid(objective, weights, stroke, duration, mass, resistances, quantile, pieces)
-    limits = limits or Limits()
-    stroke, duration = float(stroke), float(duration)
-    criterion = DriveCriterion(weights, float(mass), resistances, quantile)
-    if regret:
-        alone = (DriveCriterion(weights, float(mass), (one,)) for one in resistances)
-        minima = tuple(find_optimal_law(limits, stroke, duration, one, pieces).value for one in alone)
-        criterion = replace(criterion, minima=minima)  # regret
-    found = find_optimal_law(limits, stroke, duration, criterion, pieces)
-    return OptimalMotion(
-        optimal_law_name(weights), stroke, duration, found.curve, False,
-        found.value, found.gap, found.refinement, found.steps, limits,
-    )  # fmt: skip
-
-
-def optimal_law_name(objectives: Iterable[str]) -> str:
-    """Return the name of the optimal law for the names of its objectives, such as "least-peak-force"."""
-    return "least-" + "-and-".join(objectives).replace("_", "-")
-
-
-def _require_valid(objective, weights, stroke, duration, mass, resistances, quantile, pieces):
     for name in weights:
         validation.require_known("objective", name, tuple(OBJECTIVES))
     validation.require_number(stroke=stroke, duration=duration, mass=mass, quantile=quantile)
@@ -138,5 +159,326 @@ def _require_valid(objective, weights, stroke, duration, mass, resistances, quan
     if pieces is not None:
         validation.require_integers(pieces=pieces)
         validation.require_at_most(PIECES_LIMIT, "more pieces lower no criterion by a measurable amount", pieces=pieces)
+    resistances = (resistance,) if callable(resistance) else tuple(resistance)
     for one in resistances:
         validation.require_opposing(one, stroke / duration, directions=(1.0,))
+    task = limits or Limits(), float(stroke), float(duration), pieces
+    criterion = DriveCriterion(weights, float(mass), resistances, quantile)
+    if regret:
+        alone = (_find_optimal_law(*task, replace(criterion, resistances=(one,), quantile=1.0)) for one in resistances)
+        criterion = replace(criterion, minima=tuple(law.value for law in alone))
+    return _find_optimal_law(*task, criterion)
+
+
+def optimal_law_name(objectives: Iterable[str]) -> str:
+    """Return the name of the optimal law for the names of its objectives, such as "least-peak-force"."""
+    return "least-" + "-and-".join(objectives).replace("_", "-")
+
+
+@dataclass(frozen=True, eq=False)
+class DriveCriterion:
+    """Weighted sum of drive criteria over samples of the resistance.
+
+    Attributes
+    ----------
+    weights : mapping of str to float
+        Weight >= 0 of each criterion, by its name in `OBJECTIVES`.
+    mass : float
+        Mass of the cart [kg].
+    resistances : tuple of callables
+        Samples of R(v, a) [N].
+    quantile : float
+        Quantile over the samples [-]; 1 for the largest.
+    minima : tuple of float
+        Divisor of the criterion of each sample, in the unit of the criterion; empty for 1.
+    """
+
+    weights: Mapping[str, float]
+    mass: float
+    resistances: tuple[Resistance, ...]
+    quantile: float = 1.0
+    minima: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class OptimisationProblem:
+    """Criterion and constraints of a law on one spline space.
+
+    Attributes
+    ----------
+    criterion : DriveCriterion
+        Criterion to minimise; without weights the largest curvature ratio of the pitch curve.
+    extra_phases : tuple of float
+        Phases t/T of peaks between the nodes, checked in addition to the nodes.
+    penalty : float
+        Weight of the violation of the curvature limit, in the unit of the criterion.
+    """
+
+    constraints: ConstraintSet
+    criterion: DriveCriterion
+    extra_phases: tuple[float, ...] = ()
+    penalty: float = 1.0
+
+    @cached_property
+    def nodes(self) -> QuadratureNodes:
+        """Lobatto nodes of every piece, and the extra phases with zero weight."""
+        space = self.constraints.space
+        weights, extra = np.outer(np.diff(space.breaks), LOBATTO_WEIGHTS).ravel(), np.array(self.extra_phases)
+        rows = [np.concatenate([space.values(k, LOBATTO_NODES), space.derivatives[k](extra)]) for k in range(3)]
+        return self._scaled_nodes(rows, np.append(weights, np.zeros(len(extra))))
+
+    @cached_property
+    def _fine_nodes(self):
+        space = self.constraints.space
+        rows = [space.values(k, np.linspace(0, 1, PEAK_SAMPLES)) for k in range(3)]
+        return self._scaled_nodes(rows, np.repeat(np.diff(space.breaks), PEAK_SAMPLES) / PEAK_SAMPLES)
+
+    def _scaled_nodes(self, rows: list[Array], weights: Array) -> QuadratureNodes:
+        """Nodes in SI units from rows of s, s', s'' and weights over the phase."""
+        stroke, duration = self.constraints.stroke, self.constraints.duration
+        mean = stroke / duration
+        return QuadratureNodes(stroke * rows[0], mean * rows[1], mean / duration * rows[2], duration * weights, mean)
+
+    def peaks_between_nodes(self, unknowns: Array) -> tuple[float, ...]:
+        """Return the phases of peaks between the nodes that exceed all nodes, the largest of each piece.
+
+        Each peak is that of the parabola through three samples.
+        """
+        phases, space = [], self.constraints.space
+        quantities = (self._peak_quantities(nodes, unknowns) for nodes in (self._fine_nodes, self.nodes))
+        for (fine, threshold), (coarse, _) in zip(*quantities, strict=True):
+            values = fine.reshape(-1, PEAK_SAMPLES)
+            left, top, right = values[:, :-2], values[:, 1:-1], values[:, 2:]
+            bend, tilt = 2 * top - left - right, right - left
+            bend[(top < left) | (top < right) | (bend <= 0)] = np.inf
+            tops = np.where(np.isfinite(bend), top + tilt**2 / (8 * bend), 0.0)
+            pieces, i = np.arange(len(tops)), tops.argmax(axis=1)
+            high = tops[pieces, i] > max(coarse.max(), threshold) * (1 + PEAK_TOLERANCE)
+            u = (i + 1 + (tilt / (2 * bend))[pieces, i]) / (PEAK_SAMPLES - 1)
+            phases += list((space.breaks[:-1] + np.diff(space.breaks) * u)[high])
+        return tuple(phases)
+
+    def _peak_quantities(self, nodes: QuadratureNodes, unknowns: Array) -> Iterator[tuple[Array, float]]:
+        """(values of shape (nodes,), threshold below which a peak is irrelevant) of each quantity with a peak."""
+        peaks = [PEAKS[name] for name in self.criterion.weights if name in PEAKS]
+        for resistance in self.criterion.resistances if peaks else ():
+            state = evaluate_state(nodes, unknowns, self.criterion.mass, resistance)
+            yield from ((np.abs(peak(state)), 0.0) for peak in peaks)
+        if pitch := self.constraints.pitch:
+            yield from ((row, 1 - CURVATURE_MARGIN) for row in pitch.curvature_ratios(*nodes.travel(unknowns)))
+
+    def linearise(self, unknowns: Array) -> list[list[Linearisation]]:
+        """Return the `Linearisation` of every criterion, a list for each sample of the resistance."""
+        criterion = self.criterion
+        states = [evaluate_state(self.nodes, unknowns, criterion.mass, one) for one in criterion.resistances]
+        models = [[OBJECTIVES[name](state) for name in criterion.weights] for state in states]
+        if pitch := self.constraints.pitch:
+            curvature = linearise_curvature(pitch, self.nodes, unknowns, excess=bool(criterion.weights))
+            models = [[*of_sample, curvature] for of_sample in models]
+        return models
+
+    def value(self, unknowns: Array) -> float:
+        """Return the criterion J of a law."""
+        return self.counted_samples(self.linearise(unknowns))[1]
+
+    def weights_of(self, k: int) -> list[float]:
+        """Return the weights of the linearisations of sample k, the penalty last."""
+        divisor = self.criterion.minima[k] if self.criterion.minima else 1.0
+        weights = [weight / divisor for weight in self.criterion.weights.values()]
+        return [*weights, self.penalty] if self.constraints.pitch else weights
+
+    def sample_values(self, models: list[list[Linearisation]]) -> Array:
+        """Return J of each sample, shape (samples,)."""
+        sums = (zip(self.weights_of(k), of_sample, strict=True) for k, of_sample in enumerate(models))
+        return np.array([sum(weight * model.value for weight, model in pairs) for pairs in sums])
+
+    def counted_samples(self, models: list[list[Linearisation]]) -> tuple[NDArray[np.intp], float]:
+        """Return the samples within the quantile, in ascending order of J, and the J of the last of them."""
+        sums = self.sample_values(models)
+        count = max(1, int(np.ceil(self.criterion.quantile * len(sums) - 1e-9)))
+        order = np.argsort(sums, kind="stable")[:count]
+        return order, float(sums[order[-1]])
+
+
+def solve_linearised(
+    problem: OptimisationProblem,
+    unknowns: Array,
+    models: list[list[Linearisation]],
+    radius: float = np.inf,
+    with_curvature: bool = True,
+) -> tuple[Array, float]:
+    """Minimise linearisations at a law: change d of its unknowns, each within the radius, and J predicted after it.
+
+        minimise T + d' C d / 2    subject to    sum_j t_kj <= T for each sample k,  A d = b,  G d <= h
+
+    t_kj is at least the weighted linearisation j of the sample, or the shares of its positive parts, which are further
+    variables >= 0; C is the mean weighted curvature of the samples within `ACTIVE_TOLERANCE` of the worst.
+    """
+    counted, worst = problem.counted_samples(models)
+    scale, size, sums = abs(worst) or 1.0, len(unknowns), problem.sample_values(models)
+    active = [k for k in counted if sums[k] / scale > 1 - ACTIVE_TOLERANCE]
+    gradients, values, parts, shares, lowest, curvature = [], [], [], [], [], np.zeros((size, size))
+    for k in counted:
+        of_sample = []
+        for weight, model in zip(problem.weights_of(k), models[k], strict=True):
+            positive, count = model.shares is not None, len(model.values)
+            gradients.append(weight / scale * model.gradients)
+            values.append(-weight / scale * model.values)
+            parts.append(sparse.eye_array(count) if positive else np.ones((count, 1)))
+            of_sample.append(model.shares if positive else np.ones(1))
+            lowest.append(np.full(len(of_sample[-1]), 0.0 if positive else -np.inf))
+            if model.curvature is not None and k in active:
+                curvature += weight / scale / len(active) * model.curvature
+        shares.append(np.concatenate(of_sample)[None])
+    equal, equal_to, below, below_to = problem.constraints.program
+    rows = [
+        [below, None, None],
+        [np.concatenate(gradients), None, -sparse.block_diag(parts)],
+        [None, -np.ones((len(counted), 1)), sparse.block_diag(shares)],
+    ]
+    low = np.concatenate([np.full(size, -radius), [-np.inf], *lowest])
+    program = LinearConstraints(
+        np.pad(equal, ((0, 0), (0, len(low) - size))),
+        equal_to - equal @ unknowns,
+        sparse.block_array(rows, format="csr"),
+        np.concatenate([below_to - below @ unknowns, *values, np.zeros(len(counted))]),
+    )
+    cost, high = np.eye(1, len(low), size).ravel(), np.where(np.arange(len(low)) < size, radius, np.inf)
+    if with_curvature and curvature.any():
+        solution = minimise_quadratic(np.pad(curvature, (0, len(low) - size)), cost, program, low, high)
+        change = solution[:size]
+        return change, scale * float(solution[size] + change @ curvature @ change / 2)
+    found = minimise_linear(cost, program, low, high)
+    if found is None:
+        raise RuntimeError("the linear subproblem is infeasible although the present law satisfies its limits")
+    return found[:size], scale * float(found[size])
+
+
+def trust_region_search(
+    problem: OptimisationProblem, unknowns: Array, decrease: float = DECREASE_TOLERANCE
+) -> tuple[Array, float, int]:
+    """Minimise the criterion by sequential convex programming from coefficients [-] within the constraints.
+
+    The search ends at a relative predicted decrease [-]. Returns the stationary law, its criterion and the number of
+    accepted steps.
+    """
+    radius, models = np.inf, problem.linearise(unknowns)
+    value = problem.counted_samples(models)[1]
+    if value == 0:
+        raise ValueError("the criterion is zero for every law; set a `mass` > 0 or a resistance that enters it")
+    for steps in range(STEP_LIMIT):
+        here = models
+        while True:
+            change, predicted = solve_linearised(problem, unknowns, here, radius)
+            models = problem.linearise(unknowns + change)
+            reached = problem.counted_samples(models)[1]
+            if value - predicted <= decrease * abs(value) or radius < RADIUS_TOLERANCE * np.abs(unknowns).max():
+                return (unknowns + change, reached, steps) if reached <= value else (unknowns, value, steps)
+            ratio, longest = (value - reached) / (value - predicted), np.abs(change).max()
+            if ratio < POOR:
+                radius = longest / 4
+            elif ratio > GOOD and longest > 0.99 * radius:
+                radius *= 2
+            if ratio > ACCEPTED:
+                break
+        unknowns, value = unknowns + change, reached
+    raise RuntimeError(
+        f"no stationary law after {STEP_LIMIT} steps: criterion {value:g}, predicted decrease {value - predicted:g}; "
+        "use fewer `pieces` or wider limits"
+    )
+
+
+def optimality_gap(problem: OptimisationProblem, unknowns: Array) -> float:
+    """Return the relative decrease that the linearisations allow any law within the constraints [-]."""
+    models = problem.linearise(unknowns)
+    value = problem.counted_samples(models)[1]
+    _, predicted = solve_linearised(problem, unknowns, models, with_curvature=False)
+    return max(0.0, (value - predicted) / abs(value))
+
+
+def _find_optimal_law(
+    limits: Limits, stroke: float, duration: float, pieces: int | None, criterion: DriveCriterion
+) -> OptimalMotion:
+    """Find the law that minimises a criterion, first on few pieces, which are then halved."""
+    if pieces is None:
+        pieces = PIECES_BY_SMOOTHNESS[limits.continuous]
+        if limits.cam:
+            pieces = min(pieces, CAM_PIECES if limits.cam.profile_radius is None else PROFILE_PIECES)
+    rounds = max(0, int(np.log2(pieces / COARSEST_PIECES)))
+    previous, curve, steps = np.nan, None, 0
+    for halvings in range(rounds + 1):
+        space = spline_space_for(limits, pieces >> rounds, halvings)
+        problem = OptimisationProblem(ConstraintSet(limits, space, stroke, duration), criterion)
+        try:
+            start = problem.constraints.min_acceleration_law if curve is None else space.interpolate(curve)
+            start = _restore_feasibility(problem, start)
+        except InfeasibleError:
+            if halvings < rounds:
+                continue  # smaller pieces may admit a law
+            raise
+        unknowns, value, taken, problem = _penalty_search(problem, start)
+        curve, refinement, previous, steps = space.curve(unknowns), previous / value - 1, value, steps + taken
+    for _ in range(EXCHANGE_ROUNDS):
+        peaks = problem.peaks_between_nodes(unknowns)
+        if not peaks:
+            break
+        problem = replace(problem, extra_phases=problem.extra_phases + peaks)
+        unknowns, value, taken, problem = _penalty_search(problem, unknowns)
+        steps += taken
+    unknowns = problem.constraints.project(unknowns)
+    gap = optimality_gap(problem, unknowns)
+    if gap > GAP_TOLERANCE:
+        unknowns, value, taken = trust_region_search(problem, unknowns, FINE_DECREASE)
+        unknowns, steps = problem.constraints.project(unknowns), steps + taken
+        gap = optimality_gap(problem, unknowns)
+    if gap > GAP_TOLERANCE:
+        raise RuntimeError(
+            f"the search ended after {steps} steps without a stationary law: criterion {value:g}, optimality gap "
+            f"{gap:.1e}, allowed {GAP_TOLERANCE:g}; use fewer `pieces` or wider limits"
+        )
+    name, curve = optimal_law_name(criterion.weights), space.curve(unknowns)
+    return OptimalMotion(name, stroke, duration, curve, False, value, gap, refinement, steps, limits)
+
+
+def _restore_feasibility(problem: OptimisationProblem, unknowns: Array) -> Array:
+    """Unknowns that satisfy the curvature limit too, by minimising the largest curvature ratio.
+
+    Raises InfeasibleError, with the largest radius reached, if the search finds none.
+    """
+    pitch = problem.constraints.pitch
+    if pitch is None or pitch.curvature_ratios(*problem.nodes.travel(unknowns)).max() <= 1 - CURVATURE_MARGIN:
+        return unknowns
+    limit, reached = pitch.profile_radius, -np.inf
+    problem = replace(problem, criterion=replace(problem.criterion, weights={}))
+    for _ in range(EXCHANGE_ROUNDS):
+        unknowns, *_ = trust_region_search(problem, unknowns)
+        previous, reached = reached, pitch.reached_radius(*problem.nodes.travel(unknowns))
+        if reached >= limit:
+            return unknowns
+        peaks = problem.peaks_between_nodes(unknowns)
+        if reached <= 0 or (not peaks and abs(reached - previous) <= RESTORATION_TOLERANCE * reached):
+            break
+        # the radius reached balances convex and concave parts
+        limits = problem.constraints.limits
+        limits = replace(limits, cam=limits.cam and replace(limits.cam, profile_radius=reached))
+        constraints = replace(problem.constraints, limits=limits)
+        problem = replace(problem, extra_phases=problem.extra_phases + peaks, constraints=constraints)
+    name = "smallest radius of curvature of the cam for the roller follower"
+    raise InfeasibleError([Conflict(name, "m", limit, reached)], alone=True)
+
+
+def _penalty_search(problem, unknowns):
+    """(unknowns, J, steps, problem): search with the smallest penalty that leaves no violation of the curvature."""
+    pitch = problem.constraints.pitch
+    if pitch is None:
+        return *trust_region_search(problem, unknowns), problem
+    value = replace(problem, penalty=0.0).value(unknowns)
+    for factor in PENALTY_FACTORS:
+        problem = replace(problem, penalty=factor * abs(value))
+        result = trust_region_search(problem, unknowns)
+        if pitch.curvature_ratios(*problem.nodes.travel(result[0])).max() <= 1 - CURVATURE_MARGIN / 2:
+            return *result, problem
+    raise RuntimeError(
+        f"the cam profile violates its limit of curvature at any penalty up to {problem.penalty:g}; "
+        "increase the breadth of the cam or lower `profile_radius`"
+    )

@@ -52,9 +52,11 @@ class LinearConstraints(NamedTuple):
     inequality_bounds: Array
 
 
-def minimise_linear(cost: Array, constraints: LinearConstraints, box: Array | None = None) -> Array | None:
-    """Minimise c'x with |x_i| <= box_i; None if the constraints are infeasible, RuntimeError without a solution."""
-    bounds = (None, None) if box is None else np.column_stack([-box, box])
+def minimise_linear(
+    cost: Array, constraints: LinearConstraints, low: ArrayLike = -np.inf, high: ArrayLike = np.inf
+) -> Array | None:
+    """Minimise c'x, low <= x <= high; None if the constraints are infeasible, RuntimeError without a solution."""
+    bounds = np.stack(np.broadcast_arrays(low, high, cost)[:2], axis=1)
     A, b = _scaled(constraints.equality_matrix, constraints.equality_values, largest=1.0)
     G, h = _scaled(constraints.inequality_matrix, constraints.inequality_bounds, largest=1.0)
     strict = {"primal_feasibility_tolerance": HIGHS_TOLERANCE, "dual_feasibility_tolerance": HIGHS_TOLERANCE}
@@ -78,15 +80,16 @@ def minimise_linear(cost: Array, constraints: LinearConstraints, box: Array | No
 
 
 def minimise_quadratic(
-    curvature: Array, cost: Array, constraints: LinearConstraints, box: Array | None = None
+    curvature: Array, cost: Array, constraints: LinearConstraints, low: ArrayLike = -np.inf, high: ArrayLike = np.inf
 ) -> Array:
-    """Minimise (1/2) x'Qx + c'x with Q positive semidefinite, shape (n, n), and |x_i| <= box_i."""
+    """Minimise (1/2) x'Qx + c'x with Q positive semidefinite, shape (n, n), and low <= x <= high."""
     A, b = _scaled(constraints.equality_matrix, constraints.equality_values)
     G, h = sparse.csr_array(constraints.inequality_matrix), np.asarray(constraints.inequality_bounds, float)
-    if box is not None:
-        bounded = np.flatnonzero(np.isfinite(box))
-        unit = sparse.csr_array(sparse.eye_array(len(box)))[bounded]
-        G, h = sparse.vstack([G, unit, -unit]), np.concatenate([h, box[bounded], box[bounded]])
+    unit = sparse.csr_array(sparse.eye_array(len(cost)))
+    for sign, limit in ((-1, low), (1, high)):
+        values = sign * np.broadcast_to(limit, cost.shape)
+        bounded = np.flatnonzero(np.isfinite(values))
+        G, h = sparse.vstack([G, sign * unit[bounded]]), np.append(h, values[bounded])
     G, h = _scaled(G, h)
     # rows that the equalities determine have no interior
     undetermined = np.abs(G @ linalg.null_space(A.toarray())).max(axis=1, initial=0.0) > NULL_SPACE_TOLERANCE
@@ -96,8 +99,12 @@ def minimise_quadratic(
     cones = [clarabel.ZeroConeT(len(b)), clarabel.NonnegativeConeT(len(h))]
     upper = sparse.csc_array(np.triu((curvature + curvature.T) / 2))
     values, failures = np.concatenate([b, h]), []
-    for equilibrate in (False, True):  # the rows are scaled already
-        result = clarabel.DefaultSolver(upper, cost, rows, values, cones, _settings(equilibrate)).solve()
+    settings = clarabel.DefaultSettings()
+    settings.verbose, settings.max_threads = False, 1
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = CLARABEL_TOLERANCE
+    settings.reduced_tol_gap_abs = settings.reduced_tol_gap_rel = settings.reduced_tol_feas = CLARABEL_ACCEPTED
+    for settings.equilibrate_enable in (False, True):  # the rows are scaled already
+        result = clarabel.DefaultSolver(upper, cost, rows, values, cones, settings).solve()
         if result.status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
             return np.array(result.x)
         failures.append(f"{result.status}, residuals {result.r_prim:.1e} and {result.r_dual:.1e}")
@@ -105,14 +112,6 @@ def minimise_quadratic(
         f"Clarabel did not solve a quadratic program of {len(cost)} unknowns to {CLARABEL_ACCEPTED:g}: "
         f"{' or '.join(dict.fromkeys(failures))}"
     )
-
-
-def _settings(equilibrate: bool) -> clarabel.DefaultSettings:
-    settings = clarabel.DefaultSettings()
-    settings.verbose, settings.equilibrate_enable, settings.max_threads = False, equilibrate, 1
-    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = CLARABEL_TOLERANCE
-    settings.reduced_tol_gap_abs = settings.reduced_tol_gap_rel = settings.reduced_tol_feas = CLARABEL_ACCEPTED
-    return settings
 
 
 def _scaled(matrix: Matrix, values: ArrayLike, largest: float = np.inf) -> tuple[sparse.csr_array, Array]:

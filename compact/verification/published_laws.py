@@ -14,8 +14,7 @@ from numpy.polynomial import Polynomial
 
 from compact.cams.profile import Cam, FlatFace, Pointed, least_breadth
 from compact.machine.roller_motors import roller_rotation
-from compact.motion.laws import LAWS, piecewise
-from compact.motion.minimum_criterion import minimiser
+from compact.motion.laws import LAWS, minimiser, piecewise
 from compact.motion.profile import Cycle, MotionProfile, law
 from compact.numerics.piecewise import integrate
 

@@ -11,10 +11,9 @@ import casadi
 import numpy as np
 from scipy import sparse
 
-from compact.motion.constraint_set import ConstraintSet, spline_space_for
-from compact.motion.objectives import PEAKS
-from compact.motion.pitch_curve import CURVATURE_MARGIN
-from compact.motion.sequential_programming import EXCHANGE_ROUNDS, OptimisationProblem
+from compact.motion.limits import CURVATURE_MARGIN
+from compact.motion.optimal_motion import EXCHANGE_ROUNDS, OptimisationProblem
+from compact.motion.optimisation_problem import PEAKS, ConstraintSet, spline_space_for
 from compact.numerics.convex_programs import minimise_linear
 
 VELOCITY_SAMPLES, GRID_SAMPLES, ACCELERATION_SAMPLES = 400, 120, 41  # [-], of the resistance: curve, or grid

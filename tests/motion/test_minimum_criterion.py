@@ -11,7 +11,7 @@ from numpy.polynomial import Polynomial, legendre
 from published import BEST_TRAVEL_AT_FIXED_STROKE, LONE_TRAVEL, LONE_TURNING_JERK, LOSS_OF_HALF
 from sampling import examples
 
-from compact.motion.minimum_criterion import ComplexLaw, minimiser
+from compact.motion.laws import ComplexLaw, minimiser
 
 PHASES = np.concatenate(
     [[0.0, 1e-9, 1e-6, 1e-4, 1e-3], np.linspace(0.01, 0.99, 15), 1 - 2.0 ** np.array([-10, -20, -40]), [1.0]]

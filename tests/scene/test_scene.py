@@ -17,7 +17,7 @@ from sampling import examples
 
 from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.material.mix import CALIBRATED
-from compact.motion.objectives import OBJECTIVES
+from compact.motion.optimisation_problem import OBJECTIVES
 from compact.scene import plausible_ranges
 from compact.scene.choices import Fit, MixParameter, Objective
 from compact.scene.errors import key_lines, key_remarks

@@ -1,0 +1,519 @@
+"""Optimal motion as a discrete problem: laws of a spline space, linear constraints, criteria and their linearisations.
+
+Every derivative of a law is linear in the unknowns and bounded between the breaks:
+
+    s^(k) is continuous and piecewise quadratic,  s in C^k,  0 <= z <= 1,  s(0) = 0, s'(0) = 0
+
+The unknowns are the coefficients of s^(j), j = min(k, 2), as a B-spline of double knots, which are Bernstein
+coefficients: of the velocity for k = 1, of the acceleration for k = 2 and 3. Adjacent pieces share the coefficient at
+their break for k = 1 and 2; for k = 3 it divides the line between its neighbours in the ratio of the piece widths. A
+polynomial lies between its smallest and its largest Bernstein coefficient; halving the piece tightens this hull.
+Derivatives and cam limits are bounded by it, so that they hold at every instant, not at samples only. Unknowns in the
+acceleration are well scaled: the forces are linear in them, jerk and snap quotients by h and h^2. Unknowns in the jerk
+would enter the stroke by h^3, below the zero tolerance of linear programming solvers (`numerics.convex_programs`).
+
+The criteria are of the drive force and the drive power,
+
+    H = m a + R(v, a),    P = H v.
+
+A `Linearisation` approximates a criterion near a law, convex in the change d of its unknowns: peaks and positive parts
+are taken over the linearised H and P, and a smooth criterion keeps the positive semidefinite part of its curvature
+(Gauss-Newton).
+
+References
+----------
+C. de Boor, A Practical Guide to Splines, ch. IX; G. Farin, Curves and Surfaces for CAGD, ch. 5 (de Casteljau).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import comb, factorial
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import sparse
+from scipy.interpolate import BPoly, PPoly
+
+from compact.motion.limits import (
+    BOUNDED_DERIVATIVES,
+    CURVATURE_MARGIN,
+    VIOLATION_TOLERANCE,
+    CamLimits,
+    Conflict,
+    InfeasibleError,
+    Limits,
+    PitchCurve,
+)
+from compact.numerics import Array
+from compact.numerics.convex_programs import LinearConstraints, minimise_linear, minimise_quadratic
+
+Resistance = Callable[[Array, Array], Array]  # R(v [m/s], a [m/s^2]) -> [N]
+
+HULL_HALVINGS = 2  # [-], of the pieces of a bound: the Bernstein hull of a parabola is then within 1/16 of its sagitta
+FIXED_BOUND_COST = 1e3  # [-], of a bound that is not to be relaxed, over 1 of the relaxed bound
+STEADY_PIECES = 16  # [-], of the phase of constant velocity where the velocity may deviate
+VELOCITY_FLOOR = 1e-12  # [-], of the mean velocity: the resistance at rest is its limit from inside the motion
+DIFFERENCE_STEP = 1e-4  # [-], of the mean velocity, and of that over the duration: step of difference quotients
+
+
+# ---- laws ------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class SplineSpace:
+    """Laws in C^k whose derivative k + 1 is linear inside each piece and may jump at the breaks.
+
+    Attributes
+    ----------
+    breaks : ndarray, shape (pieces + 1,)
+        Phases between the pieces, ascending from 0 to 1 [-].
+    smoothness : int
+        Order k, from 1 to 3.
+    """
+
+    breaks: Array
+    smoothness: int
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return 2 * len(self.breaks) - 1 + (self.smoothness == 3)
+
+    @property
+    def basis_order(self) -> int:
+        """Order of the derivative whose coefficients are the unknowns: 1 or 2."""
+        return min(self.smoothness, 2)
+
+    @cached_property
+    def derivatives(self) -> list[BPoly]:
+        """Derivatives s, s', ... of order 0 to k + 2 of the law of each unknown, in Bernstein form."""
+        unit, count = np.eye(self.size), len(self.breaks) - 1
+        if self.smoothness < 3:
+            pieces = unit[2 * np.arange(count) + np.arange(3)[:, None]]
+        else:
+            inner, width = unit[1:-1].reshape(count, 2, -1), np.diff(self.breaks)[:, None]
+            shared = (width[1:] * inner[:-1, 1] + width[:-1] * inner[1:, 0]) / (width[1:] + width[:-1])
+            ends = np.concatenate([unit[:1], shared, unit[-1:]])
+            pieces = np.array([ends[:-1], *inner.swapaxes(0, 1), ends[1:]])
+        basis, j = BPoly(pieces, self.breaks), self.basis_order
+        return [basis.derivative(order - j) for order in range(self.smoothness + 3)]  # of a negative order: integral
+
+    def coefficients(self, order: int) -> Array:
+        """Return the Bernstein coefficients of s^(order) of each piece, shape (pieces, degree + 1, unknowns)."""
+        return np.asarray(self.derivatives[order].c, float).swapaxes(0, 1)
+
+    def values(self, order: int, u: ArrayLike) -> Array:
+        """Return the rows of s^(order) at local coordinates u [-] of every piece, (pieces * places, unknowns)."""
+        rows = self.coefficients(order)
+        return np.asarray(bernstein_basis(rows.shape[1] - 1, u) @ rows).reshape(-1, self.size)
+
+    def hull(self, order: int) -> Array:
+        """Return the Bernstein coefficients that bound s^(order) on halved pieces, shape (rows, unknowns)."""
+        rows = self.coefficients(order)
+        rows = halve(rows, HULL_HALVINGS if rows.shape[1] > 2 else 0).reshape(-1, self.size)
+        return rows[np.sort(np.unique(rows, axis=0, return_index=True)[1])]
+
+    def elevated(self, order: int) -> Array:
+        """Return the Bernstein coefficients of s^(order) elevated to the degree of s, shape (rows, unknowns)."""
+        rows = self.coefficients(order)
+        for q in range(rows.shape[1], self.smoothness + 3):
+            share = np.arange(1, q)[:, None] / q
+            inner = share * rows[:, :-1] + (1 - share) * rows[:, 1:]
+            rows = np.concatenate([rows[:, :1], inner, rows[:, -1:]], axis=1)
+        return rows.reshape(-1, self.size)
+
+    def curve(self, unknowns: Array) -> PPoly:
+        """Return the law; its Taylor coefficients are those of each derivative, without rounded differences."""
+        orders = range(self.smoothness + 2, -1, -1)
+        return PPoly([self.coefficients(k)[:, 0] @ unknowns / factorial(k) for k in orders], self.breaks)
+
+    def interpolate(self, curve: Callable[..., Array]) -> Array:
+        """Return the unknowns of a law that lies in this space, such as one of the space before halving."""
+        u = np.arange(1, 5) / 5
+        places = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * u
+        values = curve(places.ravel(), nu=self.basis_order)
+        return np.asarray(np.linalg.lstsq(self.values(self.basis_order, u), values, rcond=None)[0], float)
+
+
+def bernstein_basis(degree: int, u: ArrayLike) -> Array:
+    """Return the Bernstein polynomials of a degree at coordinates u from 0 to 1 [-], shape (places, degree + 1)."""
+    u, i = np.asarray(u, float)[:, None], np.arange(degree + 1)
+    return np.array([comb(degree, k) for k in i]) * u**i * (1 - u) ** (degree - i)
+
+
+def halve(rows: Array, times: int) -> Array:
+    """Return Bernstein coefficients, shape (pieces, degree + 1, unknowns), of halved pieces (de Casteljau)."""
+    m = rows.shape[1]
+    left = np.array([[comb(i, j) / 2**i for j in range(m)] for i in range(m)])
+    for _ in range(times):
+        rows = np.concatenate([left @ rows, left[::-1, ::-1] @ rows])
+    return rows
+
+
+def graded_breaks(start: float, end: float, count: int, smoothness: int) -> Array:
+    """Return count + 1 breaks [-] graded towards both ends, where the jerk is largest; halved pieces are nested.
+
+    z = u^3 (10 - 15 u + 6 u^2)   for k = 1, whose acceleration may jump: the first piece is 10/count^3 of the whole
+    z = u^2 (3 - 2 u)             for k = 2 and 3,   u = i/count
+    """
+    u = np.linspace(0, 1, count + 1)
+    z = u**3 * (10 + u * (6 * u - 15)) if smoothness == 1 else u**2 * (3 - 2 * u)
+    return start + (end - start) * z
+
+
+def spline_space_for(limits: Limits, pieces: int, halvings: int = 0) -> SplineSpace:
+    """Return the `SplineSpace` for the smoothness and the phase of constant velocity of some limits.
+
+    The pieces of acceleration and deceleration phases together are graded towards the ends of each phase; each piece is
+    halved `halvings` times.
+    """
+    k, times = limits.continuous, 2**halvings
+    if limits.steady is None:
+        return SplineSpace(graded_breaks(0.0, 1.0, times * pieces, k), k)
+    start, end = limits.steady
+    first = min(max(2, round(pieces * limits.run_up / (limits.run_up + limits.run_down))), pieces - 2)
+    inner = 1 if limits.steady_tolerance == 0 else STEADY_PIECES
+    breaks = [
+        graded_breaks(0.0, start, times * first, k)[:-1],
+        np.linspace(start, end, inner + 1)[:-1],
+        graded_breaks(end, 1.0, times * (pieces - first), k),
+    ]
+    return SplineSpace(np.concatenate(breaks), k)
+
+
+# ---- constraints -----------------------------------------------------------------------------------------------------
+
+
+class Bound(NamedTuple):
+    """Elastic constraint rows @ c + offset <= limit.
+
+    Attributes
+    ----------
+    name, unit : str
+        Name and unit of the limit.
+    limit : float
+        Value of the limit.
+    rows : ndarray, shape (rows, unknowns)
+        Coefficients of the unknowns, in the unit of the limit.
+    offset : ndarray, shape (rows,)
+        Constant part, in the unit of the limit.
+    """
+
+    name: str
+    unit: str
+    limit: float
+    rows: Array
+    offset: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintSet:
+    """Limits on the laws of a spline space, as `LinearConstraints` in its unknowns.
+
+    Infeasible limits are reported one by one with the relaxation that each requires, from a linear program with elastic
+    bounds (phase-one relaxation). The curvature of a cam for a roller follower is not linear (`PitchCurve`); only the
+    condition that its flanks do not cross is included here.
+
+    Attributes
+    ----------
+    stroke, duration : float
+        Travel [m] and time [s] of one pass.
+    """
+
+    limits: Limits
+    space: SplineSpace
+    stroke: float
+    duration: float
+
+    @cached_property
+    def bounds(self) -> list[Bound]:
+        """All elastic constraints."""
+        bounds = []
+        for name, (order, unit) in BOUNDED_DERIVATIVES.items():
+            if (limit := getattr(self.limits, name)) is not None:
+                rows = self.stroke / self.duration**order * self.space.hull(order)
+                rows = rows if order == 1 else np.concatenate([rows, -rows])
+                bounds.append(Bound(name, unit, limit, rows, np.zeros(len(rows))))
+        return bounds + (self._cam_bounds(self.limits.cam) if self.limits.cam else [])
+
+    def _cam_bounds(self, cam: CamLimits) -> list[Bound]:
+        """Limits of the cam, each stated as the breadth that it requires."""
+        place, slope, second = (
+            self.stroke * (1 + cam.dwell / self.duration) ** k / np.pi**k * self.space.elevated(k) for k in range(3)
+        )  # derivatives by the cam angle
+        angles = {"the pressure angle": cam.pressure_angle}
+        if self.pitch:
+            angles["flanks that do not cross"] = self.pitch.crossing_angle
+        rows = {
+            words: (2 * np.concatenate([slope / np.tan(angle) - place, slope / np.tan(angle) + place]), 0.0)
+            for words, angle in angles.items()
+            if angle is not None
+        }
+        if (radius := cam.radius_of_curvature) is not None:
+            rows["the radius of curvature"] = 2 * np.concatenate([-place - second, place + second]), 2 * radius
+        ends = np.repeat([self.stroke, -self.stroke], len(place))
+        return [
+            Bound(f"cam breadth for {words}", "m", cam.breadth, each, least + ends)
+            for words, (each, least) in rows.items()
+        ]
+
+    @cached_property
+    def pitch(self) -> PitchCurve | None:
+        """The `PitchCurve` of a roller follower with a limit on its profile, else None."""
+        return self.limits.cam.pitch_curve(self.stroke, self.duration) if self.limits.cam else None
+
+    @cached_property
+    def program(self) -> LinearConstraints:
+        """The `LinearConstraints` of all limits; each bound is divided by its limit."""
+        relative = [bound.rows / bound.limit for bound in self.bounds]
+        most = [1 - bound.offset / bound.limit for bound in self.bounds]
+        below = sparse.csr_array(np.concatenate([self._hard, *relative]))
+        return LinearConstraints(*self._equal, below, np.concatenate([np.zeros(len(self._hard)), *most]))
+
+    @cached_property
+    def _equal(self) -> tuple[Array, Array]:
+        """Rows and values: stroke, rest at the ends, continuity through the end condition, constant velocity."""
+        space, limits, rows = self.space, self.limits, []
+        for order in range(1, limits.continuous + 1):
+            coefficients = space.coefficients(order)
+            first, last = coefficients[0, 0], coefficients[-1, -1]
+            zero = order == 1 or order in limits.at_rest or limits.end_condition == "dwell"
+            rows += [first, last] if zero else [first + last]
+        if limits.steady and limits.steady_tolerance == 0:
+            rows += list(space.coefficients(2)[self._steady_pieces].reshape(-1, space.size))
+        stroke = space.coefficients(0)[-1, -1]
+        rows = [stroke, *(row / np.abs(row).max() for row in rows if np.any(row))]
+        return np.array(rows), np.append(1.0, np.zeros(len(rows) - 1))
+
+    @cached_property
+    def _hard(self) -> Array:
+        """Rows that are never relaxed and never positive: reversed velocity, and its excess at constant speed."""
+        space, tolerance, rows = self.space, self.limits.steady_tolerance, [-self.space.hull(1)]
+        if self.limits.steady and tolerance > 0:
+            pieces, place, (start, end) = self._steady_pieces, space.coefficients(0), self.limits.steady
+            mean = (place[pieces[-1], -1] - place[pieces[0], 0]) / (end - start)
+            speed = np.unique(space.coefficients(1)[pieces].reshape(-1, space.size), axis=0)
+            rows += [speed - (1 + tolerance) * mean, (1 - tolerance) * mean - speed]
+        return np.concatenate(rows)
+
+    @property
+    def _steady_pieces(self):
+        """Indices of the pieces in the phase of constant velocity."""
+        start, end = self.limits.steady
+        middle = (self.space.breaks[1:] + self.space.breaks[:-1]) / 2
+        return np.flatnonzero((middle > start) & (middle < end))
+
+    @cached_property
+    def min_acceleration_law(self) -> Array:
+        """Unknowns of the law with the smallest rms acceleration, the start of a search."""
+        everyone = np.arange(len(self.bounds))
+        together = self._conflicts(np.ones(len(everyone)))
+        if together:
+            alone = [self._conflicts(np.where(everyone == i, 1.0, FIXED_BOUND_COST)) for i in everyone]
+            single = [found[0] for i, found in enumerate(alone) if [c.name for c in found] == [self.bounds[i].name]]
+            raise InfeasibleError(single or together, alone=bool(single))
+        u, weights = np.polynomial.legendre.leggauss(self.space.smoothness + 1)
+        weights = np.outer(np.diff(self.space.breaks), weights / 2).ravel()
+        rows = self.space.values(2, (u + 1) / 2) * np.sqrt(weights)[:, None]
+        return minimise_quadratic(rows.T @ rows, np.zeros(self.space.size), self.program)
+
+    def _conflicts(self, costs: Array) -> list[Conflict]:
+        """Return the `Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
+        excess = self._relax(costs, list(range(len(costs))), 0.0)[self.space.size :]
+        return [
+            Conflict(b.name, b.unit, b.limit, (1 + float(each)) * b.limit)
+            for b, each in zip(self.bounds, excess, strict=True)
+            if each > VIOLATION_TOLERANCE
+        ]
+
+    def _relax(self, costs: Array, excess_of: list[int], least: float) -> Array:
+        """Return a law and its relative excesses >= least of the smallest costs, and which of them each bound has."""
+        program, count = self.program, len(costs)
+        size = self.space.size
+        unit = np.concatenate([np.zeros((1, count)), np.eye(count)])  # the hard rows have no excess
+        rows = np.repeat([0, *(1 + i for i in excess_of)], [len(self._hard), *(len(b.rows) for b in self.bounds)])
+        extended = program._replace(
+            equality_matrix=np.pad(program.equality_matrix, ((0, 0), (0, count))),
+            inequality_matrix=sparse.hstack([program.inequality_matrix, -unit[rows]], format="csr"),
+        )
+        low = np.repeat([-np.inf, least], [size, count])
+        solution = minimise_linear(np.append(np.zeros(size), costs), extended, low)
+        if solution is None:
+            raise RuntimeError("no law exists on these pieces; raise `pieces` or lower `smoothness`")
+        return solution
+
+    def project(self, unknowns: Array) -> Array:
+        """Return coefficients [-] that satisfy all constraints to rounding, from those of a solver that leaves 1e-10.
+
+        Equalities are restored by least squares, bounds by the shortest step towards the law of maximum margin, whose
+        relative distance from the nearest bound is largest.
+        """
+        equal, equal_to, below, below_to = self.program
+        unknowns = unknowns + np.linalg.lstsq(equal, equal_to - equal @ unknowns, rcond=None)[0]
+        bounded = slice(len(self._hard), None)
+        excess = np.max((below @ unknowns - below_to)[bounded], initial=-np.inf)
+        if excess <= VIOLATION_TOLERANCE / 2:
+            return unknowns
+        inside = self._relax(np.ones(1), [0] * len(self.bounds), -np.inf)[: self.space.size]
+        room = -np.max((below @ inside - below_to)[bounded])
+        return unknowns + excess / (excess + room) * (inside - unknowns) if room > 0 else unknowns
+
+
+# ---- criteria --------------------------------------------------------------------------------------------------------
+
+
+class QuadratureNodes(NamedTuple):
+    """Nodes at which a law is evaluated: x, v and a are linear in the unknowns.
+
+    Attributes
+    ----------
+    position, velocity, acceleration : ndarray, shape (nodes, unknowns)
+        Matrices that give x [m], v [m/s] and a [m/s^2] from the unknowns.
+    weights : ndarray, shape (nodes,)
+        Quadrature weights over one pass [s]; 0 for a node that is only checked for peaks.
+    mean_velocity : float
+        Stroke over duration [m/s].
+    """
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+    weights: Array
+    mean_velocity: float
+
+    def travel(self, unknowns: Array) -> tuple[Array, ...]:
+        """Return x, v and a of a law at the nodes."""
+        return tuple(rows @ unknowns for rows in self[:3])
+
+
+class MotionState(NamedTuple):
+    """Motion and drive force at the nodes for one resistance; arrays of shape (nodes,).
+
+    Attributes
+    ----------
+    velocity : ndarray
+        v [m/s], at least the velocity floor.
+    resistance, force : ndarray
+        R and H [N].
+    damping : ndarray
+        dR/dv [N s/m].
+    inertia : ndarray
+        m + dR/da [kg].
+    """
+
+    nodes: QuadratureNodes
+    velocity: Array
+    resistance: Array
+    force: Array
+    damping: Array
+    inertia: Array
+
+    @property
+    def power(self) -> Array:
+        """Drive power H v [W]."""
+        return self.force * self.velocity
+
+    def force_gradient(self) -> Array:
+        """Return dH/d(unknowns) = dR/dv dv + (m + dR/da) da, shape (nodes, unknowns)."""
+        return self.damping[:, None] * self.nodes.velocity + self.inertia[:, None] * self.nodes.acceleration
+
+    def power_gradient(self) -> Array:
+        """Return d(H v)/d(unknowns), shape (nodes, unknowns)."""
+        return self.velocity[:, None] * self.force_gradient() + self.force[:, None] * self.nodes.velocity
+
+
+def evaluate_state(nodes: QuadratureNodes, unknowns: Array, mass: float, resistance: Resistance) -> MotionState:
+    """Evaluate motion and drive force of a law with coefficients [-] for a mass [kg] and R(v, a) [N].
+
+    Derivatives of the resistance are difference quotients.
+    """
+    v, a = np.maximum(nodes.velocity @ unknowns, VELOCITY_FLOOR * nodes.mean_velocity), nodes.acceleration @ unknowns
+    step = DIFFERENCE_STEP * nodes.mean_velocity
+    shift = step / nodes.weights.sum()
+    other = np.where(v > 2 * step, v - step, v + step)  # a lower velocity where there is one: R may end at the largest
+    here, at_other, at_shift = (
+        np.broadcast_to(resistance(*at), v.shape) for at in ((v, a), (other, a), (v, a + shift))
+    )
+    damping, added_mass = (at_other - here) / (other - v), (at_shift - here) / shift
+    return MotionState(nodes, v, here, mass * a + here, damping, mass + added_mass)
+
+
+class Linearisation(NamedTuple):
+    """Convex model of a criterion near a law: max(values + gradients d) + d' curvature d / 2.
+
+    With `shares` the model is the sum of shares max(values + gradients d, 0) instead.
+
+    Attributes
+    ----------
+    values : ndarray, shape (rows,)
+        Values at d = 0, in the unit of the criterion.
+    gradients : ndarray, shape (rows, unknowns)
+        Derivatives by the unknowns.
+    curvature : ndarray, shape (unknowns, unknowns), optional
+        Positive semidefinite Hessian.
+    shares : ndarray, shape (rows,), optional
+        Weights of a sum of positive parts.
+    """
+
+    values: Array
+    gradients: Array
+    curvature: Array | None = None
+    shares: Array | None = None
+
+    @property
+    def value(self) -> float:
+        """The criterion at d = 0."""
+        return float(np.max(self.values) if self.shares is None else self.shares @ np.maximum(self.values, 0.0))
+
+
+def _magnitude(values: Array, gradients: Array) -> Linearisation:
+    return Linearisation(np.concatenate([values, -values]), np.concatenate([gradients, -gradients]))
+
+
+def _rms_force(state: MotionState) -> Linearisation:
+    """(1/T int H^2 dt)^(1/2), a norm: its Hessian is that of the squares less the part along the gradient."""
+    root = np.sqrt(state.nodes.weights / state.nodes.weights.sum())
+    rows, force = root[:, None] * state.force_gradient(), root * state.force
+    rms = max(np.sqrt(force @ force), np.finfo(float).tiny)
+    gradient = force @ rows / rms
+    across = rows - np.outer(force / rms, gradient)  # its square is the Hessian, semidefinite to rounding
+    return Linearisation(np.array([rms]), gradient[None], across.T @ across / rms)
+
+
+def _energy(state: MotionState) -> Linearisation:
+    """2 int R v dt over both strokes. Its curvature in v, 2 dR/dv + v R'', is replaced by 2 dR/dv >= 0."""
+    velocity, weights = state.nodes.velocity, 2 * state.nodes.weights
+    curvature = weights * np.maximum(2 * state.damping, 0.0)
+    work = np.array([weights @ (state.resistance * state.velocity)])  # the work of inertia over a pass is zero
+    return Linearisation(work, (weights @ state.power_gradient())[None], (velocity.T * curvature) @ velocity)
+
+
+# Quantity whose largest magnitude is the criterion, by name of the criterion
+PEAKS: Mapping[str, Callable[[MotionState], Array]] = MappingProxyType(
+    {"peak_force": lambda state: state.force, "peak_power": lambda state: state.power}
+)
+# Linearisation of each criterion, by the names of `ranking.CRITERIA`
+OBJECTIVES: Mapping[str, Callable[[MotionState], Linearisation]] = MappingProxyType(
+    {
+        "peak_force": lambda state: _magnitude(state.force, state.force_gradient()),
+        "peak_power": lambda state: _magnitude(state.power, state.power_gradient()),
+        "rms_force": _rms_force,
+        "energy": _energy,
+        # 2 int max(H v, 0) dt over both strokes: work of a drive that recovers none
+        "drawn_energy": lambda state: Linearisation(state.power, state.power_gradient(), None, 2 * state.nodes.weights),
+    }
+)
+
+
+def linearise_curvature(pitch: PitchCurve, nodes: QuadratureNodes, unknowns: Array, excess: bool) -> Linearisation:
+    """Linearise the largest curvature ratio, or its excess over 1 - `CURVATURE_MARGIN` if that is positive."""
+    travel = nodes.travel(unknowns)
+    values, slopes = pitch.curvature_ratios(*travel).ravel(), pitch.ratio_slopes(*travel)
+    parts = [slope[..., None] * along for slope, along in zip(slopes, nodes[:3], strict=True)]
+    rows = np.sum(parts, axis=0).reshape(-1, len(unknowns))
+    if not excess:
+        return Linearisation(values, rows)
+    return Linearisation(np.append(values - (1 - CURVATURE_MARGIN), 0.0), np.pad(rows, ((0, 1), (0, 0))))
