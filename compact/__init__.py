@@ -98,7 +98,7 @@ _HOMES = {
     "material.mix": ("Mix", "prior"),
     "material.state_update": ("StateUpdate",),
     "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "MotionProfile", "law", "optimise"),
-    "motion.minimum_criterion": ("ComplexLaw", "minimiser"),
+    "motion.laws": ("ComplexLaw", "minimiser"),
     "motion.tabulated": ("from_function", "from_table"),
     "rolling_contact": ("Layer", "Roller", "ContactResult"),
     "scene.loader": ("SceneError",),
