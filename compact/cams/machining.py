@@ -27,8 +27,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compact.cams.followers import FlatFace
-from compact.cams.profile import Cam, Follower
+from compact.cams.profile import Cam, FlatFace, Follower
 from compact.numerics import Array
 from compact.numerics.validation import require_between, require_finite, require_instance, require_positive
 

@@ -13,6 +13,10 @@ Over dphi the tangent of the profile turns by `turn` dphi along an arc of `arc` 
 > 0. Where arc <= 0 the profile runs backwards: the cutter of one part removes another, the cam is undercut. Angles in
 rad, lengths in m; primes are derivatives by phi, exact from the law, right limits at a breakpoint.
 
+A follower is a point, a roller or a flat face. From rho, rho' and rho'' it computes the contact point, the rates by phi
+of the direction (`turn`) and of the length (`arc`) of the profile, and the increase of rho required so that no part of
+the profile runs backwards.
+
 References
 ----------
 R. L. Norton, Cam Design and Manufacturing Handbook, Industrial Press 2009, ch. 7 (size, pressure angle, undercut).
@@ -26,7 +30,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compact.cams.followers import FlatFace, Pointed, RollerFollower
 from compact.motion.profile import Cycle, Discontinuity, Leg
 from compact.numerics import Array
 from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
@@ -39,7 +42,6 @@ from compact.numerics.validation import (
     require_positive,
 )
 
-Follower = Pointed | RollerFollower | FlatFace
 Measure = Callable[..., Array]  # of phi [rad] and the travel x, x', x'' by phi [m]
 
 POINT_LIMIT = 1_000_000  # [-], rows of a table: a step of a micrometre round a cam of 0.3 m
@@ -50,6 +52,145 @@ LENGTH_ROUNDING = 1e-12  # [-], of the length
 AXIS = "the axis must lie inside the profile"
 ARC = "the profile must not run backwards"
 FLANKS = "the flanks of the lobe must not cross"
+NEWTON_TOLERANCE = 16 * np.finfo(float).eps  # [-], of rho: change of the last step
+NEWTON_LIMIT = 100  # [-], steps to rounding: 10-25 are usual, a double root needs 50
+
+
+@dataclass(frozen=True)
+class _RadialFollower:
+    """Point or roller on a line through the axis; its centre traces the pitch curve rho(phi).
+
+        w^2 = rho^2 + rho'^2,  turn = (rho^2 + 2 rho'^2 - rho rho'')/w^2,  arc = w - r turn
+
+    The profile is the pitch curve offset inwards by the roller radius r along its normal (rho, -rho')/w.
+    """
+
+    radius: float
+
+    def contact(self, rho: Array, slope: Array) -> tuple[Array, Array]:
+        """Return the contact point (radial, offset) [m] from rho and rho' [m]."""
+        w = np.hypot(rho, slope)
+        return rho - self.radius * rho / w, self.radius * slope / w
+
+    def rates(self, rho: Array, slope: Array, second: Array) -> tuple[Array, Array]:
+        """Return turn [-] and arc [m] of the profile by phi from rho, rho' and rho'' [m]."""
+        w = np.hypot(rho, slope)
+        turn = 1 + (slope**2 - rho * second) / w**2
+        return turn, w - self.radius * turn
+
+    def pressure_angle(self, rho: Array, slope: Array) -> Array:
+        """Return the angle [rad] between travel and common normal from rho and rho' [m]: tan = rho'/rho."""
+        return np.arctan2(slope, rho)
+
+    @property
+    def radius_at_kink(self) -> float:
+        """Radius of curvature [m] at a downward jump of rho': a corner of the pitch curve, offset by r."""
+        return -self.radius
+
+    def base_radius(self, x: Array, slope: Array, second: Array) -> Array:
+        """Return the smallest (b - stroke)/2 [m] whose profile does not run backwards.
+
+            g(rho) = w^3 - r (rho^2 + 2 rho'^2 - rho rho'') = 0,  its largest root with rho >= r, minus x
+
+        g is convex for rho >= r and positive from 4r/3 + |rho''| on, so that Newton's method descends monotonically
+        from there to the largest root; without a root, rho = r and the axis lies on the profile.
+
+        Parameters
+        ----------
+        x, slope, second : ndarray
+            Travel and its derivatives by phi [m].
+        """
+        r, rho = self.radius, 4 * self.radius / 3 + np.abs(second)
+        for _ in range(NEWTON_LIMIT):
+            w = np.hypot(rho, slope)
+            g = w**3 - r * (w**2 + slope**2 - rho * second)
+            derivative = 3 * rho * w - r * (2 * rho - second)
+            step = np.divide(g, derivative, out=np.full_like(rho, np.inf), where=derivative > 0)
+            lower = np.maximum(rho - step, r)
+            if np.all(np.abs(lower - rho) <= NEWTON_TOLERANCE * rho):
+                break
+            rho = lower
+        return rho - x
+
+
+@dataclass(frozen=True)
+class Pointed(_RadialFollower):
+    """Knife-edge follower: the profile is the pitch curve itself, corners at velocity jumps included.
+
+    Attributes
+    ----------
+    radius : float
+        0 [m].
+    """
+
+    radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.radius != 0:
+            raise ValueError(f"a pointed follower has `radius` 0, got {self.radius!r}; use RollerFollower")
+
+    def base_radius(self, x: Array, slope: Array, second: Array) -> Array:  # noqa: ARG002, protocol of followers
+        """Return the smallest (b - stroke)/2 [m]: any value with rho > 0 is valid."""
+        return -x
+
+
+@dataclass(frozen=True)
+class RollerFollower(_RadialFollower):
+    """Roller follower on a line through the axis.
+
+    Attributes
+    ----------
+    radius : float
+        Roller radius r [m], > 0.
+    """
+
+    def __post_init__(self) -> None:
+        require_positive(radius=self.radius)
+
+    def flanks_cross(self, angle: Array, rho: Array, slope: Array) -> bool:
+        """Return True if a point of the profile is nearer than r to another part of the pitch curve rho(angle) [m].
+
+        This is excluded where rho^2/w > r all round: the whole profile is then visible from the axis.
+        """
+        if np.min(rho**2 / np.hypot(rho, slope)) > self.radius:
+            return False
+        from scipy.spatial import cKDTree
+
+        turn = np.exp(1j * angle)
+        radial, offset = self.contact(rho, slope)
+        pitch, profile = (points.view(float).reshape(-1, 2) for points in (rho * turn, (radial + 1j * offset) * turn))
+        rounding = 1e-9 * self.radius + 1e-12 * np.max(rho)
+        return bool(cKDTree(pitch).query(profile)[0].min() < self.radius - rounding)
+
+
+@dataclass(frozen=True)
+class FlatFace:
+    """Flat-faced follower at right angles to its travel: the law is the support function of the profile.
+
+    (x, y) = (rho cos - rho' sin, rho sin + rho' cos),  turn = 1,  arc = rho + rho''
+    """
+
+    radius = 0.0
+    radius_at_kink = -np.inf
+
+    def contact(self, rho: Array, slope: Array) -> tuple[Array, Array]:
+        """Return the contact point (radial, offset) [m]: the face must extend to |rho'| on either side."""
+        return rho, slope
+
+    def rates(self, rho: Array, slope: Array, second: Array) -> tuple[Array, Array]:  # noqa: ARG002
+        """Return turn [-] and arc [m] of the profile by phi from rho, rho' and rho'' [m]."""
+        return np.ones(np.shape(rho)), rho + second
+
+    def pressure_angle(self, rho: Array, slope: Array) -> Array:  # noqa: ARG002
+        """Return zero [rad]: the normal of the face is the direction of travel."""
+        return np.zeros(np.shape(rho))
+
+    def base_radius(self, x: Array, slope: Array, second: Array) -> Array:  # noqa: ARG002
+        """Return the smallest (b - stroke)/2 [m] with rho + rho'' >= 0 and rho >= 0."""
+        return np.maximum(-x - second, 0.0)
+
+
+Follower = Pointed | RollerFollower | FlatFace
 
 
 @dataclass(frozen=True)
@@ -116,14 +257,12 @@ def least_breadth(cycle: Cycle, follower: Follower) -> LeastBreadth:
     inf
     """
     stroke = cycle.forward.stroke
-    drop = next((jump for jump in _velocity_jumps(cycle) if jump.after < jump.before), None)
-    if drop is not None and follower.radius_at_kink < 0:
+    if (drop := _velocity_drop(cycle)) and follower.radius_at_kink < 0:
         angle = _to_angle(cycle, drop.time)
         rule = f"impossible: the velocity drops by {drop.before - drop.after:.4g} m/s at the angle {angle:.4g} rad"
         return LeastBreadth(np.inf, angle, rule)
     base, angle = _maximum(cycle, lambda _, x, slope, second: follower.base_radius(x, slope, second))
-    axis = getattr(follower, "radius", 0.0)
-    rule = ARC if base > axis + LENGTH_ROUNDING * stroke else AXIS
+    rule = ARC if base > follower.radius + LENGTH_ROUNDING * stroke else AXIS
     if isinstance(follower, RollerFollower):
         larger = _base_without_crossing(cycle, follower, base)
         base, angle, rule = (larger, np.nan, FLANKS) if larger > base else (base, angle, rule)
@@ -184,8 +323,12 @@ class Cam:
     def derivative(self, angle: ArrayLike, order: int) -> Array:
         """Return the derivative of rho with respect to phi [m] at angles phi [rad] of any shape."""
         require_finite(angle=angle)
-        radians = self.cycle.period / (2 * np.pi)
-        value = radians**order * self.cycle.derivative(self._time_after_break(angle), order)
+        period = self.cycle.period
+        time = np.mod(np.asarray(angle, float) / (2 * np.pi), 1.0) * period
+        nearest = self._break_times[np.abs(time[..., None] - self._break_times).argmin(axis=-1)]
+        rounding = BREAK_OFFSET * period  # a time that it placed before a breakpoint is moved behind it
+        time = np.where(np.abs(time - nearest) <= rounding, nearest + rounding, time)
+        value = (period / (2 * np.pi)) ** order * self.cycle.derivative(time, order)
         return value + (self.breadth - self.cycle.forward.stroke) / 2 if order == 0 else value
 
     def radius(self, angle: ArrayLike) -> Array:
@@ -226,7 +369,7 @@ class Cam:
     @cached_property
     def corner_angles(self) -> tuple[float, ...]:
         """Angles [rad] where the velocity jumps: corners of the path of the point or of the roller centre."""
-        return tuple(_to_angle(self.cycle, jump.time) for jump in _velocity_jumps(self.cycle))
+        return tuple(_to_angle(self.cycle, jump.time) for jump in self.cycle.discontinuities() if jump.order == 1)
 
     @cached_property
     def breakpoints(self) -> tuple[float, ...]:
@@ -248,7 +391,7 @@ class Cam:
     @cached_property
     def least_radius_of_curvature(self) -> float:
         """Smallest radius [m] of the convex parts; <= 0 if undercut, 0 at a corner of a pointed follower."""
-        return min(self._smallest_radius(1), self.follower.radius_at_kink if self._velocity_drops else np.inf)
+        return min(self._smallest_radius(1), self.follower.radius_at_kink if _velocity_drop(self.cycle) else np.inf)
 
     @cached_property
     def least_hollow_radius(self) -> float:
@@ -268,7 +411,7 @@ class Cam:
     @cached_property
     def undercut(self) -> bool:
         """True if the profile runs backwards, crosses itself or, for a roller, reaches the axis: `least_breadth`."""
-        if self._velocity_drops and self.follower.radius_at_kink < 0:
+        if _velocity_drop(self.cycle) and self.follower.radius_at_kink < 0:
             return True
         if isinstance(self.follower, RollerFollower):
             angle, *travel = _dense_samples(self.cycle)
@@ -311,28 +454,18 @@ class Cam:
 
         return -_maximum(self.cycle, negative_radius)[0]
 
-    @property
-    def _velocity_drops(self):
-        return any(jump.after < jump.before for jump in _velocity_jumps(self.cycle))
-
     @cached_property
     def _break_times(self):
         return np.unique(np.concatenate([leg.start + leg.duration * leg.breakpoints() for leg in self.cycle.legs()]))
-
-    def _time_after_break(self, angle):
-        """Time [s] in the cycle; a time that rounding placed before a breakpoint is moved behind it."""
-        period = self.cycle.period
-        time = np.mod(np.asarray(angle, float) / (2 * np.pi), 1.0) * period
-        nearest = self._break_times[np.abs(time[..., None] - self._break_times).argmin(axis=-1)]
-        return np.where(np.abs(time - nearest) <= BREAK_OFFSET * period, nearest + BREAK_OFFSET * period, time)
 
     def _raised(self, x, slope, second):
         """Return rho, rho', rho'' for the travel."""
         return x + (self.breadth - self.cycle.forward.stroke) / 2, slope, second
 
 
-def _velocity_jumps(cycle: Cycle) -> list[Discontinuity]:
-    return [jump for jump in cycle.discontinuities() if jump.order == 1]
+def _velocity_drop(cycle: Cycle) -> Discontinuity | None:
+    """First jump of the velocity downwards."""
+    return next((jump for jump in cycle.discontinuities() if jump.order == 1 and jump.after < jump.before), None)
 
 
 def _to_angle(cycle: Cycle, time: float) -> float:

@@ -1,8 +1,7 @@
-"""Workshop drawing of a cam and its files: outlines, dimensions, sizes, key angles and points, in millimetres.
+"""Workshop drawing of a cam, its animation and its files.
 
-A `Drawing` collects shapes on named layers, x to the right, y up, and writes them as SVG true to scale and as DXF for
-CAD programs. `LAYERS` defines colour and line of each layer. Dimensions are lines and text in SVG, DIMENSION entities
-in DXF, whose number a CAD program measures from the geometry.
+The drawing is a DXF document of ezdxf in millimetres, x to the right, y up, on the layers of `LAYERS`; its dimensions
+are DIMENSION entities, whose number a CAD program measures from the geometry. Its SVG shows the same entities.
 
 Notes
 -----
@@ -11,7 +10,7 @@ can be neither searched nor read aloud; it loses the names of the layers; and it
 over 10^6, 2 um on a cam of 1 m, more than the tolerance of the profile. Its files are seven times as large.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from io import StringIO
@@ -20,19 +19,16 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from compact.cams.animation import animated_svg
 from compact.cams.machining import MICROMETRE, Cut, cut, largest_cutter
 from compact.cams.profile import Cam, FlatFace, Follower, Pointed, ProfileTable, breadth_for_pressure_angle
 from compact.files import write_bytes, write_csv
 from compact.numerics import Array
 
 if TYPE_CHECKING:
-    from compact.scene.loader import Scene
+    from ezdxf.document import Drawing
 
-Point = tuple[float, float]
-Row = Sequence[str]
+    from compact.scene.loader import Scene
 
 MM = 1e3  # [mm/m]
 TABLE_ROWS = 36  # [-], of the table of points on the drawing, at equal cam angles
@@ -47,240 +43,241 @@ DIMENSION_DECIMALS = 3  # [-], of the number of a dimension in mm: a micrometre
 LETTER_WIDTH = 0.85  # [-], of the height of a capital: estimate of the width of text
 FONT_SIZE = 1.35  # [-], of the height of a capital, which is 0.74 of the font size
 MARGIN = 0.02  # [-], of the larger side of the drawing, left free around it
-LINE_TYPE_SCALE = 0.01  # [-], of the width of the drawing in mm: $LTSCALE of DXF
+LINE_TYPE_SCALE = 0.04  # [-], of the largest radius in mm: $LTSCALE of DXF
 DIMENSION_LAYER = "DIMENSIONS"
 BY_LAYER, NO_TRAILING_ZEROS = 256, 8  # codes of DXF: colour of the layer, DIMZIN
-# Sizes of a DXF dimension over the height of its text [-]: text, arrow, extension lines and their offset, gap
+# Sizes of a dimension over the height of its text [-]: text, arrow, extension lines and their offset, gap
 DIMENSION_SIZES = MappingProxyType({"dimtxt": 1.0, "dimasz": 0.9, "dimexe": 0.5, "dimexo": 0.4, "dimgap": 0.35})
+# Layers: colour in SVG and in DXF (ACI), line width over the width of the drawing [-], dashes and gaps in SVG over the
+# line width [-], line type in DXF
+LAYERS = MappingProxyType(
+    {
+        "PROFILE": ("#000000", 7, 1 / 700, "", "CONTINUOUS"),
+        "CUTTER": ("#b3261e", 1, 1 / 1400, "8 4", "DASHED"),
+        "FOLLOWER": ("#1f5fa8", 5, 1 / 1400, "4 3", "DASHED"),
+        "CENTRE": ("#6b6b6b", 8, 1 / 2000, "12 3 2 3", "CENTER"),
+        "BORE": ("#000000", 7, 1 / 1000, "", "CONTINUOUS"),
+        DIMENSION_LAYER: ("#3a3a3a", 3, 1 / 2000, "", "CONTINUOUS"),
+        "NOTES": ("#000000", 7, 1 / 2000, "", "CONTINUOUS"),
+    }
+)
+FRAMES = 72  # [-], instants of a turn in the animation: every five degrees
+PROFILE_POINTS = 361  # [-], of the profile in the animation
+POINT_RADIUS = 8.0  # [mm], of the circle that shows a pointed follower
+COLOURS = {"cam": "#d7e3f0", "edge": "#1f3a5f", "mark": "#5a6b7b", "cart": "#7a4a00", "roller": "#f0c987"}
+MIX_COLOUR = "#c9c2b4"
+DISC = f'fill="{COLOURS["roller"]}" stroke="{COLOURS["cart"]}" stroke-width="5"'  # of followers and rollers
+
+
+# ---- drawing ---------------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
-class LayerStyle:
-    """Look of a layer.
+class WorkshopDrawing:
+    """Drawing of a cam.
 
     Attributes
     ----------
-    colour : str
-        Colour in SVG.
-    colour_index : int
-        Colour in DXF (ACI).
-    width : float
-        Line width over the width of the drawing [-].
-    dashes : tuple of float
-        Lengths of dashes and gaps in SVG over the line width [-].
-    line_type : str
-        Line type in DXF.
+    document : ezdxf.document.Drawing
+        Entities in the model space, lengths and coordinates in mm.
     """
 
-    colour: str
-    colour_index: int
-    width: float
-    dashes: tuple[float, ...] = ()
-    line_type: str = "CONTINUOUS"
-
-
-LAYERS: Mapping[str, LayerStyle] = MappingProxyType(
-    {
-        "PROFILE": LayerStyle("#000000", 7, 1 / 700),
-        "CUTTER": LayerStyle("#b3261e", 1, 1 / 1400, (8, 4), "DASHED"),
-        "FOLLOWER": LayerStyle("#1f5fa8", 5, 1 / 1400, (4, 3), "DASHED"),
-        "CENTRE": LayerStyle("#6b6b6b", 8, 1 / 2000, (12, 3, 2, 3), "CENTER"),
-        "BORE": LayerStyle("#000000", 7, 1 / 1000),
-        DIMENSION_LAYER: LayerStyle("#3a3a3a", 3, 1 / 2000),
-        "NOTES": LayerStyle("#000000", 7, 1 / 2000),
-    }
-)
-
-
-class Drawing:
-    """Drawing, to which shapes are added: lengths and coordinates (x, y) in mm, layers by their name in `LAYERS`.
-
-    Parameters
-    ----------
-    title : str
-        Title of the SVG.
-    """
-
-    def __init__(self, title: str) -> None:
-        self.title = title
-        self._corners = list[Array]()  # whose bounding box contains the shapes
-        self._svg = list[str]()
-        self._dxf = list[tuple[str, dict[str, Any]]]()  # method of a DXF model space, and its arguments
-
-    def polygon(self, points: Array, layer: str) -> None:
-        """Add a closed polygon, shape (n, 2)."""
-        pairs = " ".join(f"{_number(x)},{_number(-y)}" for x, y in points)
-        self._add(points, f'<polygon class="{layer}" points="{pairs}"/>')
-        self._add_dxf("add_lwpolyline", {"layer": layer}, points=np.round(points, COORDINATE_DECIMALS), close=True)
-
-    def circle(self, centre: Point, radius: float, layer: str) -> None:
-        """Add a circle."""
-        place = f'cx="{_number(centre[0])}" cy="{_number(-centre[1])}"'
-        corners = np.add(centre, radius * np.array([[-1, -1], [1, 1]]))
-        self._add(corners, f'<circle class="{layer}" {place} r="{_number(radius)}"/>')
-        self._add_dxf("add_circle", {"layer": layer}, center=centre, radius=radius)
-
-    def line(self, start: Point, end: Point, layer: str) -> None:
-        """Add a straight line."""
-        self._add([start, end], _svg_line(start, end, layer))
-        self._add_dxf("add_line", {"layer": layer}, start=start, end=end)
-
-    def text(self, place: Point, text: str, height: float, layer: str = "NOTES") -> None:
-        """Add a line of text from the left end of its base line, with a height of a capital."""
-        self._add(_text_corners(place, text, height), _svg_text(place, text, height, layer))
-        self._add_dxf("add_text", {"layer": layer, "insert": place}, text=text, height=height)
-
-    def distance(self, start: Point, end: Point, offset: float, height: float, prefix: str = "") -> None:
-        """Add the dimension of a distance, its line at an offset to the left, and a text before its number."""
-        along = np.subtract(end, start) / np.hypot(*np.subtract(end, start))
-        across = np.array([-along[1], along[0]])
-        first, last = start + offset * across, end + offset * across
-        beyond, tick = 0.5 * height * np.sign(offset) * across, 0.3 * height * (along + across)
-        lines: list[tuple[Any, Any]] = [(first, last), (start, first + beyond), (end, last + beyond)]
-        lines += [(each - tick, each + tick) for each in (first, last)]
-        text = f"{prefix}{_number(np.hypot(*(last - first)), DIMENSION_DECIMALS)}"
-        place = (first + last) / 2 - [LETTER_WIDTH * height * len(text) / 2, -height / 2]
-        drawn = [_svg_line(*each, DIMENSION_LAYER) for each in lines]
-        svg = "".join([*drawn, _svg_text(place, text, height, DIMENSION_LAYER)])
-        self._add([start, end, first - 2 * height, last + 2 * height], svg)
-        self._add_dimension("add_aligned_dim", height, p1=start, p2=end, distance=offset, text=f"{prefix}<>")
-
-    def radius(self, centre: Point, radius: float, angle: float, height: float, diameter: bool = False) -> None:
-        """Add the dimension of a radius or a diameter, on an arrow outwards at an angle [rad]."""
-        ray = np.array([np.cos(angle), np.sin(angle)])
-        start, end = centre + (-radius if diameter else 0.0) * ray, centre + (radius + height) * ray
-        sign, size = ("Ø", 2 * radius) if diameter else ("R", radius)
-        text = f"{sign}{_number(size, DIMENSION_DECIMALS)}"
-        left = LETTER_WIDTH * height * len(text) * (ray[0] < 0)  # beyond the end of the arrow
-        place = float(end[0] - left), float(end[1] - height * (ray[1] < 0))
-        svg = _svg_line(start, end, DIMENSION_LAYER) + _svg_text(place, text, height, DIMENSION_LAYER)
-        self._add([start, end, *_text_corners(place, text, height)], svg)
-        method, angle = "add_diameter_dim" if diameter else "add_radius_dim", np.degrees(angle)
-        self._add_dimension(method, height, center=centre, radius=radius, angle=angle, location=place)
-
-    def rows(self, rows: Sequence[Row], left: float, top: float, letter: float, columns: Sequence[float]) -> None:
-        """Add rows of text, their parts at `columns`, in letters from the left."""
-        for i, row in enumerate(rows):
-            for start, part in zip(columns, row, strict=False):
-                self.text((left + letter * start, top - LINE_SPACING * letter * i), part, letter)
-
-    def bounding_box(self) -> tuple[float, float, float, float]:
-        """Return (left, bottom, right, top) [mm] of all shapes with a margin."""
-        corners = np.concatenate(self._corners)
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        margin = MARGIN * (high - low).max()
-        return (*(low - margin), *(high + margin))
-
-    def svg(self, description: str = "") -> str:
-        """Return the drawing as SVG text with a description, true to scale, one unit a millimetre."""
-        left, bottom, right, top = self.bounding_box()
-        width, height = right - left, top - bottom
-        words = f'<title id="title">{escape(self.title)}</title><desc id="desc">{escape(description)}</desc>'
-        size = f'width="{_number(width)}mm" height="{_number(height)}mm"'
-        view = f'viewBox="{_number(left)} {_number(-top)} {_number(width)} {_number(height)}"'
-        head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} {view} role="img" aria-labelledby="title desc">'
-        shapes = "\n".join(self._svg)
-        return f"{head}\n{words}\n<style>{_style_sheet(width)}</style>\n{shapes}\n</svg>\n"
+    title: str
+    document: "Drawing"
 
     def dxf(self) -> str:
         """Return the drawing as DXF text, units millimetres."""
-        import ezdxf  # 0.3 s, not needed for SVG
-
-        document = ezdxf.new("R2010", setup=["linetypes"], units=ezdxf.units.MM)
-        for name, layer in LAYERS.items():
-            document.layers.add(name, color=layer.colour_index, linetype=layer.line_type)
-        left, _, right, _ = self.bounding_box()
-        document.header["$LTSCALE"] = LINE_TYPE_SCALE * (right - left)
-        for method, arguments in self._dxf:
-            entity = getattr(document.modelspace(), method)(**arguments)
-            if method.endswith("_dim"):
-                entity.render()
         text = StringIO()
-        document.write(text)
+        self.document.write(text)
         return text.getvalue()
 
-    def _add(self, corners: Any, svg: str) -> None:
-        self._corners.append(np.asarray(corners, float))
-        self._svg.append(svg)
-
-    def _add_dxf(self, method: str, attributes: dict[str, Any], **arguments: Any) -> None:
-        self._dxf.append((method, {**arguments, "dxfattribs": attributes}))
-
-    def _add_dimension(self, method: str, height: float, **arguments: Any) -> None:
-        """Add a DXF dimension with the variables of its look for a height of text [mm]."""
-        style = {name: share * height for name, share in DIMENSION_SIZES.items()}
-        style |= dict.fromkeys(("dimclrd", "dimclre", "dimclrt"), BY_LAYER)
-        style |= {"dimdec": DIMENSION_DECIMALS, "dimdsep": ord("."), "dimzin": NO_TRAILING_ZEROS, "dimtad": 1}
-        self._add_dxf(method, {"layer": DIMENSION_LAYER}, **arguments, dimstyle="Standard", override=style)
-
-
-def _svg_line(start: ArrayLike, end: ArrayLike, layer: str) -> str:
-    (x1, y1), (x2, y2) = np.asarray(start), np.asarray(end)
-    ends = f'x1="{_number(x1)}" y1="{_number(-y1)}" x2="{_number(x2)}" y2="{_number(-y2)}"'
-    return f'<line class="{layer}" {ends}/>'
-
-
-def _svg_text(place: ArrayLike, text: str, height: float, layer: str) -> str:
-    x, y = np.asarray(place)
-    at = f'x="{_number(x)}" y="{_number(-y)}" font-size="{_number(FONT_SIZE * height)}"'
-    return f'<text class="{layer}" {at}>{escape(text)}</text>'
+    def svg(self, description: str = "") -> str:
+        """Return the drawing as SVG text with a description, true to scale, one unit a millimetre."""
+        found = [_svg_shape(part, entity.dxf.layer) for entity in self.document.modelspace() for part in _parts(entity)]
+        corners = np.concatenate([points for points, _ in found])
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        margin = MARGIN * (high - low).max()
+        (left, bottom), (width, height) = low - margin, high - low + 2 * margin
+        rules = ["text{fill:#000;font-family:sans-serif}", "polygon,circle,polyline{fill:none}"]
+        for name, (colour, _, share, dashes, _) in LAYERS.items():
+            line = f"stroke:{colour};stroke-width:{_number(share * width)}"
+            if dashes:
+                line += f";stroke-dasharray:{' '.join(_number(float(dash) * share * width) for dash in dashes.split())}"
+            rules.append(f".{name}{{{line}}}")
+        rules += [f"polygon.{DIMENSION_LAYER}{{fill:{LAYERS[DIMENSION_LAYER][0]}}}", "text{stroke:none!important}"]
+        words = f'<title id="title">{escape(self.title)}</title><desc id="desc">{escape(description)}</desc>'
+        size = f'width="{_number(width)}mm" height="{_number(height)}mm"'
+        view = f'viewBox="{_number(left)} {_number(-bottom - height)} {_number(width)} {_number(height)}"'
+        head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} {view} role="img" aria-labelledby="title desc">'
+        shapes = "\n".join(shape for _, shape in found)
+        return f"{head}\n{words}\n<style>{''.join(rules)}</style>\n{shapes}\n</svg>\n"
 
 
-def _text_corners(place: Point, text: str, height: float) -> list[Point]:
-    x, y = place
-    return [place, (x + LETTER_WIDTH * height * len(text), y + height)]
+def _parts(entity: Any) -> Iterator[Any]:
+    """Yield the simple entities of an entity: a dimension has lines, text, and arrows, which are blocks."""
+    if entity.dxftype() in ("DIMENSION", "INSERT"):
+        for part in entity.virtual_entities():
+            yield from _parts(part)
+    elif entity.dxftype() != "POINT":  # a measured point of a dimension, not drawn
+        yield entity
 
 
-def _style_sheet(width: float) -> str:
-    """Style of the layers in a drawing of a width [mm]."""
-    rules = ["text{fill:#000;stroke:none;font-family:sans-serif}", "polygon,circle,line{fill:none}"]
-    for name, layer in LAYERS.items():
-        line = layer.width * width
-        dashes = f";stroke-dasharray:{' '.join(_number(dash * line) for dash in layer.dashes)}" if layer.dashes else ""
-        rules.append(f".{name}{{stroke:{layer.colour};stroke-width:{_number(line)}{dashes}}}")
-    return "".join([*rules, "text.NOTES,text.DIMENSIONS{stroke:none}"])
+def _svg_shape(entity: Any, layer: str) -> tuple[Array, str]:
+    """Corners [mm], shape (n, 2), of the bounding box of a simple entity, and its SVG."""
+    kind, dxf = entity.dxftype(), entity.dxf
+    if kind == "CIRCLE":
+        x, y, _ = dxf.center
+        place = f'cx="{_number(x)}" cy="{_number(-y)}" r="{_number(dxf.radius)}"'
+        return np.array([[x, y]]) + dxf.radius * np.array([[-1], [1]]), f'<circle class="{layer}" {place}/>'
+    if kind in ("TEXT", "MTEXT"):
+        words, height = (dxf.text, dxf.height) if kind == "TEXT" else (entity.plain_text(), dxf.char_height)
+        x, y, _ = dxf.insert
+        turn, width = "", LETTER_WIDTH * height * len(words)
+        corners = [[x, y], [x + width, y + height]]
+        if kind == "MTEXT":  # of a dimension: centred, along its line
+            corners = [[x - width / 2, y - width / 2], [x + width / 2, y + width / 2]]
+            turned = f"rotate({_number(-dxf.rotation)} {_number(x)} {_number(-y)})"
+            turn = f' text-anchor="middle" dominant-baseline="central" transform="{turned}"'
+        place = f'x="{_number(x)}" y="{_number(-y)}" font-size="{_number(FONT_SIZE * height)}"{turn}'
+        return np.array(corners), f'<text class="{layer}" {place}>{escape(words)}</text>'
+    if kind == "LWPOLYLINE":
+        points = np.array(entity.get_points("xy"))
+    else:
+        names = ("start", "end") if kind == "LINE" else ("vtx0", "vtx1", "vtx2")
+        points = np.array([tuple(dxf.get(name))[:2] for name in names])
+    pairs = " ".join(f"{_number(x)},{_number(-y)}" for x, y in points)
+    return points, f'<{"polyline" if kind == "LINE" else "polygon"} class="{layer}" points="{pairs}"/>'
 
 
 def _number(value: float, decimals: int = COORDINATE_DECIMALS) -> str:
     return f"{value:.{decimals}f}".rstrip("0").rstrip(".")
 
 
-def workshop_drawing(cut: Cut, bore: float | None = None) -> Drawing:
+def workshop_drawing(cut: Cut, bore: float | None = None) -> WorkshopDrawing:
     """Return the drawing of a cut with its dimensions and a bore of a diameter [m]."""
-    smallest = float(np.hypot(*cut.profile.T).min())
-    if bore is not None and not 0 < bore < 2 * smallest:
+    import ezdxf  # 0.3 s
+
+    cam, (radius, _) = cut.cam, MM * cut.polar
+    if bore is not None and not 0 < bore < 2 * radius.min() / MM:
         raise ValueError(
-            f"`bore` must be positive and below {2 * smallest:.6g} m, the smallest diameter of the cam, got {bore:g} m;"
-            " use a smaller bore or a broader cam"
+            f"`bore` must be positive and below {2 * radius.min() / MM:.6g} m, the smallest diameter of the cam, "
+            f"got {bore:g} m; use a smaller bore or a broader cam"
         )
-    cam = cut.cam
-    largest = MM * float(np.hypot(*cut.profile.T).max())
-    letter = largest / LETTERS_PER_RADIUS
+    document = ezdxf.new("R2010", setup=["linetypes"], units=ezdxf.units.MM)
+    document.header["$LTSCALE"] = LINE_TYPE_SCALE * radius.max()
+    for name, (_, colour, _, _, line_type) in LAYERS.items():
+        document.layers.add(name, color=colour, linetype=line_type)
+    space, letter = document.modelspace(), float(radius.max()) / LETTERS_PER_RADIUS
+    _draw_outlines(space, cut, bore, letter)
+    _draw_dimensions(space, cut, bore, letter)
+
+    def write(rows: Iterable[Sequence[str]], left: float, top: float, height: float, columns: Sequence[float]) -> None:
+        for i, row in enumerate(rows):
+            for start, part in zip(columns, row, strict=False):
+                place = left + height * start, top - LINE_SPACING * height * i
+                space.add_text(part, height=height, dxfattribs={"layer": "NOTES", "insert": place})
+
     title = f"cam for the law {cam.cycle.forward.name}, {_follower_words(cam.follower)}"
-    drawing = Drawing(title)
-    _draw_outlines(drawing, cut, bore, letter)
-    _draw_dimensions(drawing, cut, bore, letter)
-    left = MM * float(cut.profile[:, 0].max() + 2 * getattr(cam.follower, "radius", 0.0)) + 10 * letter
-    angles = [
-        (f"{np.degrees(angle):.4f}°", f"{MM * float(cam.radius(angle)):.4f}", words) for angle, words in key_angles(cam)
-    ]
+    left, top = MM * float(cut.profile[:, 0].max() + 2 * cam.follower.radius) + 10 * letter, float(radius.max())
+    angles = [(f"{np.degrees(at):.4f}°", f"{MM * float(cam.radius(at)):.4f}", words) for at, words in key_angles(cam)]
     sizes = [(line,) for line in _sizes(cut, bore)]
-    notes = [(title,), (), *sizes, (), ("angle", "follower", "begins"), *angles, ()]
-    drawing.rows(notes, left, largest, letter, NOTE_COLUMNS)
-    below = largest - LINE_SPACING * letter * len(notes)
-    for half, points in enumerate(np.array_split(_point_rows(cut), 2)):
-        rows = [("angle", "follower", "radius", "at angle"), *points]
-        drawing.rows(rows, left + TABLE_WIDTH * letter * half, below, 0.9 * letter, TABLE_COLUMNS)
-    return drawing
+    notes: list[Sequence[str]] = [(title,), (), *sizes, (), ("angle", "follower", "begins"), *angles, ()]
+    write(notes, left, top, letter, NOTE_COLUMNS)
+    for half, points in enumerate(np.array_split(_point_rows(cam), 2)):
+        rows = [("angle", "follower", "radius", "at angle"), *points.tolist()]
+        below = top - LINE_SPACING * letter * len(notes)
+        write(rows, left + TABLE_WIDTH * letter * half, below, 0.9 * letter, TABLE_COLUMNS)
+    return WorkshopDrawing(title, document)
 
 
-def describe(cut: Cut) -> str:
-    """Return a description of a cut in one sentence, for screen readers."""
-    radius, _ = MM * cut.polar
-    return (
-        f"profile of the cam for the law {cut.cam.cycle.forward.name} with {_follower_words(cut.cam.follower)}: radius "
-        f"from {radius.min():.1f} to {radius.max():.1f} mm about the axis, breadth {MM * cut.cam.breadth:.1f} mm"
-    )
+def _draw_outlines(space: Any, cut: Cut, bore: float | None, letter: float) -> None:
+    """Profile, cutter path, pitch curve, base circle, bore and centre lines."""
+    cam, r = cut.cam, MM * cut.cam.follower.radius
+    polygons = {"PROFILE": cut.profile}
+    if cut.cutter_path is not None:
+        polygons["CUTTER"] = cut.cutter_path
+    circles = [((0.0, 0.0), MM * float(np.hypot(*cut.profile.T).min()), "CENTRE")]
+    if bore is not None:
+        circles.append(((0.0, 0.0), MM * bore / 2, "BORE"))
+    if r:
+        polygons["FOLLOWER"] = (cam.radius(cut.angle) * np.array([np.cos(cut.angle), np.sin(cut.angle)])).T
+        circles += [((sign * MM * float(cam.radius(at)), 0.0), r, "FOLLOWER") for sign, at in ((1, 0.0), (-1, np.pi))]
+    for layer, points in polygons.items():
+        space.add_lwpolyline(np.round(MM * points, COORDINATE_DECIMALS), close=True, dxfattribs={"layer": layer})
+    for centre, radius, layer in circles:
+        space.add_circle(centre, radius, dxfattribs={"layer": layer})
+    beyond = 3 * letter + 2 * r
+    low, high = MM * cut.profile.min(axis=0) - beyond, MM * cut.profile.max(axis=0) + beyond
+    for ends in (((low[0], 0.0), (high[0], 0.0)), ((0.0, low[1]), (0.0, high[1]))):
+        space.add_line(*ends, dxfattribs={"layer": "CENTRE"})
+    at_zero = {"layer": DIMENSION_LAYER, "insert": (high[0], 0.3 * letter)}
+    space.add_text("0°", height=letter, dxfattribs=at_zero)
+
+
+def _draw_dimensions(space: Any, cut: Cut, bore: float | None, letter: float) -> None:
+    """Dimensions of breadth, base circle, largest radius, bore and roller."""
+    cam, (radius, _) = cut.cam, MM * cut.polar
+    right, left = MM * float(cam.radius(0.0)), -MM * float(cam.radius(np.pi))
+    style = {name: share * letter for name, share in DIMENSION_SIZES.items()}
+    style |= dict.fromkeys(("dimclrd", "dimclre", "dimclrt"), BY_LAYER)
+    style |= {"dimdec": DIMENSION_DECIMALS, "dimdsep": ord("."), "dimzin": NO_TRAILING_ZEROS, "dimtad": 1}
+    shared = {"dimstyle": "Standard", "override": style, "dxfattribs": {"layer": DIMENSION_LAYER}}
+
+    def distance(start: Sequence[float], end: Sequence[float], offset: float, prefix: str) -> None:
+        space.add_aligned_dim(p1=start, p2=end, distance=offset, text=f"{prefix}<>", **shared).render()
+
+    def size(add: Any, centre: float, radius: float, angle: float) -> None:
+        beyond = (radius + 3 * letter) * np.array([np.cos(angle), np.sin(angle)]) + (centre, 0.0)
+        add(center=(centre, 0.0), radius=radius, angle=np.degrees(angle), location=tuple(beyond), **shared).render()
+
+    distance((left, 0.0), (right, 0.0), MM * float(cut.profile[:, 1].min()) - 6 * letter, "b = ")
+    size(space.add_radius_dim, 0.0, float(radius.min()), np.radians(-110))
+    start, end = sorted([(0.0, 0.0), tuple((MM * cut.profile[radius.argmax()]).tolist())])  # text from left to right
+    distance(start, end, 4 * letter, "R")
+    if bore is not None:
+        size(space.add_diameter_dim, 0.0, MM * bore / 2, np.radians(-45))
+    if cam.follower.radius:
+        size(space.add_radius_dim, right, MM * cam.follower.radius, np.radians(60))
+
+
+def _sizes(cut: Cut, bore: float | None) -> list[str]:
+    """Sizes of the cam, one line each."""
+    cam, (radius, _), flat = cut.cam, cut.polar, isinstance(cut.cam.follower, FlatFace)
+    least, cutter = cam.least_breadth(), largest_cutter(cam)
+    over = "faces" if flat else "points" if isinstance(cam.follower, Pointed) else "roller centres"
+    face = f", {MM * cam.largest_contact_offset:.3f} to each side at least" if flat else ""
+    lines = [
+        "lengths in mm, angles counterclockwise from 0°; the cam turns clockwise",
+        f"tolerance of the follower's travel {MM * cut.tolerance:g}",
+        f"profile of {len(cut.angle)} points: largest deviation {MM * cut.error:.5f}",
+        f"breadth b over the {over} {MM * cam.breadth:.3f}",
+        f"stroke {MM * cam.cycle.forward.stroke:.3f}",
+        f"base circle: radius {MM * radius.min():.3f}; largest radius {MM * radius.max():.3f}",
+        "bore: not given" if bore is None else f"bore: diameter {MM * bore:g}",
+        f"{_follower_words(cam.follower)}{face}",
+    ]
+    if cut.cutter_radius is not None:
+        lines.append(f"cutter: radius {MM * cut.cutter_radius:g}, path of its centre dashed red")
+    lines += [
+        "cutter of any radius fits: no concave parts"
+        if np.isinf(cutter)
+        else f"cutter radius up to {np.floor(100 * MM * cutter) / 100:.2f}",
+        f"least radius of curvature {MM * cam.least_radius_of_curvature:.3f}",
+        f"least breadth {MM * least.breadth:.3f}: {least.rule}",
+        f"largest pressure angle {np.degrees(cam.largest_pressure_angle):.2f}°",
+    ]
+    if not flat:
+        guide = breadth_for_pressure_angle(cam.cycle, cam.follower, GUIDE_PRESSURE_ANGLE)
+        lines.append(f"pressure angle within {np.degrees(GUIDE_PRESSURE_ANGLE):g}° from b = {MM * guide:.1f}")
+    return lines
+
+
+def _point_rows(cam: Cam) -> list[tuple[str, ...]]:
+    """Points of the profile at equal cam angles."""
+    angle = np.linspace(0, 2 * np.pi, TABLE_ROWS, endpoint=False)
+    x, y = cam.profile(angle)
+    columns = np.degrees(angle), MM * cam.radius(angle), MM * np.hypot(x, y), np.degrees(np.arctan2(y, x)) % 360
+    return [(f"{a:.0f}°", f"{rho:.4f}", f"{r:.4f}", f"{at:.4f}°") for a, rho, r, at in zip(*columns, strict=True)]
 
 
 def key_angles(cam: Cam) -> list[tuple[float, str]]:
@@ -295,92 +292,80 @@ def key_angles(cam: Cam) -> list[tuple[float, str]]:
     return sorted(found.items())
 
 
+def describe(cut: Cut) -> str:
+    """Return a description of a cut in one sentence, for screen readers."""
+    radius, _ = MM * cut.polar
+    return (
+        f"profile of the cam for the law {cut.cam.cycle.forward.name} with {_follower_words(cut.cam.follower)}: radius "
+        f"from {radius.min():.1f} to {radius.max():.1f} mm about the axis, breadth {MM * cut.cam.breadth:.1f} mm"
+    )
+
+
 def _follower_words(follower: Follower) -> str:
     if isinstance(follower, FlatFace):
         return "flat-faced followers"
     return "pointed followers" if isinstance(follower, Pointed) else f"rollers of radius {MM * follower.radius:g} mm"
 
 
-def _draw_outlines(drawing: Drawing, cut: Cut, bore: float | None, letter: float) -> None:
-    """Profile, cutter path, pitch curve, base circle, bore and centre lines."""
-    cam = cut.cam
-    drawing.polygon(MM * cut.profile, "PROFILE")
-    if cut.cutter_path is not None:
-        drawing.polygon(MM * cut.cutter_path, "CUTTER")
-    if not isinstance(cam.follower, FlatFace | Pointed):
-        ray = np.array([np.cos(cut.angle), np.sin(cut.angle)])
-        drawing.polygon((MM * cam.radius(cut.angle) * ray).T, "FOLLOWER")
-        for side in (0.0, np.pi):
-            drawing.circle((MM * float(cam.radius(side)) * np.cos(side), 0.0), MM * cam.follower.radius, "FOLLOWER")
-    drawing.circle((0.0, 0.0), MM * float(np.hypot(*cut.profile.T).min()), "CENTRE")
-    if bore is not None:
-        drawing.circle((0.0, 0.0), MM * bore / 2, "BORE")
-    beyond = 3 * letter + 2 * MM * getattr(cam.follower, "radius", 0.0)
-    low, high = MM * cut.profile.min(axis=0) - beyond, MM * cut.profile.max(axis=0) + beyond
-    drawing.line((low[0], 0.0), (high[0], 0.0), "CENTRE")
-    drawing.line((0.0, low[1]), (0.0, high[1]), "CENTRE")
-    drawing.text((high[0], 0.3 * letter), "0°", letter, DIMENSION_LAYER)
+# ---- animation -------------------------------------------------------------------------------------------------------
 
 
-def _draw_dimensions(drawing: Drawing, cut: Cut, bore: float | None, letter: float) -> None:
-    """Dimensions of breadth, base circle, largest radius, bore and roller."""
-    cam, (radius, _) = cut.cam, cut.polar
-    right, left = MM * float(cam.radius(0.0)), -MM * float(cam.radius(np.pi))
-    below = MM * cut.profile[:, 1].min() - 6 * letter
-    drawing.distance((left, 0.0), (right, 0.0), below, letter, "b = ")
-    drawing.radius((0.0, 0.0), MM * float(radius.min()), np.radians(-110), letter)
-    start, end = sorted([(0.0, 0.0), tuple((MM * cut.profile[radius.argmax()]).tolist())])  # text from left to right
-    drawing.distance(start, end, 4 * letter, letter, "R")
-    if bore is not None:
-        drawing.radius((0.0, 0.0), MM * bore / 2, np.radians(-45), letter, diameter=True)
-    if not isinstance(cam.follower, FlatFace | Pointed):
-        drawing.radius((right, 0.0), MM * cam.follower.radius, np.radians(60), letter)
+def animated_svg(cam: Cam, roller_radius: float, roller_positions: Sequence[float], label: str) -> str:
+    """Return the animation of a cam and its cart, lengths in m, as SVG text with an escaped label for readers.
 
+    It moves by CSS, without script or network, and is static in print. The cam turns evenly, clockwise, one turn a
+    cycle; both followers are in one carriage with the cart, shown next to the cam, whose rollers turn by travel/radius.
+    Positions are those of the law at FRAMES instants, linear in between; in millimetres, y down, true to scale.
+    """
+    angle = np.linspace(0, 2 * np.pi, FRAMES + 1)
+    travel = MM * cam.cycle.derivative(angle * cam.cycle.period / (2 * np.pi), 0)
+    radius, positions = MM * roller_radius, MM * np.asarray(roller_positions)
 
-def _sizes(cut: Cut, bore: float | None) -> list[str]:
-    """Sizes of the cam, one line each."""
-    cam, (radius, _), flat = cut.cam, cut.polar, isinstance(cut.cam.follower, FlatFace)
-    least, guide = cam.least_breadth(), breadth_for_pressure_angle(cam.cycle, cam.follower, GUIDE_PRESSURE_ANGLE)
-    over = "faces" if flat else "points" if isinstance(cam.follower, Pointed) else "roller centres"
-    face = f", {MM * cam.largest_contact_offset:.3f} to each side at least" if flat else ""
-    lines = [
-        "lengths in mm, angles counterclockwise from 0°; the cam turns clockwise",
-        f"tolerance of the follower's travel {MM * cut.tolerance:g}",
-        f"profile of {len(cut.angle)} points: largest deviation {MM * cut.error:.5f}",
-        f"breadth b over the {over} {MM * cam.breadth:.3f}",
-        f"stroke {MM * cam.cycle.forward.stroke:.3f}",
-        f"base circle: radius {MM * radius.min():.3f}; largest radius {MM * radius.max():.3f}",
-        "bore: not given" if bore is None else f"bore: diameter {MM * bore:g}",
-        f"{_follower_words(cam.follower)}{face}",
-        *_cutter_lines(cut),
-        f"least radius of curvature {MM * cam.least_radius_of_curvature:.3f}",
-        f"least breadth {MM * least.breadth:.3f}: {least.rule}",
-        f"largest pressure angle {np.degrees(cam.largest_pressure_angle):.2f}°",
-    ]
-    within = f"pressure angle within {np.degrees(GUIDE_PRESSURE_ANGLE):g}° from b = {MM * guide:.1f}"
-    return lines if flat else [*lines, within]
+    def keyframes(name: str, values: Array, transform: str) -> str:
+        stops = (f"{100 * i / FRAMES:.4g}%{{transform:{transform.format(value)}}}" for i, value in enumerate(values))
+        return f"@keyframes {name}{{{''.join(stops)}}}"
 
-
-def _cutter_lines(cut: Cut) -> Iterator[str]:
-    if cut.cutter_radius is not None:
-        yield f"cutter: radius {MM * cut.cutter_radius:g}, path of its centre dashed red"
-    limit = largest_cutter(cut.cam)
-    yield (
-        "cutter of any radius fits: no concave parts"
-        if np.isinf(limit)
-        else f"cutter radius up to {np.floor(100 * MM * limit) / 100:.2f}"
+    style = (
+        f".moves{{animation:{cam.cycle.period:g}s linear infinite}}"
+        ".cam{animation-name:turn}.carriage{animation-name:travel}.roller{animation-name:roll}"
+        "@keyframes turn{to{transform:rotate(360deg)}}"
+        f"{keyframes('travel', travel, 'translateX({:.3f}px)')}"
+        f"{keyframes('roll', np.degrees(travel / radius), 'rotate({:.3f}deg)')}"
+        "@media print,(prefers-reduced-motion:reduce){.moves{animation:none}}"
+    )
+    x, y = MM * cam.profile(np.linspace(0, 2 * np.pi, PROFILE_POINTS))
+    largest, stroke = np.hypot(x, y).max(), MM * cam.cycle.forward.stroke
+    near, far, rail = MM * float(cam.radius(0.0)), -MM * float(cam.radius(np.pi)), -1.1 * largest
+    axles = near + largest + stroke + positions.max() - positions.min() + positions - positions.mean()
+    left, right = axles.min() - radius, axles.max() + radius + stroke  # of the mix under the rollers
+    box = (far - 0.1 * largest, 1.05 * rail, right - far + 0.2 * largest, 2.15 * largest)
+    size = f'width="{right - left:.1f}" height="{0.3 * largest:.1f}"'
+    points = " ".join(f"{each:.2f},{-across:.2f}" for each, across in zip(x, y, strict=True))
+    bar = f'stroke="{COLOURS["cart"]}" stroke-width="10" fill="none"'
+    spoke = f'<line x1="0" y1="0" x2="{radius:.1f}" y2="0" stroke="{COLOURS["cart"]}" stroke-width="5"/>'
+    wheel = f'<g class="moves roller"><circle r="{radius:.1f}" {DISC}/>{spoke}</g>'
+    wheels = "".join(f'<g transform="translate({axle:.1f} 0)">{wheel}</g>' for axle in axles)
+    reach = MM * cam.largest_contact_offset
+    followers = "".join(
+        f'<path d="M{at:.1f},{-reach:.1f}V{reach:.1f}" {bar}/>'
+        if isinstance(cam.follower, FlatFace)
+        else f'<circle cx="{at:.1f}" cy="0" r="{MM * cam.follower.radius or POINT_RADIUS:.1f}" {DISC}/>'
+        for at in (far, near)
+    )
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{" ".join(f"{each:.1f}" for each in box)}" role="img" '
+        f'aria-label="{label}"><style>{style}</style>'
+        f'<rect x="{left:.1f}" y="{radius:.1f}" {size} fill="{MIX_COLOUR}"/>'
+        '<g class="moves cam">'
+        f'<polygon points="{points}" fill="{COLOURS["cam"]}" stroke="{COLOURS["edge"]}" stroke-width="5"/>'
+        f'<path d="M0,0H{0.8 * np.hypot(x[0], y[0]):.1f}" stroke="{COLOURS["mark"]}" stroke-width="6"/>'
+        f'<circle r="{0.04 * largest:.1f}" fill="{COLOURS["edge"]}"/></g>'
+        '<g class="moves carriage">'
+        f'<path d="M{far:.1f},0V{rail:.1f}H{near:.1f}V0H{axles.max():.1f}" {bar}/>{followers}{wheels}</g></svg>\n'
     )
 
 
-def _point_rows(cut: Cut) -> list[Row]:
-    """Points of the profile at equal cam angles."""
-    cam, angle = cut.cam, np.linspace(0, 2 * np.pi, TABLE_ROWS, endpoint=False)
-    x, y = cam.profile(angle)
-    polar = np.degrees(np.arctan2(y, x)) % 360
-    columns = (np.degrees(angle), MM * cam.radius(angle), MM * np.hypot(x, y), polar)
-    return [
-        (f"{a:.0f}°", f"{rho:.4f}", f"{radius:.4f}", f"{at:.4f}°") for a, rho, radius, at in zip(*columns, strict=True)
-    ]
+# ---- files -----------------------------------------------------------------------------------------------------------
 
 
 def write_cam_files(

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from sampling import examples
 
 from compact.cams import workshop_drawing
-from compact.cams.animation import FRAMES, animated_svg
 from compact.cams.machining import cut, follower_on_polygon, largest_cutter
 from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower, breadth_for_pressure_angle
+from compact.cams.workshop_drawing import FRAMES, animated_svg
 from compact.motion.profile import LAWS, Cycle, law
 from compact.scene.loader import parse_scene, starter_scene
 

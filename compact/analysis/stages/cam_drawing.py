@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from html import escape
 
 from compact.analysis.stages.drives import Stages
-from compact.cams.animation import animated_svg
 from compact.cams.machining import cut
-from compact.cams.workshop_drawing import describe, workshop_drawing
+from compact.cams.workshop_drawing import animated_svg, describe, workshop_drawing
 
 FOLLOWER = "roller"  # of the cam that is drawn
 
