@@ -58,6 +58,7 @@ BLOCK_SIZE = 8192  # [-], speeds evaluated together; they fit in the processor c
 MIN_SPEED_RATIO = 1e-6  # [-], slowest sample over the fastest speed
 SPEED_REDUCTION = 4.0  # [-], ratio of the slowest samples added while the power law fails
 SPEED_ROUNDING = 1e-9  # [-], by which a speed may exceed the fastest sample
+NUMBERS = ("error", "engine_error", "relaxation_time", "return_ratio")  # of a map, attributes of its file
 
 
 @dataclass(frozen=True)
@@ -238,24 +239,17 @@ class ResistanceMap:
                 f"the resistance was computed up to {self.speeds[-1]:g} m/s, got {fastest:g} m/s; sample it over the "
                 "speeds of the motion"
             )
-        blocks = np.nditer(
-            [np.asarray(velocity, float), np.asarray(acceleration, float), None],
-            ["external_loop", "buffered", "zerosize_ok"],
-            [["readonly"], ["readonly"], ["writeonly", "allocate"]],
-            order="C", buffersize=BLOCK_SIZE,
-        )  # fmt: skip
-        with blocks:
-            for velocities, accelerations, force in blocks:
-                force[...] = self._evaluate(velocities, accelerations)
-            return blocks.operands[2][()]
+        velocity, acceleration = np.broadcast_arrays(np.asarray(velocity, float), np.asarray(acceleration, float))
+        count = velocity.size // BLOCK_SIZE + 1
+        blocks = zip(*(np.array_split(each.ravel(), count) for each in (velocity, acceleration)), strict=True)
+        return np.concatenate([self._evaluate(*block) for block in blocks]).reshape(velocity.shape)[()]
 
     def _evaluate(self, velocity: Array, acceleration: Array) -> Array:
         slowest, speed = self.speeds[0], np.abs(velocity)
         values = self.splines(np.log(np.clip(speed, slowest, self.speeds[-1])))
-        force = values[:, 0]
-        if self.exponent and np.min(speed) < slowest:
+        force = np.sign(velocity) * values[:, 0]
+        if self.exponent and np.any(speed < slowest):
             force = force * np.minimum(speed / slowest, 1.0) ** self.exponent
-        force = np.sign(velocity) * force
         if self.added_masses is not None:
             if self.relaxation_time:
                 largest = self.rate_limit * speed
@@ -309,22 +303,15 @@ class ResistanceMap:
         from compact.files import NETCDF_CLASSIC, results_key, versions, write_netcdf
 
         variables = {"speed": (self.speeds, "m/s"), "resistance": (self.forces, "N")}
-        if self.added_masses is not None:
-            variables["added_mass"] = (self.added_masses, "kg")
+        variables |= {} if self.added_masses is None else {"added_mass": (self.added_masses, "kg")}
         columns: dict[str, Any] = {
             name: ("speed", values, {"units": unit}, {"_FillValue": None}) for name, (values, unit) in variables.items()
         }
         if self.contacts:
             table = np.array(self.contacts, dtype=float)  # an unknown error is nan
             columns["contacts"] = (("contact", "quantity"), table, {}, {"_FillValue": None})
-        attributes = {
-            "key": results_key(key),
-            "versions": json.dumps(versions()),
-            "error": float(self.error),
-            "relaxation_time": float(self.relaxation_time),
-            "return_ratio": float(self.return_ratio),
-            "engine_error": float(np.nan if self.engine_error is None else self.engine_error),
-        }
+        numbers = {name: float(np.nan if (value := getattr(self, name)) is None else value) for name in NUMBERS}
+        attributes = {"key": results_key(key), "versions": json.dumps(versions())} | numbers
         write_netcdf(path, xarray.Dataset(columns, attrs=attributes), NETCDF_CLASSIC)
 
 
@@ -335,9 +322,7 @@ def load_resistance_map(path: str | Path, key: str = "") -> ResistanceMap:
     try:
         table = read_netcdf(path, NETCDF_CLASSIC)
         source = table.attrs["key"]
-        error, engine_error, time, ratio = (
-            float(table.attrs[name]) for name in ("error", "engine_error", "relaxation_time", "return_ratio")
-        )
+        numbers: dict[str, Any] = {name: float(table.attrs[name]) for name in NUMBERS}
         columns = {name: np.array(variable, dtype=float) for name, variable in table.variables.items()}
         speeds, forces = columns["speed"], columns["resistance"]
     except (LookupError, TypeError) as invalid:
@@ -345,10 +330,14 @@ def load_resistance_map(path: str | Path, key: str = "") -> ResistanceMap:
         raise ValueError(f"{path}: no resistance map: {reason}; compute it again") from None
     if source != results_key(key):
         raise ValueError(f"{path}: computed by another program or from other inputs; compute it again")
+    numbers["engine_error"] = _known(numbers["engine_error"])
     rows = columns.get("contacts", np.empty((0, 4))).tolist()
-    contacts = tuple(ForceSample(at, force, _known_error(error), noise) for at, force, error, noise in rows)
-    masses = columns.get("added_mass")
-    return ResistanceMap(speeds, forces, error, _known_error(engine_error), masses, time, ratio, contacts)
+    contacts = tuple(ForceSample(at, force, _known(error), noise) for at, force, error, noise in rows)
+    return ResistanceMap(speeds, forces, added_masses=columns.get("added_mass"), contacts=contacts, **numbers)
+
+
+def _known(error: float) -> float | None:
+    return None if np.isnan(error) else error
 
 
 def tabulated_resistance(
@@ -383,24 +372,20 @@ def tabulated_resistance(
     >>> [round(float(resistance(v))) for v in (-0.2, 0.2, 0.3)]
     [-3300, 3300, 3417]
     """
-    speeds, forces = np.asarray(as_numbers("speeds", speeds), float), np.asarray(as_numbers("forces", forces), float)
-    masses = None if added_masses is None else np.asarray(as_numbers("added_masses", added_masses), float)
-    lengths = {np.shape(column) for column in (speeds, forces, masses) if column is not None}
+    given = {"speeds": speeds, "forces": forces, "added_masses": 0.0 if added_masses is None else added_masses}
+    speeds, forces, masses = (np.asarray(as_numbers(name, column), float) for name, column in given.items())
+    lengths = {speeds.shape, forces.shape} | (set() if added_masses is None else {masses.shape})
     if lengths != {(speeds.size,)} or speeds.size < MIN_ROWS:
         raise ValueError(
             f"`speeds`, `forces` and `added_masses` must be columns of one length >= {MIN_ROWS}, got shapes "
             f"{sorted(lengths)}"
         )
-    require_finite(speeds=speeds, forces=forces, added_masses=0.0 if masses is None else masses)
+    require_finite(speeds=speeds, forces=forces, added_masses=masses)
     require_nonnegative(relaxation_time=relaxation_time)
     if not (speeds[0] > 0 and np.all(np.diff(speeds) > 0)):
         raise ValueError(f"`speeds` must ascend from a value above 0, got {speeds.tolist()}")
     error = float(_cross_validation_errors(speeds, forces).max()) if speeds.size > MIN_ROWS else np.nan
-    return ResistanceMap(speeds, forces, error, None, masses, relaxation_time)
-
-
-def _known_error(error: float) -> float | None:
-    return None if np.isnan(error) else error
+    return ResistanceMap(speeds, forces, error, None, None if added_masses is None else masses, relaxation_time)
 
 
 def sample_resistance(

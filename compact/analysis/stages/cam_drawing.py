@@ -46,6 +46,11 @@ def first_cam_drawing(stages: Stages) -> CamDrawing:
     ----------
     stages : Stages
         Stages of a scene with a table [cam].
+
+    Returns
+    -------
+    CamDrawing
+        Its reason says why a cam cannot be cut: undercut, corners, or a bore that is too large.
     """
     scene, law = stages.laws.scene, stages.drive.best_law
     try:
@@ -53,7 +58,7 @@ def first_cam_drawing(stages: Stages) -> CamDrawing:
         drawing = workshop_drawing(outline, scene.cam.bore if scene.cam else None)
     except ValueError as error:
         return CamDrawing(law, reason=str(error))
-    description, words = describe(outline), f"The cam of {law} turns, and its followers move the cart through a cycle"
-    machine = scene.machine
+    description, machine = describe(outline), scene.machine
+    words = f"The cam of {law} turns, and its followers move the cart through a cycle"
     animation = animated_svg(outline.cam, machine.roller_radius, machine.roller_positions, escape(words))
     return CamDrawing(law, description, drawing.svg(description), words, animation)
