@@ -92,215 +92,215 @@ def column_names(quantities: Mapping[str, Quantity], *names: str) -> tuple[str, 
     return tuple(name if unit == "1" else f"{name}_{unit}" for name, unit in units.items())
 
 
-SPEED = Quantity("speed", "m/s", symbol="v")
-TIME = Quantity("time", "s", symbol="t")
-COEFFICIENT = Quantity(
-    "rolling-resistance coefficient", "1", definition="rolling-resistance coefficient: resistance over load"
-)
-WORK_RESIDUAL = Quantity("energy-balance residual", "1", definition="relative residual of the energy balance")
-MASS_RESIDUAL = Quantity(
-    "mass-balance residual", "1", definition="relative residual of the mass balance; compacting layers only"
-)
-EXIT_HEIGHT = Quantity("exit height", "m", "mm")
-EXIT_DENSITY_RATIO = Quantity("exit density ratio", "1", symbol="k")
-INDENTATION = Quantity("indentation", "m", "mm")
-PEAK_PRESSURE = Quantity("peak contact pressure", "Pa", "kPa")
-CONTACT_ANGLE = Quantity("contact angle", "rad", "°", "φ")
-CONTACT_LENGTH = Quantity("contact length", "m", "mm", definition="contact length: from trailing to leading edge")
+def _table(rows: str) -> dict[str, Quantity]:
+    """Quantities by the name of their field, from rows of name, unit, unit of plots, symbol, term, and definition."""
+    cells = ([cell.strip() for cell in row.split("|")] for row in rows.strip().split("\n"))
+    return {
+        name: Quantity(term, unit, plot_unit, symbol, *definition)
+        for name, unit, plot_unit, symbol, term, *definition in cells
+    }
 
-CONTACT = {  # fields of a contact of one roller, per unit length of the roller
-    "speed": SPEED,
-    "load": Quantity("load", "N/m", "kN/m", "P"),
-    "resistance": Quantity("rolling resistance", "N/m", "kN/m"),
-    "coefficient": COEFFICIENT,
-    "leading": Quantity("leading edge", "m", "mm"),
-    "trailing": Quantity("trailing edge", "m", "mm"),
-    "peak_pressure": PEAK_PRESSURE,
-    "indentation": INDENTATION,
-    "creep": Quantity("creepage", "1"),
-    "work_residual": WORK_RESIDUAL,
-    "exit_density_ratio": EXIT_DENSITY_RATIO,
-    "exit_height": EXIT_HEIGHT,
-    "lower_height": Quantity("height of the lower lift", "m", "mm"),
-    "lower_density_ratio": Quantity("density ratio of the lower lift", "1", symbol="k"),
-    "peak_density_ratio": Quantity("peak density ratio", "1", symbol="k"),
-    "overdense_work": Quantity("plastic work beyond the pressure curve over all of it", "1"),
-    "mass_residual": MASS_RESIDUAL,
-    "yield_residual": Quantity("yield-condition residual", "1"),
-    "equilibrium_residual": Quantity("equilibrium residual", "1"),
-    "air_load": Quantity("load by pore air", "N/m", "kN/m"),
-    "air_resistance": Quantity("rolling resistance by pore air", "N/m", "kN/m"),
-    "air_excess_behind": Quantity("largest excess pressure of pore air behind the contact", "Pa", "kPa"),
-}
-PASS = {  # fields of one pass over a compacting layer
+
+# Fields of a contact of one roller, per unit length of the roller
+CONTACT = _table("""
+    speed                | m/s |      | v | speed
+    load                 | N/m | kN/m | P | load
+    resistance           | N/m | kN/m |   | rolling resistance
+    coefficient          | 1   |      |   | rolling-resistance coefficient | \
+rolling-resistance coefficient: resistance over load
+    leading              | m   | mm   |   | leading edge
+    trailing             | m   | mm   |   | trailing edge
+    peak_pressure        | Pa  | kPa  |   | peak contact pressure
+    indentation          | m   | mm   |   | indentation
+    creep                | 1   |      |   | creepage
+    work_residual        | 1   |      |   | energy-balance residual | relative residual of the energy balance
+    exit_density_ratio   | 1   |      | k | exit density ratio
+    exit_height          | m   | mm   |   | exit height
+    lower_height         | m   | mm   |   | height of the lower lift
+    lower_density_ratio  | 1   |      | k | density ratio of the lower lift
+    peak_density_ratio   | 1   |      | k | peak density ratio
+    overdense_work       | 1   |      |   | plastic work beyond the pressure curve over all of it
+    mass_residual        | 1   |      |   | mass-balance residual | \
+relative residual of the mass balance; compacting layers only
+    yield_residual       | 1   |      |   | yield-condition residual
+    equilibrium_residual | 1   |      |   | equilibrium residual
+    air_load             | N/m | kN/m |   | load by pore air
+    air_resistance       | N/m | kN/m |   | rolling resistance by pore air
+    air_excess_behind    | Pa  | kPa  |   | largest excess pressure of pore air behind the contact
+""")
+SPEED = CONTACT["speed"]
+# Fields of one pass over a compacting layer
+PASS = {
     name: CONTACT[name]
     for name in (
         "load", "resistance", "indentation", "exit_height", "exit_density_ratio", "work_residual", "mass_residual",
     )
 }  # fmt: skip
-FORMULA = {  # fields of the engineering formulas 1.1-1.10 and of Galin's exact contact
-    "pressure": PEAK_PRESSURE,
-    "exponent": Quantity("pressure exponent", "1", symbol="α"),
-    "capture_angle": CONTACT_ANGLE,
-    "roller_force": Quantity("load on one roller", "N", "kN"),
-    "contact_length": CONTACT_LENGTH,
-    "roller_resistance": Quantity("rolling resistance of one roller", "N", "kN"),
-    "resistance_coefficient": COEFFICIENT,
-    "cart_resistance": Quantity("resistance of one cart", "N", "kN"),
-    "guide_coefficient": Quantity("friction coefficient of the guide wheels", "1"),
-    "cart_power": Quantity("power of one cart", "W"),
-    "radius_low": Quantity("least roller radius", "m", "mm"),
-    "radius_high": Quantity("largest roller radius", "m", "mm"),
-    "rollers_needed": Quantity("required number of rollers", "1"),
-    "stroke_needed": Quantity("required stroke", "m"),
-    "exact_capture_angle": CONTACT_ANGLE,
-    "exact_roller_force": Quantity("load on one roller", "N", "kN"),
-    "exact_contact_length": CONTACT_LENGTH,
-}
-SWEEP_POINT = {  # numbers of one point of a sweep
-    "load": Quantity("load on one roller", "N", "kN", definition="normal force on one roller"),
-    "resistance": Quantity(
-        "resistance of one cart", "N", "kN", definition="rolling resistance of all rollers of one cart"
-    ),
-    "resistance_coefficient": COEFFICIENT,
-    "power": Quantity("power at the mean speed", "W", definition="resistance of one cart times the mean speed"),
-    "capture_angle": Quantity(
-        "contact angle", "rad", "°", "φ", "contact (entry) angle, from the lowest generatrix to the leading edge"
-    ),
-    "contact_length": Quantity(
-        "contact length", "m", "mm", "", "from the trailing to the leading edge; eq 1.7 by formula"
-    ),
-    "peak_pressure": PEAK_PRESSURE,
-    "exit_density_ratio": Quantity(
-        "exit density ratio", "1", "", "k", "mean density ratio behind the last pass; compacting layers only"
-    ),
-    "load_error": Quantity("relative error estimate of the load", "1"),
-    "resistance_error": Quantity("relative error estimate of the resistance", "1"),
-    "work_residual": WORK_RESIDUAL,
-    "mass_residual": MASS_RESIDUAL,
-    "required_pressure": Quantity(
-        "required pressure", "Pa", "kPa", definition="pressure at which the mix reaches its density ratio"
-    ),
-    "saturation": Quantity("degree of saturation", "1", definition="share of the pore volume filled with water"),
-}
-SWEEP_CORRECTION = {  # further numbers of a point of a sweep by columns that finite elements correct
-    "load_factor": Quantity("load over that of columns", "1"),
-    "resistance_factor": Quantity("resistance over that of columns", "1"),
-    "load_surface_error": Quantity(
-        "relative error estimate of the load by interpolation", "1",
-        definition="part of load_error: twice the rms leave-one-out error of the response surface",
-    ),
-    "resistance_surface_error": Quantity(
-        "relative error estimate of the resistance by interpolation", "1",
-        definition="part of resistance_error: twice the rms leave-one-out error of the response surface",
-    ),
-}  # fmt: skip
-CRITERIA = {  # criteria by which laws are ranked
-    "peak_force": Quantity("peak drive force", "N", "kN"),
-    "peak_power": Quantity("peak drive power", "W"),
-    "rms_force": Quantity("rms drive force", "N", "kN"),
-    "rms_power": Quantity("rms drive power", "W"),
-    "mean_force": Quantity("mean drive force", "N", "kN"),
-    "mean_power": Quantity("mean drive power", "W"),
-    "energy": Quantity("energy per cycle", "J"),
-    "drawn_energy": Quantity("energy drawn per cycle", "J"),
-    "peak_jerk": Quantity("peak jerk", "m/s^3"),
-    "dynamic_factor": Quantity(
-        "dynamic factor", "1", definition="peak drive force over that of steady motion at the mean speed"
-    ),
-    "nonuniformity": Quantity("speed non-uniformity in the working phase", "1"),
-    "dynamic_amplification": Quantity(
-        "dynamic amplification", "1", definition="peak drive force over that of a rigid drive with the same law"
-    ),
-}
-RUN = {  # further results of a run with a compliant, hydraulic or motor drive
-    "stick_time": Quantity("stick time", "s"),
-    "fluctuation": Quantity("coefficient of speed fluctuation", "1"),
-    "peak_pressure": Quantity("peak oil pressure", "Pa", "kPa"),
-    "peak_flow": Quantity("peak flow rate", "m3/s"),
-    "pump_work": Quantity("pump work per cycle", "J"),
-    "throttle_heat": Quantity("heat of the throttles per cycle", "J"),
-    "relief_heat": Quantity("heat of the relief valve per cycle", "J"),
-    "peak_motor_power": Quantity("peak motor power", "W"),
-    "energy_residual": WORK_RESIDUAL,
-    "unsteady_share": Quantity("share of the cycle beyond first order in the acceleration", "1"),
-}
-ROLLER_MOTOR = {  # requirements of a law on the motor in a roller
-    "peak_torque": Quantity("peak torque", "Nm"),
-    "peak_power": Quantity("peak power", "W"),
-    "peak_creep": Quantity("peak creepage", "1"),
-    "share": Quantity("share of the friction limit", "1"),
-}
-MOTION = {  # time histories of a cycle
-    "time": TIME,
-    "position": Quantity("travel", "m", symbol="x"),
-    "velocity": Quantity("velocity", "m/s", symbol="v"),
-    "acceleration": Quantity("acceleration", "m/s2", symbol="a"),
-    "jerk": Quantity("jerk", "m/s3"),
-    "drive_force": Quantity("drive force along the motion", "N", "kN"),
-    "drive_power": Quantity("drive power", "W"),
-    "guide_reaction": Quantity("guide-wheel reaction", "N", "kN"),
-    "crank_angle": Quantity("crank angle", "rad", "°"),
-    "shaft_torque": Quantity("shaft torque", "N m", "kN m"),
-    "shaft_power": Quantity("shaft power", "W", "kW"),
-    "cart_resistance": Quantity("resistance of one cart", "N", "kN", "F"),
-    "added_mass": Quantity("added mass", "kg", symbol="M"),
-}
-FIELD = {  # fields in the layer and on its surface
-    "position": Quantity("position x from the lowest generatrix", "m", "mm"),
-    "travel_position": Quantity("position x from the lowest generatrix, positive along the travel", "m", "mm"),
-    "height": Quantity("height", "m", "mm", "y"),
-    "contact_stress": Quantity("contact stress", "Pa", "kPa"),
-    "pressure": Quantity("mean pressure", "Pa", "kPa"),
-    "dissipation": Quantity("dissipation", "W/m3", "kW/m³"),
-    "density_ratio": Quantity("density ratio", "1", symbol="k"),
-    "plastic_work": Quantity("plastic work", "J/m3", "kJ/m³"),
-    "air_pressure": Quantity("excess pressure of pore air", "Pa", "kPa"),
-}
-PROCESS = {  # results of a forming process along one roller
-    "load": Quantity("load on one roller, a lower estimate", "N", "kN", "P"),
-    "resistance": Quantity("resistance of one roller, confined compression alone", "N", "kN", "F"),
-    "confined_floor": Quantity("confined floor of the resistance", "N", "kN", definition="closed form, not for sizing"),
-    "load_centre": Quantity("centre of the load from the empty mould", "m"),
-    "skew_moment": Quantity("skew moment of the load about the middle of the roller", "Nm"),
-    "load_unevenness": Quantity("largest over mean load per roller length", "1"),
-    "peak_pressure": PEAK_PRESSURE,
-    "strokes": Quantity("strokes on a section", "1", symbol="N"),
-    "largest_bite": Quantity("largest bite", "m", "mm"),
-    "bite_limit": Quantity("bite at the nip angle", "m", "mm"),
-    "product_height": Quantity("height of the product", "m", "mm"),
-    "product_density_ratio": Quantity("density ratio of the product", "1", symbol="k"),
-    "bottom_density_ratio": Quantity("density ratio of the bottom quarter", "1", symbol="k"),
-    "top_density_ratio": Quantity("density ratio of the top quarter", "1", symbol="k"),
-    "overpressed_height": Quantity("height with a density ratio above 1", "m", "mm"),
-    "confined_work": Quantity("work of confined compression per volume of the product", "J/m3", "kJ/m³"),
-    "strokes_for_density": Quantity("strokes until the required density ratio", "1"),
-    "fastest_mould": Quantity("fastest mould for the required density ratio", "m/s"),
-    "least_strokes": Quantity("least strokes for the required density ratio", "1"),
-    "rate_factor": Quantity("factor of the yield pressure by the rate of compaction", "1"),
-    "mass_residual": MASS_RESIDUAL,
-    "work_residual": WORK_RESIDUAL,
-}
-STROKE = {  # one stroke on a section, per unit roller length
-    "position": Quantity("position along the roller, from the empty mould", "m", symbol="z"),
-    "make_up": Quantity("make-up", "m", "mm"),
-    "bite": Quantity("bite", "m", "mm"),
-    "load": CONTACT["load"],
-    "resistance": CONTACT["resistance"],
-    "peak_pressure": PEAK_PRESSURE,
-    "leading": CONTACT["leading"],
-    "trailing": CONTACT["trailing"],
-    "surface": Quantity("height behind the roller", "m", "mm"),
-    "density_ratio": Quantity("mean density ratio behind the roller", "1", symbol="k"),
-}
-INPUT = {  # inputs that sweeps and sensitivities vary
-    "moisture": Quantity("moisture content", "1", symbol="W"),
-    "density_ratio": Quantity("target density ratio", "1", symbol="k"),
-    "machine.roller_length": Quantity("roller length", "m"),
-    "machine.roller_friction": Quantity("roller friction", "1"),
-    "machine.bearing_friction": Quantity("bearing friction", "1"),
-    "machine.guide_friction": Quantity("guide friction", "1"),
-    "machine.mass": Quantity("cart mass", "kg"),
-    "motion.duration": Quantity("duration of a stroke", "s"),
-    "layer.fed_density_ratio": Quantity("initial density ratio", "1"),
-}
+# Fields of the engineering formulas 1.1-1.10 and of Galin's exact contact
+FORMULA = _table("""
+    pressure               | Pa  | kPa |   | peak contact pressure
+    exponent               | 1   |     | α | pressure exponent
+    capture_angle          | rad | °   | φ | contact angle
+    roller_force           | N   | kN  |   | load on one roller
+    contact_length         | m   | mm  |   | contact length | contact length: from trailing to leading edge
+    roller_resistance      | N   | kN  |   | rolling resistance of one roller
+    resistance_coefficient | 1   |     |   | rolling-resistance coefficient | \
+rolling-resistance coefficient: resistance over load
+    cart_resistance        | N   | kN  |   | resistance of one cart
+    guide_coefficient      | 1   |     |   | friction coefficient of the guide wheels
+    cart_power             | W   |     |   | power of one cart
+    radius_low             | m   | mm  |   | least roller radius
+    radius_high            | m   | mm  |   | largest roller radius
+    rollers_needed         | 1   |     |   | required number of rollers
+    stroke_needed          | m   |     |   | required stroke
+    exact_capture_angle    | rad | °   | φ | contact angle
+    exact_roller_force     | N   | kN  |   | load on one roller
+    exact_contact_length   | m   | mm  |   | contact length | contact length: from trailing to leading edge
+""")
+# Numbers of one point of a sweep
+SWEEP_POINT = _table("""
+    load                   | N   | kN  |   | load on one roller | normal force on one roller
+    resistance             | N   | kN  |   | resistance of one cart | rolling resistance of all rollers of one cart
+    resistance_coefficient | 1   |     |   | rolling-resistance coefficient | \
+rolling-resistance coefficient: resistance over load
+    power                  | W   |     |   | power at the mean speed | resistance of one cart times the mean speed
+    capture_angle          | rad | °   | φ | contact angle | \
+contact (entry) angle, from the lowest generatrix to the leading edge
+    contact_length         | m   | mm  |   | contact length | from the trailing to the leading edge; eq 1.7 by formula
+    peak_pressure          | Pa  | kPa |   | peak contact pressure
+    exit_density_ratio     | 1   |     | k | exit density ratio | \
+mean density ratio behind the last pass; compacting layers only
+    load_error             | 1   |     |   | relative error estimate of the load
+    resistance_error       | 1   |     |   | relative error estimate of the resistance
+    work_residual          | 1   |     |   | energy-balance residual | relative residual of the energy balance
+    mass_residual          | 1   |     |   | mass-balance residual | \
+relative residual of the mass balance; compacting layers only
+    required_pressure      | Pa  | kPa |   | required pressure | pressure at which the mix reaches its density ratio
+    saturation             | 1   |     |   | degree of saturation | share of the pore volume filled with water
+""")
+# Further numbers of a point of a sweep by columns that finite elements correct
+SWEEP_CORRECTION = _table("""
+    load_factor              | 1 |  |   | load over that of columns
+    resistance_factor        | 1 |  |   | resistance over that of columns
+    load_surface_error       | 1 |  |   | relative error estimate of the load by interpolation | \
+part of load_error: twice the rms leave-one-out error of the response surface
+    resistance_surface_error | 1 |  |   | relative error estimate of the resistance by interpolation | \
+part of resistance_error: twice the rms leave-one-out error of the response surface
+""")
+# Criteria by which laws are ranked
+CRITERIA = _table("""
+    peak_force            | N     | kN |   | peak drive force
+    peak_power            | W     |    |   | peak drive power
+    rms_force             | N     | kN |   | rms drive force
+    rms_power             | W     |    |   | rms drive power
+    mean_force            | N     | kN |   | mean drive force
+    mean_power            | W     |    |   | mean drive power
+    energy                | J     |    |   | energy per cycle
+    drawn_energy          | J     |    |   | energy drawn per cycle
+    peak_jerk             | m/s^3 |    |   | peak jerk
+    dynamic_factor        | 1     |    |   | dynamic factor | \
+peak drive force over that of steady motion at the mean speed
+    nonuniformity         | 1     |    |   | speed non-uniformity in the working phase
+    dynamic_amplification | 1     |    |   | dynamic amplification | \
+peak drive force over that of a rigid drive with the same law
+""")
+# Further results of a run with a compliant, hydraulic or motor drive
+RUN = _table("""
+    stick_time       | s    |     |   | stick time
+    fluctuation      | 1    |     |   | coefficient of speed fluctuation
+    peak_pressure    | Pa   | kPa |   | peak oil pressure
+    peak_flow        | m3/s |     |   | peak flow rate
+    pump_work        | J    |     |   | pump work per cycle
+    throttle_heat    | J    |     |   | heat of the throttles per cycle
+    relief_heat      | J    |     |   | heat of the relief valve per cycle
+    peak_motor_power | W    |     |   | peak motor power
+    energy_residual  | 1    |     |   | energy-balance residual | relative residual of the energy balance
+    unsteady_share   | 1    |     |   | share of the cycle beyond first order in the acceleration
+""")
+# Requirements of a law on the motor in a roller
+ROLLER_MOTOR = _table("""
+    peak_torque | Nm |  |   | peak torque
+    peak_power  | W  |  |   | peak power
+    peak_creep  | 1  |  |   | peak creepage
+    share       | 1  |  |   | share of the friction limit
+""")
+# Time histories of a cycle
+MOTION = _table("""
+    time            | s    |      | t | time
+    position        | m    |      | x | travel
+    velocity        | m/s  |      | v | velocity
+    acceleration    | m/s2 |      | a | acceleration
+    jerk            | m/s3 |      |   | jerk
+    drive_force     | N    | kN   |   | drive force along the motion
+    drive_power     | W    |      |   | drive power
+    guide_reaction  | N    | kN   |   | guide-wheel reaction
+    crank_angle     | rad  | °    |   | crank angle
+    shaft_torque    | N m  | kN m |   | shaft torque
+    shaft_power     | W    | kW   |   | shaft power
+    cart_resistance | N    | kN   | F | resistance of one cart
+    added_mass      | kg   |      | M | added mass
+""")
+TIME = MOTION["time"]
+# Fields in the layer and on its surface
+FIELD = _table("""
+    position        | m    | mm    |   | position x from the lowest generatrix
+    travel_position | m    | mm    |   | position x from the lowest generatrix, positive along the travel
+    height          | m    | mm    | y | height
+    contact_stress  | Pa   | kPa   |   | contact stress
+    pressure        | Pa   | kPa   |   | mean pressure
+    dissipation     | W/m3 | kW/m³ |   | dissipation
+    density_ratio   | 1    |       | k | density ratio
+    plastic_work    | J/m3 | kJ/m³ |   | plastic work
+    air_pressure    | Pa   | kPa   |   | excess pressure of pore air
+""")
+# Results of a forming process along one roller
+PROCESS = _table("""
+    load                  | N    | kN    | P | load on one roller, a lower estimate
+    resistance            | N    | kN    | F | resistance of one roller, confined compression alone
+    confined_floor        | N    | kN    |   | confined floor of the resistance | closed form, not for sizing
+    load_centre           | m    |       |   | centre of the load from the empty mould
+    skew_moment           | Nm   |       |   | skew moment of the load about the middle of the roller
+    load_unevenness       | 1    |       |   | largest over mean load per roller length
+    peak_pressure         | Pa   | kPa   |   | peak contact pressure
+    strokes               | 1    |       | N | strokes on a section
+    largest_bite          | m    | mm    |   | largest bite
+    bite_limit            | m    | mm    |   | bite at the nip angle
+    product_height        | m    | mm    |   | height of the product
+    product_density_ratio | 1    |       | k | density ratio of the product
+    bottom_density_ratio  | 1    |       | k | density ratio of the bottom quarter
+    top_density_ratio     | 1    |       | k | density ratio of the top quarter
+    overpressed_height    | m    | mm    |   | height with a density ratio above 1
+    confined_work         | J/m3 | kJ/m³ |   | work of confined compression per volume of the product
+    strokes_for_density   | 1    |       |   | strokes until the required density ratio
+    fastest_mould         | m/s  |       |   | fastest mould for the required density ratio
+    least_strokes         | 1    |       |   | least strokes for the required density ratio
+    rate_factor           | 1    |       |   | factor of the yield pressure by the rate of compaction
+    mass_residual         | 1    |       |   | mass-balance residual | \
+relative residual of the mass balance; compacting layers only
+    work_residual         | 1    |       |   | energy-balance residual | relative residual of the energy balance
+""")
+# One stroke on a section, per unit roller length
+STROKE = _table("""
+    position      | m   |      | z | position along the roller, from the empty mould
+    make_up       | m   | mm   |   | make-up
+    bite          | m   | mm   |   | bite
+    load          | N/m | kN/m | P | load
+    resistance    | N/m | kN/m |   | rolling resistance
+    peak_pressure | Pa  | kPa  |   | peak contact pressure
+    leading       | m   | mm   |   | leading edge
+    trailing      | m   | mm   |   | trailing edge
+    surface       | m   | mm   |   | height behind the roller
+    density_ratio | 1   |      | k | mean density ratio behind the roller
+""")
+# Inputs that sweeps and sensitivities vary
+INPUT = _table("""
+    moisture                 | 1  |  | W | moisture content
+    density_ratio            | 1  |  | k | target density ratio
+    machine.roller_length    | m  |  |   | roller length
+    machine.roller_friction  | 1  |  |   | roller friction
+    machine.bearing_friction | 1  |  |   | bearing friction
+    machine.guide_friction   | 1  |  |   | guide friction
+    machine.mass             | kg |  |   | cart mass
+    motion.duration          | s  |  |   | duration of a stroke
+    layer.fed_density_ratio  | 1  |  |   | initial density ratio
+""")
