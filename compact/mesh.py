@@ -48,11 +48,10 @@ class RowMesh:
     y: Array
 
     def __post_init__(self) -> None:
-        for name in ("x", "y"):
-            array = np.array(getattr(self, name), dtype=float)
+        x, y = np.array(self.x, float), np.array(self.y, float)
+        for name, array in (("x", x), ("y", y)):
             array.flags.writeable = False
             object.__setattr__(self, name, array)
-        x, y = self.x, self.y
         if y.ndim != 1 or x.ndim != 2 or len(x) != len(y) or min(x.shape) < 2:
             raise ValueError(
                 f"`x` must have one line of at least two nodes for each of `y`, got {x.shape} and {y.shape}"
@@ -87,29 +86,20 @@ class RowMesh:
 
     @property
     def mirrored(self) -> bool:
-        """True if the mesh is symmetric about `centre`."""
-        return self._asymmetry(self.centre) <= MIRROR_TOLERANCE
+        """True if the mesh is symmetric about `centre`: each node is the mirror image of another."""
+        sums = self.x + self.x[:, ::-1]
+        return bool(np.abs(sums - sums[:, 0].mean()).max() <= MIRROR_TOLERANCE * np.ptp(self.x))
 
     @property
     def centre(self) -> float:
         """Position of the axis of symmetry [m]; 0 for an unsymmetric mesh."""
-        middle = float((self.x[:, 0] + self.x[:, -1]).mean() / 2)
-        return middle if self._asymmetry(middle) <= MIRROR_TOLERANCE else 0.0
-
-    def _asymmetry(self, centre: float) -> float:
-        """Return the largest distance of a node to the mirror image of another, over the length [-]."""
-        return float(np.abs(self.x + self.x[:, ::-1] - 2 * centre).max() / np.ptp(self.x))
+        return float((self.x[:, 0] + self.x[:, -1]).mean() / 2) if self.mirrored else 0.0
 
     @property
     def dofs(self) -> int:
         """Number of displacements of quadratic elements on this mesh."""
         rows, columns = self.shape
         return 2 * (2 * rows + 1) * (2 * columns + 1)
-
-    @property
-    def mesh_size(self) -> float:
-        """Longest edge [m]."""
-        return max(np.diff(self.x, axis=1).max(), np.hypot(np.diff(self.x, axis=0), np.diff(self.y)[:, None]).max())
 
     @property
     def points(self) -> Array:
@@ -245,20 +235,22 @@ def row_mesh(points: ArrayLike, quads: ArrayLike) -> RowMesh:
         raise ValueError(f"`quads` must be quadrilaterals of 4 corners, got shape {quads.shape}")
     used, corners = np.unique(quads, return_inverse=True)
     (x, y), corners = points[used, :2].T, corners.reshape(quads.shape)
-    level, heights = _levels(y)
+    order = np.argsort(y)  # heights counted from below
+    steps = np.diff(y[order], prepend=-np.inf) > HEIGHT_TOLERANCE * np.ptp(y)
+    level, heights = (np.cumsum(steps) - 1)[np.argsort(order)], y[order][steps]
     ordered = np.sort(level[corners], axis=1)
     lower, upper = ordered[:, 0], ordered[:, 3]
     skewed = (ordered[:, 1] != lower) | (ordered[:, 2] != upper) | (upper != lower + 1)
     if skewed.any():
-        k = int(np.argmax(skewed))
+        k = skewed.argmax()
         raise ValueError(
             f"rows must be straight: the corners of element {k} lie at the heights {np.sort(y[corners[k]]).tolist()}, "
             "not in pairs on neighbouring lines"
         )
     numbering, counts = np.lexsort((x, level)), np.bincount(level)  # line by line
     if np.ptp(counts):
-        told = ", ".join(map(str, counts))
-        raise ValueError(f"every line of nodes must have equally many nodes, got {told} from the base upwards")
+        counted = ", ".join(map(str, counts))
+        raise ValueError(f"every line of nodes must have equally many nodes, got {counted} from the base upwards")
     mesh = RowMesh(x[numbering].reshape(len(heights), -1), heights)
     found = {tuple(sorted(quad)) for quad in np.argsort(numbering)[corners].tolist()}
     expected = {tuple(sorted(quad)) for quad in mesh.quads.tolist()}
@@ -317,12 +309,3 @@ def _with_midpoints(values: Array) -> Array:
     both[::2] = values
     both[1::2] = (values[:-1] + values[1:]) / 2
     return both
-
-
-def _levels(y: Array) -> tuple[IntArray, Array]:
-    """Return the index of the height of each node, counted from below, and the heights."""
-    order = np.argsort(y)
-    steps = np.diff(y[order]) > HEIGHT_TOLERANCE * np.ptp(y)
-    level = np.empty(len(y), dtype=int)
-    level[order] = np.concatenate([[0], np.cumsum(steps)])
-    return level, y[order][np.concatenate([[True], steps])]
