@@ -16,7 +16,7 @@ References
 J. W. Bandler et al., Space mapping: the state of the art, IEEE Trans. Microw. Theory Tech. 52 (2004) 337.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,12 +25,13 @@ from scipy.optimize import least_squares
 
 from compact.numerics import Array
 
+AGREEMENT = 1e-3  # [-], largest |ln(fine/corrected coarse)| at convergence
 DIFFERENCE_STEP = 1e-4  # [-], of the unknowns, for central differences of the coarse model, smooth to 1e-8
 UNKNOWNS_TOLERANCE = 1e-10  # [-], relative change of the unknowns at which the fit of the coarse model ends
 MAX_FINE_RUNS = 24  # [-], evaluations of the fine model
 BROYDEN_LENGTH = 0.05  # [-], step that updates half of a slope; for fine models with noise of some 1e-3
 MIN_WEIGHT = 1 / 3  # [-], weight of the last evaluation in the mean of close ones
-MAX_STEP = 0.5  # [-], between two fine evaluations, along the varying unknowns; halved after a failure
+MAX_STEP = 0.5  # [-], between two fine evaluations; halved after a failure
 MAX_CONDITION = 1e6  # [-], condition number of the slopes; above it the data do not determine the unknowns
 
 Model = Callable[[Array], ArrayLike]
@@ -48,20 +49,17 @@ class Correction:
         B [-].
     at : ndarray, shape (m,)
         u_last.
-    varying : ndarray, shape (m,)
-        1 for an unknown on which the correction depends, else 0.
-    close_runs : int
-        Number of consecutive evaluations after a short step.
     broyden_length : float
         Step that updates half of a slope [-].
+    close_runs : int
+        Number of consecutive evaluations after a short step.
     """
 
     ratio: Array
     slope: Array
     at: Array
-    varying: Array
-    close_runs: int = 0
     broyden_length: float = BROYDEN_LENGTH
+    close_runs: int = 0
 
     def __call__(self, u: ArrayLike) -> Array:
         """Return ln(fine/coarse) at u, shape (n,)."""
@@ -72,7 +70,7 @@ class Correction:
 
         After a long step the ratio is adopted; after a short one it is averaged, and changes the slope little.
         """
-        step, error = self.varying * (u - self.at), ratio - self(u)
+        step, error = u - self.at, ratio - self(u)
         share = float(step @ step / (step @ step + self.broyden_length**2))
         close_runs = self.close_runs + 1 if share < 0.5 else 0
         adopted = self(u) + max(share, MIN_WEIGHT, 1 / max(close_runs, 1)) * error
@@ -126,9 +124,7 @@ def fit_parameters(
     start: ArrayLike,
     fine_model: Model | None = None,
     *,
-    tolerance: float = 1e-3,
     correction: Correction | None = None,
-    varying: Sequence[bool] | None = None,
     broyden_length: float = BROYDEN_LENGTH,
 ) -> SpaceMappingFit:
     """Fit unknowns to measured data.
@@ -141,12 +137,8 @@ def fit_parameters(
         Measured data > 0.
     start : array_like, shape (m,)
         Initial u, at which the fine model is evaluated first.
-    tolerance : float
-        Largest |ln(fine/corrected coarse)| at convergence [-].
     correction : Correction, optional
         Correction to apply where there is no fine model; initial slope where there is one.
-    varying : sequence of bool, shape (m,), optional
-        True for each unknown on which the correction depends; all by default.
     broyden_length : float
         Step that updates half of a slope [-]; the default is for fine models with noise of 1e-3.
 
@@ -172,8 +164,7 @@ def fit_parameters(
         u, slopes, predicted = _least_squares(coarse_model, measured, start, correction)
         return SpaceMappingFit(u, predicted, np.log(predicted / measured), slopes, correction)
     slope = np.zeros((measured.size, start.size)) if correction is None else correction.slope
-    weights = np.ones(start.size) if varying is None else np.array(varying, dtype=float)
-    correction = Correction(np.full(measured.size, np.nan), slope, start, weights, 0, broyden_length)
+    correction = Correction(np.full(measured.size, np.nan), slope, start, broyden_length)
     u, last, max_step, at_optimum = start, None, MAX_STEP, False
     history: list[tuple[list[float], list[float]]] = []
     for _ in range(MAX_FINE_RUNS):
@@ -189,12 +180,12 @@ def fit_parameters(
         ratio = np.log(predicted / np.asarray(coarse_model(u)))
         if last is None:  # no prediction to compare with
             correction = replace(correction, ratio=ratio)
-        converged, last = at_optimum and np.abs(ratio - correction(u)).max() <= tolerance, u
+        converged, last = at_optimum and np.abs(ratio - correction(u)).max() <= AGREEMENT, u
         correction = correction.updated(ratio, u)
         optimum, slopes, _ = _least_squares(coarse_model, measured, u, correction)
         if converged:
             return SpaceMappingFit(u, predicted, np.log(predicted / measured), slopes, correction, tuple(history))
-        longest = np.abs((optimum - u) * correction.varying).max()
+        longest = np.abs(optimum - u).max()
         at_optimum = longest <= max_step
         u = optimum if at_optimum else u + (optimum - u) * max_step / longest
     raise RuntimeError(
@@ -209,8 +200,7 @@ def _least_squares(
     """Least-squares u, slopes and predictions of the coarse model with its correction."""
 
     def misfit(u: Array) -> Array:
-        uncorrected = np.log(np.asarray(model(u)) / measured)
-        return uncorrected if correction is None else uncorrected + correction(u)
+        return np.log(np.asarray(model(u)) / measured) + (0.0 if correction is None else correction(u))
 
     def slopes(u: Array) -> Array:
         steps = DIFFERENCE_STEP * np.eye(u.size)
