@@ -7,7 +7,6 @@ end of the stroke.
 """
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, Literal, get_args
@@ -74,16 +73,13 @@ def law(
     '0.600 m/s^2, 3.69504 m/s^3'
     """
     require_known("motion law", name, tuple(LAWS))
-    require_number(
-        stroke=stroke, duration=duration, run_up=run_up, run_down=run_down, energy_weight=energy_weight,
-        acceleration_weight=acceleration_weight, rod_length=1.0 if rod_length is None else rod_length,
-    )  # fmt: skip
-    require_positive(stroke=stroke, duration=duration)
-    if rod_length is not None:
-        require_positive(rod_length=rod_length)
-    rod_ratio = None if rod_length is None else stroke / 2 / rod_length
-    definition = LAWS[name]
-    curve = definition.build(LawParameters(run_up, run_down, energy_weight, acceleration_weight, rod_ratio))
+    sizes = {"stroke": stroke, "duration": duration} | ({} if rod_length is None else {"rod_length": rod_length})
+    shares = {"run_up": run_up, "run_down": run_down}
+    weights = {"energy_weight": energy_weight, "acceleration_weight": acceleration_weight}
+    require_number(**sizes, **shares, **weights)
+    require_positive(**sizes)
+    definition, rod_ratio = LAWS[name], None if rod_length is None else stroke / 2 / rod_length
+    curve = definition.build(LawParameters(**shares, **weights, rod_ratio=rod_ratio))
     return MotionProfile(name, float(stroke), float(duration), curve, definition.retraces)
 
 
@@ -371,14 +367,12 @@ class Cycle(TravelDerivatives):
 
     @cached_property
     def _discontinuities(self):
-        conditions: Sequence[EndCondition] = [
-            "dwell" if dwell > 0 else "reversal" for dwell in (self.near_dwell, self.far_dwell)
-        ]
-        jumps = []
+        jumps, dwells = [], [self.near_dwell > 0, self.far_dwell > 0]
         for leg in (leg for leg in self.legs() if leg.motion is not None):
-            first, last = conditions if leg.direction > 0 else conditions[::-1]
-            found = [jump for jump in leg.motion.discontinuities(first) if jump.time < leg.duration]
-            if last == "dwell":  # a jump at a reversal is counted by the pass that it begins
+            first, last = dwells[:: leg.direction]
+            found = leg.motion.discontinuities("dwell" if first else "reversal")
+            found = [jump for jump in found if jump.time < leg.duration]
+            if last:  # a jump at a reversal is counted by the pass that it begins
                 found += [jump for jump in leg.motion.discontinuities("dwell") if jump.time == leg.duration]
             jumps += [replace(jump, time=leg.start + jump.time) for jump in found]
         return tuple(jumps)

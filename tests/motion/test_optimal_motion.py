@@ -54,6 +54,10 @@ def unit(objective, resistance=none, limits=None, **options):
     return optimise(objective, 1.0, 1.0, 1.0, resistance, limits, **options)
 
 
+def best(objective, resistance=none, limits=None, **options):
+    return optimise(objective, **MACHINE, resistance=resistance, limits=limits, **options)
+
+
 # ---- (a) closed form -------------------------------------------------------------------------------------------------
 
 
@@ -125,30 +129,22 @@ def test_weighted_sum_is_the_complex_law_of_its_weights():
 def test_gap_that_the_decrease_of_the_search_leaves_is_closed():
     """A predicted decrease of 1e-9 left a gap of 3e-6, of the order of its square root."""
     limits = Limits(smoothness=2, run_up=0.29941880970563645, run_down=0.28905239256435855)
-    motion = optimise("rms_force", 0.4, 3.0, 1000.0, lambda v, a=0.0: 4000 * v, limits)
+    motion = best("rms_force", lambda v, a=0.0: 4000 * v, limits)
     assert motion.gap < 1e-6
     assert motion.value == pytest.approx(584.28052, rel=1e-7)
 
 
 def test_noise_of_the_convex_programs_is_no_jump():
     """Of the jerk, 3e-8 m/s^3 of 3.8."""
-    motion = optimise("peak_force", 0.4, 3.0, 1000.0, lambda v, a: 3000 * np.sign(v), Limits(acceleration=0.6))
+    motion = best("peak_force", dry(3000.0), Limits(acceleration=0.6))
     largest = astuple(motion.peaks())
     for jump in motion.cycle().discontinuities():
         assert abs(jump.after - jump.before) > 1e-6 * largest[jump.order - 1]
 
 
 def test_constant_velocity_deviates_by_its_tolerance():
-    even, uneven = (
-        optimise(
-            "peak_force",
-            **MACHINE,
-            resistance=dry(3562.0),
-            limits=replace(TWO_THIRDS, steady_tolerance=share),
-            pieces=32,
-        )
-        for share in (0.0, 0.02)
-    )
+    bounds = (replace(TWO_THIRDS, steady_tolerance=share) for share in (0.0, 0.02))
+    even, uneven = (best("peak_force", dry(3562.0), limits, pieces=32) for limits in bounds)
     assert uneven.value < even.value
     time = np.linspace(0.5, 2.5, 1001)
     assert np.ptp(even.velocity(time)) < 1e-12
@@ -271,7 +267,7 @@ def test_least_rms_force_of_a_smooth_law_converges_to_the_extremal(acceleration)
     least = least_square(acceleration) / 3.0 * 1000.0**2
     above = []
     for pieces in (12, 24, 48):
-        motion = optimise("rms_force", **MACHINE, resistance=lambda v, a: 3562.0 + 0 * v, limits=limits, pieces=pieces)
+        motion = best("rms_force", dry(3562.0), limits, pieces=pieces)
         above.append((motion.value**2 - 3562.0**2) / least - 1)
         assert motion.gap < 1e-6
     assert 0 < above[2] < above[1] / 2 < above[0] / 4
@@ -311,7 +307,7 @@ def by_snap(bound, steps):
 
 def test_least_peak_force_with_limited_snap_is_that_of_an_independent_program():
     limits = replace(TWO_THIRDS, smoothness=3, snap=60.0)
-    motion = optimise("peak_force", **MACHINE, resistance=lambda v, a: 3562.0 + 0 * v, limits=limits)
+    motion = best("peak_force", dry(3562.0), limits)
     assert motion.gap < 1e-6
     assert (motion.value - 3562.0) / 1000.0 == pytest.approx(by_snap(60.0, 60), rel=1e-3)
 
@@ -387,7 +383,7 @@ def test_convex_problem_has_no_duality_gap(seed):
 )
 @pytest.mark.parametrize("objective", ["peak_force", pytest.param("peak_power", marks=pytest.mark.slow)])
 def test_limits_hold_at_every_instant(objective, limits):
-    motion = optimise(objective, **MACHINE, resistance=dry(3562.0), limits=limits, pieces=16)
+    motion = best(objective, dry(3562.0), limits, pieces=16)
     assert violations(limits, motion, instants=20_001) == {}
     assert motion.gap < 1e-6
 
@@ -395,7 +391,7 @@ def test_limits_hold_at_every_instant(objective, limits):
 @cache
 def least_power_law(limits):
     """Law of least peak power of the machine within limits."""
-    return optimise("peak_power", **MACHINE, resistance=dry(3562.0), limits=limits, pieces=16)
+    return best("peak_power", dry(3562.0), limits, pieces=16)
 
 
 @pytest.mark.sampled(1)
@@ -428,7 +424,7 @@ def test_cam_of_the_optimal_law_satisfies_its_limits(limits, follower, quantity,
 )
 def test_conflicts_state_the_required_limits(limits, needed):
     with pytest.raises(InfeasibleError, match="no law satisfies all limits; relax, the others unchanged") as raised:
-        optimise("peak_force", **MACHINE, resistance=none, limits=limits)
+        best("peak_force", limits=limits)
     assert raised.value.alone
     conflicts = {conflict.name: conflict.required for conflict in raised.value.conflicts}
     assert conflicts == pytest.approx(needed, rel=3e-3)
@@ -437,15 +433,13 @@ def test_conflicts_state_the_required_limits(limits, needed):
 def test_limits_relaxed_together_are_feasible():
     limits = Limits(velocity=0.1, acceleration=0.1, smoothness=2, jerk=0.1)
     with pytest.raises(InfeasibleError, match=r"velocity .* together with acceleration") as raised:
-        optimise("peak_force", **MACHINE, resistance=none, limits=limits, pieces=16)
+        best("peak_force", limits=limits, pieces=16)
     enough = {conflict.name: conflict.required * (1 + 1e-6) for conflict in raised.value.conflicts}
     assert not raised.value.alone
-    assert optimise("peak_force", **MACHINE, resistance=none, limits=replace(limits, **enough), pieces=16).gap < 1e-6
+    assert best("peak_force", limits=replace(limits, **enough), pieces=16).gap < 1e-6
     for name in enough:  # each relaxation is necessary
         with pytest.raises(InfeasibleError):
-            optimise(
-                "peak_force", **MACHINE, resistance=none, limits=replace(limits, **(enough | {name: 0.1})), pieces=16
-            )
+            best("peak_force", limits=replace(limits, **(enough | {name: 0.1})), pieces=16)
 
 
 def test_infeasible_profile_radius_states_the_feasible_one():
@@ -453,7 +447,7 @@ def test_infeasible_profile_radius_states_the_feasible_one():
 
     def with_radius(radius):
         cam = replace(ROLLER, profile_radius=radius)
-        return optimise("peak_force", **MACHINE, resistance=none, limits=replace(limits, cam=cam), pieces=8)
+        return best("peak_force", limits=replace(limits, cam=cam), pieces=8)
 
     with pytest.raises(InfeasibleError, match="smallest radius of curvature of the cam") as raised:
         with_radius(0.4)
@@ -468,13 +462,7 @@ def test_dwell_limits_the_profile_radius_to_that_of_the_base_circle():
     """Where the cart stands the profile is a circle about the axis: (breadth - stroke)/2 - r, here 0.22 m."""
     cam = CamLimits(0.9, dwell=0.5, profile_radius=0.23, roller_radius=0.03)
     with pytest.raises(InfeasibleError) as raised:
-        optimise(
-            "peak_force",
-            **MACHINE,
-            resistance=none,
-            limits=Limits(end_condition="dwell", jerk=20.0, cam=cam),
-            pieces=16,
-        )
+        best("peak_force", limits=Limits(end_condition="dwell", jerk=20.0, cam=cam), pieces=16)
     assert raised.value.conflicts[0].required == pytest.approx(0.22, rel=1e-4)
 
 
@@ -499,7 +487,7 @@ def machine():
 @pytest.mark.parametrize("objective", ["peak_force", "peak_power"])
 def test_no_published_law_within_the_same_limits_is_better(machine, objective, limits, members):
     resistance = MotionResistance(machine.stages.resistance.cart, machine.resistance)
-    motion = optimise(objective, **MACHINE, resistance=resistance, limits=limits, pieces=32)
+    motion = best(objective, resistance, limits, pieces=32)
     rivals = [name for name, cycle in machine.cycles.items() if not violations(limits, cycle.forward)]
     run = drive.simulate(machine.stages.resistance.cart, drive.Rigid(), motion, machine.resistance)
     assert len(rivals) == members
@@ -520,7 +508,7 @@ def test_ipopt_finds_no_better_law_from_20_initial_laws(machine, objective, powe
     def resistance(velocity, acceleration):
         return dry_friction(velocity, acceleration) * (np.abs(velocity) / 0.133) ** power
 
-    motion = optimise(objective, **MACHINE, resistance=resistance, limits=limits, pieces=32)
+    motion = best(objective, resistance, limits, pieces=32)
     constraints = ConstraintSet(limits, spline_space_for(limits, 16, 1), MACHINE["stroke"], MACHINE["duration"])
     criterion = DriveCriterion({objective: 1.0}, MACHINE["mass"], (resistance,))
     values = ipopt_reference.multistart_values(OptimisationProblem(constraints, criterion), 20)
@@ -560,7 +548,7 @@ def falling(velocity, acceleration):
 def test_ipopt_finds_the_same_law(objective, resistance, cam):
     ipopt_reference = pytest.importorskip("ipopt_reference", exc_type=ImportError)
     limits = replace(TWO_THIRDS, acceleration=0.6, cam=cam)
-    motion = optimise(objective, **MACHINE, resistance=resistance, limits=limits, pieces=16)
+    motion = best(objective, resistance, limits, pieces=16)
     weights = {objective: 1.0} if isinstance(objective, str) else objective
     samples = (resistance,) if callable(resistance) else resistance
     criterion = DriveCriterion(weights, MACHINE["mass"], samples)
@@ -572,7 +560,7 @@ def test_ipopt_finds_the_same_law(objective, resistance, cam):
 # ---- many resistances ------------------------------------------------------------------------------------------------
 
 SPREAD = tuple(dry(force) for force in (1500.0, 3562.0, 8000.0))
-SPREAD_TASK = MACHINE | {"limits": replace(TWO_THIRDS, acceleration=0.6), "pieces": 32}
+SPREAD_TASK = {"limits": replace(TWO_THIRDS, acceleration=0.6), "pieces": 32}
 
 
 def power_of(motion, resistance):
@@ -583,12 +571,12 @@ def power_of(motion, resistance):
 
 @pytest.fixture(scope="module")
 def alone():
-    return [optimise("peak_power", resistance=one, **SPREAD_TASK) for one in SPREAD]
+    return [best("peak_power", one, **SPREAD_TASK) for one in SPREAD]
 
 
 @pytest.mark.slow
 def test_law_for_all_samples_minimises_the_largest(alone):
-    motion = optimise("peak_power", resistance=SPREAD, **SPREAD_TASK)
+    motion = best("peak_power", SPREAD, **SPREAD_TASK)
     worst = [max(power_of(law, one) for one in SPREAD) for law in alone]
     assert motion.value == pytest.approx(max(power_of(motion, one) for one in SPREAD), rel=1e-4)
     assert motion.value <= min(worst) * (1 + 1e-4)
@@ -597,7 +585,7 @@ def test_law_for_all_samples_minimises_the_largest(alone):
 
 @pytest.mark.slow
 def test_law_of_least_regret_minimises_the_largest_ratio(alone):
-    motion = optimise("peak_power", resistance=SPREAD, regret=True, **SPREAD_TASK)
+    motion = best("peak_power", SPREAD, regret=True, **SPREAD_TASK)
 
     def regret(law):
         return max(power_of(law, one) / best.value for one, best in zip(SPREAD, alone, strict=True))
@@ -607,16 +595,15 @@ def test_law_of_least_regret_minimises_the_largest_ratio(alone):
 
 
 def test_quantile_excludes_the_worst_samples():
-    two_of_three = optimise("peak_power", resistance=SPREAD, quantile=0.6, **SPREAD_TASK)
-    without = optimise("peak_power", resistance=SPREAD[:2], **SPREAD_TASK)
+    two_of_three = best("peak_power", SPREAD, quantile=0.6, **SPREAD_TASK)
+    without = best("peak_power", SPREAD[:2], **SPREAD_TASK)
     assert two_of_three.value == pytest.approx(without.value, rel=1e-6)
 
 
 @pytest.mark.parametrize("count", [1, 3])
 def test_rms_force_over_samples_has_no_duality_gap(count):
     samples = tuple(lambda v, a, c=c: c * v for c in (2000.0, 9000.0, 4000.0)[:count])
-    motion = optimise("rms_force", **MACHINE, resistance=samples, limits=Limits(acceleration=0.5), pieces=32)
-    assert motion.gap < 1e-6
+    assert best("rms_force", samples, Limits(acceleration=0.5), pieces=32).gap < 1e-6
 
 
 # ---- (e) properties --------------------------------------------------------------------------------------------------
@@ -635,7 +622,7 @@ def test_value_scales_with_mass_stroke_and_duration(mass, stroke, duration):
 
 @pytest.mark.parametrize(("objective", "steps"), [("peak_force", 5), ("rms_force", 3), ("peak_power", 60)])
 def test_number_of_steps_is_small(objective, steps):
-    assert optimise(objective, **MACHINE, resistance=dry(3562.0), limits=TWO_THIRDS, pieces=32).steps <= steps
+    assert best(objective, dry(3562.0), TWO_THIRDS, pieces=32).steps <= steps
 
 
 # ---- (g) refusals ----------------------------------------------------------------------------------------------------
