@@ -31,16 +31,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.motion.profile import Cycle, Discontinuity, Leg
-from compact.numerics import Array
+from compact.numerics import Array, validation
 from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
-from compact.numerics.validation import (
-    require_at_most,
-    require_between,
-    require_finite,
-    require_instance,
-    require_number,
-    require_positive,
-)
 
 Measure = Callable[..., Array]  # of phi [rad] and the travel x, x', x'' by phi [m]
 
@@ -145,7 +137,7 @@ class RollerFollower(_RadialFollower):
     """
 
     def __post_init__(self) -> None:
-        require_positive(radius=self.radius)
+        validation.require_positive(radius=self.radius)
 
     def flanks_cross(self, angle: Array, rho: Array, slope: Array) -> bool:
         """Return True if a point of the profile is nearer than r to another part of the pitch curve rho(angle) [m].
@@ -274,7 +266,7 @@ def breadth_for_pressure_angle(cycle: Cycle, follower: Follower, limit: float) -
 
     tan(limit) = |x'|/rho:  b = stroke + 2 max(|x'|/tan(limit) - x, 0)
     """
-    require_between(1e-3, 1.57, limit=limit)
+    validation.require_between(1e-3, 1.57, limit=limit)
     stroke = cycle.forward.stroke
     if isinstance(follower, FlatFace):
         return stroke
@@ -309,10 +301,10 @@ class Cam:
     follower: Follower
 
     def __post_init__(self) -> None:
-        require_number(breadth=self.breadth)
-        require_positive(breadth=self.breadth)
-        require_instance(Cycle, "the Cycle of a motion law", cycle=self.cycle)
-        require_instance(Follower, "a follower", follower=self.follower)
+        validation.require_number(breadth=self.breadth)
+        validation.require_positive(breadth=self.breadth)
+        validation.require_instance(Cycle, "the Cycle of a motion law", cycle=self.cycle)
+        validation.require_instance(Follower, "a follower", follower=self.follower)
         stroke = self.cycle.forward.stroke
         if not self.breadth > stroke:
             raise ValueError(
@@ -322,7 +314,7 @@ class Cam:
 
     def derivative(self, angle: ArrayLike, order: int) -> Array:
         """Return the derivative of rho with respect to phi [m] at angles phi [rad] of any shape."""
-        require_finite(angle=angle)
+        validation.require_finite(angle=angle)
         period = self.cycle.period
         time = np.mod(np.asarray(angle, float) / (2 * np.pi), 1.0) * period
         nearest = self._break_times[np.abs(time[..., None] - self._break_times).argmin(axis=-1)]
@@ -435,7 +427,7 @@ class Cam:
         """
         if not points >= 2:
             raise ValueError(f"`points` must be at least 2, got {points!r}")
-        require_at_most(POINT_LIMIT, "steps below a micrometre change no cam", points=points)
+        validation.require_at_most(POINT_LIMIT, "steps below a micrometre change no cam", points=points)
         breaks = np.array(self.breakpoints)
         grid = np.linspace(0, 2 * np.pi, points)
         angle = np.sort(np.append(grid[np.abs(grid[:, None] - breaks).min(axis=1) > ANGLE_TOLERANCE], breaks))

@@ -132,10 +132,11 @@ class SplineSpace:
 
     def interpolate(self, curve: Callable[..., Array]) -> Array:
         """Return the unknowns of a law that lies in this space, such as one of the space before halving."""
-        u = np.arange(1, 5) / 5
-        places = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * u
-        values = curve(places.ravel(), nu=self.basis_order)
-        return np.asarray(np.linalg.lstsq(self.values(self.basis_order, u), values, rcond=None)[0], float)
+        u = np.array([0.2, 0.4, 0.6, 0.8]) if self.smoothness == 3 else np.array([0.25, 0.5, 0.75])
+        values = curve(self.breaks[:-1] + np.outer(u, np.diff(self.breaks)), nu=self.basis_order)
+        found = np.linalg.solve(bernstein_basis(len(u) - 1, u), values)  # by pieces: small values keep their digits
+        first = len(u) - 3  # of the two unknowns of each piece
+        return np.concatenate([found[0, :first], found[first : first + 2].T.ravel(), found[-1, -1:]])
 
 
 def bernstein_basis(degree: int, u: ArrayLike) -> Array:

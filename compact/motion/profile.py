@@ -16,17 +16,8 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
 from compact.motion.laws import LAWS, LawParameters, NormalisedCurve
-from compact.numerics import Array
+from compact.numerics import Array, validation
 from compact.numerics.piecewise import find_roots, graded_grid, integrate
-from compact.numerics.validation import (
-    as_numbers,
-    require_between,
-    require_finite,
-    require_known,
-    require_nonnegative,
-    require_number,
-    require_positive,
-)
 
 EndCondition = Literal["reversal", "dwell"]
 END_CONDITIONS: tuple[EndCondition, ...] = get_args(EndCondition)
@@ -72,12 +63,12 @@ def law(
     >>> f"{m.peaks().acceleration:.3f} m/s^2, {m.peaks().jerk:.5f} m/s^3"
     '0.600 m/s^2, 3.69504 m/s^3'
     """
-    require_known("motion law", name, tuple(LAWS))
+    validation.require_known("motion law", name, tuple(LAWS))
     sizes = {"stroke": stroke, "duration": duration} | ({} if rod_length is None else {"rod_length": rod_length})
     shares = {"run_up": run_up, "run_down": run_down}
     weights = {"energy_weight": energy_weight, "acceleration_weight": acceleration_weight}
-    require_number(**sizes, **shares, **weights)
-    require_positive(**sizes)
+    validation.require_number(**sizes, **shares, **weights)
+    validation.require_positive(**sizes)
     definition, rod_ratio = LAWS[name], None if rod_length is None else stroke / 2 / rod_length
     curve = definition.build(LawParameters(**shares, **weights, rod_ratio=rod_ratio))
     return MotionProfile(name, float(stroke), float(duration), curve, definition.retraces)
@@ -175,11 +166,11 @@ class MotionProfile(TravelDerivatives):
     jump_tolerance: ClassVar[float] = JUMP_TOLERANCE
 
     def __post_init__(self) -> None:
-        require_between(SMALLEST, LARGEST, stroke=self.stroke, duration=self.duration)
+        validation.require_between(SMALLEST, LARGEST, stroke=self.stroke, duration=self.duration)
 
     def derivative(self, time: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order] at times [s] of any shape within [0, duration]."""
-        time = np.asarray(as_numbers("time", time), float)
+        time = np.asarray(validation.as_numbers("time", time), float)
         slack = TIME_TOLERANCE * self.duration
         if time.size and not (time.min() >= -slack and time.max() <= self.duration + slack):
             raise ValueError(f"`time` must lie in [0, {self.duration:g}] s, got {time.min():g} to {time.max():g}")
@@ -188,7 +179,7 @@ class MotionProfile(TravelDerivatives):
     def at_phase(self, z: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order] at phase z = t/T in [0, 1]."""
         _require_order(order)
-        return self._scale(order) * self.curve(as_numbers("z", z), nu=order)
+        return self._scale(order) * self.curve(validation.as_numbers("z", z), nu=order)
 
     def peaks(self) -> Peaks:
         """Return the `Peaks` inside the pieces, from the roots of the next derivative; impulses are excluded."""
@@ -200,7 +191,7 @@ class MotionProfile(TravelDerivatives):
 
         Before and after the pass is the return stroke without a dwell ("reversal"), or a dwell.
         """
-        require_known("end condition", end_condition, END_CONDITIONS)
+        validation.require_known("end condition", end_condition, END_CONDITIONS)
         found, breaks = [], self.curve.x
         grid, limits = graded_grid(breaks), [self._one_sided_limits(k, end_condition) for k in range(1, 6)]
         for k, (values, slopes) in enumerate(itertools.pairwise(limits), start=1):
@@ -319,7 +310,7 @@ class Cycle(TravelDerivatives):
     near_dwell: float = 0.0
 
     def __post_init__(self) -> None:
-        require_nonnegative(far_dwell=self.far_dwell, near_dwell=self.near_dwell)
+        validation.require_nonnegative(far_dwell=self.far_dwell, near_dwell=self.near_dwell)
 
     @property
     def period(self) -> float:
@@ -350,7 +341,7 @@ class Cycle(TravelDerivatives):
 
     def derivative(self, time: ArrayLike, order: int) -> Array:
         """Return the derivative of the travel [m/s^order] at times [s] of any shape; right limit at a jump."""
-        require_finite(time=time)
+        validation.require_finite(time=time)
         instants = np.mod(np.asarray(time, float), self.period)
         legs = self.legs()
         which = np.searchsorted([leg.start for leg in legs], instants, side="right") - 1

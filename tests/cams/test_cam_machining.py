@@ -325,13 +325,14 @@ def test_every_follower_can_be_animated(follower):
         (made("reversal-4", FlatFace(), 0.6), {}, r"undercut: its breadth must exceed 0\.70\d+ m \(the profile must"),
         (made("constant-velocity", Pointed()), {}, "corner where the velocity of the law jumps, at the angle 0 rad"),
         (
-            made("harmonic", Pointed(), 0.6), {"cutter_radius": 0.2},
+            made("harmonic", Pointed(), 0.6),
+            {"cutter_radius": 0.2},
             r"`cutter_radius` must be at most 0\.09999999 m to fit .* got 0\.2 m; use a smaller cutter",
         ),
         (made("harmonic", Pointed()), {"cutter_radius": -1.0}, "`cutter_radius` must be positive and finite, got -1"),
         (made("harmonic", Pointed()), {"tolerance": 0.0}, r"`tolerance` must be between 1e-08 and 0\.01, got 0\.0"),
     ],
-)  # fmt: skip
+)
 def test_cams_and_cutters_that_do_not_fit_are_refused(cam, options, message):
     with pytest.raises(ValueError, match=message):
         cut(cam, **options)

@@ -117,13 +117,10 @@ WEIGHTS = {
 @pytest.mark.parametrize(
     ("order", "start", "end", "coefficients"),
     [
-        *(
-            (len(rest), rest, rest | {0: 1}, coefficients)
-            for coefficients, rest in [
-                ([0, 1], first(REST, 1)), ([0, 0, 3, -2], first(REST, 2)), ([0, 0, 0, 10, -15, 6], first(REST, 3)),
-                ([0, 0, 0, 0, 35, -84, 70, -20], REST),
-            ]
-        ),
+        (1, {0: 0}, {0: 1}, [0, 1]),
+        (2, first(REST, 2), first(REST, 2) | {0: 1}, [0, 0, 3, -2]),
+        (3, first(REST, 3), first(REST, 3) | {0: 1}, [0, 0, 0, 10, -15, 6]),
+        (4, REST, REST | {0: 1}, [0, 0, 0, 0, 35, -84, 70, -20]),
         (2, {0: 0, 1: 0}, {1: 1, 2: 0}, [0, 0, 1, -1 / 3]),  # 2.6: velocity 2 tau - tau^2
         (3, first(REST, 3), STEADY, [0, 0, 0, 2, -2, 3 / 5]),  # 2.7: 6 tau^2 - 8 tau^3 + 3 tau^4
         (4, REST, STEADY | {4: 0}, [0, 0, 0, 0, 5, -9, 6, -10 / 7]),  # 2.8
@@ -134,7 +131,7 @@ WEIGHTS = {
         (4, {0: 0, 1: 0, 3: 0}, STEADY, [0, 0, 15 / 16, 0, -5 / 16, 0, 1 / 16]),  # 4.2
     ],
     ids=["2.1", "2.2", "2.3", "2.4", "2.6", "2.7", "2.8", "3.1", "3.2", "3.3", "4.1", "4.2"],
-)  # fmt: skip
+)
 def test_minimiser_is_the_polynomial_of_the_monograph(order, start, end, coefficients):
     expected = coefficients + [0] * (2 * order - len(coefficients))
     assert minimiser(order, start, end).coef == pytest.approx(expected, rel=1e-14, abs=1e-14)
@@ -234,16 +231,18 @@ def ritz(d1, d2, d3, degree):
 
 
 @pytest.mark.parametrize(
-    ("weights", "degree"),
+    ("d3", "d2", "degree"),
     [
-        (exact_weights(0.2, 0.3), 40), (exact_weights(0.9, 0.05), 40), (exact_weights(0.05, 0.9), 40),
-        ((0.625, 0.25), 40), (double_root(0.01), 60), (exact_weights(0.01, 0.0), 60), (exact_weights(0.3, 0.7), 40),
-        (exact_weights(1e-4, 0.3), 140), (exact_weights(1e-5, 0.6), 200), (exact_weights(1e-6, 0.3), 420),
-        (exact_weights(1e-6, 1e-3), 200),
+        *((d3, d2, 40) for d3, d2 in [(0.2, 0.3), (0.9, 0.05), (0.05, 0.9), (0.125, 0.25), (0.3, 0.7)]),
+        *((0.01, d2, 60) for d2 in (double_root(0.01)[1], 0.0)),
+        *(
+            (d3, d2, degree)
+            for d3, d2, degree in [(1e-4, 0.3, 140), (1e-5, 0.6, 200), (1e-6, 0.3, 420), (1e-6, 1e-3, 200)]
+        ),
     ],
-)  # fmt: skip
-def test_complex_law_equals_a_direct_minimisation(weights, degree):
-    d1, d2 = weights
+)
+def test_complex_law_equals_a_direct_minimisation(d3, d2, degree):
+    d1, d2 = exact_weights(d3, d2)
     d3 = 1 - d1 - d2
     criterion, series = ritz(d1, d2, d3, degree)
     law = ComplexLaw(d1, d2)

@@ -29,14 +29,19 @@ RUN_UP_ENDS = {
     "reversal-4-free-jerk": ((1, 2, 3), (2, 3, 7)),
     "reversal-4-free-both": ((1, 3, 5), (2, 3, 7)),
 }
-RESTING = {name: rest for name, (rest, _) in RUN_UP_ENDS.items()} | {
-    "cubic": (1,), "quintic": (1, 2), "septic": (1, 2, 3), "complex": (1, 2), "cycloidal": (1, 2), "harmonic": (1, 3),
-    "parabolic": (1,), "crank": (1, 3), "modified-trapezoid": (1, 2),
-}  # fmt: skip
-SMOOTHNESS = {name: (reversal, dwell) for name, (_, _, reversal, dwell) in LAWS_OF_D.items()} | {
-    "complex": COMPLEX_LAW[2:], "crank": (4, 1), "harmonic": (4, 1), "parabolic": (1, 1), "cycloidal": (2, 2),
-    "modified-trapezoid": (2, 2), "gear-sector": (0, 0),
-}  # fmt: skip
+# Other laws: derivatives that vanish at both ends, smoothness at a reversal and at a dwell
+OTHERS = {
+    "complex": ((1, 2), COMPLEX_LAW[2:]),
+    "crank": ((1, 3), (4, 1)),
+    "harmonic": ((1, 3), (4, 1)),
+    "parabolic": ((1,), (1, 1)),
+    "cycloidal": ((1, 2), (2, 2)),
+    "modified-trapezoid": ((1, 2), (2, 2)),
+    "gear-sector": ((), (0, 0)),
+}
+RESTING = {"cubic": (1,), "quintic": (1, 2), "septic": (1, 2, 3)}
+RESTING |= {name: orders for name, (orders, _) in (RUN_UP_ENDS | OTHERS).items()}
+SMOOTHNESS = {name: law[2:] for name, law in LAWS_OF_D.items()} | {name: smooth for name, (_, smooth) in OTHERS.items()}
 RUNS = [(1 / 6, 1 / 6), (0.05, 0.3), (0.5, 0.5)]
 
 
@@ -106,25 +111,27 @@ def test_published_criteria(name, order, value):
     assert unit(name).criterion(order) == pytest.approx(float(value), rel=exact)
 
 
+EXACT = {  # criteria by their order, infinite with an impulse
+    "constant-velocity": {1: 1.0, 2: np.inf},
+    "gear-sector": {2: np.inf},
+    "cubic": {0: 13 / 35, 2: 12.0, 3: 144.0},
+    "quintic": {3: 720.0, 4: np.inf},
+    "septic": {4: 100800.0},
+    "reversal-2": {3: np.inf},
+    "parabolic": {2: 16.0, 3: np.inf},
+    "harmonic": {1: math.pi**2 / 8, 2: math.pi**4 / 8, 3: math.pi**6 / 8},
+    "cycloidal": {1: 3 / 2, 2: 2 * math.pi**2, 3: 8 * math.pi**4},
+}
+IMPULSE_AT_A_DWELL = {"cubic": 3, "harmonic": 3}
+
+
 @pytest.mark.parametrize("turn", ["reversal", "dwell"])
-@pytest.mark.parametrize(
-    ("name", "order", "reversal", "dwell"),  # infinite with an impulse
-    [
-        ("constant-velocity", 1, 1.0, 1.0), ("constant-velocity", 2, np.inf, np.inf),
-        ("gear-sector", 2, np.inf, np.inf), ("cubic", 0, 13 / 35, 13 / 35), ("cubic", 2, 12.0, 12.0),
-        ("cubic", 3, 144.0, np.inf),
-        ("quintic", 3, 720.0, 720.0), ("quintic", 4, np.inf, np.inf), ("septic", 4, 100800.0, 100800.0),
-        ("reversal-2", 3, np.inf, np.inf), ("reversal-3-free-acceleration", 3, None, np.inf),
-        ("parabolic", 2, 16.0, 16.0), ("parabolic", 3, np.inf, np.inf),
-        ("harmonic", 1, math.pi**2 / 8, math.pi**2 / 8), ("harmonic", 2, math.pi**4 / 8, math.pi**4 / 8),
-        ("harmonic", 3, math.pi**6 / 8, np.inf), ("cycloidal", 1, 3 / 2, 3 / 2),
-        ("cycloidal", 2, 2 * math.pi**2, 2 * math.pi**2), ("cycloidal", 3, 8 * math.pi**4, 8 * math.pi**4),
-    ],
-)  # fmt: skip
-def test_criterion_is_its_closed_form(name, order, reversal, dwell, turn):
-    exact = {"reversal": reversal, "dwell": dwell}[turn]
-    found = law(name, 0.4, 3.0).criterion(order, turn)
-    assert exact is None or found == pytest.approx(0.4**2 / 3.0 ** (2 * order - 1) * exact, rel=1e-13)
+@pytest.mark.parametrize(("name", "order"), [(name, order) for name, orders in EXACT.items() for order in orders])
+def test_criterion_is_its_closed_form(name, order, turn):
+    exact = np.inf if turn == "dwell" and IMPULSE_AT_A_DWELL.get(name) == order else EXACT[name][order]
+    scaled = 0.4**2 / 3.0 ** (2 * order - 1) * exact
+    assert law(name, 0.4, 3.0).criterion(order, turn) == pytest.approx(scaled, rel=1e-13)
+    assert unit("reversal-3-free-acceleration").criterion(3, "dwell") == np.inf
 
 
 @pytest.mark.parametrize("order", [2, 3, 4])
@@ -202,6 +209,8 @@ def test_crank_with_an_infinite_rod_is_harmonic():
 
 # ---- joins and cycles ------------------------------------------------------------------------------------------------
 
+K = 6480 / 13  # jerk of combined-3 at its ends
+
 
 @pytest.mark.parametrize(
     ("name", "turn", "expected"),
@@ -215,15 +224,12 @@ def test_crank_with_an_infinite_rod_is_harmonic():
         ("septic", "dwell", [(0, 4, 0, 840), (1, 4, -840, 0)]),
         ("reversal-2", "reversal", [(1 / 6, 2, 7.2, 0), (5 / 6, 2, 0, -7.2)]),
         ("reversal-2", "dwell", [(0, 2, 0, 7.2), (1 / 6, 2, 7.2, 0), (5 / 6, 2, 0, -7.2), (1, 2, -7.2, 0)]),
-        ("combined-3", "reversal", [
-            (0, 3, -6480 / 13, 6480 / 13), (1 / 6, 4, 155520 / 26, 0), (5 / 6, 4, 0, -155520 / 26),
-            (1, 3, 6480 / 13, -6480 / 13),
-        ]),
+        ("combined-3", "reversal", [(0, 3, -K, K), (1 / 6, 4, 12 * K, 0), (5 / 6, 4, 0, -12 * K), (1, 3, K, -K)]),
         ("parabolic", "reversal", [(0.5, 2, 4, -4)]),
         ("harmonic", "reversal", []),
         ("crank", "reversal", []),
     ],
-)  # fmt: skip
+)
 def test_discontinuities_state_both_limits(name, turn, expected):
     joins = [astuple(join) for join in unit(name).discontinuities(turn)]
     assert np.reshape(joins, (-1, 4)) == pytest.approx(np.reshape(expected, (-1, 4)), rel=1e-10, abs=1e-10)
@@ -333,11 +339,9 @@ def motions(draw, names=tuple(NAMES)):
     up = draw(st.one_of(st.just(0.0), st.floats(0.01, 0.5)))
     down = draw(st.one_of(st.just(0.0), st.floats(0.01, 0.5)))
     d3, split = draw(st.floats(1e-3, 1.0)), draw(st.floats(0, 1))
-    return law(
-        name, draw(st.floats(0.01, 10)), draw(st.floats(0.01, 100)), run_up=up, run_down=down,
-        energy_weight=(1 - d3) * split, acceleration_weight=(1 - d3) * (1 - split),
-        rod_length=20.0 / draw(st.floats(0.5, 3.0)),
-    )  # fmt: skip
+    weights = {"energy_weight": (1 - d3) * split, "acceleration_weight": (1 - d3) * (1 - split)}
+    sizes = draw(st.floats(0.01, 10)), draw(st.floats(0.01, 100))
+    return law(name, *sizes, run_up=up, run_down=down, **weights, rod_length=20.0 / draw(st.floats(0.5, 3.0)))
 
 
 NODES, WEIGHTS = legendre.leggauss(64)
@@ -494,8 +498,11 @@ def test_named_derivatives_are_the_derivatives():
 # ---- (g) refusals ----------------------------------------------------------------------------------------------------
 
 
-def positive(name):
-    return [({name: bad}, f"`{name}` must be positive and finite, got {bad}") for bad in (0, -1, math.nan, math.inf)]
+POSITIVE = [
+    ({name: bad}, f"`{name}` must be positive and finite, got {bad}")
+    for name in ("stroke", "duration", "rod_length")
+    for bad in (0, -1, math.nan, math.inf)
+]
 
 
 @pytest.mark.parametrize(
@@ -503,7 +510,7 @@ def positive(name):
     [
         ({"name": "sinus"}, "no motion law 'sinus'; choose from constant-velocity, cubic, quintic, "),
         ({"name": "quintik"}, "no motion law 'quintik'; did you mean 'quintic'\\? choose from "),
-        *positive("stroke"), *positive("duration"), *positive("rod_length"),
+        *POSITIVE,
         ({"name": "crank"}, "the law 'crank' requires `rod_length`, got None; set the length"),
         ({"name": "crank", "rod_length": 0.2}, r"over rod length must lie in \[0, 1\), got 1.0; use a rod longer"),
         ({"run_up": -0.1}, "`run_up` must be between 0 and 1, got -0.1"),
@@ -511,7 +518,7 @@ def positive(name):
         ({"run_up": 0.6, "run_down": 0.5}, r"`run_up` \+ `run_down` must not exceed 1, got 0.6 \+ 0.5"),
         ({"name": "complex", "energy_weight": 0.9, "acceleration_weight": 0.2}, r"with a sum <= 1, got 0\.9 and 0\.2"),
     ],
-)  # fmt: skip
+)
 def test_values_out_of_range_are_refused(changes, message):
     with pytest.raises(ValueError, match=message):
         law(**({"name": "reversal-3", "stroke": 0.4, "duration": 3.0} | changes))

@@ -21,8 +21,8 @@ def test_quadratic_program_without_curvature_equals_the_linear_one():
     inequalities = np.vstack([-np.eye(12), rng.normal(size=(9, 12))])
     constraints = LinearConstraints(np.ones((1, 12)), np.ones(1), inequalities, np.ones(21))
     cost, box = rng.normal(size=12), np.full(12, 5.0)
-    quadratic = cost @ minimise_quadratic(np.zeros((12, 12)), cost, constraints, box)
-    assert quadratic == pytest.approx(cost @ minimise_linear(cost, constraints, box), abs=1e-8)
+    quadratic = cost @ minimise_quadratic(np.zeros((12, 12)), cost, constraints, -box, box)
+    assert quadratic == pytest.approx(cost @ minimise_linear(cost, constraints, -box, box), abs=1e-8)
 
 
 def test_infeasible_linear_program_has_no_solution():
