@@ -9,6 +9,7 @@ References
 J. C. Simo and T. J. R. Hughes, Computational Inelasticity, Springer 1998, chapter 3 (return mapping).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +33,7 @@ from compact.numerics.validation import require_finite, require_positive
 
 __all__ = ["CapConstants", "cap_constants", "hardening", "return_map"]  # re-exported
 
+FIELDS = ("stress", "density_ratio", "max_density_ratio", "plastic_work")  # of a `MaterialPoint`
 BATCH_POINTS = 20_000  # [-], points of one compiled call; some 20 ms, so that an interrupt is handled between calls
 NO_STRAIN = 1e-13  # [-], of a path that is elastic from any state; above the rounding of the strain
 CONFINED_STEPS = 200  # [-], of the compression of mix by an earlier pass
@@ -57,6 +59,10 @@ class MaterialPoint:
     density_ratio: Array
     max_density_ratio: Array
     plastic_work: Array
+
+    def map(self, function: Callable[..., Array], *others: "MaterialPoint") -> "MaterialPoint":
+        """Return the points whose fields are a function of the fields of these points and of others."""
+        return MaterialPoint(*(function(*(getattr(each, name) for each in (self, *others))) for name in FIELDS))
 
 
 def initial_state(law: Compaction, n: int) -> MaterialPoint:

@@ -27,7 +27,8 @@ SubcriticalSide = Literal["ellipse", "flat"]
 HeckelTest = Literal["isotropic", "confined"]
 
 
-def _require_poisson(poisson: float) -> None:
+def require_poisson(poisson: float) -> None:
+    """Require a Poisson's ratio of compressible material."""
     require_number(poisson=poisson)
     if not 0 <= poisson < 0.5:
         raise ValueError(f"`poisson` must lie in [0, 0.5), got {poisson!r}")
@@ -50,7 +51,7 @@ class Elastic:
 
     def __post_init__(self) -> None:
         require_positive(youngs_modulus=self.youngs_modulus)
-        _require_poisson(self.poisson)
+        require_poisson(self.poisson)
 
     @property
     def contact_modulus(self) -> float:
@@ -173,7 +174,7 @@ class Compaction:
     def __post_init__(self) -> None:
         moduli = "unloading_modulus heckel_slope loose_density_ratio critical_slope reference_rate"
         require_fields(self, positive=moduli, nonnegative="tensile_strength rate_sensitivity")
-        _require_poisson(self.poisson)
+        require_poisson(self.poisson)
         if not self.loose_density_ratio < self.fed_density_ratio < 1:
             raise ValueError(
                 f"`fed_density_ratio` must lie between `loose_density_ratio` {self.loose_density_ratio!r} and 1, "

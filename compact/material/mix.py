@@ -19,7 +19,7 @@ R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671; K. Terzaghi, R. B. Peck, 
 Practice, Wiley 1996, section 16.7 (secondary compression).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compact.material.laws import REFERENCE_RATE
+from compact.material.laws import REFERENCE_RATE, require_poisson
 from compact.numerics import Array
 from compact.numerics.validation import (
     require_between,
@@ -51,8 +51,6 @@ STATE_TOLERANCE = 1e-9  # [-], of moisture and density ratio
 CALIBRATED_SPREAD = 1.5  # [-], factor of the spread of parameters calibrated to the published machine
 ROLLING_PRESSURE = 0.5e6  # [Pa], largest required pressure at which rolling achieves the density
 ROLLING_SATURATION = 0.95  # [-], largest saturation at which pore water does not carry the roller
-
-Spread = Callable[[float], tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -171,103 +169,55 @@ class Mix:
         return Achievability(False, f"{state} is not achievable by rolling: {'; '.join(reasons)}")
 
 
-@dataclass(frozen=True)
-class ParameterSource:
-    """Unit and source of a parameter, which `mix.csv` does not contain.
-
-    Parameters
-    ----------
-    unit : str
-    flag, words : str
-        Source, as of `Parameter`.
-    spread : callable
-        Spread (low, high) of a value.
-    """
-
-    unit: str
-    flag: str
-    words: str
-    spread: Spread
-
-
-def _factor(by: float) -> Spread:
-    return lambda value: (value / by, value * by)
-
-
-def _plus_minus(by: float) -> Spread:
-    return lambda value: (value - by, value + by)
-
-
-def _range(low: float, high: float) -> Spread:
-    return lambda _: (low, high)
-
-
 _HECKEL_CURVE = "Heckel curve through the published operating point; curve and moisture factor assumed"
-_PHASE_RELATIONS = "phase relations, grains 2650 kg/m3"
 _TRIBOMETRY = "soil on steel and fresh-concrete tribometry"
-_TRIAXIAL = "triaxial tests on fresh concrete, soils"
+_PHASES, _TRIAXIAL = "phase relations, grains 2650 kg/m3", "triaxial tests on fresh concrete, soils"
+_COLUMN_SLOPE = f"one-pass column slope at k; {_HECKEL_CURVE}"
+_TWO_SIDED = f"two-sided contact, no compaction; {_HECKEL_CURVE}"
+_LOOSE = "cohesion of loose mix, that of the product without a measurement"
+_PERMEABILITY = "intrinsic, of the fed mix: silty to sandy soils at its saturation"
+_VISCOSITY = "keeps bands of shear wider than elements; not measured"
+_JAKY = "1 - sin(friction_angle) of normally consolidated soils (Jaky)"
 
-PARAMETER_SOURCES: dict[str, ParameterSource] = {
-    "bulk_density": ParameterSource("kg/m3", "derived", _PHASE_RELATIONS, _factor(1.02)),
-    "saturation": ParameterSource("-", "derived", _PHASE_RELATIONS, _factor(1.02)),
-    "required_pressure": ParameterSource("Pa", "assumed", _HECKEL_CURVE, _factor(2.5)),
-    "plastic_modulus": ParameterSource("Pa", "assumed", f"one-pass column slope at k; {_HECKEL_CURVE}", _factor(2.5)),
-    "relaxed_modulus": ParameterSource(
-        "Pa", "assumed", f"two-sided contact, no compaction; {_HECKEL_CURVE}", _factor(2.5)
+# unit, flag and source as of `Parameter`, and spread: a factor x, an amount +-, or the bounds
+PARAMETERS: dict[str, tuple[str, str, str, tuple[str, *tuple[float, ...]]]] = {
+    "bulk_density": ("kg/m3", "derived", _PHASES, ("x", 1.02)),
+    "saturation": ("-", "derived", _PHASES, ("x", 1.02)),
+    "required_pressure": ("Pa", "assumed", _HECKEL_CURVE, ("x", 2.5)),
+    "plastic_modulus": ("Pa", "assumed", _COLUMN_SLOPE, ("x", 2.5)),
+    "relaxed_modulus": ("Pa", "assumed", _TWO_SIDED, ("x", 2.5)),
+    "unloading_modulus": ("Pa", "analogous", "compacted unsaturated sandy soil", ("x", 2.0)),
+    "poisson": ("-", "analogous", "compacted soil, 0.30 at the operating point", ("+-", 0.07)),
+    "instant_over_relaxed": ("-", "assumed", "trapped air in parallel with the skeleton (estimated)", ("to", 1.3, 2.0)),
+    "relaxation_time": ("s", "assumed", "drainage of pore air (estimated)", ("x", 5.0)),
+    "pore_air_modulus": ("Pa", "derived", "atmospheric pressure / (1 - k)", ("x", 2.0)),
+    "friction_angle": ("deg", "analogous", _TRIAXIAL, ("+-", 5.0)),
+    "cohesion": ("Pa", "analogous", _TRIAXIAL, ("x", 2.0)),
+    "steel_friction": ("-", "analogous", _TRIBOMETRY, ("+-", 0.1)),
+    "heckel_slope": ("1/Pa", "assumed", f"one-dimensional K_H at rest; {_HECKEL_CURVE}", ("x", 2.5)),
+    "cohesion_loose": ("Pa", "assumed", _LOOSE, ("x", 4.0, 2.0)),
+    "earth_pressure_coefficient": ("-", "analogous", _JAKY, ("+-", 0.05)),
+    "dilatancy_angle": ("deg", "assumed", "loose mix shears at constant volume", ("to", 0.0, 5.0)),
+    "shear_viscosity": (
+        "Pa m",
+        "assumed",
+        "keeps bands of shear wider than elements; not measured",
+        ("to", 0.0, 1200.0),
     ),
-    "unloading_modulus": ParameterSource("Pa", "analogous", "compacted unsaturated sandy soil", _factor(2.0)),
-    "poisson": ParameterSource("-", "analogous", "compacted soil, 0.30 at the operating point", _plus_minus(0.07)),
-    "instant_over_relaxed": ParameterSource(
-        "-", "assumed", "trapped air in parallel with the skeleton (estimated)", _range(1.3, 2.0)
-    ),
-    "relaxation_time": ParameterSource("s", "assumed", "drainage of pore air (estimated)", _factor(5.0)),
-    "pore_air_modulus": ParameterSource("Pa", "derived", "atmospheric pressure / (1 - k)", _factor(2.0)),
-    "friction_angle": ParameterSource("deg", "analogous", _TRIAXIAL, _plus_minus(5.0)),
-    "cohesion": ParameterSource("Pa", "analogous", _TRIAXIAL, _factor(2.0)),
-    "steel_friction": ParameterSource("-", "analogous", _TRIBOMETRY, _plus_minus(0.1)),
-    "heckel_slope": ParameterSource("1/Pa", "assumed", f"one-dimensional K_H at rest; {_HECKEL_CURVE}", _factor(2.5)),
-    "cohesion_loose": ParameterSource(
-        "Pa", "assumed", "cohesion of loose mix, that of the product without a measurement", lambda c: (c / 4, 2 * c)
-    ),
-    "earth_pressure_coefficient": ParameterSource(
-        "-", "analogous", "1 - sin(friction_angle) of normally consolidated soils (Jaky)", _plus_minus(0.05)
-    ),
-    "dilatancy_angle": ParameterSource("deg", "assumed", "loose mix shears at constant volume", _range(0.0, 5.0)),
-    "shear_viscosity": ParameterSource(
-        "Pa m", "assumed", "keeps bands of shear wider than elements; not measured", _range(0.0, 1200.0)
-    ),
-    "rate_sensitivity": ParameterSource(
-        "-", "analogous", "secondary compression of granular soils, C_alpha/C_c", _range(0.01, 0.03)
-    ),
-    "reference_rate": ParameterSource("1/s", "assumed", "laboratory compression test", _factor(10.0)),
-    "effective_modulus": ParameterSource(
-        "Pa", "assumed", "secant modulus of (1.5)-(1.6): relaxed_modulus", _factor(2.5)
-    ),
-    "air_permeability": ParameterSource(
-        "m2", "assumed", "intrinsic, of the fed mix: silty to sandy soils at its saturation", _range(1e-14, 1e-12)
-    ),
-    "occlusion_saturation": ParameterSource(
-        "-", "analogous", "compacted soils, end of continuous air", _range(0.85, 0.95)
-    ),
+    "rate_sensitivity": ("-", "analogous", "secondary compression of granular soils, C_alpha/C_c", ("to", 0.01, 0.03)),
+    "reference_rate": ("1/s", "assumed", "laboratory compression test", ("x", 10.0)),
+    "effective_modulus": ("Pa", "assumed", "secant modulus of (1.5)-(1.6): relaxed_modulus", ("x", 2.5)),
+    "air_permeability": ("m2", "assumed", _PERMEABILITY, ("to", 1e-14, 1e-12)),
+    "occlusion_saturation": ("-", "analogous", "compacted soils, end of continuous air", ("to", 0.85, 0.95)),
 }
-PARAMETER_NAMES = tuple(PARAMETER_SOURCES)
+PARAMETER_NAMES = tuple(PARAMETERS)
 CALIBRATED = ("required_pressure", "plastic_modulus", "relaxed_modulus", "heckel_slope", "effective_modulus")
-LOGARITHMIC = (  # parameters that span decades; their logarithms are interpolated
-    "plastic_modulus",
-    "relaxed_modulus",
-    "unloading_modulus",
-    "relaxation_time",
-    "pore_air_modulus",
-    "cohesion",
-)
-MAY_BE_ZERO = (
-    "cohesion",
-    "cohesion_loose",
-    "steel_friction",
-    "rate_sensitivity",
-    "dilatancy_angle",
-    "shear_viscosity",
-)
+LOGARITHMIC = {  # parameters that span decades; their logarithms are interpolated
+    "plastic_modulus", "relaxed_modulus", "unloading_modulus", "relaxation_time", "pore_air_modulus", "cohesion",
+}  # fmt: skip
+MAY_BE_ZERO = {
+    "cohesion", "cohesion_loose", "steel_friction", "rate_sensitivity", "dilatancy_angle", "shear_viscosity",
+}  # fmt: skip
 SHEAR_VISCOSITY = 600.0  # [Pa m]; adds up to 10 kPa to the shear line under the published roller
 
 
@@ -299,7 +249,14 @@ def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] 
     overrides = dict(overrides or {})
     values = _table_values(moisture, density_ratio)
     for name, value in overrides.items():
-        _require_override(name, value)
+        require_known("mix parameter", name, PARAMETER_NAMES)
+        require_number(**{name: value})
+        if name == "poisson":
+            require_poisson(value)
+        elif name in MAY_BE_ZERO:
+            require_nonnegative(**{name: value})
+        else:
+            require_positive(**{name: value})
     values.update(overrides)
     if "heckel_slope" not in overrides:
         values["heckel_slope"] *= 1 + values["rate_sensitivity"] * np.log1p(OPERATING_RATE / values["reference_rate"])
@@ -359,7 +316,7 @@ def scaled_fits(
 
 def table_nodes() -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the moistures and the density ratios of the nodes of the table [-], ascending."""
-    moistures, ratios, _ = _table()
+    moistures, ratios, *_ = _table()
     return tuple(moistures.tolist()), tuple(ratios.tolist())
 
 
@@ -432,55 +389,48 @@ def _require_phases(moisture: ArrayLike, density_ratio: ArrayLike) -> None:
     require_between(0, 1, density_ratio=density_ratio)
 
 
-def _require_override(name: str, value: float) -> None:
-    require_known("mix parameter", name, PARAMETER_NAMES)
-    require_number(**{name: value})
-    if name in MAY_BE_ZERO:
-        require_nonnegative(**{name: value})
-    elif name == "poisson" and not 0 <= value < 0.5:
-        raise ValueError(f"`poisson` must lie in [0, 0.5), got {value!r}")
-    elif name != "poisson":
-        require_positive(**{name: value})
-
-
 def _parameter(name: str, value: float, overridden: bool, published: bool) -> Parameter:
-    source = PARAMETER_SOURCES[name]
+    """Return a parameter with the spread of its source, or of the published machine; without spread if overridden."""
+    unit, flag, words, (kind, *by) = PARAMETERS[name]
     if overridden:
-        return Parameter(name, value, value, value, source.unit, "given", "prescribed in place of the prior")
+        return Parameter(name, value, value, value, unit, "given", "prescribed in place of the prior")
     if name in CALIBRATED and published:
-        return Parameter(name, value, *_factor(CALIBRATED_SPREAD)(value), source.unit, "calibrated", source.words)
-    return Parameter(name, value, *source.spread(value), source.unit, source.flag, source.words)
+        flag, by = "calibrated", [CALIBRATED_SPREAD]
+    low, high = by[0], by[-1]
+    if kind == "x":
+        low, high = value / low, value * high
+    elif kind == "+-":
+        low, high = value - low, value + high
+    return Parameter(name, value, low, high, unit, flag, words)
 
 
 def _table_values(moisture: float, density_ratio: float) -> dict[str, float]:
-    """Return every parameter but effective_modulus at (W, k), by name; `heckel_slope` without its rate factor."""
-    moistures, ratios, _ = _table()
-    require_between(moistures[0], moistures[-1], moisture=moisture)
-    require_between(ratios[0], ratios[-1], density_ratio=density_ratio)
-    values = _interpolated(moisture, density_ratio)
-    values["bulk_density"] = float(bulk_density(moisture, density_ratio))
-    values["saturation"] = float(saturation(moisture, density_ratio))
-    values["heckel_slope"] = HECKEL_SLOPE * np.exp(np.interp(moisture, moistures, np.log(HECKEL_SLOPE_FACTORS)))
-    values |= {"rate_sensitivity": RATE_SENSITIVITY, "reference_rate": REFERENCE_RATE}
-    values |= {"dilatancy_angle": 0.0, "shear_viscosity": SHEAR_VISCOSITY}
-    values |= {"air_permeability": AIR_PERMEABILITY, "occlusion_saturation": OCCLUSION_SATURATION}
-    return values
-
-
-def _interpolated(moisture: float, density_ratio: float) -> dict[str, float]:
-    """Return every column at (W, k).
+    """Return every parameter but effective_modulus at (W, k), by name; `heckel_slope` without its rate factor.
 
     Interpolation is linear in u = -ln(1 - k), then linear in W, of the value or of its logarithm. It passes through the
     nodes and is monotone where the nodes are. The required pressure is Heckel's: linear in u, its logarithm linear in W
     as that of 1/K_H.
     """
-    moistures, ratios, columns = _table()
-    rows = _linear(-np.log1p(-ratios), _transformed_columns(), -np.log1p(-density_ratio))
+    moistures, ratios, columns, transformed = _table()
+    require_between(moistures[0], moistures[-1], moisture=moisture)
+    require_between(ratios[0], ratios[-1], density_ratio=density_ratio)
+    rows = _linear(-np.log1p(-ratios), transformed, -np.log1p(-density_ratio))
     pressure = tuple(columns).index("required_pressure")
     rows[pressure] = np.log(rows[pressure])
     values = dict(zip(columns, _linear(moistures, rows, moisture).tolist(), strict=True))
-    exponential = (*LOGARITHMIC, "required_pressure")
-    return {name: float(np.exp(value)) if name in exponential else value for name, value in values.items()}
+    exponential = LOGARITHMIC | {"required_pressure"}
+    values = {name: float(np.exp(value)) if name in exponential else value for name, value in values.items()}
+    return values | {
+        "bulk_density": float(bulk_density(moisture, density_ratio)),
+        "saturation": float(saturation(moisture, density_ratio)),
+        "heckel_slope": HECKEL_SLOPE * np.exp(np.interp(moisture, moistures, np.log(HECKEL_SLOPE_FACTORS))),
+        "rate_sensitivity": RATE_SENSITIVITY,
+        "reference_rate": REFERENCE_RATE,
+        "dilatancy_angle": 0.0,
+        "shear_viscosity": SHEAR_VISCOSITY,
+        "air_permeability": AIR_PERMEABILITY,
+        "occlusion_saturation": OCCLUSION_SATURATION,
+    }
 
 
 def _linear(nodes: Array, values: Array, x: float) -> Array:
@@ -491,20 +441,18 @@ def _linear(nodes: Array, values: Array, x: float) -> Array:
 
 
 @cache
-def _transformed_columns() -> Array:
-    """Columns as interpolated over u, the logarithm of some, shape (columns, moistures, ratios)."""
-    _, _, columns = _table()
-    return np.array([np.log(column) if name in LOGARITHMIC else column for name, column in columns.items()])
-
-
-@cache
-def _table() -> tuple[Array, Array, dict[str, Array]]:
-    """Nodes of moisture and density ratio, and each column of mix.csv, shape (moistures, ratios)."""
+def _table() -> tuple[Array, Array, dict[str, Array], Array]:
+    """Moistures and density ratios, columns of mix.csv, shape (moistures, ratios), and all as interpolated over u."""
     from importlib.resources import files  # its import costs 40 ms, which scenes without a mix avoid
 
     text = files("compact").joinpath("data/mix.csv").read_text("utf-8").splitlines()
     header = text[0].split(",")
     cells = np.array([line.split(",") for line in text[1:]], dtype=float).T
     moistures, ratios = np.unique(cells[0]), np.unique(cells[1])
-    columns = {name: cell.reshape(len(moistures), len(ratios)) for name, cell in zip(header, cells, strict=True)}
-    return moistures, ratios, {name: columns[name] for name in header if name in PARAMETER_NAMES}
+    columns = {
+        name: cell.reshape(len(moistures), len(ratios))
+        for name, cell in zip(header, cells, strict=True)
+        if name in PARAMETER_NAMES
+    }
+    transformed = np.array([np.log(column) if name in LOGARITHMIC else column for name, column in columns.items()])
+    return moistures, ratios, columns, transformed

@@ -374,8 +374,8 @@ class Sweep:
             numbers[by] = quantities.CRITERIA[by]
             words[f"best_law_by_{by}"] = f"law of the least {numbers[by].term}"
         for name in self.design.names:
-            origin = mix.PARAMETER_SOURCES[name]
-            numbers[name] = Quantity(name.replace("_", " "), origin.unit, definition=f"sampled: {origin.words}")
+            unit, _, words_of_source, _ = mix.PARAMETERS[name]
+            numbers[name] = Quantity(name.replace("_", " "), unit, definition=f"sampled: {words_of_source}")
         return numbers, words
 
     def _attributes(self) -> dict[str, str]:

@@ -1,21 +1,12 @@
 """Steady solutions shared by the tests of the engine "compaction"."""
 
 import pytest
+from mixes import MIX
 
 from compact.engines.compaction.engine import roll
-from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
 # 2 mm depth in a layer of 100 mm: contact length 21 mm, bow wave of the height of the depth
-MIX = Compaction(
-    unloading_modulus=60e6,
-    poisson=0.3,
-    heckel_slope=13e-6,
-    loose_density_ratio=0.72,
-    critical_slope=1.2,
-    tensile_strength=14e3,
-    fed_density_ratio=0.94,
-)
 LAYER, ROLLER = Layer(0.1), Roller(0.11, indentation=0.002, profile="deformed")
 
 

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mixes import shear_line as law
 
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
@@ -11,28 +12,12 @@ from compact.engines.compaction.reciprocating import simulate_reciprocating
 from compact.engines.compaction.rolling import FINAL_DAMPING_RATIO
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.material import cap_plasticity
-from compact.material.earth_pressure import drucker_prager_cap
 from compact.mesh import RowMesh
 from compact.motion.profile import law as profile_law
 from compact.rolling_contact import Layer, Roller
 
 DEPTH = 0.003
 LENGTH = 1.164  # m, of the roller of the table
-
-
-def law(fed=0.9, **other):
-    others = {
-        "friction_angle": 35.0,
-        "cohesion": 10e3,
-        "earth_pressure_coefficient": 1 - np.sin(np.radians(35)),
-        "pressure": 200e3,
-        "unloading_modulus": 120e6,
-        "poisson": 0.3,
-        "heckel_slope": 14.96e-6,
-        "loose_density_ratio": 0.72,
-        "fed_density_ratio": fed,
-    }
-    return drucker_prager_cap(**others | other)
 
 
 def marched(mix, increments, travel, height=None):

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from mixes import STIFF as MIX
 from scipy.linalg import logm, polar
 from skfem import MeshQuad
 
@@ -14,19 +15,8 @@ from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
 from compact.engines.compaction.roller_contact import ContactForces
 from compact.engines.compaction.rolling import IncrementSolver
 from compact.material import cap_plasticity
-from compact.material.laws import Compaction
 from compact.rolling_contact import EquilibriumError
 
-MIX = Compaction(
-    unloading_modulus=120e6,
-    poisson=0.3,
-    heckel_slope=13e-6,
-    loose_density_ratio=0.72,
-    critical_slope=1.2,
-    tensile_strength=14e3,
-    fed_density_ratio=0.94,
-    dry_side="ellipse",
-)
 SQUARE = MeshQuad.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 1, 3))
 # independent solution, e_y < 0: e_x = -0.3 e_y and 0.3 e_y, gamma = e_y, oedometer: strain (xx, yy, 2 xy);
 # stress (xx, yy, zz, xy) [kPa] and density ratio

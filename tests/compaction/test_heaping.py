@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mixes import STIFF
 
 from compact.engines.column.engine import required_feed
 from compact.engines.compaction.engine import HeapingError, roll
@@ -15,18 +16,10 @@ from compact.engines.compaction.layer_state import fresh_layer
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
 from compact.engines.compaction.rolling_case import RollingCase
 from compact.engines.compaction.steady_search import SteadySearch
-from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
-MIX = Compaction(
-    unloading_modulus=120e6,
-    poisson=0.3,
-    heckel_slope=14.75e-6,
-    loose_density_ratio=0.72,
-    critical_slope=0.99345,
-    tensile_strength=14281.0,
-    fed_density_ratio=0.94,
-)  # of the default scene
+# of the default scene
+MIX = replace(STIFF, heckel_slope=14.75e-6, critical_slope=0.99345, tensile_strength=14281.0, dry_side="flat")
 WEAK = replace(MIX, critical_slope=0.3)
 PRODUCT = HeapingEstimate(0.2294, 0.11, MIX)
 

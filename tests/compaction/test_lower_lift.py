@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mixes import LIFT, THIN, free_roller
+from mixes import LIFT_MIX as MIX
 
 from compact import fem
 from compact.analysis.contact_cases import (
@@ -21,40 +23,17 @@ from compact.engines.compaction.layer_state import compacted_lift, fresh_layer
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
 from compact.engines.spectral import engine as spectral
 from compact.material.cap_plasticity import compacted_state
-from compact.material.laws import Compaction, Elastic
+from compact.material.laws import Elastic
 from compact.motion.profile import law
 from compact.rolling_contact import Layer, LowerLift, Ply, Roller
 from compact.scene.loader import load_scene
 
 SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015.toml"
-SLOPE = float(np.sqrt(3) * np.sin(np.radians(35)))
-ISOTROPIC = 14.96e-6 * (1 + np.sqrt(1 + 4 * SLOPE**2 / 9)) / 2
-# the published lift, as in test_steady_search
-LIFT = Layer(0.06 * 0.98 / 0.93576)
-ROLLER = Roller(0.11, indentation=0.003, friction=0.35, rolling="free", profile="deformed")
-MIX = Compaction(
-    unloading_modulus=120e6,
-    poisson=0.3,
-    heckel_slope=ISOTROPIC,
-    loose_density_ratio=0.72,
-    critical_slope=SLOPE,
-    tensile_strength=10e3 / np.tan(np.radians(35)),
-    fed_density_ratio=0.93576,
-)
+ROLLER = free_roller()
 CIRCLE = replace(ROLLER, profile="circle")
 LOWER = LowerLift(thickness=0.06, density_ratio=0.98)
 ON_LIFT = replace(LIFT, lower_lift=LOWER)
 HEIGHT = 0.1147
-THIN = Compaction(
-    unloading_modulus=20e6,
-    poisson=0.3,
-    heckel_slope=13e-6,
-    loose_density_ratio=0.72,
-    critical_slope=1.2,
-    tensile_strength=14e3,
-    fed_density_ratio=0.94,
-    dry_side="ellipse",
-)
 
 
 @pytest.fixture(scope="module")

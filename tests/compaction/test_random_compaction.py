@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mixes import STIFF, calibrated, free_roller
 
 from compact.engines.compaction import engine
 from compact.engines.compaction.engine import HeapingError, roll
@@ -91,22 +92,7 @@ def test_impossible_requests_alone_are_refused(seed, no_solution):
 
 def calibrated_scene(height, depth, heckel_slope, fed):
     """A published scene with the mix fitted to it."""
-    slope = float(np.sqrt(3) * np.sin(np.radians(35)))
-    isotropic = heckel_slope * (1 + np.sqrt(1 + 4 * slope**2 / 9)) / 2
-    material = Compaction(
-        unloading_modulus=120e6,
-        poisson=0.3,
-        heckel_slope=isotropic,
-        loose_density_ratio=LOOSE_DENSITY_RATIO,
-        critical_slope=slope,
-        tensile_strength=10e3 / np.tan(np.radians(35)),
-        fed_density_ratio=fed,
-    )
-    return (
-        Layer(height * 0.98 / fed),
-        Roller(0.11, indentation=depth, friction=0.35, rolling="free", profile="deformed"),
-        material,
-    )
+    return Layer(height * 0.98 / fed), free_roller(depth), calibrated(heckel_slope, fed)
 
 
 SOLVED = {
@@ -115,15 +101,7 @@ SOLVED = {
     "steep": (
         Layer(0.23),
         Roller(0.11, indentation=0.009),
-        Compaction(
-            unloading_modulus=120e6,
-            poisson=0.3,
-            heckel_slope=28e-6,
-            loose_density_ratio=LOOSE_DENSITY_RATIO,
-            critical_slope=1.2,
-            tensile_strength=14e3,
-            fed_density_ratio=0.935,
-        ),
+        replace(STIFF, heckel_slope=28e-6, fed_density_ratio=0.935, dry_side="flat"),
     ),
     "published lift": calibrated_scene(0.06, 0.003, 14.96e-6, 0.93576),
     "published lift of 40 mm": calibrated_scene(0.04, 0.0033, 11.7e-6, 0.905),

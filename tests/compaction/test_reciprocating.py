@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mixes import THIN
 
 from compact.analysis.multipass import Pass, passes
 from compact.engines.column import engine as column
@@ -15,22 +16,11 @@ from compact.engines.compaction.reciprocating import (
     simulate_reciprocating,
 )
 from compact.engines.stroke_schedule import stroke_schedule
-from compact.material.laws import Compaction
 from compact.motion.profile import law
 from compact.rolling_contact import Layer, Ply, Roller
 
 LENGTH = float(np.sqrt(2 * 0.11 * 0.002))  # contact length on the high layer
 # wide thin layer, for which columns are accurate: contact length ahead of ten heights
-THIN = Compaction(
-    unloading_modulus=20e6,
-    poisson=0.3,
-    heckel_slope=13e-6,
-    loose_density_ratio=0.72,
-    critical_slope=1.2,
-    tensile_strength=14e3,
-    fed_density_ratio=0.94,
-    dry_side="ellipse",
-)
 HEIGHT = 0.02
 DEPTH = 0.03 * HEIGHT
 WIDE = Roller((10 * HEIGHT) ** 2 / (2 * DEPTH), indentation=DEPTH)

@@ -6,26 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mixes import MIX
 
 from compact import fem
 from compact.engines.compaction.engine import build_result, roll
 from compact.engines.compaction.roller_contact import RollingSurface
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh
 from compact.engines.compaction.rolling import IncrementalRolling
-from compact.material.laws import Compaction, Elastic
+from compact.material.laws import Elastic
 from compact.rolling_contact import Layer, Roller
 
 R, H = 0.11, 0.1
 LAYER = Layer(H)
-MIX = Compaction(
-    unloading_modulus=60e6,
-    poisson=0.3,
-    heckel_slope=13e-6,
-    loose_density_ratio=0.72,
-    critical_slope=1.2,
-    tensile_strength=14e3,
-    fed_density_ratio=0.94,
-)
 UNYIELDING = replace(MIX, heckel_slope=1e-12, tensile_strength=1e12)
 SHALLOW, FRICTION = 5e-4, 0.3  # indentation [m] and friction [-] on mix that does not yield
 FREE = Roller(R, indentation=0.002, friction=FRICTION, rolling="free", profile="deformed")

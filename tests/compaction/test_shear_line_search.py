@@ -4,25 +4,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mixes import shear_line as law
 
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
 from compact.engines.compaction.steady_search import SCATTER, ShearLineSearch, SteadySearch, mesh_errors, search_class
 from compact.engines.compaction.steady_state import WaveGrowth
-from compact.material.earth_pressure import drucker_prager_cap, earth_pressure_bounds, matched_slopes
+from compact.material.earth_pressure import earth_pressure_bounds, matched_slopes
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
 from compact.rolling_contact import HeapingError, Layer, Roller, UnsteadyError
 
 DEPTH, LENGTH = 0.003, np.sqrt(2 * 0.11 * 0.003)
-
-
-def law(fed=0.9, **other):
-    others = {
-        "friction_angle": 35.0, "cohesion": 10e3, "earth_pressure_coefficient": 1 - np.sin(np.radians(35)),
-        "pressure": 200e3, "unloading_modulus": 120e6, "poisson": 0.3, "heckel_slope": 14.96e-6,
-        "loose_density_ratio": 0.72, "fed_density_ratio": fed,
-    }  # fmt: skip
-    return drucker_prager_cap(**others | other)
 
 
 def lift(fed):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mixes import LIFT, LIFT_MIX, free_roller
 
 from compact.engines.compaction.engine import mesh_cascade, roll
 from compact.engines.compaction.rolling import RollingStep
@@ -18,24 +19,9 @@ from compact.engines.compaction.steady_state import (
     crossing_length,
     relaxation_length,
 )
-from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
-SLOPE = float(np.sqrt(3) * np.sin(np.radians(35)))
-ISOTROPIC = 14.96e-6 * (1 + np.sqrt(1 + 4 * SLOPE**2 / 9)) / 2
-PUBLISHED = (
-    Layer(0.06 * 0.98 / 0.93576),
-    Roller(0.11, indentation=0.003, friction=0.35, rolling="free", profile="deformed"),
-    Compaction(
-        unloading_modulus=120e6,
-        poisson=0.3,
-        heckel_slope=ISOTROPIC,
-        loose_density_ratio=0.72,
-        critical_slope=SLOPE,
-        tensile_strength=10e3 / np.tan(np.radians(35)),
-        fed_density_ratio=0.93576,
-    ),
-)
+PUBLISHED = LIFT, free_roller(), LIFT_MIX
 # load and resistance of the published lift by 600 steps from two bow waves, 10 % above and below the steady one, on 12
 # elements per contact length: 9760.0 and 9758.3 N, 1752.6 and 1752.0 N over 1.1642 m of roller
 TWO_STARTS = 9759.1 / 1.1642, 1752.3 / 1.1642

@@ -36,7 +36,6 @@ SUBSTEPS = 4  # [-], of the stress integration in one increment; 2 leave an erro
 PROBE_TOLERANCE = 5e-3  # [-], error of factors in single precision, over the largest displacement
 FloatArray = NDArray[np.float64]
 LinearSolver = Callable[[FloatArray], FloatArray]
-POINT_FIELDS = ("stress", "density_ratio", "max_density_ratio", "plastic_work")  # of a `MaterialPoint`
 
 
 @dataclass(frozen=True, eq=False)

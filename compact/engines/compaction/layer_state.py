@@ -1,18 +1,14 @@
 """States of a layer by rows from the base up: fresh, compacted, stacked, relaxed at rest."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compact.engines.compaction.finite_strain_solid import POINT_FIELDS, FiniteStrainSolid, FloatArray
+from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, FloatArray
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.numerics.assembly import unit_moduli
 from compact.rolling_contact import LowerLift, compaction_rate
-
-if TYPE_CHECKING:
-    pass
 
 MAX_ITERATIONS = 2100  # [-], of the exit state at rest; one as a rule, hundreds if it yields
 ELASTIC_ITERATIONS = 2000  # [-], of them with the elastic stiffness, which converge monotonically; then Newton's method
@@ -52,21 +48,17 @@ class LayerState:
         if self.lower is None:
             return self
         below = self.lower.stacked
-        rows = (np.concatenate([getattr(below.points, name), getattr(self.points, name)]) for name in POINT_FIELDS)
-        return LayerState(np.concatenate([below.heights, self.heights]), cap_plasticity.MaterialPoint(*rows))
+        points = below.points.map(lambda *rows: np.concatenate(rows), self.points)
+        return LayerState(np.concatenate([below.heights, self.heights]), points)
 
     def split(self, count: int) -> "LayerState":
         """Return the layer with its lowest rows, a number of them, as lower lift; the inverse of `stacked`."""
         if not count:
             return self
-        parts = (
-            LayerState(
-                self.heights[rows],
-                cap_plasticity.MaterialPoint(*(getattr(self.points, name)[rows] for name in POINT_FIELDS)),
-            )
+        layer, lower = (
+            LayerState(self.heights[rows], self.points.map(lambda values, rows=rows: values[rows]))
             for rows in (slice(count, None), slice(count))
         )
-        layer, lower = parts
         return replace(layer, lower=lower)
 
     @property
@@ -109,11 +101,10 @@ class LayerState:
 
     def resampled(self, heights: FloatArray) -> "LayerState":
         """Return the layer by rows of other heights [m]; the sums over the height are conserved."""
-        stress, k, densest, work = (
-            _conservative_means(getattr(self.points, name), self.heights, heights) for name in POINT_FIELDS
-        )
-        densest = np.maximum(densest, k)  # the preconsolidation density ratio is at least the density ratio
-        return LayerState(heights, cap_plasticity.MaterialPoint(stress, k, densest, work), self.lower)
+        points = self.points.map(lambda values: _conservative_means(values, self.heights, heights))
+        # the preconsolidation density ratio is at least the density ratio
+        densest = np.maximum(points.max_density_ratio, points.density_ratio)
+        return LayerState(heights, replace(points, max_density_ratio=densest), self.lower)
 
 
 def fresh_layer(material: Compaction, heights: FloatArray) -> LayerState:

@@ -21,14 +21,12 @@ from scipy.interpolate import RegularGridInterpolator
 from scipy.sparse import csr_matrix
 
 from compact.engines.compaction.finite_strain_solid import (
-    POINT_FIELDS,
     STRAIN_FROM_GRADIENT,
     FiniteStrainSolid,
     FloatArray,
     SolidState,
 )
 from compact.engines.compaction.layer_state import LayerState, fresh_layer, relax_rows
-from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics.assembly import unit_moduli
@@ -202,21 +200,17 @@ class RollerFrame:
 
     def initial_state(self) -> SolidState:
         """Return the state of the fed layer before the roller arrives."""
-        points = cap_plasticity.MaterialPoint(
-            *(self._uniform_along_rows(getattr(self._fed_points, name)) for name in POINT_FIELDS)
-        )
+        columns = self._row_layout.shape[1]
+        points = self._fed_points.map(lambda rows: self.to_points(np.repeat(rows[:, None], columns, axis=1)))
         return SolidState(np.zeros_like(self.nodes), points, np.zeros(len(self.solid.point_areas)))
 
     def convect(self, state: SolidState) -> SolidState:
         """Return the state after all mix has moved by one step towards -x."""
         displacement = self.convect_displacement(state.displacement)
-        fed = self._fed_points
-        stress = self._convect_points(state.points.stress, fed.stress)
+        points = state.points.map(self._convect_points, self._fed_points)
         smeared = self._convect_points(self._elastic_stress(state.displacement), 0.0)
         ahead = (self.solid.point_coordinates[:, :1] > 0).astype(float)
-        stress += ahead * (self._elastic_stress(displacement) - smeared)
-        others = (self._convect_points(getattr(state.points, name), getattr(fed, name)) for name in POINT_FIELDS[1:])
-        points = cap_plasticity.MaterialPoint(stress, *others)
+        points = replace(points, stress=points.stress + ahead * (self._elastic_stress(displacement) - smeared))
         return SolidState(displacement, points, self._convect_points(state.work, 0.0))
 
     def convect_displacement(self, displacement: FloatArray) -> FloatArray:
@@ -262,9 +256,8 @@ class RollerFrame:
             rows[:, :column] = rows[:, column : column + 1]
             return self.to_points(rows)
 
-        stress, *others = (uniform(getattr(state.points, name)) for name in POINT_FIELDS)
-        stress[self._row_layout[:, :column].ravel()] *= [1.0, 0.0, 1.0, 0.0]  # equilibrium of a uniform layer
-        points = cap_plasticity.MaterialPoint(stress, *others)
+        points = state.points.map(uniform)
+        points.stress[self._row_layout[:, :column].ravel()] *= [1.0, 0.0, 1.0, 0.0]  # equilibrium of a uniform layer
         return SolidState(self.with_uniform_rear_nodes(state.displacement), points, uniform(state.work))
 
     def with_uniform_rear_nodes(self, values: FloatArray) -> FloatArray:
@@ -337,9 +330,7 @@ class RollerFrame:
             If elements of the column invert, or it has no equilibrium at rest.
         """
         column = self.exit_column if column is None else column
-        points = cap_plasticity.MaterialPoint(
-            *(self.to_rows(getattr(state.points, name))[:, column] for name in POINT_FIELDS)
-        )
+        points = state.points.map(lambda values: self.to_rows(values)[:, column])
         along = self.to_rows(self.solid.displacement_gradient(state.displacement)[:, 0])[:, column]
         if along.min() <= -1:
             raise RuntimeError("elements of the exit column invert along the travel; reduce the depth")
@@ -403,10 +394,6 @@ class RollerFrame:
         x, y = self.nodes.T
         nodes = np.flatnonzero(np.abs(y - self.lower_height) < SAME_PLACE * self.mesh.height)
         return nodes[np.argsort(x[nodes])]
-
-    def _uniform_along_rows(self, profile):
-        """Values of the Gauss points from a profile over the rows."""
-        return self.to_points(np.repeat(profile[:, None], self._row_layout.shape[1], axis=1))
 
     def _convect_points(self, values, fed):
         """Values of the Gauss points one step upstream, linear between points, `fed` beyond the front."""
@@ -486,8 +473,7 @@ def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> Sol
                 found[inside] = RegularGridInterpolator((y, old.row_x), rows[part])(clipped[:, ::-1])
         return found
 
-    points = cap_plasticity.MaterialPoint(*(interpolate(getattr(state.points, name)) for name in POINT_FIELDS))
-    return SolidState(displacement, points, interpolate(state.work))
+    return SolidState(displacement, state.points.map(interpolate), interpolate(state.work))
 
 
 def _fixed_dofs(x: FloatArray, y: FloatArray, base: BaseCondition) -> NDArray[np.int64]:

@@ -20,12 +20,11 @@ from typing import Self, cast
 
 import numpy as np
 
-from compact.engines.compaction.finite_strain_solid import POINT_FIELDS, FloatArray, SolidState
+from compact.engines.compaction.finite_strain_solid import FloatArray, SolidState
 from compact.engines.compaction.layer_state import LayerState
 from compact.engines.compaction.roller_contact import ContactTractions
 from compact.engines.compaction.roller_frame import transfer_state
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
-from compact.material.cap_plasticity import MaterialPoint
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
@@ -236,7 +235,7 @@ class BowWaveMode:
         a, b = first.state, second.state
         difference = SolidState(
             b.displacement - a.displacement,
-            MaterialPoint(*(getattr(b.points, name) - getattr(a.points, name) for name in POINT_FIELDS)),
+            b.points.map(np.subtract, a.points),
             b.work - a.work,
         )
         area = second.steps[-1].wave_area - first.steps[-1].wave_area
@@ -259,12 +258,10 @@ class BowWaveMode:
             Change of the area of the wave [m2].
         """
         factor, state = wave_area / self.wave_area, rolling.state
-        points = {
-            name: getattr(state.points, name) + factor * getattr(self.state.points, name) for name in POINT_FIELDS
-        }
-        points["max_density_ratio"] = np.maximum(points["max_density_ratio"], points["density_ratio"])
+        points = state.points.map(lambda values, mode: values + factor * mode, self.state.points)
+        points = replace(points, max_density_ratio=np.maximum(points.max_density_ratio, points.density_ratio))
         change = factor * self.state.displacement
-        moved = SolidState(state.displacement + change, MaterialPoint(**points), state.work + factor * self.state.work)
+        moved = SolidState(state.displacement + change, points, state.work + factor * self.state.work)
         pressure = np.maximum(rolling.contact.pressure + factor * self.pressure, 0.0)
         rolling.restart(moved, ContactTractions(pressure, rolling.contact.shear, rolling.contact.creepage), change)
 
