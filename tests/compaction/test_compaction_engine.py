@@ -11,14 +11,13 @@ from mixes import THIN
 from compact import fem
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import build_result, field_mesh, roll
-from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
 from compact.engines.compaction.layer_state import relax_rows
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
 from compact.engines.compaction.rolling import IncrementalRolling
 from compact.engines.compaction.steady_state import DepthTarget
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
-from compact.rolling_contact import ContactResult, Layer, Ply, Roller, compaction_rate
+from compact.rolling_contact import Layer, Roller, compaction_rate
 
 HEIGHT = 0.22 * 0.98 / 0.94
 DEPTH = 0.03 * HEIGHT
@@ -307,15 +306,6 @@ def test_contact_at_the_end_of_the_mesh_is_refused(mix, node):
         build_result(rolling, Layer(0.1), Roller(0.11, indentation=0.002), mix, 0.2)
 
 
-def test_stiffness_without_tangent_is_refused(mix):
-    solid = FiniteStrainSolid(rolling_mesh(0.1, 0.02, 0.01), mix)
-    state = solid.undeformed_state()
-    with pytest.raises(
-        ValueError, match=r"`tangent` must be computed .*, got None; use increment\(\.\.\., tangent=True"
-    ):
-        _ = solid.increment(state, state.displacement, tangent=False).element_stiffness
-
-
 def test_negative_extrapolated_load_requires_more_depth(layer, mix):
     target = DepthTarget(layer, Roller(0.11, load=1e3), mix, None, None)
     assert target.log_miss(-5.0) == pytest.approx(np.log(1e-3))
@@ -424,41 +414,7 @@ def test_load_that_is_not_reached_reports_the_nearest_depth(monkeypatch):
         roll_thin(10, increments=4, indentation=None, load=4e5)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"speed": 0.0}, "`speed` must not be 0, got 0"),
-        ({"speed": np.nan}, "`speed` must be finite, got nan"),
-        ({"strain": "log"}, "no strain 'log'"),
-        (
-            {"roller": Roller(0.11, indentation=0.02)},
-            "must be less than 0.006 m, got 0.02 m: it would press mix fed at 0.94",
-        ),
-        ({"layer": Layer(0.1, plies=(Ply(thickness=0.1, stiffness=2.0),))}, "`plies` are for linear layers, got 1"),
-        ({"exit_density_ratio": 1.0}, "`exit_density_ratio` must lie between that of the fed mix 0.94 and 1, got 1.0"),
-        ({"threads": 0}, "`threads` must be positive and finite, got 0"),
-        ({"increments": 0}, "`increments` must be positive and finite, got 0"),
-        ({"material": "mix"}, "`material` must be Compaction, got str; use the engine fem"),
-    ],
-)
-def test_arguments_out_of_range_are_refused(layer, roller, mix, changes, message):
-    arguments = {"layer": layer, "roller": roller, "material": mix, "speed": 0.2} | changes
-    with pytest.raises(ValueError, match=message):
-        roll(**arguments)
-
-
 def test_two_threads_change_no_digit(coarse, layer, roller, mix):
     rolled = roll(layer, roller, mix, 0.2, increments=4, threads=2)
     assert (rolled.load, rolled.resistance) == (coarse.load, coarse.resistance)
     assert np.array_equal(rolled.solution.state.points.stress, coarse.solution.state.points.stress)
-
-
-def test_start_on_another_base_is_refused(coarse, roller, mix):
-    with pytest.raises(ValueError, match="`start` must have the same `base`, `lower_lift` and `fed_layer`"):
-        roll(Layer(0.1, base="slip"), roller, mix, 0.2, start=coarse)
-
-
-def test_result_without_contact_is_refused():
-    line = np.zeros(2)
-    with pytest.raises(RuntimeError, match="the roller does not touch the layer"):
-        ContactResult(0.0, 0.0, 0.0, 0.0, line, line, line)

@@ -126,12 +126,6 @@ def test_estimate_is_omitted_on_compacted_mix(no_solution):
         roll_product(0.0097, fed_layer=fresh_layer(MIX, np.full(20, 0.2294 / 20)))
 
 
-@pytest.mark.parametrize("angle", [0.0, 2.0, np.nan])
-def test_contact_angles_out_of_range_are_refused(angle):
-    with pytest.raises(ValueError, match="`max_contact_angle` must be"):
-        roll_product(0.001, max_contact_angle=angle)
-
-
 # (d) remedies
 
 

@@ -1,0 +1,93 @@
+"""Arguments out of range of steady rolling and of strokes: changes to a case and the words of the refusal."""
+
+import numpy as np
+import pytest
+from mixes import LIFT, MIX, free_roller
+from mixes import LIFT_MIX as ON_LIFT
+
+from compact.engines.compaction.engine import roll
+from compact.engines.compaction.layer_state import fresh_layer
+from compact.engines.compaction.reciprocating import simulate_reciprocating
+from compact.motion.profile import law
+from compact.rolling_contact import Layer, LowerLift, Ply, Roller
+
+LIFTED = Layer(LIFT.height, lower_lift=LowerLift(thickness=0.06, density_ratio=0.98))
+LOOSE = Layer(LIFT.height, lower_lift=LowerLift(thickness=0.06, density_ratio=0.9))
+PLIES = Layer(0.1, plies=(Ply(thickness=0.05, stiffness=1.0), Ply(thickness=0.05, stiffness=2.0)))
+STROKE = {"speed": None, "motion": law("quintic", 0.1, 1.0)}
+DEPTH = {"indentation": 0.002, "friction": 0.3}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"speed": 0.0}, "`speed` must not be 0, got 0"),
+        ({"speed": np.nan}, "`speed` must be finite, got nan"),
+        ({"strain": "log"}, "no strain 'log'"),
+        ({"roller": Roller(0.11, indentation=0.02)}, "than 0.006 m, got 0.02 m: it would press mix fed at 0.94"),
+        (
+            {"roller": Roller(0.001, indentation=0.002, profile="circle")},
+            "must be less than the roller's `radius`",
+        ),
+        (
+            {"roller": Roller(0.11, indentation=0.08), "layer": Layer(0.1, base="slip")},
+            "at most 0.07 m on a",
+        ),
+        ({"layer": PLIES}, "`plies` are for linear layers, got 2"),
+        ({"exit_density_ratio": 1.0}, "`exit_density_ratio` must lie between that of the fed mix 0.94 and 1, got 1.0"),
+        ({"threads": 0}, "`threads` must be positive and finite, got 0"),
+        ({"increments": 0}, "`increments` must be positive and finite, got 0"),
+        ({"material": "mix"}, "`material` must be Compaction, got str; use the engine fem"),
+        *(({"max_contact_angle": angle}, "`max_contact_angle` must be") for angle in (0.0, 2.0, np.nan)),
+        ({"roller": Roller(0.11, rolling="driven", **DEPTH)}, "`torque` must be given for a 'driven' roller, got None"),
+        (
+            {"roller": free_roller(friction=0.0), "torque": 3.0},
+            "`torque` needs .* got 3.0 for 'free' with 0.0",
+        ),
+        (
+            {"roller": free_roller(rolling="sliding"), "torque": 3.0},
+            "`torque` needs .* for 'sliding' with 0.35",
+        ),
+        ({"roller": free_roller(), "torque": np.nan}, "`torque` must be finite, got nan"),
+        ({"roller": free_roller(rolling="skidding")}, "no rolling 'skidding'"),
+        ({"layer": LOOSE, "material": ON_LIFT}, "must lie between that of the fed mix 0.93576 and 1, got 0.9"),
+        (
+            {"layer": LIFTED, "material": ON_LIFT, "fed_layer": fresh_layer(ON_LIFT, np.array([LIFT.height]))},
+            "`fed_layer` on a `lower_lift` must have a state `lower` of it, got None",
+        ),
+        (STROKE | {"roller": Roller(0.11, load=5e3)}, "`indentation` must be given .*, got its load"),
+        (STROKE | {"layer": Layer(0.1, base="slip")}, "`base` must be 'bonded', got 'slip'"),
+        (STROKE | {"layer": PLIES}, "`plies` are for linear layers"),
+        (
+            STROKE | {"layer": LIFTED, "material": ON_LIFT},
+            "a `lower_lift` is for steady rolling, got one",
+        ),
+        (STROKE | {"roller": Roller(0.11, rolling="driven", **DEPTH)}, "`torque` must be given for a 'driven' roller"),
+        (STROKE | {"torque": 10.0}, "`torque` needs a roller that is 'free' or 'driven'"),
+        (STROKE | {"material": "mix"}, "`material` must be Compaction, got str"),
+        (STROKE | {"lift_thickness": -0.01}, "`lift_thickness` must be zero or positive"),
+        (STROKE | {"lift_thickness": 0.02}, "`lift_thickness` must be more than 0.03333 m .*, got 0.02 m"),
+        (STROKE | {"increments": 0.5}, "`increments` must be a whole number"),
+        (STROKE | {"instants": (np.nan,)}, "`instants` must be finite"),
+        (STROKE | {"strain": "log"}, "no strain 'log'"),
+        (STROKE | {"roller": Roller(0.11, indentation=0.01)}, "would press mix"),
+    ],
+)
+def test_arguments_out_of_range_are_refused(layer, roller, changes, message):
+    arguments = {"layer": layer, "roller": roller, "material": MIX, "speed": 0.2} | changes
+    compute = roll
+    if arguments["speed"] is None:
+        compute = simulate_reciprocating
+        del arguments["speed"]
+    with pytest.raises(ValueError, match=message):
+        compute(**arguments)
+
+
+def test_start_of_another_case_is_refused(coarse, roller, mix):
+    with pytest.raises(ValueError, match="`start` must have the same `base`, `lower_lift` and `fed_layer`"):
+        roll(Layer(0.1, base="slip"), roller, mix, 0.2, start=coarse)
+    with pytest.raises(ValueError, match="`start` must have the same `layer`, `fed_layer` and `indentation`"):
+        simulate_reciprocating(coarse.layer, Roller(0.11, indentation=0.003), mix, STROKE["motion"], start=coarse)
+    backwards = roll(coarse.layer, roller, mix, -0.2, increments=4)
+    with pytest.raises(ValueError, match=r"`start` must roll along \+x and the `motion` begin along \+x, got -0.2 m/s"):
+        simulate_reciprocating(coarse.layer, roller, mix, STROKE["motion"], start=backwards)
