@@ -185,7 +185,13 @@ class FiniteStrainSolid:
         law = constants, constants.line or None, self.finite
         carried = np.empty(0) if before.carried_pressure is None else np.ascontiguousarray(before.carried_pressure)
         inputs = law, self._mesh, displacements, state, after, (multipliers, carried), (forces, stiffness)
-        failed = self._integrate_blocks(elements, inputs)
+        if self.threads == 1:
+            failed = integrate_elements((0, elements), *inputs)
+        else:  # equal blocks; the first point that fails, or -1
+            ends = np.linspace(0, elements, self.threads + 1, dtype=int).tolist()
+            executor = _executor(self.threads, getpid())
+            found = list(executor.map(lambda block: integrate_elements(block, *inputs), pairwise(ends)))
+            failed = min((point for point in found if point >= 0), default=-1)
         if failed >= 0:
             raise ValueError(
                 "`displacement` must not invert elements, got one in which the stress integration fails at point "
@@ -193,16 +199,7 @@ class FiniteStrainSolid:
             )
         points = cap_plasticity.MaterialPoint(*after[:4])
         end = SolidState(displacement, points, after[4], before.carried_pressure)
-        return SolidIncrement(self, end, multipliers, forces, stiffness if tangent else None)
-
-    def _integrate_blocks(self, elements, inputs):
-        """Call `integrate_elements` in equal blocks, one for each thread; return the first point that fails, or -1."""
-        if self.threads == 1:
-            return integrate_elements((0, elements), *inputs)
-        ends = np.linspace(0, elements, self.threads + 1, dtype=int).tolist()
-        executor = _executor(self.threads, getpid())
-        failed = list(executor.map(lambda block: integrate_elements(block, *inputs), pairwise(ends)))
-        return min((point for point in failed if point >= 0), default=-1)
+        return SolidIncrement(self, end, multipliers, forces, stiffness)
 
     @cached_property
     def _mesh(self):
@@ -322,15 +319,15 @@ class SolidIncrement:
         Unknowns of the return mappings [-].
     element_forces : ndarray, shape (elements, 16)
         Internal forces of the elements [N/m].
-    tangent : ndarray, shape (elements, 16, 16), or None
-        Stiffness of the elements [N/m2].
+    element_stiffness : ndarray, shape (elements, 16, 16), or (0, 16, 16) without tangent
+        Stiffness d(internal forces)/d(displacement) of the elements [N/m2].
     """
 
     solid: FiniteStrainSolid
     after: SolidState
     multipliers: FloatArray
     element_forces: FloatArray
-    tangent: FloatArray | None
+    element_stiffness: FloatArray
 
     @property
     def internal_forces(self) -> FloatArray:
@@ -338,10 +335,3 @@ class SolidIncrement:
         dofs, count = self.solid.element_dofs, 2 * self.solid.basis.N
         forces = np.bincount(dofs.ravel(), self.element_forces.ravel(), count)
         return cast(FloatArray, forces.reshape(-1, 2))  # floats, as it has weights
-
-    @property
-    def element_stiffness(self) -> FloatArray:
-        """Stiffness d(internal forces)/d(displacement) of the elements [N/m2], shape (elements, 16, 16)."""
-        if self.tangent is None:
-            raise ValueError("`tangent` must be computed for the stiffness, got None; use increment(..., tangent=True)")
-        return self.tangent

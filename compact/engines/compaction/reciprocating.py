@@ -48,7 +48,7 @@ from compact.engines.compaction.engine import CompactionContactResult, require_c
 from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.engines.compaction.layer_state import LayerState, rate_factor_at
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
-from compact.engines.compaction.roller_frame import RollerFrame, stroke_mesh, transfer_state
+from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
 from compact.engines.compaction.rolling import (
     CARRIED_SHARE,
     PENALTY,
@@ -210,7 +210,7 @@ class ReciprocatingRoller:
         # for travel along +x: traction over pressure of a sliding roller, sum of the tractions of a rotating one
         self.traction_ratio = roller.friction if roller.rolling == "sliding" else 0.0
         self.tangential_force = -case.torque / roller.radius
-        mesh = stroke_mesh(height, case.contact_length, element, round(strokes.span / element))
+        mesh = rolling_mesh(height, case.contact_length, element, stroke=round(strokes.span / element))
         self.frame = frame = RollerFrame(
             mesh, case.material, "bonded", case.contact_length, fed_layer=fed_layer, finite=case.finite
         )

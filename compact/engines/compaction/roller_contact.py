@@ -159,7 +159,8 @@ class RollerSurface:
         if self.profile == "deformed":
             return np.zeros_like(x)
         inside = np.abs(x) < self.radius
-        return x / self.radius if self.profile == "parabola" else np.where(inside, self._circle_slope(x), 0.0)
+        root = np.sqrt(np.maximum(self.radius**2 - x**2, MIN_SLOPE_ROOT * self.radius**2))
+        return x / self.radius if self.profile == "parabola" else np.where(inside, x / root, 0.0)
 
     def load_and_resistance(self, contact: ContactForces) -> tuple[float, float]:
         """Return load and resistance [N/m]; a vertical pressure resists on the slope of the roller."""
@@ -177,9 +178,6 @@ class RollerSurface:
         ray = self.coordinates + displacement - np.array([self.position, self.bottom_height + self.radius])
         distance = np.hypot(*ray.T)
         return ray / distance[:, None], distance
-
-    def _circle_slope(self, x):
-        return x / np.sqrt(np.maximum(self.radius**2 - x**2, MIN_SLOPE_ROOT * self.radius**2))
 
     def _normal_to_circle(self, n, distance):
         t = _turned(n)
@@ -266,7 +264,12 @@ class RollingSurface(RollerSurface):
 
     def contact_forces(self, displacement: FloatArray) -> ContactForces:
         """Return the contact forces on nodes with displacements [m] of shape (n, 2)."""
-        normal, n, t, rotation, growth = self._normal_contact_and_axes(displacement)
+        # normals and tangents, rotation and arc growth per tangential motion of the nodes
+        n, t = np.tile([0.0, -1.0], (len(displacement), 1)), self.tangents(displacement)
+        rotation, growth, normal = np.zeros(len(t)), np.ones(len(t)), self.normal_contact(displacement)
+        if self.profile == "deformed":
+            n, distance = self._normals(displacement)
+            rotation, growth = 1 / distance, self.radius / distance
         bound, travel = self.friction * normal.pressure, self.position - self.start_position
         stiffness = SHEAR_PENALTY_RATIO * self.penalty
         without_creep = self.multiplier_shear - stiffness * (self.arcs(displacement) - self.start_arcs + travel)
@@ -278,6 +281,10 @@ class RollingSurface(RollerSurface):
         slipping = np.sign(shear) * self.friction * self._penalty_stiffness(normal.pressure)
         gradient += np.where(sticking, 0.0, slipping)[:, None] * n
         geometric = (self.weights * shear * rotation)[:, None, None] * n[:, :, None] * t[:, None, :]
+        coupling = None
+        if sticking.any():  # the sticking nodes take the loss of the sum of the shears
+            share = np.where(sticking, self.weights, 0.0)
+            coupling = (share / (self.weights * sticking).sum())[:, None] * t, -gradient
         total = normal.stiffness + t[:, :, None] * gradient[:, None, :] + geometric
         return replace(
             normal,
@@ -286,7 +293,7 @@ class RollingSurface(RollerSurface):
             stiffness=total,
             creepage=creep_travel / travel if travel else self.creepage,
             creep_travel=creep_travel,
-            creep_coupling=self._creep_coupling(t, gradient, sticking),
+            creep_coupling=coupling,
         )
 
     def friction_utilisation(self, contact: ContactForces) -> float:
@@ -309,21 +316,6 @@ class RollingSurface(RollerSurface):
         ends = np.sort(np.concatenate([without_creep - bound, without_creep + bound])) / stiffness
         sums = np.clip(without_creep - stiffness * ends[:, None], -bound, bound) @ weights
         return float(np.interp(self.tangential_force, sums[::-1], ends[::-1]))
-
-    def _creep_coupling(self, t, gradient, sticking):
-        """Return the column and row by which the sticking nodes take the loss of the sum of the shears."""
-        if not sticking.any():
-            return None
-        share = np.where(sticking, self.weights, 0.0)
-        return (share / (self.weights * sticking).sum())[:, None] * t, -gradient
-
-    def _normal_contact_and_axes(self, displacement):
-        """Return the normal contact, and normals, tangents, rotation and arc growth per tangential motion of nodes."""
-        if self.profile == "deformed":
-            n, distance = self._normals(displacement)
-            return self._normal_to_circle(n, distance), n, _turned(n), 1 / distance, self.radius / distance
-        down, t = np.tile([0.0, -1.0], (len(displacement), 1)), self.tangents(displacement)
-        return self._vertical(displacement), down, t, np.zeros(len(t)), np.ones(len(t))
 
 
 def _turned(normals):

@@ -46,8 +46,10 @@ SAME_PLACE = 1e-9  # [-], over a length of the mesh; closer coordinates are equa
 SAME_SOURCE = 1e-12  # [-], over x; closer source points are equal
 
 
-def rolling_mesh(height: float, contact_length: float, step: float, lower_height: float = 0.0) -> RowMesh:
-    """Mesh a layer under a roller at x = 0, uniform near it.
+def rolling_mesh(
+    height: float, contact_length: float, step: float, lower_height: float = 0.0, stroke: int | None = None
+) -> RowMesh:
+    """Mesh a layer under a roller at x = 0, uniform near it; elements grow outwards and downwards.
 
     Parameters
     ----------
@@ -59,36 +61,16 @@ def rolling_mesh(height: float, contact_length: float, step: float, lower_height
         Length of the elements in the uniform zone [m].
     lower_height : float
         Height of the lower lift [m]; the layer lies on it.
+    stroke : int, optional
+        Length of a stroke from x = 0 in steps, along which the mesh is uniform in both directions.
 
     Returns
     -------
     RowMesh
     """
-    behind = int(np.ceil(UNIFORM_BEHIND * contact_length / step))
-    ahead = int(np.ceil(UNIFORM_AHEAD * contact_length / step))
-    return _mesh_uniform_between(height, -behind, ahead, step, lower_height)
-
-
-def stroke_mesh(height: float, contact_length: float, step: float, count: int) -> RowMesh:
-    """Mesh a layer under a roller that moves between x = 0 and `count` steps, uniform along its whole way.
-
-    Parameters
-    ----------
-    height, contact_length, step : float
-        As of `rolling_mesh` [m].
-    count : int
-        Length of the stroke in steps.
-
-    Returns
-    -------
-    RowMesh
-    """
-    ahead = int(np.ceil(UNIFORM_AHEAD * contact_length / step))
-    return _mesh_uniform_between(height, -ahead, count + ahead, step)
-
-
-def _mesh_uniform_between(height: float, first: int, last: int, step: float, lower_height: float = 0.0) -> RowMesh:
-    """Mesh with elements of one step between two multiples of it, which grow outwards and downwards."""
+    behind = UNIFORM_BEHIND if stroke is None else UNIFORM_AHEAD
+    first = -int(np.ceil(behind * contact_length / step))
+    last = (stroke or 0) + int(np.ceil(UNIFORM_AHEAD * contact_length / step))
     outward = _growing_distances(OUTER_LENGTH * (height + lower_height), step, height)
     x = np.concatenate([first * step - outward[::-1], np.arange(first, last + 1) * step, last * step + outward])
     depth = _growing_distances(height, min(step, height / TOP_ROWS), height)
@@ -150,18 +132,28 @@ class RollerFrame:
         self.has_frictionless_base = base == "slip"
         self.nodes = FiniteStrainSolid(mesh, material).basis.doflocs.T
         x, y = self.nodes.T
+        # fixed by the base and the fed mix ahead, and behind the roller by bonded mix
+        near = SAME_PLACE * np.ptp(y)
+        bottom, front, rear = y < near, x > x.max() - near, x < x.min() + near
+        along = front | ((rear | bottom) & (base == "bonded"))
+        fixed = np.concatenate([2 * np.flatnonzero(along), 2 * np.flatnonzero(bottom) + 1])
         self.solid = FiniteStrainSolid(
-            mesh,
-            material,
-            fixed_dofs=_fixed_dofs(x, y, base),
-            finite=finite,
-            rate_factor=rate_factor,
-            travel=self.step,
+            mesh, material, fixed_dofs=fixed, finite=finite, rate_factor=rate_factor, travel=self.step
         )
         surface = np.flatnonzero(y > mesh.height * (1 - SAME_PLACE))
         self.surface_nodes = surface[np.argsort(x[surface])]
-        self._node_convection = self._node_convection_matrix()
-        self._row_layout, self.row_x, self.row_y = self._order_points_by_rows()
+        # from nodal displacements to those one step upstream, 0 beyond the front
+        inside = np.flatnonzero(x + self.step < x.max() + SAME_PLACE * self.step)
+        source = np.array([np.minimum(x[inside] + self.step, x.max()), y[inside]])
+        upstream = self.interpolation_matrix(source).tocoo()
+        self._node_convection = csr_matrix((upstream.data, (inside[upstream.row], upstream.col)), shape=(len(x),) * 2)
+        # Gauss points by rows
+        rows, columns = mesh.shape
+        order = np.lexsort(self.solid.basis.X)
+        index = np.arange(rows * columns * 4).reshape(rows, columns, 4)[:, :, order].reshape(rows, columns, 2, 2)
+        self._row_layout = index.transpose(0, 2, 1, 3).reshape(2 * rows, 2 * columns)
+        coordinates = self.solid.point_coordinates[self._row_layout]
+        self.row_x, self.row_y = coordinates[0, :, 0], coordinates[:, 0, 1]
         self.inflow = fed_layer
         lower = lower if fed_layer is None else fed_layer.lower
         lower = None if lower is None else lower.stacked
@@ -423,23 +415,6 @@ class RollerFrame:
         volumetric = lame * (exx + eyy)
         return np.array([two_shear * exx + volumetric, two_shear * eyy + volumetric, volumetric, shear * gamma]).T
 
-    def _order_points_by_rows(self):
-        """Return the indices of the Gauss points by rows, and the coordinates of columns and rows."""
-        rows, columns = self.mesh.shape
-        order = np.lexsort(self.solid.basis.X)
-        index = np.arange(rows * columns * 4).reshape(rows, columns, 4)[:, :, order].reshape(rows, columns, 2, 2)
-        index = index.transpose(0, 2, 1, 3).reshape(2 * rows, 2 * columns)
-        coordinates = self.solid.point_coordinates[index]
-        return index, coordinates[0, :, 0], coordinates[:, 0, 1]
-
-    def _node_convection_matrix(self):
-        """Matrix from nodal displacements to those one step upstream, 0 beyond the front, shape (N, N)."""
-        x, y = self.nodes.T
-        inside = np.flatnonzero(x + self.step < x.max() + SAME_PLACE * self.step)
-        source = np.array([np.minimum(x[inside] + self.step, x.max()), y[inside]])
-        upstream = self.interpolation_matrix(source).tocoo()
-        return csr_matrix((upstream.data, (inside[upstream.row], upstream.col)), shape=(len(x),) * 2)
-
 
 def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> SolidState:
     """Interpolate a state from the mesh of one frame to that of another, linearly between Gauss points.
@@ -474,11 +449,3 @@ def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> Sol
         return found
 
     return SolidState(displacement, state.points.map(interpolate), interpolate(state.work))
-
-
-def _fixed_dofs(x: FloatArray, y: FloatArray, base: BaseCondition) -> NDArray[np.int64]:
-    """Degrees of freedom fixed by the base and the fed mix ahead, and behind the roller by bonded mix."""
-    near = SAME_PLACE * np.ptp(y)
-    bottom, front, rear = y < near, x > x.max() - near, x < x.min() + near
-    along = front | ((rear | bottom) & (base == "bonded"))
-    return np.concatenate([2 * np.flatnonzero(along), 2 * np.flatnonzero(bottom) + 1])
