@@ -41,21 +41,14 @@ def rows(directory, by, engine="column"):
         return [row for row in csv.DictReader(stream) if (row["engine"], row["criterion"]) == (engine, by)]
 
 
-def test_laws_of_constant_velocity_share_the_first_rank_by_nonuniformity(written):
-    found = rows(written[1], "nonuniformity")
-    assert {row["law"] for row in found if row["rank"] == "1"} == set(CONSTANT_VELOCITY)
-    assert {row["value"] for row in found if row["rank"] == "1"} == {"0"}
-
-
 @pytest.mark.parametrize("by", CRITERIA)
-def test_no_margin_is_relative_to_rounding(written, by):
+def test_ties_and_infinite_values_are_not_resolved_and_no_margin_is_relative_to_rounding(written, by):
     for engine in ("column", "formula"):
-        margins = [float(row["margin"]) for row in rows(written[1], by, engine)]
-        assert not [margin for margin in margins if 10 < margin < math.inf]
-
-
-@pytest.mark.parametrize("by", CRITERIA)
-def test_infinite_values_share_the_last_rank_and_are_not_resolved(written, by):
+        found = rows(written[1], by, engine)
+        assert not [row for row in found if 10 < float(row["margin"]) < math.inf]
+        for row in found:
+            assert (row["tie"] == "True") == (float(row["margin"]) < BUILD_TOLERANCE)
+            assert row["tie"] == "False" or row["resolved"] == "False"
     found = rows(written[1], by)
     infinite = [row for row in found if row["reason"]]
     assert {(row["rank"], row["value"], row["resolved"]) for row in infinite} <= {(str(len(found)), "inf", "False")}
@@ -63,40 +56,32 @@ def test_infinite_values_share_the_last_rank_and_are_not_resolved(written, by):
     assert infinite or by not in ("peak_jerk", "peak_force", "dynamic_factor")
 
 
-@pytest.mark.parametrize("by", CRITERIA)
-def test_laws_within_the_build_tolerance_tie_and_are_not_resolved(written, by):
-    for engine in ("column", "formula"):
-        found = rows(written[1], by, engine)
-        for row in found:
-            assert (row["tie"] == "True") == (float(row["margin"]) < BUILD_TOLERANCE)
-            assert row["tie"] == "False" or row["resolved"] == "False"
+def test_laws_of_constant_velocity_share_the_first_rank_by_nonuniformity(written):
+    first = [row for row in rows(written[1], "nonuniformity") if row["rank"] == "1"]
+    assert {row["law"] for row in first} == set(CONSTANT_VELOCITY)
+    assert {row["value"] for row in first} == {"0"}
 
 
-def test_peak_force_has_ties_and_resolved_ranks(written):
-    """Both cases of the tests above occur."""
-    found = rows(written[1], "peak_force")
+def test_page_summary_and_digest_print_ties_as_such(written):
+    study, directory, digest = written
+    found = rows(directory, "peak_force")
     assert {row["tie"] for row in found} == {row["resolved"] for row in found} == {"True", "False"}
-
-
-def test_page_prints_ties_as_such(written):
-    page = section_html(ranking_section(written[0], {}))
+    ties = {row["law"] for row in found if row["tie"] == "True"}
+    page = section_html(ranking_section(study, {}))
     table = re.search(r"<caption>Laws by peak drive force, rigid.*?</table>", page, re.DOTALL).group(0)
     cells = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", table)[1:]]
-    ties = {row["law"] for row in rows(written[1], "peak_force") if row["tie"] == "True"}
     assert {cell[1] for cell in cells if cell[3] == "tie"} == ties
     assert {cell[1] for cell in cells if cell[5] == "–"} == {"constant-velocity"}
     assert not [cell for cell in cells if cell[3] == "tie" and cell[5] != "tie"]
     assert not re.search(r"\d × 10[⁴-⁹¹][⁰-⁹]* %", page)
-
-
-def test_summary_and_digest_list_ties(written):
-    _, directory, digest = written
     ranked = json.loads((directory / "summary.json").read_text())["rankings"]["peak_force"]
-    ties = [place["law"] for place in ranked if place["tie"]]
-    assert ties
+    assert {place["law"] for place in ranked if place["tie"]} == ties
     best = re.search(r"laws by peak drive force (.*?)laws by", digest, re.DOTALL)[1].split(";")
-    tied = [law for law in ties if any(law in each.split() and "tie" in each for each in best)]
-    assert tied == [law for law in ties if any(law in each.split() for each in best)] != []
+    assert (
+        {law for law in ties if any(law in each.split() for each in best)}
+        == {law for law in ties if any(law in each.split() and "tie" in each for each in best)}
+        != set()
+    )
 
 
 def test_laws_of_infinite_peaks_have_no_first_rank(tmp_path):
@@ -108,8 +93,7 @@ def test_laws_of_infinite_peaks_have_no_first_rank(tmp_path):
     assert study.stages.drive.places["rigid"]["peak_force"][0].resolved is False
 
 
-def test_figure_of_the_engines_has_no_excess_relative_to_rounding(written):
-    study, _, _ = written
-    for places in study.stages.drive.places["rigid"]["nonuniformity"], study.stages.drive.places["rigid"]["energy"]:
-        by = "nonuniformity" if places is study.stages.drive.places["rigid"]["nonuniformity"] else "energy"
-        assert max(value for value, _ in figures._excess(places, by).values()) < 200
+@pytest.mark.parametrize("by", ["nonuniformity", "energy"])
+def test_figure_of_the_engines_has_no_excess_relative_to_rounding(written, by):
+    places = written[0].stages.drive.places["rigid"][by]
+    assert max(value for value, _ in figures._excess(places, by).values()) < 200

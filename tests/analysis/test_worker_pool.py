@@ -17,6 +17,8 @@ from compact.analysis.worker_pool import (
     run_tasks,
 )
 
+EXECUTORS = pytest.mark.parametrize("create", [SerialExecutor, lambda: ProcessExecutor(2)], ids=["here", "processes"])
+
 # functions of a task
 
 
@@ -51,9 +53,11 @@ def collected(work, tasks, executor):
     return dict(run_tasks(work, tasks, executor))
 
 
-@pytest.mark.parametrize("executor", [SerialExecutor(), ProcessExecutor(2)], ids=["here", "two processes"])
-def test_every_task_returns_its_outcome(executor):
-    assert collected(square, list(range(9)), executor) == {number: number**2 for number in range(9)}
+@EXECUTORS
+def test_every_task_returns_its_outcome_or_raises_its_error(create):
+    assert collected(square, list(range(9)), create()) == {number: number**2 for number in range(9)}
+    with pytest.raises(RuntimeError, match="5 does not converge"):
+        collected(fails, [5], create())
 
 
 def test_meanwhile_is_called_once_after_the_first_tasks_are_submitted():
@@ -84,12 +88,6 @@ def test_workers_use_one_thread_and_ignore_interrupts():
     assert os.environ.get("OMP_NUM_THREADS") == before
 
 
-@pytest.mark.parametrize("executor", [SerialExecutor(), ProcessExecutor(1)], ids=["here", "a process"])
-def test_error_of_a_task_is_raised(executor):
-    with pytest.raises(RuntimeError, match="5 does not converge"):
-        collected(fails, [5], executor)
-
-
 def test_workers_are_killed_when_the_caller_stops():
     executor = ProcessExecutor(2)
     coming = run_tasks(square, list(range(100)), executor)
@@ -107,12 +105,14 @@ def test_processes_that_cannot_begin_raise(monkeypatch):
         collected(square, [1], ProcessExecutor(1))
 
 
-@pytest.mark.parametrize("executor", [SerialExecutor(), ProcessExecutor(2)], ids=["here", "two processes"])
-def test_background_results_are_returned_in_any_order_and_again(executor):
-    with BackgroundTasks(executor) as tasks:
+@EXECUTORS
+def test_background_results_are_returned_in_any_order_and_again(create):
+    with BackgroundTasks(create()) as tasks:
         results = [tasks.submit(f"square of {number}", square, number) for number in range(5)]
         assert [answer() for answer in reversed(results)] == [16, 9, 4, 1, 0]
         assert results[2]() == 4
+        with pytest.raises(RuntimeError, match="5 does not converge"):
+            tasks.submit("fifth", fails, 5)()
 
 
 def test_background_tasks_run_while_the_caller_continues(tmp_path):
@@ -127,32 +127,23 @@ def test_background_tasks_run_while_the_caller_continues(tmp_path):
 
 
 @pytest.mark.slow
-def test_background_task_of_a_killed_worker_is_repeated(tmp_path):
+def test_background_task_of_a_killed_worker_is_repeated_three_times(tmp_path):
     with BackgroundTasks(ProcessExecutor(1)) as tasks:
         assert tasks.submit("once", dies_once, (7, tmp_path / "mark"))() == 49
+        with pytest.raises(RuntimeError, match="third: its worker process died 3 times"):
+            tasks.submit("third", dies_or_squares, 3)()
 
 
-@pytest.mark.slow
-def test_background_task_that_kills_its_workers_raises():
-    with (
-        BackgroundTasks(ProcessExecutor(1)) as tasks,
-        pytest.raises(RuntimeError, match="third: its worker process died 3 times"),
-    ):
-        tasks.submit("third", dies_or_squares, 3)()
-
-
-def test_failed_background_task_raises():
-    with BackgroundTasks(ProcessExecutor(1)) as tasks, pytest.raises(RuntimeError, match="5 does not converge"):
-        tasks.submit("fifth", fails, 5)()
-
-
-def test_cluster_requires_dask(monkeypatch):
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(RuntimeError, match=r"a cluster needs dask; install it with `pip install 'compact\[cluster\]'`"):
-        collected(square, [1], DaskExecutor("tcp://127.0.0.1:1"))
-
-
-def test_missing_scheduler_raises(monkeypatch):
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [
+        (None, r"a cluster needs dask; install it with `pip install 'compact\[cluster\]'`"),
+        ("", "no dask scheduler"),
+    ],
+)
+def test_cluster_requires_dask_and_a_scheduler(monkeypatch, module, words):
+    if module is None:
+        monkeypatch.setitem(sys.modules, "distributed", None)
     monkeypatch.setattr(worker_pool, "SCHEDULER_TIMEOUT", 0.2)
-    with pytest.raises(RuntimeError, match=r"no dask scheduler answers at 'tcp://127.0.0.1:1'"):
+    with pytest.raises(RuntimeError, match=words):
         collected(square, [1], DaskExecutor("tcp://127.0.0.1:1"))
