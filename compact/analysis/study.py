@@ -162,7 +162,7 @@ class Study:
         if not known:
             return None
         self.count("uncertainty")
-        return ranking_uncertainty(self.stages, self.models, known, self.models[0].spread)
+        return ranking_uncertainty(self.stages, self.models, known, self.models[0].spread, self._background)
 
     @cached_property
     def verdicts(self) -> dict[tuple[float, str, str], Verdict]:

@@ -18,7 +18,7 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessP
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import partial
+from itertools import count
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.synchronize import Event
 from typing import Any, NamedTuple, Self
@@ -316,10 +316,10 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None) ->
         raise ValueError("give --workers or --scheduler, got both")
     if scheduler is not None:
         return DaskExecutor(scheduler)
-    count = cores() if workers is None else workers
-    if not isinstance(count, int) or count < 1:
-        raise ValueError(f"--workers must be at least 1, got {count!r}")
-    return SerialExecutor() if count == 1 else ProcessExecutor(count)
+    number = cores() if workers is None else workers
+    if not isinstance(number, int) or number < 1:
+        raise ValueError(f"--workers must be at least 1, got {number!r}")
+    return SerialExecutor() if number == 1 else ProcessExecutor(number)
 
 
 def run_tasks(
@@ -362,7 +362,7 @@ class BackgroundTasks:
     """
 
     def __init__(self, executor: Executor) -> None:
-        self._executor = executor
+        self._executor, self._numbers = executor, count()
         self._found: dict[Any, Any] = {}
 
     def __enter__(self) -> Self:
@@ -378,19 +378,21 @@ class BackgroundTasks:
         Parameters
         ----------
         name : str
-            Unique name of the task.
+            Name of the task in errors.
 
         Returns
         -------
         callable
             Waits for the outcome and returns it; raises RuntimeError if it is `WorkerDied`.
         """
-        self._executor.submit(name, work, task)
-        return partial(self._outcome, name)
+        number = next(self._numbers)
+        self._executor.submit(number, work, task)
 
-    def _outcome(self, name: str) -> Any:
-        while name not in self._found:
-            self._found.update(self._executor.finished())
-        if isinstance(self._found[name], WorkerDied):
-            raise RuntimeError(f"{name}: {self._found[name].reason}")
-        return self._found[name]
+        def outcome() -> Any:
+            while number not in self._found:
+                self._found.update(self._executor.finished())
+            if isinstance(self._found[number], WorkerDied):
+                raise RuntimeError(f"{name}: {self._found[number].reason}")
+            return self._found[number]
+
+        return outcome

@@ -22,6 +22,7 @@ from compact.analysis.stages.contacts import ContactStage, Count, Progress, no_c
 from compact.analysis.stages.laws import LawStage, PrescribedLaws
 from compact.analysis.stages.resistance import ResistanceLaw, ResistanceStage
 from compact.analysis.stages.torque_response import torque_response
+from compact.machine.cart import Cart
 from compact.machine.crankshaft import CRANK_ANGLES, CrankshaftRevolution, simulate_crankshaft
 from compact.machine.ranking import Ranked
 from compact.machine.rigid_drive import InverseDynamics
@@ -67,37 +68,8 @@ class DriveStage:
         scene: Scene | None = None,
         begin: Callable[[], object] = lambda: None,
     ) -> Iterator[tuple[str, Any]]:
-        """Simulate laws against a resistance with the drive of a scene; laws of one motion behind a spring once.
-
-        Parameters
-        ----------
-        resistance : callable
-            Resistance of one cart [N], a function of velocity and acceleration.
-        tolerated : context manager
-            Context of each simulation; a law whose error it suppresses has no run.
-        scene : Scene, optional
-            Scene of the drive; that of the study by default.
-        begin : callable
-            Called before each law.
-
-        Yields
-        ------
-        tuple
-            Name of a law and its run.
-        """
-        motion, cart = self.scene.motion, self.resistance.cart
-        working, alike = (motion.run_up, 1 - motion.run_down), dict[Any, Any]()
-        for name, cycle in cycles.items():
-            begin()
-            if twin := alike.get(_motion_of(cycle)):
-                yield name, replace(twin, cycle=cycle)
-                continue
-            with tolerated:
-                moved_by = machine_models.drive_of(scene or self.scene, cycle)
-                run = drive.simulate(cart, moved_by, cycle, resistance, working=working)
-                if (scene or self.scene).drive.kind == "elastic":
-                    alike[_motion_of(cycle)] = run
-                yield name, run
+        """Simulate laws with the cart of the study as `simulate_laws`, by default with its drive."""
+        return simulate_laws(scene or self.scene, self.resistance.cart, cycles, resistance, tolerated, begin)
 
     @cached_property
     def rankings(self) -> dict[str, list[Ranked]]:
@@ -213,6 +185,43 @@ class DriveStage:
             assert crank is not None  # rule of the scene: the output "crank" requires a rod
             turns[key] = simulate_crankshaft(self.resistance.cart, crank, speed, self.resistance.resistance, ahead)
         return turns
+
+
+def simulate_laws(
+    scene: Scene,
+    cart: Cart,
+    cycles: Mapping[str, Cycle],
+    resistance: ResistanceLaw,
+    tolerated: AbstractContextManager[Any],
+    begin: Callable[[], object] = lambda: None,
+) -> Iterator[tuple[str, Any]]:
+    """Simulate laws with the drive of a scene; laws of one motion behind a spring once.
+
+    Parameters
+    ----------
+    resistance : callable
+        Resistance of one cart [N], a function of velocity and acceleration.
+    tolerated : context manager
+        Context of each simulation; a law whose error it suppresses has no run.
+    begin : callable
+        Called before each law.
+
+    Yields
+    ------
+    tuple
+        Name of a law and its run.
+    """
+    working, alike = (scene.motion.run_up, 1 - scene.motion.run_down), dict[Any, Any]()
+    for name, cycle in cycles.items():
+        begin()
+        if twin := alike.get(_motion_of(cycle)):
+            yield name, replace(twin, cycle=cycle)
+            continue
+        with tolerated:
+            run = drive.simulate(cart, machine_models.drive_of(scene, cycle), cycle, resistance, working=working)
+            if scene.drive.kind == "elastic":
+                alike[_motion_of(cycle)] = run
+            yield name, run
 
 
 def _motion_of(cycle: Cycle) -> Any:

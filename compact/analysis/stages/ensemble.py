@@ -10,14 +10,15 @@ contacts of its own; `drive_peaks` keeps the contacts where the drive or the res
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from itertools import combinations_with_replacement
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compact.analysis.stages.drives import OwnInputs, Stages, build_stages
+from compact.analysis.stages.drives import OwnInputs, build_stages, simulate_laws
 from compact.analysis.stages.resistance import ResistanceLaw
+from compact.analysis.worker_pool import BackgroundTasks
+from compact.machine.cart import Cart
 from compact.machine.ranking import first_of, value_of
 from compact.motion.profile import Cycle
 from compact.scene.loader import Scene
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
     import xarray
 
 Peaks = Mapping[str, Mapping[str, float]]  # by criterion and law
+
+
+NO_KEYS: Mapping[str, Any] = {}
 
 
 class Change(NamedTuple):
@@ -42,7 +46,7 @@ class Change(NamedTuple):
     """
 
     label: str
-    keys: Mapping[str, Any] = MappingProxyType({})
+    keys: Mapping[str, Any] = NO_KEYS
     resistance: ResistanceLaw | None = None
 
 
@@ -56,7 +60,7 @@ def peaks_of(scene: Scene, change: Change) -> Peaks:
 
 
 def drive_peaks(
-    stages: Stages,
+    cart: Cart,
     cycles: Mapping[str, Cycle],
     resistance: ResistanceLaw,
     criteria: Iterable[str],
@@ -67,8 +71,6 @@ def drive_peaks(
 
     Parameters
     ----------
-    stages : Stages
-        Stages of the unchanged scene.
     resistance : callable
         Resistance of one cart [N], where the change has none.
 
@@ -77,18 +79,21 @@ def drive_peaks(
     mapping
         Values by criterion and law; absent for a law that the drive does not follow.
     """
-    met = change.resistance or resistance
-    runs = dict(stages.drive.simulated(cycles, met, suppress(RuntimeError), scene))
+    runs = dict(simulate_laws(scene, cart, cycles, change.resistance or resistance, suppress(RuntimeError)))
     return {by: {name: value_of(run, by) for name, run in runs.items()} for by in criteria}
 
 
-def ensemble(scene: Scene, changes: Iterable[Change], run: Run = peaks_of) -> "xarray.Dataset":
+def ensemble(
+    scene: Scene, changes: Iterable[Change], run: Run = peaks_of, background: BackgroundTasks | None = None
+) -> "xarray.Dataset":
     """Evaluate a scene under changes of its keys; NaN and a reason where there is no solution.
 
     Parameters
     ----------
     run : callable
         Returns the values of a changed scene by criterion and law; a ValueError or RuntimeError is a reason.
+    background : BackgroundTasks, optional
+        Executor of the changes, to which scene, changes and run can be sent; this process by default.
 
     Returns
     -------
@@ -98,17 +103,13 @@ def ensemble(scene: Scene, changes: Iterable[Change], run: Run = peaks_of) -> "x
     """
     import xarray
 
-    labels, rows, reasons = [], [], []
-    for change in changes:
-        found: Peaks = {}
-        reason = ""
-        try:
-            found = run(scene.replaced(**change.keys), change)
-        except (ValueError, RuntimeError) as error:
-            reason = str(error)
-        labels.append(change.label)
-        rows.append(found)
-        reasons.append(reason)
+    changes = list(changes)
+    tasks = [(scene, change, run) for change in changes]
+    if background is None:
+        found = [_evaluate(task) for task in tasks]
+    else:
+        found = [answer() for answer in [background.submit(task[1].label, _evaluate, task) for task in tasks]]
+    rows, reasons = [row for row, _ in found], [reason for _, reason in found]
     criteria = list(dict.fromkeys(by for row in rows for by in row))
     laws = list(dict.fromkeys(law for row in rows for values in row.values() for law in values))
     value = [[[row.get(by, {}).get(law, np.nan) for law in laws] for by in criteria] for row in rows]
@@ -120,8 +121,17 @@ def ensemble(scene: Scene, changes: Iterable[Change], run: Run = peaks_of) -> "x
             "first": (axes[:2], np.array(first, object).reshape(len(rows), len(criteria))),
             "reason": (axes[:1], np.array(reasons, object)),
         },
-        dict(zip(axes, (labels, criteria, laws), strict=True)),
+        dict(zip(axes, ([change.label for change in changes], criteria, laws), strict=True)),
     )
+
+
+def _evaluate(task: tuple[Scene, Change, Run]) -> tuple[Peaks, str]:
+    """Return the values of a changed scene, or the reason why there are none."""
+    scene, change, run = task
+    try:
+        return run(scene.replaced(**change.keys), change), ""
+    except (ValueError, RuntimeError) as error:
+        return {}, str(error)
 
 
 def first_law(values: Mapping[str, float]) -> str:

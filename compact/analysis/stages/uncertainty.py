@@ -30,11 +30,10 @@ from compact.analysis.contact_cases import HeldQuantity, scene_mix
 from compact.analysis.engines import ENGINES
 from compact.analysis.pore_air import RATIOS
 from compact.analysis.stages.contacts import roll_scene
-from compact.analysis.stages.drives import Stages
+from compact.analysis.stages.drives import Stages, simulate_laws
 from compact.analysis.stages.ensemble import (
     Change,
     Peaks,
-    Run,
     drive_peaks,
     ensemble,
     first_law,
@@ -43,11 +42,15 @@ from compact.analysis.stages.ensemble import (
 )
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
+from compact.analysis.worker_pool import BackgroundTasks
+from compact.machine.cart import Cart
 from compact.material.mix import prior
 from compact.motion.profile import Cycle
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
+    import xarray
+
     from compact.analysis.process import ProcessStudy
 
 SAMPLES = 128  # [-], of the mix by columns; three times the coefficients of a quadratic in seven parameters
@@ -218,7 +221,11 @@ MARGIN_SOURCES = (MESH, MAP, MIX, LAW, AIR, MODELS, DRIVE)  # of the margin; the
 
 
 def ranking_uncertainty(
-    stages: Stages, models: Sequence[ModelAnswer], verdicts: Mapping[str, Verdict], spread: tuple[float, float] | None
+    stages: Stages,
+    models: Sequence[ModelAnswer],
+    verdicts: Mapping[str, Verdict],
+    spread: tuple[float, float] | None,
+    background: BackgroundTasks | None = None,
 ) -> RankingUncertainty:
     """Vary every source of uncertainty of the answer.
 
@@ -230,6 +237,8 @@ def ranking_uncertainty(
         Verdicts without the spread of the mix, by criterion.
     spread : tuple of float or None
         Least and largest resistance over the laws of the mix [-].
+    background : BackgroundTasks, optional
+        Executor of the runs; this process by default.
 
     Returns
     -------
@@ -237,9 +246,9 @@ def ranking_uncertainty(
     """
     scene, contacts, model = stages.contacts.scene, stages.contacts, sizing_model(models)
     leads, duration, kind, met = models[0].valid, scene.motion.duration, scene.drive.kind, model.resistance
-    laws = {by: each.law for by, each in verdicts.items()}
+    laws, cart = {by: each.law for by, each in verdicts.items()}, stages.resistance.cart
     base = {by: model.values(duration, kind, by) for by in laws}
-    mix = mix_spread(scene, contacts.process)
+    mix = mix_spread(scene, contacts.process, background)
     sources: list[Source] = []
 
     def near(share: float) -> dict[str, Cycle]:
@@ -247,13 +256,15 @@ def ranking_uncertainty(
         close = {law for each in base.values() for law, value in each.items() if value <= share * min(each.values())}
         return {law: cycle for law, cycle in stages.laws.cycles.items() if law in {*close, *laws.values()}}
 
-    def add(name: str, variation: str, changes: Sequence[Change], run: Run) -> None:
-        table = ensemble(scene, changes, run)
-        ends = (_end(each.label, peaks_at(table, i), base, laws) for i, each in enumerate(changes))
-        if changes:
-            sources.append(Source(name, variation, tuple(ends)))
+    def add(name: str, variation: str, table: "xarray.Dataset") -> None:
+        labels = table["change"].values.tolist()
+        ends = tuple(_end(label, peaks_at(table, i), base, laws) for i, label in enumerate(labels))
+        sources.extend([Source(name, variation, ends)] if ends else [])
 
-    under = partial(drive_peaks, stages, near(CONTENDER_SHARE), met, tuple(laws))
+    def known(answers: Mapping[str, Peaks]) -> "xarray.Dataset":
+        return ensemble(scene, map(Change, answers), lambda _, change: answers[change.label])
+
+    under = partial(drive_peaks, cart, near(CONTENDER_SHARE), met, tuple(laws))
     own_model = model.engine == scene.accuracy.engine
     ratios: dict[str, tuple[float, float] | None] = {
         name: None if error is None else (1 - error, 1 + error)
@@ -265,37 +276,35 @@ def ranking_uncertainty(
         if pair and max(abs(ratio - 1) for ratio in pair) >= LEAST_EFFECT:
             words = f"{pair[0]:.2f} to {pair[1]:.2f} times the resistance"
             ends = [Change(f"{each:.2f} times", resistance=met.scaled(each)) for each in pair]
-            add(name, f"one-way to undrained, {words}" if name == AIR else words, ends, under)
-
-    def known(answers: Mapping[str, Peaks]) -> tuple[list[Change], Run]:
-        """Return changes whose values are known, and the run that looks them up."""
-        return [Change(label) for label in answers], lambda _, change: answers[change.label]
+            table = ensemble(scene, ends, under, background)
+            add(name, f"one-way to undrained, {words}" if name == AIR else words, table)
 
     others = [each for each in models if each.valid and each is not model and model.valid]
     at_once = {each.engine: {by: each.values(duration, kind, by) for by in laws} for each in others}
-    add(MODELS, ", ".join(at_once), *known(at_once))
+    add(MODELS, ", ".join(at_once), known(at_once))
     variants = drive_variants(scene)
-    drives = partial(drive_peaks, stages, stages.laws.cycles, met, tuple(laws))
-    add(DRIVE, ", ".join(each.label for each in variants), variants,
-        partial(_oil_peaks, stages, near(OIL_SHARE), met, tuple(laws)) if kind == "hydraulic" else drives)  # fmt: skip
+    moved = partial(drive_peaks, cart, stages.laws.cycles, met, tuple(laws))
+    if kind == "hydraulic":
+        moved = partial(_oil_peaks, scene, cart, near(OIL_SHARE), met, tuple(laws))
+    add(DRIVE, ", ".join(each.label for each in variants), ensemble(scene, variants, moved, background))
     if leads and contacts.second_pass is not None and scene.layer.return_stroke != "compacted":
         returned = replace(stages.resistance.map, return_ratio=contacts.second_pass[1])
         compacted = under(scene, Change("compacted", resistance=returned))
-        add(RETURN, "over fresh or compacted mix", *known({"compacted": compacted, "fresh": base}))
+        add(RETURN, "over fresh or compacted mix", known({"compacted": compacted, "fresh": base}))
     for other in model.places:
         if other != duration:
             words = f"{other:.3g} s"
-            add(DURATION, words, *known({words: {by: model.values(other, kind, by) for by in laws}}))
+            add(DURATION, words, known({words: {by: model.values(other, kind, by) for by in laws}}))
 
     extremes = [1.0, *((mix.low, mix.high) if mix else ()), *(spread or ())]
     scales = np.linspace(SCALE_ENDS[0] * min(extremes), SCALE_ENDS[1] * max(extremes), SCALES)
     recommended = {law: stages.laws.cycles[law] for law in laws.values()}
     scaled = [Change(f"{scale}", resistance=met.scaled(scale)) for scale in scales]
-    table = ensemble(scene, scaled, partial(drive_peaks, stages, recommended, met, tuple(laws)))["value"]
-    table = table.reindex(law=list(recommended))
+    run = partial(drive_peaks, cart, recommended, met, tuple(laws))
+    table = ensemble(scene, scaled, run, background).reindex(law=list(recommended))
     peaks = {}
     for by, law in laws.items():
-        values = table.sel(criterion=by, law=law).values
+        values = table["value"].sel(criterion=by, law=law).values
         finite = np.isfinite(values)
         peaks[by] = tuple(scales[finite].tolist()), tuple(values[finite].tolist())
     if mix is not None:
@@ -394,7 +403,8 @@ def drive_variants(scene: Scene) -> list[Change]:
 
 
 def _oil_peaks(
-    stages: Stages,
+    nominal: Scene,
+    cart: Cart,
     cycles: Mapping[str, Cycle],
     resistance: ResistanceLaw,
     criteria: Iterable[str],
@@ -407,7 +417,7 @@ def _oil_peaks(
     """
     assert scene.drive.hydraulics is not None  # rule of the scene
     found: dict[str, dict[str, float]] = {by: {} for by in criteria}
-    for law, run in stages.drive.simulated(cycles, change.resistance or resistance, suppress(RuntimeError)):
+    for law, run in simulate_laws(nominal, cart, cycles, change.resistance or resistance, suppress(RuntimeError)):
         if run.lack:
             continue
         oil = replace(run, hydraulic=replace(run.hydraulic, bulk_modulus=scene.drive.hydraulics.bulk_modulus))
@@ -423,7 +433,9 @@ def _oil_peaks(
 # the mix
 
 
-def mix_spread(scene: Scene, process: "ProcessStudy | None" = None) -> MixSpread | None:
+def mix_spread(
+    scene: Scene, process: "ProcessStudy | None" = None, background: BackgroundTasks | None = None
+) -> MixSpread | None:
     """Sample the resistance at the mean speed over the parameters of the mix, by columns.
 
     Parameters
@@ -432,6 +444,8 @@ def mix_spread(scene: Scene, process: "ProcessStudy | None" = None) -> MixSpread
         Scene.
     process : ProcessStudy, optional
         Forming process, whose confined floor replaces the pass of columns.
+    background : BackgroundTasks, optional
+        Executor of the columns; this process by default.
 
     Returns
     -------
@@ -454,12 +468,6 @@ def mix_spread(scene: Scene, process: "ProcessStudy | None" = None) -> MixSpread
             for (name, (low, high)), share in pairs
         })  # fmt: skip
 
-    def run(changed: Scene, _: Change) -> Peaks:
-        if process is not None:
-            return {"resistance": {"": process.resistance_with(changed)}}
-        rolled = roll_scene(changed, scene_mix(changed), changed.mean_speed)
-        return {"resistance": {"": float(rolled.resistance)}}
-
     centre = []
     for name, (low, high) in ranges.items():
         value = fed if name == FED else given.parameter(name).value
@@ -468,7 +476,8 @@ def mix_spread(scene: Scene, process: "ProcessStudy | None" = None) -> MixSpread
     ends = [[*centre[:i], end, *centre[i + 1 :]] for i in range(len(names)) for end in (0.0, 1.0)]
     changes = [Change("scene"), Change("stiff", {"mix.overrides.heckel_slope": given.heckel_slope / 2})]
     changes += [at(f"point {i}", shares) for i, shares in enumerate((*ends, *sampled))]
-    forces = ensemble(columns, changes, run)["value"].values.reshape(-1)
+    table = ensemble(columns, changes, partial(_mix_resistance, process), None if process else background)
+    forces = table["value"].values.reshape(-1)
     if not forces.size or not forces[0] > 0:
         return None
     twice, alone, found = np.split(forces[1:] / forces[0], [1, 1 + len(ends)])
@@ -483,6 +492,14 @@ def mix_spread(scene: Scene, process: "ProcessStudy | None" = None) -> MixSpread
         dict(zip(names, map(tuple, alone.reshape(-1, 2).tolist()), strict=True)), {}, float(twice[0]),
         tuple(coefficients.tolist()),
     )  # fmt: skip
+
+
+def _mix_resistance(process: "ProcessStudy | None", scene: Scene, _: Change) -> Peaks:
+    """Return the resistance to a roller of a scene [N/m], or to a cart of a process with its mix [N]."""
+    if process is not None:
+        return {"resistance": {"": process.resistance_with(scene)}}
+    rolled = roll_scene(scene, scene_mix(scene), scene.mean_speed)
+    return {"resistance": {"": float(rolled.resistance)}}
 
 
 def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, float]]:
