@@ -1,0 +1,61 @@
+"""Ensembles: closed forms of the formulas under changes, reasons, and laws of one motion that are simulated once."""
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from compact import drive
+from compact.analysis.stages.drives import build_stages
+from compact.analysis.stages.ensemble import Change, drive_peaks, ensemble, peaks_at
+from compact.analysis.worker_pool import BackgroundTasks, ProcessExecutor
+from compact.resistance import dry_resistance
+from compact.scene.loader import load_scene
+
+SMALL = load_scene(Path(__file__).parents[2] / "studies" / "scenes" / "small.toml", **{"output.items": []})
+LAWS = SMALL.replaced(**{"motion.laws": ["parabolic", "constant-velocity"], "machine.guide_friction": 0.0})
+
+
+def test_peaks_are_those_of_each_scene_and_a_refusal_is_a_reason():
+    """Peak force of the parabolic law: W + 4 m s/T2."""
+    changes = [Change("own"), Change("slow", {"motion.duration": 6.0}), Change("wet", {"mix.moisture": 0.5})]
+    found = ensemble(LAWS, [*changes, Change("free", resistance=dry_resistance(0.0))])
+    peaks = found["value"].sel(criterion="peak_force")
+    free, own, slow = (peaks.sel(change=name, law="parabolic").item() for name in ("free", "own", "slow"))
+    inertia = 4 * LAWS.machine.mass * LAWS.motion.stroke / LAWS.motion.duration**2
+    assert free == pytest.approx(inertia)
+    assert own - slow == pytest.approx(0.75 * inertia)
+    assert np.isinf(peaks.sel(change="own", law="constant-velocity").item())
+    assert found["first"].sel(change="own", criterion="peak_force").item() == "parabolic"
+    assert np.isnan(found["value"].sel(change="wet")).all()
+    assert found["first"].sel(change="wet").values.tolist() == [""] * found.sizes["criterion"]
+    assert "mix.moisture: must be between" in found["reason"].sel(change="wet").item()
+    assert peaks_at(found, 2)["peak_force"] == {}
+
+
+def test_held_resistance_scales_the_peak_here_and_in_a_worker():
+    stages = build_stages(LAWS)
+    cycles, cart = stages.laws.cycles, replace(stages.resistance.cart, mass=0.0)
+    run = partial(drive_peaks, cart, cycles, dry_resistance(100.0), ("peak_force",))
+    changes = [Change(f"{scale:g}", resistance=dry_resistance(100.0 * scale)) for scale in (1.0, 1.5)]
+    here = ensemble(LAWS, changes, run)
+    assert here["value"].sel(law="parabolic").values.ravel().tolist() == [100.0, 150.0]
+    with BackgroundTasks(ProcessExecutor(1)) as tasks:
+        assert ensemble(LAWS, changes, run, tasks).identical(here)
+
+
+def test_laws_of_one_motion_behind_a_spring_are_simulated_once(monkeypatch):
+    spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3}
+    names = ["reversal-4", "reversal-4-free-jerk", "cubic"]
+    stages = build_stages(SMALL.replaced(**spring, **{"motion.laws": names}))
+    simulate, simulated = drive.simulate, []
+    monkeypatch.setattr(drive, "simulate", lambda *a, **k: simulated.append(a[2]) or simulate(*a, **k))
+    runs = stages.drive.runs
+    assert [cycle.forward.name for cycle in simulated] == ["reversal-4", "cubic"]
+    assert [run.name for run in runs.values()] == names
+    alone = simulate(
+        stages.resistance.cart, drive.ElasticDrive(1e6, 3e3), runs[names[1]].cycle, stages.resistance.resistance
+    )
+    assert runs[names[1]].peak_force == alone.peak_force
