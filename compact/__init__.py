@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 # isort: off
 if TYPE_CHECKING:  # for type checkers and editors; a test compares the names with _HOMES
-    from compact.analysis.engines import Engine as Engine
+    from compact.engines.interface import Engine as Engine
     from compact.api.contacts import Contacts as Contacts
     from compact.api.fields import Fields as Fields, read_fields as read_fields
     from compact.api.laboratory import LaboratoryTests as LaboratoryTests, laboratory_tests as laboratory_tests
@@ -75,7 +75,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a test compares the names wi
 # isort: on
 
 _HOMES = {
-    "analysis.engines": ("Engine",),
+    "engines.interface": ("Engine",),
     "api.contacts": ("Contacts",),
     "api.fields": ("Fields", "read_fields"),
     "api.laboratory": ("LaboratoryTests", "laboratory_tests"),

@@ -97,7 +97,7 @@ def travel(
     if not isinstance(material, Compaction):
         raise ValueError(
             f"`material` must be Compaction, got {type(material).__name__}: linear layers are solved in steady motion, "
-            "and to first order in the acceleration by `compact.analysis.engines.expand_resistance`"
+            "and to first order in the acceleration by `compact.engines.spectral.speed_derivative.expand_resistance`"
         )
     return simulate_reciprocating(layer, roller, material, motion, **accuracy)
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.stages.contacts import roll_scene
+from compact.analysis.contact_cases import roll_scene
 from compact.analysis.study import Study
 from compact.engines.halfplane import galin
 from compact.report.progress import tracked

@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 
 from compact.analysis.calibration import calibrate, calibration_digest
-from compact.analysis.contact_cases import scene_mix
+from compact.analysis.contact_cases import roll_scene
 from compact.analysis.engineering_summary import engineering
-from compact.analysis.engines import ENGINES
-from compact.analysis.stages.contacts import roll_scene
+from compact.analysis.mix_laws import scene_mix
+from compact.engines import ENGINES
 from compact.material.mix import prior
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
@@ -74,7 +74,7 @@ def of_formulas(scene):
 def of_contact(engine, scene, rolled):
     """Return a row of HEADER by an engine."""
     load, coefficient = rolled.load * scene.machine.roller_length, rolled.resistance / rolled.load
-    compacting = ENGINES[engine.split(",")[0]].compacting
+    compacting = ENGINES[engine.split(",")[0]].takes == "compacting layer"
     return (
         engine, scene_mix(scene).heckel_slope if compacting else np.nan,
         scene.layer.fed_density_ratio if compacting else np.nan, load, coefficient,

@@ -110,10 +110,10 @@ def ranked(base, engine, drives, directory):
         cart, resistance = compacting(fastest)
     else:
         cart, resistance = fastest.stages.resistance.cart, fastest.resistance
-        if fastest.stages.contacts.engine.layered and directory:
+        if fastest.stages.contacts.speeds and directory:
             directory.mkdir(parents=True, exist_ok=True)
             list(fastest.keep(directory, []))
-    error = resistance.error + resistance.engine_error if fastest.stages.contacts.engine.layered else 0.0
+    error = resistance.error + resistance.engine_error if fastest.stages.contacts.speeds else 0.0
     contact = condition(fastest)
     rows = []
     for name in drives:
@@ -127,7 +127,7 @@ def ranked(base, engine, drives, directory):
 
 def condition(study):
     """Return roller condition, gap geometry and quantity held over speed of a study; empty for the formulas."""
-    if not study.stages.contacts.engine.layered:
+    if not study.stages.contacts.speeds:
         return "", "", ""
     machine = adapt(study.scene, study.scene.accuracy.engine)[0].machine
     return machine.roller_condition, machine.gap_geometry, study.stages.contacts.held.name

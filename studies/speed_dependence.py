@@ -61,7 +61,7 @@ def curves_of(name, scene, speeds):
     """Yield the curve of a case, and those of finite elements without a rate and with pore air."""
     study = Study(scene)
     try:
-        if not study.stages.contacts.engine.layered:
+        if not study.stages.contacts.speeds:
             yield Curve(name, speeds, np.full(len(speeds), float(study.resistance(scene.mean_speed, 0.0))))
             return
         resistance = study.stages.resistance.sampled_map(None, float(speeds[-1]))

@@ -1,29 +1,49 @@
-"""Contacts of a scene: their inputs, their scalar results as typed records, and the file that keeps these results.
+"""Contacts of a scene: its case for an engine, the contacts of one or several passes, and their scalar results.
 
-`contact_inputs` converts a scene to layer, roller and material law. A `ContactRecord` holds the scalar results of one
-contact, a `PassRecord` those of one pass over a layer with irreversible compaction. Dictionaries with units exist in
-JSON only; `contact_to_json` and `contact_from_json` convert.
+    scene -> case_of -> Engine.contact -> ContactRecord
+
+A `ContactRecord` holds the scalar results of one contact, a `PassRecord` those of one pass over a layer with
+irreversible compaction. Dictionaries with units exist in JSON only; `contact_to_json` and `contact_from_json` convert.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from compact import quantities
-from compact.analysis.engines import ENGINES
-from compact.analysis.pore_air import AirForces
+from compact.analysis.failures import is_refusal
+from compact.analysis.mix_laws import LAWS
+from compact.analysis.multipass import roll_stages, there_and_back
+from compact.analysis.pore_air import AirForces, air_under, has_air, pore_air_of
+from compact.engines import ENGINES
+from compact.engines.interface import Case, Engine
 from compact.machine.ranking import first_of
-from compact.material.earth_pressure import drucker_prager_cap
 from compact.material.laws import Compaction, Elastic, Viscoelastic
-from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
-from compact.numerics.validation import require_finite
-from compact.rolling_contact import ContactResult, Layer, LowerLift, Ply, Roller
+from compact.material.mix import Mix
+from compact.numerics.validation import NotFiniteError, require_finite
+from compact.rolling_contact import (
+    ContactResult,
+    EquilibriumError,
+    HeapingError,
+    Layer,
+    LowerLift,
+    Ply,
+    Roller,
+    UnsteadyError,
+)
 from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene
+
+if TYPE_CHECKING:
+    from compact.analysis.process import ProcessDetail, ProcessStudy
+
+Progress = Callable[[str], None]  # of lines of text
+Passes = tuple[ContactResult, ...]
 
 COMPACTED = (  # fields of engines with irreversible compaction only
     "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
@@ -32,8 +52,6 @@ COMPACTED = (  # fields of engines with irreversible compaction only
 )  # fmt: skip
 COMMON = tuple(name for name in quantities.CONTACT if name not in COMPACTED)
 ERRORS = {"load": "load_error", "resistance": "resistance_error"}  # quantity -> field of its relative error
-SPEED_SHARES = tuple(2.0**power for power in range(-4, 2))  # [-], of the mean speed; default speeds of the contacts
-LAW_SPEED_SHARES = (1 / 16, 1.0)  # [-], of an engine whose resistance is a law of two or three contacts
 TARGETS = MappingProxyType(  # held quantity -> keyword of `Roller`
     {"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"}
 )
@@ -66,21 +84,23 @@ class HeldQuantity:
         return {TARGETS[self.name]: self.value}
 
 
-def scene_mix(scene: Scene) -> Mix:
-    """Return the mix of a scene: the prior with the overrides of the scene, fitted ones scaled to its moisture."""
-    given = scene.mix
-    mix = prior(given.moisture, given.density_ratio, given.values)
-    origin = "fitted at another moisture or density ratio, scaled by the prior"
-    moved = {name: replace(mix.parameter(name), flag="calibrated", origin=origin) for name in given.scaled_fits}
-    return replace(mix, parameters=tuple(moved.get(p.name, p) for p in mix.parameters))
-
-
 def contact_speeds(scene: Scene) -> tuple[float, ...]:
     """Return the speeds of the contacts of a scene [m/s], ascending."""
     if scene.contact is not None and scene.contact.speeds is not None:
         return scene.contact.speeds
-    shares = LAW_SPEED_SHARES if ENGINES[scene.accuracy.engine].rate_factor_only else SPEED_SHARES
-    return tuple(scene.mean_speed * share for share in shares)
+    return tuple(scene.mean_speed * share for share in ENGINES[scene.accuracy.engine].speed_shares)
+
+
+def process_detail(scene: Scene) -> "ProcessDetail":
+    """Return the detail of the forming process of a scene by the engine "process", lumped lifts by default."""
+    return (scene.process and scene.process.detail) or "quick"
+
+
+def process_study(scene: Scene, report: Progress | None = None) -> "ProcessStudy":
+    """Return the forming process of a scene with the detail of its engine."""
+    from compact.analysis.process import ProcessStudy  # finite elements are imported where strokes are computed
+
+    return ProcessStudy(scene, process_detail(scene), report or (lambda _: None))
 
 
 def nearest_speed(speeds: Iterable[float], speed: float) -> int:
@@ -94,11 +114,6 @@ def prescribed_target(scene: Scene) -> dict[str, float]:
     if "load" in target:
         target["load"] /= scene.machine.roller_length
     return target
-
-
-def has_density_target(scene: Scene, engine: str) -> bool:
-    """Return True if the engine iterates to the density of the product; "column" inverts it in closed form."""
-    return ENGINES[engine].density_target and not prescribed_target(scene)
 
 
 def hold_quantity(scene: Scene, mix: Mix, reference: ContactResult | None = None) -> HeldQuantity | None:
@@ -120,11 +135,11 @@ def hold_quantity(scene: Scene, mix: Mix, reference: ContactResult | None = None
     """
     prescribed = next((name for name in ("load", "peak_pressure") if name in scene.target), "height")
     name = (scene.contact and scene.contact.held) or prescribed
-    speed, engine = scene.mean_speed, scene.accuracy.engine
-    target, value = contact_inputs(scene, mix, engine, speed)[1].target
-    if target == TARGETS[name] and not has_density_target(scene, engine):
-        return HeldQuantity(name, value, speed)
-    return HeldQuantity(name, float(getattr(reference, TARGETS[name])), speed) if reference is not None else None
+    target, value = ENGINES[scene.accuracy.engine].target(case_of(scene, mix, scene.mean_speed))
+    if target == TARGETS[name]:
+        return HeldQuantity(name, value, scene.mean_speed)
+    reached = None if reference is None else float(getattr(reference, TARGETS[name]))
+    return None if reached is None else HeldQuantity(name, reached, scene.mean_speed)
 
 
 def contact_inputs(
@@ -141,16 +156,14 @@ def contact_inputs(
     """
     require_finite(speed=speed)
     scene, _ = adapt(scene, engine)
-    target = prescribed_target(scene)
-    material: Elastic | Viscoelastic | Compaction
-    if ENGINES[engine].compacting:
-        material = compaction_material(scene, mix)
+    law, target = LAWS[ENGINES[engine].takes], prescribed_target(scene)
+    material = law(scene, mix)
+    if isinstance(material, Compaction):
         layer, target = _layer_before_pass(scene, material, target, held.speed if held else speed)
     else:
         target = target or {"peak_pressure": mix.required_pressure}
         plies = (Ply(thickness=ply.thickness, stiffness=ply.relative_modulus) for ply in scene.layer.plies or ())
         layer = Layer(scene.lift_thickness, base=scene.layer.base, plies=tuple(plies))
-        material = _linear_material(mix, relaxed=not ENGINES[engine].layered)
     roller = Roller(
         scene.machine.roller_radius,
         friction=mix.steel_friction,
@@ -161,50 +174,50 @@ def contact_inputs(
     return layer, roller, material
 
 
-def _linear_material(mix: Mix, relaxed: bool) -> Elastic | Viscoelastic:
-    if relaxed:
-        return Elastic(youngs_modulus=mix.effective_modulus, poisson=mix.poisson)
-    branches = ((mix.instant_over_relaxed - 1, mix.relaxation_time),) if mix.instant_over_relaxed > 1 else ()
-    return Viscoelastic(youngs_modulus=mix.effective_modulus, poisson=mix.poisson, branches=branches)
+class ProcessCase(NamedTuple):
+    """Strokes of a forming process at one speed of the cart [m/s]."""
+
+    process: "ProcessStudy"
+    speed: float
 
 
-def compaction_material(scene: Scene, mix: Mix) -> Compaction:
-    """Convert the mix of a scene to its law of irreversible compaction.
+def case_of(
+    scene: Scene,
+    mix: Mix,
+    speed: float,
+    engine: str | None = None,
+    held: HeldQuantity | None = None,
+    progress: Progress | None = None,
+) -> Any:
+    """Return the case of a scene for an engine: a `Case`, or a `ProcessCase` for an engine of the forming process.
 
-        M = sqrt(3) sin phi,  pt = c cot phi
-
-    Notes
-    -----
-    phi and c are the angle of internal friction and the cohesion: the critical state line equals the Mohr-Coulomb
-    limit in plane strain at constant volume. Confined compression follows the Heckel curve of mix tables. The slopes of
-    the law "drucker-prager-cap" are those of `earth_pressure`, with the cohesion of loose mix and the earth pressure
-    coefficient at the required pressure.
+    Parameters
+    ----------
+    speed : float
+        Speed of the roller [m/s].
+    engine : str, optional
+        Name of the engine; that of the scene by default.
     """
-    common: dict[str, Any] = {
-        "unloading_modulus": mix.unloading_modulus,
-        "poisson": mix.poisson,
-        "heckel_slope": mix.heckel_slope,
-        "loose_density_ratio": LOOSE_DENSITY_RATIO,
-        "fed_density_ratio": scene.layer.fed_density_ratio,
-        "rate_sensitivity": mix.rate_sensitivity,
-        "reference_rate": mix.reference_rate,
-    }
-    if scene.mix.law == "drucker-prager-cap":
-        return drucker_prager_cap(
-            friction_angle=mix.friction_angle,
-            cohesion=mix.cohesion_loose,
-            earth_pressure_coefficient=mix.earth_pressure_coefficient,
-            pressure=mix.required_pressure,
-            dilatancy_angle=mix.dilatancy_angle,
-            shear_viscosity=mix.shear_viscosity,
-            **common,
-        )
-    angle = np.radians(mix.friction_angle)
-    return Compaction(
-        **common,
-        heckel_test="confined",
-        critical_slope=float(np.sqrt(3) * np.sin(angle)),
-        tensile_strength=float(mix.cohesion / np.tan(angle)),
+    used, machine = ENGINES[engine or scene.accuracy.engine], scene.machine
+    if used.takes == "process":
+        return ProcessCase(process_study(scene, progress), speed)
+    layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
+    dense = held is None and isinstance(material, Compaction) and not scene.target
+    return Case(
+        layer=layer,
+        roller=roller,
+        material=material,
+        speed=speed,
+        tolerance=scene.accuracy.tolerance,
+        exit_density_ratio=scene.mix.density_ratio if dense else None,
+        torque=None if machine.roller_torque is None else machine.roller_torque / machine.roller_length,
+        factors={
+            "rolling_friction": machine.roller_friction + machine.bearing_friction,
+            "nonuniformity": machine.pressure_nonuniformity,
+            "one_sided": machine.one_sided,
+        },
+        unlimited=_target_key(scene) in scene.unusual,
+        progress=progress,
     )
 
 
@@ -227,6 +240,161 @@ def _layer_before_pass(
     radius = scene.machine.roller_radius
     before = required_feed(height, density_ratio, material, speed, radius=radius, lower_lift=lower)
     return Layer(before.height, base=scene.layer.base, lower_lift=lower), {"indentation": before.indentation}
+
+
+def roll_scene(
+    scene: Scene,
+    mix: Mix,
+    speed: float,
+    engine: str | None = None,
+    initial_guess: ContactResult | None = None,
+    held: HeldQuantity | None = None,
+    progress: Progress | None = None,
+) -> ContactResult:
+    """Compute the contact of one roller of a scene in its first pass.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the roller [m/s].
+    engine : str, optional
+        Name of the engine; that of the scene by default.
+    initial_guess : ContactResult, optional
+        Another contact of the engine, which uses it where it serves.
+    progress : callable, optional
+        Called with lines of text by slow engines.
+
+    Raises
+    ------
+    ValueError
+        If the engine does not cover the scene.
+    RuntimeError
+        If the engine does not converge, or the roller would reach the base.
+    """
+    used = ENGINES[engine or scene.accuracy.engine]
+    return solve(used, scene, case_of(scene, mix, speed, used.name, held, progress), initial_guess)
+
+
+def solve(engine: Engine, scene: Scene, case: Any, start: ContactResult | None = None) -> ContactResult:
+    """Compute the contact of a case; errors name scene, engine and speed.
+
+    Raises
+    ------
+    RuntimeError
+        If the engine does not converge, or the indentation exceeds the layer, which small strains do not prevent.
+    """
+    with named_errors(scene, engine.name, case.speed):
+        result = engine.contact(case, start)
+        indentation, layer = getattr(result, "indentation", 0.0), getattr(case, "layer", None)  # none on a half-plane
+        if layer is not None and indentation >= layer.height:
+            raise RuntimeError(
+                f"the indentation of {indentation:.3g} m reaches the base of a layer {layer.height:g} m high; press "
+                "less"
+            )
+    return result
+
+
+def roll_passes(
+    scene: Scene,
+    mix: Mix,
+    speed: float,
+    initial_guess: Sequence[ContactResult] | None = None,
+    held: HeldQuantity | None = None,
+    count: int | None = None,
+    first: ContactResult | None = None,
+    progress: Progress | None = None,
+    **numerics: Any,
+) -> Passes:
+    """Compute the contacts of all passes of a scene, forward and back over the same mix.
+
+    The first pass is that of `roll_scene`. Later ones hold the load or peak pressure that the scene prescribes or
+    holds, else the height of the first.
+
+    Parameters
+    ----------
+    speed : float
+        Speed of the first pass [m/s].
+    count : int, optional
+        Number of passes; that of the scene by default.
+    **numerics
+        Numerical options of the engine for all passes that are computed.
+    """
+    count = count or scene.layer.passes
+    if count == 1:
+        return (roll_scene(scene, mix, speed, None, initial_guess[0] if initial_guess else None, held, progress),)
+    engine, case = ENGINES[scene.accuracy.engine], case_of(scene, mix, speed, None, held, progress)
+    if initial_guess and engine.equal(case, initial_guess[0]):
+        known: Sequence[Any] = initial_guess
+        return tuple(replace(each, speed=float(np.copysign(speed, each.speed))) for each in known)
+    name, value = engine.target(case)
+    forward, *later = there_and_back(count)
+    stages = (replace(forward, exit_density_ratio=value if name == "exit_density_ratio" else None), *later)
+    with named_errors(scene, engine.name, speed):
+        return roll_stages(replace(case, numerics=numerics), stages, engine, first)
+
+
+@contextmanager
+def named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
+    """Name scene, engine and speed in errors of an engine."""
+    case = f"{scene.title or 'untitled scene'}, {engine} at {speed:g} m/s"
+    try:
+        yield
+    except NotFiniteError as error:  # a quantity of the iteration, as the inputs are finite
+        words = "the iteration diverged, a stress or strain is no longer finite; press less, or feed denser mix"
+        raise RuntimeError(f"{case}: {words}") from error
+    except ValueError as error:
+        if "load" not in scene.target or not str(error).startswith("`load`"):
+            raise
+        load, length = scene.target["load"], scene.machine.roller_length
+        raise ValueError(f"{error} (contact.load = {load:g} N over roller_length = {length:g} m)") from error
+    except HeapingError as error:
+        hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same'
+        raise HeapingError(f"{case}: {error}{hint}", error.heaping) from error
+    except UnsteadyError as error:
+        raise UnsteadyError(f"{case}: {error}", error.unsteady) from error
+    except EquilibriumError as error:
+        raise EquilibriumError(f"{case}: {error}") from error
+    except RuntimeError as error:
+        if not is_refusal(error):
+            raise
+        raise RuntimeError(f"{case}: {error}") from error
+
+
+def _target_key(scene: Scene) -> str:
+    """Return the scene key of the target of the contact."""
+    return next((f"contact.{name}" for name in scene.target), "mix.density_ratio")
+
+
+def _require_above_base(result: ContactResult, layer: Layer) -> None:
+    """Raise RuntimeError if the indentation exceeds the layer, which small strains do not prevent."""
+    indentation = getattr(result, "indentation", 0.0)  # none on a half-plane
+    if indentation >= layer.height:
+        raise RuntimeError(
+            f"the indentation of {indentation:.3g} m reaches the base of a layer {layer.height:g} m high; press less"
+        )
+
+
+def air_forces_of(scene: Scene, mix: Mix, contact: ContactResult, speed: float) -> AirForces | None:
+    """Compute the changes of one contact by its pore air, at its deformation without air.
+
+    Parameters
+    ----------
+    contact : ContactResult
+        First pass without air.
+    speed : float
+        Speed of the roller [m/s].
+
+    Returns
+    -------
+    AirForces or None
+        None for a scene without pressure of the air.
+    """
+    if not has_air(scene):
+        return None
+    layer, roller, _ = contact_inputs(scene, mix, scene.accuracy.engine, speed)
+    under = air_under(contact, layer, roller, pore_air_of(mix, scene.layer.fed_density_ratio))
+    pressure = under.pressure(speed)
+    return AirForces(*under.forces(pressure), under.largest_excess_behind(pressure))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from compact import contact
-from compact.analysis.engines import ENGINES
+from compact.engines import ENGINES
 from compact.engines.halfplane import LineContact, pressure_exponent
 from compact.material.mix import Mix
 from compact.quantities import FORMULA
@@ -66,7 +66,7 @@ def peak_pressure(scene: Scene, mix: Mix) -> float:
                 machine.roller_length, machine.pressure_nonuniformity, machine.one_sided,
             )
         )  # fmt: skip
-    if "indentation" in given and not ENGINES[scene.accuracy.engine].layered:
+    if "indentation" in given and ENGINES[scene.accuracy.engine].takes == "half-plane":
         raise ValueError(
             f"contact.indentation: the engine formula has no indentation, as it diverges on a half-plane, got "
             f"{given['indentation']!r}; give contact.load or contact.peak_pressure, or choose another accuracy.engine"

@@ -13,7 +13,7 @@ from traceback import walk_tb
 from typing import Any
 
 import compact
-from compact.scene.engine_capabilities import ENTRY_POINTS
+from compact.engines import ENTRY_POINTS
 
 # Beginnings of the messages of numpy and Python, and what each means
 MEANINGS = {

@@ -24,14 +24,15 @@ A second pass at the same height
     .016, .005, .002, .001, and the contact becomes symmetric.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compact.engines.column.column_pass import Column
+from compact.engines import ENGINES
+from compact.engines.interface import Case, Engine
 from compact.material.laws import Compaction
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
 from compact.rolling_contact import ContactResult, Layer, Roller
@@ -121,26 +122,33 @@ def passes(
     9639 N/m, 1570 N/m
     2484 N/m, 0 N/m
     """
-    require_known("engine", engine, ROLL_OVER)
+    require_known("engine", engine, ENGINES)
     if not isinstance(material, Compaction):
         raise ValueError(f"several passes require a `material` Compaction, got {type(material).__name__}")
     stages = there_and_back(stages) if isinstance(stages, int) else tuple(stages)
-    state: Any = None  # of the mix behind the last pass; None of fresh mix
+    case = Case(layer=layer, roller=roller, material=material, speed=speed, numerics=numerics)
+    return roll_stages(case, stages, ENGINES[engine], first)
+
+
+def roll_stages(
+    case: Case, stages: Sequence[Pass], engine: Engine, first: ContactResult | None = None
+) -> tuple[ContactResult, ...]:
+    """Compute several passes of the roller of a case; see `passes`."""
+    layer, state = case.layer, None  # of the mix behind the last pass; None of fresh mix
     lowest, lower_height = None, 0.0 if layer.lower_lift is None else layer.lower_lift.thickness
     done: list[Any] = []  # of ColumnContactResult or CompactionContactResult
     for number, stage in enumerate(stages, start=1):
         if stage.lift:
             layer = replace(layer, height=layer.height + stage.lift)
-            state = _covered(state, stage.lift, material)
+            state = _covered(state, stage.lift, case.material)
         if number == 1 and first is not None:
             done.append(first)
         else:
-            target = _roller_of(stage, roller, layer.height + lower_height, lowest, number)
-            options = numerics
-            if stage.exit_density_ratio is not None:
-                options = numerics | {"exit_density_ratio": stage.exit_density_ratio}
-            travel = speed if stage.forward else -speed
-            done.append(ROLL_OVER[engine](state, layer, target, material, travel, **options))
+            roller = _roller_of(stage, case.roller, layer.height + lower_height, lowest, number)
+            speed = case.speed if stage.forward else -case.speed
+            target = stage.exit_density_ratio
+            now = replace(case, layer=layer, roller=roller, speed=speed, exit_density_ratio=target)
+            done.append(engine.roll_over(state, now))
         lowest, state = layer.height + lower_height - done[-1].indentation, _state_behind(done[-1])
         layer, lower_height = replace(layer, height=done[-1].exit_height), done[-1].lower_height or 0.0
     return tuple(done)
@@ -167,8 +175,8 @@ def density(result: ContactResult) -> NDArray[np.float64]:
 class _Columns(NamedTuple):
     """Columns of a layer and of its lower lift, from the base upwards."""
 
-    layer: tuple[Column, ...]
-    lower: tuple[Column, ...]
+    layer: tuple[Any, ...]
+    lower: tuple[Any, ...]
 
 
 def _roller_of(stage: Pass, roller: Roller, height: float, lowest: float | None, number: int) -> Roller:
@@ -194,30 +202,7 @@ def _state_behind(result: Any) -> Any:
 def _covered(state: Any, lift: float, material: Compaction) -> Any:
     """Return the state with fresh mix on top."""
     if isinstance(state, _Columns):
+        from compact.engines.column.column_pass import Column
+
         return state._replace(layer=(*state.layer, Column(lift, material.fed_density_ratio)))
     return None if state is None else state.with_lift(lift, material)
-
-
-def _roll_columns(
-    state: Any, layer: Layer, roller: Roller, material: Compaction, speed: float, **options: Any
-) -> ContactResult:
-    from compact.engines.column import engine as column
-
-    if state is None:
-        return column.roll(layer, roller, material, speed, **options)
-    return column.roll_over(state.layer, roller, material, speed, lower=state.lower, **options)
-
-
-def _roll_elements(
-    state: Any, layer: Layer, roller: Roller, material: Compaction, speed: float, **options: Any
-) -> ContactResult:
-    from compact.engines.compaction import engine as compaction
-
-    target = options.get("exit_density_ratio")
-    before = material.fed_density_ratio if state is None else state.density_ratio
-    if target is not None and target > before:  # initial guess, for a layer without elastic recovery
-        roller = replace(roller, indentation=layer.height * (1 - before / target), load=None, peak_pressure=None)
-    return compaction.roll(layer, roller, material, speed, fed_layer=state, **options)
-
-
-ROLL_OVER: dict[str, Callable[..., ContactResult]] = {"column": _roll_columns, "compaction": _roll_elements}

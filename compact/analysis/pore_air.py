@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from compact.analysis.engines import ENGINES
+from compact.engines import ENGINES
 from compact.material.mix import Mix, Parameter
 from compact.material.pore_air import PoreAir, water_volume
 from compact.numerics import Array
@@ -328,8 +328,7 @@ def air_answer(curve: AirCurve, mix: Mix, mean_speed: float) -> AirAnswer:
 
 def has_air(scene: Scene) -> bool:
     """Return True if load and resistance of a scene contain pore air."""
-    engine = ENGINES[scene.accuracy.engine]
-    return engine.compacting and not engine.forming and scene.mix.pore_air != "drained"
+    return ENGINES[scene.accuracy.engine].takes == "compacting layer" and scene.mix.pore_air != "drained"
 
 
 def is_coupled(scene: Scene) -> bool:

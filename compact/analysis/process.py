@@ -9,14 +9,13 @@ enters them one-way or coupled; drained mix states its one-way part alone.
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
 
-from compact.analysis.contact_cases import compaction_material, scene_mix
-from compact.analysis.engines import ProcessDetail
 from compact.analysis.machine_models import cart
-from compact.analysis.pore_air import pore_air_of
+from compact.analysis.mix_laws import compaction_material, scene_mix
+from compact.analysis.pore_air import AirForces, pore_air_of
 from compact.engines.process.forming import Closure, ClosureKind, Feed, Fill, FormingMachine
 from compact.engines.process.lifts import (
     MIDDLE_SHARE,
@@ -44,6 +43,7 @@ from compact.numerics import Array
 from compact.scene.loader import Scene, SceneError
 from compact.verification import published_machine
 
+ProcessDetail = Literal["columns", "quick", "deep"]
 MAP_MOULD_SHARES = tuple(2.0 ** (power / 8) for power in range(-16, 17))  # [-], speeds of the map over the scene's
 MAP_CART_SHARES = tuple(2.0 ** (power / 8) for power in range(-8, 9))  # [-], likewise
 LIFT_SHARES = (MIDDLE_SHARE, 0.9, 0.6)  # [-], of thicknesses of the lifts, see `lift_thickness`; quick: the first two
@@ -105,17 +105,12 @@ class KnownLifts(NamedTuple):
     @classmethod
     def from_json(cls, content: dict[str, Any]) -> Self:
         """Return the lifts of a JSON file."""
-        sequences = (
-            LiftSequence(
-                each["thickness"], each["increments"], tuple(map(_lift_of_json, each["lifts"])), each["stopped"]
-            )
-            for each in content["sequences"]
-        )
+
+        def lift(given: dict[str, Any]) -> LumpedLift:
+            return LumpedLift(**given | {"rows": tuple(map(tuple, given["rows"]))})
+
+        sequences = (LiftSequence(**each | {"lifts": tuple(map(lift, each["lifts"]))}) for each in content["sequences"])
         return cls(tuple(sequences), content["rate_factor"], content["cart_speed"])
-
-
-def _lift_of_json(content: dict[str, Any]) -> LumpedLift:
-    return LumpedLift(**content | {"rows": tuple(map(tuple, content["rows"]))})
 
 
 class PrintedForce(NamedTuple):
@@ -300,6 +295,15 @@ class ProcessStudy:
         """True if load and resistance contain the pore air, in two dimensions alone."""
         return self.scene.mix.pore_air != "drained" and self.two_dimensions is not None and self.pore_air is not None
 
+    def air_forces(self, speed: float) -> AirForces | None:
+        """Return the changes of the strokes by their pore air at a speed of the cart [m/s]; None of drained mix."""
+        found, machine = self.two_dimensions, self.problem.machine
+        if found is None or not self.counts_air:
+            return None
+        length, share = machine.roller_length, abs(speed) / machine.cart_speed
+        load, resistance = found.air_load.value, found.air_resistance.value
+        return AirForces(share * load / length, share * resistance / length, share * found.air_excess_behind)
+
     @property
     def load(self) -> float:
         """Load of one roller by the best model computed [N]."""
@@ -461,14 +465,11 @@ class ProcessStudy:
     @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences on results that need attention."""
-        return tuple(sentence for sentence in self._remarks() if sentence)
-
-    def _remarks(self) -> tuple[str, ...]:
         row, flow, machine = self.row, self.row.flow, self.problem.machine
         count = self.strokes_below_grain
         lack = self.scene.mix.density_ratio - row.product_density_ratio
         short = flow.missing > UNFED_SHARE * flow.product
-        return (
+        sentences = (
             f"in {count} of {row.history.count} strokes the make-up is thinner than the largest grain: the feed is a "
             "standing heap there, not a lift" if count else "",
             f"under-feed: the product has a density ratio of {row.product_density_ratio:.4f} in place of "
@@ -483,6 +484,7 @@ class ProcessStudy:
             if not row.load else "",
             *self._remarks_in_two_dimensions(),
         )  # fmt: skip
+        return tuple(sentence for sentence in sentences if sentence)
 
     def _remarks_in_two_dimensions(self) -> tuple[str, ...]:
         found = self.two_dimensions

@@ -17,7 +17,8 @@ from pathlib import Path
 from typing import Any
 
 from compact.analysis import machine_models
-from compact.analysis.contact_cases import ContactRecord, scene_mix
+from compact.analysis.contact_cases import ContactRecord, Progress
+from compact.analysis.mix_laws import scene_mix
 from compact.analysis.pore_air import AirAnswer, air_answer
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
@@ -26,7 +27,7 @@ from compact.analysis.stages import comparison
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
 from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
 from compact.analysis.stages.comparison import ComparisonAnswer, EngineComparison, Places, RankingAgreement
-from compact.analysis.stages.contacts import Count, Progress, no_count
+from compact.analysis.stages.contacts import Count, no_count
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.stages.model_spread import ModelSpread, contact_by_law, scenes_of_laws, spread_of

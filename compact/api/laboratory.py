@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, overload
 
-from compact.analysis.contact_cases import compaction_material, contact_inputs, prescribed_target, scene_mix
-from compact.analysis.engines import ENGINES
+from compact.analysis.contact_cases import contact_inputs, prescribed_target
 from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest, own_material_tests
+from compact.analysis.mix_laws import compaction_material, scene_mix
 from compact.analysis.pore_air import has_air
 from compact.api.tables import build_frame, render_html
 from compact.engines.column.state_update_columns import required_height
@@ -167,4 +167,6 @@ def roll_material(scene: Scene, material: StateUpdate, speed: float) -> ContactR
         ratio = scene.mix.density_ratio
         layer = replace(layer, height=required_height(scene.lift_thickness, ratio, material))
         options["exit_density_ratio"] = ratio
-    return ENGINES["column"].roll(layer, roller, material, speed, **options)
+    from compact.engines.column.engine import roll
+
+    return roll(layer, roller, material, speed, **options)

@@ -67,14 +67,15 @@ class Scene(loader.Scene):
         """
         import numpy as np
 
-        from compact.analysis.contact_cases import contact_record, contact_speeds, scene_mix
-        from compact.analysis.stages.contacts import ContactStage
+        from compact.analysis.contact_cases import contact_record, contact_speeds
+        from compact.analysis.mix_laws import scene_mix
+        from compact.analysis.stages.contacts import contact_stage
         from compact.api.contacts import Contacts
         from compact.api.laboratory import roll_material
         from compact.numerics.validation import as_numbers
 
         scene = self._by(engine)
-        stage = ContactStage(scene, scene_mix(scene))
+        stage = contact_stage(scene, scene_mix(scene))
         given = as_numbers("speeds", contact_speeds(scene) if speeds is None else speeds)
         if given.ndim > 1 or not given.size:
             raise ValueError(f"`speeds` must hold at least one speed, got {given.tolist()}; give a list in m/s")

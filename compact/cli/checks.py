@@ -40,8 +40,8 @@ def material(
     out
         folder of material.csv, material.json and material.png; default out/NAME-material, NAME as in `compact run`
     """
-    from compact.analysis.contact_cases import compaction_material, scene_mix
     from compact.analysis.material_tests import LaboratoryProgramme
+    from compact.analysis.mix_laws import compaction_material, scene_mix
     from compact.files import claimed_directory
     from compact.report.laboratory import material_digest, write_material_tests
 

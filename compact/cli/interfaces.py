@@ -54,7 +54,7 @@ def export(
     progress, place = console.progress(), out or default_directory(scene, "export")
     study = Study(given, progress.begin, default_directory(scene), progress.report)
     with_fields = [name for name in formats if name in FIELD_FORMATS]
-    if with_fields and study.stages.contacts.engine.fields_module is None:
+    if with_fields and not study.stages.contacts.engine.has_fields:
         name = study.scene.accuracy.engine
         raise ValueError(
             f'--format {with_fields[0]} needs fields, which the engine "{name}" does not have; '

@@ -19,6 +19,7 @@ from typing import get_args
 import numpy as np
 
 from compact.engines.halfplane import LineContact, pressure_exponent
+from compact.engines.interface import NO_AIR, ONE_MODULUS, RECOVERS, RIGID_BASE, Case, Engine, Limit
 from compact.material.laws import Elastic
 from compact.numerics import Array
 from compact.numerics.validation import (
@@ -362,3 +363,30 @@ def _require_exponent(exponent: Values) -> None:
 def _require_capture_angle(capture_angle: Values) -> None:
     inside = (np.asarray(capture_angle) > 0) & (np.asarray(capture_angle) <= np.pi / 2)
     require_that(inside, capture_angle, "`capture_angle` must lie between 0 and pi/2, got")
+
+
+class FormulaEngine(Engine):
+    """Engineering formulas of a half-plane: no indentation, no effect of the speed."""
+
+    name, takes, cost, points_per_task = "formula", "half-plane", 0.001, 100
+    mix_parameters = ("required_pressure", "effective_modulus", "poisson", "steel_friction")
+    limits = (
+        Limit("machine.gap_geometry", ("parabola",), "half-plane theory has no other gap", fixed=True),
+        Limit("contact.indentation", (None,), "the depth of a contact on a half-plane is not defined", late=True),
+        ONE_MODULUS,
+        RIGID_BASE,
+        NO_AIR,
+        *RECOVERS,
+    )
+
+    @property
+    def fitted_keys(self) -> tuple[str, ...]:
+        """Inputs of eqs 1.8 and 1.9 besides the mix."""
+        return "machine.roller_friction", "machine.bearing_friction"
+
+    def contact(self, case: Case, start: ContactResult | None = None) -> ContactResult:
+        """Evaluate the formulas."""
+        return roll(case.layer, case.roller, case.material, case.speed, **case.factors)
+
+
+FORMULA = FormulaEngine()

@@ -71,7 +71,7 @@ class CartModel:
         peaks = [cycle.forward.peaks() for cycle in study.cycles.values()]
         accelerations = [each.acceleration for each in peaks if np.isfinite(each.acceleration)]
         speeds = [each.velocity for each in peaks]
-        fastest = float(study.stages.resistance.map.speeds[-1]) if study.stages.contacts.engine.layered else max(speeds)
+        fastest = float(study.stages.resistance.map.speeds[-1]) if study.stages.contacts.speeds else max(speeds)
         largest = max(accelerations, default=study.scene.mean_speed / study.scene.motion.duration)
         return cls(study.stages.resistance.cart, study.resistance, fastest, float(largest), study.scene.mean_speed)
 

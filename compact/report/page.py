@@ -198,7 +198,9 @@ def _uncertainty(study: Study, checks: Sequence[BalanceCheck]) -> Iterator[str]:
     """State errors, spread, ranks that are resolved, other engines, sensitivity, checks and remarks."""
     stages, kind = study.stages, study.scene.drive.kind
     engine, orders = stages.contacts.engine, _first_criteria(stages.drive.places[kind])
-    yield say("numerical_error", engine, stages.resistance.map if engine.layered else None)
+    yield say(
+        "numerical_error", engine, stages.resistance.map if stages.contacts.speeds else None, stages.contacts.compacts
+    )
     yield from (text.spread_sentence(study), text.air_sentence(study))
     for by, order in orders.items():
         first = _first_places(order)

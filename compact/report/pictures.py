@@ -51,7 +51,7 @@ def require_picture(path: Path, engine: Any) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"--picture takes a file that ends in {', '.join(SUFFIXES)}, got {path.name!r}")
-    if engine.fields_module is None:
+    if not engine.has_fields:
         raise ValueError(
             f"--picture: the engine {engine.name} computes no fields inside the layer; choose fem or compaction"
         )

@@ -249,7 +249,7 @@ def contact_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     blocks += [as_sentence(sentence) for sentence in sentences if sentence]
     load, formula = (format_quantity(each, "N", 3) for each in (stage.roller_load, numbers["roller_force"].value))
     lead = f"{load} on a roller; {formula} by formula."
-    if stage.engine.layered:
+    if stage.speeds:
         found = results.contact_table(study)
         shown = found.shown("speed", "load", "resistance", "coefficient", "trailing", "leading", "peak_pressure")
         shown["indentation"] = format_column([each.indentation for each in study.contacts], "m")
@@ -257,7 +257,7 @@ def contact_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
             shown[f"error of the {name}"] = [format_percent(each) for each in found[f"{name}_error"]]
         caption = f"One roller by the engine {stage.engine.name}, per metre of its length, with its error estimates"
         blocks.append(Table(caption, shown))
-        if stage.engine.compacting:
+        if stage.compacts:
             cases = [(c.speed, number, each) for c in study.contacts for number, each in enumerate(c.passes, start=1)]
             fields = [
                 f"{head}=2.{name}" for name, head in zip(quantities.PASS, column_names(quantities.PASS), strict=True)

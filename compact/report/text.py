@@ -22,9 +22,10 @@ from compact.analysis.sizing.work_balance import WorkBalance
 from compact.analysis.stages.comparison import resistances_without_wave
 from compact.analysis.stages.laws import COMPLIANT_DRIVES
 from compact.analysis.stages.uncertainty import AIR, DRIVE, FED, LAW, MARGIN_SOURCES, MIX, RankingUncertainty
-from compact.analysis.stages.verdict import FLOOR, VISCOELASTIC, ModelAnswer, Verdict, reason_against, sizing_model
+from compact.analysis.stages.verdict import ModelAnswer, Verdict, reason_against, sizing_model
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
+from compact.engines.interface import FLOOR, VISCOELASTIC
 from compact.machine.ranking import CRITERIA, first_of
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report.tables import format_column, format_percent, format_quantity
@@ -303,15 +304,14 @@ def held_sentence(study: Study) -> str:
     held, scene = study.stages.contacts.held, study.scene
     if held is None:
         return ""
-    compacting = study.stages.contacts.engine.compacting
+    compacting = study.stages.contacts.compacts
     target = say("target", scene.target, compacting, scene.mix, study.mix.required_pressure)
     return say("held", held, scene.machine.roller_length, target)
 
 
 def sleeve_sentence(study: Study) -> str:
     """State the part of the feed sleeves in the resistance of a forming process, which follows from an assumed head."""
-    process = study.stages.contacts.process
-    return say("sleeves", process and process.sleeve_drag)
+    return say("sleeves", study.stages.contacts.sleeve_drag)
 
 
 def heaping_sentences(study: Study) -> list[str]:
@@ -330,29 +330,28 @@ def other_resistances(scene: Scene) -> str:
 
 def return_sentence(study: Study) -> str:
     """State the mix under the return stroke, with the energy per cycle where both states are computed."""
-    stage, drive, engine = study.stages.contacts, study.stages.drive, study.stages.contacts.engine
-    ratios = stage.return_ratios if engine.forming else None
+    stage, drive = study.stages.contacts, study.stages.drive
+    strokes = stage.process is not None
+    ratios = stage.return_ratios if strokes else None
     over, law = study.scene.layer.return_stroke, drive.best_law if drive.cycle_energies else ""
-    return say(
-        "return_stroke", over, stage.second_pass, drive.cycle_energies, law, engine.forming, ratios, engine.layered
-    )
+    return say("return_stroke", over, stage.second_pass, drive.cycle_energies, law, strokes, ratios, bool(stage.speeds))
 
 
 def air_sentence(study: Study) -> str:
     """State the part of the pore air in load and resistance, the de-aeration speed and the tension behind."""
-    engine, process = study.stages.contacts.engine, study.stages.contacts.process
-    if not engine.compacting:
+    contacts = study.stages.contacts
+    if not contacts.compacts:
         return ""
-    if engine.forming:
-        found = None if process is None or process.pore_air is None else process.two_dimensions
-        return say("air_of_process", found, process is not None and process.counts_air)
-    return say("air", study.pore_air, study.scene.mix.pore_air, engine.name)
+    if contacts.process is not None:
+        found = None if contacts.process.pore_air is None else contacts.process.two_dimensions
+        return say("air_of_process", found, contacts.has_air)
+    return say("air", study.pore_air, study.scene.mix.pore_air, contacts.engine.name)
 
 
 def spread_sentence(study: Study) -> str:
     """State the spread of load and resistance over the laws of the mix; empty for an engine without compaction."""
     engine, spread = study.stages.contacts.engine, study.model_spread
-    if not engine.compacting:
+    if not study.stages.contacts.compacts:
         return ""
     variants = spread.variants if spread else ()
     heaped = [each for each in variants if each.heaping is not None]
@@ -421,7 +420,7 @@ def study_digest(study: Study) -> str:
     for clauses in recommendations(study):
         lines += _wrapped(plain("; ".join(clauses)))
     lines += ["", *_model_lines(study), ""] if study.verdicts else [""]
-    if not study.stages.contacts.engine.layered:
+    if not study.stages.contacts.speeds:
         number = study.stages.contacts.numbers["roller_force"]
         high = "beyond the range of the formulas" if number.high is None else f"{number.high:.4g}"
         spread = "" if number.low is None else f"   {number.low:.4g} to {high} over the spread of the mix"

@@ -51,7 +51,7 @@ def write_study(
     ResultsError
         If a file cannot be written or the directory holds results of another scene.
     """
-    items, layered = study.scene.output.items, study.stages.contacts.engine.layered
+    items, layered = study.scene.output.items, bool(study.stages.contacts.speeds)
     writers: dict[str, Callable[[Study, Path], Iterator[Path]]] = {
         "reactions": results.write_reactions, "cams": results.write_cams, "crank": results.write_crank,
         "fields": _write_fields,
@@ -88,7 +88,7 @@ def write_study(
 def _write_contacts(study: Study, place: Path) -> Iterator[Path]:
     """Write contact.csv; of a compacting layer also passes.csv and density.csv."""
     yield results.contact_table(study).write(place / "contact.csv")
-    if study.stages.contacts.engine.compacting:
+    if study.stages.contacts.compacts:
         standing = study.standing(place, "passes.csv", "density.csv")
         yield from standing or _write_passes(study.stages.contacts.passes, place)
 
@@ -116,10 +116,10 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     content = contact_to_json(contact_record(engine, speed, tuple(passes), stage.air_forces_of(first, speed)))
     write_json(directory / "contact.json", content | {"replaced": list(study.scene.replacements[engine])})
     write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, stage.exact, speed))
-    if stage.engine.compacting:
+    if stage.compacts:
         list(_write_passes([(speed, passes)], directory))
         write_figure(directory / "density.png", contact_figures.draw_density(passes))
-    if stage.engine.fields_module:
+    if stage.engine.has_fields:
         list(_write_layers(directory, [(stage.field_mesh(first), first)]))
 
 
@@ -188,7 +188,7 @@ def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
     if "crank" in items:
         found["crank"] = (figures.draw_crank_turns, drive.turns)
     forces = {name: other.resistance for name, other in study.comparison.items()}
-    if study.stages.contacts.engine.layered:
+    if bool(study.stages.contacts.speeds):
         peaks = [cycle.forward.peaks().acceleration for cycle in study.cycles.values()]
         resistances = {study.scene.accuracy.engine: study.resistance} | forces
         found["contact"] = (contact_figures.draw_loads, study.contacts)
@@ -280,7 +280,7 @@ def _held(held: HeldQuantity | None) -> dict[str, Any] | None:
 
 def _drive_resistance(study: Study) -> dict[str, Any]:
     """Convert the resistance to the cart and its error estimates."""
-    if not study.stages.contacts.engine.layered:
+    if not bool(study.stages.contacts.speeds):
         return {"by": "eq 1.8"}
     found = study.stages.resistance.map
     return {
@@ -438,7 +438,7 @@ def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
     """Convert the criteria of a run, their errors and the quantities of its kind of drive."""
     own = [name for name in quantities.RUN if name != "unsteady_share" and hasattr(run, name)]
     content = {by: value_of(run, by) for by in CRITERIA} | {name: getattr(run, name) for name in own}
-    if study.stages.contacts.engine.layered:
+    if bool(study.stages.contacts.speeds):
         content["unsteady_share"] = run.time_fraction(study.stages.resistance.map.is_unsteady)
     return content | {"errors": {by: results.criterion_error(study, run, by) for by in CRITERIA}}
 

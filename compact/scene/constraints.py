@@ -13,9 +13,10 @@ from itertools import pairwise
 from operator import gt, le, lt
 from typing import Any
 
+from compact.engines import ENGINES
 from compact.material.earth_pressure import earth_pressure_bounds, matched_slopes
 from compact.material.mix import prior, scaled_fits
-from compact.scene.engine_capabilities import TORQUE_ENGINES, refusals
+from compact.scene.engine_capabilities import refusals
 from compact.scene.errors import Key, Mistake, Source
 from compact.scene.schema import unit_of
 
@@ -224,7 +225,7 @@ def _torque_turns_a_roller(torque, rolling):
 
 @rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine")
 def _driven_roller_has_a_torque(torque, rolling, engine):
-    if torque is None and rolling == "driven" and engine in TORQUE_ENGINES:
+    if torque is None and rolling == "driven" and ENGINES[engine].reads("machine.roller_torque"):
         words = f'the engine "{engine}" rolls a "driven" roller by it'
         return f"is missing, and {words}; give the torque on one roller in N m"
 
@@ -450,13 +451,13 @@ def _oil_is_stiff(modulus, pressure, area, volume, stroke, kind):
 
 @rule("machine.roller_condition", "accuracy.engine", into=ADVICE)
 def _driven_roller_may_stick(rolling, engine):
-    if engine not in TORQUE_ENGINES and rolling == "driven":
+    if not ENGINES[engine].reads("machine.roller_torque") and rolling == "driven":
         return f'the engine "{engine}" assumes full slip of a driven roller, whatever its torque; "fem" resolves stick'
 
 
 @rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine", into=ADVICE)
 def _torque_is_heeded(torque, rolling, engine):
-    if engine not in TORQUE_ENGINES and torque and rolling != "driven":
+    if not ENGINES[engine].reads("machine.roller_torque") and torque and rolling != "driven":
         return f'the engine "{engine}" neglects machine.roller_torque; "fem" and "compaction" use it'
 
 

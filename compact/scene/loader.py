@@ -19,11 +19,12 @@ from typing import Any, Self, TypeVar
 
 from pydantic import PrivateAttr, ValidationError
 
+from compact.engines import ENGINES
 from compact.files import checksum
 from compact.scene import errors, plausible_ranges
 from compact.scene.choices import LAW_NAMES
 from compact.scene.constraints import ADVICE, RULES, Rule, files_exist, sentences
-from compact.scene.engine_capabilities import LIMITS, adapt, replaced
+from compact.scene.engine_capabilities import adapt, replaced
 from compact.scene.errors import Mistake, SceneError, Source
 from compact.scene.process_constraints import PROCESS_ADVICE, PROCESS_RULES
 from compact.scene.schema import SceneTables
@@ -99,7 +100,7 @@ class Scene(SceneTables):
         if engine == "formula":  # compared with every engine, whatever the scene sets for that engine
             changes |= {
                 limit.key: limit.taken[0]
-                for limit in LIMITS[engine]
+                for limit in ENGINES[engine].limits
                 if not limit.fixed and limit.value_in(self) not in limit.taken
             }
         for table, keys in (given.model_dump(exclude_none=True) if given else {}).items():
@@ -125,7 +126,7 @@ class Scene(SceneTables):
             scene = self if name == own else self.with_engine(name)
             left_out = [  # keys that the formulas neglect where they are compared with another engine
                 replaced(name, limit, limit.value_in(self))
-                for limit in (LIMITS[name] if name == "formula" != own else ())
+                for limit in (ENGINES[name].limits if name == "formula" != own else ())
                 if not limit.fixed and limit.value_in(self) not in limit.taken
             ]
             fits = scene.mix.fit_remark

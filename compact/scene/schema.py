@@ -19,10 +19,10 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, Strict, WrapValidator
 from pydantic.fields import FieldInfo
 
+from compact.engines import BUILT_IN, installed_engines
 from compact.material.mix import CALIBRATED, is_same_state, scaled_fits
 from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
 from compact.scene import choices
-from compact.scene.engine_capabilities import BUILT_IN, installed_engines
 
 UNIT, UNIT_WORDS = re.compile(r"\[([\w/ ]+)\]"), {"deg": "degrees"}  # in the meaning of a key
 

@@ -20,10 +20,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from compact.analysis.engines import ENGINES
+from compact.engines import ENGINES
 from compact.files import versions
 from compact.quantities import SWEEP_CORRECTION, Quantity
-from compact.scene.engine_capabilities import LIMITS
 from compact.scene.loader import Scene
 from compact.sweep.design import Axis, Sampled
 from compact.sweep.point import Results
@@ -152,7 +151,7 @@ class CorrectedSweep(Sweep):
     def _accepted(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Return the keys that turn a scene into one that the engine of low fidelity accepts."""
         accepted: dict[str, Any] = {"accuracy.engine": self.low_fidelity}
-        for limit in LIMITS.get(self.low_fidelity, ()):
+        for limit in ENGINES[self.low_fidelity].limits:
             value = changes.get(limit.key, limit.value_in(self.scene))
             if (limit.key in changes or self.scene.is_set(limit.key)) and not limit.takes(value, None):
                 accepted[limit.key] = limit.taken[0]

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compact.analysis.contact_cases import scene_mix
-from compact.analysis.engines import ENGINES
+from compact.analysis.mix_laws import scene_mix
+from compact.engines import ENGINES
 from compact.material import mix
 from compact.numerics.validation import require_known
 from compact.scene.loader import Scene, SceneError, read_value
@@ -185,9 +185,8 @@ def varied_engines(scene: Scene, axes: Sequence[Axis]) -> tuple[str, ...]:
 def _sampled_names(scene: Scene, axes: Sequence[Axis], samples: Sequence[Sampled]) -> tuple[str, ...]:
     """Return the parameters of the mix to be sampled, in the order of the table."""
     engines = varied_engines(scene, axes)
-    counted = {name for engine in engines for name in ENGINES[engine].parameters_of(scene.mix.law)}
-    if scene.mix.pore_air != "drained" and any(ENGINES[engine].compacting for engine in engines):
-        counted |= {"air_permeability", "occlusion_saturation"}
+    law, air = scene.mix.law, scene.mix.pore_air != "drained"
+    counted = {name for engine in engines for name in ENGINES[engine].parameters_of(law, air)}
     given = set(scene.mix.overrides.model_dump(exclude_none=True)) | {axis.key.split(".")[-1] for axis in axes}
     names = set()
     for key in (sample.key for sample in samples):

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from compact.analysis.engines import ENGINES
+from compact.analysis.contact_cases import Passes, air_forces_of, roll_passes
 from compact.analysis.failures import internal_sentence, is_numeric, is_refusal, memory_sentence, numeric_sentence
 from compact.analysis.pore_air import AirForces, coupled_forces, is_coupled, pore_air_of
-from compact.analysis.stages.contacts import Passes, air_forces_of, roll_passes
 from compact.analysis.study import Study
+from compact.engines import ENGINES
 from compact.rolling_contact import ContactResult
 from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene, SceneError
@@ -68,7 +68,7 @@ def headline(
             found["reason"] = reason(error)
     found["replaced"] = "; ".join(filter(None, (*adapt(scene, scene.accuracy.engine)[1], scene.mix.fit_remark)))
     found["warnings"] = "; ".join(dict.fromkeys(str(warning.message) for warning in warned))[:MAX_TEXT_LENGTH]
-    return found, contact if ENGINES[scene.accuracy.engine].continuation else None
+    return found, ENGINES[scene.accuracy.engine].as_start(contact)
 
 
 def reason(error: Exception) -> str:
@@ -92,7 +92,7 @@ def reason(error: Exception) -> str:
 def _computed(study: Study, initial_guess: ContactResult | None) -> tuple[Results, ContactResult | None]:
     """Return the results of the first pass at the mean speed, and its contact; None for eqs 1.4-1.8."""
     scene, mix, machine = study.scene, study.mix, study.scene.machine
-    if not study.stages.contacts.engine.layered:
+    if not study.stages.contacts.speeds:
         formulas = study.stages.contacts.engineering
         same = ("resistance_coefficient", "capture_angle", "contact_length")
         return {name: getattr(formulas, name) for name in same} | {
@@ -129,7 +129,7 @@ def _computed(study: Study, initial_guess: ContactResult | None) -> tuple[Result
 def _first_and_last(study: Study, initial_guess: ContactResult | None) -> Passes:
     """Compute all passes, from the initial guess if that converges, else from scratch; return first and last."""
     scene, speed = study.scene, study.scene.mean_speed
-    if initial_guess is not None and scene.layer.passes == 1 and study.stages.contacts.engine.continuation:
+    if initial_guess is not None and scene.layer.passes == 1:
         with suppress(RuntimeError):
             return 2 * roll_passes(scene, study.mix, speed, (initial_guess,))
     passes = roll_passes(scene, study.mix, speed)

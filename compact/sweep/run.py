@@ -27,8 +27,8 @@ from filelock import SoftFileLock, Timeout
 from threadpoolctl import threadpool_limits
 
 from compact import files, quantities
-from compact.analysis.engines import ENGINES
 from compact.analysis.worker_pool import Executor, WorkerDied, run_tasks
+from compact.engines import ENGINES
 from compact.material import mix
 from compact.quantities import SWEEP_POINT, Quantity
 from compact.rolling_contact import ContactResult
@@ -247,7 +247,7 @@ class Sweep:
     @property
     def chained(self) -> bool:
         """True if each point is the initial guess of its neighbour."""
-        return not self.design.names and any(ENGINES[engine].continuation for engine in self.engines)
+        return not self.design.names and any(ENGINES[engine].line > 1 for engine in self.engines)
 
     def run(
         self,

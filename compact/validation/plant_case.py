@@ -24,9 +24,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from compact.analysis.contact_cases import scene_mix
-from compact.analysis.engines import ENGINES
-from compact.analysis.stages.contacts import roll_scene
+from compact.analysis.contact_cases import roll_scene
+from compact.analysis.mix_laws import scene_mix
+from compact.engines import ENGINES
 from compact.scene.errors import key_lines, syntax_sentence
 from compact.scene.loader import Scene, SceneError, parse_scene, read_value
 from compact.validation.case import PREDICTED, Comparison, Computed, Panel, Rows, ValidationCase, ours, theirs
@@ -86,7 +86,7 @@ def read_plant_case(folder: str | Path) -> ValidationCase:
         (engine,),
         f"{header['source']}; {header['licence']}",
         partial(_compute, scene, trials, str(table)),
-        seconds=CONTACT_COST * len(trials) if not ENGINES[engine].cheap else 1.0,
+        seconds=CONTACT_COST * len(trials) if not ENGINES[engine].affordable else 1.0,
         given=rows,
     )
 
@@ -210,7 +210,7 @@ def _require_columns(names: Sequence[str], expected: Mapping[str, float], scene:
             raise ValueError(f"{place}: `{base}` has no expected distance; add it to `expected` of [case]")
         if base not in names:
             raise ValueError(f"{place}: `{name}` needs a column `{base}`")
-        if base in COMPACTED and not ENGINES[engine].compacting:
+        if base in COMPACTED and ENGINES[engine].takes in ("half-plane", "linear layer"):
             raise ValueError(f"{place}: the engine {engine} computes no `{base}`")
     if not any(name in MEASURED for name in names):
         raise ValueError(f"{place}: no column is measured; give at least one of {', '.join(MEASURED)}")

@@ -7,8 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from compact.analysis import contact_cases
-from compact.analysis.stages import contacts as contact_stage
+from compact.analysis import contact_cases, mix_laws
 from compact.analysis.study import Study
 from compact.engines.column.engine import simulate_oedometer
 from compact.engines.compaction.engine import CompactionContactResult
@@ -40,19 +39,19 @@ def study(**changes):
 
 
 def test_a_scaled_fit_states_its_origin():
-    mix = contact_cases.scene_mix(load_scene(SMALL, **{"mix.moisture": 0.09}))
+    mix = mix_laws.scene_mix(load_scene(SMALL, **{"mix.moisture": 0.09}))
     found = mix.parameter("effective_modulus")
     assert found.value == pytest.approx(1364535.2 * mix.relaxed_modulus / 0.75e6, rel=1e-12)
     assert (found.flag, found.origin) == (
         "calibrated", "fitted at another moisture or density ratio, scaled by the prior",
     )  # fmt: skip
-    assert contact_cases.scene_mix(load_scene(SMALL)).parameter("effective_modulus").flag == "given"
+    assert mix_laws.scene_mix(load_scene(SMALL)).parameter("effective_modulus").flag == "given"
 
 
 @pytest.mark.parametrize(("speed", "load", "resistance"), [(0.03, 15386.4, 289.42), (0.3, 20455.8, 392.89)])
 def test_scene_gives_the_published_contact(speed, load, resistance):
     case = study(**CASE_G, **{"accuracy.engine": "spectral"})
-    rolled = contact_stage.roll_scene(case.scene, case.mix, speed)
+    rolled = contact_cases.roll_scene(case.scene, case.mix, speed)
     assert rolled.load == pytest.approx(load, rel=1e-5)
     assert rolled.resistance == pytest.approx(resistance, rel=1e-4)
 
@@ -60,24 +59,24 @@ def test_scene_gives_the_published_contact(speed, load, resistance):
 def test_plies_of_a_scene_are_passed_to_the_engine():
     plies = [{"thickness": 0.2, "relative_modulus": 1.0}, {"thickness": 0.02, "relative_modulus": 20.0}]
     case = study(**CASE_G, **{"layer.plies": plies, "accuracy.engine": "spectral"})
-    rolled = contact_stage.roll_scene(case.scene, case.mix, 0.3)
+    rolled = contact_cases.roll_scene(case.scene, case.mix, 0.3)
     mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))
     layer = Layer(0.22, plies=(Ply(thickness=0.2, stiffness=1.0), Ply(thickness=0.02, stiffness=20.0)))
     direct = spectral.roll(layer, Roller(0.11, indentation=0.003), mix, 0.3)
     assert (rolled.load, rolled.resistance) == pytest.approx((direct.load, direct.resistance), rel=1e-4)
     with pytest.raises(ValueError, match="the formula engine needs one modulus, got 2 `plies`; use spectral or fem"):
-        contact_stage.roll_scene(case.scene, case.mix, 0.3, "formula")
+        contact_cases.roll_scene(case.scene, case.mix, 0.3, "formula")
 
 
 def test_default_target_is_the_pressure_required_by_the_mix():
     case = study(**{"machine.roller_condition": "frictionless", "machine.gap_geometry": "parabola"})
-    rolled = contact_stage.roll_scene(case.scene, case.mix, 0.1, "spectral")
+    rolled = contact_cases.roll_scene(case.scene, case.mix, 0.1, "spectral")
     assert rolled.peak_pressure == pytest.approx(case.mix.required_pressure, rel=1e-6)
 
 
 def test_finite_elements_give_the_published_contact():
     case = study(**CASE_G, **{"accuracy.engine": "fem"})
-    rolled = contact_stage.roll_scene(case.scene, case.mix, 0.3)
+    rolled = contact_cases.roll_scene(case.scene, case.mix, 0.3)
     assert rolled.load == pytest.approx(20455.8, rel=5e-4)
     assert rolled.resistance == pytest.approx(392.89, rel=5e-3)
     assert rolled.work_residual < 5e-3
@@ -86,7 +85,7 @@ def test_finite_elements_give_the_published_contact():
 @pytest.mark.slow
 def test_engine_satisfies_the_tolerance_of_the_scene():
     coarse, fine = (study(**CASE_G, **{"accuracy.engine": "fem", "accuracy.tolerance": t}) for t in (1e-2, 1e-3))
-    rough, close = (contact_stage.roll_scene(case.scene, case.mix, 0.3) for case in (coarse, fine))
+    rough, close = (contact_cases.roll_scene(case.scene, case.mix, 0.3) for case in (coarse, fine))
     assert close.forces.shape[1] > rough.forces.shape[1]  # more nodes on the surface
     assert abs(close.resistance / 392.888 - 1) < 1e-3  # contact.md g, digits of the spectral engine
     assert abs(rough.resistance / 392.888 - 1) < 1e-2
@@ -101,10 +100,10 @@ def test_engine_satisfies_the_tolerance_of_the_scene():
 def test_torque_of_the_scene_acts_on_the_whole_roller(rolling, torque, speed):
     free = study(**SHALLOW)
     turned = study(**SHALLOW, **{"machine.roller_condition": rolling, "machine.roller_torque": torque})
-    rolled = contact_stage.roll_scene(turned.scene, turned.mix, speed)
+    rolled = contact_cases.roll_scene(turned.scene, turned.mix, speed)
     pull = np.sign(speed) * torque / 1.164 / 0.11  # T/(L R)
     assert np.trapezoid(rolled.shear_traction, rolled.x) == pytest.approx(-pull, rel=2e-3)
-    unloaded = contact_stage.roll_scene(free.scene, free.mix, speed)
+    unloaded = contact_cases.roll_scene(free.scene, free.mix, speed)
     assert rolled.resistance - unloaded.resistance == pytest.approx(-pull, rel=0.03)  # first order in the slope
 
 
@@ -185,12 +184,12 @@ def test_compaction_continues_from_the_previous_speed_under_a_rate_effect(monkey
     passed = study(**given).stages.contacts.passes
     assert [rolled.speed for _, (rolled,) in passed] == [0.05, 0.1, 0.2]
     assert starts == [None, *(rolled for _, (rolled,) in passed)][:count]
-    back = contact_stage.roll_scene(
+    back = contact_cases.roll_scene(
         study(**given).scene, study(**given).mix, -0.1, "compaction", initial_guess=passed[0][1][0]
     )
     assert (back.speed, starts[-1]) == (-0.1, None)  # the opposite direction is no initial guess
     other = study(**given, **{"mix.overrides.heckel_slope": 14e-6})
-    contact_stage.roll_scene(other.scene, other.mix, 0.1, "compaction", initial_guess=passed[0][1][0])
+    contact_cases.roll_scene(other.scene, other.mix, 0.1, "compaction", initial_guess=passed[0][1][0])
     assert starts[-1] is passed[0][1][0]  # another mix: initial guess, not the result
 
 
@@ -207,12 +206,12 @@ def test_initial_guess_supplies_the_layer_where_elastic_recovery_depends_on_spee
     monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
     given = {"mix.overrides.rate_sensitivity": 0.02}
     case = study(**given)
-    last = contact_stage.roll_scene(case.scene, case.mix, 0.2, "compaction")
+    last = contact_cases.roll_scene(case.scene, case.mix, 0.2, "compaction")
     assert contact_cases.contact_inputs(case.scene, case.mix, "compaction", 0.05)[0] != last.layer
-    contact_stage.roll_scene(case.scene, case.mix, 0.05, "compaction", initial_guess=last)
+    contact_cases.roll_scene(case.scene, case.mix, 0.05, "compaction", initial_guess=last)
     assert calls[-1] == (last.layer, last, case.scene.mix.density_ratio)
     higher = study(**given, **{"product.height": 0.2201})
-    contact_stage.roll_scene(higher.scene, higher.mix, 0.05, "compaction", initial_guess=last)
+    contact_cases.roll_scene(higher.scene, higher.mix, 0.05, "compaction", initial_guess=last)
     layer = contact_cases.contact_inputs(higher.scene, higher.mix, "compaction", 0.05)[0]
     assert calls[-1] == (layer, last, case.scene.mix.density_ratio)  # which the engine stretches
 
@@ -295,7 +294,7 @@ def test_key_outside_the_range_of_the_engine_is_refused():
 def test_failed_contact_states_scene_engine_and_speed(changes, words):
     case = study(**changes, unusual=[f"contact.{target}" for target in ("indentation", "load", "peak_pressure")])
     with pytest.raises(RuntimeError, match=rf"^Small: .*, {case.scene.accuracy.engine} at 0\.1 m/s: .*{words}"):
-        contact_stage.roll_scene(case.scene, case.mix, 0.1)
+        contact_cases.roll_scene(case.scene, case.mix, 0.1)
 
 
 @pytest.mark.parametrize("target", ["indentation", "load", "peak_pressure"])
@@ -306,14 +305,14 @@ def test_zero_target_is_refused(target):
 
 def test_columns_give_the_height_and_density_of_the_product():
     case = study(**{"accuracy.engine": "column"})
-    rolled = contact_stage.roll_scene(case.scene, case.mix, 0.2)
+    rolled = contact_cases.roll_scene(case.scene, case.mix, 0.2)
     assert rolled.exit_height == pytest.approx(case.scene.product.height, rel=1e-9)
     assert rolled.exit_density_ratio == pytest.approx(case.scene.mix.density_ratio, abs=1e-9)
 
 
 def test_compaction_material_has_mohr_coulomb_strength_and_the_heckel_slope():
     case = study(**{"mix.overrides.friction_angle": 30.0, "mix.overrides.cohesion": 10e3})
-    material = contact_cases.compaction_material(case.scene, case.mix)
+    material = mix_laws.compaction_material(case.scene, case.mix)
     assert material.critical_slope == pytest.approx(np.sqrt(3) / 2)
     assert material.tensile_strength == pytest.approx(10e3 * np.sqrt(3))
     stiff = replace(material, unloading_modulus=4e9, fed_density_ratio=0.9)  # negligible elastic strain
@@ -332,13 +331,13 @@ def test_compaction_material_has_mohr_coulomb_strength_and_the_heckel_slope():
 )
 def test_yield_pressure_depends_on_the_rate_by_default(changes, factor):
     case = study(**changes)
-    material = contact_cases.compaction_material(case.scene, case.mix)
+    material = mix_laws.compaction_material(case.scene, case.mix)
     assert material.rate_factor(2.0) == pytest.approx(factor, rel=1e-14)
 
 
 def test_prescribed_load_acts_on_a_layer_of_the_nominal_height():
     case = study(**{"accuracy.engine": "column", "contact": {"load": 9740.0}})
-    rolled = contact_stage.roll_scene(case.scene, case.mix, 0.2)
+    rolled = contact_cases.roll_scene(case.scene, case.mix, 0.2)
     assert rolled.load * case.scene.machine.roller_length == pytest.approx(9740, rel=1e-9)
     layer, *_ = contact_cases.contact_inputs(case.scene, case.mix, "column", 0.2)
     assert layer.height == pytest.approx(0.22 * 0.98 / 0.94)
@@ -353,7 +352,7 @@ def test_layer_of_a_product_in_lifts_is_one_lift(name, height):
 
 def test_lift_has_its_thickness_and_density_at_the_exit():
     case = study(**{"layer.lift_thickness": 0.06, "accuracy.engine": "column"})
-    rolled = contact_stage.roll_scene(case.scene, case.mix, 0.2)
+    rolled = contact_cases.roll_scene(case.scene, case.mix, 0.2)
     assert rolled.exit_height == pytest.approx(0.06, rel=1e-6)
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-6)
 
@@ -362,6 +361,6 @@ def test_lift_has_its_thickness_and_density_at_the_exit():
 @pytest.mark.parametrize("ratio", [1.5, 5.0])
 def test_every_contact_of_a_scene_has_an_error_estimate(name, ratio):
     case = study(**{"accuracy.engine": name, "layer.lift_thickness": 0.06, "mix.overrides.instant_over_relaxed": ratio})
-    load, resistance = contact_stage.roll_scene(case.scene, case.mix, 0.033).error
+    load, resistance = contact_cases.roll_scene(case.scene, case.mix, 0.033).error
     assert 0 < load <= case.scene.accuracy.tolerance
     assert 0 < resistance <= case.scene.accuracy.tolerance

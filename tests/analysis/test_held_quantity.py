@@ -9,9 +9,9 @@ import pytest
 from cart_moments import moment_residual
 
 from compact.analysis import contact_cases
-from compact.analysis.engines import expand_resistance
-from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.study import Study
+from compact.engines.interface import Case
+from compact.engines.spectral.speed_derivative import expand_resistance
 from compact.machine.cart import balance
 from compact.report import text
 from compact.report import writer as report
@@ -84,11 +84,11 @@ def test_added_mass_depends_on_the_held_quantity():
         case.scene, case.mix, "spectral", speed, case.stages.contacts.held
     )
     assert roller.indentation == case.stages.contacts.held.value
-    direct = expand_resistance(layer, roller, material, speed, engine="spectral", rtol=case.scene.accuracy.tolerance)
-    found, _ = contact_stage.added_mass(case.scene, case.mix, speed, case.stages.contacts.held)
+    direct = expand_resistance(layer, roller, material, speed, rtol=case.scene.accuracy.tolerance)
+    found, _ = case.stages.contacts.added_mass(speed)
     assert found == pytest.approx(direct.added_mass, rel=1e-12)
     pressed = study(**PLAIN, **{"contact.held": "peak_pressure"})
-    other, _ = contact_stage.added_mass(pressed.scene, pressed.mix, speed, pressed.stages.contacts.held)
+    other, _ = pressed.stages.contacts.added_mass(speed)
     assert abs(other / found - 1) > 0.05
 
 
@@ -112,14 +112,14 @@ def test_stated_height_is_that_of_every_contact_map_and_added_mass(engine, tmp_p
     speed, name = 0.63 * case.stages.resistance.largest_speed, case.stages.contacts.engine.name
     layer, roller, material = contact_cases.contact_inputs(case.scene, case.mix, name, case.scene.mean_speed)
     roller = replace(roller, indentation=depth, load=None, peak_pressure=None)
-    options = case.stages.contacts.engine.tolerance(case.scene.accuracy.tolerance)
-    rolled = case.stages.contacts.engine.roll(layer, roller, material, speed, **options)
+    tolerance = case.scene.accuracy.tolerance
+    own = Case(layer=layer, roller=roller, material=material, speed=speed, tolerance=tolerance)
+    rolled = case.stages.contacts.engine.contact(own)
     length = case.scene.machine.rollers * case.scene.machine.roller_length
     tolerance = 2 * case.scene.accuracy.tolerance
     assert case.resistance(speed) == pytest.approx(length * rolled.resistance, rel=tolerance)
-    if case.stages.contacts.engine.derivative_module is not None:
-        roller = replace(roller, rolling="frictionless")
-        expected = expand_resistance(layer, roller, material, float(case.resistance.speeds[-1]), name)
+    expected = case.stages.contacts.engine.expand(replace(own, speed=float(case.resistance.speeds[-1]), tolerance=None))
+    if expected is not None:
         assert case.resistance.added_masses[-1] == pytest.approx(length * expected.added_mass, rel=tolerance)
     if name == "compaction":
         assert len(case.resistance.contacts) == 2

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from compact.analysis.contact_cases import scene_mix
+from compact.analysis.mix_laws import scene_mix
 from compact.analysis.stages import model_spread as stage
 from compact.analysis.stages.model_spread import LawVariant, ModelSpread, model_spread
 from compact.analysis.study import Study

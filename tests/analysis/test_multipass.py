@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compact.analysis import contact_cases
 from compact.analysis.multipass import Pass, density, passes, there_and_back
-from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.study import Study
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
@@ -249,8 +249,8 @@ def study(**changes):
 
 def test_passes_of_a_scene_alternate_in_direction_at_one_height():
     case = study()
-    done = contact_stage.roll_passes(case.scene, case.mix, 0.2)
-    first = contact_stage.roll_scene(case.scene, case.mix, 0.2)
+    done = contact_cases.roll_passes(case.scene, case.mix, 0.2)
+    first = contact_cases.roll_scene(case.scene, case.mix, 0.2)
     assert len(done) == 3
     assert (done[0].load, done[0].exit_height) == (first.load, first.exit_height)
     assert [rolled.exit_height for rolled in done] == pytest.approx([0.22] * 3, rel=1e-9)
@@ -285,7 +285,7 @@ def test_linear_engine_has_one_pass():
             "machine.gap_geometry": "circle",
         }
     )
-    (only,) = contact_stage.roll_passes(case.scene, case.mix, 0.2)
+    (only,) = contact_cases.roll_passes(case.scene, case.mix, 0.2)
     assert only.load > 0
 
 
@@ -299,7 +299,10 @@ def test_linear_engine_has_one_pass():
         (lambda: Pass(lift=-0.01), "`lift` must be zero or positive, and finite, got -0.01"),
         (lambda: Pass(height=0.0), "`height` must be positive and finite, got 0.0"),
         (lambda: there_and_back(0), "`count` must be positive and finite, got 0"),
-        (lambda: passes(LAYER, ROLLER, MIX, 0.2, 2, engine="fem"), "no engine 'fem'; choose from column, compaction"),
+        (
+            lambda: passes(LAYER, ROLLER, MIX, 0.2, 2, engine="fem"),
+            "fem computes one pass alone; choose column or compaction",
+        ),
         (
             lambda: passes(LAYER, ROLLER, MIX, 0.2, (Pass(height=0.098), Pass(height=0.1))),
             "`height` must be below the surface of the mix, 0.098.* m before pass 2, got 0.1",

@@ -9,10 +9,10 @@ from lift_sequences import sequence
 
 from compact import drive
 from compact.analysis import machine_models, process
-from compact.analysis.engines import has_whole_resistance
 from compact.analysis.process import ProcessStudy
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.uncertainty import mix_spread
+from compact.analysis.stages.verdict import reason_against
 from compact.analysis.study import Study
 from compact.engines.process.lifts import simulate_lifts
 from compact.report import writer
@@ -172,10 +172,10 @@ def test_report_has_the_row_of_the_process(monkeypatch, tmp_path):
 
 
 def test_columns_are_not_for_sizing():
-    assert not has_whole_resistance(scene())
-    assert has_whole_resistance(scene(**{"process.detail": None}))
+    assert reason_against(scene(), None) == "confined floor"
+    assert reason_against(scene(**{"process.detail": None}), None) == ""
     linear = {"accuracy.engine": "spectral", "machine.roller_condition": "frictionless"}
-    assert not has_whole_resistance(scene(**linear))
+    assert reason_against(scene(**linear), None) == "viscoelastic part only"
 
 
 def test_comparison_takes_the_process():

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from column_cases import DEPTH, FED_HEIGHT, R, circle, mix
 
-from compact.analysis.engines import ENGINES
-from compact.analysis.rate_law import LAW_CONTACTS, RateLaw, sample_rate_law
-from compact.analysis.stages import contacts as contact_stage
+from compact.analysis import contact_cases
 from compact.analysis.study import Study
+from compact.engines import ENGINES
+from compact.engines.column import ColumnEngine
 from compact.engines.column import engine as column
+from compact.engines.compaction import engine as compaction
+from compact.engines.interface import RateEngine
+from compact.engines.rate_law import LAW_CONTACTS, RateLaw, sample_rate_law
 from compact.resistance import ForceSample, load_resistance_map
 from compact.rolling_contact import Layer, Roller, compaction_rate
 from compact.scene.loader import load_scene
@@ -187,6 +190,10 @@ def test_contacts_of_the_law_are_read_as_written(tmp_path):
 # (d) stage
 
 
+class ColumnsByLaw(ColumnEngine, RateEngine):
+    """Columns whose map is the law."""
+
+
 def columns_study(directory=None, **changes):
     """Study by columns whose map is made by the law."""
     keys = {
@@ -195,7 +202,7 @@ def columns_study(directory=None, **changes):
         "contact.indentation": 0.004,
     }
     study = Study(load_scene(SMALL, **keys | changes), directory=directory)
-    study.stages.contacts.engine = replace(study.stages.contacts.engine, rate_factor_only=True)
+    study.stages.contacts.engine = ColumnsByLaw()
     return study
 
 
@@ -217,7 +224,7 @@ def test_stage_maps_and_extends_by_the_law():
     assert (study.counts["resistance"], after.contacts) == (count, before.contacts)
     length = study.scene.machine.rollers * study.scene.machine.roller_length
     for speed in (0.03 * fastest, 0.4 * fastest, 1.3 * fastest):
-        held_out = contact_stage.roll_scene(study.scene, study.mix, speed, held=study.stages.contacts.held)
+        held_out = contact_cases.roll_scene(study.scene, study.mix, speed, held=study.stages.contacts.held)
         assert after(speed) == pytest.approx(length * held_out.resistance, rel=5e-3)
 
 
@@ -251,12 +258,12 @@ def test_law_of_the_compaction_engine_predicts_held_out_speeds():
 
     def contact(speed):
         start = min(rolled.items(), key=lambda each: abs(np.log(each[0] / speed)))[1] if rolled else None
-        rolled[speed] = engine.roll(layer, roller, material, speed, increments=6, start=start)
+        rolled[speed] = compaction.roll(layer, roller, material, speed, increments=6, start=start)
         return ForceSample(speed, rolled[speed].resistance, rolled[speed].error[1], engine.noise(rolled[speed]))
 
     found = sampled(contact)
     assert len(rolled) <= 3
     assert found.error < 0.01
     for speed in (0.003, 0.013, 0.05, 0.15):
-        held_out = engine.roll(layer, roller, material, speed, increments=6)
+        held_out = compaction.roll(layer, roller, material, speed, increments=6)
         assert found(speed) == pytest.approx(held_out.resistance, rel=5e-3)

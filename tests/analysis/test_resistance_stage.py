@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from compact import files
-from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.stages import kept_results
 from compact.analysis.study import Study
 from compact.files import ResultsError
@@ -52,9 +51,7 @@ def left(written, tmp_path):
 def test_added_mass_of_a_cart_is_that_of_all_its_rollers():
     study = of_scene()
     resistance, machine = study.resistance, study.scene.machine
-    mass, time = contact_stage.added_mass(
-        study.scene, study.mix, float(resistance.speeds[-1]), study.stages.contacts.held
-    )
+    mass, time = study.stages.contacts.added_mass(float(resistance.speeds[-1]))
     assert resistance.added_masses[-1] == pytest.approx(machine.rollers * machine.roller_length * mass, rel=1e-12)
     assert resistance.relaxation_time == time == pytest.approx(study.mix.relaxation_time)
 
@@ -77,8 +74,7 @@ def test_unsteady_share_of_a_law_has_its_closed_form(left):
     ids=["columns", "elastic", "compaction"],
 )
 def test_mix_without_relaxation_has_no_added_mass(changes):
-    study = of_scene(**changes)
-    assert contact_stage.added_mass(study.scene, study.mix, 0.1, study.stages.contacts.held) == (0.0, 0.0)
+    assert of_scene(**changes).stages.contacts.added_mass(0.1) == (0.0, 0.0)
 
 
 def test_second_run_reuses_every_contact(left, written):

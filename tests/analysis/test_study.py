@@ -13,8 +13,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from compact.analysis import contact_cases
 from compact.analysis.engineering_summary import coverage
-from compact.analysis.stages import contacts as contact_stage
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.files import ResultsError
@@ -580,7 +580,7 @@ def test_digest_of_a_rigid_drive_has_no_dynamic_amplification():
 
 def test_contact_digest_has_forces_per_metre_and_per_roller():
     study = Study(scene())
-    rolled = contact_stage.roll_passes(study.scene, study.mix, 0.1)
+    rolled = contact_cases.roll_passes(study.scene, study.mix, 0.1)
     lines = text.contact_digest(study, 0.1, rolled).splitlines()
     load, force, resistance, pull = ([float(n) for n in line[20:].split() if n != "-"] for line in lines[1:5])
     length = study.scene.machine.roller_length

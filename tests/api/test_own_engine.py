@@ -1,26 +1,29 @@
 """Engines of other packages by entry points: a tiny installed distribution."""
 
 import sys
-from dataclasses import replace
 
 import pytest
 
 import compact
-from compact.analysis.engines import ENGINES
+from compact.engines import ENGINES
 
 SMALL = "studies/scenes/small.toml"
 PACKAGE = '''
-from compact.analysis.engines import Engine
-from compact.engines.column.engine import roll as roll_columns
 import dataclasses
+from compact.engines.column.engine import roll
+from compact.engines.interface import Engine, Limit
 
-WINKLER = Engine("winkler", "winkler_engine", 0.01, ("heckel_slope",), compacting=True)
+class Winkler(Engine):
+    name, takes, mix_parameters = "winkler", "compacting layer", ("heckel_slope",)
+    limits = (Limit("layer.base", ("bonded",), "springs do not slip"),)
+
+    def contact(self, case, start=None):
+        """Return twice the load of columns."""
+        found = roll(case.layer, dataclasses.replace(case.roller, rolling="frictionless"), case.material, case.speed)
+        return dataclasses.replace(found, load=2 * found.load)
+
+WINKLER = Winkler()
 MISNAMED = "no engine"
-
-def roll(layer, roller, material, speed):
-    """Return twice the load of columns."""
-    found = roll_columns(layer, dataclasses.replace(roller, rolling="frictionless"), material, speed)
-    return dataclasses.replace(found, load=2 * found.load)
 '''
 
 
@@ -76,4 +79,8 @@ def test_engine_that_is_not_installed_is_refused():
         compact.load_scene(SMALL, **{"accuracy.engine": "winkler"})
     with pytest.raises(KeyError):
         ENGINES["winkler"]
-    assert replace(ENGINES["column"], name="winkler").multipass is False
+
+
+def test_limit_of_an_own_engine_is_a_refusal(installed):
+    with pytest.raises(compact.SceneError, match='the engine "winkler" takes no "slip", as springs do not slip'):
+        compact.load_scene(SMALL, **{"accuracy.engine": "winkler", "layer.base": "slip"})

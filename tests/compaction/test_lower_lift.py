@@ -8,13 +8,8 @@ import pytest
 from mixes import LIFT, THIN, free_roller
 from mixes import LIFT_MIX as MIX
 
-from compact.analysis.contact_cases import (
-    contact_from_json,
-    contact_inputs,
-    contact_record,
-    contact_to_json,
-    scene_mix,
-)
+from compact.analysis.contact_cases import contact_from_json, contact_inputs, contact_record, contact_to_json
+from compact.analysis.mix_laws import scene_mix
 from compact.analysis.multipass import Pass, density, passes
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll

@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from column_cases import scene as column_scene
+from engine_calls import COMPACTING, ROLL
 from hypothesis import given
 from hypothesis import strategies as st
 from sampling import examples
 
 from compact import fem
-from compact.analysis.engines import ENGINES
 from compact.analysis.multipass import Pass, passes
 from compact.engines import formula
 from compact.engines.column import engine as column
@@ -53,7 +53,7 @@ def cases():
     """Engine, target, value and profile; tiny and unbounded contacts take many iterations on linear layers."""
     for engine in ("formula", "column", "spectral", "fem"):
         for target, values in VALUES.items():
-            if target == "exit_density_ratio" and not ENGINES[engine].compacting:
+            if target == "exit_density_ratio" and engine not in COMPACTING:
                 continue
             for value in values:
                 unbounded = value >= 1e8 and engine in ("spectral", "fem")
@@ -72,7 +72,7 @@ def rolled(engine, target, value, profile="parabola"):
     if target == "exit_density_ratio":
         prescribed, options = {"indentation": 1e-3}, options | prescribed
     layer = THIN if engine == "compaction" else LAYER
-    return ENGINES[engine].roll(layer, Roller(R, **prescribed, profile=profile), MATERIALS[engine], SPEED, **options)
+    return ROLL[engine](layer, Roller(R, **prescribed, profile=profile), MATERIALS[engine], SPEED, **options)
 
 
 # targets
@@ -132,9 +132,7 @@ def scenes(draw, engine):
 
 def roll(engine, layer, roller, material, speed, **options):
     """Contact without the estimate of errors by another mesh."""
-    return ENGINES[engine].roll(
-        layer, roller, material, speed, **({"estimate": False} if engine == "fem" else {}) | options
-    )
+    return ROLL[engine](layer, roller, material, speed, **({"estimate": False} if engine == "fem" else {}) | options)
 
 
 engines = pytest.mark.parametrize(
@@ -216,7 +214,7 @@ def test_pressure_and_work_balance(engine, data):
 @given(st.data())
 def test_finer_solution_is_within_the_error(engine, finer, data):
     *case, speed = data.draw(scenes(engine))
-    coarse, fine = ENGINES[engine].roll(*case, speed), roll(engine, *case, speed, **finer)
+    coarse, fine = ROLL[engine](*case, speed), roll(engine, *case, speed, **finer)
     assert abs(coarse.load / fine.load - 1) <= coarse.error[0] + 1e-11  # rounding
     scale = max(abs(fine.resistance), 1e-3 * fine.load)
     assert abs(coarse.resistance - fine.resistance) <= (coarse.error[1] + 1e-11) * scale

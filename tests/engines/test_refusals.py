@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from column_cases import FED_HEIGHT, HEIGHT, MIX, R, circle, mix, mix_of, rolled
+from engine_calls import ROLL, expand_resistance
 
 from compact import fem, mesh
-from compact.analysis.engines import ENGINES, expand_resistance
 from compact.engines.column.column_pass import Column
 from compact.engines.column.engine import required_feed, roll, simulate_oedometer
 from compact.engines.fem.speed_derivative import expand_resistance as expand_by_elements
@@ -78,7 +78,7 @@ def changed(engine, change):
 @pytest.mark.parametrize(("engine", "change", "words"), REFUSED)
 def test_case_is_refused(engine, change, words):
     with pytest.raises(ValueError, match=words):
-        ENGINES[engine].roll(**changed(engine, change))
+        ROLL[engine](**changed(engine, change))
 
 
 VALUES = [
@@ -119,7 +119,6 @@ VALUES = [
     (lambda: fem.roll(Layer(0.22), circle(), MIX, 0.2, mesh=ROWS), r"must be None for a compacting layer, .* got one"),
     (lambda: expand_resistance(**changed("spectral", {"speed": 0.0})), "`speed` must not be 0, got 0"),
     (lambda: expand_resistance(**changed("spectral", {"rtol": -1.0})), "`rtol` must be positive and finite, got -1.0"),
-    (lambda: expand_resistance(**changed("spectral", {"engine": "column"})), "no engine with memory in time 'column'"),
     (lambda: expand_by_elements(**changed("fem", {"speed": np.inf})), "`speed` must be finite, got inf"),
     (lambda: expand_by_elements(**changed("fem", {"tolerance": 0.0})), "`tolerance` must be positive and finite"),
     (lambda: expand_by_elements(**changed("fem", {"rolling": "free", "friction": 0.3})), "without stick and slip only"),
@@ -149,7 +148,7 @@ def test_load_beyond_a_buried_circle_is_refused(height, radius, fed, load):
 def test_thin_top_ply_under_a_wide_contact_raises(engine):
     plies = Ply(thickness=0.2199, stiffness=1.0), Ply(thickness=1e-4, stiffness=2.0)
     with pytest.raises(RuntimeError, match=r"more than 100 times the thickness of the top ply, 0.0001 m; join that"):
-        ENGINES[engine].roll(**changed(engine, {"layer": Layer(0.22, plies=plies), "material": SOFT}))
+        ROLL[engine](**changed(engine, {"layer": Layer(0.22, plies=plies), "material": SOFT}))
 
 
 def test_thin_layer_is_beyond_the_formulas():

@@ -10,13 +10,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from engine_calls import expand_resistance
 from hypothesis import given
 from hypothesis import strategies as st
 from rolling_scenes import SPEED, prescribing, random_scenes
 from sampling import examples
 
 from compact import mesh
-from compact.analysis.engines import expand_resistance
 from compact.engines.fem import compliance, contact_problem
 from compact.engines.fem import engine as fem_engine
 from compact.engines.fem.compliance import NodalField

@@ -6,10 +6,10 @@ foundation: c, d, e, e2, g.
 
 import numpy as np
 import pytest
+from engine_calls import expand_resistance
 from scipy.special import jv
 
 from compact import fem
-from compact.analysis.engines import expand_resistance
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral.engine import build_rolling_problem, solve_pressure
 from compact.engines.spectral.galerkin_system import assemble_system

@@ -113,7 +113,7 @@ def test_kinematics_of_a_report_are_those_of_the_laws():
         runs="runs", cycles="cycles", comparison={}, count=lambda stage: None,
         stages=SimpleNamespace(
             drive=SimpleNamespace(places={"elastic": {}}),
-            contacts=SimpleNamespace(engine=SimpleNamespace(layered=False)),
+            contacts=SimpleNamespace(speeds=()),
         ),
     )  # fmt: skip
     figure, *results = writer.study_figures(study)["kinematics"]

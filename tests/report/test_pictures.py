@@ -8,7 +8,7 @@ import meshio
 import numpy as np
 import pytest
 
-from compact.analysis.engines import ENGINES
+from compact.engines import ENGINES
 from compact.files import ResultsError
 from compact.report import pictures
 from compact.rolling_contact import Layer, Roller

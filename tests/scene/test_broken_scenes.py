@@ -15,8 +15,8 @@ from typing import Any
 import pytest
 from extreme_scenes import DRIVES, Case, at, choices, ended, keys, toml
 
-from compact.analysis.engines import ENGINES as REGISTRY
 from compact.cli import program as cli
+from compact.engines import ENGINES as REGISTRY
 from compact.scene import plausible_ranges
 from compact.scene.loader import SceneError, load_scene, read_change, starter_scene
 

@@ -11,7 +11,7 @@ from pages import answer_words
 from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.study import Study
 from compact.cli import program as cli
-from compact.engines import formula
+from compact.engines import BUILT_IN, formula
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
@@ -19,7 +19,7 @@ from compact.engines.spectral import engine as spectral
 from compact.report import text
 from compact.report import writer as report
 from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
-from compact.scene.engine_capabilities import FORMING_ENGINE, LIMITS, adapt
+from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene, SceneError, load_scene, parse_scene, starter_scene
 from compact.sweep import point as headline
 
@@ -47,10 +47,10 @@ def doors(engine, layer, roller, material):
 
 
 def taken(engine, key, value, friction):
-    return all(limit.takes(value, friction) or limit.fixed for limit in LIMITS[engine] if limit.key == key)
+    return all(limit.takes(value, friction) or limit.fixed for limit in BUILT_IN[engine].limits if limit.key == key)
 
 
-@pytest.mark.parametrize("engine", [engine for engine in LIMITS if engine != FORMING_ENGINE])
+@pytest.mark.parametrize("engine", [engine for engine in BUILT_IN if engine != "process"])
 @pytest.mark.parametrize("friction", [0.0, 0.35])
 def test_table_and_engines_accept_the_same_values(engine, friction):
     study = Study(load_scene(SMALL, **{"mix.overrides.steel_friction": friction}))
@@ -75,13 +75,13 @@ def test_table_and_engines_accept_the_same_values(engine, friction):
 
 
 @pytest.mark.parametrize("name", ["loveikin-2015", "loveikin-2015-crank", "loveikin-2015-engines", "small", "starter"])
-@pytest.mark.parametrize("engine", [engine for engine in LIMITS if engine != FORMING_ENGINE])
+@pytest.mark.parametrize("engine", [engine for engine in BUILT_IN if engine != "process"])
 def test_scenes_leave_open_what_an_engine_may_replace(name, engine):
     scene = parse_scene(starter_scene()) if name == "starter" else load_scene(SMALL.with_name(f"{name}.toml"))
     beside = None if engine == scene.accuracy.engine or scene.compare is None else {"compare": None, "output.items": []}
     scene = scene.replaced(**{"accuracy.engine": engine} | (beside or {}))
     given, _ = adapt(scene, engine)
-    for limit in LIMITS[engine]:
+    for limit in BUILT_IN[engine].limits:
         if not limit.late:
             table, key = limit.key.split(".")
             assert limit.takes(getattr(getattr(given, table), key), None), limit.key
@@ -246,7 +246,7 @@ def test_a_load_beyond_the_formulas_is_refused():
 
 
 def test_the_table_names_keys_of_the_scene():
-    for limit in (limit for limits in LIMITS.values() for limit in limits):
+    for limit in (limit for engine in BUILT_IN.values() for limit in engine.limits):
         table, key = limit.key.split(".")
         annotation = Scene.model_fields[table].annotation
         kinds = getattr(annotation, "__args__", (annotation,))

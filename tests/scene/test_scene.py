@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from sampling import examples
 
-from compact.analysis.contact_cases import compaction_material, scene_mix
+from compact.analysis.mix_laws import compaction_material, scene_mix
 from compact.material.mix import CALIBRATED
 from compact.motion.optimisation_problem import OBJECTIVES
 from compact.scene import plausible_ranges

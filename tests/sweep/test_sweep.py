@@ -53,7 +53,7 @@ def test_the_load_of_the_starter_falls_with_water_as_that_of_the_prior(tmp_path)
 @pytest.fixture
 def small_tasks(monkeypatch):
     """Three points per task, so that several tasks can be interrupted."""
-    monkeypatch.setattr(sweep, "ENGINES", {"column": replace(sweep.ENGINES["column"], points_per_task=3)})
+    monkeypatch.setattr(sweep.ENGINES["column"], "points_per_task", 3)
 
 
 @pytest.fixture(scope="module")

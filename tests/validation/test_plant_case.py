@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from compact.analysis.contact_cases import scene_mix
-from compact.analysis.stages.contacts import roll_scene
+from compact.analysis.contact_cases import roll_scene
+from compact.analysis.mix_laws import scene_mix
 from compact.scene.loader import load_scene
 from compact.validation.plant_case import read_plant_case
 from compact.validation.runner import evaluate_case, select_cases

@@ -179,7 +179,7 @@ def _density_behind(stages: Stages) -> float:
     It is that of the product for an engine without compaction.
     """
     contacts, scene = stages.contacts, stages.contacts.scene
-    if not contacts.engine.compacting:
+    if not contacts.compacts:
         return scene.mix.density_ratio
     record = contacts.records[nearest_speed((each.speed for each in contacts.records), scene.mean_speed)]
     found = float(record.exit_density_ratio or scene.mix.density_ratio)

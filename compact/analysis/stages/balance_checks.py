@@ -60,7 +60,7 @@ def balance_checks(stages: Stages) -> list[BalanceCheck]:
 
 def _contact_checks(stage: ContactStage) -> Iterator[BalanceCheck]:
     """Check energy of every contact; of a compacting layer also mass, yield condition and forces."""
-    work_limit = COMPACTED_WORK_LIMIT if stage.engine.compacting else LINEAR_WORK_LIMIT
+    work_limit = COMPACTED_WORK_LIMIT if stage.compacts else LINEAR_WORK_LIMIT
     limits = RESIDUALS | {"work_residual": ("work of the contact", work_limit)}
     for contact in stage.records:
         case = f"at {contact.speed:.4g} m/s"

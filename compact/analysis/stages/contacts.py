@@ -1,12 +1,10 @@
 """Contact stage of a study: the formulas, and one roller at every speed by the engine of the scene.
 
-`roll_scene`, `roll_passes` and `added_mass` compute single contacts of a scene by one of the engines. `ContactStage`
-holds all contacts of a study; each is computed when first used.
+`contact_stage` returns the stage for the kind of cases of an engine. Its contacts are computed when first used.
 """
 
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -15,10 +13,20 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from compact.analysis import contact_cases
-from compact.analysis.contact_cases import ContactRecord, HeldQuantity, contact_inputs, nearest_speed
+from compact.analysis.contact_cases import (
+    ContactRecord,
+    HeldQuantity,
+    Passes,
+    ProcessCase,
+    Progress,
+    case_of,
+    contact_inputs,
+    nearest_speed,
+    process_study,
+    roll_passes,
+    solve,
+)
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
-from compact.analysis.engines import ENGINES, Engine, expand_resistance
-from compact.analysis.failures import is_refusal
 from compact.analysis.pore_air import (
     AirCurve,
     AirForces,
@@ -32,294 +40,53 @@ from compact.analysis.pore_air import (
 )
 from compact.analysis.stages.kept_results import KeptResults, contacts_key, read_results
 from compact.analysis.stages.model_spread import ModelSpread, model_spread
+from compact.engines import ENGINES
 from compact.engines.halfplane import LineContact, galin
-from compact.material.laws import Compaction
 from compact.material.mix import Mix
-from compact.numerics.validation import NotFiniteError
-from compact.rolling_contact import (
-    ContactResult,
-    EquilibriumError,
-    HeapingError,
-    Layer,
-    LayerContactResult,
-    Roller,
-    UnsteadyError,
-)
+from compact.numerics.validation import require_known
+from compact.rolling_contact import ContactResult, compaction_rate
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
     from compact.analysis.process import ProcessStudy
 
 SECOND_PASS_INCREMENTS = 7  # [-], elements per contact length of "compaction"; its resistance, 3 % of the first, +-4 %
-SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, by the elastic recovery, is smaller
 
 Count = Callable[[str], None]  # of the runs of a stage, by its name
-Progress = Callable[[str], None]  # of lines of text
-Passes = tuple[ContactResult, ...]
 
 
 def no_count(stage: str) -> None:
     """Ignore the run of a stage."""
 
 
-def roll_scene(
-    scene: Scene,
-    mix: Mix,
-    speed: float,
-    engine: str | None = None,
-    initial_guess: ContactResult | None = None,
-    held: HeldQuantity | None = None,
-    progress: Progress | None = None,
-) -> ContactResult:
-    """Compute the contact of one roller of a scene in its first pass.
-
-    Parameters
-    ----------
-    speed : float
-        Speed of the roller [m/s].
-    engine : str, optional
-        Name of the engine; that of the scene by default.
-    initial_guess : ContactResult, optional
-        Contact at another speed in the same direction, of another mix or depth. Engines with continuation use it on the
-        same base. If only the speed differs and the mix has no rate sensitivity, it is the result.
-    progress : callable, optional
-        Called with lines of text by engines with continuation.
-
-    Raises
-    ------
-    ValueError
-        If the engine does not cover the scene.
-    RuntimeError
-        If the engine does not converge, or the roller would reach the base.
-    """
-    used = ENGINES[engine or scene.accuracy.engine]
-    if used.forming:
-        from compact.analysis.process_contact import process_contact, process_study
-
-        with _named_errors(scene, used.name, speed):
-            return process_contact(process_study(scene, progress), speed)
-    layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
-    options = _engine_options(scene, used, held, progress)
-    if guess := _continuable(used, initial_guess, layer, speed):
-        options["start"] = guess
-        if _has_same_height(guess, layer):
-            if _differs_in_speed_only(roller, material, guess, speed):
-                return _at_speed(guess, speed)
-            layer = guess.layer
-    with _named_errors(scene, used.name, speed):
-        result = used.roll(layer, roller, material, speed, **options)
-        _require_above_base(result, layer)
-    return result
-
-
-def roll_passes(
-    scene: Scene,
-    mix: Mix,
-    speed: float,
-    initial_guess: Sequence[ContactResult] | None = None,
-    held: HeldQuantity | None = None,
-    count: int | None = None,
-    first: ContactResult | None = None,
-    progress: Progress | None = None,
-    **numerics: Any,
-) -> Passes:
-    """Compute the contacts of all passes of a scene, forward and back over the same mix.
-
-    The first pass is that of `roll_scene`. Later ones hold the load or peak pressure that the scene prescribes or
-    holds, else the height of the first.
-
-    Parameters
-    ----------
-    speed : float
-        Speed of the first pass [m/s].
-    count : int, optional
-        Number of passes; that of the scene by default.
-    progress : callable, optional
-        Called with lines of text by engines with continuation.
-    **numerics
-        Keyword arguments of `roll` of the engine for all passes that are computed.
-
-    Returns
-    -------
-    tuple of ContactResult
-        One result for a linear layer, which recovers between passes.
-    """
-    used, count = ENGINES[scene.accuracy.engine], count or scene.layer.passes
-    if not used.compacting or count == 1:
-        guess = initial_guess[0] if initial_guess else None
-        return (roll_scene(scene, mix, speed, None, guess, held, progress),)
-    from compact.analysis.multipass import passes, there_and_back
-
-    layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
-    known = _continuable(used, initial_guess[0] if initial_guess else None, layer, speed)
-    same_layer = known is not None and _has_same_height(known, layer)
-    if initial_guess and known and same_layer and _differs_in_speed_only(roller, material, known, speed):
-        return tuple(_at_speed(each, float(np.copysign(speed, cast(Any, each).speed))) for each in initial_guess)
-    forward, *later = there_and_back(count)
-    options = _engine_options(scene, used, held, progress)
-    numerics |= {key: options.pop(key) for key in ("torque", "progress", "max_contact_angle") if key in options}
-    stages = (replace(forward, **options), *later)
-    assert isinstance(material, Compaction)  # of a compacting engine
-    with _named_errors(scene, used.name, speed):
-        return passes(layer, roller, material, speed, stages, engine=used.name, first=first, **numerics)
-
-
-def air_forces_of(scene: Scene, mix: Mix, contact: ContactResult, speed: float) -> AirForces | None:
-    """Compute the changes of one contact by its pore air, at its deformation without air.
-
-    Parameters
-    ----------
-    contact : ContactResult
-        First pass without air.
-    speed : float
-        Speed of the roller [m/s].
-
-    Returns
-    -------
-    AirForces or None
-        None for a scene without pressure of the air.
-    """
-    if not has_air(scene):
-        return None
-    layer, roller, _ = contact_inputs(scene, mix, scene.accuracy.engine, speed)
-    under = air_under(contact, layer, roller, pore_air_of(mix, scene.layer.fed_density_ratio))
-    pressure = under.pressure(speed)
-    return AirForces(*under.forces(pressure), under.largest_excess_behind(pressure))
-
-
-def added_mass(
-    scene: Scene, mix: Mix, speed: float, held: HeldQuantity | None, count: Count = no_count
-) -> tuple[float, float]:
-    """Compute the added mass of one roller, see `engines.expand_resistance`.
-
-    Parameters
-    ----------
-    speed : float
-        Speed of the roller [m/s].
-    count : callable
-        Called with "added mass" if an engine solves for it.
-
-    Returns
-    -------
-    tuple of float
-        Added mass per unit length [kg/m] and relaxation time [s].
-
-    Notes
-    -----
-    A compacting layer has no added mass: its state depends on the path, and its yield pressure on the present rate of
-    compaction. The added mass of a roller with stick and slip is that without friction; they differ by about a tenth.
-    """
-    used = ENGINES[scene.accuracy.engine]
-    if used.compacting:
-        return 0.0, 0.0
-    layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
-    assert not isinstance(material, Compaction)  # of a linear layer
-    if used.torque and roller.rolling in ("free", "driven"):
-        roller = replace(roller, rolling="frictionless")
-    count("added mass")
-    options = used.tolerance(scene.accuracy.tolerance, estimate=False)
-    with _named_errors(scene, used.name, speed):
-        found = expand_resistance(layer, roller, material, speed, engine=used.name, **options)
-    return found.added_mass, found.relaxation_time
-
-
-def _at_speed(result: Any, speed: float) -> ContactResult:
-    """Return the result of an engine with continuation under another speed, on which it does not depend."""
-    return replace(result, speed=speed)
-
-
-def _continuable(engine: Engine, guess: ContactResult | None, layer: Layer, speed: float) -> LayerContactResult | None:
-    """Return a contact in the same direction on the same base, over a layer of any height; else None."""
-    if guess is None or not engine.continuation:
-        return None
-    known = cast(LayerContactResult, guess)
-    same = replace(known.layer, height=layer.height) == layer
-    return known if known.speed * speed > 0 and same else None
-
-
-def _has_same_height(guess: LayerContactResult, layer: Layer) -> bool:
-    """Return True if a layer is as high as that of the guess, but for the elastic recovery."""
-    return abs(guess.layer.height / layer.height - 1) < SAME_LAYER
-
-
-def _differs_in_speed_only(roller: Roller, material: Any, guess: LayerContactResult, speed: float) -> bool:
-    """Return True if the contact differs from the guess by its speed only, and the mix has no rate sensitivity."""
-    if speed == guess.speed or material != guess.material:
-        return False
-    as_found = replace(guess.roller, indentation=guess.indentation, load=None, peak_pressure=None)
-    return not material.rate_sensitivity and roller in (guess.roller, as_found)
-
-
-@contextmanager
-def _named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
-    """Name scene, engine and speed in errors of an engine."""
-    case = f"{scene.title or 'untitled scene'}, {engine} at {speed:g} m/s"
-    try:
-        yield
-    except NotFiniteError as error:  # a quantity of the iteration, as the inputs are finite
-        words = "the iteration diverged, a stress or strain is no longer finite; press less, or feed denser mix"
-        raise RuntimeError(f"{case}: {words}") from error
-    except ValueError as error:
-        if "load" not in scene.target or not str(error).startswith("`load`"):
-            raise
-        load, length = scene.target["load"], scene.machine.roller_length
-        raise ValueError(f"{error} (contact.load = {load:g} N over roller_length = {length:g} m)") from error
-    except HeapingError as error:
-        hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same'
-        raise HeapingError(f"{case}: {error}{hint}", error.heaping) from error
-    except UnsteadyError as error:
-        raise UnsteadyError(f"{case}: {error}", error.unsteady) from error
-    except EquilibriumError as error:
-        raise EquilibriumError(f"{case}: {error}") from error
-    except RuntimeError as error:
-        if not is_refusal(error):
-            raise
-        raise RuntimeError(f"{case}: {error}") from error
-
-
-def _engine_options(
-    scene: Scene, engine: Engine, held: HeldQuantity | None, progress: Progress | None
-) -> dict[str, Any]:
-    """Return the keyword arguments of `roll` for a scene."""
-    options, machine = engine.tolerance(scene.accuracy.tolerance), scene.machine
-    if not engine.layered:  # factors of eqs 1.6 and 1.8
-        options["rolling_friction"] = machine.roller_friction + machine.bearing_friction
-        options |= {"nonuniformity": machine.pressure_nonuniformity, "one_sided": machine.one_sided}
-    if engine.torque and machine.roller_torque is not None:
-        options["torque"] = machine.roller_torque / machine.roller_length
-    if engine.continuation and progress is not None:
-        options["progress"] = progress
-    if engine.continuation and _target_key(scene) in scene.unusual:
-        options["max_contact_angle"] = None  # without the estimate of heaping
-    if held is None and contact_cases.has_density_target(scene, engine.name):
-        options["exit_density_ratio"] = scene.mix.density_ratio
-    return options
-
-
-def _target_key(scene: Scene) -> str:
-    """Return the scene key of the target of the contact."""
-    return next((f"contact.{name}" for name in scene.target), "mix.density_ratio")
-
-
-def _require_above_base(result: ContactResult, layer: Layer) -> None:
-    """Raise RuntimeError if the indentation exceeds the layer, which small strains do not prevent."""
-    indentation = getattr(result, "indentation", 0.0)  # none on a half-plane
-    if indentation >= layer.height:
-        raise RuntimeError(
-            f"the indentation of {indentation:.3g} m reaches the base of a layer {layer.height:g} m high; press less"
-        )
-
-
 class ContactStage:
     """Contacts of one roller of a scene; each attribute is computed when first used.
+
+    This class is the stage of the formulas and of a linear layer.
 
     Parameters
     ----------
     directory : Path, optional
         Results of an earlier run, which are used if they have the same key.
     progress : callable, optional
-        Called with lines of text by engines with continuation.
+        Called with lines of text by slow engines.
+
+    Attributes
+    ----------
+    speeds : tuple of float
+        Speeds of the contacts [m/s]; empty for the formulas, which have no speed.
+    compacts : bool
+        True if the mix compacts irreversibly.
+    process : ProcessStudy or None
+        Forming process of the scene; None for an engine of single passes.
     """
+
+    compacts = False
+
+    @property
+    def process(self) -> "ProcessStudy | None":
+        """Forming process; None for an engine of single passes."""
+        return None
 
     def __init__(
         self,
@@ -331,6 +98,42 @@ class ContactStage:
     ) -> None:
         self.scene, self.mix, self.count, self._directory, self.progress = scene, mix, count, directory, progress
         self.engine = ENGINES[scene.accuracy.engine]
+        self.speeds = () if self.engine.takes == "half-plane" else contact_cases.contact_speeds(scene)
+
+    @property
+    def has_air(self) -> bool:
+        """True if load and resistance contain the pore air."""
+        return False
+
+    @cached_property
+    def air_curve(self) -> AirCurve | None:
+        """Forces of the pore air at the contact near the mean speed."""
+        return None
+
+    @cached_property
+    def second_pass(self) -> tuple[float, float] | None:
+        """Load and resistance of a second pass over those of the first, at the mean speed [-]; None without one."""
+        return None
+
+    @property
+    def return_ratios(self) -> tuple[float, float]:
+        """Load and resistance of the return stroke over those of the forward stroke [-]."""
+        return 1.0, 1.0
+
+    @property
+    def sleeve_drag(self) -> float:
+        """Drag of the feed sleeves, a part of the resistance to a cart [N]."""
+        return 0.0
+
+    @property
+    def requires_model_spread(self) -> bool:
+        """True for a scene of a compacting engine with the output "model_spread"."""
+        return False
+
+    @cached_property
+    def model_spread(self) -> ModelSpread | None:
+        """Contacts by the other laws of the mix; None where they are not required."""
+        return None
 
     @cached_property
     def engineering(self) -> Engineering:
@@ -339,7 +142,7 @@ class ContactStage:
         try:
             return engineering(self.scene, self.mix, peak_pressure(self.scene, self.mix))
         except ValueError as error:
-            if not (self.engine.layered and self.scene.target):
+            if not (self.speeds and self.scene.target):
                 raise
             required = self.mix.required_pressure
             shown = f"they are shown at {required / 1e3:.4g} kPa, as the density requires"
@@ -367,56 +170,36 @@ class ContactStage:
     @cached_property
     def kept(self) -> KeptResults | None:
         """Results of an earlier run in the directory."""
-        found = read_results(self._directory, self.key) if self._directory and self.engine.layered else None
+        found = read_results(self._directory, self.key) if self._directory and self.speeds else None
         if found:
             self.count("kept")
         return found
 
-    @cached_property
-    def process(self) -> "ProcessStudy | None":
-        """Forming process of the scene; None for an engine of single passes."""
-        if not self.engine.forming:
-            return None
-        from compact.analysis.process_contact import process_study
-
-        found = process_study(self.scene, self.progress)
-        return replace(found, known=self.kept.lifts) if self.kept else found
+    def case(self, speed: float) -> Any:
+        """Return the case at a speed [m/s], under the quantity that is constant over speed."""
+        return case_of(self.scene, self.mix, speed, None, self.held, self.progress)
 
     def first_pass(self, speed: float, initial_guess: ContactResult | None = None) -> ContactResult:
         """Compute the first pass at a speed [m/s], under the quantity that is constant over speed."""
-        if self.process is not None:
-            from compact.analysis.process_contact import process_contact
-
-            with _named_errors(self.scene, self.engine.name, speed):
-                return process_contact(self.process, speed)
-        return roll_scene(self.scene, self.mix, speed, None, initial_guess, self.held, self.progress)
+        return solve(self.engine, self.scene, self.case(speed), initial_guess)
 
     def over(self, duration: float) -> "ContactStage":
-        """Return the stage of another duration of a pass [s], with the lumped lifts of this one."""
-        scene = self.scene.replaced(**{"motion.duration": duration, "motion.other_durations": None})
-        other = ContactStage(scene, self.mix, self.count, None, self.progress)
-        if self.process is not None:
-            other.process = replace(self.process, scene=scene, known=self.process.lifts)
-        return other
+        """Return the stage of another duration of a pass [s]; itself, as the contact depends on the speed alone."""
+        return self
 
     @cached_property
     def reference(self) -> Passes:
         """All passes at the mean speed, where the contact reaches the target of the scene."""
         self.count("rolled")
-        if self.process is not None:
-            return (self.first_pass(self.scene.mean_speed),)
         return roll_passes(self.scene, self.mix, self.scene.mean_speed, progress=self.progress)
 
     @cached_property
     def held(self) -> HeldQuantity | None:
         """Quantity that is constant over speed; None for the formulas."""
-        if not self.engine.layered:
+        if not self.speeds:
             return None
         if self.kept:
             return self.kept.held
-        if self.process is not None:
-            depth = cast(LayerContactResult, self.reference[0]).indentation
-            return HeldQuantity("height", depth, self.scene.mean_speed)
         return contact_cases.hold_quantity(self.scene, self.mix) or contact_cases.hold_quantity(
             self.scene, self.mix, self.reference[0]
         )
@@ -425,7 +208,7 @@ class ContactStage:
     def passes(self) -> list[tuple[float, Passes]]:
         """Speed [m/s] and results of all passes at each speed of the scene; empty for the formulas."""
         found: list[tuple[float, Passes]] = []
-        for speed in contact_cases.contact_speeds(self.scene) if self.engine.layered else ():
+        for speed in self.speeds:
             found.append((speed, self.passes_at(speed, found[-1][1] if found else None)))
         return found
 
@@ -435,8 +218,6 @@ class ContactStage:
             return self.reference
         held, guess = self.held, initial_guess or self.__dict__.get("reference")
         self.count("rolled")
-        if self.process is not None:
-            return (self.first_pass(speed),)
         return roll_passes(self.scene, self.mix, speed, guess, held, progress=self.progress)
 
     @property
@@ -447,10 +228,9 @@ class ContactStage:
     @cached_property
     def typical(self) -> tuple[float, ContactResult]:
         """Speed [m/s] and contact at the mean speed, of a layered engine at the nearest speed of the scene."""
-        mean = self.scene.mean_speed
-        if not self.engine.layered:
-            return mean, roll_scene(self.scene, self.mix, mean)
-        return self.first_passes[nearest_speed((speed for speed, _ in self.first_passes), mean)]
+        if not self.speeds:
+            return self.scene.mean_speed, self.first_pass(self.scene.mean_speed)
+        return self.first_passes[nearest_speed(self.speeds, self.scene.mean_speed)]
 
     @cached_property
     def records(self) -> list[ContactRecord]:
@@ -460,17 +240,85 @@ class ContactStage:
         name = self.engine.name
         return [contact_cases.contact_record(name, *each, self.air_forces(each[0])) for each in self.passes]
 
+    def air_forces_of(self, contact: ContactResult, speed: float) -> AirForces | None:
+        """Return the changes of a first pass by its pore air; see `contact_cases.air_forces_of`."""
+        return contact_cases.air_forces_of(self.scene, self.mix, contact, speed)
+
+    def air_forces(self, speed: float) -> AirForces | None:
+        """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
+        return None
+
+    @cached_property
+    def fields(self) -> list[tuple[Any, ContactResult]]:
+        """Mesh with fields, and result, at each speed, by an engine with fields."""
+        found = []
+        for _, result in self.first_passes:
+            self.count("fields")
+            found.append((self.field_mesh(result), result))
+        return found
+
+    def field_mesh(self, result: ContactResult) -> Any:
+        """Return the mesh with fields of a contact."""
+        require_known(
+            "engine with fields", self.engine.name, [each.name for each in ENGINES.values() if each.has_fields]
+        )
+        return self.engine.fields(result)
+
+    @cached_property
+    def roller_load(self) -> float:
+        """Load of one roller [N]: of the engine at the mean speed, or by eq 1.6."""
+        if not self.speeds:
+            return self.engineering.roller_force
+        speed, load = np.array([[each.speed, each.load] for each in self.records]).T
+        mean = self.scene.mean_speed
+        return float(self.scene.machine.roller_length * np.interp(np.log(mean), np.log(speed), load))
+
+    def added_mass(self, speed: float) -> tuple[float, float]:
+        """Compute the added mass of one roller, see `Engine.expand`.
+
+        Parameters
+        ----------
+        speed : float
+            Speed of the roller [m/s].
+
+        Returns
+        -------
+        tuple of float
+            Added mass per unit length [kg/m] and relaxation time [s]; 0 where the engine has no memory in time.
+
+        Notes
+        -----
+        The added mass of a roller with stick and slip is that without friction; they differ by about a tenth.
+        """
+        self.count("added mass")
+        with contact_cases.named_errors(self.scene, self.engine.name, speed):
+            found = self.engine.expand(self.case(speed))
+        return (0.0, 0.0) if found is None else (found.added_mass, found.relaxation_time)
+
+    def rate_factor(self) -> Callable[[float], float]:
+        """Return the factor of the yield pressure over the speed [m/s]: 1 without one."""
+        return lambda _: 1.0
+
+
+class CompactingStage(ContactStage):
+    """Contacts of a layer that compacts irreversibly, with pore air and passes over compacted mix."""
+
+    compacts = True
+
+    @property
+    def has_air(self) -> bool:
+        """True if load and resistance contain the pore air."""
+        return has_air(self.scene)
+
     @cached_property
     def air_curve(self) -> AirCurve | None:
-        """Forces of the pore air at the contact near the mean speed; None for a linear layer and occluded mix.
+        """Forces of the pore air at the contact near the mean speed; None for occluded mix.
 
         Raises
         ------
         ValueError
             If the scene has pore air and its mix is occluded as fed.
         """
-        if not self.engine.compacting or self.engine.forming:
-            return None
         if self.kept:
             return self.kept.air_curve
         speed, contact = self.typical
@@ -483,19 +331,19 @@ class ContactStage:
             return None
         curve = air_curve(air_under(contact, layer, roller, air), air.permeability, contact)
         if is_coupled(self.scene):
-            speeds = contact_cases.contact_speeds(self.scene)
-            curve = curve.with_coupled(coupled_samples(contact, air, curve, speeds, self.count))
+            curve = curve.with_coupled(coupled_samples(contact, air, curve, self.speeds, self.count))
         return curve
 
-    @property
-    def has_air(self) -> bool:
-        """True if load and resistance contain the pore air."""
-        return has_air(self.scene) if self.process is None else self.process.counts_air
+    def air_forces(self, speed: float) -> AirForces | None:
+        """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
+        if not has_air(self.scene) or self.air_curve is None:
+            return None
+        return self.air_curve.at(speed, self.mix.air_permeability)
 
     @property
     def requires_model_spread(self) -> bool:
-        """True for a scene of a compacting engine with the output "model_spread"."""
-        return "model_spread" in self.scene.output.items and self.engine.compacting
+        """True for a scene with the output "model_spread"."""
+        return "model_spread" in self.scene.output.items
 
     @cached_property
     def model_spread(self) -> ModelSpread | None:
@@ -504,86 +352,166 @@ class ContactStage:
             return None
         if self.kept and self.kept.model_spread:
             return self.kept.model_spread
-        assert self.held is not None  # of a compacting engine
+        assert self.held is not None  # of an engine with speeds
         self.count("model spread")
         return model_spread(self.scene, self.mix, self.held)
 
-    def air_forces_of(self, contact: ContactResult, speed: float) -> AirForces | None:
-        """Return the changes of a first pass by its pore air; see `air_forces_of`."""
-        return air_forces_of(self.scene, self.mix, contact, speed)
+    def added_mass(self, speed: float) -> tuple[float, float]:
+        """Return 0: the state of the mix depends on the path, and its yield pressure on the present rate."""
+        return 0.0, 0.0
 
-    def air_forces(self, speed: float) -> AirForces | None:
-        """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
-        if self.process is not None:
-            from compact.analysis.process_contact import process_air
+    def rate_factor(self) -> Callable[[float], float]:
+        """Return the factor of the yield pressure over the speed [m/s] at the depth at the mean speed.
 
-            return process_air(self.process, speed)
-        if not has_air(self.scene) or self.air_curve is None:
-            return None
-        return self.air_curve.at(speed, self.mix.air_permeability)
-
-    @cached_property
-    def fields(self) -> list[tuple[Any, ContactResult]]:
-        """Mesh with fields, and result, at each speed, by an engine with fields."""
-        found = []
-        for _, result in self.first_passes:
-            self.count("fields")
-            found.append((self.field_mesh(result), result))
-        return found
+        Under a constant load or pressure the depth changes with the speed; the factor there is a smooth function of it.
+        """
+        mean = self.scene.mean_speed
+        layer, roller, material = contact_inputs(self.scene, self.mix, self.engine.name, mean, self.held)
+        depth = (
+            roller.indentation or self.records[nearest_speed([each.speed for each in self.records], mean)].indentation
+        )
+        rate = compaction_rate(1.0, roller.radius, layer.height, float(depth or 0.0))
+        return lambda speed: cast(Any, material).rate_factor(rate * abs(speed))
 
     def field_mesh(self, result: ContactResult) -> Any:
         """Return the mesh with fields of a contact, with the excess pressure of its pore air where the scene has it."""
-        mesh = self.engine.fields(result)
-        if has_air(self.scene) and self.engine.name == "compaction":
+        mesh = super().field_mesh(result)
+        if has_air(self.scene):
             add_air_field(mesh, result, pore_air_of(self.mix, self.scene.layer.fed_density_ratio))
         return mesh
-
-    @cached_property
-    def roller_load(self) -> float:
-        """Load of one roller [N]: of the engine at the mean speed, or by eq 1.6."""
-        if not self.engine.layered:
-            return self.engineering.roller_force
-        speed, load = np.array([[each.speed, each.load] for each in self.records]).T
-        mean = self.scene.mean_speed
-        return float(self.scene.machine.roller_length * np.interp(np.log(mean), np.log(speed), load))
 
     @cached_property
     def second_pass(self) -> tuple[float, float] | None:
         """Load and resistance of a second pass over those of the first, at the mean speed [-].
 
-        None for a linear layer, which recovers, for the formulas, which state one stroke, for the strokes of a process,
-        which are passes over the same mix, and for an engine of another package.
+        None where the engine rolls over no compacted mix, or does not converge there.
         """
-        if not self.engine.multipass:
-            return None
         if self.kept:
             return self.kept.second_pass
-        scene, first = self.scene, self.reference[0]
+        if not self.engine.rolls_over:
+            return None
+        scene, first, speed = self.scene, self.reference[0], self.scene.mean_speed
         self.count("second pass")
+        coarse = scene.layer.return_stroke == "fresh" and self.engine.as_start(first) is not None
+        numerics: dict[str, Any] = {"increments": SECOND_PASS_INCREMENTS} if coarse else {}
         try:
-            back = self._second_pass(first)
+            back = roll_passes(scene, self.mix, speed, count=2, first=first, progress=self.progress, **numerics)[1]
         except RuntimeError as error:
             if scene.layer.return_stroke == "compacted":
                 raise
             warnings.warn(f"the return stroke over compacted mix is left out: {error}", stacklevel=2)
             return None
-        air = self.air_forces(scene.mean_speed) or AirForces(0.0, 0.0, 0.0)
-        load, resistance = first.load + air.load, first.resistance + air.resistance
-        return back.load / load, max(-back.resistance / resistance, 0.0)
-
-    def _second_pass(self, first: ContactResult) -> ContactResult:
-        """Compute a second pass, on a coarse mesh where the drive returns over fresh mix."""
-        coarse = self.engine.continuation and self.scene.layer.return_stroke == "fresh"
-        numerics: dict[str, Any] = {"increments": SECOND_PASS_INCREMENTS} if coarse else {}
-        speed = self.scene.mean_speed
-        return roll_passes(
-            self.scene, self.mix, speed, count=2, first=first, progress=self.progress, **numerics
-        )[1]  # fmt: skip
+        air = self.air_forces(speed) or AirForces(0.0, 0.0, 0.0)
+        return (
+            back.load / (first.load + air.load),
+            max(-back.resistance / (first.resistance + air.resistance), 0.0),
+        )
 
     @property
     def return_ratios(self) -> tuple[float, float]:
         """Load and resistance of the return stroke over those of the forward stroke [-]."""
-        if self.process is not None:
-            return self.process.forces_at(self.scene.mean_speed).return_ratios
         compacted = self.scene.layer.return_stroke == "compacted"
         return self.second_pass if compacted and self.second_pass else (1.0, 1.0)
+
+
+class ProcessStage(CompactingStage):
+    """Strokes of the forming process under one roller: each contact is their mean at one speed of the cart."""
+
+    @cached_property
+    def strokes(self) -> "ProcessStudy":
+        """Forming process of the scene."""
+        found = process_study(self.scene, self.progress)
+        return replace(found, known=self.kept.lifts) if self.kept else found
+
+    @property
+    def process(self) -> "ProcessStudy | None":
+        """Forming process of the scene."""
+        return self.strokes
+
+    def case(self, speed: float) -> Any:
+        """Return the strokes at a speed of the cart [m/s]."""
+        return ProcessCase(self.strokes, speed)
+
+    def over(self, duration: float) -> ContactStage:
+        """Return the stage of another duration of a pass [s], in which the mould brings another amount of mix.
+
+        Its lumped lifts are those of this one.
+        """
+        if duration == self.scene.motion.duration:
+            return self
+        scene = self.scene.replaced(**{"motion.duration": duration, "motion.other_durations": None})
+        other = ProcessStage(scene, self.mix, self.count, None, self.progress)
+        other.strokes = replace(self.strokes, scene=scene, known=self.strokes.lifts)
+        return other
+
+    @cached_property
+    def reference(self) -> Passes:
+        """Strokes at the mean speed."""
+        self.count("rolled")
+        return (self.first_pass(self.scene.mean_speed),)
+
+    @cached_property
+    def held(self) -> HeldQuantity:
+        """Mean bite of the strokes at the mean speed, the feed of which is constant over speed."""
+        if self.kept:
+            return self.kept.held
+        return HeldQuantity("height", cast(Any, self.reference[0]).indentation, self.scene.mean_speed)
+
+    def passes_at(self, speed: float, initial_guess: Passes | None = None) -> Passes:
+        """Compute the strokes at a speed [m/s]."""
+        if speed == self.scene.mean_speed:
+            return self.reference
+        self.count("rolled")
+        return (self.first_pass(speed),)
+
+    @property
+    def has_air(self) -> bool:
+        """True if load and resistance contain the pore air."""
+        return self.strokes.counts_air
+
+    @cached_property
+    def air_curve(self) -> AirCurve | None:
+        """None: the lifts have their own pore air."""
+        return None
+
+    def air_forces(self, speed: float) -> AirForces | None:
+        """Return the changes of the strokes by their pore air at a speed [m/s]; None of drained mix."""
+        return self.strokes.air_forces(speed)
+
+    @cached_property
+    def second_pass(self) -> tuple[float, float] | None:
+        """None: the strokes are passes over the same mix."""
+        return None
+
+    @property
+    def return_ratios(self) -> tuple[float, float]:
+        """Load and resistance of a return stroke over those of a forward stroke [-]."""
+        return self.strokes.forces_at(self.scene.mean_speed).return_ratios
+
+    @property
+    def sleeve_drag(self) -> float:
+        """Drag of the feed sleeves, a part of the resistance to a cart [N]."""
+        return self.strokes.sleeve_drag or 0.0
+
+    def rate_factor(self) -> Callable[[float], float]:
+        """Return the factor of the yield pressure over the speed [m/s]."""
+        return self.strokes.rate_factor_at
+
+
+STAGES: dict[str, type[ContactStage]] = {
+    "half-plane": ContactStage,
+    "linear layer": ContactStage,
+    "compacting layer": CompactingStage,
+    "process": ProcessStage,
+}  # kind of the cases of an engine -> stage
+
+
+def contact_stage(
+    scene: Scene,
+    mix: Mix,
+    count: Count = no_count,
+    directory: Path | None = None,
+    progress: Progress | None = None,
+) -> ContactStage:
+    """Return the contact stage of a scene; nothing is computed yet."""
+    return STAGES[ENGINES[scene.accuracy.engine].takes](scene, mix, count, directory, progress)

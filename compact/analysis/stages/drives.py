@@ -16,9 +16,10 @@ from scipy.interpolate import PPoly
 
 from compact import drive
 from compact.analysis import machine_models
-from compact.analysis.contact_cases import scene_mix
+from compact.analysis.contact_cases import Progress
+from compact.analysis.mix_laws import scene_mix
 from compact.analysis.ranking_uncertainty import Place, places
-from compact.analysis.stages.contacts import ContactStage, Count, Progress, no_count
+from compact.analysis.stages.contacts import ContactStage, Count, contact_stage, no_count
 from compact.analysis.stages.laws import LawStage, PrescribedLaws
 from compact.analysis.stages.resistance import ResistanceLaw, ResistanceStage
 from compact.analysis.stages.torque_response import torque_response
@@ -283,7 +284,7 @@ def build_stages(
     prescribed = PrescribedLaws(scene, count, shortest, own.laws)
     if known_laws:
         prescribed.cycles = dict(known_laws[0])
-    contacts = ContactStage(scene, mix or scene_mix(scene), count, directory, progress)
+    contacts = contact_stage(scene, mix or scene_mix(scene), count, directory, progress)
     resistance = ResistanceStage(contacts, prescribed.largest_speed, own.resistance)
     laws = LawStage(prescribed, resistance, known_laws and known_laws[1])
     return Stages(prescribed, contacts, resistance, laws, DriveStage(contacts, resistance, laws))

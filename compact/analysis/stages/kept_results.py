@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 from compact import resistance
 from compact.analysis import contact_cases
 from compact.analysis.contact_cases import ContactRecord, HeldQuantity
-from compact.analysis.engines import ENGINES
 from compact.analysis.pore_air import AirCurve
 from compact.analysis.stages.model_spread import ModelSpread
+from compact.engines import ENGINES
 from compact.files import checksum, json_text, results_key, write_json
 from compact.material.mix import Mix
 from compact.resistance import ResistanceMap
@@ -82,7 +82,7 @@ def contacts_key(scene: Scene, mix: Mix) -> str:
         "speeds": contact_cases.contact_speeds(scene),
         "engine": engine.source,
     }
-    if engine.forming:
+    if engine.takes == "process":
         whole = {name: getattr(scene, name) for name in ("process", "sleeve", "motion")}
         inputs["strokes"] = {name: table and table.model_dump(mode="json") for name, table in whole.items()}
         inputs["laws"] = scene.checksums["motion.tables"]

@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from compact.analysis import machine_models
-from compact.analysis.contact_cases import scene_mix
-from compact.analysis.stages.contacts import ContactStage, Count
+from compact.analysis.mix_laws import scene_mix
+from compact.analysis.stages.contacts import Count, contact_stage
 from compact.analysis.stages.resistance import ResistanceStage
 from compact.cams.profile import Cam, FlatFace, Follower, LeastBreadth, Pointed, RollerFollower
 from compact.machine.cart import MotionResistance
@@ -139,7 +139,7 @@ class LawStage:
     def limits(self) -> Limits:
         """Limits of [motion.optimise]; the velocity is limited to the range of the resistance map."""
         table, motion = self._table, self.scene.motion
-        has_map = self.resistance.contacts.engine.layered
+        has_map = bool(self.resistance.contacts.speeds)
         known = self.resistance.largest_speed / self.prescribed.overshoot if has_map else np.inf
         velocity = min(known, table.velocity or np.inf)
         phases = Limits if table.steady_tolerance is None else motion
@@ -173,7 +173,7 @@ class LawStage:
         key, speed = (name, value), self.resistance.largest_speed
         if self._spread.get(key, (None,))[0] != speed:
             scene = self.scene.replaced(**{"motion.optimise": None, f"mix.overrides.{name}": value})
-            other = ResistanceStage(ContactStage(scene, scene_mix(scene)), lambda: speed)
+            other = ResistanceStage(contact_stage(scene, scene_mix(scene)), lambda: speed)
             self._spread[key] = speed, other.motion_resistance
         return self._spread[key][1]
 

@@ -12,8 +12,10 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
 
-from compact.analysis.contact_cases import HeldQuantity, contact_inputs, scene_mix
-from compact.analysis.engines import ENGINES
+from compact.analysis.contact_cases import HeldQuantity, case_of
+from compact.analysis.mix_laws import scene_mix
+from compact.engines import ENGINES
+from compact.engines.interface import Case
 from compact.material.mix import Mix
 from compact.rolling_contact import ContactResult, Heaping, HeapingError
 from compact.scene.loader import Scene
@@ -192,15 +194,8 @@ def spread_of(contacts: Sequence[LawVariant]) -> ModelSpread:
 
 
 def _roll(scene: Scene, mix: Mix, held: HeldQuantity) -> ContactResult:
-    engine = ENGINES[scene.accuracy.engine]
-    if engine.forming:
-        from compact.analysis.process_contact import process_contact, process_study
-
-        return process_contact(process_study(scene), scene.mean_speed)
-    layer, roller, material = contact_inputs(scene, mix, engine.name, scene.mean_speed, held)
-    options: dict[str, Any] = {}
-    if engine.continuation:
-        options = {"increments": INCREMENTS, "steady_tolerance": STEADY_TOLERANCE}
-    if engine.torque and scene.machine.roller_torque is not None:
-        options["torque"] = scene.machine.roller_torque / scene.machine.roller_length
-    return engine.roll(layer, roller, material, scene.mean_speed, **options)
+    case = case_of(scene, mix, scene.mean_speed, held=held)
+    if isinstance(case, Case):
+        coarse = {"increments": INCREMENTS, "steady_tolerance": STEADY_TOLERANCE}
+        case = replace(case, numerics=coarse, unlimited=False)
+    return ENGINES[scene.accuracy.engine].contact(case)

@@ -14,17 +14,16 @@ import numpy as np
 
 from compact import contact, resistance
 from compact.analysis import machine_models
-from compact.analysis.contact_cases import contact_inputs, nearest_speed
+from compact.analysis.contact_cases import nearest_speed
 from compact.analysis.pore_air import nodes_of_map
-from compact.analysis.rate_law import sample_rate_law
-from compact.analysis.stages.contacts import ContactStage, added_mass
+from compact.analysis.stages.contacts import ContactStage
 from compact.contact import DryResistance
+from compact.engines.interface import RateEngine
 from compact.machine.cart import Balance, Cart, MotionResistance
 from compact.machine.rigid_drive import steady_balance
-from compact.material.laws import Compaction
 from compact.numerics import Array
-from compact.resistance import ForceSample, ResistanceMap, sample_resistance
-from compact.rolling_contact import ContactResult, compaction_rate
+from compact.resistance import ForceSample, ResistanceMap
+from compact.rolling_contact import ContactResult
 
 ResistanceLaw = ResistanceMap | DryResistance | Callable[[Array, Array], Array]
 
@@ -67,23 +66,23 @@ class ResistanceStage:
         """Resistance of the mix to one cart [N], a function of velocity and acceleration."""
         if self._given is not None:
             return self._given
-        if self.contacts.engine.layered:
+        if self.contacts.speeds:
             return self.map
         return contact.dry_resistance(self.scene.machine.rollers * self.contacts.engineering.roller_resistance)
 
     @property
     def error(self) -> float | None:
         """Relative error estimate of the resistance [-], of the interpolation and the engine; None if unknown."""
-        if self._given is not None or not self.contacts.engine.layered or self.map.engine_error is None:
+        if self._given is not None or not self.contacts.speeds or self.map.engine_error is None:
             return None
         return self.map.error + self.map.engine_error
 
     def over(self, duration: float) -> "ResistanceStage":
         """Return the stage of another duration of a pass [s]; itself unless the forces depend on the duration."""
-        if self.contacts.process is None or duration == self.scene.motion.duration:
+        over = self.contacts.over(duration)
+        if over is self.contacts:
             return self
         if duration not in self._over:
-            over = self.contacts.over(duration)
             self._over[duration] = ResistanceStage(over, lambda: self.largest_speed, self._given)
         return self._over[duration]
 
@@ -123,21 +122,15 @@ class ResistanceStage:
         samples = list(known.computed) if known is not None else self._contact_samples
         least = min(LEAST_SPEED_SHARE * speed, min(each.speed for each in samples))
         tolerance = self.scene.accuracy.tolerance
-        if stage.engine.rate_factor_only:
-            sampled = sample_rate_law(self._new_sample, self.rate_factor(), least, speed, tolerance, samples)
-        else:
-            pairs = [each[:3] for each in samples]
-            sampled = sample_resistance(lambda at: self._new_sample(at)[1:3], least, speed, tolerance, pairs)
+        sampled = stage.engine.sample(self._new_sample, stage.rate_factor, least, speed, tolerance, samples)
         if stage.has_air:
             sampled = self._with_air(sampled)
         return self._with_added_masses(replace(sampled, return_ratio=self._return_ratio(sampled)))
 
     def _return_ratio(self, sampled: ResistanceMap) -> float:
         """Return the resistance of the return stroke over that of the forward stroke [-]; sleeves drag in both."""
-        ratio, process = self.contacts.return_ratios[1], self.contacts.process
-        if process is None or not process.sleeve_drag:
-            return ratio
-        share = process.sleeve_drag / float(sampled(self.scene.mean_speed))
+        ratio, drag = self.contacts.return_ratios[1], self.contacts.sleeve_drag
+        share = drag / float(sampled(self.scene.mean_speed)) if drag else 0.0
         return ratio * (1 - share) + share
 
     def _with_air(self, skeleton: ResistanceMap) -> ResistanceMap:
@@ -147,22 +140,6 @@ class ResistanceStage:
         air = np.array([0.0 if each is None else each.resistance for each in found])
         forces = skeleton(speeds) + self._roller_length * air
         return replace(skeleton, speeds=speeds, forces=forces, contacts=skeleton.computed)
-
-    def rate_factor(self) -> Callable[[float], float]:
-        """Return the factor of the yield pressure over the speed [m/s] at the depth at the mean speed.
-
-        Under a constant load or pressure the depth changes with the speed; the factor there is a smooth function of it.
-        """
-        stage, mean = self.contacts, self.scene.mean_speed
-        if stage.process is not None:
-            return stage.process.rate_factor_at
-        layer, roller, material = contact_inputs(self.scene, self.mix, stage.engine.name, mean, stage.held)
-        assert isinstance(material, Compaction)  # of an engine with `rate_factor_only`
-        depth = (
-            roller.indentation or stage.records[nearest_speed((each.speed for each in stage.records), mean)].indentation
-        )
-        rate = compaction_rate(1.0, roller.radius, layer.height, float(depth or 0.0))
-        return lambda speed: material.rate_factor(rate * abs(speed))
 
     @property
     def _roller_length(self) -> float:
@@ -174,7 +151,7 @@ class ResistanceStage:
         """Speed [m/s] and contact of each first pass that has been computed."""
         stage = self.contacts
         found = [] if stage.kept else list(stage.first_passes)
-        if stage.engine.rate_factor_only and "reference" in stage.__dict__ and not stage.kept:
+        if isinstance(stage.engine, RateEngine) and "reference" in stage.__dict__ and not stage.kept:
             mean = self.scene.mean_speed
             found += [] if mean in dict(found) else [(mean, stage.reference[0])]
         return found
@@ -195,17 +172,17 @@ class ResistanceStage:
 
     def _sample(self, speed: float, result: ContactResult) -> ForceSample:
         error = (result.error or (None, None))[1]
-        process, force = self.contacts.process, self._roller_length * result.resistance
-        if process is not None and process.sleeve_drag:
-            error = None if error is None else error * force / (force + process.sleeve_drag)
-            force += process.sleeve_drag
+        drag, force = self.contacts.sleeve_drag, self._roller_length * result.resistance
+        if drag:
+            error = None if error is None else error * force / (force + drag)
+            force += drag
         return ForceSample(speed, force, error, self.contacts.engine.noise(result))
 
     def _with_added_masses(self, sampled: ResistanceMap) -> ResistanceMap:
         """Return the map with the added mass at its speeds; without it where the engine does not find it."""
         stage = self.contacts
         try:
-            found = [added_mass(self.scene, self.mix, float(at), stage.held, stage.count) for at in sampled.speeds]
+            found = [stage.added_mass(float(at)) for at in sampled.speeds]
         except RuntimeError as error:
             warnings.warn(f"acceleration is left out of the resistance: {error}", stacklevel=2)
             return sampled

@@ -19,10 +19,8 @@ import numpy as np
 
 from compact import drive
 from compact.analysis import machine_models
-from compact.analysis.contact_cases import contact_speeds
-from compact.analysis.engines import ENGINES
+from compact.analysis.contact_cases import contact_speeds, roll_scene
 from compact.analysis.pore_air import AirForces, has_air
-from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.stages.drives import Stages, build_stages
 from compact.analysis.stages.ensemble import Change, Peaks, ensemble, first_law, peaks_at
 from compact.analysis.stages.resistance import ResistanceLaw
@@ -127,13 +125,13 @@ def _ranges(stages: Stages) -> dict[str, tuple[float, float, str, str]]:
     """Return low and high value, kind of variation and unit of each input by its scene key."""
     scene, mix, engine = stages.contacts.scene, stages.contacts.mix, stages.contacts.engine
     own_inputs = MIX_INPUTS.get(engine.name, engine.mix_parameters)  # the latter of an engine of another package
-    names = list(own_inputs if engine.cheap else MIX_INPUTS["formula"])
-    new_layer = engine.cheap and engine.compacting
+    names = list(own_inputs if engine.affordable else MIX_INPUTS["formula"])
+    new_layer = engine.affordable and stages.contacts.compacts
     if scene.mix.law == "drucker-prager-cap":
         names = ["cohesion_loose" if name == "cohesion" else name for name in names]
     if new_layer and has_air(scene):
         names += AIR_INPUTS
-    by_formula = not (engine.cheap and engine.layered)
+    by_formula = not (engine.affordable and stages.contacts.speeds)
     keys = [key for key in MACHINE_INPUTS if by_formula or key not in FORMULA_INPUTS]
 
     def tenth(value: float, unit: str) -> tuple[float, float, str, str]:
@@ -157,12 +155,12 @@ class _RigidPeaks:
 
     def __init__(self, stages: Stages) -> None:
         self.stages, self.engine = stages, stages.contacts.engine
-        self.largest_speed = SPEED_MARGIN * stages.resistance.largest_speed if self.engine.layered else 0.0
+        self.largest_speed = SPEED_MARGIN * stages.resistance.largest_speed if stages.contacts.speeds else 0.0
         self.own_layer: tuple[float, ResistanceMap] | None = None
 
     def engine_for(self, key: str) -> str:
         """Return the engine of the scene if it can vary an input, else "formula"."""
-        if self.engine.cheap:
+        if self.engine.affordable:
             return self.engine.name
         covered = self.largest_speed <= self.stages.resistance.map.speeds[-1]
         return self.engine.name if key in CART_INPUTS and (covered or key != "motion.duration") else "formula"
@@ -172,17 +170,17 @@ class _RigidPeaks:
         changed = build_stages(scene)
         other = "motion.duration" in change.keys
         cycles = self.stages.laws.cycles_over(scene.motion.duration) if other else self.stages.laws.cycles
-        if not ENGINES[scene.accuracy.engine].layered:
+        if not changed.contacts.speeds:
             return _rigid_peaks(changed.resistance.cart, changed.resistance.resistance, cycles)
         over = self.stages.resistance.over(scene.motion.duration)
-        if not self.engine.cheap:
+        if not self.engine.affordable:
             load, resistance = over.contacts.roller_load, over.map
         elif change.keys and not change.keys.keys() & set(CART_INPUTS):
             load, resistance = _new_contacts(changed, self.largest_speed)
         else:
             self.own_layer = self.own_layer or _new_contacts(self.stages, self.largest_speed)
             load, resistance = self.own_layer
-        contacts = changed.contacts if self.engine.cheap else over.contacts  # whose passes are not computed again
+        contacts = changed.contacts if self.engine.affordable else over.contacts  # whose passes are not computed again
         return _rigid_peaks(machine_models.cart(scene, load, contacts.return_ratios[0]), resistance, cycles)
 
 

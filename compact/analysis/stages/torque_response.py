@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from compact.analysis.contact_cases import ContactRecord, contact_inputs, nearest_speed
+from compact.analysis.contact_cases import ContactRecord, case_of, nearest_speed
 from compact.analysis.stages.contacts import ContactStage
 from compact.machine.roller_motors import FULL_SLIP_SHARE, CreepFreeRoller, DrivenRoller, carter_parameter
 from compact.rolling_contact import ContactResult, LayerContactResult
@@ -43,13 +43,13 @@ def torque_response(contacts: ContactStage, pull_range: tuple[float, float]) -> 
     scene, records, friction = contacts.scene, contacts.records, contacts.mix.steel_friction
     radius = scene.machine.roller_radius
     without_creep = CreepFreeRoller(radius, contacts.roller_load, friction)
-    expensive = contacts.engine.compacting and "roller_motors" not in scene.output.items
-    if not contacts.engine.torque or friction == 0 or expensive:
+    expensive = contacts.compacts and "roller_motors" not in scene.output.items
+    if not contacts.engine.reads("machine.roller_torque") or friction == 0 or expensive:
         return without_creep
     least_load = scene.machine.roller_length * min(record.load for record in records)
     low, high = (TRACTION_MARGIN * pull / (friction * least_load) for pull in pull_range)
     sides = [_friction_shares(min(low, -LEAST_SHARE) if low < 0 else 0.0), _friction_shares(max(high, LEAST_SHARE))]
-    if contacts.engine.compacting:
+    if contacts.compacts:
         records = [records[nearest_speed((record.speed for record in records), scene.mean_speed)]]
     try:
         curves = [_curve(contacts, record, sides) for record in records]
@@ -78,7 +78,7 @@ def _curve(contacts: ContactStage, record: ContactRecord, sides: list[NDArray[np
         assert at.creep is not None  # the roller is driven
         return torque * length, (record.resistance - at.resistance) * length, at.creep, at.load * length
 
-    known = dict(contacts.first_passes) if contacts.engine.continuation and not contacts.kept else {}
+    known = {} if contacts.kept else dict(contacts.first_passes)
     free = roll(0.0, known.get(record.speed))
     rows = [row(0.0, free)]
     for side in sides:
@@ -96,13 +96,12 @@ def _driven_roller(
 ) -> Callable[[float, ContactResult | None], ContactResult]:
     """Return a function of torque per length [N] and initial guess: the driven roller at the height of a contact."""
     scene, engine = contacts.scene, contacts.engine
-    layer, roller, material = contact_inputs(scene, contacts.mix, engine.name, scene.mean_speed)
-    roller = replace(roller, rolling="driven", indentation=record.indentation, load=None, peak_pressure=None)
-    options = engine.tolerance(scene.accuracy.tolerance, estimate=False)
+    case = case_of(scene, contacts.mix, scene.mean_speed)
+    roller = replace(case.roller, rolling="driven", indentation=record.indentation, load=None, peak_pressure=None)
+    case = replace(case, roller=roller, speed=record.speed, estimate=False, exit_density_ratio=None, unlimited=False)
 
     def roll(torque: float, initial_guess: ContactResult | None) -> ContactResult:
         contacts.count("driven")
-        start = {"start": initial_guess} if engine.continuation else {}
-        return engine.roll(layer, roller, material, record.speed, torque=torque, **options, **start)
+        return engine.contact(replace(case, torque=torque), initial_guess)
 
     return roll

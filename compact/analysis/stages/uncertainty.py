@@ -20,16 +20,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc, sobol_indices, uniform
 
-from compact.analysis.contact_cases import HeldQuantity, scene_mix
-from compact.analysis.engines import ENGINES
+from compact.analysis.contact_cases import HeldQuantity, roll_scene
+from compact.analysis.mix_laws import scene_mix
 from compact.analysis.pore_air import RATIOS
-from compact.analysis.stages.contacts import roll_scene
 from compact.analysis.stages.drives import Stages, simulate_laws
 from compact.analysis.stages.ensemble import (
     Change,
@@ -44,6 +44,7 @@ from compact.analysis.stages.resistance import ResistanceLaw
 from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
 from compact.analysis.worker_pool import BackgroundTasks
 from compact.machine.cart import Cart
+from compact.engines import ENGINES
 from compact.material.mix import prior
 from compact.motion.profile import Cycle
 from compact.scene.loader import Scene
@@ -349,7 +350,7 @@ def _held_ratios(stages: Stages) -> tuple[float, float] | None:
     The contacts agree at the mean speed.
     """
     scene, engine = stages.contacts.scene, stages.contacts.engine
-    if not engine.compacting or engine.forming or scene.contact is not None:
+    if engine.takes != "compacting layer" or scene.contact is not None:
         return None
     with suppress(ValueError, RuntimeError):
         columns = scene.with_engine("column")
@@ -528,9 +529,8 @@ def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, f
 
 def _fed(scene: Scene) -> tuple[str, float]:
     """Return key and value of the initial density ratio: of the feed of a process, or of the layer before a pass."""
-    if scene.process is not None and ENGINES[scene.accuracy.engine].forming:
-        return "process.feed_density_ratio", scene.process.feed_density_ratio
-    return f"layer.{FED}", scene.layer.fed_density_ratio
+    key = ENGINES[scene.accuracy.engine].fed_key
+    return key, attrgetter(key)(scene)
 
 
 def _shares(mix: MixSpread, scales: Sequence[float], peaks: Sequence[float]) -> dict[str, float]:

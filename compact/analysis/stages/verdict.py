@@ -24,19 +24,15 @@ from typing import Any
 
 import numpy as np
 
-from compact.analysis.contact_cases import ContactRecord
-from compact.analysis.engines import ENGINES, has_whole_resistance
+from compact.analysis.contact_cases import ContactRecord, process_detail
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages.comparison import EngineComparison, Places, engine_answer
 from compact.analysis.stages.drives import Stages
+from compact.engines import ENGINES
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, ROUNDING_TIE, group_equal
 from compact.scene.loader import Scene
 
 SIZING_PEAKS = ("peak_force", "peak_power")  # criteria of the verdict
-LARGEST_COLUMN = 2.0  # [-], height of a layer over the contact length up to which columns are valid
-VISCOELASTIC, FLOOR = "viscoelastic part only", "confined floor"
-FORMULA_FITS = ("machine.roller_friction", "machine.bearing_friction")  # inputs of eqs 1.8 and 1.9, besides the mix
-FED_DENSITIES = ("layer.fed_density_ratio", "process.feed_density_ratio")
 
 
 @dataclass(frozen=True)
@@ -195,7 +191,7 @@ def _answer(scene: Scene, found: EngineComparison) -> ModelAnswer:
         for each, speed in speeds.items()
     }
     ratio = None
-    if records and not ENGINES[scene.accuracy.engine].forming:
+    if records and ENGINES[scene.accuracy.engine].takes != "process":
         length = at(scene.mean_speed, lambda record: record.leading - record.trailing)
         ratio = scene.lift_thickness / length if length > 0 else math.inf
     coefficients = {each: force / (machine.rollers * loads[each]) for each, force in forces.items()}
@@ -220,12 +216,7 @@ def reason_against(scene: Scene, height_ratio: float | None) -> str:
     str
         Empty if the engine may.
     """
-    engine = scene.accuracy.engine
-    if not has_whole_resistance(scene):
-        return FLOOR if ENGINES[engine].forming else VISCOELASTIC
-    if engine == "column" and height_ratio is not None and height_ratio > LARGEST_COLUMN:
-        return f"no bow wave, layer {height_ratio:.2g} contact lengths high"
-    return ""
+    return ENGINES[scene.accuracy.engine].valid(height_ratio, process_detail(scene))
 
 
 def fitted_inputs(scene: Scene) -> tuple[str, ...]:
@@ -238,7 +229,7 @@ def fitted_inputs(scene: Scene) -> tuple[str, ...]:
     """
     engine = ENGINES[scene.accuracy.engine]
     keys = [f"mix.overrides.{name}" for name in engine.parameters_of(scene.mix.law)]
-    keys += FED_DENSITIES if engine.compacting else () if engine.layered else FORMULA_FITS
+    keys += engine.fitted_keys
     fitted = scene.mix.fitted_at.parameters if scene.mix.fitted_at else ()
     return tuple(key for key in keys if key.rpartition(".")[2] in fitted and scene.is_set(key))
 

@@ -1,1 +1,42 @@
-"""Forming process: strokes of one roller over a moving mould, with mix fed before every stroke."""
+"""Forming process: strokes of one roller over a moving mould, fed before every stroke; the engine "process"."""
+
+from typing import Any
+
+from compact.engines.interface import FLOOR, ONE_MIX, PLASTIC, Limit, RateEngine
+from compact.rolling_contact import ContactResult
+
+
+class ProcessEngine(RateEngine):
+    """All strokes of the forming process in place of one pass over a layer; its case is a process and a speed."""
+
+    name, takes, cost = "process", "process", 0.4
+    mix_parameters = (*PLASTIC, "steel_friction")
+    limits = (
+        Limit("machine.roller_condition", ("free",), "its rollers roll freely over the bed"),
+        Limit("machine.gap_geometry", ("deformed",), "its lifts press the deformed surface", fixed=True),
+        Limit("layer.base", ("bonded",), "the mix sticks to the base of the mould"),
+        Limit("layer.passes", (1,), "the strokes of [process] are its passes"),
+        Limit("layer.return_stroke", ("fresh",), "`process.feeds` states the strokes that are fed", fixed=True),
+        Limit("layer.lift_thickness", (None,), "the whole height of the product lies under the roller"),
+        *(
+            Limit(f"contact.{name}", (None,), "the closure of [process] determines the contact")
+            for name in ("indentation", "load", "peak_pressure", "held")
+        ),
+        ONE_MIX,
+        Limit("layer.lower_lift", (None,), "the whole height of the product lies under the roller"),
+        Limit("mix.pore_air", ("one-way", "drained"), "its lifts do not yield to the air", fixed=True),
+    )
+    fed_key = "process.feed_density_ratio"
+
+    def contact(self, case: Any, start: Any = None) -> ContactResult:
+        """Compute the means over the strokes under a roller at a speed of the cart."""
+        from compact.engines.process.contact import process_contact
+
+        return process_contact(case.process, case.speed)
+
+    def valid(self, height_ratio: float | None = None, detail: str | None = None) -> str:
+        """Refuse columns alone: the confined floor."""
+        return FLOOR if detail == "columns" else ""
+
+
+PROCESS = ProcessEngine()

@@ -17,17 +17,12 @@ The forces are per unit roller length, means over the roller. The load depends o
 a drive along the travel does not meet.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from compact.analysis.engines import process_detail
-from compact.analysis.pore_air import AirForces
-from compact.analysis.process import ProcessStudy
 from compact.rolling_contact import ContactResult
-from compact.scene.loader import Scene
 
 NO_PROFILE = np.empty(0)  # the strokes under a roller have no common pressure along the contact
 
@@ -78,25 +73,12 @@ class ProcessContactResult(ContactResult):
     lower_columns: tuple[ProductRow, ...] = ()
 
 
-def process_study(scene: Scene, report: Callable[[str], None] | None = None) -> ProcessStudy:
-    """Return the forming process of a scene with the detail of its engine.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene with the table [process].
-    report : callable, optional
-        Called with a line of text after each lift.
-    """
-    return ProcessStudy(scene, process_detail(scene), report or (lambda _: None))
-
-
-def process_contact(study: ProcessStudy, speed: float) -> ProcessContactResult:
+def process_contact(study: Any, speed: float) -> ProcessContactResult:
     """Compute the forces of the strokes under one roller at a speed of the cart.
 
     Parameters
     ----------
-    study : ProcessStudy
+    study : analysis.process.ProcessStudy
         Forming process at the mean speed.
     speed : float
         Speed of the cart [m/s].
@@ -138,21 +120,3 @@ def process_contact(study: ProcessStudy, speed: float) -> ProcessContactResult:
         speed=speed,
         columns=columns,
     )  # fmt: skip
-
-
-def process_air(study: ProcessStudy, speed: float) -> AirForces | None:
-    """Return the changes of the strokes by their pore air at a speed of the cart [m/s]; None of drained mix.
-
-    Parameters
-    ----------
-    study : ProcessStudy
-        Forming process at the mean speed.
-    speed : float
-        Speed of the cart [m/s].
-    """
-    found, machine = study.two_dimensions, study.problem.machine
-    if found is None or not study.counts_air:
-        return None
-    length, share = machine.roller_length, abs(speed) / machine.cart_speed
-    load, resistance = found.air_load.value, found.air_resistance.value
-    return AirForces(share * load / length, share * resistance / length, share * found.air_excess_behind)
