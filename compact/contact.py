@@ -4,7 +4,6 @@ Entry point that collects the formulas of `engines.formula`, `engines.halfplane`
 """
 
 from compact.engines.formula import (
-    FormulaContactResult,
     capture_angle,
     contact_length,
     pressure_for_load,
@@ -26,7 +25,6 @@ from compact.resistance import DryResistance, dry_resistance
 
 __all__ = [
     "DryResistance",
-    "FormulaContactResult",
     "LineContact",
     "RadiusRange",
     "capture_angle",

@@ -12,7 +12,7 @@ from compact.engines.fem.engine import roll as roll_linear
 from compact.files import write_vtu
 from compact.material.laws import Compaction, Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
-from compact.rolling_contact import ContactResult, Layer, PrescribedMotion, Roller
+from compact.rolling_contact import Contact, Layer, PrescribedMotion, Roller
 
 if TYPE_CHECKING:
     import meshio
@@ -33,7 +33,7 @@ def roll(
     mesh: RowMesh | None = None,
     tolerance: float = DEFAULT_ERROR,
     estimate: bool = True,
-) -> ContactResult:
+) -> Contact:
     """Solve the steady rolling contact of one roller with a layer.
 
     Parameters

@@ -8,11 +8,12 @@ so that a study selects them by name. The x axis points along the travel and y u
 are per unit roller length, in SI units.
 """
 
-from dataclasses import KW_ONLY, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cached_property
 from itertools import accumulate
 from pathlib import Path
-from typing import Any, Literal, Protocol, TypeVar, get_args
+from typing import Any, Literal, NamedTuple, Protocol, Self, TypeVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,11 +21,20 @@ from numpy.typing import ArrayLike
 from compact.files import write_vtu_series
 from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_finite, require_known, require_positive
+from compact.quantities import CONTACT, PASS
 
 BaseCondition = Literal["bonded", "slip"]
 RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
 GapGeometry = Literal["parabola", "circle", "deformed"]
 
+Number = Any  # a float, or None of an engine that does not have it
+NOTHING = np.empty(0)  # of a contact without a profile
+COMPACTED = (  # numbers of engines with irreversible compaction only
+    "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
+    "overdense_work", "mass_residual", "yield_residual", "equilibrium_residual",
+    "air_load", "air_resistance", "air_excess_behind",
+)  # fmt: skip
+COMMON = tuple(name for name in CONTACT if name not in COMPACTED)
 MIN_RESISTANCE_RATIO = 1e-3  # [-], of the load; relative errors of smaller resistances refer to it, theory.md 3.1
 HEIGHT_TOLERANCE = 1e-9  # [-], of the layer height; rounding of decimal thicknesses
 
@@ -306,7 +316,7 @@ def require_target_reached(
 
 
 def require_on_target(
-    result: "ContactResult",
+    result: "Contact",
     roller: Roller,
     tolerance: float,
     *,
@@ -414,9 +424,27 @@ class UnsteadyError(RuntimeError):
         return str(self.args[0])
 
 
+def _nothing() -> Array:
+    return NOTHING
+
+
+class PassRecord(NamedTuple):
+    """Numbers of one pass over a compacting layer, as of `Contact`."""
+
+    load: float
+    resistance: float
+    indentation: float
+    exit_height: float
+    exit_density_ratio: float
+    work_residual: float | None
+    mass_residual: float | None
+
+
 @dataclass(frozen=True)
-class ContactResult:
-    """Steady contact of a roller with a layer, per unit roller length.
+class Contact:
+    """Steady contact of a roller with a layer, per unit roller length: the result of every engine, and its record.
+
+    Numbers that an engine does not have are None. A record has the numbers alone: without arrays, case and solution.
 
     Parameters
     ----------
@@ -436,6 +464,38 @@ class ContactResult:
         Peak pressure p0 between the samples too [Pa].
     history : tuple
         One row per iteration of the engine; empty for a closed form.
+    engine : str
+        Name of the engine, of a record.
+    speed : float
+        Speed of the roller along x [m/s].
+    indentation : float, optional
+        Depth of the lowest generatrix below the surface before the pass [m]; None on a half-plane.
+    creep : float, optional
+        Creepage, angular speed x radius/speed - 1, of a roller with stick and slip [-].
+    exit_height, exit_density_ratio : float, optional
+        Height [m] and mean density ratio [-] of the layer behind the roller, if it compacts.
+    lower_height, lower_density_ratio : float, optional
+        Height [m] and mean density ratio [-] of the lower lift behind the roller.
+    peak_density_ratio : float, optional
+        Largest density ratio of the layer [-].
+    overdense_work : float, optional
+        Share of the plastic work beyond the measured pressure curve, where the law of the mix extrapolates [-].
+    mass_residual, yield_residual, equilibrium_residual : float, optional
+        Relative residual of the mass balance, largest stress beyond the cap over its pressure, and relative residual of
+        the forces [-].
+    air_load, air_resistance, air_excess_behind : float, optional
+        Parts of load and resistance by the pore air [N/m], and its largest excess pressure behind the contact [Pa]; of
+        a record.
+    passes : tuple of PassRecord
+        Numbers of all passes in order, of a record; empty for a linear layer.
+    layer, roller, material : Layer, Roller, material law, optional
+        Case, of an engine whose contacts are starts of others or have fields.
+    exit : object
+        State of the mix behind the roller, for the next pass; None for a linear layer.
+    own : mapping of str to float
+        Further numbers of the engine, such as the capture angle of the formulas.
+    effort : str
+        Words on the numerical effort; iterations by default.
 
     Raises
     ------
@@ -447,13 +507,37 @@ class ContactResult:
     resistance: float
     leading: float
     trailing: float
-    x: Array
-    pressure: Array
-    shear_traction: Array
+    x: Array = field(default_factory=_nothing)
+    pressure: Array = field(default_factory=_nothing)
+    shear_traction: Array = field(default_factory=_nothing)
     error: tuple[float, float] | None = None
     work_residual: float | None = None
     peak_pressure: float = np.nan
     history: tuple[Any, ...] = ()
+    _: KW_ONLY
+    engine: str = ""
+    speed: float = np.nan
+    indentation: Number = None
+    creep: Number = None
+    exit_height: Number = None
+    exit_density_ratio: Number = None
+    lower_height: Number = None
+    lower_density_ratio: Number = None
+    peak_density_ratio: Number = None
+    overdense_work: Number = None
+    mass_residual: Number = None
+    yield_residual: Number = None
+    equilibrium_residual: Number = None
+    air_load: Number = None
+    air_resistance: Number = None
+    air_excess_behind: Number = None
+    passes: tuple[PassRecord, ...] = ()
+    layer: Any = None
+    roller: Any = None
+    material: Any = None
+    exit: Any = None
+    own: Mapping[str, float] = field(default_factory=dict)
+    effort: str = ""
 
     def __post_init__(self) -> None:
         if not (0 < self.load < np.inf and self.trailing < self.leading):
@@ -466,8 +550,78 @@ class ContactResult:
                 f"the resistance must be finite, got {self.resistance} N/m at a load of {self.load:.3g} N/m"
             )
 
+    @property
+    def contact_length(self) -> float:
+        """Distance of the edges [m]."""
+        return self.leading - self.trailing
 
-Rolled = TypeVar("Rolled", bound=ContactResult)
+    @property
+    def coefficient(self) -> float:
+        """Rolling-resistance coefficient, resistance over load [-]."""
+        return self.resistance / self.load
+
+    @property
+    def load_error(self) -> float | None:
+        """Estimated relative error of the load [-]."""
+        return None if self.error is None else self.error[0]
+
+    @property
+    def resistance_error(self) -> float | None:
+        """Estimated relative error of the resistance [-]."""
+        return None if self.error is None else self.error[1]
+
+    @property
+    def iterations(self) -> int:
+        """Number of iterations of the engine."""
+        return len(self.history)
+
+    def record(self, engine: str, speed: float, **numbers: Any) -> "Contact":
+        """Return the numbers alone, in the direction of a speed [m/s], with others replaced."""
+        known = {each.name: getattr(self, each.name) for each in fields(Contact)} | numbers
+        bare: dict[str, Any] = dict.fromkeys(("x", "pressure", "shear_traction"), NOTHING)
+        bare |= dict.fromkeys(("layer", "roller", "material", "exit")) | {"own": {}, "effort": ""}
+        return Contact(**known | bare | {"engine": engine, "speed": speed, "history": (None,) * self.iterations})
+
+    def to_json(self) -> dict[str, Any]:
+        """Return nested dictionaries with "value", "unit" and, where there is one, "error", as in summary.json."""
+        content: dict[str, Any] = {"engine": self.engine} | {name: self._with_unit(name) for name in COMMON}
+        for name, error in zip(("load", "resistance"), self.error or (None, None), strict=True):
+            content[name]["error"] = error
+        content["iterations"] = self.iterations
+        content |= {name: self._with_unit(name) for name in COMPACTED if getattr(self, name) is not None}
+        if self.passes:
+            units = {name: quantity.unit for name, quantity in PASS.items()}
+            content["passes"] = [
+                {name: {"value": value, "unit": units[name]} for name, value in each._asdict().items()}
+                for each in self.passes
+            ]
+        return content
+
+    def _with_unit(self, name: str) -> dict[str, Any]:
+        return {"value": getattr(self, name), "unit": CONTACT[name].unit}
+
+    @classmethod
+    def from_json(cls, content: dict[str, Any]) -> Self:
+        """Read a record back from the form of `to_json`.
+
+        Raises
+        ------
+        KeyError, TypeError
+            If `content` has another form.
+        """
+        values = {name: content[name]["value"] for name in (*COMMON, *COMPACTED) if name in COMMON or name in content}
+        del values["coefficient"]
+        error = (content["load"]["error"], content["resistance"]["error"])
+        passes = (PassRecord(**{name: each[name]["value"] for name in PASS}) for each in content.get("passes", ()))
+        return cls(
+            **values, engine=content["engine"], history=(None,) * content["iterations"], passes=tuple(passes),
+            error=None if None in error else error,
+        )  # fmt: skip
+
+
+ContactResult = Contact  # public name
+
+Rolled = TypeVar("Rolled", bound=Contact)
 
 
 def for_travel(contact: Rolled, speed: float) -> Rolled:
@@ -479,42 +633,6 @@ def for_travel(contact: Rolled, speed: float) -> Rolled:
         return contact
     x, pressure, shear_traction = -contact.x[::-1], contact.pressure[::-1], -contact.shear_traction[::-1]
     return replace(contact, resistance=-contact.resistance, x=x, pressure=pressure, shear_traction=shear_traction)
-
-
-class LayerContactResult(Protocol):
-    """Result of an engine with stick and slip: a `ContactResult` with its case, such as for an initial guess."""
-
-    @property
-    def load(self) -> float:
-        """Normal force P [N/m]."""
-
-    @property
-    def resistance(self) -> float:
-        """Rolling resistance [N/m]."""
-
-    @property
-    def indentation(self) -> float:
-        """Depth of the lowest generatrix below the surface of the layer [m]."""
-
-    @property
-    def creep(self) -> float | None:
-        """Creepage of a roller with stick and slip [-], else None."""
-
-    @property
-    def layer(self) -> Layer:
-        """Layer before the pass."""
-
-    @property
-    def roller(self) -> Roller:
-        """Roller with its target."""
-
-    @property
-    def material(self) -> Any:
-        """Material law of the layer."""
-
-    @property
-    def speed(self) -> float:
-        """Speed of the roller along x [m/s]."""
 
 
 @dataclass(frozen=True, eq=False)

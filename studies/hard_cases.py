@@ -141,8 +141,8 @@ def second_pass():
     roller = replace(roller, rolling="frictionless")
     first = column.roll(layer, roller, material, 0.2)
     height = layer.height - first.indentation
-    recovered = sum(part.height for part in first.columns)
-    second = column.roll_over(first.columns, replace(roller, indentation=recovered - height), material, -0.2)
+    recovered = sum(part.height for part in first.exit.layer)
+    second = column.roll_over(first.exit.layer, replace(roller, indentation=recovered - height), material, -0.2)
     return f"F {second.resistance:.1e} N/m", second.resistance / first.resistance
 
 

@@ -179,7 +179,7 @@ def columns(settings, repeats):
     exact = column.roll(THIN_LAYER, roller, COMPACTING, 0.2, rtol=1e-13).resistance
     for method, rtol in settings:
         found, seconds = timed(lambda r=rtol: column.roll(THIN_LAYER, roller, COMPACTING, 0.2, rtol=r), repeats)
-        yield method, rtol, abs(found.resistance / exact - 1), seconds, found.evaluations
+        yield method, rtol, abs(found.resistance / exact - 1), seconds, found.own["evaluations"]
 
 
 def compactions(settings, _):

@@ -1,21 +1,17 @@
 """Contacts of a scene: its case for an engine, the contacts of one or several passes, and their scalar results.
 
-    scene -> case_of -> Engine.contact -> ContactRecord
-
-A `ContactRecord` holds the scalar results of one contact, a `PassRecord` those of one pass over a layer with
-irreversible compaction. Dictionaries with units exist in JSON only; `contact_to_json` and `contact_from_json` convert.
+scene -> case_of -> Engine.contact -> Contact
 """
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from compact import quantities
 from compact.analysis.failures import is_refusal
 from compact.analysis.mix_laws import LAWS
 from compact.analysis.multipass import roll_stages, there_and_back
@@ -27,11 +23,12 @@ from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import Mix
 from compact.numerics.validation import NotFiniteError, require_finite
 from compact.rolling_contact import (
-    ContactResult,
+    Contact,
     EquilibriumError,
     HeapingError,
     Layer,
     LowerLift,
+    PassRecord,
     Ply,
     Roller,
     UnsteadyError,
@@ -43,15 +40,8 @@ if TYPE_CHECKING:
     from compact.analysis.process import ProcessDetail, ProcessStudy
 
 Progress = Callable[[str], None]  # of lines of text
-Passes = tuple[ContactResult, ...]
+Passes = tuple[Contact, ...]
 
-COMPACTED = (  # fields of engines with irreversible compaction only
-    "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
-    "overdense_work", "mass_residual", "yield_residual", "equilibrium_residual",
-    "air_load", "air_resistance", "air_excess_behind",
-)  # fmt: skip
-COMMON = tuple(name for name in quantities.CONTACT if name not in COMPACTED)
-ERRORS = {"load": "load_error", "resistance": "resistance_error"}  # quantity -> field of its relative error
 TARGETS = MappingProxyType(  # held quantity -> keyword of `Roller`
     {"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"}
 )
@@ -116,7 +106,7 @@ def prescribed_target(scene: Scene) -> dict[str, float]:
     return target
 
 
-def hold_quantity(scene: Scene, mix: Mix, reference: ContactResult | None = None) -> HeldQuantity | None:
+def hold_quantity(scene: Scene, mix: Mix, reference: Contact | None = None) -> HeldQuantity | None:
     """Determine the quantity that a scene holds constant over speed, and its value.
 
     It is `contact.held` if the scene sets it, else a prescribed load or peak pressure, else the height.
@@ -125,7 +115,7 @@ def hold_quantity(scene: Scene, mix: Mix, reference: ContactResult | None = None
     ----------
     scene : Scene
         A scene whose engine is layered.
-    reference : ContactResult, optional
+    reference : Contact, optional
         Contact at the mean speed that reaches the target of the scene.
 
     Returns
@@ -247,10 +237,10 @@ def roll_scene(
     mix: Mix,
     speed: float,
     engine: str | None = None,
-    initial_guess: ContactResult | None = None,
+    initial_guess: Contact | None = None,
     held: HeldQuantity | None = None,
     progress: Progress | None = None,
-) -> ContactResult:
+) -> Contact:
     """Compute the contact of one roller of a scene in its first pass.
 
     Parameters
@@ -259,7 +249,7 @@ def roll_scene(
         Speed of the roller [m/s].
     engine : str, optional
         Name of the engine; that of the scene by default.
-    initial_guess : ContactResult, optional
+    initial_guess : Contact, optional
         Another contact of the engine, which uses it where it serves.
     progress : callable, optional
         Called with lines of text by slow engines.
@@ -275,7 +265,7 @@ def roll_scene(
     return solve(used, scene, case_of(scene, mix, speed, used.name, held, progress), initial_guess)
 
 
-def solve(engine: Engine, scene: Scene, case: Any, start: ContactResult | None = None) -> ContactResult:
+def solve(engine: Engine, scene: Scene, case: Any, start: Contact | None = None) -> Contact:
     """Compute the contact of a case; errors name scene, engine and speed.
 
     Raises
@@ -285,7 +275,7 @@ def solve(engine: Engine, scene: Scene, case: Any, start: ContactResult | None =
     """
     with named_errors(scene, engine.name, case.speed):
         result = engine.contact(case, start)
-        indentation, layer = getattr(result, "indentation", 0.0), getattr(case, "layer", None)  # none on a half-plane
+        indentation, layer = result.indentation or 0.0, getattr(case, "layer", None)  # none on a half-plane
         if layer is not None and indentation >= layer.height:
             raise RuntimeError(
                 f"the indentation of {indentation:.3g} m reaches the base of a layer {layer.height:g} m high; press "
@@ -298,10 +288,10 @@ def roll_passes(
     scene: Scene,
     mix: Mix,
     speed: float,
-    initial_guess: Sequence[ContactResult] | None = None,
+    initial_guess: Sequence[Contact] | None = None,
     held: HeldQuantity | None = None,
     count: int | None = None,
-    first: ContactResult | None = None,
+    first: Contact | None = None,
     progress: Progress | None = None,
     **numerics: Any,
 ) -> Passes:
@@ -365,21 +355,12 @@ def _target_key(scene: Scene) -> str:
     return next((f"contact.{name}" for name in scene.target), "mix.density_ratio")
 
 
-def _require_above_base(result: ContactResult, layer: Layer) -> None:
-    """Raise RuntimeError if the indentation exceeds the layer, which small strains do not prevent."""
-    indentation = getattr(result, "indentation", 0.0)  # none on a half-plane
-    if indentation >= layer.height:
-        raise RuntimeError(
-            f"the indentation of {indentation:.3g} m reaches the base of a layer {layer.height:g} m high; press less"
-        )
-
-
-def air_forces_of(scene: Scene, mix: Mix, contact: ContactResult, speed: float) -> AirForces | None:
+def air_forces_of(scene: Scene, mix: Mix, contact: Contact, speed: float) -> AirForces | None:
     """Compute the changes of one contact by its pore air, at its deformation without air.
 
     Parameters
     ----------
-    contact : ContactResult
+    contact : Contact
         First pass without air.
     speed : float
         Speed of the roller [m/s].
@@ -397,167 +378,22 @@ def air_forces_of(scene: Scene, mix: Mix, contact: ContactResult, speed: float) 
     return AirForces(*under.forces(pressure), under.largest_excess_behind(pressure))
 
 
-@dataclass(frozen=True)
-class PassRecord:
-    """Scalar results of one pass of a roller over a layer with irreversible compaction.
-
-    Parameters
-    ----------
-    load, resistance : float
-        Force on the roller per unit length [N/m].
-    indentation : float
-        Depth of the lowest generatrix below the surface of the layer before the pass [m].
-    exit_height : float
-        Height of the layer behind the roller [m].
-    exit_density_ratio : float
-        Mean density ratio of the layer behind the roller [-].
-    work_residual, mass_residual : float or None
-        Relative residuals of the balances of energy and mass [-].
-    """
-
-    load: float
-    resistance: float
-    indentation: float
-    exit_height: float
-    exit_density_ratio: float
-    work_residual: float | None
-    mass_residual: float | None
-
-
-@dataclass(frozen=True)
-class ContactRecord:
-    """Scalar results of the contact of one roller at one speed.
+def contact_record(engine: str, speed: float, passes: Passes, air: AirForces | None = None) -> Contact:
+    """Return the numbers of the first pass at one speed, with those of all passes over a compacting layer.
 
     Parameters
     ----------
     speed : float
         Speed of the roller [m/s].
-    load, resistance : float
-        Force on the roller per unit length [N/m].
-    load_error, resistance_error : float or None
-        Relative error estimates [-]; None where the engine has none.
-    coefficient : float
-        Rolling-resistance coefficient, resistance over load [-].
-    leading, trailing : float
-        Edges of the contact from the axis of the roller, positive along the travel [m].
-    peak_pressure : float
-        Largest contact pressure [Pa].
-    indentation : float or None
-        Depth of the lowest generatrix below the surface [m]; None on a half-plane.
-    creep : float or None
-        Creepage of a roller with stick and slip [-].
-    work_residual : float or None
-        Relative residual of the energy balance [-].
-    exit_density_ratio, exit_height, mass_residual : float or None
-        Mean density ratio [-] and height [m] behind the first pass, relative residual of the mass balance [-];
-        None for a linear layer.
-    lower_height, lower_density_ratio : float or None
-        Height [m] and mean density ratio [-] of the lower lift behind the first pass; None without one.
-    peak_density_ratio, overdense_work, yield_residual, equilibrium_residual : float or None
-        Largest density ratio, share of the plastic work beyond the measured pressure curve, largest stress beyond the
-        cap over its pressure and relative residual of the forces [-]; None except for the engine "compaction".
-    air_load, air_resistance, air_excess_behind : float or None
-        Parts of load and resistance by the pore air [N/m], and its largest excess pressure behind the contact [Pa];
-        None for drained mix.
-    passes : tuple of PassRecord
-        All passes in order; empty for a linear layer.
-    """
-
-    engine: str
-    speed: float
-    load: float
-    load_error: float | None
-    resistance: float
-    resistance_error: float | None
-    coefficient: float
-    leading: float
-    trailing: float
-    peak_pressure: float
-    indentation: float | None
-    creep: float | None
-    work_residual: float | None
-    iterations: int
-    exit_density_ratio: float | None = None
-    exit_height: float | None = None
-    lower_height: float | None = None
-    lower_density_ratio: float | None = None
-    peak_density_ratio: float | None = None
-    overdense_work: float | None = None
-    mass_residual: float | None = None
-    yield_residual: float | None = None
-    equilibrium_residual: float | None = None
-    air_load: float | None = None
-    air_resistance: float | None = None
-    air_excess_behind: float | None = None
-    passes: tuple[PassRecord, ...] = ()
-
-
-def contact_record(
-    engine: str, speed: float, passes: tuple[ContactResult, ...], air: AirForces | None = None
-) -> ContactRecord:
-    """Summarise the results of all passes at one speed; all but `passes` belongs to the first.
-
-    Parameters
-    ----------
-    speed : float
-        Speed of the roller [m/s].
-    passes : tuple of ContactResult
+    passes : tuple of Contact
         Results of the passes in order, at least one, without pore air.
     air : AirForces, optional
         Changes of the first pass by its pore air.
     """
-    first = passes[0]
-    load_error, resistance_error = first.error or (None, None)
-    numbers: dict[str, Any] = {name: getattr(first, name, None) for name in quantities.CONTACT}
+    first, numbers = passes[0], dict[str, Any]()
     if air is not None:
-        numbers["load"] += air.load
-        numbers["resistance"] += air.resistance
-        numbers |= {"air_load": air.load, "air_resistance": air.resistance, "air_excess_behind": air.excess_behind}
-    numbers |= {"speed": speed, "coefficient": numbers["resistance"] / numbers["load"]}
-    compacted = passes if hasattr(first, "exit_height") else ()
-    records = (PassRecord(**{name: getattr(each, name) for name in quantities.PASS}) for each in compacted)
-    return ContactRecord(
-        engine=engine, load_error=load_error, resistance_error=resistance_error, iterations=len(first.history),
-        passes=tuple(records), **numbers,
-    )  # fmt: skip
-
-
-def contact_to_json(contact: ContactRecord) -> dict[str, Any]:
-    """Convert a record to nested dictionaries with "value", "unit" and, where there is an estimate, "error".
-
-    Returns
-    -------
-    dict
-        In the form of "contacts" in summary.json.
-    """
-    content: dict[str, Any] = {"engine": contact.engine} | {name: _with_unit(contact, name) for name in COMMON}
-    for name, error in ERRORS.items():
-        content[name]["error"] = getattr(contact, error)
-    content["iterations"] = contact.iterations
-    content |= {name: _with_unit(contact, name) for name in COMPACTED if getattr(contact, name) is not None}
-    if contact.passes:
-        content["passes"] = [{name: _with_unit(each, name) for name in quantities.PASS} for each in contact.passes]
-    return content
-
-
-def _with_unit(record: ContactRecord | PassRecord, name: str) -> dict[str, Any]:
-    return {"value": getattr(record, name), "unit": quantities.CONTACT[name].unit}
-
-
-def contact_from_json(content: dict[str, Any]) -> ContactRecord:
-    """Read a record back from the form of `contact_to_json`.
-
-    Raises
-    ------
-    KeyError, TypeError
-        If `content` has another form.
-    """
-    values = {name: content[name]["value"] for name in COMMON}
-    errors = {field: content[name]["error"] for name, field in ERRORS.items()}
-    compacted = {name: content[name]["value"] for name in COMPACTED if name in content}
-    passes = tuple(
-        PassRecord(**{name: each[name]["value"] for name in quantities.PASS}) for each in content.get("passes", ())
-    )
-    return ContactRecord(
-        engine=content["engine"], iterations=content["iterations"], passes=passes, **values, **errors, **compacted
-    )
+        numbers = {"load": first.load + air.load, "resistance": first.resistance + air.resistance}
+        numbers |= {f"air_{name}": value for name, value in asdict(air).items()}
+    compacted = passes if first.exit_height is not None else ()
+    rows = (PassRecord(*(getattr(each, name) for name in PassRecord._fields)) for each in compacted)
+    return first.record(engine, speed, passes=tuple(rows), **numbers)

@@ -13,7 +13,6 @@ from traceback import walk_tb
 from typing import Any
 
 import compact
-from compact.engines import ENTRY_POINTS
 
 # Beginnings of the messages of numpy and Python, and what each means
 MEANINGS = {
@@ -60,6 +59,8 @@ def run_marked(work: Callable[[Any], Any], task: Any) -> Any:
 
 def _is_ours(module: str) -> bool:
     """Return True for a module of this package, or of a package that adds an engine."""
+    from compact.engines import ENTRY_POINTS  # numpy is not loaded for a page of help
+
     added = {entry.module.partition(".")[0] for entry in entry_points(group=ENTRY_POINTS)}
     return module.partition(".")[0] in {"compact", *added}
 

@@ -26,7 +26,7 @@ A second pass at the same height
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,7 @@ from compact.engines import ENGINES
 from compact.engines.interface import Case, Engine
 from compact.material.laws import Compaction
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
-from compact.rolling_contact import ContactResult, Layer, Roller
+from compact.rolling_contact import Contact, Layer, Roller
 
 __all__ = ["Pass", "density", "passes", "there_and_back"]
 
@@ -91,9 +91,9 @@ def passes(
     stages: int | Sequence[Pass],
     *,
     engine: str = "column",
-    first: ContactResult | None = None,
+    first: Contact | None = None,
     **numerics: Any,
-) -> tuple[ContactResult, ...]:
+) -> tuple[Contact, ...]:
     """Compute several passes of one roller.
 
     Parameters
@@ -108,8 +108,8 @@ def passes(
 
     Returns
     -------
-    tuple of ContactResult
-        One `ColumnContactResult` or `CompactionContactResult` per pass.
+    tuple of Contact
+        One contact per pass.
 
     Examples
     --------
@@ -131,16 +131,16 @@ def passes(
 
 
 def roll_stages(
-    case: Case, stages: Sequence[Pass], engine: Engine, first: ContactResult | None = None
-) -> tuple[ContactResult, ...]:
+    case: Case, stages: Sequence[Pass], engine: Engine, first: Contact | None = None
+) -> tuple[Contact, ...]:
     """Compute several passes of the roller of a case; see `passes`."""
     layer, state = case.layer, None  # of the mix behind the last pass; None of fresh mix
     lowest, lower_height = None, 0.0 if layer.lower_lift is None else layer.lower_lift.thickness
-    done: list[Any] = []  # of ColumnContactResult or CompactionContactResult
+    done: list[Any] = []
     for number, stage in enumerate(stages, start=1):
         if stage.lift:
             layer = replace(layer, height=layer.height + stage.lift)
-            state = _covered(state, stage.lift, case.material)
+            state = None if state is None else state.with_lift(stage.lift, case.material)
         if number == 1 and first is not None:
             done.append(first)
         else:
@@ -149,12 +149,12 @@ def roll_stages(
             target = stage.exit_density_ratio
             now = replace(case, layer=layer, roller=roller, speed=speed, exit_density_ratio=target)
             done.append(engine.roll_over(state, now))
-        lowest, state = layer.height + lower_height - done[-1].indentation, _state_behind(done[-1])
+        lowest, state = layer.height + lower_height - done[-1].indentation, done[-1].exit
         layer, lower_height = replace(layer, height=done[-1].exit_height), done[-1].lower_height or 0.0
     return tuple(done)
 
 
-def density(result: ContactResult) -> NDArray[np.float64]:
+def density(result: Contact) -> NDArray[np.float64]:
     """Return the density over the height behind a pass.
 
     Returns
@@ -162,21 +162,9 @@ def density(result: ContactResult) -> NDArray[np.float64]:
     NDArray, shape (rows, 3)
         Bottom [m], top [m] and density ratio [-] of each row of mix, of a lower lift too, from the base upwards.
     """
-    state = _state_behind(result)
-    if isinstance(state, _Columns):
-        rows = (*state.lower, *state.layer)
-        heights, ratios = np.array([(column.height, column.density_ratio) for column in rows]).T
-    else:
-        heights, ratios = state.stacked.heights, state.stacked.points.density_ratio
+    heights, ratios = result.exit.density_rows
     tops = np.cumsum(heights)
     return np.column_stack([tops - heights, tops, ratios])
-
-
-class _Columns(NamedTuple):
-    """Columns of a layer and of its lower lift, from the base upwards."""
-
-    layer: tuple[Any, ...]
-    lower: tuple[Any, ...]
 
 
 def _roller_of(stage: Pass, roller: Roller, height: float, lowest: float | None, number: int) -> Roller:
@@ -192,17 +180,3 @@ def _roller_of(stage: Pass, roller: Roller, height: float, lowest: float | None,
         surface = f"the surface of the mix, {height:.6g} m before pass {number}"
         raise ValueError(f"`height` must be below {surface}, got {float(target)!r}")
     return replace(roller, indentation=height - target, load=None, peak_pressure=None)
-
-
-def _state_behind(result: Any) -> Any:
-    """Return the state of the mix behind a pass: a `LayerState` of finite elements, or `_Columns`."""
-    return result.exit if hasattr(result, "exit") else _Columns(result.columns, result.lower_columns)
-
-
-def _covered(state: Any, lift: float, material: Compaction) -> Any:
-    """Return the state with fresh mix on top."""
-    if isinstance(state, _Columns):
-        from compact.engines.column.column_pass import Column
-
-        return state._replace(layer=(*state.layer, Column(lift, material.fed_density_ratio)))
-    return None if state is None else state.with_lift(lift, material)

@@ -20,7 +20,7 @@ from compact.engines import ENGINES
 from compact.material.mix import Mix, Parameter
 from compact.material.pore_air import PoreAir, water_volume
 from compact.numerics import Array
-from compact.rolling_contact import ContactResult, Layer, Roller
+from compact.rolling_contact import Contact, Layer, Roller
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:  # scikit-fem is imported where a pressure is computed
@@ -246,7 +246,7 @@ def air_under(result: Any, layer: Layer, roller: Roller, air: PoreAir) -> AirUnd
 
     Parameters
     ----------
-    result : ColumnContactResult or CompactionContactResult
+    result : Contact
         Contact without air.
     layer : Layer
         Layer as fed.
@@ -268,7 +268,7 @@ def air_under(result: Any, layer: Layer, roller: Roller, air: PoreAir) -> AirUnd
     return ColumnAir(air, layer, roller, result)
 
 
-def air_curve(under: AirUnderRoller, permeability: float, contact: ContactResult) -> AirCurve:
+def air_curve(under: AirUnderRoller, permeability: float, contact: Contact) -> AirCurve:
     """Compute the curve of a contact.
 
     Parameters
@@ -277,7 +277,7 @@ def air_curve(under: AirUnderRoller, permeability: float, contact: ContactResult
         Pore air of the contact.
     permeability : float
         Its permeability [m2].
-    contact : ContactResult
+    contact : Contact
         Contact without air.
 
     Returns
@@ -348,7 +348,7 @@ def coupled_contact(
 
     Parameters
     ----------
-    contact : CompactionContactResult
+    contact : Contact
         Contact without air.
     air : PoreAir
         Pore air.
@@ -382,7 +382,7 @@ def coupled_forces(contact: Any, air: PoreAir, speed: float) -> AirForces:
 
     Parameters
     ----------
-    contact : CompactionContactResult
+    contact : Contact
         Contact without air.
     air : PoreAir
         Pore air.
@@ -409,7 +409,7 @@ def coupled_samples(
 
     Parameters
     ----------
-    contact : CompactionContactResult
+    contact : Contact
         Contact without air.
     air : PoreAir
         Pore air.
@@ -445,7 +445,7 @@ def add_air_field(mesh: Any, result: Any, air: PoreAir) -> None:
     ----------
     mesh : meshio.Mesh
         Mesh of `engines.compaction.engine.field_mesh`.
-    result : CompactionContactResult
+    result : Contact
         Its contact.
     air : PoreAir
         Pore air.

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from compact.analysis import machine_models
-from compact.analysis.contact_cases import ContactRecord, Progress
+from compact.analysis.contact_cases import Progress
 from compact.analysis.mix_laws import scene_mix
 from compact.analysis.pore_air import AirAnswer, air_answer
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
@@ -40,7 +40,7 @@ from compact.machine.ranking import Ranked
 from compact.material.mix import Mix
 from compact.motion.profile import Cycle
 from compact.resistance import ResistanceMap
-from compact.rolling_contact import EquilibriumError, HeapingError, UnsteadyError
+from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
 
@@ -71,7 +71,7 @@ class Study:
         Number of runs of each stage.
     """
 
-    contacts: list[ContactRecord] = _of("contacts.records", "scalar results of one roller at each speed")
+    contacts: list[Contact] = _of("contacts.records", "scalar results of one roller at each speed")
     resistance: ResistanceMap | DryResistance = _of("resistance.resistance", "resistance of the mix to one cart [N]")
     cycles: dict[str, Cycle] = _of("laws.cycles", "forward and return strokes by name of the law; optimal laws last")
     runs: dict[str, Any] = _of("drive.runs", "`Run`, `ElasticRun`, `HydraulicRun` or `MotorRun` by name of the law")

@@ -1,15 +1,14 @@
 """Contacts of one roller over its speed, as a table, a figure, and meshes of the fields inside the layer."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
-from compact.analysis.contact_cases import ContactRecord
 from compact.api.fields import Fields
 from compact.api.tables import build_dataset, build_frame, render_html
 from compact.quantities import CONTACT, Quantity
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 
 if TYPE_CHECKING:
     import pandas
@@ -19,19 +18,25 @@ if TYPE_CHECKING:
     from compact.analysis.stages.contacts import ContactStage
 
 ERROR = Quantity("relative error estimate", "1")
-QUANTITIES = {**CONTACT, "load_error": ERROR, "resistance_error": ERROR, "iterations": Quantity("iterations", "1")}
+QUANTITIES: dict[str, Quantity] = {}
+for _name, _quantity in CONTACT.items():
+    QUANTITIES[_name] = _quantity
+    if _name in ("load", "resistance"):
+        QUANTITIES[f"{_name}_error"] = ERROR
+    if _name == "work_residual":
+        QUANTITIES["iterations"] = Quantity("iterations", "1")
 SHOWN = ("speed", "load", "resistance", "coefficient", "peak_pressure", "indentation", "exit_density_ratio")  # in HTML
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts(Sequence[ContactResult]):
+class Contacts(Sequence[Contact]):
     """Contacts of one roller, a sequence of the results of the first pass at each speed.
 
     Parameters
     ----------
-    records : tuple of ContactRecord
+    records : tuple of Contact
         Scalar results per unit roller length, with the effect of the pore air where the scene has it.
-    passes : tuple of tuple of ContactResult
+    passes : tuple of tuple of Contact
         Results of all passes at each speed.
     stage : ContactStage
         Stage that computed them.
@@ -39,18 +44,18 @@ class Contacts(Sequence[ContactResult]):
         Title of the scene.
     """
 
-    records: tuple[ContactRecord, ...]
-    passes: tuple[tuple[ContactResult, ...], ...]
+    records: tuple[Contact, ...]
+    passes: tuple[tuple[Contact, ...], ...]
     stage: "ContactStage"
     title: str = ""
 
     @overload
-    def __getitem__(self, index: int) -> ContactResult: ...
+    def __getitem__(self, index: int) -> Contact: ...
 
     @overload
-    def __getitem__(self, index: slice) -> Sequence[ContactResult]: ...
+    def __getitem__(self, index: slice) -> Sequence[Contact]: ...
 
-    def __getitem__(self, index: int | slice) -> ContactResult | Sequence[ContactResult]:
+    def __getitem__(self, index: int | slice) -> Contact | Sequence[Contact]:
         found = [first for first, *_ in self.passes]
         return found[index]
 
@@ -70,8 +75,7 @@ class Contacts(Sequence[ContactResult]):
     @property
     def _columns(self) -> dict[str, list[Any]]:
         """Fields of the records that have a value, by name."""
-        names = [each.name for each in fields(ContactRecord) if each.name not in ("engine", "passes")]
-        columns = {name: [getattr(each, name) for each in self.records] for name in names}
+        columns = {name: [getattr(each, name) for each in self.records] for name in QUANTITIES}
         return {name: values for name, values in columns.items() if any(value is not None for value in values)}
 
     def to_dataframe(self) -> "pandas.DataFrame":

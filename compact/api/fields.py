@@ -28,7 +28,7 @@ class Fields:
         Value of the series parameter, such as the speed [m/s] or the time [s], and mesh.
     parameter : str
         Name of the series parameter.
-    contacts : sequence of ContactResult
+    contacts : sequence of Contact
         Contact of each mesh, whose roller pictures show; empty for fields from a file.
     """
 

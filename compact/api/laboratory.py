@@ -13,7 +13,7 @@ from compact.engines.column.state_update_columns import required_height
 from compact.material.state_update import StateUpdate
 from compact.numerics.validation import require_instance
 from compact.quantities import Quantity
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def tests_of_mix(scene: Scene) -> LaboratoryTests:
     return LaboratoryTests(programme.tests, f"the mix, law {scene.mix.law}", programme)
 
 
-def roll_material(scene: Scene, material: StateUpdate, speed: float) -> ContactResult:
+def roll_material(scene: Scene, material: StateUpdate, speed: float) -> Contact:
     """Compute the contact of one roller of a scene over an own material.
 
     Parameters
@@ -145,7 +145,7 @@ def roll_material(scene: Scene, material: StateUpdate, speed: float) -> ContactR
 
     Returns
     -------
-    ContactResult
+    Contact
 
     Raises
     ------

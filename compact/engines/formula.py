@@ -13,7 +13,6 @@ V. S. Loveikin and K. I. Pochka, monograph on roller forming machines (D), eqs (
 """
 
 import warnings
-from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
@@ -29,7 +28,7 @@ from compact.numerics.validation import (
     require_positive,
     require_that,
 )
-from compact.rolling_contact import ContactResult, Layer, Roller, RollerCondition, require_moving, require_on_target
+from compact.rolling_contact import Contact, Layer, Roller, RollerCondition, require_moving, require_on_target
 
 TARGET_TOLERANCE = 1e-9  # [-], relative, of the prescribed load or pressure
 CONTACT_SAMPLES = 201  # [-], points along the contact, denser at the edges where the pressure is steep
@@ -37,27 +36,6 @@ MAX_HALF_WIDTH_RATIO = 0.5  # [-], half-width over height; a bonded layer (nu 0.
 TRIAL_PRESSURE_RATIO = 1e-3  # [-], trial pressure over E, for which (1.5) has a solution
 
 Values = float | Array
-
-
-@dataclass(frozen=True, kw_only=True)
-class FormulaContactResult(ContactResult):
-    """Contact by the formulas (1.4)-(1.8): load (1.6), resistance (1.8), edges by (1.5) and (1.7).
-
-    The pressure has the exponent of (1.4) and the prescribed peak. Its integral is not exactly the load (1.6): the two
-    differ by 6 % for the published machine. Exact contact theory is `galin`.
-
-    Parameters
-    ----------
-    capture_angle, exponent : float
-        phi of (1.5) [rad] and alpha of (1.4) [-].
-    contact_length, mean_pressure : float
-        l of (1.7) [m], and load over it [Pa].
-    """
-
-    capture_angle: float
-    exponent: float
-    contact_length: float
-    mean_pressure: float
 
 
 def capture_angle(pressure: Values, youngs_modulus: Values, poisson: Values, exponent: Values) -> Values:
@@ -258,13 +236,17 @@ def roll(
     rolling_friction: float = 0.0,
     nonuniformity: float = 1.0,
     one_sided: bool = False,
-) -> FormulaContactResult:
+) -> Contact:
     """Compute the contact of one roller by the formulas (1.4)-(1.8).
 
     The formulas describe one roller at the pressure q, with the friction of mix on roller in the exponent alpha,
     whatever its condition `rolling` is. The resistance has the sign of the speed. For speed < 0 leading and trailing
     stay positive ahead, while x, shear_traction and resistance refer to the fixed axis x. The shear traction is that
     assumed by alpha: friction times pressure, on the mix against the travel.
+
+    The pressure has the exponent of (1.4) and the prescribed peak. Its integral is not exactly the load (1.6): the two
+    differ by 6 % for the published machine. Exact contact theory is `galin`. `own` has the capture angle of (1.5) [rad]
+    and the exponent of (1.4) [-].
 
     Parameters
     ----------
@@ -319,7 +301,7 @@ def roll(
     samples = np.asarray(contact.pressure(ahead))
     direction = np.sign(speed)
     ascending = slice(None, None, int(direction))  # x ascends in either direction of travel
-    result = FormulaContactResult(
+    result = Contact(
         load=load,
         resistance=float(direction * roller_resistance(load, length, R, alpha, rolling_friction)),
         leading=leading,
@@ -328,10 +310,7 @@ def roll(
         pressure=samples[ascending],
         shear_traction=(-direction * roller.friction * samples)[ascending],
         peak_pressure=pressure,
-        capture_angle=phi,
-        exponent=alpha,
-        contact_length=length,
-        mean_pressure=load / length,
+        own={"capture_angle": phi, "exponent": alpha},
     )
     require_on_target(result, roller, TARGET_TOLERANCE)
     return result
@@ -384,7 +363,7 @@ class FormulaEngine(Engine):
         """Inputs of eqs 1.8 and 1.9 besides the mix."""
         return "machine.roller_friction", "machine.bearing_friction"
 
-    def contact(self, case: Case, start: ContactResult | None = None) -> ContactResult:
+    def contact(self, case: Case, start: Contact | None = None) -> Contact:
         """Evaluate the formulas."""
         return roll(case.layer, case.roller, case.material, case.speed, **case.factors)
 

@@ -15,7 +15,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from compact.rolling_contact import ContactResult, Layer, Roller
+from compact.rolling_contact import Contact, Layer, Roller
 
 if TYPE_CHECKING:  # scipy is imported where a resistance is sampled
     from compact.resistance import ForceSample, ResistanceExpansion, ResistanceMap
@@ -168,14 +168,14 @@ class Engine:
     line: int = 1
     low_fidelity: str | None = None
 
-    def contact(self, case: Any, start: Any = None) -> ContactResult:
+    def contact(self, case: Any, start: Any = None) -> Contact:
         """Compute a contact.
 
         Parameters
         ----------
         case : Case
             Layer, roller, material and speed.
-        start : ContactResult, optional
+        start : Contact, optional
             Any contact of the engine, used as initial guess where it serves.
         """
         raise NotImplementedError(f"the engine {self.name} computes no contact")
@@ -240,11 +240,11 @@ class Engine:
         """Return True if a known contact differs from a case by its speed alone, on which the forces do not depend."""
         return False
 
-    def as_start(self, contact: ContactResult | None) -> ContactResult | None:
+    def as_start(self, contact: Contact | None) -> Contact | None:
         """Return a contact if it can be the start of another one, else None."""
         return None
 
-    def roll_over(self, state: Any, case: Case) -> ContactResult:
+    def roll_over(self, state: Any, case: Case) -> Contact:
         """Compute a pass over mix that an earlier pass has left behind; `state` None is fresh mix.
 
         Raises

@@ -11,13 +11,12 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from compact.analysis.contact_cases import ContactRecord
 from compact.analysis.stages.verdict import ModelAnswer
 from compact.engines.halfplane import LineContact
 from compact.quantities import CONTACT, FIELD, MOTION, SPEED
 from compact.report.figures import DASHES, PALETTE, ZERO, curve, engine_style, label_decades, panels
 from compact.resistance import ResistanceMap
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 
 if TYPE_CHECKING:
     from meshio import Mesh
@@ -34,7 +33,7 @@ LEAST_BAND = 0.01  # [-], relative half-width of a band that is drawn
 BASE_LABELS = {"bonded": "rigid base, bonded", "slip": "rigid base, frictionless"}
 
 
-def draw_pressure(contact: ContactResult, exact: LineContact, speed: float) -> Figure:
+def draw_pressure(contact: Contact, exact: LineContact, speed: float) -> Figure:
     """Draw pressure and shear traction along one contact against Galin's pressure at the peak of the formulas.
 
     Parameters
@@ -57,12 +56,12 @@ def draw_pressure(contact: ContactResult, exact: LineContact, speed: float) -> F
     return figure
 
 
-def draw_density(passes: Sequence[ContactResult]) -> Figure:
+def draw_density(passes: Sequence[Contact]) -> Figure:
     """Draw the density ratio over the height behind each pass, constant in each row of the engine.
 
     Parameters
     ----------
-    passes : sequence of ContactResult
+    passes : sequence of Contact
         Results of the passes over a compacting layer.
     """
     from compact.analysis.multipass import density as density_rows
@@ -78,7 +77,7 @@ def draw_density(passes: Sequence[ContactResult]) -> Figure:
     return figure
 
 
-def draw_loads(contacts: Sequence[ContactRecord]) -> Figure:
+def draw_loads(contacts: Sequence[Contact]) -> Figure:
     """Draw load and rolling-resistance coefficient over the speed, with bars for the error estimates."""
     figure, (both,) = panels(1, 2, (4.4, 2.9))
     speed = np.array([each.speed for each in contacts])
@@ -208,7 +207,7 @@ def draw_fields(layers: Sequence[tuple["Mesh", Any]]) -> Figure:
     Parameters
     ----------
     layers : sequence of tuples
-        Mesh with displacement and element means, and the `ContactResult` of the engine.
+        Mesh with displacement and element means, and the `Contact` of the engine.
 
     Notes
     -----

@@ -90,7 +90,7 @@ def render_fields(
     ----------
     mesh : meshio.Mesh
         Mesh with displacement and element means.
-    contact : LayerContactResult, optional
+    contact : Contact, optional
         Contact whose roller is drawn, and around which the layer is shown; the whole layer without one.
     field : str, optional
         Name of the field; the density ratio, or the pressure of a linear layer, by default.

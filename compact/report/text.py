@@ -29,7 +29,7 @@ from compact.engines.interface import FLOOR, VISCOELASTIC
 from compact.machine.ranking import CRITERIA, first_of
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report.tables import format_column, format_percent, format_quantity
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 from compact.scene.loader import Scene
 from compact.scene.schema import Overrides
 
@@ -476,7 +476,7 @@ def _model_lines(study: Study) -> Iterator[str]:
         yield "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
 
 
-def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) -> str:
+def contact_digest(study: Study, speed: float, passes: Sequence[Contact]) -> str:
     """Summarise one contact against the formulas and the exact half-plane, with all its passes.
 
     Parameters
@@ -503,7 +503,7 @@ def contact_digest(study: Study, speed: float, passes: Sequence[ContactResult]) 
         lines.append(f"{name:<20}{computed:>12}{formula:>14}{galin:>12}")
     lines.append(f"a roller is {length:g} m long, the cart has {machine.rollers}")
     if found.error:
-        lines += lines_of("contact", found, say("contact_effort", found), HECKEL_MAX_DENSITY_RATIO)
+        lines += lines_of("contact", found, HECKEL_MAX_DENSITY_RATIO)
     air = say("contact_air", stage.air_forces_of(found, speed))
     lines += [each for each in (held_sentence(study), *study.scene.replacements[engine], air) if each]
     if len(passes) > 1:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from compact import quantities
-from compact.analysis.contact_cases import HeldQuantity, contact_record, contact_to_json
+from compact.analysis.contact_cases import HeldQuantity, contact_record
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
@@ -21,7 +21,7 @@ from compact.files import claimed_directory, render_png, write_bytes, write_figu
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import results
 from compact.report.tables import json_number, json_numbers, write_arrays
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
 PACKAGES = ("compact", "numpy", "scipy")  # whose versions are recorded
@@ -93,19 +93,19 @@ def _write_contacts(study: Study, place: Path) -> Iterator[Path]:
         yield from standing or _write_passes(study.stages.contacts.passes, place)
 
 
-def _write_passes(passes: Sequence[tuple[float, Sequence[ContactResult]]], place: Path) -> Iterator[Path]:
+def _write_passes(passes: Sequence[tuple[float, Sequence[Contact]]], place: Path) -> Iterator[Path]:
     for name, table in results.pass_tables(passes).items():
         yield table.write(place / f"{name}.csv")
 
 
-def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[ContactResult]) -> None:
+def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[Contact]) -> None:
     """Write one contact: tractions, scalar results, figures, fields, and all passes of a compacting layer.
 
     Parameters
     ----------
     speed : float
         Speed of the roller [m/s].
-    passes : sequence of ContactResult
+    passes : sequence of Contact
         Results of the passes in order; the tractions are those of the first.
     """
     from compact.report import contact_figures
@@ -113,7 +113,7 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     first, stage, engine = passes[0], study.stages.contacts, study.scene.accuracy.engine
     values = first.x, first.pressure, first.shear_traction
     write_arrays(directory / "pressure.csv", "x_m pressure_Pa shear_traction_Pa", values)
-    content = contact_to_json(contact_record(engine, speed, tuple(passes), stage.air_forces_of(first, speed)))
+    content = contact_record(engine, speed, tuple(passes), stage.air_forces_of(first, speed)).to_json()
     write_json(directory / "contact.json", content | {"replaced": list(study.scene.replacements[engine])})
     write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, stage.exact, speed))
     if stage.compacts:
@@ -247,7 +247,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"density_achievable": reach.possible, "reason": reach.reason},
         "numbers": {name: asdict(number) for name, number in stages.contacts.numbers.items()},
-        "contacts": [contact_to_json(contact) for contact in study.contacts],
+        "contacts": [contact.to_json() for contact in study.contacts],
         "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},
         "laws_not_made": stages.laws.not_made,
         "rankings": _rankings(stages.drive.places[scene.drive.kind]),
@@ -448,7 +448,7 @@ def _comparison(study: Study) -> dict[str, Any]:
     agreed = study.agreements if study.comparison else []
     return {
         name: {
-            "contacts": [contact_to_json(contact) for contact in other.records],
+            "contacts": [contact.to_json() for contact in other.records],
             "held": _held(other.held),
             "resistance_error": other.error,
             "roller_load": json_number(other.roller_load, "N"),

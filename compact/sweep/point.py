@@ -17,7 +17,7 @@ from compact.analysis.failures import internal_sentence, is_numeric, is_refusal,
 from compact.analysis.pore_air import AirForces, coupled_forces, is_coupled, pore_air_of
 from compact.analysis.study import Study
 from compact.engines import ENGINES
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene, SceneError
 
@@ -32,21 +32,19 @@ WORDS = {
 MAX_TEXT_LENGTH = 400  # characters of a reason
 
 
-def headline(
-    scene: Scene, rank: bool = False, initial_guess: ContactResult | None = None
-) -> tuple[Results, ContactResult | None]:
+def headline(scene: Scene, rank: bool = False, initial_guess: Contact | None = None) -> tuple[Results, Contact | None]:
     """Compute the results of one point; an error is also a result.
 
     Parameters
     ----------
-    initial_guess : ContactResult, optional
+    initial_guess : Contact, optional
         Contact of a neighbour, for engines with continuation over the same layer.
 
     Returns
     -------
     results : dict
         Values of `quantities.SWEEP_POINT` and WORDS, with `rank` also value and first law by each criterion.
-    contact : ContactResult or None
+    contact : Contact or None
         Initial guess of the next point; None for engines without continuation.
     """
     found: Results = {}
@@ -89,7 +87,7 @@ def reason(error: Exception) -> str:
     return message[:MAX_TEXT_LENGTH]
 
 
-def _computed(study: Study, initial_guess: ContactResult | None) -> tuple[Results, ContactResult | None]:
+def _computed(study: Study, initial_guess: Contact | None) -> tuple[Results, Contact | None]:
     """Return the results of the first pass at the mean speed, and its contact; None for eqs 1.4-1.8."""
     scene, mix, machine = study.scene, study.mix, study.scene.machine
     if not study.stages.contacts.speeds:
@@ -126,7 +124,7 @@ def _computed(study: Study, initial_guess: ContactResult | None) -> tuple[Result
     return {name: np.nan if value is None else value for name, value in known.items()}, first
 
 
-def _first_and_last(study: Study, initial_guess: ContactResult | None) -> Passes:
+def _first_and_last(study: Study, initial_guess: Contact | None) -> Passes:
     """Compute all passes, from the initial guess if that converges, else from scratch; return first and last."""
     scene, speed = study.scene, study.scene.mean_speed
     if initial_guess is not None and scene.layer.passes == 1:

@@ -31,7 +31,7 @@ from compact.analysis.worker_pool import Executor, WorkerDied, run_tasks
 from compact.engines import ENGINES
 from compact.material import mix
 from compact.quantities import SWEEP_POINT, Quantity
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 from compact.scene.loader import FILE_KEYS, Scene
 from compact.scene.schema import declared_keys
 from compact.sweep.design import Axis, Sampled, design, scene_at, varied_engines
@@ -165,7 +165,7 @@ def compute(task: Task) -> dict[str, Results]:
             "same, install the same on both"
         )
     found: dict[str, Results] = {}
-    contacts: dict[int, ContactResult] = {}
+    contacts: dict[int, Contact] = {}
     with _ONE_AT_A_TIME, threadpool_limits(1):
         for number, (key, changes, shares) in enumerate(task.points):
             guess = contacts[task.nearest(number, contacts)] if contacts else None

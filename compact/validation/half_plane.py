@@ -15,7 +15,7 @@ import numpy as np
 from compact.engines.fem import engine as fem
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Elastic, Viscoelastic
-from compact.rolling_contact import ContactResult, Layer, Roller
+from compact.rolling_contact import Contact, Layer, Roller
 from compact.validation.case import Computed, Panel, Rows, ValidationCase, ours, theirs
 
 SHEAR_MODULUS, POISSON = 1143e6, 0.4  # [Pa], of each body at first; [-]
@@ -25,7 +25,7 @@ SERIES_CREEP_TIME = 0.009  # [s], of the resistance over speed
 FIGURE_SPEEDS = np.geomspace(1e-3, 100.0, 41)  # [m/s]
 
 
-def _roll(engine: str, creep_time: float, speed: float, *, relaxes: bool = True) -> ContactResult:
+def _roll(engine: str, creep_time: float, speed: float, *, relaxes: bool = True) -> Contact:
     """Compute one contact of the relaxing half-plane; without a creep time it is elastic."""
     shear_modulus = SHEAR_MODULUS / 2
     if relaxes:

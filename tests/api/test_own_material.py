@@ -60,7 +60,7 @@ def test_error_decreases_faster_than_the_increments(own_mix):
     exact = roll(Layer(FED_HEIGHT), roller, MIX, 0.2)
     found = [roll_state_update(Layer(FED_HEIGHT), roller, own_mix, 0.2, rtol=rtol) for rtol in (1e-2, 1e-4)]
     errors = [abs(each.resistance - exact.resistance) for each in found]
-    order = np.log(errors[0] / errors[1]) / np.log(found[1].increments / found[0].increments)
+    order = np.log(errors[0] / errors[1]) / np.log(found[1].own["increments"] / found[0].own["increments"])
     assert order > 1.3  # the second order, but for the ends of the contact and the first yield
 
 

@@ -77,7 +77,7 @@ def test_thin_layer_in_finite_strain_tends_to_logarithmic_columns(thin_finite):
     columns = column.roll(Layer(HEIGHT), wide_roller(20), THIN, 0.2)
     assert thin_finite.load / columns.load == pytest.approx(COLUMN_LIMIT[2][1], rel=3e-3)
     assert thin_finite.resistance / columns.resistance == pytest.approx(COLUMN_LIMIT[2][2], rel=3e-3)
-    assert thin_finite.exit_height == pytest.approx(columns.columns[0].height, rel=1e-4)
+    assert thin_finite.exit_height == pytest.approx(columns.exit.layer[0].height, rel=1e-4)
     assert thin_finite.exit_density_ratio == pytest.approx(columns.exit_density_ratio, abs=1e-4)
 
 
@@ -92,8 +92,8 @@ def test_second_pass_over_a_thin_layer_is_elastic(thin):
     bottom = HEIGHT - DEPTH
     again = wide_roller(10, indentation=thin.exit_height - bottom)
     second = roll(Layer(thin.exit_height), again, THIN, 0.2, strain="small", increments=12, fed_layer=thin.exit)
-    again = wide_roller(10, indentation=columns.columns[0].height - bottom)
-    expected = column.roll_over(columns.columns, again, THIN, 0.2, strain="small")
+    again = wide_roller(10, indentation=columns.exit.layer[0].height - bottom)
+    expected = column.roll_over(columns.exit.layer, again, THIN, 0.2, strain="small")
     assert abs(second.resistance) < 0.01 * thin.resistance
     assert second.leading == pytest.approx(-second.trailing, rel=1e-3)
     assert second.load == pytest.approx(expected.load, rel=0.02)

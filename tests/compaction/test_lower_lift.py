@@ -8,7 +8,7 @@ import pytest
 from mixes import LIFT, THIN, free_roller
 from mixes import LIFT_MIX as MIX
 
-from compact.analysis.contact_cases import contact_from_json, contact_inputs, contact_record, contact_to_json
+from compact.analysis.contact_cases import contact_inputs, contact_record
 from compact.analysis.mix_laws import scene_mix
 from compact.analysis.multipass import Pass, density, passes
 from compact.engines.column import engine as column
@@ -18,7 +18,7 @@ from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, t
 from compact.engines.spectral import engine as spectral
 from compact.material.cap_plasticity import compacted_state
 from compact.material.laws import Elastic
-from compact.rolling_contact import Layer, LowerLift, Ply, Roller
+from compact.rolling_contact import Contact, Layer, LowerLift, Ply, Roller
 from compact.scene.loader import load_scene
 
 SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015.toml"
@@ -48,7 +48,7 @@ def on_base():
 def test_residual_stress_is_that_of_a_column_after_its_pass(ratio):
     feed = column.required_feed(0.06, ratio, MIX, 0.13)
     rolled = column.roll(Layer(feed.height), replace(CIRCLE, indentation=feed.indentation), MIX, 0.13)
-    point, expected = compacted_state(MIX, ratio), rolled.columns[0]
+    point, expected = compacted_state(MIX, ratio), rolled.exit.layer[0]
     assert point.density_ratio[0] == pytest.approx(ratio, abs=1e-12)
     assert -point.stress[0, [0, 2]] == pytest.approx(expected.lateral_stress, rel=1e-4)
     assert point.max_density_ratio[0] == pytest.approx(expected.max_density_ratio, abs=1e-9)
@@ -246,10 +246,10 @@ def test_scene_on_a_lower_lift_differs_by_its_settlement():
 def test_record_holds_the_lower_lift():
     rolled = column.roll(ON_LIFT, CIRCLE, MIX, 0.13)
     record = contact_record("column", 0.13, (rolled,))
-    content = contact_to_json(record)
+    content = record.to_json()
     assert content["lower_density_ratio"] == {"value": rolled.lower_density_ratio, "unit": "1"}
-    assert contact_from_json(content) == record
-    on_base = contact_to_json(contact_record("column", 0.13, (column.roll(LIFT, CIRCLE, MIX, 0.13),)))
+    assert Contact.from_json(content) == record
+    on_base = contact_record("column", 0.13, (column.roll(LIFT, CIRCLE, MIX, 0.13),)).to_json()
     assert "lower_height" not in on_base
 
 

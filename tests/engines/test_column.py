@@ -167,7 +167,7 @@ def test_subcritical_yield_matches_the_reference():
     material = mix(critical_slope=1.0, poisson=0.2)
     contact = roll(Layer(1.0), Roller(R, indentation=0.02), material, SPEED)
     assert 1 - contact.exit_height == pytest.approx(0.018818, abs=6e-7)
-    assert contact.columns[0].lateral_stress == pytest.approx(75939.5, abs=0.06)
+    assert contact.exit.layer[0].lateral_stress == pytest.approx(75939.5, abs=0.06)
 
 
 def test_only_the_full_ellipse_dilates_at_first_yield():
@@ -217,13 +217,13 @@ def test_second_pass_at_the_same_height_has_no_resistance():
     assert second.load == pytest.approx(2484.235, abs=6e-4)
     assert abs(second.resistance) < 1e-9 * second.load
     assert (second.leading, -second.trailing) == pytest.approx((-first.trailing, -first.trailing), rel=1e-8)
-    lower = roll_over(first.columns, circle(first.exit_height - HEIGHT + 1e-3), MIX, SPEED)
+    lower = roll_over(first.exit.layer, circle(first.exit_height - HEIGHT + 1e-3), MIX, SPEED)
     assert (lower.load, lower.resistance) == pytest.approx((5184.60, 229.608), rel=1e-6)
 
 
 def test_lateral_stress_between_passes_affects_the_resistance():
     first = rolled()
-    unstressed = tuple(replace(c, lateral_stress=0.0) for c in first.columns)
+    unstressed = tuple(replace(c, lateral_stress=0.0) for c in first.exit.layer)
     second = roll_over(unstressed, circle(first.exit_height - HEIGHT), MIX, SPEED)
     assert second.resistance == pytest.approx(4.1, abs=0.1)
 
@@ -243,7 +243,7 @@ def test_resistance_of_a_lift_is_independent_of_the_layer_below(below):
     stages = (Pass(height=below), Pass(lift, height=below + HEIGHT / 2))
     results = passes(Layer(2 * lift * below / HEIGHT), circle(), MIX, SPEED, stages)
     assert results[1].resistance == pytest.approx(1569.7219 / 2, abs=4e-5)
-    assert [c.density_ratio for c in results[1].columns] == pytest.approx([0.9783047] * 2, abs=6e-8)
+    assert [c.density_ratio for c in results[1].exit.layer] == pytest.approx([0.9783047] * 2, abs=6e-8)
 
 
 def test_required_feed_includes_the_rebound():
@@ -379,7 +379,7 @@ def test_ellipse_follows_the_rate_equations(changes):
     assert contact.peak_pressure == pytest.approx(top[0], rel=2e-9)
     assert contact.exit_height == pytest.approx(np.exp(-strain), abs=1e-11)
     assert contact.exit_density_ratio == pytest.approx(left[2], abs=1e-11)
-    assert contact.columns[0].lateral_stress == pytest.approx(left[1], abs=1e-9 * top[0])
+    assert contact.exit.layer[0].lateral_stress == pytest.approx(left[1], abs=1e-9 * top[0])
 
 
 def implicit_path(material, strains, steps):
@@ -398,14 +398,14 @@ def implicit_path(material, strains, steps):
 def test_flat_side_agrees_with_the_implicit_cap_over_two_passes(changes):
     material = mix(dry_side="flat", **changes)
     first = roll(Layer(1.0), Roller(R, indentation=-np.expm1(-0.03)), material, SPEED)
-    second = roll_over(first.columns, Roller(R, indentation=first.exit_height - np.exp(-0.035)), material, SPEED)
+    second = roll_over(first.exit.layer, Roller(R, indentation=first.exit_height - np.exp(-0.035)), material, SPEED)
     strains = (0.03, -np.log(first.exit_height), 0.035, -np.log(second.exit_height))
     coarse, fine = implicit_path(material, strains, 200), implicit_path(material, strains, 400)
     pressed, left, again, end = 2 * fine - coarse
     scale = first.peak_pressure
     assert (first.peak_pressure, second.peak_pressure) == pytest.approx((pressed[0], again[0]), abs=2e-6 * scale)
     for contact, (vertical, lateral, density_ratio, hardened) in ((first, left), (second, end)):
-        column = contact.columns[0]
+        column = contact.exit.layer[0]
         assert (0, column.lateral_stress) == pytest.approx((vertical, lateral), abs=1e-5 * scale)
         assert (column.density_ratio, column.max_density_ratio) == pytest.approx((density_ratio, hardened), abs=2e-7)
 

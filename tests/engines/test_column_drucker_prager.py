@@ -72,7 +72,7 @@ def test_release_slides_on_the_passive_line():
     mix = law(28.0, poisson=0.2, cohesion=1e3)
     M, pt = mix.friction_slope, mix.tensile_strength
     contact = roll(Layer(0.06), Roller(0.11, indentation=0.0035, profile="circle"), mix, 0.1)
-    (column,) = contact.columns
+    (column,) = contact.exit.layer
     assert column.lateral_stress == pytest.approx(M * pt / (1 - 2 * M / 3), rel=1e-7)
     assert contact.work_residual < 1e-9
     loaded, released = stepped(mix, [-np.log1p(-0.0035 / 0.06), -np.log(contact.exit_height / 0.06)], 4000)

@@ -7,10 +7,10 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from compact.analysis.contact_cases import ContactRecord, HeldQuantity
+from compact.analysis.contact_cases import HeldQuantity
 from compact.analysis.ranking_uncertainty import Agreement, Place, agreement
 from compact.analysis.stages.drives import KnownLaws, Stages, build_stages
-from compact.rolling_contact import EquilibriumError, HeapingError, UnsteadyError
+from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
 DIRECTORY = "comparison"  # under the results; kept results of the engines of the comparison
@@ -38,7 +38,7 @@ class EngineComparison:
         Places and resistance by each other duration of a pass [s].
     """
 
-    records: list[ContactRecord]
+    records: list[Contact]
     held: HeldQuantity | None
     second_pass: tuple[float, float] | None
     resistance: Callable

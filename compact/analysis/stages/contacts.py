@@ -14,7 +14,6 @@ import numpy as np
 
 from compact.analysis import contact_cases
 from compact.analysis.contact_cases import (
-    ContactRecord,
     HeldQuantity,
     Passes,
     ProcessCase,
@@ -44,7 +43,7 @@ from compact.engines import ENGINES
 from compact.engines.halfplane import LineContact, galin
 from compact.material.mix import Mix
 from compact.numerics.validation import require_known
-from compact.rolling_contact import ContactResult, compaction_rate
+from compact.rolling_contact import Contact, compaction_rate
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
@@ -179,7 +178,7 @@ class ContactStage:
         """Return the case at a speed [m/s], under the quantity that is constant over speed."""
         return case_of(self.scene, self.mix, speed, None, self.held, self.progress)
 
-    def first_pass(self, speed: float, initial_guess: ContactResult | None = None) -> ContactResult:
+    def first_pass(self, speed: float, initial_guess: Contact | None = None) -> Contact:
         """Compute the first pass at a speed [m/s], under the quantity that is constant over speed."""
         return solve(self.engine, self.scene, self.case(speed), initial_guess)
 
@@ -221,26 +220,26 @@ class ContactStage:
         return roll_passes(self.scene, self.mix, speed, guess, held, progress=self.progress)
 
     @property
-    def first_passes(self) -> list[tuple[float, ContactResult]]:
+    def first_passes(self) -> list[tuple[float, Contact]]:
         """Speed [m/s] and result of the first pass at each speed."""
         return [(speed, first) for speed, (first, *_) in self.passes]
 
     @cached_property
-    def typical(self) -> tuple[float, ContactResult]:
+    def typical(self) -> tuple[float, Contact]:
         """Speed [m/s] and contact at the mean speed, of a layered engine at the nearest speed of the scene."""
         if not self.speeds:
             return self.scene.mean_speed, self.first_pass(self.scene.mean_speed)
         return self.first_passes[nearest_speed(self.speeds, self.scene.mean_speed)]
 
     @cached_property
-    def records(self) -> list[ContactRecord]:
+    def records(self) -> list[Contact]:
         """Scalar results at each speed; empty for the formulas."""
         if self.kept:
             return self.kept.contacts
         name = self.engine.name
         return [contact_cases.contact_record(name, *each, self.air_forces(each[0])) for each in self.passes]
 
-    def air_forces_of(self, contact: ContactResult, speed: float) -> AirForces | None:
+    def air_forces_of(self, contact: Contact, speed: float) -> AirForces | None:
         """Return the changes of a first pass by its pore air; see `contact_cases.air_forces_of`."""
         return contact_cases.air_forces_of(self.scene, self.mix, contact, speed)
 
@@ -249,7 +248,7 @@ class ContactStage:
         return None
 
     @cached_property
-    def fields(self) -> list[tuple[Any, ContactResult]]:
+    def fields(self) -> list[tuple[Any, Contact]]:
         """Mesh with fields, and result, at each speed, by an engine with fields."""
         found = []
         for _, result in self.first_passes:
@@ -257,7 +256,7 @@ class ContactStage:
             found.append((self.field_mesh(result), result))
         return found
 
-    def field_mesh(self, result: ContactResult) -> Any:
+    def field_mesh(self, result: Contact) -> Any:
         """Return the mesh with fields of a contact."""
         require_known(
             "engine with fields", self.engine.name, [each.name for each in ENGINES.values() if each.has_fields]
@@ -373,7 +372,7 @@ class CompactingStage(ContactStage):
         rate = compaction_rate(1.0, roller.radius, layer.height, float(depth or 0.0))
         return lambda speed: cast(Any, material).rate_factor(rate * abs(speed))
 
-    def field_mesh(self, result: ContactResult) -> Any:
+    def field_mesh(self, result: Contact) -> Any:
         """Return the mesh with fields of a contact, with the excess pressure of its pore air where the scene has it."""
         mesh = super().field_mesh(result)
         if has_air(self.scene):

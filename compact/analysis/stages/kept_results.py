@@ -13,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 from compact import resistance
 from compact.analysis import contact_cases
-from compact.analysis.contact_cases import ContactRecord, HeldQuantity
+from compact.analysis.contact_cases import HeldQuantity
 from compact.analysis.pore_air import AirCurve
 from compact.analysis.stages.model_spread import ModelSpread
 from compact.engines import ENGINES
 from compact.files import checksum, json_text, results_key, write_json
 from compact.material.mix import Mix
 from compact.resistance import ResistanceMap
+from compact.rolling_contact import Contact
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class KeptResults:
         Lumped lifts of a forming process in two dimensions.
     """
 
-    contacts: list[ContactRecord]
+    contacts: list[Contact]
     held: HeldQuantity
     second_pass: tuple[float, float] | None
     resistance_map: ResistanceMap
@@ -103,7 +104,7 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
             raise ValueError("wrong checksum")
         more, files = content["more"], tuple(_unchanged(directory, content["files"]))
         return None if MAP_FILE not in files else KeptResults(
-            [contact_cases.contact_from_json(each) for each in content["contacts"]],
+            [Contact.from_json(each) for each in content["contacts"]],
             HeldQuantity(**more["held"]),
             more["second_pass"] and tuple(more["second_pass"]),
             resistance.load_resistance_map(directory / MAP_FILE, key),
@@ -149,7 +150,7 @@ def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[P
     names = [MAP_FILE, *(name for name in results.files if name.startswith(KEPT_FILES))]
     content = {
         "key": key,
-        "contacts": [contact_cases.contact_to_json(contact) for contact in results.contacts],
+        "contacts": [contact.to_json() for contact in results.contacts],
         "more": {
             "held": asdict(results.held), "second_pass": results.second_pass,
             "air": results.air_curve and asdict(results.air_curve),

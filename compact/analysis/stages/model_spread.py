@@ -17,7 +17,7 @@ from compact.analysis.mix_laws import scene_mix
 from compact.engines import ENGINES
 from compact.engines.interface import Case
 from compact.material.mix import Mix
-from compact.rolling_contact import ContactResult, Heaping, HeapingError
+from compact.rolling_contact import Contact, Heaping, HeapingError
 from compact.scene.loader import Scene
 
 INCREMENTS = 7  # [-], elements per contact length of the engine "compaction"; the ratios change by some per cent
@@ -193,7 +193,7 @@ def spread_of(contacts: Sequence[LawVariant]) -> ModelSpread:
     ))  # fmt: skip
 
 
-def _roll(scene: Scene, mix: Mix, held: HeldQuantity) -> ContactResult:
+def _roll(scene: Scene, mix: Mix, held: HeldQuantity) -> Contact:
     case = case_of(scene, mix, scene.mean_speed, held=held)
     if isinstance(case, Case):
         coarse = {"increments": INCREMENTS, "steady_tolerance": STEADY_TOLERANCE}

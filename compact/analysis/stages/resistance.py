@@ -23,7 +23,7 @@ from compact.machine.cart import Balance, Cart, MotionResistance
 from compact.machine.rigid_drive import steady_balance
 from compact.numerics import Array
 from compact.resistance import ForceSample, ResistanceMap
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 
 ResistanceLaw = ResistanceMap | DryResistance | Callable[[Array, Array], Array]
 
@@ -147,7 +147,7 @@ class ResistanceStage:
         return self.scene.machine.rollers * self.scene.machine.roller_length
 
     @cached_property
-    def _rolled(self) -> list[tuple[float, ContactResult]]:
+    def _rolled(self) -> list[tuple[float, Contact]]:
         """Speed [m/s] and contact of each first pass that has been computed."""
         stage = self.contacts
         found = [] if stage.kept else list(stage.first_passes)
@@ -170,7 +170,7 @@ class ResistanceStage:
         rolled.append((speed, result))
         return self._sample(speed, result)
 
-    def _sample(self, speed: float, result: ContactResult) -> ForceSample:
+    def _sample(self, speed: float, result: Contact) -> ForceSample:
         error = (result.error or (None, None))[1]
         drag, force = self.contacts.sleeve_drag, self._roller_length * result.resistance
         if drag:

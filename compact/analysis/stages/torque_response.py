@@ -8,15 +8,14 @@ speed and is expensive, is sampled at one speed.
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compact.analysis.contact_cases import ContactRecord, case_of, nearest_speed
+from compact.analysis.contact_cases import case_of, nearest_speed
 from compact.analysis.stages.contacts import ContactStage
 from compact.machine.roller_motors import FULL_SLIP_SHARE, CreepFreeRoller, DrivenRoller, carter_parameter
-from compact.rolling_contact import ContactResult, LayerContactResult
+from compact.rolling_contact import Contact
 
 STEP = 0.3  # [-], largest step of `carter_parameter`; creepage is linear in it on a half-plane, and nearly so on layers
 TRACTION_MARGIN = 1.15  # [-], sampled over required traction; T/(R pull) is 1.03 by "fem", 0.87 by "compaction"
@@ -67,16 +66,15 @@ def _friction_shares(share: float) -> NDArray[np.float64]:
     return np.sign(w) * (1 - (1 - np.abs(w)) ** 2)
 
 
-def _curve(contacts: ContactStage, record: ContactRecord, sides: list[NDArray[np.float64]]) -> list[Row]:
+def _curve(contacts: ContactStage, record: Contact, sides: list[NDArray[np.float64]]) -> list[Row]:
     """Return the response at the speed of a contact, torques ascending."""
     machine = contacts.scene.machine
     length, radius = machine.roller_length, machine.roller_radius
     roll = _driven_roller(contacts, record)
 
-    def row(torque: float, result: ContactResult) -> Row:
-        at = cast(LayerContactResult, result)  # of an engine with stick and slip
-        assert at.creep is not None  # the roller is driven
-        return torque * length, (record.resistance - at.resistance) * length, at.creep, at.load * length
+    def row(torque: float, result: Contact) -> Row:
+        assert result.creep is not None  # the roller is driven
+        return torque * length, (record.resistance - result.resistance) * length, result.creep, result.load * length
 
     known = {} if contacts.kept else dict(contacts.first_passes)
     free = roll(0.0, known.get(record.speed))
@@ -91,16 +89,14 @@ def _curve(contacts: ContactStage, record: ContactRecord, sides: list[NDArray[np
     return sorted(rows)
 
 
-def _driven_roller(
-    contacts: ContactStage, record: ContactRecord
-) -> Callable[[float, ContactResult | None], ContactResult]:
+def _driven_roller(contacts: ContactStage, record: Contact) -> Callable[[float, Contact | None], Contact]:
     """Return a function of torque per length [N] and initial guess: the driven roller at the height of a contact."""
     scene, engine = contacts.scene, contacts.engine
     case = case_of(scene, contacts.mix, scene.mean_speed)
     roller = replace(case.roller, rolling="driven", indentation=record.indentation, load=None, peak_pressure=None)
     case = replace(case, roller=roller, speed=record.speed, estimate=False, exit_density_ratio=None, unlimited=False)
 
-    def roll(torque: float, initial_guess: ContactResult | None) -> ContactResult:
+    def roll(torque: float, initial_guess: Contact | None) -> Contact:
         contacts.count("driven")
         return engine.contact(replace(case, torque=torque), initial_guess)
 

@@ -24,12 +24,13 @@ from typing import Any
 
 import numpy as np
 
-from compact.analysis.contact_cases import ContactRecord, process_detail
+from compact.analysis.contact_cases import process_detail
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages.comparison import EngineComparison, Places, engine_answer
 from compact.analysis.stages.drives import Stages
 from compact.engines import ENGINES
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, ROUNDING_TIE, group_equal
+from compact.rolling_contact import Contact
 from compact.scene.loader import Scene
 
 SIZING_PEAKS = ("peak_force", "peak_power")  # criteria of the verdict
@@ -181,7 +182,7 @@ def _answer(scene: Scene, found: EngineComparison) -> ModelAnswer:
     speeds = {duration: motion.stroke / duration for duration in places}
     forces = {each: float(np.ravel(resistance[each](np.array([v]), np.zeros(1)))[0]) for each, v in speeds.items()}
 
-    def at(speed: float, value: Callable[[ContactRecord], float]) -> float:
+    def at(speed: float, value: Callable[[Contact], float]) -> float:
         """Interpolate a quantity of the contacts over the logarithm of the speed."""
         known = np.log([each.speed for each in records])
         return float(np.interp(np.log(speed), known, [value(each) for each in records]))

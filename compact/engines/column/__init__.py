@@ -3,7 +3,7 @@
 from typing import Any
 
 from compact.engines.interface import ONE_MIX, PLASTIC, Case, Engine, Limit
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 
 LARGEST_RATIO = 2.0  # [-], height of a layer over the contact length up to which columns are valid
 
@@ -25,13 +25,13 @@ class ColumnEngine(Engine):
         ),
     )
 
-    def contact(self, case: Case, start: ContactResult | None = None) -> ContactResult:
+    def contact(self, case: Case, start: Contact | None = None) -> Contact:
         """Compute a pass over fresh mix."""
         from compact.engines.column.engine import roll
 
         return roll(case.layer, case.roller, case.material, case.speed)
 
-    def roll_over(self, state: Any, case: Case) -> ContactResult:
+    def roll_over(self, state: Any, case: Case) -> Contact:
         """Compute a pass over the columns of an earlier one, `state.layer` on `state.lower`."""
         from compact.engines.column.engine import roll, roll_over
 

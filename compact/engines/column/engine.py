@@ -15,7 +15,7 @@ So is a layer on a lower lift; its height and density after the pass do not cont
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +34,7 @@ from compact.engines.column.column_pass import (
     plate_indentation,
     solve_target,
 )
-from compact.engines.column.state_update_columns import StateUpdateContactResult, roll_state_update
+from compact.engines.column.state_update_columns import Contact, roll_state_update
 from compact.material.cap_plasticity import CapConstants, cap_constants, compacted_state
 from compact.material.laws import Compaction
 from compact.material.state_update import StateUpdate
@@ -46,44 +46,20 @@ FEED_TRIALS_MAX = 20  # [-], of the rate factor of a feed; each reduces its erro
 ERROR_RTOL_RATIO = 100.0  # [-], `rtol` of the comparison pass over `rtol`; the difference is the error estimate
 
 
-@dataclass(frozen=True, kw_only=True)
-class ColumnContactResult(rolling_contact.ContactResult):
-    """`ContactResult` with the state of the columns.
+class Columns(NamedTuple):
+    """Columns behind a pass, from the base upwards: of the layer, and of its lower lift."""
 
-    Parameters
-    ----------
-    indentation : float
-        Indentation of the lowest generatrix below the height before the pass [m].
-    exit_height, exit_density_ratio : float
-        Height [m] and density ratio [-], mean over the height, after the rebound.
-    columns : tuple of Column
-        Columns after the pass, from the base upwards: the input of the next pass.
-    lower_columns : tuple of Column
-        Columns of the lower lift after the pass; empty on the rigid base.
-    lower_height, lower_density_ratio : float or None
-        Height [m] and density ratio [-] of the lower lift after the pass; None without one.
-    plastic_work : float
-        Part of the resistance dissipated by plastic flow [N/m]; the rest remains as elastic energy.
-    mass_residual : float
-        Relative excess of the height needed by density and elastic strain over the gap at the lowest generatrix [-].
-    evaluations : int
-        Evaluations of the rates of the columns.
+    layer: tuple[Column, ...]
+    lower: tuple[Column, ...] = ()
 
-    Notes
-    -----
-    `error` is the integration error alone, estimated by a coarser integration. `work_residual` is rounding alone.
-    """
+    def with_lift(self, thickness: float, material: Compaction) -> "Columns":
+        """Return the columns under fresh mix of a thickness [m]."""
+        return self._replace(layer=(*self.layer, Column(thickness, material.fed_density_ratio)))
 
-    indentation: float
-    exit_height: float
-    exit_density_ratio: float
-    columns: tuple[Column, ...]
-    lower_columns: tuple[Column, ...]
-    lower_height: float | None
-    lower_density_ratio: float | None
-    plastic_work: float
-    mass_residual: float
-    evaluations: int
+    @property
+    def density_rows(self) -> Array:
+        """Heights [m] and density ratios [-], shape (2, n)."""
+        return np.array([(each.height, each.density_ratio) for each in (*self.lower, *self.layer)]).T
 
 
 @dataclass(frozen=True)
@@ -126,7 +102,7 @@ def roll(
     material: Compaction | StateUpdate,
     speed: float,
     **options: Any,
-) -> ColumnContactResult | StateUpdateContactResult:
+) -> Contact:
     """Compute one pass over a layer of fresh mix by the engine "column".
 
     Parameters
@@ -146,7 +122,7 @@ def roll(
 
     Returns
     -------
-    ColumnContactResult or StateUpdateContactResult
+    Contact
         For speed < 0 leading and trailing remain positive ahead; x and resistance refer to the fixed axis x.
 
     Examples
@@ -178,7 +154,7 @@ def roll_over(
     strain: Literal["logarithmic", "small", "mass-true"] = "logarithmic",
     rtol: float = INTEGRATION_RTOL,
     lower: Sequence[Column] = (),
-) -> ColumnContactResult:
+) -> Contact:
     """Compute one pass over columns on top of one another.
 
     Parameters
@@ -372,7 +348,7 @@ def require_integrable(layer: ColumnLayer, material: Compaction) -> ColumnLayer:
     return layer
 
 
-def _build_result(result: PassResult, coarse: PassResult, rtol: float, evaluations: int) -> ColumnContactResult:
+def _build_result(result: PassResult, coarse: PassResult, rtol: float, evaluations: int) -> Contact:
     """Return the contact along +x of a pass, with the error estimated from a coarser integration."""
     path = np.concatenate([result.unloading[::-1], result.loading[-2::-1]])  # from the rear to the front edge
     path[: len(result.unloading), 0] *= -1
@@ -381,17 +357,18 @@ def _build_result(result: PassResult, coarse: PassResult, rtol: float, evaluatio
     scale = rolling_contact.resistance_scale(resistance, load)
     count = result.layer.lower_count
     lower, columns = result.columns[:count], result.columns[count:]
-    lower_height = sum(column.height for column in lower)
-    return ColumnContactResult(
+    lower_height, count_of_rates = sum(column.height for column in lower), result.evaluations + coarse.evaluations
+    count_of_rates += evaluations
+    return Contact(
         load=load, resistance=resistance, leading=float(x[-1]), trailing=float(x[0]), x=x, pressure=path[:, 1 + STRESS],
         shear_traction=np.zeros_like(x), peak_pressure=result.peak_pressure, indentation=float(result.indentation),
         error=(abs(coarse.load - load) / load + rtol, abs(coarse.resistance - resistance) / scale + rtol),
         work_residual=abs(resistance - plastic - elastic) / scale,
         exit_height=sum(column.height for column in columns), exit_density_ratio=result.exit_density_ratio,
-        columns=columns, lower_columns=lower, lower_height=lower_height if lower else None,
+        exit=Columns(columns, lower), lower_height=lower_height if lower else None,
         lower_density_ratio=sum(each.density_ratio * each.height for each in lower) / lower_height if lower else None,
-        plastic_work=plastic, mass_residual=result.mass_residual,
-        evaluations=result.evaluations + coarse.evaluations + evaluations,
+        mass_residual=result.mass_residual, own={"plastic_work": plastic, "evaluations": count_of_rates},
+        effort=f"evaluations: {count_of_rates}",
     )  # fmt: skip
 
 

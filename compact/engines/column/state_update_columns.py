@@ -22,7 +22,7 @@ from compact.material.state_update import StateUpdate
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
 from compact.rolling_contact import (
-    ContactResult,
+    Contact,
     Layer,
     Roller,
     for_travel,
@@ -38,32 +38,6 @@ LEAST_INDENTATION = 1e-6  # [-], of the largest one, in the search for a target
 RTOL = 1e-4  # [-], default tolerance of load and resistance
 
 
-@dataclass(frozen=True, kw_only=True)
-class StateUpdateContactResult(ContactResult):
-    """`ContactResult` over an own material.
-
-    Parameters
-    ----------
-    indentation : float
-        Indentation of the lowest generatrix below the layer before the pass [m].
-    exit_height, exit_density_ratio : float
-        Height [m] and density ratio [-] after the rebound.
-    state : object
-        State of the material after the pass.
-    increments : int
-        Increments of the front.
-    mass_residual : float
-        Relative residual of the mass balance [-]; 0, as the density follows from the volume.
-    """
-
-    indentation: float
-    exit_height: float
-    exit_density_ratio: float
-    state: Any
-    increments: int
-    mass_residual: float = 0.0
-
-
 def roll_state_update(
     layer: Layer,
     roller: Roller,
@@ -72,7 +46,7 @@ def roll_state_update(
     *,
     exit_density_ratio: float | None = None,
     rtol: float = RTOL,
-) -> StateUpdateContactResult:
+) -> Contact:
     """Compute one pass of a roller over a bonded layer of an own material.
 
     Parameters
@@ -92,7 +66,7 @@ def roll_state_update(
 
     Returns
     -------
-    StateUpdateContactResult
+    Contact
 
     Raises
     ------
@@ -143,7 +117,7 @@ class _OwnLayer:
     material: StateUpdate
     gap: GapShape
 
-    def solve_target(self, name: str, target: float, count: int, rtol: float) -> StateUpdateContactResult:
+    def solve_target(self, name: str, target: float, count: int, rtol: float) -> Contact:
         """Compute the pass in which a quantity equals its target, with a number of increments of the front."""
         deepest = self.layer.height * (1 - self.material.fed_density_ratio)
         deepest = min(deepest, self.gap.radius) if self.gap.circular else deepest
@@ -164,7 +138,7 @@ class _OwnLayer:
             )
         return self.compute_pass(float(brentq(excess, least, most, rtol=min(rtol / 10, 1e-6))), count)
 
-    def compute_pass(self, indentation: float, count: int) -> StateUpdateContactResult:
+    def compute_pass(self, indentation: float, count: int) -> Contact:
         """Compute the pass along +x at an indentation [m] with a number of increments of the front."""
         lowest, front = self.layer.height - indentation, self.gap.edge(indentation)
         ahead = np.linspace(front, 0.0, count + 1)
@@ -195,12 +169,12 @@ class _OwnLayer:
         x = np.concatenate([-np.array(rear[:0:-1]), ahead[::-1]])
         stress = np.concatenate([np.array(behind[:0:-1]), stresses[::-1]])
         exit_height = float(lowest + self.gap.at(np.array(rear[-1])))
-        return StateUpdateContactResult(
+        return Contact(
             load=float(np.trapezoid(stress, x)), resistance=float(np.trapezoid(stress, self.gap.at(x))),
             leading=float(x[-1]), trailing=float(x[0]), x=x, pressure=stress, shear_traction=np.zeros_like(x),
             peak_pressure=float(stress.max()), indentation=indentation, exit_height=exit_height,
             exit_density_ratio=self.material.fed_density_ratio * self.layer.height / exit_height,
-            state=state, increments=count,
+            mass_residual=0.0, exit=state, own={"increments": count},
         )  # fmt: skip
 
     def _advance(self, state: Any, heights: Array) -> tuple[Array, Any]:

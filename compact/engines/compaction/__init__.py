@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from compact.engines.interface import ONE_MIX, PLASTIC, Case, RateEngine
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 
 SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, by the elastic recovery, is smaller
 
@@ -19,7 +19,7 @@ class CompactionEngine(RateEngine):
     optional_keys = ("machine.roller_torque",)
     low_fidelity = "column"
 
-    def contact(self, case: Case, start: Any = None) -> ContactResult:
+    def contact(self, case: Case, start: Any = None) -> Contact:
         """Compute a pass over fresh mix, from a contact in the same direction on the same base, of any height."""
         from compact.engines.compaction.engine import roll
 
@@ -31,7 +31,7 @@ class CompactionEngine(RateEngine):
             layer = start.layer if self._same_height(case, start) else layer
         return roll(layer, case.roller, case.material, case.speed, **options)
 
-    def roll_over(self, state: Any, case: Case) -> ContactResult:
+    def roll_over(self, state: Any, case: Case) -> Contact:
         """Compute a pass over the layer of an earlier one."""
         from compact.engines.compaction.engine import roll
 
@@ -58,7 +58,7 @@ class CompactionEngine(RateEngine):
         as_found = replace(known.roller, indentation=known.indentation, load=None, peak_pressure=None)
         return case.roller in (known.roller, as_found)
 
-    def as_start(self, contact: ContactResult | None) -> ContactResult | None:
+    def as_start(self, contact: Contact | None) -> Contact | None:
         """Return the contact."""
         return contact
 

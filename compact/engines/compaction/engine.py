@@ -43,7 +43,7 @@ from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction, DruckerP
 from compact.numerics.validation import require_known
 from compact.rolling_contact import (
     HEIGHT_TOLERANCE,
-    ContactResult,
+    Contact,
     HeapingError,
     Layer,
     Roller,
@@ -67,65 +67,26 @@ MIN_RESISTANCE = 1e-3  # [-], least scale of the work residual over the load
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompactionContactResult(ContactResult):
-    """A `ContactResult` over compacting mix.
+class CompactionContactResult(Contact):
+    """A `Contact` over compacting mix, the start of a neighbouring one.
 
     Parameters
     ----------
-    indentation : float
-        Depth of the lowest generatrix below the fed surface [m].
-    creep : float or None
-        Creepage, angular speed x radius/speed - 1, of a roller that sticks and slips [-], else None.
-    exit : LayerState
-        Exit state by rows from the base up, for the next pass, with the lower lift behind the roller.
-    exit_height : float
-        Height of the layer behind the roller [m], without a lower lift.
-    exit_density_ratio : float
-        Mean density ratio over the exit height [-].
     elastic_recovery : float
         Rise of the surface behind the lowest generatrix [m].
     bow_wave : float
         Rise of the surface ahead of the roller above the fed layer [m].
-    peak_density_ratio : float
-        Largest density ratio of the layer [-].
-    lower_height, lower_density_ratio : float or None
-        Height [m] and mean density ratio [-] of the lower lift behind the roller; None without one.
-    mass_residual, equilibrium_residual : float
-        Relative residuals of mass, the larger one of both lifts, and of nodal forces [-].
-    yield_residual : float
-        Largest stress beyond the cap over its pressure [-].
-    overdense_work : float
-        Share of the plastic work at density ratios above that of the densest measurement of the pressure curve,
-        where the constitutive law extrapolates [-].
     solution : IncrementalRolling
-        Finite-element solution, the initial guess of a neighbour.
-    layer, roller, material, speed : Layer, Roller, Compaction, float
-        Case.
+        Finite-element solution.
     error_parts : ErrorParts
         Parts of `error`.
     relaxation : Relaxation
         Slow relaxation of the bow wave of the solution.
     """
 
-    indentation: float
-    creep: float | None
-    exit: LayerState
-    exit_height: float
-    exit_density_ratio: float
     elastic_recovery: float
     bow_wave: float
-    peak_density_ratio: float
-    lower_height: float | None
-    lower_density_ratio: float | None
-    mass_residual: float
-    equilibrium_residual: float
-    yield_residual: float
-    overdense_work: float
     solution: IncrementalRolling
-    layer: Layer
-    roller: Roller
-    material: Compaction
-    speed: float
     error_parts: ErrorParts = field(default_factory=ErrorParts)
     relaxation: Relaxation = field(default_factory=Relaxation)
 
@@ -189,6 +150,7 @@ def build_result(
     still = np.zeros((len(points.stress), 3))
     rest, _ = cap_plasticity.integrate_points(solid, points, still, frame.solid.rate_factor, tangent=False)
     yield_pressure = solid.yield_pressure(points.max_density_ratio) * frame.solid.rate_factor
+    wave = float(max(positions[:, 1].max() - frame.mesh.height, 0.0))
     return CompactionContactResult(
         load=last.load,
         resistance=direction * last.resistance,
@@ -205,7 +167,7 @@ def build_result(
         exit_height=exit_state.height,
         exit_density_ratio=exit_state.density_ratio,
         elastic_recovery=exit_state.stacked.height - last.bottom_height,
-        bow_wave=float(max(positions[:, 1].max() - frame.mesh.height, 0.0)),
+        bow_wave=wave,
         peak_density_ratio=float(frame.to_rows(points.density_ratio)[frame.lower_rows :].max()),
         lower_height=None if lower is None else lower.height,
         lower_density_ratio=None if lower is None else lower.density_ratio,
@@ -222,6 +184,8 @@ def build_result(
         roller=roller,
         material=material,
         speed=speed,
+        effort=f"force residual {last.residual:.1e}; {len(solution.steps)} steps on the last mesh; bow wave "
+        f"{wave * 1e3:.2f} mm",
     )
 
 

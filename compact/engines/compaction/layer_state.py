@@ -99,6 +99,11 @@ class LayerState:
         covered = LayerState(np.array([lift_thickness]), lift, replace(self, lower=None)).stacked
         return replace(covered, lower=self.lower)
 
+    @property
+    def density_rows(self) -> FloatArray:
+        """Heights [m] and density ratios [-] of all rows, those of the lower lift first, shape (2, n)."""
+        return np.stack([self.stacked.heights, self.stacked.points.density_ratio])
+
     def resampled(self, heights: FloatArray) -> "LayerState":
         """Return the layer by rows of other heights [m]; the sums over the height are conserved."""
         points = self.points.map(lambda values: _conservative_means(values, self.heights, heights))

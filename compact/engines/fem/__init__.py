@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from compact.engines.interface import LINEAR, NO_AIR, RECOVERS, RIGID_BASE, Case, Engine
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 
 if TYPE_CHECKING:
     from compact.resistance import ResistanceExpansion
@@ -18,7 +18,7 @@ class FemEngine(Engine):
     limits = (RIGID_BASE, NO_AIR, *RECOVERS)
     optional_keys = ("machine.roller_torque",)
 
-    def contact(self, case: Case, start: ContactResult | None = None) -> ContactResult:
+    def contact(self, case: Case, start: Contact | None = None) -> Contact:
         """Solve the contact to the tolerance of the case."""
         from compact.engines.fem.engine import roll
 

@@ -42,7 +42,7 @@ from compact.engines.fem.contact_problem import (
 )
 from compact.engines.fem.fields import FemContactResult, dissipated_work
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral.engine import SpectralContactResult
+from compact.engines.spectral.engine import Contact
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh, mesh_for_error
 from compact.numerics.validation import require_positive
@@ -354,7 +354,7 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
 
 
 def refined_discretisation(
-    problem: RollingProblem, level: int, tolerance: float, similar: FemContactResult | SpectralContactResult | None
+    problem: RollingProblem, level: int, tolerance: float, similar: FemContactResult | Contact | None
 ) -> Discretisation | None:
     """Discretisation of a level of refinement from 1 to `MAX_LEVEL`, or None beyond `MAX_UNKNOWNS`.
 
@@ -383,7 +383,7 @@ def refined_discretisation(
     return Discretisation(mesh, half_width, indentation, int(terms), None if similar is None else edges)
 
 
-def spectral_estimate(problem: RollingProblem) -> SpectralContactResult | None:
+def spectral_estimate(problem: RollingProblem) -> Contact | None:
     """Contact by the engine "spectral" without stick and with a vertical gap; None where that engine has none."""
     roller = problem.roller
     if not problem.traction_ratio:

@@ -17,11 +17,10 @@ import numpy as np
 
 from compact.engines.fem.compliance import LayerStiffness, element_moduli, layer_stiffness
 from compact.engines.fem.convected_memory import creep_function, retardation_operator, retarded_along_rows
-from compact.material.laws import Elastic
 from compact.mesh import RowMesh
 from compact.numerics import Array
 from compact.numerics.assembly import element_unknowns, strain_matrix
-from compact.rolling_contact import ContactResult, Layer, Roller
+from compact.rolling_contact import Contact
 
 if TYPE_CHECKING:
     import meshio
@@ -30,29 +29,20 @@ GAUSS_WEIGHTS = np.array([5, 8, 5]) / 18  # [-], of the three streamlines in a r
 
 
 @dataclass(frozen=True, kw_only=True)
-class FemContactResult(ContactResult):
-    """A `ContactResult` with the data that its fields require.
+class FemContactResult(Contact):
+    """A `Contact` with the data that its fields require.
 
-    Its `history` lists (trailing, leading, step over length) of every iteration, along x [m].
+    Its `history` lists (trailing, leading, step over length) of every iteration, along x [m]. The sign of its speed
+    selects the end at which a slipping layer is held.
 
     Parameters
     ----------
-    indentation : float
-        Indentation delta [m].
-    creep : float or None
-        Creepage, angular speed x radius/speed - 1 [-], of a roller with stick and slip.
+    mesh : RowMesh
+        Mesh of the layer.
     forces : ndarray
         Forces on the surface nodes over the relaxed modulus [m], shape (2, n).
-    speed : float
-        Speed of the roller along x [m/s]; its sign selects the end at which a slipping layer is held.
     """
 
-    indentation: float
-    creep: float | None
-    layer: Layer
-    roller: Roller
-    material: Elastic
-    speed: float
     mesh: RowMesh
     forces: Array
 

@@ -52,8 +52,8 @@ from compact.rolling_contact import Layer, Roller
 if TYPE_CHECKING:
     import meshio
 
-    from compact.engines.column.engine import ColumnContactResult
     from compact.engines.compaction.rolling import IncrementalRolling
+    from compact.rolling_contact import Contact
 
 RESIDUAL_TOLERANCE = 1e-10  # [-], residual of a node over the sum of its fluxes
 MAX_ITERATIONS = 60  # [-], Newton iterations; 3 to 12 are usual
@@ -353,11 +353,11 @@ class ColumnAir(AirUnderContact):
         Layer as fed.
     roller : Roller
         Roller, whose profile "deformed" is the circle.
-    contact : ColumnContactResult
+    contact : Contact
         Contact without air.
     """
 
-    def __init__(self, air: PoreAir, layer: Layer, roller: Roller, contact: "ColumnContactResult") -> None:
+    def __init__(self, air: PoreAir, layer: Layer, roller: Roller, contact: "Contact") -> None:
         self.air, self.height, self.roller = air, layer.height, roller
         self.lowest, self.exit_height = layer.height - contact.indentation, contact.exit_height
         self.contact = trailing, leading = -abs(contact.trailing), abs(contact.leading)

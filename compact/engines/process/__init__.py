@@ -3,7 +3,7 @@
 from typing import Any
 
 from compact.engines.interface import FLOOR, ONE_MIX, PLASTIC, Limit, RateEngine
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 
 
 class ProcessEngine(RateEngine):
@@ -28,7 +28,7 @@ class ProcessEngine(RateEngine):
     )
     fed_key = "process.feed_density_ratio"
 
-    def contact(self, case: Any, start: Any = None) -> ContactResult:
+    def contact(self, case: Any, start: Any = None) -> Contact:
         """Compute the means over the strokes under a roller at a speed of the cart."""
         from compact.engines.process.contact import process_contact
 

@@ -17,63 +17,29 @@ The forces are per unit roller length, means over the roller. The load depends o
 a drive along the travel does not meet.
 """
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from compact.rolling_contact import ContactResult
+from compact.numerics import Array
+from compact.rolling_contact import Contact
 
 NO_PROFILE = np.empty(0)  # the strokes under a roller have no common pressure along the contact
 
 
-class ProductRow(NamedTuple):
-    """Row of the product.
+class ProductRows(NamedTuple):
+    """Rows of the product from the base upwards.
 
     Parameters
     ----------
-    height : float
-        Height [m].
-    density_ratio : float
-        Density ratio [-], above 1 where the law of the mix is left.
+    density_rows : ndarray, shape (2, n)
+        Heights [m] and density ratios [-], above 1 where the law of the mix is left.
     """
 
-    height: float
-    density_ratio: float
+    density_rows: Array
 
 
-@dataclass(frozen=True, kw_only=True)
-class ProcessContactResult(ContactResult):
-    """`ContactResult` of all strokes under a roller in a forward stroke, means over the roller length.
-
-    Edges are means weighted by the load of the strokes.
-
-    Parameters
-    ----------
-    indentation : float
-        Mean bite [m].
-    exit_height : float
-        Height of the product [m].
-    exit_density_ratio : float
-        Mean density ratio of the product [-].
-    mass_residual : float
-        Grains of the product over those of fill and feed, less 1 [-].
-    speed : float
-        Speed of the cart [m/s].
-    columns, lower_columns : tuple of ProductRow
-        Rows of the product from the base upwards; no lower lift.
-    """
-
-    indentation: float
-    exit_height: float
-    exit_density_ratio: float
-    mass_residual: float
-    speed: float
-    columns: tuple[ProductRow, ...]
-    lower_columns: tuple[ProductRow, ...] = ()
-
-
-def process_contact(study: Any, speed: float) -> ProcessContactResult:
+def process_contact(study: Any, speed: float) -> Contact:
     """Compute the forces of the strokes under one roller at a speed of the cart.
 
     Parameters
@@ -85,7 +51,9 @@ def process_contact(study: Any, speed: float) -> ProcessContactResult:
 
     Returns
     -------
-    ProcessContactResult
+    Contact
+        Of all strokes under a roller in a forward stroke, means over the roller length: the indentation is the mean
+        bite, the edges are weighted by the load of the strokes, the exit is the product.
 
     Raises
     ------
@@ -97,14 +65,13 @@ def process_contact(study: Any, speed: float) -> ProcessContactResult:
     history, weights = row.history, row.history.load * row.lengths
     weights = weights / weights.sum() if weights.any() else np.full(len(weights), 1 / len(weights))
     if found is None:
-        columns = tuple(ProductRow(each.height, each.density_ratio) for each in history.states[-1].columns)
+        rows = np.array([(each.height, each.density_ratio) for each in history.states[-1].columns]).T
         peak, residual = row.peak_pressure, 0.0
     else:
-        heights, ratios, _ = found.lumpings[0].profile_at(row.product_density_ratio).tolist()
-        columns = tuple(map(ProductRow, heights, ratios))
+        rows = found.lumpings[0].profile_at(row.product_density_ratio)[:2]
         peak = found.rate_scale * found.of_product("peak_pressure")
         residual = max(sequence.largest_work_residual for sequence in found.sequences)
-    return ProcessContactResult(
+    return Contact(
         load=forces.load / length,
         resistance=float(np.copysign(forces.resistance, speed)) / length,
         leading=float(weights @ history.leading),
@@ -118,5 +85,5 @@ def process_contact(study: Any, speed: float) -> ProcessContactResult:
         exit_density_ratio=row.product_density_ratio,
         mass_residual=history.mass_residual,
         speed=speed,
-        columns=columns,
+        exit=ProductRows(rows),
     )  # fmt: skip

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from compact.engines.interface import LINEAR, NO_AIR, RECOVERS, RIGID_BASE, Case, Engine, Limit
-from compact.rolling_contact import ContactResult
+from compact.rolling_contact import Contact
 
 if TYPE_CHECKING:
     from compact.resistance import ResistanceExpansion
@@ -25,7 +25,7 @@ class SpectralEngine(Engine):
         *RECOVERS,
     )  # fmt: skip
 
-    def contact(self, case: Case, start: ContactResult | None = None) -> ContactResult:
+    def contact(self, case: Case, start: Contact | None = None) -> Contact:
         """Solve the contact to the tolerance of the case."""
         from compact.engines.spectral.engine import roll
 

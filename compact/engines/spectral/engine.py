@@ -43,7 +43,7 @@ from compact.material.laws import Elastic, Viscoelastic
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
 from compact.rolling_contact import (
-    ContactResult,
+    Contact,
     Layer,
     Roller,
     require_known_case,
@@ -188,28 +188,7 @@ class ContactSolution:
         return float(self.pressure(self.peak_position))
 
 
-@dataclass(frozen=True, kw_only=True)
-class SpectralContactResult(ContactResult):
-    """`ContactResult` with the numerical effort.
-
-    Parameters
-    ----------
-    indentation : float
-        Indentation delta [m].
-    modes : int
-        Number of pressure polynomials.
-    history : tuple of ModeRefinement
-        Solutions with each number of modes.
-    """
-
-    indentation: float
-    modes: int
-    history: tuple[ModeRefinement, ...]
-
-
-def roll(
-    layer: Layer, roller: Roller, material: Elastic, speed: float, *, rtol: float = SPECTRAL_RTOL
-) -> SpectralContactResult:
+def roll(layer: Layer, roller: Roller, material: Elastic, speed: float, *, rtol: float = SPECTRAL_RTOL) -> Contact:
     """Compute steady rolling over a linear layer by the engine "spectral".
 
         int K(x - s) p(s) ds = indentation - gap(x) in contact,  p >= 0,
@@ -232,7 +211,7 @@ def roll(
 
     Returns
     -------
-    SpectralContactResult
+    Contact
         For speed < 0 leading and trailing remain positive ahead; x, shear_traction and resistance refer to the fixed
         axis x.
 
@@ -333,7 +312,7 @@ def _build_result(problem, contact, history, direction):
     xi = -np.cos(np.linspace(0, np.pi, PRESSURE_SAMPLES))
     pressure = contact.pressure(xi)
     ascending = slice(None, None, int(direction))
-    return SpectralContactResult(
+    return Contact(
         load=float(contact.load),
         resistance=float(direction * contact.resistance),
         leading=float(contact.centre + contact.half_width),
@@ -345,7 +324,6 @@ def _build_result(problem, contact, history, direction):
         work_residual=_work_residual(problem, contact),
         indentation=float(contact.indentation),
         peak_pressure=float(contact.peak_pressure),
-        modes=history[-1].modes,
         history=tuple(history),
     )
 
