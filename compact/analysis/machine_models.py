@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from compact.files import read_table
 from compact.machine.cart import Cart, EndSprings
 from compact.machine.component_sizing import CatalogueMotor
 from compact.machine.crankshaft import CRANK_ANGLES
@@ -86,26 +87,20 @@ def catalogue(scene: Scene) -> tuple[CatalogueMotor, ...]:
     SceneError
         If the file is no catalogue; the message lists all mistakes.
     """
-    path = scene.catalogue_path
+    path, motors, mistakes = scene.catalogue_path, [], []
     if path is None:
         return ()
     try:
-        with path.open(encoding="utf-8", newline="") as stream:
-            lines = [(number, line) for number, line in enumerate(stream, 1) if not line.lstrip().startswith("#")]
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError([f"{path}: not a catalogue of motors ({error}); give a CSV file"]) from None
-    reader = csv.DictReader(line for _, line in lines)
-    columns = [name.strip() for name in reader.fieldnames or ()]
-    reader.fieldnames = columns
-    if missing := [name for name in CATALOGUE_COLUMNS if name not in columns]:
+        rows = read_table(path, CATALOGUE_COLUMNS)
+    except ValueError as error:
         required = ", ".join(CATALOGUE_COLUMNS)
-        raise SceneError([f"{path}: lacks the columns {', '.join(missing)}; give {required} and, if known, price"])
-    motors, mistakes = [], []
-    for row in reader:
+        raise SceneError([f"{error}; give a catalogue of motors with {required} and, if known, price"]) from None
+    for number, row in rows:
         try:
-            motors.append(_catalogue_motor(row))
-        except (TypeError, ValueError) as error:
-            number = lines[reader.line_num - 1][0]
+            rated, peak, turns, inertia = (float(row[name]) for name in CATALOGUE_COLUMNS[1:])
+            price = float(row["price"]) if row.get("price") else None
+            motors.append(CatalogueMotor(row["name"], rated, peak, turns * RPM, inertia, price))
+        except ValueError as error:
             mistakes.append(f"{path}:{number}: {error}; give numbers in the units of the columns")
     repeated = [name for name, count in Counter(each.name for each in motors).items() if count > 1]
     if repeated:
@@ -115,13 +110,6 @@ def catalogue(scene: Scene) -> tuple[CatalogueMotor, ...]:
     if mistakes:
         raise SceneError(mistakes)
     return tuple(motors)
-
-
-def _catalogue_motor(row: dict[str, str]) -> CatalogueMotor:
-    """Convert a line of a catalogue to SI units."""
-    rated, peak, turns, inertia = (float(row[name]) for name in CATALOGUE_COLUMNS[1:])
-    price = (row.get("price") or "").strip()
-    return CatalogueMotor(row["name"].strip(), rated, peak, turns * RPM, inertia, float(price) if price else None)
 
 
 def drive_of(scene: Scene, cycle: Cycle) -> "Rigid | Crank | Hydraulic | Motor | ElasticDrive":
