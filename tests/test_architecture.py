@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 from collections import defaultdict
@@ -84,3 +85,15 @@ def test_a_public_name_is_defined_in_at_most_three_modules():
             if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
                 homes[node.name].append(path.stem)
     assert {name for name, modules in homes.items() if len(modules) > 3} == {"roll"}
+
+
+FLAGS = (  # of engines, that callers once read
+    "layered", "compacting", "forming", "continuation", "density_target", "rate_factor_only", "cheap", "multipass",
+    "tolerance_keyword", "optional_estimate", "fields_module", "derivative_module",
+)  # fmt: skip
+
+
+def test_nobody_asks_what_an_engine_is():
+    asked = re.compile(rf"(?:engine|ENGINES\[[^]]*\]|used)\.(?:{'|'.join(FLAGS)})\b")
+    files = [*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.j2")]
+    assert {f"{path.name}: {found[0]}" for path in files for found in asked.finditer(path.read_text("utf-8"))} == set()

@@ -18,6 +18,7 @@ from typing import Any, Literal
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
+from compact.engines import ENGINES
 from compact.scene.loader import Scene
 
 SCENE_SCHEMA_FILE = "scene.schema.json"  # file next to the scene of `compact new`
@@ -51,6 +52,7 @@ def scene_schema() -> dict[str, Any]:
     definitions = schema.pop("$defs")
     for table in definitions.values():
         table.pop("title", None)
+    definitions["Accuracy"]["properties"]["engine"]["enum"] = list(ENGINES)  # with those of other packages
     return {"$schema": DIALECT, **schema, "title": "Scene of compact", "definitions": definitions}
 
 

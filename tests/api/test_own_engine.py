@@ -6,6 +6,7 @@ import pytest
 
 import compact
 from compact.engines import ENGINES
+from compact.scene.json_schemas import scene_schema
 
 SMALL = "studies/scenes/small.toml"
 PACKAGE = '''
@@ -62,8 +63,11 @@ def test_edit_of_an_own_engine_changes_the_key_of_its_results(installed, tmp_pat
 
 @pytest.mark.slow
 def test_engine_of_another_package_ranks_and_reports(installed, tmp_path):
+    assert "winkler" in scene_schema()["definitions"]["Accuracy"]["properties"]["engine"]["enum"]
     scene = compact.load_scene(SMALL, **{"accuracy.engine": "winkler", "output.items": ["tables", "report"]})
     study = scene.run(tmp_path / "out")
+    assert [*study.places_by_engine] == ["winkler", "formula"]
+    assert "engine winkler" in (tmp_path / "out" / "report.html").read_text("utf-8")
     assert study.stages.contacts.second_pass is None
     assert [place.law for place in scene.rank()] == [place.run.name for place in study.rankings["peak_force"]]
     assert (tmp_path / "out" / "report.html").exists()
