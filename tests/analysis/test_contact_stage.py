@@ -10,11 +10,10 @@ import pytest
 from compact.analysis import contact_cases, mix_laws
 from compact.analysis.study import Study
 from compact.engines.column.engine import simulate_oedometer
-from compact.engines.compaction.engine import CompactionContactResult
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Viscoelastic
 from compact.report import writer as report
-from compact.rolling_contact import Layer, Ply, Roller
+from compact.rolling_contact import Contact, Layer, Ply, Roller
 from compact.scene.loader import SceneError, load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
@@ -176,7 +175,7 @@ def test_compaction_continues_from_the_previous_speed_under_a_rate_effect(monkey
         line = np.zeros(3)
         values = {"load": 1e4, "resistance": 2e3, "leading": 0.03, "trailing": -0.01, "indentation": 0.003}
         values |= {"layer": layer, "roller": roller, "material": material, "speed": speed}
-        return CompactionContactResult(**values, x=line, pressure=line, shear_traction=line)
+        return Contact(**values, x=line, pressure=line, shear_traction=line)
 
     monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
     given = {"contact.indentation": 0.003, "contact.speeds": [0.05, 0.1, 0.2]}
@@ -201,7 +200,7 @@ def test_initial_guess_supplies_the_layer_where_elastic_recovery_depends_on_spee
         calls.append((layer, start, exit_density_ratio))
         values = {"load": 1e4, "resistance": 2e3, "leading": 0.03, "trailing": -0.01, "indentation": 0.003}
         line = np.zeros(3)
-        return CompactionContactResult(**values, layer=layer, speed=speed, x=line, pressure=line, shear_traction=line)
+        return Contact(**values, layer=layer, speed=speed, x=line, pressure=line, shear_traction=line)
 
     monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
     given = {"mix.overrides.rate_sensitivity": 0.02}

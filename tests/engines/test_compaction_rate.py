@@ -73,7 +73,7 @@ def test_rate_belongs_to_the_depth_that_is_found(target):
 
 def test_search_at_a_rate_costs_no_more_than_without():
     still, rated = (
-        roll(Layer(FED_HEIGHT), Roller(R, load=12e3, profile="circle"), material, SPEED).evaluations
+        roll(Layer(FED_HEIGHT), Roller(R, load=12e3, profile="circle"), material, SPEED).own["evaluations"]
         for material in (MIX, RATED)
     )
     assert rated < 1.3 * still

@@ -43,8 +43,8 @@ from compact.analysis.stages.ensemble import (
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
 from compact.analysis.worker_pool import BackgroundTasks
-from compact.machine.cart import Cart
 from compact.engines import ENGINES
+from compact.machine.cart import Cart
 from compact.material.mix import prior
 from compact.motion.profile import Cycle
 from compact.scene.loader import Scene
