@@ -57,6 +57,7 @@ STEP_LIMIT = 60  # [-], convex subproblems on one set of pieces
 GAP_TOLERANCE = 1e-6  # [-], largest optimality gap of a result
 DECREASE_TOLERANCE = 1e-9  # [-], relative predicted decrease at which a search ends
 FINE_DECREASE = 1e-14  # [-], the same where the gap, of the order of its square root, remains too large
+VALUE_ROUNDING = 1e-13  # [-], of the criterion: within it the last step is taken, which corrects noise of the law
 RADIUS_TOLERANCE = 1e-9  # [-], of the largest unknown: smallest trust region
 ACTIVE_TOLERANCE = 1e-6  # [-], relative to the worst sample, within which samples contribute their curvature
 RESTORATION_TOLERANCE = 1e-4  # [-], relative increase of the radius below which the feasibility restoration ends
@@ -222,22 +223,21 @@ class OptimisationProblem:
     @cached_property
     def nodes(self) -> QuadratureNodes:
         """Lobatto nodes of every piece, and the extra phases with zero weight."""
-        space = self.constraints.space
-        weights, extra = np.outer(np.diff(space.breaks), LOBATTO_WEIGHTS).ravel(), np.array(self.extra_phases)
-        rows = [np.concatenate([space.values(k, LOBATTO_NODES), space.derivatives[k](extra)]) for k in range(3)]
-        return self._scaled_nodes(rows, np.append(weights, np.zeros(len(extra))))
+        return self._nodes_at(LOBATTO_NODES, LOBATTO_WEIGHTS, self.extra_phases)
 
     @cached_property
     def _fine_nodes(self):
-        space = self.constraints.space
-        rows = [space.values(k, np.linspace(0, 1, PEAK_SAMPLES)) for k in range(3)]
-        return self._scaled_nodes(rows, np.repeat(np.diff(space.breaks), PEAK_SAMPLES) / PEAK_SAMPLES)
+        return self._nodes_at(np.linspace(0, 1, PEAK_SAMPLES), np.full(PEAK_SAMPLES, 1 / PEAK_SAMPLES))
 
-    def _scaled_nodes(self, rows: list[Array], weights: Array) -> QuadratureNodes:
-        """Nodes in SI units from rows of s, s', s'' and weights over the phase."""
-        stroke, duration = self.constraints.stroke, self.constraints.duration
-        mean = stroke / duration
-        return QuadratureNodes(stroke * rows[0], mean * rows[1], mean / duration * rows[2], duration * weights, mean)
+    def _nodes_at(self, u: Array, weights: Array, extra: Sequence[float] = ()) -> QuadratureNodes:
+        """Nodes at local coordinates of every piece, with their shares of its width as weights, and at extra phases."""
+        space, stroke, duration = self.constraints.space, self.constraints.stroke, self.constraints.duration
+        place, speed, change = (
+            stroke / duration**k * np.concatenate([space.values(k, u), space.derivatives[k](np.array(extra))])
+            for k in range(3)
+        )
+        weights = np.append(np.outer(np.diff(space.breaks), weights), np.zeros(len(extra)))
+        return QuadratureNodes(place, speed, change, duration * weights, stroke / duration)
 
     def peaks_between_nodes(self, unknowns: Array) -> tuple[float, ...]:
         """Return the phases of peaks between the nodes that exceed all nodes, the largest of each piece.
@@ -373,7 +373,8 @@ def trust_region_search(
             models = problem.linearise(unknowns + change)
             reached = problem.counted_samples(models)[1]
             if value - predicted <= decrease * abs(value) or radius < RADIUS_TOLERANCE * np.abs(unknowns).max():
-                return (unknowns + change, reached, steps) if reached <= value else (unknowns, value, steps)
+                better = reached <= value + VALUE_ROUNDING * abs(value)
+                return (unknowns + change, reached, steps) if better else (unknowns, value, steps)
             ratio, longest = (value - reached) / (value - predicted), np.abs(change).max()
             if ratio < POOR:
                 radius = longest / 4
