@@ -136,12 +136,7 @@ class PiecewisePolynomial(NamedTuple):
         """Evaluate at abscissae of any shape; beyond the ends the outer polynomials are extrapolated."""
         i = np.clip(np.searchsorted(self.breaks, abscissa, side="right") - 1, 0, len(self.coefficients) - 1)
         u = (abscissa - self.breaks[i]) / (self.breaks[i + 1] - self.breaks[i])
-        return horner(self.coefficients[i], u)
-
-
-def horner(coefficients: Array, u: Array) -> Array:
-    """Evaluate polynomials, coefficients of shape (..., degree + 1) lowest first, at u by Horner's scheme."""
-    return np.asarray(polynomial.polyval(u, np.moveaxis(coefficients, -1, 0), tensor=False))
+        return np.asarray(polynomial.polyval(u, np.moveaxis(self.coefficients[i], -1, 0), tensor=False))
 
 
 def fit_piecewise(function: Function, breaks: ArrayLike, tolerance: float) -> PiecewisePolynomial:
