@@ -36,32 +36,16 @@ def public_names(tree: ast.Module):
 
 
 @pytest.mark.parametrize("package", sorted({path.parent for path in MODULES}), ids=lambda path: path.name)
-def test_public_names_use_terms_of_the_glossary(package):
-    trees = {path: ast.parse(path.read_text("utf-8")) for path in package.glob("*.py")}
-    found = {
-        f"{path.name}: {name}" for path, tree in trees.items() for name in public_names(tree) if words(name) & NAMES
-    }
-    assert found == set()
-
-
-@pytest.mark.parametrize("package", sorted({path.parent for path in MODULES}), ids=lambda path: path.name)
-def test_docstrings_begin_with_a_noun_or_a_verb(package):
+def test_names_messages_and_docstrings_use_terms_of_the_glossary(package):
     found = set()
     for path in package.glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        tree = ast.parse(path.read_text("utf-8"))
+        found |= {f"{path.name}: {name}" for name in public_names(tree) if words(name) & NAMES}
+        for node in ast.walk(tree):
             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
-                first = (ast.get_docstring(node) or "-").split()[0]
-                if first in OPENINGS:
+                if (ast.get_docstring(node) or "-").split()[0] in OPENINGS:
                     found.add(f"{path.name}: {getattr(node, 'name', 'module')}")
-    assert found == set()
-
-
-@pytest.mark.parametrize("package", sorted({path.parent for path in MODULES}), ids=lambda path: path.name)
-def test_messages_and_docstrings_use_terms_of_the_glossary(package):
-    found = set()
-    for path in package.glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
                 found |= {f"{path.name}:{node.lineno}: {phrase}" for phrase in PHRASES if phrase in node.value}
     assert found == set()
 

@@ -10,7 +10,15 @@ from sampling import examples
 
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Viscoelastic
-from compact.resistance import MAX_SAMPLES, UNSTEADINESS_LIMIT, ResistanceMap, load_resistance_map, sample_resistance
+from compact.resistance import (
+    MAX_SAMPLES,
+    UNSTEADINESS_LIMIT,
+    ResistanceMap,
+    dry_resistance,
+    load_resistance_map,
+    sample_resistance,
+    tabulated_resistance,
+)
 from compact.rolling_contact import Layer, Roller
 
 
@@ -176,37 +184,28 @@ def test_map_is_read_as_written(tmp_path):
     assert np.array_equal([law.speeds, law.forces, law.added_masses], [read.speeds, read.forces, read.added_masses])
     assert (read.error, read.engine_error, read.relaxation_time) == (law.error, law.engine_error, 0.3)
     assert [path.name for path in tmp_path.iterdir()] == ["map.nc"]
-
-
-def test_unknown_error_stays_unknown_in_the_file(tmp_path):
     mapped().save(tmp_path / "map.nc")
     read = load_resistance_map(tmp_path / "map.nc")
-    assert (read.engine_error, read.added_masses) == (None, None)
+    assert (read.engine_error, read.added_masses) == (None, None)  # unknown
 
 
-def test_map_with_another_key_raises_an_error(tmp_path):
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, r"map\.nc: computed by another program or from other inputs; compute it again"),
+        (b"CDF", r"map\.nc: no resistance map"),
+        (b"no netCDF", r"map\.nc: no resistance map: .* is not a valid NetCDF 3 file; compute it"),
+    ],
+)
+def test_other_files_are_refused(tmp_path, content, message):
     mapped().save(tmp_path / "map.nc", "abc")
-    with pytest.raises(
-        ValueError, match=r"map\.nc: computed by another program or from other inputs; compute it again"
-    ):
+    if content:
+        (tmp_path / "map.nc").write_bytes(content)
+    with pytest.raises(ValueError, match=message):
         load_resistance_map(tmp_path / "map.nc", "def")
 
 
-def test_file_of_another_format_raises_an_error(tmp_path):
-    (tmp_path / "map.nc").write_bytes(b"CDF")
-    with pytest.raises(ValueError, match=r"map\.nc: no resistance map"):
-        load_resistance_map(tmp_path / "map.nc")
-    (tmp_path / "map.nc").write_bytes(b"no netCDF")
-    with pytest.raises(ValueError, match=r"map\.nc: no resistance map: .* is not a valid NetCDF 3 file; compute it"):
-        load_resistance_map(tmp_path / "map.nc")
-
-
 # (f) errors
-
-
-def test_speed_beyond_the_samples_raises_an_error():
-    with pytest.raises(ValueError, match=r"computed up to 1 m/s, got 1\.2 m/s; sample it over the speeds"):
-        mapped()(np.array([0.1, -1.2]))
 
 
 def test_noise_raises_an_error():
@@ -217,13 +216,18 @@ def test_noise_raises_an_error():
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("call", "words"),
     [
-        ({"tolerance": 0.0}, "`tolerance` must be positive"),
-        ({"fastest": np.inf}, "`fastest` must be positive and finite"),
-        ({"resistance": lambda speed: (np.nan, None)}, "`resistance` must be finite, got nan"),
+        (lambda: mapped(tolerance=0.0), "`tolerance` must be positive"),
+        (lambda: mapped(fastest=np.inf), "`fastest` must be positive and finite"),
+        (lambda: mapped(lambda speed: (np.nan, None)), "`resistance` must be finite, got nan"),
+        (lambda: mapped()(np.array([0.1, -1.2])), r"computed up to 1 m/s, got 1\.2 m/s; sample it over the speeds"),
+        (lambda: tabulated_resistance((0.1, 0.2), (1.0,)), "must be columns of one length >= 2, got shapes"),
+        (lambda: tabulated_resistance((0.2, 0.1), (1.0, 2.0)), "`speeds` must ascend from a value above 0, got"),
+        (lambda: tabulated_resistance((0.1, 0.2), (1.0, np.nan)), "`forces` must be finite, got"),
+        (lambda: dry_resistance(-1.0), "`force` must be zero or positive, and finite, got -1.0"),
     ],
 )
-def test_invalid_parameters_raise_an_error(changes, words):
+def test_invalid_values_are_refused(call, words):
     with pytest.raises(ValueError, match=words):
-        mapped(**changes)
+        call()

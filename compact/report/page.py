@@ -98,7 +98,7 @@ def write_page(path: Path, study: Study, pictures: Mapping[str, bytes], versions
 
 
 def answer(study: Study, checks: Sequence[BalanceCheck], pictures: Mapping[str, bytes] | None = None) -> dict[str, Any]:
-    """Select question, answer and uncertainty: the variables of the template besides title and sections."""
+    """Select question, answer and uncertainty: the variables of the template other than title and sections."""
     model = CONTACT_MODELS.get(study.scene.accuracy.engine, "an engine of another package")
     return {
         "first": first_screen(study, pictures or {}),
