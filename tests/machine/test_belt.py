@@ -1,6 +1,5 @@
 """Belt between motor and gear: closed forms of the creep, Eytelwein's limit, balances, limits, errors."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -161,26 +160,3 @@ def test_error_of_a_slipping_belt_states_a_sufficient_preload():
     preload = float(str(caught.value).split("at least ")[1].split()[0])
     run = simulate(replace(weak, preload=1.001 * preload))
     assert np.abs(run.belt_torque).max() == pytest.approx(run.load.motor.belt.slip_torque, rel=3e-3)
-
-
-def test_slip_in_the_acceleration_phase_raises():
-    motor = Motor(LinearTorqueCurve(80.0, 157.0), 150.0, 0.001, 50.0, belt=BELT)  # 80 N m at rest, slip limit 54 N m
-    with pytest.raises(RuntimeError, match="the belt slips"):
-        simulate_acceleration_phase(CART, motor, law("quintic", STROKE, 3.0), dry)
-
-
-def test_motor_too_steep_for_its_belt_raises():
-    with pytest.raises(RuntimeError, match="the speed of the motor behind its belt did not converge"):
-        BELT.motor_speed(lambda speed: BELT.creep_torque * (1 + 1 / (1 + speed**2)), np.array([5.0]))
-
-
-@pytest.mark.parametrize("name", ["pulley_radius", "stiffness", "preload", "friction", "wrap"])
-@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
-def test_invalid_belt_raises(name, value):
-    with pytest.raises(ValueError, match=f"`{name}` must be positive and finite"):
-        replace(BELT, **{name: value})
-
-
-def test_belt_with_too_much_creep_raises():
-    with pytest.raises(ValueError, match=r"`stiffness` 5000 N is too low for .* creep by 0.11 before"):
-        replace(BELT, stiffness=5e3)

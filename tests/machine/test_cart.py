@@ -274,33 +274,3 @@ def test_only_a_self_locking_rod_raises(cart, direction, tangent):
             balance(cart, 0.0, 100.0, direction, tangent)
     else:
         assert np.isfinite(balance(cart, 0.0, 100.0, direction, tangent).drive_force)
-
-
-def test_error_of_locking_names_the_friction():
-    with pytest.raises(ValueError, match=r"the rod is too steep: `guide_friction` 0\.5 locks the cart"):
-        balance(replace(PUBLISHED, guide_friction=0.5), 0.0, 1.0, 1.0, rod_tangent=np.array([0.0, 2.0]))
-
-
-@pytest.mark.parametrize(
-    ("bad", "message"),
-    [
-        ({"mass": -1.0}, "`mass` must be zero or positive, and finite, got -1.0"),
-        ({"mass": np.nan}, "`mass` must be zero or positive, and finite, got nan"),
-        ({"weight": np.inf}, "`weight` must be zero or positive, and finite, got inf"),
-        ({"roller_reactions": (1.0, -2.0)}, "`roller_reactions` must be zero or positive, and finite"),
-        ({"guide_friction": -0.1}, "`guide_friction` must be zero or positive, and finite, got -0.1"),
-        ({"guide_wheel_diameter": -0.1}, "`guide_wheel_diameter` must be zero or positive, and finite, got -0.1"),
-        ({"roller_radius": 0.0}, "`roller_radius` must be positive and finite, got 0.0"),
-        ({"roller_positions": (np.nan, 0.0)}, "`roller_positions` must be finite"),
-        ({"guide_positions": (np.inf, 0.0)}, "`guide_positions` must be finite"),
-        ({"pin_position": np.nan}, "`pin_position` must be finite, got nan"),
-        ({"pin_height": np.inf}, "`pin_height` must be finite, got inf"),
-        ({"roller_positions": (0.0,)}, "`roller_reactions` must be one per roller, got 2 for 1 positions"),
-        ({"guide_positions": (-0.37, 0.37)}, r"`guide_positions` must be \(front, rear\) with front > rear, got \(-0"),
-        ({"guide_positions": (0.1, 0.1)}, "front > rear"),
-    ],
-    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
-)
-def test_invalid_cart_raises(bad, message):
-    with pytest.raises(ValueError, match=message):
-        replace(PUBLISHED, **bad)

@@ -16,12 +16,8 @@ from sampling import examples
 from compact.contact import dry_resistance
 from compact.drive import CRITERIA, Crank, Rigid, rank, simulate
 from compact.machine.crankshaft import simulate_crankshaft
-from compact.machine.elastic_drive import ElasticDrive
-from compact.machine.hydraulic_drive import Hydraulic
-from compact.machine.motor_drive import Motor
 from compact.machine.ranking import ROUNDING_TIE, first_of
 from compact.machine.rigid_drive import SAMPLES_PER_PIECE
-from compact.machine.shaft import LinearTorqueCurve
 from compact.motion.profile import LAWS, Cycle, law
 from compact.resistance import ResistanceMap
 
@@ -522,49 +518,6 @@ def test_rank_counts_the_smaller_values(values):
 # errors
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf], ids=str)
-def test_resistance_that_is_not_finite_raises(bad):
-    def resistance(velocity, acceleration):
-        return np.where(velocity > 0.15, bad, 100.0 * np.sign(velocity))
-
-    message = rf"`resistance` must be finite, got {bad} at velocity 0\.15\d* m/s and acceleration -?\d\S* m/s\^2"
-    with pytest.raises(ValueError, match=message):
-        simulate(CART, Rigid(), published_law("cubic"), resistance)
-
-
-DRIVES = {
-    "rigid": Rigid(),
-    "elastic": ElasticDrive(1e6, 3e3),
-    "motor": Motor(LinearTorqueCurve(60.0, 20.0), 15.0, 0.01, 10.0),
-    "hydraulic": Hydraulic(2e-3, 6.3e6, 1.2e-3, 8e-5, 0.62, 870.0, 2e4, 1.4e9, 4e-4),
-}
-NOT_OPPOSING = {
-    "constant": (lambda velocity, acceleration: 3500.0, r"got 3500 N at velocity -0\.133333 m/s"),
-    "array": (lambda velocity, acceleration: 3500.0 + 0 * velocity, r"got 3500 N at velocity -0\.133333 m/s"),
-    "even": (lambda velocity, acceleration: 2e4 * np.abs(velocity), r"got 2666\.67 N at velocity -0\.133333 m/s"),
-    "sign": (lambda velocity, acceleration: -3500.0 * np.sign(velocity), r"got -3500 N at velocity 0\.133333 m/s"),
-    "slow": (
-        lambda velocity, acceleration: 50 * np.sign(velocity) * (np.abs(velocity) - 0.01),
-        r"got -0\.433333 N at velocity 0\.00133333 m/s",
-    ),
-}
-
-
-@pytest.mark.parametrize("drive", DRIVES)
-@pytest.mark.parametrize("wrong", NOT_OPPOSING)
-def test_resistance_that_does_not_oppose_the_motion_raises(drive, wrong):
-    resistance, message = NOT_OPPOSING[wrong]
-    with pytest.raises(
-        ValueError, match=rf"`resistance` must oppose the motion, {message}: .*`compact.dry_resistance\("
-    ):
-        simulate(CART, DRIVES[drive], published_law("quintic"), resistance)
-
-
-def test_crankshaft_requires_a_resistance_that_opposes_the_motion():
-    with pytest.raises(ValueError, match="`resistance` must oppose the motion, got 3500 N at velocity -"):
-        simulate_crankshaft(CART, Crank(0.2, 0.8), 1.0, lambda velocity, acceleration: 3500.0)
-
-
 def test_dry_resistance_opposes_both_strokes():
     run = simulate(CART, Rigid(), published_law("cubic"), dry_resistance(3500.0))
     assert run.mean_power == pytest.approx(0.8 / 6 * (3500 + GUIDE), rel=1e-12)
@@ -574,41 +527,6 @@ def test_map_of_a_driven_roller_is_accepted_with_either_sign():
     pulling = ResistanceMap(np.array([0.1, 0.2, 0.3]), np.array([-90.0, -80.0, -70.0]), 1e-3)
     run = simulate(CART, Rigid(), published_law("cubic"), pulling)
     assert run.mean_power < 0.8 / 6 * GUIDE
-
-
-@pytest.mark.parametrize(
-    ("name", "motion"),
-    [
-        ("harmonic", published_law("harmonic")),
-        ("cubic", published_law("cubic")),
-        ("crank", law("crank", 0.4, 3.0, rod_length=0.9)),
-        ("crank", law("crank", 0.5, 3.0, rod_length=0.8)),
-    ],
-    ids=["harmonic", "cubic", "other rod", "other radius"],
-)
-def test_crank_accepts_its_own_law_only(name, motion):
-    message = rf"a crank imposes its own law only, got '{name}', .*use Rigid\(\), .*rod_length=0\.8\)"
-    with pytest.raises(ValueError, match=message):
-        simulate(CART, Crank(0.2, 0.8), motion, dry(3562.0))
-
-
-def test_unknown_criterion_raises_with_the_choices():
-    message = (
-        "no criterion 'peak_forse'; did you mean 'peak_force'[?] choose from peak_force, peak_power, .*nonuniformity"
-    )
-    with pytest.raises(ValueError, match=message):
-        rank([], "peak_forse")
-
-
-def test_crank_with_dwells_raises():
-    with pytest.raises(ValueError, match=r"a crank cannot dwell, got dwells of 0\.1 s in all"):
-        simulate(CART, Crank(0.2, 0.8), published_law("crank").cycle(far_dwell=0.1), dry(3562.0))
-
-
-@pytest.mark.parametrize("working", [(0.9, 0.1), (0.5, 0.5), (-1, 2), (0, math.nan)], ids=str)
-def test_invalid_working_part_raises(working):
-    with pytest.raises(ValueError, match="`working` must be two fractions, 0 <= first < second <= 1, got"):
-        simulate(CART, Rigid(), published_law("cubic"), dry(3562.0), working=working)
 
 
 def test_resistance_is_not_evaluated_in_a_dwell():

@@ -210,22 +210,3 @@ def test_insufficient_drive_names_the_quantity(changes, name, lack):
     assert run.lack == lack
     with pytest.raises(RuntimeError, match=f"the drive cannot follow '{name}': insufficient {lack}; use"):
         run.valve_areas()
-
-
-@pytest.mark.parametrize("field", ["piston_area", "bulk_modulus", "transition_drop"])
-def test_invalid_drive_raises(field):
-    with pytest.raises(ValueError, match=f"`{field}` must be positive"):
-        replace(DRIVE, **{field: 0.0})
-
-
-def test_negative_added_mass_beyond_the_cart_mass_raises():
-    with pytest.raises(RuntimeError, match="no acceleration balances"):
-        simulate_stroke(
-            CART, DRIVE, 0.4, (constant(1e-6), constant(2e-5)), lambda v, a: dry(v, a) - 2e3 * a + 1e6 * a**3
-        )
-
-
-def test_limit_of_the_evaluations_raises(monkeypatch):
-    monkeypatch.setattr("compact.machine.hydraulic_drive.MAX_EVALUATIONS", 100)
-    with pytest.raises(RuntimeError, match="after 100 evaluations: the oil oscillates too fast"):
-        simulate_stroke(CART, DRIVE, 0.4, (constant(1e-6), constant(2e-5)), dry)

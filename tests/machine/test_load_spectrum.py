@@ -93,17 +93,3 @@ def test_bearing_of_a_cart_at_rest_has_an_infinite_life():
 def test_life_without_load_is_infinite_and_heavy_loads_are_outside_the_standard():
     assert math.isinf(bearing_life(BALL, np.zeros(2), np.ones(2), 0.1, 1.0).hours)
     assert not bearing_life(BALL, np.full(1, 11e3), np.ones(1), 0.1, 1.0).valid
-
-
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"dynamic_rating": 0.0}, "`dynamic_rating` must be positive"),
-        ({"kind": "plain"}, "plain"),
-        ({"count": 0}, "`count` must be a whole number >= 1"),
-        ({"count": 1.5}, "`count` must be a whole number >= 1"),
-    ],
-)
-def test_bearing_is_validated(keys, words):
-    with pytest.raises(ValueError, match=words.replace("`", "`")):
-        Bearing(**{"dynamic_rating": 1e3, "kind": "ball", "count": 1} | keys)

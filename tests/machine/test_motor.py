@@ -216,42 +216,6 @@ def test_revolution_costs_few_newton_steps(name):
 # errors
 
 
-def test_weak_motor_stalls():
-    with pytest.raises(
-        RuntimeError, match=r"the motor stalls: the mean load torque is .* N m at .* the motor delivers"
-    ):
-        simulate_motor(CART, Motor(Kloss(4.0, 0.15, 157.0), 100.0, 0.0, 10.0), published_law("cubic"), dry(SIZE))
-
-
-def test_motor_too_weak_for_the_peak_raises():
-    """The torque suffices on the mean, but the cart stops in the middle of the stroke."""
-    with pytest.raises(
-        RuntimeError, match=r"the speed of the shaft did not converge in .* use a stronger motor or more inertia"
-    ):
-        simulate_motor(replace(CART, mass=0.0), Motor(KLOSS, 13.0, 0.0, 0.01), published_law("septic"), dry(SIZE))
-
-
-@pytest.mark.parametrize("name", ["constant-velocity", "gear-sector"])
-def test_law_with_a_velocity_jump_raises(name):
-    with pytest.raises(ValueError, match=f"the velocity of '{name}' jumps, which requires an infinite torque"):
-        simulate_motor(CART, Motor(KLOSS, 150.0, 0.0, 1.0), published_law(name), dry(SIZE))
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Kloss(0.0, 0.1, 157.0), "`breakdown_torque` must be positive"),
-        (lambda: LinearTorqueCurve(1.0, math.nan), "`no_load_speed` must be positive"),
-        (lambda: Motor(KLOSS, 0.0, 0.0, 1.0), "`gear_ratio` must be positive"),
-        (lambda: Motor(KLOSS, 1.0, -1.0, 1.0), "`motor_inertia` must be zero or positive"),
-        (lambda: Motor(KLOSS, 1.0, 1.0, 1.0, ()), "`angles` must hold one angle per cart, got none"),
-    ],
-)
-def test_invalid_motor_raises(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()
-
-
 def test_noisy_torque_raises():
     """Elements are bisected until they resolve the torque; noise is never resolved."""
     rng = np.random.default_rng(2)

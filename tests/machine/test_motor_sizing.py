@@ -96,13 +96,6 @@ def test_dwells_lower_the_rms_torque_of_the_shaft_and_rest():
     assert shares == pytest.approx((still.driving_share + still.braking_share) / 2, abs=0.01)
 
 
-def test_velocity_jump_is_refused():
-    with pytest.raises(
-        ValueError, match="the velocity of 'constant-velocity' jumps, which requires an infinite torque"
-    ):
-        shaft_requirement(carts(name="constant-velocity"))
-
-
 # gear
 
 
@@ -206,24 +199,3 @@ def test_larger_margin_never_chooses_a_smaller_motor(margin, more):
 
 
 FOUND = requirement(cart=CART_OF_C, force=FORCE)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"rated_torque": 0.0}, "`rated_torque` must be positive"),
-        ({"peak_torque": 1.0}, "`peak_torque` must be at least `rated_torque` 5.0 N m, got 1.0"),
-        ({"inertia": -1.0}, "`inertia` must be"),
-        ({"price": 0.0}, "`price` must be positive"),
-        ({"speed": math.nan}, "`speed` must be"),
-    ],
-)
-def test_motor_is_validated(change, words):
-    with pytest.raises(ValueError, match="must be") as error:
-        replace(MOTORS[0], **change)
-    assert words in str(error.value)
-
-
-def test_empty_catalogue_is_refused():
-    with pytest.raises(ValueError, match="at least one motor"):
-        choose_motor([], FOUND, SizingRule())

@@ -352,25 +352,6 @@ def test_dwell_requires_no_torque():
     assert not np.any(result)
 
 
-def test_locking_guide_wheels_raise():
-    with pytest.raises(RuntimeError, match="the guide wheels lock the cart under 'quintic'"):
-        pull_range(motor(guide_friction=0.999, guide_positions=(0.1, -0.1)).dynamics, ROLLERS)
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: CreepFreeRoller(R, 0.0, FRICTION), "`load` must be positive and finite, got 0.0"),
-        (lambda: CreepFreeRoller(R, LOAD, -0.1), "`friction` must be zero or positive"),
-        (lambda: carter(friction=0.0), "`friction` must be positive and finite, got 0.0"),
-        (lambda: carter(slope=-0.1), "`creeps` must increase with the torque at every speed"),
-    ],
-)
-def test_invalid_roller_raises(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()
-
-
 def test_rotation_is_the_travel_over_the_radius():
     """Paper B, constant speed: 48 dx/(43 T R), errata B-8; each derivative is that of the one before."""
     cycle, time, h = law("reversal-4-free-both", 0.4, 3.0).cycle(), np.linspace(0.05, 5.95, 40), 1e-5
@@ -381,15 +362,3 @@ def test_rotation_is_the_travel_over_the_radius():
     names = ("angle", "angular_velocity", "angular_acceleration", "angular_jerk")
     slopes = [(getattr(after, name) - getattr(before, name)) / (2 * h) for name in names[:-1]]
     assert np.array(slopes) == pytest.approx(np.array([getattr(rotation, name) for name in names[1:]]), abs=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("radius", "time", "message"),
-    [
-        (-1.0, 0.0, "`roller_radius` must be positive and finite, got -1.0"),
-        (0.1, np.nan, "`time` must be finite, got nan"),
-    ],
-)
-def test_rotation_rejects_invalid_input(radius, time, message):
-    with pytest.raises(ValueError, match=message):
-        roller_rotation(law("quintic", 0.4, 3.0).cycle(), radius, time)

@@ -191,17 +191,3 @@ def test_any_springs_do_no_net_work(name, stiffness, preload, length):
 
 
 # errors
-
-
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ((-1.0, 0.0, 0.1), "`stiffness` must be zero or positive"),
-        ((1.0, np.nan, 0.1), "`preload` must be zero or positive"),
-        ((1.0, 0.0, 0.0), "`length` must be positive"),
-        ((1.0, 0.0, 0.3), r"`length` must be at most half the stroke, 0\.2 m, got 0\.3"),
-    ],
-)
-def test_invalid_springs_raise(parameters, message):
-    with pytest.raises(ValueError, match=message):
-        EndSprings(*parameters, stroke=0.4)
