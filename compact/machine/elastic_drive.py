@@ -95,7 +95,10 @@ def simulate_elastic(
         Law of the driven end; a `MotionProfile` is repeated without dwells.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2], linear in the acceleration, with a jump at
-        speed 0 only. A `ResistanceMap` provides its sampled speeds and the limit of |a|/|v| of its linear range.
+        speed 0 only. A `ResistanceMap` provides its sampled speeds and the limit of |a|/|v| of its linear range. With
+        the attribute `travels`, ascending travels [m] at which it is not smooth, it is also a function of the travel
+        since the last turn [m]: a product of one of velocity and acceleration and one of the travel, which is 1 beyond
+        the last of them and by default.
     regime : str
         "periodic", or "rest": the first cycle of a cart at rest at the near end, with its springs in balance.
     working : tuple of float
@@ -148,7 +151,7 @@ def _expected_samples(cart, drive, cycle):
     if square <= 0:
         return 0
     pieces = [leg.duration * np.diff(leg.breakpoints()) for leg in cycle.legs() if leg.direction]
-    resolved = sum(oscillation_time(decay, float(duration)) for duration in np.concatenate(pieces))
+    resolved = float(oscillation_time(decay, np.concatenate(pieces)).sum())
     return CELL_POINTS * resolved * math.sqrt(drive.stiffness / cart.mass) / CELL_ANGLE
 
 

@@ -26,7 +26,7 @@ from compact.machine.oscillator import (
     max_abs_product,
     transform,
 )
-from compact.numerics import Array, IntArray
+from compact.numerics import Array, BoolArray, IntArray
 from compact.numerics.jit import compiled, internal
 from compact.numerics.piecewise import PiecewisePolynomial, clenshaw_curtis
 
@@ -405,12 +405,21 @@ class Trajectory:
         directions = (column.astype(int) for column in (slip, flank, zone))
         return Intervals._make([start, duration, *directions, turn, *signal, elongation, driven_end])
 
+    @cached_property
+    def _cells(self) -> tuple[BoolArray, Array, IntArray]:
+        """Oscillation beyond rounding, time [s] in which it is resolved, and number of cells, of each interval."""
+        intervals, (rates, elongations) = self.intervals, (self.intervals.discriminant, self.intervals.elongation)
+        reach = np.divide(1, np.sqrt(np.abs(rates)), out=np.full(len(rates), np.inf), where=rates != 0)
+        amplitude = np.abs(intervals.cosine) + np.abs(intervals.sine) * np.minimum(intervals.duration, reach)
+        oscillates = amplitude > ZERO_TOLERANCE * np.abs(elongations).max(axis=1)
+        resolved = oscillation_time(intervals.decay, intervals.duration)
+        angle = resolved * np.sqrt(np.maximum(intervals.decay**2 - rates, 0.0))
+        return oscillates, resolved, np.ceil(angle / CELL_ANGLE * (oscillates & (rates < 0))).astype(int)
+
     @property
     def sample_count(self) -> int:
         """Upper bound of the number of `sample_points`, without their computation."""
-        return CELL_POINTS * (
-            2 * len(self.intervals.start) + sum(map(self._cell_count, range(len(self.intervals.start))))
-        )
+        return CELL_POINTS * int(np.sum(self._cells[2] + 2))
 
     def sample_points(self) -> tuple[IntArray, Array, Array]:
         """Interval indices i, places u and weights [s] that resolve imposed motion and oscillation, shape (n,)."""
@@ -426,34 +435,17 @@ class Trajectory:
 
     def _cell_edges(self, i):
         """Edges [s] of cells of interval i in each of which the oscillation turns by `CELL_ANGLE` at most."""
-        duration, decay, discriminant = (float(column[i]) for column in self._oscillation)
-        if not self._oscillates(i):
+        oscillates, resolved, count = (column[i] for column in self._cells)
+        duration, decay, discriminant = (
+            getattr(self.intervals, name)[i] for name in ("duration", "decay", "discriminant")
+        )
+        if not oscillates:
             return np.linspace(0, duration, 3)
         if discriminant >= 0:  # two real roots; bisection towards the start, where the faster one decays
             halvings = math.ceil(math.log2(max(2.0, duration * (abs(decay) + math.sqrt(discriminant)))))
             return np.append(0.0, duration * 2.0 ** np.arange(-halvings, 1))
-        resolved = oscillation_time(decay, duration)
-        edges = np.linspace(0, resolved, self._cell_count(i) + 1)
+        edges = np.linspace(0, resolved, count + 1)
         return edges if resolved == duration else np.append(edges, np.linspace(resolved, duration, 3)[1:])
-
-    def _cell_count(self, i):
-        """Count the cells that resolve the oscillation of interval i, 0 without one."""
-        duration, decay, discriminant = (float(column[i]) for column in self._oscillation)
-        if discriminant >= 0 or not self._oscillates(i):
-            return 0
-        return math.ceil(oscillation_time(decay, duration) * math.sqrt(decay**2 - discriminant) / CELL_ANGLE)
-
-    @property
-    def _oscillation(self):
-        """Duration [s], decay [1/s] and discriminant [1/s^2] of all intervals."""
-        return self.intervals.duration, self.intervals.decay, self.intervals.discriminant
-
-    def _oscillates(self, i):
-        """Return true if the free oscillation of interval i is larger than rounding of the elongation."""
-        duration, _, discriminant = (abs(float(column[i])) for column in self._oscillation)
-        cosine, sine = abs(self.intervals.cosine[i]), abs(self.intervals.sine[i])
-        amplitude = cosine + sine * min(duration, 1 / math.sqrt(discriminant) if discriminant else math.inf)
-        return bool(amplitude > ZERO_TOLERANCE * np.abs(self.intervals.elongation[i]).max())
 
     def locate(self, time: Array) -> tuple[IntArray, Array]:
         """Interval indices i and places u of times [s] within the trajectory."""
@@ -506,6 +498,7 @@ def _search_peaks(cart, rows, peaks, row):
     return len(rows)
 
 
-def oscillation_time(decay: float, duration: float) -> float:
+def oscillation_time(decay: Array | float, duration: Array) -> Array:
     """Time [s] within a duration [s] during which an oscillation of a decay [1/s] exceeds `OSCILLATION_FLOOR`."""
-    return min(duration, -math.log(OSCILLATION_FLOOR) / decay) if decay > 0 else duration
+    decays = np.maximum(decay, 1e-300)  # none without damping
+    return np.minimum(duration, -math.log(OSCILLATION_FLOOR) / decays)
