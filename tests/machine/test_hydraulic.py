@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from published import CART_OF_C
 from sampling import examples, sampled
 
-from compact.drive import Rigid, simulate
+from compact.drive import simulate
 from compact.machine.cart import EndSprings
 from compact.machine.hydraulic_drive import Hydraulic, simulate_stroke, solve_valve_flow
 from compact.motion.profile import law
@@ -137,15 +137,6 @@ def test_energy_balance_of_pump_cart_and_valves(name):
     assert run.energy_residual < 1e-12
     assert run.pump_work == pytest.approx(8e6 * 5e-4 * 6.0, rel=1e-12)
     assert run.throttle_heat > 0 < run.relief_heat
-
-
-def test_force_equals_that_of_the_rigid_drive():
-    stroke, rigid = (simulate(CART_OF_C, drive, published("cubic"), dry) for drive in (DRIVE, Rigid()))
-    assert (stroke.peak_force, stroke.peak_power, stroke.rms_power) == (
-        rigid.peak_force,
-        rigid.peak_power,
-        rigid.rms_power,
-    )
 
 
 @pytest.mark.slow
