@@ -84,7 +84,9 @@ def elastic_polynomial(mix: ConfinedMix) -> tuple[float, float, float]:
     x, angle = stress_angle(mix)
     scaled = x / x.max()
     powers = scaled[:, None] ** (2 + np.arange(TERMS))
-    found = np.linalg.lstsq(powers, _stress_factor(mix, angle), rcond=None)[0]
+    share = np.sqrt(1 + 4 * mix.critical_slope**2 / 9)
+    factor = (1 + share) / (1 + share * np.cos(angle)) - 1
+    found = np.linalg.lstsq(powers, factor, rcond=None)[0]
     c0, c1, c2 = found / x.max() ** (2 + np.arange(TERMS))
     return float(c0), float(c1), float(c2)
 
@@ -136,9 +138,3 @@ def stress_angle(mix: ConfinedMix) -> tuple[Array, Array]:
         f"the stress path of confined compression did not converge in {MAX_ITERATIONS} iterations; "
         f"`unloading_modulus` may be too small for the stresses of the Heckel curve, {total.max():.3g} Pa"
     )
-
-
-def _stress_factor(mix: ConfinedMix, angle: Array) -> Array:
-    """Return g at angles [rad]."""
-    share = np.sqrt(1 + 4 * mix.critical_slope**2 / 9)
-    return (1 + share) / (1 + share * np.cos(angle)) - 1

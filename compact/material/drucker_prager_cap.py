@@ -192,12 +192,15 @@ def _return_to_corner(law, p, q, k, densest, slope, limit, viscosity):
 
 @compiled
 def _corner(law, trial, limit, viscosity):
-    """Return V, shear of the line, a, da/dV and convergence at the corner of the cap and a line with an intercept."""
-    P_trial, _, densest, onset, slope = trial
+    """Return V, shear of the line, a, da/dV and convergence at the corner of the cap and a line with an intercept.
+
+    The residual, q^2 of the cap less that of the line, increases with V.
+    """
+    P_trial, q_trial, densest, onset, slope = trial
     pc = hardening(law, densest)[0]
     a_before = (pc + law.pt) / 2
     # from the intersection of line and supercritical side before hardening, or the nearest point
-    M2 = law.M**2
+    M2, G3, N = law.M**2, 3 * law.G, law.dilatancy
     square, half = 1 + slope * slope / M2, a_before - slope * limit / M2
     root = np.sqrt(max(half * half - square * limit * limit / M2, 0.0))
     V = (P_trial - (half + root) / square) / law.K
@@ -210,8 +213,20 @@ def _corner(law, trial, limit, viscosity):
             a, h = a_before + rise / 2, H / 2
         y = P_trial - law.K * V - a
         if y > 0:
-            shear, residual, by_V = _corner_residual(law, trial, (V, y, a, h), limit, viscosity)
-            change = -residual / by_V
+            y_V = -law.K - h
+            q_square, q_square_V = M2 * (a - y) * (a + y), 2 * M2 * (a * h - y * y_V)
+            q = np.sqrt(max(q_square, 0.0))
+            ratio = G3 * q / (y * M2)
+            shear = (q_trial - q - ratio * V) / (G3 + ratio * N)
+            line, by_V = slope * (P_trial - law.K * V) + limit, -slope * law.K
+            if viscosity > 0 and shear > 0:
+                line += viscosity * shear
+                if q > 0:
+                    q_V = q_square_V / (2 * q)
+                    ratio_V = ratio * (q_V / q - y_V / y)
+                    by_V -= viscosity * (q_V + ratio_V * (V + N * shear) + ratio) / (G3 + ratio * N)
+            residual = q_square - line * line
+            change = -residual / (q_square_V - 2 * line * by_V)
         else:
             residual, change = -y, (y - a / 2) / (law.K + h)
         if (y > 0 and abs(change) <= tolerance) or high - low <= tolerance:
@@ -223,27 +238,6 @@ def _corner(law, trial, limit, viscosity):
         next_V = V + change
         V = next_V if low < next_V < high else (low + high) / 2
     return V, shear, a, h, False
-
-
-@compiled
-def _corner_residual(law, trial, solution, limit, viscosity):
-    """Return the shear of the line and q^2 of the cap over that of the line with its derivative by V; both increase."""
-    P_trial, q_trial, _, _, slope = trial
-    V, y, a, h = solution
-    M2, G3, N, y_V = law.M**2, 3 * law.G, law.dilatancy, -law.K - h
-    q_square, q_square_V = M2 * (a - y) * (a + y), 2 * M2 * (a * h - y * y_V)
-    q = np.sqrt(max(q_square, 0.0))
-    ratio = G3 * q / (y * M2)
-    shear = (q_trial - q - ratio * V) / (G3 + ratio * N)
-    line = slope * (P_trial - law.K * V) + limit
-    by_V = -slope * law.K
-    if viscosity > 0 and shear > 0:
-        line += viscosity * shear
-        if q > 0:
-            q_V = q_square_V / (2 * q)
-            ratio_V = ratio * (q_V / q - y_V / y)
-            by_V -= viscosity * (q_V + ratio_V * (V + N * shear) + ratio) / (G3 + ratio * N)
-    return shear, q_square - line * line, q_square_V - 2 * line * by_V
 
 
 @compiled

@@ -81,7 +81,9 @@ def cap_slope(earth_pressure_coefficient: float, pressure: float, tensile_streng
     >>> f"{cap_slope(0.4264, 200e3, 14281.0):.3f}"
     '1.786'
     """
-    ratio = _stress_ratio(earth_pressure_coefficient, pressure, tensile_strength)
+    require_positive(earth_pressure_coefficient=earth_pressure_coefficient, pressure=pressure)
+    shifted = (earth_pressure_coefficient * pressure + tensile_strength) / (pressure + tensile_strength)
+    ratio = 3 * (1 - shifted) / (1 + 2 * shifted)
     return float(np.sqrt(ratio * ratio + 3 * ratio))
 
 
@@ -158,10 +160,3 @@ def drucker_prager_cap(
         dilatancy_slope=N,
         **others,  # type: ignore[arg-type]
     )
-
-
-def _stress_ratio(coefficient: float, pressure: float, tensile_strength: float) -> float:
-    """Return eta = q/P of confined compression."""
-    require_positive(earth_pressure_coefficient=coefficient, pressure=pressure)
-    shifted = (coefficient * pressure + tensile_strength) / (pressure + tensile_strength)
-    return 3 * (1 - shifted) / (1 + 2 * shifted)

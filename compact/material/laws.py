@@ -258,10 +258,6 @@ class Compaction:
         level = np.expm1(2 * np.minimum(curve / HECKEL_MIN_PRESSURE - 1, 0)) * HECKEL_MIN_PRESSURE / 2
         return (np.maximum(curve, HECKEL_MIN_PRESSURE) + level) / self.isotropic_slope
 
-    def elastic_moduli(self, density_ratio: ArrayLike) -> tuple[float | Array, float | Array]:  # noqa: ARG002
-        """Return Young's modulus of unloading [Pa] and Poisson's ratio [-], here at any density ratio [-]."""
-        return self.unloading_modulus, self.poisson
-
     def rate_factor(self, rate: float) -> float:
         """Return the factor 1 + m ln(1 + rate/reference_rate) of pc at a rate of compaction [1/s], >= 0."""
         return 1.0 + self.rate_sensitivity * float(np.log1p(rate / self.reference_rate))

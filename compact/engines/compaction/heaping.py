@@ -92,8 +92,12 @@ class HeapingEstimate:
         edges = np.linspace(0, self.height, INTEGRATION_ROWS + 1)
         y, thickness = (edges[1:] + edges[:-1]) / 2, self.height / INTEGRATION_ROWS
         stress = self.bearing_pressure * np.minimum(self._stress_ratio(y) + self._stress_ratio(2 * self.height - y), 1)
-        fed = self.material.fed_density_ratio
-        return float(np.sum(1 - fed / np.maximum(self._confined_density_ratio(stress), fed)) * thickness)
+        # density ratios under these vertical stresses in confined compression
+        material, fed, strength = self.material, self.material.fed_density_ratio, self.material.tensile_strength
+        ratios = np.linspace(material.loose_density_ratio, DENSEST_TABULATED, TABLE_SIZE)
+        confined = material.confined_stress_ratio * (self.rate_factor * material.yield_pressure(ratios) + strength)
+        compressed = np.interp(stress, confined - strength, ratios)
+        return float(np.sum(1 - fed / np.maximum(compressed, fed)) * thickness)
 
     @property
     def max_load(self) -> float:
@@ -104,13 +108,6 @@ class HeapingEstimate:
         """Vertical stress at a depth y [m] in a half-plane under a unit pressure over the contact length [-]."""
         half = self.contact_length / (2 * y)
         return 2 / np.pi * (np.arctan(half) + half / (1 + half**2))
-
-    def _confined_density_ratio(self, stress: FloatArray) -> FloatArray:
-        """Density ratio under a vertical stress [Pa] in confined compression."""
-        material, strength = self.material, self.material.tensile_strength
-        ratios = np.linspace(material.loose_density_ratio, DENSEST_TABULATED, TABLE_SIZE)
-        confined = material.confined_stress_ratio * (self.rate_factor * material.yield_pressure(ratios) + strength)
-        return np.interp(stress, confined - strength, ratios)
 
 
 def require_no_heaping(estimate: HeapingEstimate, name: str, value: float, depth: float | None) -> None:

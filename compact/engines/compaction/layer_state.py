@@ -81,8 +81,8 @@ class LayerState:
         material : Compaction
             Constitutive law.
         """
-        modulus, poisson = material.elastic_moduli(self.points.max_density_ratio)
-        elastic = np.exp(-self.points.stress[:, :3].mean(axis=1) / (modulus / (3 - 6 * poisson)))
+        bulk_modulus = material.unloading_modulus / (3 - 6 * material.poisson)
+        elastic = np.exp(-self.points.stress[:, :3].mean(axis=1) / bulk_modulus)
         return float(self.heights @ (self.points.density_ratio * elastic))
 
     def with_lift(self, lift_thickness: float, material: Compaction) -> "LayerState":
@@ -219,13 +219,10 @@ def relax_rows(
     RuntimeError
         If the iteration does not converge.
     """
-    strain = np.zeros((len(strain_along), 3))
+    strain, material = np.zeros((len(strain_along), 3)), solid.material
     strain[:, 0] = strain_along
-    material = solid.material
-    modulus, poisson = material.elastic_moduli(points.max_density_ratio)
-    two_shear, _, shear, lame = modulus * unit_moduli(poisson)
-    elastic = np.zeros((*np.shape(shear), 2, 2))
-    elastic[..., 0, 0], elastic[..., 1, 1] = two_shear + lame, shear
+    two_shear, _, shear, lame = material.unloading_modulus * unit_moduli(material.poisson)
+    elastic = np.diag([two_shear + lame, shear])
     for iteration in range(MAX_ITERATIONS):
         rest, tangent = cap_plasticity.integrate_points(
             material, points, strain, solid.rate_factor, tangent=iteration >= ELASTIC_ITERATIONS

@@ -16,7 +16,7 @@ The next steps restore equilibrium and yield, and remove what is not part of the
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Self, cast
+from typing import Self
 
 import numpy as np
 
@@ -178,19 +178,15 @@ class DepthSecant:
             raise RuntimeError(self.failure())
         crossed = len(self._misses) > 1 and self._misses[-1] * self._misses[-2] < 0
         share = CROSSING_SHARE if crossed else 1.0  # the quantity scatters with the elements
-        self._update_slope()
-        factor = float(np.exp(-share * self.last_miss / cast(float, self.slope)))
-        return min(depth * float(np.clip(factor, 1 / MAX_DEPTH_FACTOR, MAX_DEPTH_FACTOR)), target.max_depth)
-
-    def _update_slope(self) -> None:
-        """Take the secant to the last depth that is distant enough, within bounds."""
-        first, low, high = EXPONENTS[self.target.quantity]
+        first, low, high = EXPONENTS[target.quantity]
         self.slope = first if self.slope is None else self.slope
         distant = np.flatnonzero(np.abs(np.array(self._logs) - self._logs[-1]) > MIN_SECANT)
-        if len(distant):
+        if len(distant):  # the secant to the last depth that is distant enough
             other = distant[-1]
             secant = (self._misses[-1] - self._misses[other]) / (self._logs[-1] - self._logs[other])
             self.slope = float(np.clip(secant, low, high))
+        factor = float(np.exp(-share * self.last_miss / self.slope))
+        return min(depth * float(np.clip(factor, 1 / MAX_DEPTH_FACTOR, MAX_DEPTH_FACTOR)), target.max_depth)
 
     def failure(self) -> str:
         """Return the message for a target that no depth satisfies."""
