@@ -18,13 +18,11 @@ from compact.material import cap_plasticity
 from compact.rolling_contact import EquilibriumError
 
 SQUARE = MeshQuad.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 1, 3))
-# independent solution, e_y < 0: e_x = -0.3 e_y and 0.3 e_y, gamma = e_y, oedometer: strain (xx, yy, 2 xy);
-# stress (xx, yy, zz, xy) [kPa] and density ratio
-PATHS = {
-    "widening": ((0.009, -0.03, 0.0), (-79.3042, -165.3647, -99.1644, 0.0, 0.95884915)),
-    "narrowing": ((-0.0045, -0.015, 0.0), (-127.7755, -163.9442, -112.2746, 0.0, 0.95721998)),
-    "sheared": ((0.0, -0.015, -0.015), (-96.8506, -146.9643, -96.8506, -25.0568, 0.95312334)),
-    "oedometer": ((0.0, -0.03, 0.0), (-122.5914, -190.1193, -122.5914, 0.0, 0.96722280)),
+PATHS = {  # strain (xx, yy, 2 xy), with the published stresses of `test_cap`
+    "widening": (0.009, -0.03, 0.0),
+    "narrowing": (-0.0045, -0.015, 0.0),
+    "sheared": (0.0, -0.015, -0.015),
+    "oedometer": (0.0, -0.03, 0.0),
 }
 
 
@@ -58,7 +56,7 @@ class NoRoller:
 @pytest.mark.parametrize("path", PATHS)
 @pytest.mark.parametrize("mesh", [MeshQuad(), skewed(SQUARE)], ids=["one element", "six skewed"])
 def test_uniform_path_equals_that_of_a_material_point(path, mesh):
-    strain = np.array(PATHS[path][0])
+    strain = np.array(PATHS[path])
     solid = FiniteStrainSolid(mesh, MIX, finite=False, substeps=2)
     gradient = np.array([[strain[0], strain[2] / 2], [strain[2] / 2, strain[1]]])
     state = solid.undeformed_state()
@@ -68,16 +66,6 @@ def test_uniform_path_equals_that_of_a_material_point(path, mesh):
     scale = np.abs(stress).max()
     assert state.points.stress == pytest.approx(np.tile(stress, (solid.point_areas.size, 1)), abs=1e-9 * scale)
     assert state.points.density_ratio == pytest.approx(density_ratio, rel=1e-9)
-
-
-@pytest.mark.parametrize("path", PATHS)
-def test_uniform_path_has_the_published_digits(path):
-    """The integration is of first order in the step, so that two runs are extrapolated."""
-    strain, exact = PATHS[path]
-    coarse, fine = (np.append(*point_path(np.array(strain), n)) for n in (2000, 4000))
-    found = (2 * fine - coarse) / np.array([1e3, 1e3, 1e3, 1e3, 1])
-    assert found[:4] == pytest.approx(exact[:4], abs=2e-4)
-    assert found[4] == pytest.approx(exact[4], abs=2e-8)
 
 
 @pytest.mark.parametrize("finite", [False, True], ids=["small", "finite"])
