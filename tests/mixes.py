@@ -38,7 +38,8 @@ def calibrated(heckel_slope, fed):
 
 def free_roller(depth=0.003, **changes):
     """Roller of the published machine."""
-    return replace(Roller(0.11, indentation=depth, friction=0.35, rolling="free", profile="deformed"), **changes)
+    options = {"friction": 0.35, "rolling": "free", "profile": "deformed"} | changes
+    return Roller(0.11, indentation=depth, **options)
 
 
 LIFT_MIX = calibrated(14.96e-6, 0.93576)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mixes import free_roller
 from mixes import shear_line as law
 
 from compact.engines.compaction.engine import roll
@@ -23,7 +24,7 @@ LENGTH = 1.164  # m, of the roller of the table
 def marched(mix, increments, travel, height=None):
     """Roller after incremental rolling of the published lift at a residual of 1e-3."""
     height = 0.06 * 0.98 / mix.fed_density_ratio if height is None else height
-    roller = Roller(0.11, indentation=DEPTH, friction=0.35, rolling="free", profile="deformed")
+    roller = free_roller(DEPTH)
     case = RollingCase(Layer(height), roller, mix, 0.133, None, None, RollingNumerics())
     rolling = case.roller_at_rest(case.create_frame(DEPTH, increments))
     rolling.solver.tolerance = 1e-3
@@ -65,13 +66,7 @@ def test_coefficient_of_loose_mix_is_that_of_the_table(loose):
 @pytest.mark.slow
 def test_steady_state_by_search_is_that_of_marching():
     mix = law()
-    found = roll(
-        Layer(0.06 * 0.98 / 0.9),
-        Roller(0.11, indentation=DEPTH, friction=0.35, rolling="free", profile="deformed"),
-        mix,
-        0.133,
-        increments=6,
-    )
+    found = roll(Layer(0.06 * 0.98 / 0.9), free_roller(DEPTH), mix, 0.133, increments=6)
     step = marched(mix, 6, 0.8).steps[-1]
     assert found.load == pytest.approx(step.load, rel=0.02)
     assert found.resistance == pytest.approx(step.resistance, rel=0.01)
@@ -83,13 +78,7 @@ def test_steady_state_by_search_is_that_of_marching():
 def test_high_wave_of_a_shear_line_becomes_steady():
     """Fed at 0.92 with S 600 Pa m; within its error estimate of 1 m of rolling, `docs/theory/strength.md`."""
     mix = law(0.92, shear_viscosity=600.0)
-    found = roll(
-        Layer(0.06 * 0.98 / 0.92),
-        Roller(0.11, indentation=DEPTH, friction=0.35, rolling="free", profile="deformed"),
-        mix,
-        0.133,
-        increments=6,
-    )
+    found = roll(Layer(0.06 * 0.98 / 0.92), free_roller(DEPTH), mix, 0.133, increments=6)
     assert found.load * LENGTH == pytest.approx(6413, rel=found.error[0])
     assert found.resistance * LENGTH == pytest.approx(928, rel=found.error[1])
     assert max(found.error) < 0.15

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from mixes import free_roller
 from mixes import shear_line as law
 
 from compact.engines.compaction.engine import roll
@@ -18,11 +19,7 @@ DEPTH, LENGTH = 0.003, np.sqrt(2 * 0.11 * 0.003)
 
 
 def lift(fed):
-    return (
-        Layer(0.06 * 0.98 / fed),
-        Roller(0.11, indentation=DEPTH, friction=0.35, rolling="free", profile="deformed"),
-        law(fed, shear_viscosity=600.0),
-    )
+    return Layer(0.06 * 0.98 / fed), free_roller(DEPTH), law(fed, shear_viscosity=600.0)
 
 
 def step(travel, load=5e3, resistance=700.0, wave_area=0.0):
@@ -122,18 +119,10 @@ def test_loose_lift_is_steady_on_two_meshes():
 @pytest.mark.slow
 @pytest.mark.parametrize("target", [{"load": 4200.0}, {"exit_density_ratio": 0.945}], ids=str)
 def test_targets_are_met(target):
-    layer, _, mix = lift(0.9)
-    options = {"exit_density_ratio": target["exit_density_ratio"]} if "exit_density_ratio" in target else {}
-    roller = Roller(
-        0.11,
-        indentation=DEPTH if options else None,
-        friction=0.35,
-        rolling="free",
-        profile="deformed",
-        load=target.get("load"),
-    )
-    found = roll(layer, roller, mix, 0.13, increments=7, **options)
+    layer, roller, mix = lift(0.9)
     name, value = next(iter(target.items()))
+    options = target if name == "exit_density_ratio" else {}
+    found = roll(layer, roller if options else free_roller(None, **target), mix, 0.13, increments=7, **options)
     assert getattr(found, name) == pytest.approx(value, rel=1e-3)
 
 
