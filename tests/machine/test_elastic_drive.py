@@ -105,6 +105,8 @@ def test_step_of_acceleration(stiffness, ratio):
     force = trajectory.at(*trajectory.locate(t)).drive_force
     damped = drive.damping * np.gradient(exact, t, edge_order=2) if ratio == 0 else force - stiffness * elongation
     assert force == pytest.approx(stiffness * exact + damped, abs=1e-7 * MASS * a)
+    if ratio == 0:
+        assert trajectory.peak_force_and_power()[0] == pytest.approx(2 * MASS * a, rel=1e-9)
 
 
 @pytest.mark.parametrize("ratio", [0.05, 0.7, 1.0, 3.0])
@@ -131,12 +133,6 @@ def test_harmonic_law_from_rest(stiffness, ratio):
     elongation = run.trajectory.at(*run.trajectory.locate(run.time)).elongation
     assert np.abs(elongation - exact).max() < 1e-8 * MASS * 0.2 * w**2 / stiffness
     assert np.abs(run.state.position + exact - run.cycle.derivative(run.time, 0)).max() < 1e-12 * 0.4
-
-
-@pytest.mark.parametrize("stiffness", STIFFNESSES)
-def test_undamped_step_of_acceleration_overshoots_by_two(stiffness):
-    trajectory = simulate_driven_end(ElasticDrive(stiffness, 0.0), (0, 0, 0.15), 5.0)
-    assert trajectory.peak_force_and_power()[0] == pytest.approx(2 * MASS * 0.3, rel=1e-9)
 
 
 @pytest.mark.parametrize("stiffness", [1e5, 1e6, 1e7, 1e8, 1e9])
@@ -460,16 +456,11 @@ def test_map_with_added_mass_agrees_with_a_general_solver():
 
 
 @pytest.mark.parametrize("name", sampled(WITHOUT_IMPULSE, KINDS))
-def test_stiff_spring_follows_the_law(name):
-    run = simulate_elastic(CART, spring(1e9, 0.05), published_law(name), free)
-    assert np.abs(run.state.position - run.cycle.derivative(run.time, 0)).max() < 1e-5 * 0.4
-
-
-@pytest.mark.parametrize("name", sampled(WITHOUT_IMPULSE, KINDS))
-def test_lag_of_a_stiff_spring_under_load_is_its_elongation(name):
-    run = simulate_elastic(CART_OF_C, spring(1e9, 0.7), published_law(name), dry(3486.0))
-    lag = run.cycle.derivative(run.time, 0) - run.state.position
-    assert np.abs(lag).max() <= run.peak_force / 1e9 * (1 + 1e-6)
+def test_stiff_spring_follows_the_law_but_for_its_elongation(name):
+    for cart, ratio, resistance in ((CART, 0.05, free), (CART_OF_C, 0.7, dry(3486.0))):
+        run = simulate_elastic(cart, spring(1e9, ratio), published_law(name), resistance)
+        lag = np.abs(run.cycle.derivative(run.time, 0) - run.state.position).max()
+        assert lag <= (1e-5 * 0.4 if resistance is free else run.peak_force / 1e9 * (1 + 1e-6))
 
 
 def test_septic_law_causes_no_residual_vibration_of_a_stiff_spring():
@@ -676,19 +667,14 @@ def test_energy_balance_and_stiction_of_any_cart(name, power, ratio, size, visco
 
 
 @pytest.mark.parametrize("name", sampled(LAWS, KINDS))
-def test_cost_does_not_depend_on_the_stiffness(name):
+def test_cost_is_small_and_does_not_depend_on_the_stiffness(name):
     soft, stiff = (
         simulate_elastic(CART_OF_C, spring(k, 0.05), published_law(name), dry(3486.0)).cost for k in (1e6, 1e9)
     )
     assert stiff.intervals <= 3 * soft.intervals
     assert stiff.evaluations <= 3 * soft.evaluations
-
-
-@pytest.mark.parametrize("name", sampled(LAWS, KINDS))
-def test_run_costs_few_intervals_and_newton_steps(name):
-    cost = simulate_elastic(CART_OF_C, spring(1e6, 0.05), published_law(name), dry(3486.0)).cost
-    assert cost.newton_steps <= 4
-    assert cost.intervals < 500
+    assert soft.newton_steps <= 4
+    assert soft.intervals < 500
 
 
 @pytest.mark.parametrize("count", [10, 30])
