@@ -16,7 +16,7 @@ from compact.machine.ranking import CRITERIA
 from compact.machine.ranking import value_of as criterion_of
 from compact.machine.roller_motors import roller_rotation
 from compact.motion.profile import EndCondition
-from compact.report.tables import Getter, TableSpec, columns, value_of, write_arrays
+from compact.report.tables import Getter, TableSpec, columns, write_arrays
 
 CAM_POINTS = 721  # [-], rows of the table of a cam, each half degree
 CONTACT = (
@@ -65,13 +65,16 @@ CAM = (
     "largest_contact_offset_m=2.largest_contact_offset breadth_error_m=2.breadth_error"
 )
 STEPPER = "time_s angle_rad angular_velocity_rad/s angular_acceleration_rad/s2 angular_jerk_rad/s3"
-ROLLER_MOTOR = "peak_torque_Nm peak_power_W peak_creep share lack"
 SIZING = (
     "law shaft_speed_rad/s=requirement.speed mean_torque_Nm=requirement.mean_torque "
     "rms_torque_Nm=requirement.rms_torque peak_torque_Nm=requirement.peak_torque "
     "peak_braking_torque_Nm=requirement.peak_braking driving_share=requirement.driving_share "
     "braking_share=requirement.braking_share largest_inertia_kgm2=requirement.largest_inertia "
     "excess_energy_J=requirement.excess_energy required_power_W motor=choice.chosen.motor.name"
+)
+WORK_BALANCE = (
+    "pass_work_J/m3 confined_work_J/m3 work_ratio loose_work_J/m3 cycle_work_J pressed_volume_m3 carried_volume_m3 "
+    "feed_ratio strokes_on_section throughput_work_J/m3 explained_share"
 )
 CATALOGUE = (
     "motor=motor.name price=motor.price rated_power_W=motor.rated_power gear_ratio rms_torque_Nm "
@@ -125,21 +128,22 @@ def law_table(study: Study) -> TableSpec:
     )  # fmt: skip
 
 
-def _law_tables(study: Study) -> Iterator[TableSpec]:
-    """Tabulate formulas, mix, laws and their joins."""
-    numbers = study.stages.contacts.numbers.items()
-    yield _table(
-        "engineering", numbers, "quantity=0 value=1.value unit=1.unit low=1.low high=1.high known_by=1.known_by"
-    )
-    yield _table("mix", study.mix.parameters, "parameter=name value unit low high flag origin")
-    yield law_table(study)
-    joins = [(name, join) for name, cycle in study.cycles.items() for join in cycle.discontinuities()]
-    yield _table("joins", joins, "law=0 time_s=1.time quantity=1.quantity before_SI=1.before after_SI=1.after")
+def formula_table(study: Study) -> TableSpec:
+    """Tabulate the formulas and the exact half-plane, with the range over the spread of the mix."""
+    names = "quantity=0 value=1.value unit=1.unit low=1.low high=1.high known_by=1.known_by"
+    return _table("engineering", study.stages.contacts.numbers.items(), names)
+
+
+def mix_table(study: Study) -> TableSpec:
+    """Tabulate the parameters of the mix."""
+    return _table("mix", study.mix.parameters, "parameter=name value unit low high flag origin")
 
 
 def write_tables(study: Study, place: Path) -> Iterator[Path]:
     """Write the tables of the item "tables": formulas, mix, laws, cycles, drives, rankings and sizing."""
-    for table in _law_tables(study):
+    joins = [(name, join) for name, cycle in study.cycles.items() for join in cycle.discontinuities()]
+    names = "law=0 time_s=1.time quantity=1.quantity before_SI=1.before after_SI=1.after"
+    for table in (formula_table(study), mix_table(study), law_table(study), _table("joins", joins, names)):
         yield table.write(place / f"{table.title}.csv")
     for name, run in study.runs.items():
         forces = run.state.forces
@@ -243,17 +247,19 @@ def write_cams(study: Study, place: Path) -> Iterator[Path]:
     yield from write_roller_motors(study, place)
 
 
-def roller_motor_numbers(study: Study) -> dict[str, dict[str, Any]]:
-    """Collect the requirements of each law on the motors in the rollers, in SI units, by law and name."""
-    motors, names = study.stages.drive.roller_motors, columns(ROLLER_MOTOR).values()
-    return {law: {str(name): value_of(motor, name) for name in names} for law, motor in motors.items()}
+def roller_motor_table(study: Study) -> TableSpec:
+    """Tabulate the requirements of each law on the motors in the rollers."""
+    motors = [(law, motor) for law, motor in study.stages.drive.roller_motors.items()]
+    return _table(
+        "roller-motors", motors, "law=0 peak_torque_Nm=1.peak_torque peak_power_W=1.peak_power peak_creep=1.peak_creep "
+        "share=1.share lack=1.lack",
+    )  # fmt: skip
 
 
 def write_roller_motors(study: Study, place: Path) -> Iterator[Path]:
     """Write roller-motors.csv and, where the contact model has a creepage, the response of a driven roller."""
     motors = study.stages.drive.roller_motors
-    rows = [{"law": law} | numbers for law, numbers in roller_motor_numbers(study).items()]
-    yield _table("roller-motors", rows, f"law {ROLLER_MOTOR}").write(place / "roller-motors.csv")
+    yield roller_motor_table(study).write(place / "roller-motors.csv")
     roller: Any = next(iter(motors.values())).roller
     if roller.has_creep:
         sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)

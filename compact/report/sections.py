@@ -4,12 +4,11 @@ import re
 from base64 import b64encode
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from compact import quantities
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.ranking_uncertainty import Place, ties
 from compact.analysis.sizing.durations import DurationStudy
@@ -21,7 +20,7 @@ from compact.analysis.stages.sensitivity import PRIOR, Shift
 from compact.analysis.study import Study
 from compact.machine.component_sizing import MotorChoice
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, group_equal
-from compact.quantities import column_names
+from compact.quantities import PASS, column_names
 from compact.report import results, text
 from compact.report.tables import (
     ZERO_SHARE,
@@ -31,6 +30,7 @@ from compact.report.tables import (
     format_number,
     format_percent,
     format_quantity,
+    json_numbers,
 )
 from compact.scene.loader import Scene
 
@@ -38,6 +38,7 @@ WIDE_PICTURE = 880  # [px], width above which a picture scrolls sideways on a na
 PNG_WIDTH = slice(16, 20)  # bytes of the header of a PNG file
 NUMERIC = re.compile(r"[−+<]?\d|–|infinite|tie$|constant|closed form|no |not |heaps|out of|$")  # of a column of numbers
 SHOWN_CYCLES, SHOWN_MOTORS = 6, 12  # [-], cycles of a wheel, the largest, and motors next to the chosen one
+SVG = "image/svg+xml"
 KNOWN_FLAGS = ("measured", "given", "derived")  # of parameters of the mix; all others are assumed
 SIGNS = (  # kind of mark and first words of a clause of a remark
     ("assumed", ("assumed", "guess", "changed by the caller")), ("known", ("published", "measured", "calibrated")),
@@ -45,20 +46,19 @@ SIGNS = (  # kind of mark and first words of a clause of a remark
 RUN_CRITERIA = (
     "peak_force", "rms_force", "peak_power", "rms_power", "mean_power", "energy", "drawn_energy", "dynamic_factor",
 )  # fmt: skip
-BALANCE = {  # field of `WorkBalance` -> (words, unit, factor)
-    "pass_work": ("work of a pass over fresh mix, over the product", "kJ/m³"),
-    "confined_work": ("work of confined compression, of the same mix", "kJ/m³"),
-    "work_ratio": ("work of a pass over that of confined compression", ""),
-    "loose_work": ("work of confined compression from the loose state", "kJ/m³"),
-    "cycle_work": ("work of the resistance in a cycle", "J"),
-    "pressed_volume": ("product pressed from fresh mix in a stroke", "l"),
-    "carried_volume": ("product carried away by the mould in a stroke", "l"),
-    "feed_ratio": ("mix pressed over mix carried away, in a cycle", ""),
-    "strokes_on_section": ("strokes over a section of the product", ""),
-    "throughput_work": ("work of the resistance at this throughput", "kJ/m³"),
-    "explained_share": ("share of confined compression from the loose state", ""),
+BALANCE = {  # words of the fields of `WorkBalance`
+    "pass_work": "work of a pass over fresh mix, over the product",
+    "confined_work": "work of confined compression, of the same mix",
+    "work_ratio": "work of a pass over that of confined compression",
+    "loose_work": "work of confined compression from the loose state",
+    "cycle_work": "work of the resistance in a cycle",
+    "pressed_volume": "product pressed from fresh mix in a stroke",
+    "carried_volume": "product carried away by the mould in a stroke",
+    "feed_ratio": "mix pressed over mix carried away, in a cycle",
+    "strokes_on_section": "strokes over a section of the product",
+    "throughput_work": "work of the resistance at this throughput",
+    "explained_share": "share of confined compression from the loose state",
 }
-THROUGHPUT = ("carried_volume", "feed_ratio", "strokes_on_section", "throughput_work", "explained_share")
 NO_SPEED = (
     "The engine is the formulas: the resistance is dry friction, the same at every speed and acceleration, "
     "F(v, a) = F sign(v)."
@@ -236,52 +236,52 @@ def _ranking_table(kind: str, by: str, order: list[Place], others: Mapping[str, 
 def contact_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     """Describe the contact of one roller and the resistance of a cart."""
     stage, numbers = study.stages.contacts, study.stages.contacts.numbers
-    rows = [
-        (
-            name.replace("_", " "), format_quantity(n.value, n.unit),
-            *(format_quantity(end, n.unit) if end else "" for end in (n.low, n.high)), n.known_by,
-        )
-        for name, n in numbers.items()
-    ]  # fmt: skip
     caption = "By formulas 1.1–1.10 and exact theory; low and high over the spread of the mix"
-    blocks: list[Block] = [Table.of_rows(caption, ("quantity", "value", "low", "high", "known by"), rows)]
-    sentences = coverage(study.scene, stage.engineering), text.held_sentence(study)
-    blocks += [as_sentence(sentence) for sentence in sentences if sentence]
+    formulas = results.formula_table(study)
+    blocks: list[Block] = [Table(caption, _with_spread(formulas) | {"known by": formulas["known_by"]})]
+    blocks += _sentences(coverage(study.scene, stage.engineering), text.held_sentence(study))
     load, formula = (format_quantity(each, "N", 3) for each in (stage.roller_load, numbers["roller_force"].value))
+    if not stage.speeds:
+        blocks += [NO_SPEED, *figures_of("contact", pictures)]
+        return Section("contact", "Contact and resistance", f"{load} on a roller, by formula.", blocks)
+    found = results.contact_table(study)
+    shown = found.shown("speed", "load", "resistance", "coefficient", "trailing", "leading", "peak_pressure")
+    shown["indentation"] = format_column([each.indentation for each in study.contacts], "m")
+    shown |= {f"error of the {name}": found.percent(f"{name}_error") for name in ("load", "resistance")}
+    caption = f"One roller by the engine {stage.engine.name}, per metre of its length, with its error estimates"
+    blocks.append(Table(caption, shown))
+    if stage.compacts:
+        cases = [(c.speed, number, each) for c in study.contacts for number, each in enumerate(c.passes, start=1)]
+        fields = [f"{head}=2.{name}" for name, head in zip(PASS, column_names(PASS), strict=True)]
+        passes = TableSpec.of("passes", cases, columns("speed_m/s=0 pass=1", *fields))
+        blocks.append(Table("Forces and compaction of each pass", passes.shown(*passes.quantities)))
     lead = f"{load} on a roller; {formula} by formula."
-    if stage.speeds:
-        found = results.contact_table(study)
-        shown = found.shown("speed", "load", "resistance", "coefficient", "trailing", "leading", "peak_pressure")
-        shown["indentation"] = format_column([each.indentation for each in study.contacts], "m")
-        for name in ("load", "resistance"):
-            shown[f"error of the {name}"] = [format_percent(each) for each in found[f"{name}_error"]]
-        caption = f"One roller by the engine {stage.engine.name}, per metre of its length, with its error estimates"
-        blocks.append(Table(caption, shown))
-        if stage.compacts:
-            cases = [(c.speed, number, each) for c in study.contacts for number, each in enumerate(c.passes, start=1)]
-            fields = [
-                f"{head}=2.{name}" for name, head in zip(quantities.PASS, column_names(quantities.PASS), strict=True)
-            ]
-            passes = TableSpec.of("passes", cases, columns("speed_m/s=0 pass=1", *fields))
-            blocks.append(Table("Forces and compaction of each pass", passes.shown(*passes.quantities)))
-    else:
-        blocks.append(NO_SPEED)
-        lead = f"{load} on a roller, by formula."
     return Section("contact", "Contact and resistance", lead, [*blocks, *figures_of("contact", pictures)])
+
+
+def _sentences(*lines: str) -> list[str]:
+    return [as_sentence(line) for line in lines if line]
+
+
+def _with_spread(table: TableSpec) -> dict[str, list[str]]:
+    """Return name, value and range of numbers, each with its own unit."""
+    first = next(iter(table.quantities))
+    found = {first: [name.replace("_", " ") for name in table[first]]}
+    for name in ("value", "low", "high"):
+        found[name] = [format_quantity(*each) for each in zip(table[name], table["unit"], strict=True)]
+    return found
 
 
 def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     """Describe the motion laws: kinematics, peaks, continuity."""
-    order = ("velocity", "acceleration", "jerk", "snap")
-    jumps = [
-        sorted({join.quantity for join in each.discontinuities()}, key=order.index) for each in study.cycles.values()
-    ]
-    shown = results.law_table(study).shown("law", "peak_velocity", "peak_acceleration", "peak_jerk", "continuity")
-    title = "Exact peaks inside the pieces, and discontinuities at their joins"
-    table = Table(title, shown | {"discontinuities": [", ".join(names) or "none" for names in jumps]})
-    blocks: list[Block] = [*figures_of("laws", pictures), table]
+    shown, order = results.law_table(study), ("velocity", "acceleration", "jerk", "snap")
+    cells = shown.shown("law", "peak_velocity", "peak_acceleration", "peak_jerk", "continuity")
+    jumps = [{join.quantity for join in each.discontinuities()} for each in study.cycles.values()]
+    cells["discontinuities"] = [", ".join(sorted(each, key=order.index)) or "none" for each in jumps]
+    blocks: list[Block] = [*figures_of("laws", pictures)]
     if study.scene.drive.kind in COMPLIANT_DRIVES:
-        blocks.insert(1, "The drive is compliant: the motion of the cart is in the files cycles/LAW.csv.")
+        blocks.append("The drive is compliant: the motion of the cart is in the files cycles/LAW.csv.")
+    blocks.append(Table("Exact peaks inside the pieces, and discontinuities at their joins", cells))
     return Section("laws", "Motion laws", "Kinematics, exact peaks, discontinuities.", blocks)
 
 
@@ -324,54 +324,55 @@ def duration_section(found: DurationStudy, pictures: Mapping[str, bytes]) -> Sec
 def motor_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     """Show motor, guide wheels and bearings under the recommended law."""
     sizing = study.machine_sizing
-    sentences = text.motor_sentence(sizing), text.margin_sentence(study), text.bearing_sentence(sizing)
-    blocks: list[Block] = [as_sentence(sentence) for sentence in sentences if sentence]
-    blocks += figures_of("motor", pictures)
     tables = {table.title: table for table in results.sizing_tables(sizing)}
+    blocks: list[Block] = [*_sentences(
+        text.motor_sentence(sizing), text.margin_sentence(study), text.bearing_sentence(sizing)
+    ), *figures_of("motor", pictures)]  # fmt: skip
     if "motor-catalogue" in tables and sizing.first and sizing.first.choice:
-        blocks.append(_catalogue_table(sizing.first.choice, sizing.rule.margin))
+        blocks.append(_catalogue_table(tables["motor-catalogue"], sizing.first.choice, sizing.rule.margin))
     if "motor-sizing" in tables:
         blocks.append(_sizing_table(sizing))
-    blocks.append(_wheel_table(sizing))
-    if sizing.lives:
-        rows = [
-            (
-                name, format_quantity(life.equivalent_load, "N"),
-                f"{format_number(life.million_revolutions, 3)} million",
-                f"{format_number(float(f'{life.hours:.3g}'))} h",
-                "" if life.valid else "load beyond half of the rating",
-            )
-            for name, life in sizing.lives.items()
-        ]  # fmt: skip
-        header = ("bearings", "equivalent load of one", "L10, revolutions", "L10, running", "remark")
-        blocks.append(Table.of_rows("Basic life of the bearings, ISO 281", header, rows))
+    rows: list[tuple[str, ...]] = []
+    for wheel in sizing.wheels:
+        own = wheel.name, f"{format_quantity(wheel.least, 'N')} to {format_quantity(wheel.largest, 'N')}"
+        for each in wheel.cycles[:SHOWN_CYCLES]:
+            counts = format_number(each.count), format_number(sizing.per_hour(each.count))
+            rows.append((*own, format_quantity(each.range, "N"), format_quantity(each.mean, "N"), *counts))
+            own = "", ""
+        rows += [(*own, "constant", "–", "–", "–")] * (not wheel.cycles)
+    header = ("load", "from, to", "range", "mean", "cycles in a cycle", "in an hour")
+    blocks.append(Table.of_rows("Load cycles of one guide axle and one roller, by rainflow counting", header, rows))
+    if lives := tables.get("bearing-lives"):
+        blocks.append(Table("Basic life of the bearings, ISO 281", {
+            "bearings": lives["bearing"], "equivalent load of one": lives.text("equivalent_load"),
+            "L10, revolutions": [f"{format_number(each, 3)} million" for each in lives["life_million_revolutions"]],
+            "L10, running": [f"{format_number(float(f'{each:.3g}'))} h" for each in lives["life_hours"]],
+            "remark": ["" if valid else "load beyond half of the rating" for valid in lives["valid"]],
+        }))  # fmt: skip
     lead = f"Torque of the shaft, load cycles of the wheels, lives of bearings with {sizing.first_law}."
     return Section("motor", "Motor, guides and bearings", lead, blocks)
 
 
-def _catalogue_table(choice: MotorChoice, margin: float) -> Table:
+def _catalogue_table(table: TableSpec, choice: MotorChoice, margin: float) -> Table:
     """Tabulate the motors next to the chosen one; motor-catalogue.csv has all."""
     place = len(choice.fits) - 1 if choice.chosen is None else choice.fits.index(choice.chosen)
     start = max(0, min(place - SHOWN_MOTORS // 2, len(choice.fits) - SHOWN_MOTORS))
-    columns: dict[str, list[Cell]] = {
-        "motor": [], "holds": [], "price": [], "rated power": [], "gear ratio": [], "rated torque: has, needs": [],
-        "peak torque: has, needs": [], "inertia ratio": [],
-    }  # fmt: skip
-    for each in choice.fits[start : start + SHOWN_MOTORS]:
-        motor, held = each.motor, Mark("good", "chosen" if each is choice.chosen else "holds")
-        torques = [
-            f"{format_number(has, 3)}, {format_number(margin * needs, 3)} N m"
-            for has, needs in ((motor.rated_torque, each.rms_torque), (motor.peak_torque, each.peak_torque))
+    chosen = None if choice.chosen is None else choice.chosen.motor.name
+    found = replace(table, rows=table.rows[start : start + SHOWN_MOTORS])
+    cells: dict[str, Sequence[Cell]] = {"motor": found["motor"], "holds": [
+        Mark("good", "chosen" if name == chosen else "holds") if holds else Mark("bad", "fails")
+        for name, holds in zip(found["motor"], found["holds"], strict=True)
+    ]}  # fmt: skip
+    cells["price"] = [format_number(price) for price in found["price"]]
+    cells |= found.shown("rated_power", "gear_ratio", digits=3)
+    for words, has, needs in (("rated", "rated_torque", "rms_torque"), ("peak", "peak_torque", "peak_torque_needed")):
+        cells[f"{words} torque: has, needs"] = [
+            f"{format_number(one, 3)}, {format_number(margin * other, 3)} N m"
+            for one, other in zip(found[has], found[needs], strict=True)
         ]
-        cells: tuple[Cell, ...] = (
-            motor.name, held if each.holds else Mark("bad", "fails"), format_number(motor.price),
-            format_quantity(motor.rated_power, "W", 3), format_number(each.gear_ratio, 3), *torques,
-            format_number(each.inertia_ratio, 3),
-        )  # fmt: skip
-        for column, cell in zip(columns.values(), cells, strict=True):
-            column.append(cell)
+    cells |= found.shown("inertia_ratio", digits=3)
     caption = f"Motors of the catalogue by {choice.by}; needs include the margin of {margin:g}"
-    return Table(f"{caption}; motor-catalogue.csv has the reasons", columns)
+    return Table(f"{caption}; motor-catalogue.csv has the reasons", cells)
 
 
 def _sizing_table(sizing: MachineSizing) -> Table:
@@ -381,8 +382,7 @@ def _sizing_table(sizing: MachineSizing) -> Table:
     shown = [each for each in ordered if each.requirement is not None]
     found = TableSpec.of("", shown, columns(results.SIZING))
     cells = found.shown("law", "mean_torque", "rms_torque", "peak_torque")
-    cells |= {words: [format_percent(each) for each in found[name]] for words, name in
-                (("drives", "driving_share"), ("brakes", "braking_share"))}  # fmt: skip
+    cells |= {"drives": found.percent("driving_share"), "brakes": found.percent("braking_share")}
     cells |= found.shown("required_power", digits=3)
     if any(each.choice for each in laws):
         cells["motor"] = [name or "none" for name in found["motor"]]
@@ -390,40 +390,21 @@ def _sizing_table(sizing: MachineSizing) -> Table:
     return Table(caption + "; a velocity jump has no finite torque" * (len(shown) < len(laws)), cells)
 
 
-def _wheel_table(sizing: MachineSizing) -> Table:
-    """Tabulate the largest load cycles of each wheel; wheel-loads.csv has all."""
-    rows: list[tuple[str, ...]] = []
-    for wheel in sizing.wheels:
-        own = wheel.name, f"{format_quantity(wheel.least, 'N')} to {format_quantity(wheel.largest, 'N')}"
-        for each in wheel.cycles[:SHOWN_CYCLES]:
-            ranges = (format_quantity(each.range, "N"), format_quantity(each.mean, "N"))
-            rows.append((*own, *ranges, format_number(each.count), format_number(sizing.per_hour(each.count))))
-            own = "", ""
-        if not wheel.cycles:
-            rows.append((*own, "constant", "–", "–", "–"))
-    header = ("load", "from, to", "range", "mean", "cycles in a cycle", "in an hour")
-    return Table.of_rows("Load cycles of one guide axle and one roller, by rainflow counting", header, rows)
-
-
 def work_section(study: Study) -> Section:
     """Tabulate the balances of work and mix of the first law, with a warning for those that do not fit."""
     balance, cells = study.work_balance, {}
-    for name, (words, unit) in BALANCE.items():
-        value = getattr(balance, name)
-        if value is None and name in THROUGHPUT and balance.carried_volume is None:
-            continue
-        if value is not None and not unit and value < 1:
-            cells[words] = format_percent(value)
-        else:
-            scaled = None if value is None else value * {"kJ/m³": 1e-3, "l": 1e3}.get(unit, 1.0)
-            cells[words] = f"{format_number(scaled, 3)} {unit}".rstrip() if value is not None else "–"
+    for name, number in json_numbers(balance, results.WORK_BALANCE).items():
+        value, unit = number["value"], number["unit"]
+        if value is not None:
+            is_share = unit == "1" and value < 1
+            cells[BALANCE[name]] = format_percent(value) if is_share else format_quantity(value, unit, 3)
     warnings = text.work_warnings(balance)
     blocks: list[Block] = [as_sentence(text.work_sentence(study))]
     if warnings:
         marks = [Mark("bad", "warning")] * len(warnings)
         blocks.append(Table("Balances that do not fit", {"": marks, "reason": warnings}))
-    columns = {"quantity": list(cells), "value": list(cells.values())}
-    blocks.append(Table(f"Work and mix of one cart, with the law {balance.law}", columns))
+    shown = {"quantity": list(cells), "value": list(cells.values())}
+    blocks.append(Table(f"Work and mix of one cart, with the law {balance.law}", shown))
     fit = {0: "all balances fit", 1: "one balance does not fit"}.get(len(warnings))
     lead = f"Specific work, mix fed and mix carried away: {fit or f'{len(warnings)} balances do not fit'}."
     return Section("work", "Work and throughput", lead, blocks)
@@ -431,39 +412,33 @@ def work_section(study: Study) -> Section:
 
 def cams_section(study: Study, pictures: Mapping[str, bytes], first_cam: CamDrawing) -> Section:
     """Describe the cams of all laws, that of the first law in full, and the motors in the rollers."""
-    laws, found = study.stages.laws, list(study.stages.drive.roller_motors.values())
-    svg, blocks = "image/svg+xml", list[Block]()
+    laws, found = study.stages.laws, results.roller_motor_table(study)
+    blocks: list[Block] = []
     if first_cam.reason:
         blocks.append(f"The cam of {first_cam.law}, the first law, cannot be cut: {first_cam.reason}.")
     else:
         caption = f"{first_cam.law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF."
-        turn = "One turn is a whole cycle.", svg, "Show the cam and the cart in motion"
-        blocks.append(Picture(first_cam.drawing.encode(), first_cam.description, caption, svg))
+        turn = "One turn is a whole cycle.", SVG, "Show the cam and the cart in motion"
+        blocks.append(Picture(first_cam.drawing.encode(), first_cam.description, caption, SVG))
         blocks.append(Picture(first_cam.animation.encode(), first_cam.animation_description, *turn))
-    columns: dict[str, list[Cell]] = {"law": [*study.cycles]}
+    cells: dict[str, list[Cell]] = {"law": [*study.cycles]}
     for follower in FOLLOWERS:
-        breadths = [format_quantity(laws.least_breadths[law, follower].breadth, "m") for law in study.cycles]
-        columns[f"least breadth, {follower}"] = [
+        breadths = [(format_quantity(laws.least_breadths[law, follower].breadth, "m"), law) for law in study.cycles]
+        cells[f"least breadth, {follower}"] = [
             Mark("bad", f"{breadth}: undercut") if laws.cams[law, follower].undercut else breadth
-            for law, breadth in zip(study.cycles, breadths, strict=True)
+            for breadth, law in breadths
         ]
     rollers, flats = ([laws.cams[law, follower] for law in study.cycles] for follower in ("roller", "flat"))
-    columns["least radius, roller"] = [format_quantity(cam.least_radius_of_curvature, "m") for cam in rollers]
-    columns["pressure angle, roller"] = [f"{np.degrees(cam.largest_pressure_angle):.1f}°" for cam in rollers]
-    columns["half-width, flat"] = [format_quantity(cam.largest_contact_offset, "m") for cam in flats]
-    breadth = format_quantity(next(iter(laws.cams.values())).breadth, "m")
-    blocks += figures_of("cams", pictures)
-    blocks.append(Table(f"Cams with a breadth of {breadth}; marked where it is too small", columns))
-    motors: dict[str, list[str]] = {
-        "law": list(study.stages.drive.roller_motors),
-        "torque": format_column([motor.peak_torque for motor in found], "Nm"),
-        "power": format_column([motor.peak_power for motor in found], "W"),
-        "share of friction": [format_percent(motor.share) for motor in found],
-    }
-    if any(motor.roller.has_creep for motor in found):
-        motors["creepage"] = [format_percent(motor.peak_creep) for motor in found]
-    if any(motor.lack for motor in found):
-        motors["limit"] = [motor.lack for motor in found]
+    cells["least radius, roller"] = [format_quantity(cam.least_radius_of_curvature, "m") for cam in rollers]
+    cells["pressure angle, roller"] = [f"{np.degrees(cam.largest_pressure_angle):.1f}°" for cam in rollers]
+    cells["half-width, flat"] = [format_quantity(cam.largest_contact_offset, "m") for cam in flats]
+    breadth = format_quantity(rollers[0].breadth, "m")
+    blocks += [*figures_of("cams", pictures), Table(f"Cams with a breadth of {breadth}; marked where too small", cells)]
+    motors = found.shown("law", "peak_torque", "peak_power") | {"share of friction": found.percent("share")}
+    if any(found["peak_creep"]):
+        motors["creepage"] = found.percent("peak_creep")
+    if any(found["lack"]):
+        motors["limit"] = found["lack"]
     caption = "Drive without a cam: peaks of the motor in each roller, and the required share of the friction limit"
     lead = f"{len(study.cycles)} laws for {len(FOLLOWERS)} followers; workshop drawing of one."
     return Section("cams", "Cams", lead, [*blocks, Table(caption, motors)])
@@ -549,14 +524,11 @@ def _remark(scene: Scene, table: str, key: str) -> Cell:
 
 def mix_section(study: Study) -> Section:
     """List the parameters of the mix with spread and origin."""
-    mix, rows = study.scene.mix, list[Sequence[Cell]]()
-    for p in study.mix.parameters:
-        numbers = (format_quantity(number, p.unit) for number in (p.value, p.low, p.high))
-        flag = Mark("known" if p.flag in KNOWN_FLAGS else "assumed", p.flag)
-        rows.append((p.name.replace("_", " "), *numbers, flag, p.origin))
-    header = ("parameter", "value", "low", "high", "flag", "origin")
+    mix, table = study.scene.mix, results.mix_table(study)
+    marks = [Mark("known" if flag in KNOWN_FLAGS else "assumed", flag) for flag in table["flag"]]
+    cells = _with_spread(table) | {"flag": marks, "origin": table["origin"]}
     lead = f"{100 * mix.moisture:g} % moisture content, density ratio {mix.density_ratio:g}; origin of each parameter."
-    return Section("mix", "Mix", lead, [Table.of_rows("Parameters of the mix", header, rows)])
+    return Section("mix", "Mix", lead, [Table("Parameters of the mix", cells)])
 
 
 def checks_section(checks: Sequence[BalanceCheck]) -> Section:

@@ -29,7 +29,7 @@ ZERO_SHARE = 1e-9  # [-], below which a share is rounding and shown as zero
 COLUMN_SPAN = 100  # [-], over which the smallest value of a column still shows all its digits
 PREFIX_FACTORS = {"G": 1e9, "M": 1e6, "k": 1e3, "": 1.0, "m": 1e-3, "µ": 1e-6}
 UNIT_PREFIXES = {  # units that have a prefix, and their prefixes, largest first
-    "N": "Mk", "N/m": "Mk", "Pa": "GMk", "W": "Mk", "J": "Mk", "m": "mµ", "s": "mµ", "Nm": "k",
+    "N": "Mk", "N/m": "Mk", "Pa": "GMk", "W": "Mk", "J": "Mk", "m": "mµ", "s": "mµ", "Nm": "k", "J/m3": "k",
 }  # fmt: skip
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 UNITS = (
@@ -156,6 +156,10 @@ class TableSpec:
         if all(isinstance(value, int) for value in values):
             return [format_number(value) for value in values]
         return format_column(values, self.quantities[name].unit, digits)
+
+    def percent(self, name: str) -> list[str]:
+        """Return a column of shares as per cent."""
+        return [format_percent(value) for value in self[name]]
 
     def shown(self, *names: str, digits: int = DIGITS) -> dict[str, list[str]]:
         """Return columns as text of the page by their heads: the term, or the name of a column of words."""

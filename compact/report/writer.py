@@ -26,10 +26,6 @@ from compact.rolling_contact import Contact
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
 PACKAGES = ("compact", "numpy", "scipy")  # whose versions are recorded
 HELD = {"height": ("indentation", "m"), "load": ("load", "N/m"), "peak_pressure": ("peak_pressure", "Pa")}
-WORK_BALANCE = (
-    "pass_work_J/m3 confined_work_J/m3 work_ratio loose_work_J/m3 cycle_work_J pressed_volume_m3 carried_volume_m3 "
-    "feed_ratio strokes_on_section throughput_work_J/m3 explained_share"
-)
 
 
 def write_study(
@@ -241,7 +237,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "steady_forces": _steady_forces(study),
         "over_durations": None if study.over_durations is None else _over_durations(study.over_durations),
         "machine_sizing": sizing_numbers(study.machine_sizing),
-        "work_balance": {"law": study.work_balance.law} | json_numbers(study.work_balance, WORK_BALANCE),
+        "work_balance": {"law": study.work_balance.law} | json_numbers(study.work_balance, results.WORK_BALANCE),
         "verdict": _verdict(study),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
@@ -252,7 +248,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "laws_not_made": stages.laws.not_made,
         "rankings": _rankings(stages.drive.places[scene.drive.kind]),
         "rigid_rankings": _rankings(stages.drive.places.get("rigid", {})),
-        "roller_motors": results.roller_motor_numbers(study) if "cams" in scene.output.items else {},
+        "roller_motors": _roller_motors(study) if "cams" in scene.output.items else {},
         "comparison": _comparison(study),
         "heaping": {
             name: json_numbers(error.heaping, heaping)
@@ -268,6 +264,12 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "evaluation_counts": dict(study.counts),
         "files": files,
     }
+
+
+def _roller_motors(study: Study) -> dict[str, Any]:
+    """Convert the requirements of each law on the motors in the rollers."""
+    table = results.roller_motor_table(study)
+    return {row[0]: dict(zip(list(table.quantities)[1:], row[1:], strict=True)) for row in table.rows}
 
 
 def _held(held: HeldQuantity | None) -> dict[str, Any] | None:

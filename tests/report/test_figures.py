@@ -10,7 +10,7 @@ from matplotlib.colors import LogNorm, to_rgb
 
 from compact.analysis.ranking_uncertainty import Place
 from compact.motion.profile import LAWS, law
-from compact.report import contact_figures, figures, writer
+from compact.report import contact_figures, figures
 from compact.report.figures import law_style
 from compact.rolling_contact import Layer, Roller
 
@@ -65,13 +65,10 @@ def test_colours_of_engines_are_distinct_with_colour_blindness(sight):
     assert min(np.linalg.norm(one - other) for one, other in combinations(shades, 2)) > 16
 
 
-def test_curves_of_the_first_screen_differ_without_colour():
+def test_curves_differ_without_colour():
     styles = figures.ENGINE_STYLES.values()
     assert len({str(dash) for _, _, dash in styles}) == len({mark for _, mark, _ in styles}) == len(styles)
     assert len({str(dash) for dash, _ in figures.BEST_STYLES}) == len(figures.BEST_STYLES)
-
-
-def test_levels_of_the_shaft_differ_without_colour():
     assert len({str(dash) for _, dash in figures.LEVELS.values()}) == len(figures.LEVELS)
 
 
@@ -106,21 +103,6 @@ def test_kinematics_are_those_of_the_laws():
     assert np.abs(np.diff(acceleration)[upright]).max() == pytest.approx(0.32, rel=1e-9)  # 36/5 stroke/duration^2
 
 
-def test_kinematics_of_a_report_are_those_of_the_laws():
-    study = SimpleNamespace(
-        over_durations=None, machine_sizing=SimpleNamespace(first=None),
-        scene=SimpleNamespace(output=SimpleNamespace(items=()), drive=SimpleNamespace(kind="elastic")),
-        runs="runs", cycles="cycles", comparison={}, count=lambda stage: None,
-        stages=SimpleNamespace(
-            drive=SimpleNamespace(places={"elastic": {}}),
-            contacts=SimpleNamespace(speeds=()),
-        ),
-    )  # fmt: skip
-    figure, *results = writer.study_figures(study)["kinematics"]
-    assert figure is figures.draw_kinematics
-    assert results == ["cycles"]
-
-
 def run(name, peak_force, peak_power=1.0, impulses=()):
     """A run of three samples with the largest in the middle."""
     return SimpleNamespace(
@@ -138,12 +120,9 @@ def test_drive_figure_names_laws_beyond_its_scale_with_their_peak():
     assert words(figure) == ["▲ constant-velocity: peak 7.45 kN, off the scale"]
 
 
-def test_drive_figure_names_infinite_forces():
+def test_drive_figure_names_infinite_forces_and_no_law_within_its_scale():
     runs = {"cubic": run("cubic", 700.0), "gear-sector": run("gear-sector", np.inf, np.inf, impulses=("jump",))}
     assert words(figures.draw_drive(runs)) == ["▲ gear-sector: infinite at its jumps"] * 2
-
-
-def test_drive_figure_has_no_label_if_all_laws_are_within_its_scale():
     assert words(figures.draw_drive({"cubic": run("cubic", 700.0), "quintic": run("quintic", 800.0)})) == []
 
 
@@ -196,25 +175,18 @@ def test_field_has_one_colour_scale_for_all_speeds():
     assert [ax.get_xlabel() for ax in scales] == ["mean pressure [kPa]", "dissipation [kW/m³], black: below the scale"]
 
 
-def test_field_figure_shows_the_base_with_its_condition():
-    figure = contact_figures.draw_fields([layer_of([0.0, 1e3], [0.0, 1.0], base="slip")])
-    ax = figure.axes[0]
-    low, high = ax.get_ylim()
+def test_field_figure_shows_the_base_or_states_its_depth():
+    ax = contact_figures.draw_fields([layer_of([0.0, 1e3], [0.0, 0.0], base="slip")]).axes
+    low, high = ax[0].get_ylim()
     assert low < 0 < 220 < high
-    assert any(np.allclose(line.get_ydata(), 0.0) for line in ax.lines)
-    assert "rigid base, frictionless" in words(figure)
-
-
-def test_field_figure_states_the_depth_of_the_base_of_a_deep_layer():
-    figure = contact_figures.draw_fields([layer_of([0.0, 1e3], [0.0, 1.0], height=2.0)])
-    low = figure.axes[0].get_ylim()[0]
+    assert any(np.allclose(line.get_ydata(), 0.0) for line in ax[0].lines)
+    assert "rigid base, frictionless" in [text.get_text() for text in ax[0].texts]
+    norm = ax[1].collections[0].norm
+    assert (norm.vmin, norm.vmax) == (0.0, 1.0)  # without dissipation
+    deep = contact_figures.draw_fields([layer_of([0.0, 1e3], [0.0, 1.0], height=2.0)])
+    low = deep.axes[0].get_ylim()[0]
     assert low == pytest.approx(2000 - 2.5 * 2.5 * 50)
-    assert f"rigid base, bonded, {low:.0f} mm below" in words(figure)
-
-
-def test_fields_without_dissipation_are_drawn():
-    norm = contact_figures.draw_fields([layer_of([0.0, 1e3], [0.0, 0.0])]).axes[1].collections[0].norm
-    assert (norm.vmin, norm.vmax) == (0.0, 1.0)
+    assert f"rigid base, bonded, {low:.0f} mm below" in words(deep)
 
 
 # order of the laws
@@ -241,20 +213,14 @@ def test_marks_of_engines_in_a_ranking_do_not_overlap():
     assert np.abs(heights - np.arange(3)).max() < 0.4  # still in its row
 
 
-def test_legend_of_a_ranking_has_the_marks_of_all_panels():
-    order = {"peak_force": places(VALUES), "peak_power": places(VALUES)}
+def test_ranking_is_one_narrow_column_with_a_common_legend():
+    order = {by: places(VALUES) for by in ("peak_force", "peak_power", "rms_force", "rms_power")}
     none = {name: place._replace(value=np.inf, reason="velocity jumps") for name, place in by_law(VALUES).items()}
     comparisons = {"peak_force": {"column": none}, "peak_power": {"column": by_law(VALUES)}}
     figure = figures.draw_rankings(order, comparisons)
     assert [text.get_text() for text in figure.legends[0].texts] == ["by column"]
-
-
-def test_panels_of_a_ranking_form_one_narrow_column():
-    order = {by: places(VALUES) for by in ("peak_force", "peak_power", "rms_force", "rms_power")}
-    figure = figures.draw_rankings(order, {})
-    left = {round(ax.get_position().x0, 9) for ax in figure.axes}
     assert len(figure.axes) == 4
-    assert len(left) == 1
+    assert len({round(ax.get_position().x0, 9) for ax in figure.axes}) == 1
     assert figure.get_figwidth() < 6.0
 
 

@@ -1,6 +1,5 @@
 """Results on disk: whole or not at all, read back as written, never over another scene's; every failure in words."""
 
-import contextlib
 import csv
 import errno
 import json
@@ -8,6 +7,7 @@ import math
 import os
 import shutil
 import stat
+from contextlib import nullcontext
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -32,6 +32,10 @@ from compact.files import (
 )
 
 
+def names(directory):
+    return sorted(path.name for path in directory.iterdir())
+
+
 @pytest.mark.parametrize(
     ("name", "content", "changes"),
     [("law.py", "b = 2", True), ("table.csv", "1", True), ("other.py", "a = 1", True), ("note.txt", "new", False)],
@@ -43,43 +47,23 @@ def test_hash_of_the_sources_follows_every_edit(tmp_path, name, content, changes
     assert (source_hash(tmp_path) != before) == changes
 
 
-def names(directory):
-    return sorted(path.name for path in directory.iterdir())
-
-
-def no_space(*_):
-    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-def write_half(path, broken_by):
-    with atomic_file(path) as stream:
-        stream.write("half")
-        raise broken_by
-
-
 # whole or not at all
 
 
-def test_file_appears_when_the_block_ends(tmp_path):
-    path = tmp_path / "a" / "b" / "result.txt"
-    with atomic_file(path) as stream:
-        stream.write("whole")
+@pytest.mark.parametrize(("mode", "new"), [("w", "δ, longer\n"), ("wb", b"\x89PNG\r\n\x00")])
+@pytest.mark.parametrize("old", [None, b"old"])
+def test_file_appears_whole_when_the_block_ends(tmp_path, mode, new, old):
+    path = tmp_path / "a" / "b" / "result"
+    path.parent.mkdir(parents=old is not None) if old else None
+    if old:
+        path.write_bytes(old)
+    with atomic_file(path, mode) as stream, atomic_file(path.with_name("other")) as other:
+        stream.write(new)
+        other.write("2")
         stream.flush()
-        assert not path.exists()
-    assert path.read_text() == "whole"
-    assert names(path.parent) == ["result.txt"]
-
-
-def test_bytes_are_kept(tmp_path):
-    with atomic_file(tmp_path / "picture.png", "wb") as stream:
-        stream.write(b"\x89PNG\r\n\x00")
-    assert (tmp_path / "picture.png").read_bytes() == b"\x89PNG\r\n\x00"
-
-
-def test_words_are_utf8_with_plain_line_ends(tmp_path):
-    with atomic_file(tmp_path / "words") as stream:
-        stream.write("δ\n")
-    assert (tmp_path / "words").read_bytes() == "δ\n".encode()
+        assert (path.read_bytes() if path.exists() else None) == old
+    assert path.read_bytes() == (new if mode == "wb" else new.encode())
+    assert names(path.parent) == ["other", "result"]
 
 
 @pytest.mark.parametrize("broken_by", [ZeroDivisionError, KeyboardInterrupt, SystemExit, MemoryError])
@@ -88,46 +72,29 @@ def test_broken_block_leaves_what_was_there(tmp_path, broken_by, old):
     path = tmp_path / "result.txt"
     if old:
         path.write_text(old)
+
+    def write_half():
+        with atomic_file(path) as stream:
+            stream.write("half")
+            raise broken_by
+
     with pytest.raises(broken_by):
-        write_half(path, broken_by)
+        write_half()
     assert names(tmp_path) == (["result.txt"] if old else [])
     assert not old or path.read_text() == old
 
 
-def test_old_content_is_read_until_the_new_is_whole(tmp_path):
-    path = tmp_path / "result.txt"
-    path.write_text("old")
-    with path.open() as reader:
-        with atomic_file(path) as stream:
-            stream.write("new, longer")
-            assert path.read_text() == "old"
-        assert reader.read() == "old"
-    assert path.read_text() == "new, longer"
-
-
-def test_two_files_of_one_directory_do_not_meet(tmp_path):
-    with atomic_file(tmp_path / "a") as first, atomic_file(tmp_path / "b") as second:
-        first.write("1")
-        second.write("2")
-    assert [(tmp_path / name).read_text() for name in "ab"] == ["1", "2"]
-
-
-# a disk that fails
-
-
-@pytest.mark.parametrize("failing", ["fsync", "flush", "replace"])
+@pytest.mark.parametrize("failing", ["fsync", "replace"])
 def test_full_disk_is_told_and_leaves_nothing(tmp_path, monkeypatch, failing):
+    def no_space(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
     path = tmp_path / "result.txt"
     path.write_text("old")
-    if failing == "fsync":
-        monkeypatch.setattr(os, "fsync", no_space)
-    elif failing == "replace":
-        monkeypatch.setattr(Path, "replace", no_space)
+    monkeypatch.setattr(os if failing == "fsync" else Path, failing, no_space)
     told = pytest.raises(ResultsError, match=r"result\.txt: could not be written: No space left on device")
     with told, atomic_file(path) as stream:
         stream.write("new")
-        if failing == "flush":
-            no_space()
     monkeypatch.undo()
     assert names(tmp_path) == ["result.txt"]
     assert path.read_text() == "old"
@@ -145,77 +112,73 @@ def test_really_full_device_is_told(tmp_path, monkeypatch, size):
     assert names(tmp_path) == []
 
 
-def test_directory_in_the_way_is_told(tmp_path):
-    (tmp_path / "result.csv").mkdir()
-    with pytest.raises(ResultsError, match=r"result\.csv: not a regular file; use another name"):
-        write_csv(tmp_path / "result.csv", ("a",), [])
-    assert names(tmp_path) == ["result.csv"]
+def fifo(directory):
+    os.mkfifo(directory / "pipe")
+    return directory / "pipe"
 
 
-def test_directory_that_cannot_be_made_is_told():
-    with pytest.raises(ResultsError, match=r"/proc/compact/result\.csv: could not be written"):
-        write_csv("/proc/compact/result.csv", ("a",), [])
+def folder(directory):
+    (directory / "result.csv").mkdir()
+    return directory / "result.csv"
 
 
-@pytest.mark.parametrize("call", ["open", "mkdir"])
+def below_a_file(directory):
+    (directory / "file").write_text("")
+    return directory / "file" / "result.csv"
+
+
+@pytest.mark.parametrize(
+    ("path_in", "words"),
+    [
+        (folder, r"result\.csv: not a regular file; use another name"),
+        (fifo, "pipe: not a regular file; use another name"),
+        (lambda _: Path("/proc/compact/result.csv"), r"/proc/compact/result\.csv: could not be written"),
+        (below_a_file, "could not be written"),
+        (lambda directory: directory / ("x" * 300), "could not be written"),
+    ],
+    ids=["folder", "pipe", "no folder", "below a file", "long name"],
+)
+def test_file_that_cannot_be_written_is_told(tmp_path, path_in, words):
+    path = path_in(tmp_path)
+    before = names(tmp_path)
+    with pytest.raises(ResultsError, match=words):
+        write_csv(path, ("a",), [])
+    assert names(tmp_path) == before
+    assert path.name != "pipe" or stat.S_ISFIFO(path.stat().st_mode)
+
+
+@pytest.mark.parametrize("call", ["open", "mkdir", "iterdir"])
 def test_forbidden_directory_is_told(tmp_path, monkeypatch, call):
     def forbidden(*_, **__):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
     monkeypatch.setattr(Path, call, forbidden)
-    with pytest.raises(ResultsError, match="could not be written: Permission denied"):
-        write_csv(tmp_path / "result.csv", ("a",), [])
-
-
-def below_a_file(tmp_path):
-    (tmp_path / "file").write_text("")
-    return tmp_path / "file" / "result.csv"
-
-
-def named_too_long(tmp_path):
-    return tmp_path / ("x" * 300)
-
-
-@pytest.mark.parametrize("path_in", [below_a_file, named_too_long])
-def test_path_that_cannot_be_is_told(tmp_path, path_in):
-    path = path_in(tmp_path)
-    with pytest.raises(ResultsError, match="could not be written"):
-        write_csv(path, ("a",), [])
-
-
-def test_what_is_not_a_file_is_not_replaced(tmp_path):
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    with pytest.raises(ResultsError, match="pipe: not a regular file; use another name"):
-        write_csv(pipe, ("a",), [])
-    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    with pytest.raises(ResultsError, match="Permission denied"):
+        claim_directory(tmp_path, "abc") if call == "iterdir" else write_csv(tmp_path / "result.csv", ("a",), [])
 
 
 # tables and JSON
 
 
 def test_table_reads_back(tmp_path):
-    rows = [("cubic", 1 / 3, 4), ('a, "b"\nδ', np.float64(2e-300), True), ("none", None, np.int64(7))]
+    rows = [("cubic", 1 / 3, 4), ('a, "b"\nδ', np.float64(2e-300), True), (None, math.inf, np.int64(7))]
     write_csv(tmp_path / "t.csv", ("law", "peak_force_N", "n"), rows)
     with (tmp_path / "t.csv").open(newline="", encoding="utf-8") as stream:
-        got = list(csv.reader(stream))
-    assert got[0] == ["law", "peak_force_N", "n"]
-    assert got[1] == ["cubic", "0.333333333333", "4"]
-    assert got[2] == ['a, "b"\nδ', "2e-300", "True"]
-    assert got[3] == ["none", "", "7"]
+        header, *got = csv.reader(stream)
+    assert header == ["law", "peak_force_N", "n"]
+    assert got == [["cubic", "0.333333333333", "4"], ['a, "b"\nδ', "2e-300", "True"], ["", "inf", "7"]]
 
 
-def test_table_holds_infinities_in_words_that_float_reads(tmp_path):
-    write_csv(tmp_path / "t.csv", ("a", "b", "c"), [(math.inf, -math.inf, math.nan)])
-    assert (tmp_path / "t.csv").read_text() == "a,b,c\ninf,-inf,nan\n"
-
-
-def test_table_that_breaks_half_way_leaves_the_old(tmp_path):
+def test_table_or_json_that_breaks_half_way_leaves_the_old(tmp_path):
     write_csv(tmp_path / "t.csv", ("a",), [(1.0,)])
+    write_json(tmp_path / "s.json", {"a": 1})
     with pytest.raises(ZeroDivisionError):
         write_csv(tmp_path / "t.csv", ("a",), ((1 / i,) for i in (2, 1, 0)))
+    with pytest.raises(TypeError):
+        write_json(tmp_path / "s.json", {"a": {1, 2}})
     assert (tmp_path / "t.csv").read_text() == "a\n1\n"
-    assert names(tmp_path) == ["t.csv"]
+    assert json.loads((tmp_path / "s.json").read_text()) == {"a": 1}
+    assert names(tmp_path) == ["s.json", "t.csv"]
 
 
 @given(st.lists(st.floats(), max_size=5))
@@ -226,31 +189,16 @@ def test_numbers_of_a_table_keep_twelve_digits(tmp_path_factory, values):
     assert got == pytest.approx(values, rel=5.1e-12, abs=5e-324, nan_ok=True)
 
 
-def test_json_says_infinity_in_a_word_and_nan_with_null(tmp_path):
-    content = {"a": math.inf, "b": [-math.inf, math.nan], "c": np.array([[1.0, np.nan], [np.inf, 2.0]])}
-    write_json(tmp_path / "s.json", content | {"d": np.float32(np.inf)})
-    got = json.loads((tmp_path / "s.json").read_text(), parse_constant=pytest.fail)
-    assert got == {
-        "a": "infinite",
-        "b": ["-infinite", None],
-        "c": [[1.0, None], ["infinite", 2.0]],
-        "d": "infinite",
-    }
-
-
-def test_json_takes_numpy_and_tuples(tmp_path):
-    content = {3: (np.int64(4), np.float64(0.1), np.bool_(True)), "none": None, "δ": {"deep": [()]}}
+def test_json_takes_numpy_and_says_infinity_in_a_word_and_nan_with_null(tmp_path):
+    content = {
+        "a": math.inf, "b": [-math.inf, math.nan], "c": np.array([[1.0, np.nan], [np.inf, 2.0]]),
+        "d": np.float32(np.inf), 3: (np.int64(4), np.float64(0.1), np.bool_(True)), "none": None, "δ": {"deep": [()]},
+    }  # fmt: skip
     write_json(tmp_path / "s.json", content)
-    assert json.loads((tmp_path / "s.json").read_text()) == {"3": [4, 0.1, True], "none": None, "δ": {"deep": [[]]}}
-    assert (tmp_path / "s.json").read_text().endswith("}\n")
-
-
-def test_json_that_cannot_be_written_leaves_the_old(tmp_path):
-    write_json(tmp_path / "s.json", {"a": 1})
-    with pytest.raises(TypeError):
-        write_json(tmp_path / "s.json", {"a": {1, 2}})
-    assert json.loads((tmp_path / "s.json").read_text()) == {"a": 1}
-    assert names(tmp_path) == ["s.json"]
+    assert json.loads((tmp_path / "s.json").read_text(), parse_constant=pytest.fail) == {
+        "a": "infinite", "b": ["-infinite", None], "c": [[1.0, None], ["infinite", 2.0]], "d": "infinite",
+        "3": [4, 0.1, True], "none": None, "δ": {"deep": [[]]},
+    }  # fmt: skip
 
 
 json_values = st.recursive(
@@ -267,9 +215,6 @@ def test_json_reads_back_as_it_was(tmp_path_factory, content):
     assert json.loads(path.read_text(encoding="utf-8")) == content
 
 
-# a series of fields
-
-
 def test_series_names_its_files_from_its_own_place(tmp_path):
     mesh = meshio.Mesh(np.eye(3), [("triangle", [[0, 1, 2]])])
     frames = [(value, mesh) for value in (0.02, 1 / 3)]
@@ -280,9 +225,6 @@ def test_series_names_its_files_from_its_own_place(tmp_path):
     assert members == {0.02: "fields/speed=0.02.vtu", 1 / 3: "fields/speed=0.3333333333333333.vtu"}
     parameter, read = read_vtu_series(tmp_path / "fields.pvd")
     assert (parameter, [value for value, _ in read]) == ("speed", [0.02, 1 / 3])
-
-
-# tables
 
 
 def test_table_is_read_by_columns_without_its_comments(tmp_path):
@@ -312,101 +254,66 @@ def test_invalid_table_is_refused_with_its_line(tmp_path, content, message):
 # whose directory
 
 
-@pytest.mark.parametrize("made", [False, True], ids=["new", "empty"])
-def test_free_directory_is_claimed(tmp_path, made):
+@pytest.mark.parametrize("found", [(), ("empty",), ("own",), ("killed",)], ids=lambda found: "".join(found) or "new")
+def test_free_or_own_directory_is_claimed(tmp_path, found):
     directory = tmp_path / "out" / "scene"
-    if made:
+    if found:
         directory.mkdir(parents=True)
+    if "own" in found:
+        claim_directory(str(directory), "abc")
+    if "killed" in found:
+        (directory / f".{OWNER_FILE}.4711.part").write_text("")  # remains of a claim
     assert claim_directory(directory, "abc") == directory
     assert (directory / OWNER_FILE).read_text() == "abc\n"
 
 
-def test_own_directory_is_used_again(tmp_path):
-    claim_directory(tmp_path / "out", "abc")
-    write_json(tmp_path / "out" / "summary.json", {})
-    assert claim_directory(str(tmp_path / "out"), "abc") == tmp_path / "out"
-    assert names(tmp_path / "out") == [OWNER_FILE, "summary.json"]
+FOREIGN = {  # files of a directory, and words of the refusal
+    "another scene": ({OWNER_FILE: b"xyz\n"}, "holds results of another scene; use another --out, or --force"),
+    "other programs": ({"thesis.tex": b"work"}, "contains files of other programs; use another --out, or --force"),
+    "empty mark": ({OWNER_FILE: b""}, "another scene"),
+    "unreadable mark": ({OWNER_FILE: b"\xff\xfe"}, "another scene"),
+}
 
 
-def test_directory_of_another_scene_is_refused(tmp_path):
-    claim_directory(tmp_path, "abc")
-    with pytest.raises(ResultsError, match="holds results of another scene; use another --out, or --force"):
-        claim_directory(tmp_path, "xyz")
-    assert (tmp_path / OWNER_FILE).read_text() == "abc\n"
-
-
-def test_force_takes_the_directory_of_another_scene(tmp_path):
-    claim_directory(tmp_path, "abc")
-    write_json(tmp_path / "summary.json", {})
-    claim_directory(tmp_path, "xyz", force=True)
-    assert (tmp_path / OWNER_FILE).read_text() == "xyz\n"
-    assert names(tmp_path) == [OWNER_FILE, "summary.json"]
-
-
-def test_foreign_files_are_refused_and_kept_under_force(tmp_path):
-    (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(ResultsError, match="contains files of other programs; use another --out, or --force"):
+@pytest.mark.parametrize("case", FOREIGN)
+def test_directory_of_others_is_refused_and_kept_under_force(tmp_path, case):
+    files, words = FOREIGN[case]
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(ResultsError, match=words):
         claim_directory(tmp_path, "abc")
-    assert names(tmp_path) == ["thesis.tex"]
+    assert {name: (tmp_path / name).read_bytes() for name in names(tmp_path)} == files
     claim_directory(tmp_path, "abc", force=True)
-    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+    assert (tmp_path / OWNER_FILE).read_text() == "abc\n"
+    assert set(files) <= set(names(tmp_path))
 
 
 @pytest.mark.parametrize("force", [False, True])
-def test_file_in_the_way_is_refused(tmp_path, force):
+def test_place_that_is_no_directory_is_refused(tmp_path, force):
     (tmp_path / "out").write_text("a file")
-    with pytest.raises(ResultsError, match="out: Not a directory; use another --out"):
-        claim_directory(tmp_path / "out", "abc", force)
+    (tmp_path / "marked" / OWNER_FILE).mkdir(parents=True)
+    for place, words in (
+        (tmp_path / "out", "out: Not a directory; use another --out"),
+        (tmp_path / "marked", "Is a directory; use another --out"),
+        ("/proc/compact", r"/proc/compact/scene\.hash: could not be written"),
+    ):
+        with pytest.raises(ResultsError, match=words):
+            claim_directory(place, "abc", force)
     assert (tmp_path / "out").read_text() == "a file"
 
 
-def test_directory_that_may_not_be_read_is_told(tmp_path, monkeypatch):
-    def forbidden(*_, **__):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+@pytest.mark.parametrize("result", [None, "laws.csv"])
+def test_claim_of_a_failed_run_is_given_back_unless_it_wrote_something(tmp_path, result):
+    def fail():
+        with claimed_directory(tmp_path, "abc") as place:
+            if result:
+                (place / result).write_text("whole")
+            raise ZeroDivisionError
 
-    monkeypatch.setattr(Path, "iterdir", forbidden)
-    with pytest.raises(ResultsError, match="Permission denied; use another --out"):
-        claim_directory(tmp_path, "abc")
-
-
-def test_place_where_nothing_can_be_written_is_told():
-    with pytest.raises(ResultsError, match=r"/proc/compact/scene\.hash: could not be written"):
-        claim_directory("/proc/compact", "abc")
-
-
-def test_directory_as_a_mark_is_refused(tmp_path):
-    (tmp_path / OWNER_FILE).mkdir()
-    with pytest.raises(ResultsError, match="Is a directory; use another --out"):
-        claim_directory(tmp_path, "abc")
-
-
-def fail_in(directory, scene_hash, result=None):
-    with claimed_directory(directory, scene_hash) as place:
-        if result:
-            (place / result).write_text("whole")
-        raise ZeroDivisionError
-
-
-def test_claim_of_a_run_that_wrote_nothing_is_given_back(tmp_path):
     with pytest.raises(ZeroDivisionError):
-        fail_in(tmp_path, "abc")
-    with claimed_directory(tmp_path, "xyz") as directory:
-        assert (directory / OWNER_FILE).read_text() == "xyz\n"
-
-
-def test_claim_of_a_run_that_wrote_something_stays(tmp_path):
-    with pytest.raises(ZeroDivisionError):
-        fail_in(tmp_path, "abc", "laws.csv")
-    with pytest.raises(ResultsError, match="another scene"):
+        fail()
+    with pytest.raises(ResultsError, match="another scene") if result else nullcontext():
         claim_directory(tmp_path, "xyz")
-
-
-def delete_and_write(out, error):
-    with claimed_directory(out, "abc"):
-        shutil.rmtree(out)
-        write_json(out / "later.json", {})
-        if error:
-            raise error
 
 
 @pytest.mark.parametrize(
@@ -415,8 +322,16 @@ def delete_and_write(out, error):
 )
 def test_deleted_directory_is_told_and_continued_by_the_same_command(tmp_path, error, told):
     out = tmp_path / "out"
+
+    def delete_and_write():
+        with claimed_directory(out, "abc"):
+            shutil.rmtree(out)
+            write_json(out / "later.json", {})
+            if error:
+                raise error
+
     with pytest.raises(told) as raised:
-        delete_and_write(out, error)
+        delete_and_write()
     assert ("was deleted while its results were written" in str(raised.value)) == (told is ResultsError)
     assert names(out) == sorted(["later.json", OWNER_FILE])
     claim_directory(out, "abc")
@@ -426,22 +341,3 @@ def test_directory_that_another_command_overwrites_is_told(tmp_path):
     with pytest.raises(ResultsError, match="overwritten by another command"), claimed_directory(tmp_path, "abc"):
         claim_directory(tmp_path, "xyz", force=True)
     assert (tmp_path / OWNER_FILE).read_text() == "xyz\n"
-
-
-def test_empty_mark_is_another_scene(tmp_path):
-    (tmp_path / OWNER_FILE).write_text("")
-    with pytest.raises(ResultsError, match="another scene"):
-        claim_directory(tmp_path, "abc")
-
-
-def test_unreadable_mark_is_refused(tmp_path):
-    (tmp_path / OWNER_FILE).write_bytes(b"\xff\xfe")
-    with pytest.raises(ResultsError, match="another scene"):
-        claim_directory(tmp_path, "abc")
-
-
-def test_remains_of_a_killed_claim_do_not_lock_the_directory(tmp_path):
-    (tmp_path / f".{OWNER_FILE}.4711.part").write_text("")
-    with contextlib.suppress(ResultsError):
-        claim_directory(tmp_path, "abc")
-    assert (tmp_path / OWNER_FILE).exists()
