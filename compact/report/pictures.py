@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.ticker import MaxNLocator
 
 from compact.files import ResultsError, write_bytes
 from compact.quantities import FIELD
@@ -24,6 +25,7 @@ SIZE = (1600, 760)  # [pixel], width and height of a picture
 SHOWN_CONTACTS = 2.2  # [-], contact lengths shown on each side of the roller
 ROLLER_SIDES = 720  # [-], of the polygon that is drawn as the roller
 DEPTH_SHARE, ABOVE_SHARE = 0.55, 0.25  # [-], shown below and above the lowest generatrix over the half-width
+FRONT = 1e-4  # [m], of roller and strip before the layer
 STRIP_SHARE = 0.16  # [-], of the height, below the layer for the colour scale
 OUTLINE_NODES = [0, 4, 1, 5, 2, 6, 3, 7]  # of a quadrilateral with nodes on its sides, in order
 TICKS = 8  # [-], intervals of the colour scale at most
@@ -109,22 +111,39 @@ def render_fields(
     """
     pyvista = _pyvista()
     name = shown_field(mesh, field)
-    layer, window = _elements(mesh, name), _window(mesh, contact)
+    layer, (left, right, low, high) = _elements(mesh, name), _window(mesh, contact)
+    width, height = right - left, high - low
+    x, y, _ = layer.cell_centers().points.T
+    values = layer.cell_data["shown"][(x > left) & (x < right) & (y > low)]
+    ticks = MaxNLocator(TICKS).tick_values(float(values.min()), float(values.max()))  # round, over the shown elements
+    below = [(left - width, low - height, FRONT), (right + width, low - height, FRONT), (left - width, low, FRONT)]
     with pyvista.vtk_verbosity("off"):  # without a display VTK warns before it renders by EGL
         plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
         plotter.set_background("white")
-        ticks = _ticks(layer, window)
         drawn = plotter.add_mesh(
             layer, scalars="shown", cmap=COLOURS.get(name, "viridis"), clim=(ticks[0], ticks[-1]), show_edges=True,
             edge_opacity=0.15, line_width=0.5, lighting=False, show_scalar_bar=False,
         )  # fmt: skip
-        plotter.add_mesh(_strip(window), color="white", lighting=False)
+        plotter.add_mesh(pyvista.Rectangle(below), color="white", lighting=False)  # hides the layer below the window
         if contact is not None:
-            roller = _roller(contact)
+            radius = contact.roller.radius
+            centre = (0.0, contact.layer.height - contact.indentation + radius, FRONT)
+            disc = {"center": centre, "inner": 0.0, "outer": radius, "normal": (0, 0, 1), "c_res": ROLLER_SIDES}
+            roller = pyvista.Disc(r_res=1, **disc)
             plotter.add_mesh(roller, color="#e9e9e9", lighting=False)
             plotter.add_mesh(roller.extract_feature_edges(), color="#444444", line_width=2.5, lighting=False)
-        _add_scale(plotter, drawn, FIELD[name].axis_label if name in FIELD else name, len(ticks))
-        _set_camera(plotter, window, size)
+        plotter.add_scalar_bar(
+            FIELD[name].axis_label if name in FIELD else name, mapper=drawn.mapper, color="black", title_font_size=28,
+            label_font_size=24, n_labels=len(ticks), fmt="%.4g", font_family="arial", width=0.56, height=0.09,
+            position_x=0.22, position_y=0.015,
+        )  # fmt: skip
+        scale = min(size[0] / width, (1 - STRIP_SHARE) * size[1] / height)  # [pixel/m]
+        half = 0.5 * size[1] / scale
+        middle = 0.5 * (left + right), low - STRIP_SHARE * size[1] / scale + half
+        plotter.view_xy()
+        plotter.enable_parallel_projection()
+        plotter.camera.focal_point, plotter.camera.position = (*middle, 0.0), (*middle, 1.0)
+        plotter.camera.parallel_scale = half
         picture = plotter.screenshot(return_img=True)
         plotter.close()
     return picture
@@ -190,51 +209,6 @@ def _window(mesh: "meshio.Mesh", contact: Any) -> Window:
     reach = SHOWN_CONTACTS * (contact.leading - contact.trailing)
     surface = contact.layer.height - contact.indentation
     return max(left, -reach), min(right, reach), max(low, surface - DEPTH_SHARE * reach), surface + ABOVE_SHARE * reach
-
-
-def _ticks(layer: "pyvista.PolyData", window: Window) -> list[float]:
-    """Return round values that span those of the elements in the window."""
-    from matplotlib.ticker import MaxNLocator
-
-    left, right, low, _ = window
-    x, y, _ = layer.cell_centers().points.T
-    values = layer.cell_data["shown"][(x > left) & (x < right) & (y > low)]
-    return list(MaxNLocator(TICKS).tick_values(float(values.min()), float(values.max())))
-
-
-def _strip(window: Window) -> "pyvista.PolyData":
-    """Return a rectangle that hides the layer below the window."""
-    left, right, low, high = window
-    width, height = right - left, high - low
-    corners = [(left - width, low - height, 1e-4), (right + width, low - height, 1e-4), (left - width, low, 1e-4)]
-    return _pyvista().Rectangle(corners)
-
-
-def _add_scale(plotter: Any, drawn: "pyvista.Actor", label: str, count: int) -> None:
-    """Add the colour scale in the strip below the layer."""
-    plotter.add_scalar_bar(
-        label, mapper=drawn.mapper, color="black", title_font_size=28, label_font_size=24, n_labels=count,
-        fmt="%.4g", font_family="arial", width=0.56, height=0.09, position_x=0.22, position_y=0.015,
-    )  # fmt: skip
-
-
-def _set_camera(plotter: Any, window: Window, size: Sequence[int]) -> None:
-    """Show the window to scale, above a strip for the colour scale."""
-    left, right, low, high = window
-    scale = min(size[0] / (right - left), (1 - STRIP_SHARE) * size[1] / (high - low))  # [pixel/m]
-    half = 0.5 * size[1] / scale
-    x, y = 0.5 * (left + right), low - STRIP_SHARE * size[1] / scale + half
-    plotter.view_xy()
-    plotter.enable_parallel_projection()
-    plotter.camera.focal_point, plotter.camera.position = (x, y, 0.0), (x, y, 1.0)
-    plotter.camera.parallel_scale = half
-
-
-def _roller(contact: Any) -> "pyvista.PolyData":
-    """Return the disc of the roller in front of the layer."""
-    radius = contact.roller.radius
-    centre = (0.0, contact.layer.height - contact.indentation + radius, 1e-4)
-    return _pyvista().Disc(center=centre, inner=0.0, outer=radius, normal=(0, 0, 1), r_res=1, c_res=ROLLER_SIDES)
 
 
 def _pyvista() -> Any:

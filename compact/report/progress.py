@@ -187,15 +187,7 @@ def spinning(stage: str, **options: Any) -> Iterator[Progress]:
 
 @dataclass
 class StageTime:
-    """Time of all runs of one stage.
-
-    Parameters
-    ----------
-    runs : int
-        Number of runs.
-    wall, processor : float
-        Wall time and processor time of this process [s].
-    """
+    """Number of runs of one stage, and their wall time and processor time of this process [s]."""
 
     runs: int = 0
     wall: float = 0.0
@@ -213,9 +205,8 @@ class StageProfile(logging.Handler):
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
-        self.stages: dict[str, StageTime] = {BEFORE: StageTime(runs=1)}
         self._running, self._wall, self._processor = BEFORE, monotonic(), process_time()
-        self.stages[BEFORE].processor = self._processor  # of this process since its start
+        self.stages = {BEFORE: StageTime(1, 0.0, self._processor)}  # of this process since its start
         self._children = _children_time()
 
     def emit(self, record: logging.LogRecord) -> None:
@@ -236,19 +227,16 @@ class StageProfile(logging.Handler):
     def table(self) -> str:
         """Return the stages as lines of text, the longest first, with their sum."""
         self.stop()
-        total = sum(each.wall for each in self.stages.values())
+        wall, processor = (sum(getattr(each, name) for each in self.stages.values()) for name in ("wall", "processor"))
         ordered = sorted(self.stages.items(), key=lambda item: -item[1].wall)
-        rows = [HEADER, *(_row(name, each, total) for name, each in ordered)]
-        rows.append(_row("total", StageTime(0, total, sum(each.processor for each in self.stages.values())), total))
+        rows = [HEADER] + [
+            (name, str(each.runs or ""), f"{each.wall:.2f}", f"{each.processor:.2f}", f"{each.wall / (wall or 1):.0%}")
+            for name, each in [*ordered, ("total", StageTime(0, wall, processor))]
+        ]
         width = max(len(row[0]) for row in rows)
         lines = [f"{row[0]:<{width}}" + "".join(f"{cell:>15}" for cell in row[1:]) for row in rows]
         children = _children_time() - self._children
         return "\n".join([*lines, *([f"worker processes: {children:.2f} s of processor time"] if children else [])])
-
-
-def _row(name: str, time: StageTime, total: float) -> tuple[str, ...]:
-    share = time.wall / total if total else 0.0
-    return name, str(time.runs or ""), f"{time.wall:.2f}", f"{time.processor:.2f}", f"{share:.0%}"
 
 
 def _children_time() -> float:
@@ -277,18 +265,17 @@ def logged(verbose: int, profile: bool) -> Iterator[None]:
     profile : bool
         True to print the time of every stage.
     """
-    package, stages = logging.getLogger(PACKAGE), logging.getLogger(STAGES)
+    package, measured = logging.getLogger(PACKAGE), StageProfile()
     handlers: list[tuple[logging.Logger, logging.Handler]] = []
-    level = package.level
     if verbose:
         stream = logging.StreamHandler(sys.stderr)
         stream.setFormatter(_Line())
         handlers.append((package, stream))
-    measured = StageProfile()
     if profile:
-        handlers.append((stages, measured))
+        handlers.append((logging.getLogger(STAGES), measured))
     for logger, handler in handlers:
         logger.addHandler(handler)
+    level = package.level
     package.setLevel(logging.DEBUG if verbose > 1 else logging.INFO if verbose or profile else logging.ERROR)
     try:
         yield

@@ -36,7 +36,9 @@ from compact.scene.loader import Scene
 
 WIDE_PICTURE = 880  # [px], width above which a picture scrolls sideways on a narrow screen
 PNG_WIDTH = slice(16, 20)  # bytes of the header of a PNG file
-NUMERIC = re.compile(r"[−+<]?\d|–|infinite|tie$|constant|closed form|no |not |heaps|out of|$")  # of a column of numbers
+NUMERIC = re.compile(
+    r"[−+<]? ?\d.{,24}$|–|infinite|tie$|constant|closed form|no |not |heaps|out of|$"
+)  # or in their place
 SHOWN_CYCLES, SHOWN_MOTORS = 6, 12  # [-], cycles of a wheel, the largest, and motors next to the chosen one
 SVG = "image/svg+xml"
 KNOWN_FLAGS = ("measured", "given", "derived")  # of parameters of the mix; all others are assumed
@@ -185,20 +187,12 @@ def ranking_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
     """Tabulate the rankings by each criterion and drive, and their agreement."""
     blocks: list[Block] = [*figures_of("ranking", pictures)]
     if study.agreements:
-        rows = [
-            (
-                term_of(a.by), f"{a.engine}, {a.drive}", f"{a.other_engine}, {a.other_drive}", a.first, a.other_first,
-                f"{a.agreement.discordant_pairs} of {a.agreement.pairs}", str(a.agreement.resolved_discordant_pairs),
-                format_number(a.agreement.tau, 3),
-            )
-            for a in study.agreements
-        ]  # fmt: skip
-        header = (
-            "criterion", "ranking by", "comparison with", "first law", "first law of the comparison",
-            "discordant pairs", "discordant beyond the errors", "Kendall's tau",
-        )  # fmt: skip
-        blocks.append(Table.of_rows("Agreement of the rankings", header, rows))
-    blocks += [as_sentence(sentence) for sentence in text.heaping_sentences(study)]
+        found = results.agreement_table(study)
+        cells: dict[str, Sequence[Cell]] = {"criterion": [term_of(by) for by in found["criterion"]]}
+        cells |= found.shown("engine", "drive", "other_engine", "other_drive", "first", "other_first", "pairs")
+        cells |= found.shown("discordant_pairs", "resolved_discordant_pairs", "kendall_tau", digits=3)
+        blocks.append(Table("Agreement of the rankings; resolved pairs differ beyond the errors", cells))
+    blocks += _sentences(*text.heaping_sentences(study))
     for kind, orders in study.stages.drive.places.items():
         for by, order in orders.items():
             blocks.append(_ranking_table(kind, by, order, results.comparison_places(study, kind, by)))
@@ -267,9 +261,12 @@ def _with_spread(table: TableSpec) -> dict[str, list[str]]:
     """Return name, value and range of numbers, each with its own unit."""
     first = next(iter(table.quantities))
     found = {first: [name.replace("_", " ") for name in table[first]]}
-    for name in ("value", "low", "high"):
-        found[name] = [format_quantity(*each) for each in zip(table[name], table["unit"], strict=True)]
-    return found
+    return found | {name: _with_units(table, name) for name in ("value", "low", "high")}
+
+
+def _with_units(table: TableSpec, name: str) -> list[str]:
+    """Return a column of numbers, each with the unit of its row."""
+    return [format_quantity(*each) for each in zip(table[name], table["unit"], strict=True)]
 
 
 def laws_section(study: Study, pictures: Mapping[str, bytes]) -> Section:
@@ -309,14 +306,14 @@ def duration_section(found: DurationStudy, pictures: Mapping[str, bytes]) -> Sec
             rows.append((f"{duration:.3g} s", first.run.name, value, margin, ", ".join(tied)))
         header = ("duration", "first law", term_of(by), "margin", "ties with it")
         blocks.append(Table.of_rows(f"First law by {term_of(by)}", header, rows))
-    crossed = [
-        (term_of(each.by), f"{each.duration:.3g} s", each.shorter, each.longer,
-         format_quantity(each.value, CRITERIA[each.by].unit))
-        for each in found.crossovers
-    ]  # fmt: skip
-    if crossed:
-        header = ("criterion", "duration", "first for shorter passes", "first for longer passes", "peak of both")
-        blocks.append(Table.of_rows("Crossovers of the first laws", header, crossed))
+    if found.crossovers:
+        crossed = list(results.duration_tables(found))[1]
+        blocks.append(Table("Crossovers of the first laws", {
+            "criterion": [term_of(by) for by in crossed["criterion"]],
+            "duration": [f"{duration:.3g} s" for duration in crossed["duration"]],
+            "first for shorter passes": crossed["shorter"], "first for longer passes": crossed["longer"],
+            "peak of both": _with_units(crossed, "value"),
+        }))  # fmt: skip
     lead = f"First laws from {found.durations[0]:.3g} to {found.durations[-1]:.3g} s a pass, with crossovers."
     return Section("duration", "Duration of a pass", lead, blocks)
 

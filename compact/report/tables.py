@@ -34,7 +34,7 @@ UNIT_PREFIXES = {  # units that have a prefix, and their prefixes, largest first
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 UNITS = (
     "N", "N/m", "Pa", "W", "J", "Nm", "m", "s", "rad", "rad/s", "rad/s2", "rad/s3", "m/s", "m/s2", "m/s3", "m/s4",
-    "m2", "m2/s", "m2/s3", "m2/s5", "m2/s7", "m3", "m3/s", "kg", "kgm2", "J/m3", "SI",
+    "m2", "m2/s", "m2/s3", "m2/s5", "m2/s7", "m3", "m3/s", "kg", "kgm2", "J/m3", "h", "SI",
 )  # fmt: skip
 WORD = Quantity("", "")  # of a column of words
 Getter = str | Callable[[Any], Any]
@@ -104,7 +104,7 @@ def json_numbers(record: Any, *names: str) -> dict[str, dict[str, Any]]:
     found = {}
     for column, getter in columns(*names).items():
         name, unit = split_unit(column)
-        found[name] = json_number(value_of(record, getter), unit)
+        found[name] = json_number(value_of(record, getter), {"kgm2": "kg m2"}.get(unit, unit))
     return found
 
 
@@ -251,7 +251,7 @@ def format_number(value: float | str | bool | None, digits: int = DIGITS) -> str
         return "infinite"
     if value and not 1e-3 <= abs(value) < 1e6:
         mantissa, power = f"{value:.{digits - 1}e}".split("e")
-        return f"{mantissa} × 10{str(int(power)).translate(SUPERSCRIPTS)}"
+        return f"{mantissa.replace('-', '−')} × 10{str(int(power)).translate(SUPERSCRIPTS)}"
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value)))) if value else 0
     text = f"{value or 0:.{decimals}f}"
     return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", "−")

@@ -20,12 +20,13 @@ from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.files import claimed_directory, render_png, write_bytes, write_figure, write_json, write_vtu_series
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import results
-from compact.report.tables import json_number, json_numbers, write_arrays
+from compact.report.tables import columns, json_number, json_numbers, write_arrays
+from compact.report.tables import value_of as getter_value
 from compact.rolling_contact import Contact
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
 PACKAGES = ("compact", "numpy", "scipy")  # whose versions are recorded
-HELD = {"height": ("indentation", "m"), "load": ("load", "N/m"), "peak_pressure": ("peak_pressure", "Pa")}
+HELD = {"height": "indentation_m", "load": "load_N/m", "peak_pressure": "peak_pressure_Pa"}
 
 
 def write_study(
@@ -248,7 +249,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "laws_not_made": stages.laws.not_made,
         "rankings": _rankings(stages.drive.places[scene.drive.kind]),
         "rigid_rankings": _rankings(stages.drive.places.get("rigid", {})),
-        "roller_motors": _roller_motors(study) if "cams" in scene.output.items else {},
+        "roller_motors": _roller_motors(study),
         "comparison": _comparison(study),
         "heaping": {
             name: json_numbers(error.heaping, heaping)
@@ -268,6 +269,8 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
 
 def _roller_motors(study: Study) -> dict[str, Any]:
     """Convert the requirements of each law on the motors in the rollers."""
+    if "cams" not in study.scene.output.items:
+        return {}
     table = results.roller_motor_table(study)
     return {row[0]: dict(zip(list(table.quantities)[1:], row[1:], strict=True)) for row in table.rows}
 
@@ -276,35 +279,25 @@ def _held(held: HeldQuantity | None) -> dict[str, Any] | None:
     """Convert the quantity that is held constant over speed."""
     if held is None:
         return None
-    key, unit = HELD[held.name]
-    return {"quantity": held.name, key: json_number(held.value, unit), "found_at": json_number(held.speed, "m/s")}
+    return {"quantity": held.name} | json_numbers(held, f"{HELD[held.name]}=value found_at_m/s=speed")
 
 
 def _drive_resistance(study: Study) -> dict[str, Any]:
     """Convert the resistance to the cart and its error estimates."""
     if not bool(study.stages.contacts.speeds):
         return {"by": "eq 1.8"}
-    found = study.stages.resistance.map
-    return {
-        "by": study.scene.accuracy.engine,
-        "speeds": found.speeds,
-        "error_between_speeds": found.error,
-        "engine_error": found.engine_error,
-        "added_masses": found.added_masses,
-        "relaxation_time": found.relaxation_time,
-        "kept": study.stages.contacts.kept is not None,
-    }
+    found = columns("speeds error_between_speeds=error engine_error added_masses relaxation_time")
+    numbers = {name: getter_value(study.stages.resistance.map, getter) for name, getter in found.items()}
+    kept = {"kept": study.stages.contacts.kept is not None}
+    return {"by": study.scene.accuracy.engine} | numbers | kept
 
 
 def _return_stroke(study: Study) -> dict[str, Any]:
     """Convert the state of the mix under the return stroke, the ratios of a second pass and the energy of a cycle."""
-    load, resistance = study.stages.contacts.second_pass or (None, None)
-    return {
-        "over": study.scene.layer.return_stroke,
-        "second_pass_load": json_number(load, "1"),
-        "second_pass_resistance": json_number(resistance, "1"),
-        "energy": {over: json_number(energy, "J") for over, energy in study.stages.drive.cycle_energies.items()},
-    }
+    ratios = json_numbers(study.stages.contacts.second_pass, "second_pass_load=0 second_pass_resistance=1")
+    energies = study.stages.drive.cycle_energies.items()
+    energy = {"energy": {over: json_number(each, "J") for over, each in energies}}
+    return {"over": study.scene.layer.return_stroke} | ratios | energy
 
 
 def _pore_air(study: Study) -> dict[str, Any] | None:
@@ -331,12 +324,10 @@ def _model_spread(study: Study) -> dict[str, Any] | None:
     spread = study.model_spread
     if spread is None:
         return None
-    bands = {"load": spread.load, "resistance": spread.resistance}
-    return {
-        **{name: {"low": low, "high": high, "unit": "1"} for name, (low, high) in bands.items()},
-        "variants": [
-            asdict(each) | json_numbers(each, "load resistance cohesion_loose_Pa") for each in spread.variants
-        ],
+    bands = {name: getattr(spread, name) for name in ("load", "resistance")}
+    variants = [asdict(each) | json_numbers(each, "load resistance cohesion_loose_Pa") for each in spread.variants]
+    return {name: {"low": low, "high": high, "unit": "1"} for name, (low, high) in bands.items()} | {
+        "variants": variants
     }
 
 
@@ -397,25 +388,21 @@ def _over_durations(found: DurationStudy) -> dict[str, Any]:
 def sizing_numbers(sizing: MachineSizing) -> dict[str, Any]:
     """Convert shaft, motor, wheel loads and lives of bearings of the first law to the content of summary.json."""
     first = sizing.first
-    requirement = None if first is None else first.requirement
-    choice = None if first is None else first.choice
     shaft = motor = None
-    if first is not None and requirement is not None:
+    if first is not None and first.requirement is not None:
         shaft = json_numbers(
-            requirement, "speed_rad/s mean_torque_Nm rms_torque_Nm peak_torque_Nm driving_share braking_share"
+            first, "speed_rad/s=requirement.speed mean_torque_Nm=requirement.mean_torque "
+            "rms_torque_Nm=requirement.rms_torque peak_torque_Nm=requirement.peak_torque "
+            "driving_share=requirement.driving_share braking_share=requirement.braking_share "
+            "largest_inertia_kgm2=requirement.largest_inertia required_power_W",
+        )  # fmt: skip
+    if first is not None and first.choice is not None:
+        names = columns(
+            "by chosen=chosen.motor.name gear_ratio=chosen.gear_ratio inertia_ratio=chosen.inertia_ratio "
+            "next_smaller=next_smaller.motor.name next_smaller_fails=next_smaller.failures"
         )
-        shaft["largest_inertia"] = json_number(requirement.largest_inertia, "kg m2")
-        shaft["required_power"] = json_number(first.required_power, "W")
-    if choice is not None:
-        chosen, smaller = choice.chosen, choice.next_smaller
-        motor = {
-            "by": choice.by,
-            "chosen": None if chosen is None else chosen.motor.name,
-            "gear_ratio": None if chosen is None else chosen.gear_ratio,
-            "inertia_ratio": None if chosen is None else chosen.inertia_ratio,
-            "next_smaller": None if smaller is None else smaller.motor.name,
-            "next_smaller_fails": [] if smaller is None else list(smaller.failures),
-        }
+        motor = {name: getter_value(first.choice, getter) for name, getter in names.items()}
+        motor["next_smaller_fails"] = list(motor["next_smaller_fails"] or ())
     return {
         "law": sizing.first_law,
         "margin": sizing.rule.margin,
@@ -428,9 +415,8 @@ def sizing_numbers(sizing: MachineSizing) -> dict[str, Any]:
             for wheel in sizing.wheels
         },
         "bearings": {
-            name: json_numbers(life, "equivalent_load_N")
-            | {"life": json_number(life.million_revolutions * 1e6, "1"), "hours": json_number(life.hours, "h")}
-            | {"valid": life.valid}
+            name: json_numbers(life, "equivalent_load_N hours_h")
+            | {"life": json_number(life.million_revolutions * 1e6, "1"), "valid": life.valid}
             for name, life in sizing.lives.items()
         },
     }
