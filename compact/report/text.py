@@ -125,41 +125,34 @@ def recommendations(study: Study) -> list[list[str]]:
     """
     motion, kind, known = study.scene.motion, study.scene.drive.kind, study.uncertainty
     valid, sizing, own = [each for each in study.models if each.valid], sizing_model(study.models), own_verdicts(study)
-    by_engine = "" if sizing is study.models[0] else f" by {sizing.engine}"
+    by_engine, found = "" if sizing is study.models[0] else f" by {sizing.engine}", []
     heaped = [each for each in study.model_spread.variants if each.heaping] if study.model_spread else []
-    found = []
+
+    def listed(peaks: Mapping[str, float]) -> str:
+        return " and ".join(_three_digits(value, CRITERIA[each].unit) for each, value in peaks.items())
+
     for by, verdict in own.items():
-        law = verdict.law
-        peaks = {
-            each: value for each in (by, *(other for other in own if other != by))
-            if (value := sizing.values(motion.duration, kind, each).get(law)) is not None
-        }  # fmt: skip
+        law, order = verdict.law, (by, *(other for other in own if other != by))
+        values = {each: sizing.values(motion.duration, kind, each).get(law) for each in order}
+        peaks = {each: value for each, value in values.items() if value is not None}
         margins = {} if known is None else {each: known.margin(each, law=law) for each in peaks}
-        required = {each: peaks[each] * (1 + margin) for each, margin in margins.items()}
+        required = listed({each: peaks[each] * (1 + margin) for each, margin in margins.items()})
+        source, unknown = known and known.source(DRIVE), ""
+        if known is not None and source:
+            first = known.laws[by]
+            low, high = (verdict.value * (1 + change) for change in source.changes(first, by))
+            others = source.other_firsts(by, first)
+            unknown = say("unknown_drive", low, high, CRITERIA[by].unit, first, source.variation, others)
         found.append(lines_of(
-            "recommendation", CRITERIA[by].quantity.term, law, _listed(peaks) + by_engine, _listed(required),
-            list(margins.values()), heaped, agreement(verdict, valid),
-            "" if known is None else _unknown_drive(known, by, verdict.value), "" if valid else sizing.invalid,
+            "recommendation", CRITERIA[by].quantity.term, law, listed(peaks) + by_engine, required,
+            list(margins.values()), heaped, agreement(verdict, valid), unknown, "" if valid else sizing.invalid,
         ))  # fmt: skip
     return found
-
-
-def _listed(peaks: Mapping[str, float]) -> str:
-    return " and ".join(_three_digits(value, CRITERIA[by].unit) for by, value in peaks.items())
 
 
 def agreement(verdict: Verdict, valid: Sequence[ModelAnswer]) -> str:
     """State the agreement of the models on rank 1, or the tie; models fitted to one point are one witness."""
     return say("agreement", verdict, len(valid), sum(bool(each.fitted) for each in valid), NAMED_TIES)
-
-
-def _unknown_drive(known: RankingUncertainty, by: str, peak: float) -> str:
-    """State the range of the peak over the drives that the scene may have, and where another law is first."""
-    source, law = known.source(DRIVE), known.laws[by]
-    if source is None:
-        return ""
-    low, high = (peak * (1 + change) for change in source.changes(law, by))
-    return say("unknown_drive", low, high, CRITERIA[by].unit, law, source.variation, source.other_firsts(by, law))
 
 
 def model_table(study: Study, duration: float | None = None, drive: str | None = None) -> list[list[str]]:
