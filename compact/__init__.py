@@ -19,8 +19,7 @@ if TYPE_CHECKING:  # for type checkers and editors; a test compares the names wi
     from compact.api.contacts import Contacts as Contacts
     from compact.api.fields import Fields as Fields, read_fields as read_fields
     from compact.api.laboratory import LaboratoryTests as LaboratoryTests, laboratory_tests as laboratory_tests
-    from compact.api.ranking import Ranking as Ranking
-    from compact.api.resistance import CartResistance as CartResistance
+    from compact.api.ranking import CartResistance as CartResistance, Ranking as Ranking
     from compact.api.scene import Scene as Scene, load_scene as load_scene, parse_scene as parse_scene
     from compact.api.study import Process as Process, Study as Study
     from compact.cams.machining import Cut as Cut, cut as cut
@@ -79,8 +78,7 @@ _HOMES = {
     "api.contacts": ("Contacts",),
     "api.fields": ("Fields", "read_fields"),
     "api.laboratory": ("LaboratoryTests", "laboratory_tests"),
-    "api.ranking": ("Ranking",),
-    "api.resistance": ("CartResistance",),
+    "api.ranking": ("CartResistance", "Ranking"),
     "api.scene": ("Scene", "load_scene", "parse_scene"),
     "api.study": ("Process", "Study"),
     "cams.machining": ("Cut", "cut"),

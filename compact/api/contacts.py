@@ -1,18 +1,16 @@
 """Contacts of one roller over its speed, as a table, a figure, and meshes of the fields inside the layer."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 from compact.api.fields import Fields
-from compact.api.tables import build_dataset, build_frame, render_html
+from compact.api.tables import Items, TabularOverSpeed
 from compact.quantities import CONTACT, Quantity
+from compact.report.tables import TableSpec
 from compact.rolling_contact import Contact
 
 if TYPE_CHECKING:
-    import pandas
-    import xarray
     from matplotlib.figure import Figure
 
     from compact.analysis.stages.contacts import ContactStage
@@ -29,7 +27,7 @@ SHOWN = ("speed", "load", "resistance", "coefficient", "peak_pressure", "indenta
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts(Sequence[Contact]):
+class Contacts(TabularOverSpeed, Items[Contact]):
     """Contacts of one roller, a sequence of the results of the first pass at each speed.
 
     Parameters
@@ -49,18 +47,10 @@ class Contacts(Sequence[Contact]):
     stage: "ContactStage"
     title: str = ""
 
-    @overload
-    def __getitem__(self, index: int) -> Contact: ...
-
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[Contact]: ...
-
-    def __getitem__(self, index: int | slice) -> Contact | Sequence[Contact]:
-        found = [first for first, *_ in self.passes]
-        return found[index]
-
-    def __len__(self) -> int:
-        return len(self.passes)
+    @property
+    def items(self) -> tuple[Contact, ...]:
+        """Results of the first pass at each speed."""
+        return tuple(first for first, *_ in self.passes)
 
     @property
     def engine(self) -> str:
@@ -73,20 +63,18 @@ class Contacts(Sequence[Contact]):
         return tuple(each.speed for each in self.records)
 
     @property
-    def _columns(self) -> dict[str, list[Any]]:
-        """Fields of the records that have a value, by name."""
-        columns = {name: [getattr(each, name) for each in self.records] for name in QUANTITIES}
-        return {name: values for name, values in columns.items() if any(value is not None for value in values)}
+    def table(self) -> TableSpec:
+        """Scalar results that have a value, over the speed [m/s], per unit roller length."""
+        return self._table(*QUANTITIES)
 
-    def to_dataframe(self) -> "pandas.DataFrame":
-        """Return the scalar results as a table over the speed [m/s], in SI units per unit roller length."""
-        return build_frame(self._columns, QUANTITIES, "speed")
+    def _table(self, *names: str) -> TableSpec:
+        columns = {name: [getattr(each, name) for each in self.records] for name in names}
+        known = {name: values for name, values in columns.items() if any(value is not None for value in values)}
+        return TableSpec.of_columns(repr(self)[1:-1], known, QUANTITIES)
 
-    def to_xarray(self) -> "xarray.Dataset":
-        """Return the scalar results as a dataset over the speed [m/s], with units."""
-        columns = {name: [float("nan") if value is None else value for value in values]
-                   for name, values in self._columns.items()}  # fmt: skip
-        return build_dataset(columns, QUANTITIES, "speed", {"engine": self.engine, "title": self.title})
+    @property
+    def _attributes(self) -> dict[str, str]:
+        return {"engine": self.engine, "title": self.title}
 
     def plot(self) -> "Figure":
         """Draw load and rolling-resistance coefficient over the speed.
@@ -137,5 +125,4 @@ class Contacts(Sequence[Contact]):
         return f"<{words}{', ' + self.title if self.title else ''}>"
 
     def _repr_html_(self) -> str:
-        columns = self._columns
-        return render_html(repr(self)[1:-1], {name: columns[name] for name in SHOWN if name in columns}, QUANTITIES)
+        return self._table(*SHOWN).to_html()

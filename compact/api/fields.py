@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compact.api.tables import build_frame
 from compact.files import read_vtu_series, write_vtu_series
 from compact.numerics.validation import require_instance
 from compact.quantities import FIELD
+from compact.report.tables import WORD, TableSpec
 
 if TYPE_CHECKING:
     import meshio
@@ -69,15 +69,14 @@ class Fields:
 
     def to_dataframe(self) -> "pandas.DataFrame":
         """Return the element means as a table: centre of the element as fed [m], and every field in its SI unit."""
-        columns: dict[str, list[Any]] = {self.parameter: [], "x": [], "y": []} | {name: [] for name in self.names}
+        rows: list[list[Any]] = []
         for value, mesh in self.frames:
             centres = mesh.points[mesh.cells[0].data].mean(axis=1)
-            columns[self.parameter] += [value] * len(centres)
-            columns["x"] += centres[:, 0].tolist()
-            columns["y"] += centres[:, 1].tolist()
-            for name in self.names:
-                columns[name] += np.asarray(mesh.cell_data[name][0]).tolist()
-        return build_frame(columns, {"x": FIELD["position"], "y": FIELD["height"]} | FIELD)
+            means = [np.asarray(mesh.cell_data[name][0]) for name in self.names]
+            rows += [[value, *row] for row in np.column_stack([centres[:, :2], *means]).tolist()]
+        known = {"x": FIELD["position"], "y": FIELD["height"]} | FIELD
+        heads = {name: known.get(name, WORD) for name in (self.parameter, "x", "y", *self.names)}
+        return TableSpec("", heads, rows).to_dataframe()
 
     def to_vtk(self, directory: str | Path) -> Path:
         """Write VTU files with a PVD collection of ParaView.

@@ -1,23 +1,22 @@
 """Laboratory tests of a mix or of an own material, as a table and a figure; contacts of an own material."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any
 
 from compact.analysis.contact_cases import contact_inputs, prescribed_target
 from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest, own_material_tests
 from compact.analysis.mix_laws import compaction_material, scene_mix
 from compact.analysis.pore_air import has_air
-from compact.api.tables import build_frame, render_html
+from compact.api.tables import Items
 from compact.engines.column.state_update_columns import required_height
 from compact.material.state_update import StateUpdate
 from compact.numerics.validation import require_instance
 from compact.quantities import Quantity
+from compact.report.tables import TableSpec
 from compact.rolling_contact import Contact
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.figure import Figure
 
 STRESS = Quantity("stress", "Pa", "kPa")
@@ -29,7 +28,7 @@ QUANTITIES = dict.fromkeys(STRESSES, STRESS)
 
 
 @dataclass(frozen=True, eq=False)
-class LaboratoryTests(Sequence[MaterialTest]):
+class LaboratoryTests(Items[MaterialTest]):
     """Laboratory tests, a sequence of `MaterialTest`.
 
     Parameters
@@ -46,25 +45,19 @@ class LaboratoryTests(Sequence[MaterialTest]):
     name: str
     programme: LaboratoryProgramme | None = None
 
-    @overload
-    def __getitem__(self, index: int) -> MaterialTest: ...
+    @property
+    def items(self) -> tuple[MaterialTest, ...]:
+        """Paths of the tests."""
+        return self.tests
 
-    @overload
-    def __getitem__(self, index: slice) -> Sequence[MaterialTest]: ...
-
-    def __getitem__(self, index: int | slice) -> MaterialTest | Sequence[MaterialTest]:
-        return self.tests[index]
-
-    def __len__(self) -> int:
-        return len(self.tests)
-
-    def to_dataframe(self) -> "pandas.DataFrame":
-        """Return the points of all paths as a table in SI units, compression positive."""
+    @property
+    def table(self) -> TableSpec:
+        """Points of all paths, compression positive."""
         from compact.report.laboratory import HEADER, path_rows
 
         names = [name.removesuffix("_Pa") for name in HEADER]
         columns = dict(zip(names, zip(*path_rows(self.tests), strict=True), strict=True))
-        return build_frame(columns, QUANTITIES)
+        return TableSpec.of_columns(repr(self)[1:-1], columns, QUANTITIES)
 
     def plot(self) -> "Figure":
         """Draw the tests: those of a mix as `compact material`, those of an own material as stress over strain.
@@ -87,7 +80,7 @@ class LaboratoryTests(Sequence[MaterialTest]):
             "lateral_pressure": [each.lateral_pressure for each in self],
             "strength": [each.strength for each in self],
         }
-        return render_html(repr(self)[1:-1], columns, QUANTITIES)
+        return TableSpec.of_columns(repr(self)[1:-1], columns, QUANTITIES).to_html()
 
 
 def laboratory_tests(material: StateUpdate, pressure: float) -> LaboratoryTests:

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from compact.analysis.stages.resistance import ResistanceLaw
     from compact.api.contacts import Contacts
     from compact.api.laboratory import LaboratoryTests
-    from compact.api.ranking import OwnLaw, Ranking
-    from compact.api.resistance import CartResistance
+    from compact.api.ranking import CartResistance, OwnLaw, Ranking
     from compact.api.study import Process, Study
     from compact.material.state_update import StateUpdate
 
@@ -105,7 +104,7 @@ class Scene(loader.Scene):
             A function of velocity [m/s] and acceleration [m/s2].
         """
         from compact.analysis.stages.drives import build_stages
-        from compact.api.resistance import CartResistance
+        from compact.api.ranking import CartResistance
 
         scene = self._by(engine)
         stages = build_stages(scene)
@@ -144,8 +143,7 @@ class Scene(loader.Scene):
         Ranking
         """
         from compact.analysis.stages.drives import OwnInputs, build_stages
-        from compact.api.ranking import own_laws, rank_laws
-        from compact.api.resistance import CartResistance
+        from compact.api.ranking import CartResistance, own_laws, rank_laws
         from compact.machine.ranking import CRITERIA
         from compact.numerics.validation import require_known
 
@@ -281,7 +279,7 @@ class Scene(loader.Scene):
         return repr(self)
 
     def _repr_html_(self) -> str:
-        from compact.api.tables import render_html
+        from compact.report.tables import WORD, TableSpec
 
         rows = [
             (table, key, _shown(value))
@@ -289,8 +287,7 @@ class Scene(loader.Scene):
             for key, value in getattr(self, table).model_dump(exclude_none=True, exclude_unset=True).items()
             if not isinstance(value, dict)
         ]
-        columns = dict(zip(("table", "key", "value"), zip(*rows, strict=True), strict=True))
-        return render_html(repr(self)[1:-1], columns, {})
+        return TableSpec(repr(self)[1:-1], dict.fromkeys(("table", "key", "value"), WORD), rows).to_html()
 
 
 def load_scene(path: str | Path, /, **changes: object) -> Scene:

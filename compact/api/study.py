@@ -4,9 +4,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from compact.analysis import process, study
-from compact.api.tables import build_frame, render_html
+from compact.api.tables import Tabular
 from compact.machine.ranking import CRITERIA
-from compact.quantities import PROCESS, STROKE
+from compact.quantities import PROCESS, STROKE, Quantity
+from compact.report.tables import WORD, TableSpec
 
 if TYPE_CHECKING:
     import pandas
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 CRITERION_QUANTITIES = {name: criterion.quantity for name, criterion in CRITERIA.items()}
 
 
-class Study(study.Study):
+class Study(study.Study, Tabular):
     """Results of one scene, as `analysis.study.Study`, with tables, figures and files.
 
     Examples
@@ -28,16 +29,16 @@ class Study(study.Study):
     'reversal-3'
     """
 
+    _index = "law"
+
     @property
-    def _columns(self) -> dict[str, list[Any]]:
+    def table(self) -> TableSpec:
+        """Values of all laws by each criterion of the scene, in SI units, in the order of the first."""
         criteria = list(self.rankings)
         values = {by: {place.run.name: place.value for place in ranked} for by, ranked in self.rankings.items()}
         order = [place.run.name for place in self.rankings[criteria[0]]]
-        return {"law": list(order)} | {by: [values[by][name] for name in order] for by in criteria}
-
-    def to_dataframe(self) -> "pandas.DataFrame":
-        """Return the values of all laws by each criterion of the scene, in SI units, in the order of the first."""
-        return build_frame(self._columns, CRITERION_QUANTITIES, "law")
+        columns = {"law": order} | {by: [values[by][name] for name in order] for by in criteria}
+        return TableSpec.of_columns(repr(self)[1:-1], columns, CRITERION_QUANTITIES)
 
     def plot(self) -> "Figure":
         """Draw the rankings of the laws by the criteria of the scene.
@@ -74,18 +75,19 @@ class Study(study.Study):
         return f"<study of {title}, engine {self.scene.accuracy.engine}, {len(self.stages.prescribed.cycles)} laws>"
 
     def _repr_html_(self) -> str:
-        columns = self._columns if "rankings" in self.stages.drive.__dict__ else {}  # a view starts no computation
-        return render_html(repr(self)[1:-1], columns, CRITERION_QUANTITIES)
+        computed = "rankings" in self.stages.drive.__dict__  # a view starts no computation
+        return (self.table if computed else TableSpec(repr(self)[1:-1], {}, ())).to_html()
 
 
-class Process(process.ProcessStudy):
+class Process(process.ProcessStudy, Tabular):
     """Forming process of a scene, as `analysis.process.ProcessStudy`, with tables, figures and files."""
 
-    def to_dataframe(self) -> "pandas.DataFrame":
-        """Return the strokes on a section as a table in SI units, per unit roller length."""
+    @property
+    def table(self) -> TableSpec:
+        """Strokes on a section, per unit roller length."""
         from compact.report.process import stroke_columns
 
-        return build_frame(stroke_columns(self), STROKE)
+        return TableSpec.of_columns(repr(self)[1:-1], stroke_columns(self), STROKE)
 
     def summary(self) -> "pandas.Series":
         """Return the results of one roller by columns, in SI units; nan where a result does not exist."""
@@ -132,10 +134,7 @@ class Process(process.ProcessStudy):
         return f"<process of {self.scene.title or 'an untitled scene'}, {self.detail}, {strokes}>"
 
     def _repr_html_(self) -> str:
-        numbers = {PROCESS[str(name)]: value for name, value in self.summary().dropna().items()}
-        columns = {
-            "quantity": [quantity.term for quantity in numbers],
-            "value": [value * quantity.plot_factor for quantity, value in numbers.items()],
-            "unit": [quantity.shown_unit for quantity in numbers],
-        }
-        return render_html(repr(self)[1:-1], columns, {})
+        numbers = [(PROCESS[str(name)], value) for name, value in self.summary().dropna().items()]
+        rows = [(quantity.term, value * quantity.plot_factor, quantity.shown_unit) for quantity, value in numbers]
+        heads = {"quantity": WORD, "value": Quantity("value", "1"), "unit": WORD}
+        return TableSpec(repr(self)[1:-1], heads, rows).to_html()

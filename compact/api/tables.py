@@ -1,110 +1,67 @@
-"""Results as pandas tables, xarray datasets and HTML, with units and meanings from `compact.quantities`.
+"""Results with one table, from which data frame, dataset and the view in a notebook follow."""
 
-A table is a mapping from the name of a column to its values. `units` of the attributes of a data frame, and `units` and
-`long_name` of a variable of a dataset, state the SI unit of each quantity.
-"""
+from abc import abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, ClassVar, TypeVar, overload
 
-from collections.abc import Mapping, Sequence
-from html import escape
-from typing import TYPE_CHECKING, Any
-
-from compact.quantities import Quantity
+from compact.report.tables import TableSpec
 
 if TYPE_CHECKING:
     import pandas
     import xarray
 
-HTML_ROWS = 60  # [-], rows of a table in a notebook; the middle of a longer one is left out
-CELL = "text-align: left; padding: 0.15em 1.2em 0.15em 0"  # style of a cell
-WORD = Quantity("", "")  # of a column without unit
-
-Columns = Mapping[str, Sequence[Any]]
-Quantities = Mapping[str, Quantity]
+Item = TypeVar("Item")
 
 
-def build_frame(columns: Columns, quantities: Quantities, index: str | None = None) -> "pandas.DataFrame":
-    """Return a data frame in SI units.
+class Tabular:
+    """Result with a table in SI units."""
 
-    Parameters
-    ----------
-    columns : mapping
-        Values by column.
-    quantities : mapping
-        Quantity by column; a column without one has no unit.
-    index : str, optional
-        Column that becomes the index.
+    _index: ClassVar[str | None] = None  # column that becomes the index of the data frame
 
-    Returns
-    -------
-    pandas.DataFrame
-        Its `attrs["units"]` maps each column to its unit.
-    """
-    import pandas
+    @property
+    @abstractmethod
+    def table(self) -> TableSpec:
+        """Table of the result, with its quantities."""
 
-    frame = pandas.DataFrame({name: list(values) for name, values in columns.items()})
-    frame = frame if index is None else frame.set_index(index)
-    frame.attrs["units"] = {name: quantities[name].unit for name in columns if name in quantities}
-    return frame
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Return the table in SI units; `attrs["units"]` maps each column to its unit."""
+        return self.table.to_dataframe(self._index)
+
+    def _repr_html_(self) -> str:
+        return self.table.to_html()
 
 
-def build_dataset(
-    columns: Columns, quantities: Quantities, dimension: str, attributes: Mapping[str, Any]
-) -> "xarray.Dataset":
-    """Return a dataset over one dimension, whose variables have `units` and `long_name`.
+class TabularOverSpeed(Tabular):
+    """Result with a table over the speed."""
 
-    Parameters
-    ----------
-    columns : mapping
-        Values by variable; one of them is the coordinate.
-    quantities : mapping
-        Quantity by variable.
-    dimension : str
-        Name of the coordinate.
-    attributes : mapping
-        Attributes of the dataset.
+    _index = "speed"
 
-    Returns
-    -------
-    xarray.Dataset
-    """
-    import xarray
+    @property
+    @abstractmethod
+    def _attributes(self) -> dict[str, str]:
+        """Attributes of the dataset."""
 
-    found = {}
-    for name, values in columns.items():
-        quantity = quantities.get(name, WORD)
-        told = {"units": quantity.unit, "long_name": quantity.long_name or name.replace("_", " ")}
-        found[name] = ((dimension,), list(values), told)
-    coordinate = {dimension: found.pop(dimension)}
-    return xarray.Dataset(found, coordinate, dict(attributes))
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the table as a dataset over the speed [m/s], with units."""
+        return self.table.to_xarray("speed", self._attributes)
 
 
-def render_html(title: str, columns: Columns, quantities: Quantities) -> str:
-    """Return a table with a title as HTML: units of plots in the head, four digits.
+class Items(Tabular, Sequence[Item]):
+    """Result that is a sequence of `items`."""
 
-    Parameters
-    ----------
-    title : str
-        Line above the table.
-    columns, quantities : mapping
-        As of `build_frame`.
+    @property
+    @abstractmethod
+    def items(self) -> tuple[Item, ...]:
+        """Items of the sequence."""
 
-    Returns
-    -------
-    str
-    """
-    frame = build_frame(columns, quantities)
-    for name in columns:
-        if (factor := quantities.get(name, WORD).plot_factor) != 1:
-            frame[name] = frame[name] * factor
-    frame.columns = [_head(name, quantities.get(name, WORD)) for name in columns]
-    table = frame.to_html(
-        index=False, max_rows=HTML_ROWS, float_format="{:.4g}".format, border=0, na_rep="", justify="left"
-    )
-    for tag in ("th", "td"):
-        table = table.replace(f"<{tag}>", f'<{tag} style="{CELL}">')
-    return f"<p><b>{escape(title)}</b></p>{table}"
+    @overload
+    def __getitem__(self, index: int) -> Item: ...
 
+    @overload
+    def __getitem__(self, index: slice) -> Sequence[Item]: ...
 
-def _head(name: str, quantity: Quantity) -> str:
-    words, unit = name.replace("_", " "), quantity.shown_unit
-    return f"{words} [{unit}]" if unit else words
+    def __getitem__(self, index: int | slice) -> Item | Sequence[Item]:
+        return self.items[index]
+
+    def __len__(self) -> int:
+        return len(self.items)
