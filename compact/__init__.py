@@ -10,11 +10,12 @@ Numerical envelope: peaks of motion laws are exact to 1e-12 relative for run-up 
 weights from 0 to 1; drive forces and powers between samples to 1e-8; moments of the cart close to 1e-9 N m.
 """
 
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 # isort: off
-if TYPE_CHECKING:  # for type checkers and editors; a test compares the names with _HOMES
+if TYPE_CHECKING:  # for type checkers and editors, and the one list of public names
     from compact.engines.interface import Engine as Engine
     from compact.api.contacts import Contacts as Contacts
     from compact.api.fields import Fields as Fields, read_fields as read_fields
@@ -73,48 +74,31 @@ if TYPE_CHECKING:  # for type checkers and editors; a test compares the names wi
     from compact.scene.loader import SceneError as SceneError
 # isort: on
 
-_HOMES = {
-    "engines.interface": ("Engine",),
-    "api.contacts": ("Contacts",),
-    "api.fields": ("Fields", "read_fields"),
-    "api.laboratory": ("LaboratoryTests", "laboratory_tests"),
-    "api.ranking": ("CartResistance", "Ranking"),
-    "api.scene": ("Scene", "load_scene", "parse_scene"),
-    "api.study": ("Process", "Study"),
-    "cams.machining": ("Cut", "cut"),
-    "cams.profile": ("Cam", "FlatFace", "Pointed", "RollerFollower"),
-    "resistance": ("DryResistance", "ResistanceMap", "dry_resistance", "sample_resistance", "tabulated_resistance"),
-    "drive": ("Crank", "Rigid", "Run", "rank", "simulate"),
-    "engines.halfplane": ("galin", "hertz", "pressure_exponent"),
-    "files": ("ResultsError",),
-    "machine.cart": ("Balance", "Cart", "MotionResistance", "balance"),
-    "machine.elastic_drive": ("ElasticDrive", "ElasticRun", "simulate_elastic"),
-    "machine.shaft": ("Belt", "Kloss", "LinearTorqueCurve"),
-    "machine.motor_drive": ("Motor", "MotorRun", "simulate_motor"),
-    "machine.roller_motors": ("CreepFreeRoller", "DrivenRoller", "RollerMotor"),
-    "material.laws": ("Elastic", "Viscoelastic"),
-    "material.mix": ("Mix", "prior"),
-    "material.state_update": ("StateUpdate",),
-    "motion": ("LAWS", "CamLimits", "Cycle", "InfeasibleError", "Limits", "MotionProfile", "law", "optimise"),
-    "motion.laws": ("ComplexLaw", "minimiser"),
-    "motion.tabulated": ("from_function", "from_table"),
-    "rolling_contact": ("Layer", "Roller", "ContactResult"),
-    "scene.loader": ("SceneError",),
-}
 # Modules under the names that `from compact import ...` has for them
 _ALIASES = {"column": "engines.column.engine", "spectral": "engines.spectral.engine", "mix": "material.mix"}
-_HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
-__all__ = [*_HOME_OF]
+
+@cache
+def _homes() -> dict[str, str]:
+    """Return the module of each public name: the imports above, which only type checkers execute."""
+    import ast
+    from importlib.resources import files
+
+    body = ast.parse(files("compact").joinpath("__init__.py").read_text("utf-8")).body
+    block = next(node for node in body if isinstance(node, ast.If))
+    imports = [node for node in block.body if isinstance(node, ast.ImportFrom)]
+    return {alias.name: str(node.module) for node in imports for alias in node.names}
 
 
 def __getattr__(name: str) -> Any:
     if name in _ALIASES:
         return import_module(f"compact.{_ALIASES[name]}")
-    if name not in _HOME_OF:
+    if name == "__all__":
+        return [*_homes()]
+    if name.startswith("__") or name not in _homes():
         raise AttributeError(f"module 'compact' has no attribute {name!r}")
-    return getattr(import_module(f"compact.{_HOME_OF[name]}"), name)
+    return getattr(import_module(_homes()[name]), name)
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted(_homes())
