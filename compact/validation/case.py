@@ -10,7 +10,6 @@ not met     they differ by more; the row states the reason, if one is known
 `basis` states the part of a row that was fitted to the same source; "predicted" is nothing.
 """
 
-import csv
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -19,6 +18,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compact.files import read_table
 from compact.numerics import Array
 
 REPEAT_TOLERANCE = 1e-6  # [-], relative, of our value against the recorded one; converged to 1e-9 and better
@@ -175,9 +175,8 @@ def _comparison(row: Mapping[str, str]) -> Comparison:
 
 def read_rows(name: str, **conditions: str) -> list[dict[str, str]]:
     """Read the rows of a file in `compact/validation/data` whose cells satisfy conditions, as text by column."""
-    text = files("compact.validation").joinpath("data", name).read_text(encoding="utf-8")
-    rows = csv.DictReader(text.splitlines())
-    return [row for row in rows if all(row[column] == cell for column, cell in conditions.items())]
+    rows = read_table(files("compact.validation").joinpath("data", name))
+    return [row for _, row in rows if all(row[column] == cell for column, cell in conditions.items())]
 
 
 def numbers(rows: Sequence[Mapping[str, str]], column: str) -> Array:

@@ -14,7 +14,6 @@ the name and NAME_scatter. Every trial is computed by the engine of the scene. N
 calibrated with the same trials says so by `fitted = "..."` in [case].
 """
 
-import csv
 import math
 import re
 import tomllib
@@ -27,6 +26,7 @@ from typing import Any
 from compact.analysis.contact_cases import roll_scene
 from compact.analysis.mix_laws import scene_mix
 from compact.engines import ENGINES
+from compact.files import read_table
 from compact.scene.errors import key_lines, syntax_sentence
 from compact.scene.loader import Scene, SceneError, parse_scene, read_value
 from compact.validation.case import PREDICTED, Comparison, Computed, Panel, Rows, ValidationCase, ours, theirs
@@ -65,19 +65,24 @@ def read_plant_case(folder: str | Path) -> ValidationCase:
     ValueError
         If files are missing, or a line breaks a rule; the message names file, line and rule.
     """
-    folder = Path(folder)
-    toml, table = (_only_file(folder, suffix) for suffix in (".toml", ".csv"))
-    text = _text(toml)
-    header, scene = _case_header(text, toml), parse_scene(_without_case(text), str(toml))
+    folder, paths = Path(folder), []
+    for suffix in (".toml", ".csv"):
+        found = sorted(folder.glob(f"*{suffix}"))
+        if len(found) != 1:
+            names = ", ".join(path.name for path in found) or "none"
+            raise ValueError(f"{folder}: a case has exactly one {suffix} file, got {names}")
+        paths += found
+    toml, table = paths
+    header, scene = _read_scene(toml)
     trials = read_trials(table, header[EXPECTED], scene)
-    rows = {
-        (key := f"line_{trial.line}_{name}"): Comparison(
-            key, f"{name.replace('_', ' ')}, line {trial.line}", MEASURED[name], math.nan, value,
-            float(header[EXPECTED][name]), scatter=trial.scatter.get(name),
-            basis=f"fitted: {header['fitted']}" if "fitted" in header else PREDICTED,
-        )
-        for trial in trials for name, value in trial.measured.items()
-    }  # fmt: skip
+    basis = f"fitted: {header['fitted']}" if "fitted" in header else PREDICTED
+    rows = {}
+    for trial in trials:
+        for name, value in trial.measured.items():
+            key, words = f"line_{trial.line}_{name}", f"{name.replace('_', ' ')}, line {trial.line}"
+            expected, scatter = float(header[EXPECTED][name]), trial.scatter.get(name)
+            given = Comparison(key, words, MEASURED[name], math.nan, value, expected, scatter=scatter, basis=basis)
+            rows[key] = given
     engine = scene.accuracy.engine
     return ValidationCase(
         folder.resolve().name,
@@ -91,43 +96,35 @@ def read_plant_case(folder: str | Path) -> ValidationCase:
     )
 
 
-def _only_file(folder: Path, suffix: str) -> Path:
-    """Return the only file of a folder with a suffix."""
-    found = sorted(folder.glob(f"*{suffix}"))
-    if len(found) != 1:
-        names = ", ".join(path.name for path in found) or "none"
-        raise ValueError(f"{folder}: a case has exactly one {suffix} file, got {names}")
-    return found[0]
-
-
-def _text(path: Path) -> str:
+def _read_scene(path: Path) -> tuple[dict[str, Any], Scene]:
+    """Return the table [case] with valid keys, and the scene around it."""
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-
-
-def _case_header(text: str, path: Path) -> dict[str, Any]:
-    """Return the table [case] with valid keys."""
-    required = (*REQUIRED_TEXTS, EXPECTED)
-    try:
+        text = path.read_text(encoding="utf-8")
         table = tomllib.loads(text).get("case")
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"{path}:{syntax_sentence(error, text)}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if not isinstance(table, dict):
-        raise ValueError(f"{path}: has no table [case]; give {', '.join(required)}")
-    for keys, rule in _mistakes(table, required):
+        raise ValueError(f"{path}: has no table [case]; give {', '.join((*REQUIRED_TEXTS, EXPECTED))}")
+    for keys, rule in _mistakes(table):
         lines = key_lines(text)
         raise ValueError(f"{path}:{lines.get(('case', *keys), lines.get(('case',), 1))}: [case] {rule}")
-    return table
+    kept, inside = [], False
+    for line in text.splitlines():  # those of [case] become empty, so that all others keep their numbers
+        if found := TABLE_HEADER.match(line):
+            inside = found[1].split(".")[0] == "case"
+        kept.append("" if inside else line)
+    return table, parse_scene("\n".join(kept), str(path))
 
 
-def _mistakes(table: Mapping[str, Any], required: Sequence[str]) -> Iterator[tuple[tuple[str, ...], str]]:
+def _mistakes(table: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
     """Yield the keys of each mistake in [case] and the rule that they break."""
+    required, texts = (*REQUIRED_TEXTS, EXPECTED), (*REQUIRED_TEXTS, *OPTIONAL_TEXTS)
     known = (*required, *OPTIONAL_TEXTS)
     yield from (((name,), f"has no key `{name}`; it takes {', '.join(known)}") for name in table if name not in known)
     yield from (((), f"must state `{name}`") for name in required if name not in table)
-    for name in (*REQUIRED_TEXTS, *OPTIONAL_TEXTS):
+    for name in texts:
         value = table.get(name, "none")
         if not (isinstance(value, str) and value.strip()):
             yield (name,), f"`{name}` must be a text, got {value!r}"
@@ -141,17 +138,6 @@ def _mistakes(table: Mapping[str, Any], required: Sequence[str]) -> Iterator[tup
         elif isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < LARGEST_DISTANCE:
             rule = f"must be a relative distance between 0 and {LARGEST_DISTANCE:g}, got {value!r}"
             yield (EXPECTED, name), f"`expected.{name}` {rule}"
-
-
-def _without_case(text: str) -> str:
-    """Return the text of the scene: the lines of [case] are empty, so that all lines keep their numbers."""
-    lines, inside = [], False
-    for line in text.splitlines():
-        found = TABLE_HEADER.match(line)
-        if found:
-            inside = found[1].split(".")[0] == "case"
-        lines.append("" if inside else line)
-    return "\n".join(lines)
 
 
 def read_trials(path: Path, expected: Mapping[str, float], scene: Scene) -> tuple[Trial, ...]:
@@ -171,65 +157,52 @@ def read_trials(path: Path, expected: Mapping[str, float], scene: Scene) -> tupl
     ValueError
         If a line breaks a rule.
     """
-    reader = csv.reader(_text(path).splitlines(), skipinitialspace=True)
-    names: list[str] = []
-    trials: dict[Any, Trial] = {}
-    for row in reader:
-        place, cells = f"{path}:{reader.line_num}", [cell.strip() for cell in row]
-        if not any(cells) or cells[0].startswith("#"):
-            continue
-        if not names:
-            names = cells
-            _require_columns(names, expected, scene, place)
-            continue
-        trial = _trial(names, cells, reader.line_num, place)
-        key = (repr(sorted(trial.changes.items())), trial.speed, *trial.measured.items())
-        if key in trials:
-            raise ValueError(f"{place}: repeats line {trials[key].line}; give each trial once")
-        trials[key] = trial
-    if not trials:
+    rows = read_table(path)
+    if not rows:
         raise ValueError(f"{path}: has no trial; give a header and a row for each trial")
+    if rule := _broken_header(tuple(rows[0][1]), expected, scene.accuracy.engine):
+        raise ValueError(f"{path}:1: {rule}")
+    trials: dict[Any, Trial] = {}
+    for line, row in rows:
+        place, changes, values = f"{path}:{line}", {}, dict[str, float]()
+        for name, cell in row.items():
+            if cell and "." in name:
+                changes[name] = read_value(cell)
+            elif cell:
+                values[name] = _positive(cell, f"{place}: `{name}`")
+        measured = {name: value for name, value in values.items() if name in MEASURED}
+        if not measured:
+            raise ValueError(f"{place}: nothing is measured; give at least one of {', '.join(MEASURED)}")
+        if "resistance" in measured and "resistance_coefficient" in measured:
+            raise ValueError(f"{place}: give `resistance` or `resistance_coefficient`, not both")
+        scatter = {name.removesuffix(SCATTER): value for name, value in values.items() if name.endswith(SCATTER)}
+        trial = Trial(line, changes, values.get(SPEED), measured, scatter)
+        same = trials.setdefault((repr(sorted(changes.items())), trial.speed, *measured.items()), trial)
+        if same is not trial:
+            raise ValueError(f"{place}: repeats line {same.line}; give each trial once")
     return tuple(trials.values())
 
 
-def _require_columns(names: Sequence[str], expected: Mapping[str, float], scene: Scene, place: str) -> None:
-    """Require a header of known columns, each once."""
-    engine = scene.accuracy.engine
-    if len(set(names)) < len(names):
-        raise ValueError(f"{place}: each column must have a name of its own, got {', '.join(names)}")
+def _broken_header(names: Sequence[str], expected: Mapping[str, float], engine: str) -> str | None:
+    """Return the rule that the names of the columns break, or None."""
     for name in names:
         base = name.removesuffix(SCATTER)
         if "." in name or name == SPEED:
             continue
         if base not in MEASURED:
-            raise ValueError(
-                f"{place}: no column `{name}`; a column is a scene key such as contact.load, {SPEED}, "
-                f"{', '.join(MEASURED)}, or one of these with {SCATTER}"
+            return (
+                f"no column `{name}`; a column is a scene key such as contact.load, {SPEED}, {', '.join(MEASURED)}, or "
+                f"one of these with {SCATTER}"
             )
         if base not in expected:
-            raise ValueError(f"{place}: `{base}` has no expected distance; add it to `expected` of [case]")
+            return f"`{base}` has no expected distance; add it to `expected` of [case]"
         if base not in names:
-            raise ValueError(f"{place}: `{name}` needs a column `{base}`")
+            return f"`{name}` needs a column `{base}`"
         if base in COMPACTED and ENGINES[engine].takes in ("half-plane", "linear layer"):
-            raise ValueError(f"{place}: the engine {engine} computes no `{base}`")
+            return f"the engine {engine} computes no `{base}`"
     if not any(name in MEASURED for name in names):
-        raise ValueError(f"{place}: no column is measured; give at least one of {', '.join(MEASURED)}")
-
-
-def _trial(names: Sequence[str], cells: Sequence[str], line: int, place: str) -> Trial:
-    """Return the trial of one row."""
-    if len(cells) != len(names):
-        raise ValueError(f"{place}: a row must have one cell for each of {len(names)} columns, got {len(cells)}")
-    row = {name: cell for name, cell in zip(names, cells, strict=True) if cell}
-    values = {name: _positive(cell, f"{place}: `{name}`") for name, cell in row.items() if "." not in name}
-    measured = {name: value for name, value in values.items() if name in MEASURED}
-    if not measured:
-        raise ValueError(f"{place}: nothing is measured; give at least one of {', '.join(MEASURED)}")
-    if "resistance" in measured and "resistance_coefficient" in measured:
-        raise ValueError(f"{place}: give `resistance` or `resistance_coefficient`, not both")
-    scatter = {name.removesuffix(SCATTER): value for name, value in values.items() if name.endswith(SCATTER)}
-    changes = {name: read_value(cell) for name, cell in row.items() if "." in name}
-    return Trial(line, changes, values.get(SPEED), measured, scatter)
+        return f"no column is measured; give at least one of {', '.join(MEASURED)}"
+    return None
 
 
 def _positive(cell: str, place: str) -> float:
