@@ -11,47 +11,33 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from compact.cli.options import (
-    DEFAULT_CONSOLE,
+    CONSOLE,
+    JOB,
     NO_RESULT,
+    OWNING_JOB,
     SUCCESS,
-    Changes,
     Console,
-    Force,
+    Job,
+    OwningJob,
     ScenePath,
     print_error,
-    read_scene,
 )
-from compact.files import default_directory, read_json
+from compact.files import claimed_directory, read_json
 
 
-def material(
-    scene: ScenePath,
-    /,
-    *,
-    out: Path | None = None,
-    changes: Changes = (),
-    force: Force = False,
-    console: Console = DEFAULT_CONSOLE,
-) -> None:
-    """Apply the tests of a laboratory to the mix of a scene: oedometer, isotropic, biaxial, shear, unconfined strength.
-
-    Parameters
-    ----------
-    out
-        folder of material.csv, material.json and material.png; default out/NAME-material, NAME as in `compact run`
-    """
+def material(scene: ScenePath, /, *, job: OwningJob = OWNING_JOB) -> None:
+    """Apply laboratory tests to the mix of a scene: oedometer, isotropic, biaxial, shear, unconfined strength."""
     from compact.analysis.material_tests import LaboratoryProgramme
     from compact.analysis.mix_laws import compaction_material, scene_mix
-    from compact.files import claimed_directory
     from compact.report.laboratory import material_digest, write_material_tests
 
-    given = read_scene(scene, console.quiet, changes)
+    given = job.read(scene)
     mix = scene_mix(given)
     programme = LaboratoryProgramme(compaction_material(given, mix), given.mix.density_ratio, mix.required_pressure)
-    place = out or default_directory(scene, "material")
-    with claimed_directory(place, given.hash, force) as directory:
+    place = job.place(scene, "material")
+    with claimed_directory(place, given.hash, job.force) as directory:
         write_material_tests(programme, given.mix.law, directory)
-    console.show(
+    job.show(
         lambda: f"{material_digest(programme, given.mix.law)}\n\nresults: {place}",
         results=place, material=read_json(place / "material.json"),
     )  # fmt: skip
@@ -65,9 +51,7 @@ def calibrate(
     parameters: tuple[Literal["heckel_slope", "fed_density_ratio"], ...] = ("heckel_slope", "fed_density_ratio"),
     engine: Literal["column", "compaction"] = "column",
     increments: int | None = None,
-    out: Path | None = None,
-    changes: Changes = (),
-    console: Console = DEFAULT_CONSOLE,
+    job: Job = JOB,
 ) -> None:
     """Fit the Heckel slope and the initial density ratio of a scene to measurements of its plant.
 
@@ -81,8 +65,6 @@ def calibrate(
         contact engine of every trial: columns take a second, finite elements take minutes
     increments
         elements of travel per contact length (finite elements); 14 by default, 7 cost a third and differ by 1 to 2 %
-    out
-        the JSON file; default out/NAME-calibration.json, NAME as in `compact run`
     """
     from compact.analysis import calibration
     from compact.files import write_json
@@ -90,23 +72,23 @@ def calibrate(
 
     readings = read_measurements(measured)
     options: dict[str, Any] = {} if increments is None else {"increments": increments}
-    given = read_scene(scene, console.quiet, changes)
-    with console.progress() as progress:
+    given = job.read(scene)
+    with job.progress() as progress:
         progress.begin(f"fit by {engine}")
         found = calibration.calibrate(given, readings, engine, parameters, **options)
-    path = out or default_directory(scene, "calibration.json")
+    path = job.place(scene, "calibration.json")
     summary = calibration.calibration_summary(found)
     write_json(path, summary)
     *values, (place, fit) = found.scene_changes.items()
     table = ", ".join(f"{name} = {json.dumps(value)}" for name, value in fit.items())
     changed = " ".join([*(f"--set {key}={value:.6g}" for key, value in values), f"--set '{place}={{{table}}}'"])
-    console.show(
+    job.show(
         lambda: f"{calibration.calibration_digest(found)}\n\nfor the scene: {changed}\nresults: {path}",
         results=path, calibration=summary,
     )  # fmt: skip
 
 
-def check(*, markdown: bool = False, console: Console = DEFAULT_CONSOLE) -> int:
+def check(*, markdown: bool = False, console: Console = CONSOLE) -> int:
     """Print every published number with the computed value and the verdict; exit 1 if a value has changed.
 
     Parameters
@@ -135,7 +117,7 @@ def validate(
     *,
     out: Path | None = None,
     markdown: bool = False,
-    console: Console = DEFAULT_CONSOLE,
+    console: Console = CONSOLE,
 ) -> int:
     """Compute the cases that others measured or computed, and print ours, theirs and the verdict; exit 1 if ours moves.
 

@@ -1,7 +1,7 @@
 """Options that commands share, exit codes, and the scene of a command."""
 
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from compact.files import OWNER_FILE, json_text
+from compact.files import OWNER_FILE, default_directory, json_text
 
 if TYPE_CHECKING:
     from compact.report.progress import Progress
@@ -23,11 +23,6 @@ Engine = Annotated[
     Literal["formula", "column", "spectral", "fem", "compaction", "process"] | None,
     Parameter(help="contact engine that replaces the engine of the scene"),
 ]
-Changes = Annotated[
-    tuple[str, ...],
-    Parameter(name="--set", negative="", help="change one key of the scene, such as mix.moisture=0.11; repeatable"),
-]
-Force = Annotated[bool, Parameter(negative="", show_default=False, help="overwrite the results of another scene")]
 
 
 def _flag(meaning: str) -> Parameter:
@@ -85,7 +80,52 @@ class Console:
             yield
 
 
-DEFAULT_CONSOLE = Console()
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Job(Console):
+    """Options of every command that computes a scene."""
+
+    out: Annotated[
+        Path | None,
+        Parameter(help="folder of the results; default out/NAME-COMMAND, NAME of the scene file or its folder"),
+    ] = None
+    changes: Annotated[
+        tuple[str, ...],
+        Parameter(name="--set", negative="", help="change one key of the scene, such as mix.moisture=0.11; repeatable"),
+    ] = ()
+
+    def place(self, scene: Path, suffix: str = "") -> Path:
+        """Return the folder or file of the results."""
+        return self.out or default_directory(scene, suffix)
+
+    def read(self, path: Path, **replacements: object) -> "Scene":
+        """Load a scene file with some of its keys replaced, and print the advice on it.
+
+        Parameters
+        ----------
+        path : Path
+            Scene file.
+        **replacements : object
+            Values by key of the scene, None for the value of the scene; those of the option --set come before.
+        """
+        from compact.scene.loader import load_scene, read_change
+
+        wanted = replacements | dict(map(read_change, self.changes))
+        scene = load_scene(path, **{key: value for key, value in wanted.items() if value is not None})
+        for sentence in scene.advice if not self.quiet else ():
+            print(f"compact: advice: {sentence}", file=sys.stderr)
+        return scene
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class OwningJob(Job):
+    """Options of a command whose folder holds results of one scene."""
+
+    force: Annotated[bool, _flag("overwrite the results of another scene")] = False
+
+
+CONSOLE, JOB, OWNING_JOB = Console(), Job(), OwningJob()  # without options
 
 
 @contextmanager
@@ -112,35 +152,6 @@ def kept_files(directory: Path) -> str:
 def is_interrupt(error: BaseException) -> bool:
     """Return True for Ctrl-C, also while compiled code converts its result."""
     return isinstance(error, KeyboardInterrupt) or isinstance(error.__cause__, KeyboardInterrupt)
-
-
-def read_scene(
-    path: Path, quiet: bool, changes: Sequence[str] = (), replacements: Mapping[str, object] | None = None
-) -> "Scene":
-    """Load a scene file with some of its keys replaced, and print the advice on it.
-
-    Parameters
-    ----------
-    path : Path
-        Scene file.
-    quiet : bool
-        True to print no advice.
-    changes : sequence of str
-        Changes of the option --set, KEY=VALUE.
-    replacements : mapping
-        Values by key of the scene, None for the value of the scene.
-
-    Returns
-    -------
-    Scene
-    """
-    from compact.scene.loader import load_scene, read_change
-
-    wanted = dict(replacements or {}) | dict(map(read_change, changes))
-    scene = load_scene(path, **{key: value for key, value in wanted.items() if value is not None})
-    for sentence in scene.advice if not quiet else ():
-        print(f"compact: advice: {sentence}", file=sys.stderr)
-    return scene
 
 
 def print_error(message: object, code: int) -> int:

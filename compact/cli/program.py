@@ -17,32 +17,34 @@ from typing import Annotated, Literal
 from cyclopts import App, CycloptsError, Parameter
 
 from compact.analysis.failures import internal_sentence, is_numeric, is_refusal, memory_sentence, numeric_sentence
-from compact.cli import INTERRUPTED, INTERRUPTED_MESSAGE, checks, interfaces
+from compact.cli import INTERRUPTED, INTERRUPTED_MESSAGE, checks
 from compact.cli.options import (
-    DEFAULT_CONSOLE,
+    CONSOLE,
     INVALID_INPUT,
+    JOB,
     NO_RESULT,
+    OWNING_JOB,
     SUCCESS,
-    Changes,
     Console,
     Engine,
-    Force,
+    Job,
+    OwningJob,
     ScenePath,
     interrupt_noted,
     is_interrupt,
     kept_files,
     print_error,
-    read_scene,
 )
-from compact.files import ResultsError, default_directory, json_text, read_json
+from compact.files import ResultsError, claimed_directory, default_directory, json_text, read_json
 
+Format = Literal["csv", "fmu", "vtu", "vtk", "xdmf", "gmsh"]
 app = App(
     name="compact",
     help="Roller-compaction loads: from a scene (machine, mix, motion) to ranked motion laws.",
     help_format="plaintext",
     suppress_keyboard_interrupt=False,  # handled in `_exit_code`
 )
-for _command in (checks.material, checks.calibrate, checks.check, checks.validate, interfaces.export):
+for _command in (checks.material, checks.calibrate, checks.check, checks.validate):
     app.command(_command)
 
 
@@ -71,7 +73,7 @@ def _exit_code(arguments: Sequence[str]) -> int:
             warnings.simplefilter("error", RuntimeWarning)  # a result with a numerical warning is not a result
             command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=True)
             given = (each for each in bound.arguments.values() if isinstance(each, Console))
-            with next(given, DEFAULT_CONSOLE).recorded():
+            with next(given, CONSOLE).recorded():
                 return command(*bound.args, **bound.kwargs) or SUCCESS
     except CycloptsError:  # printed by cyclopts, with the nearest option
         return INVALID_INPUT
@@ -142,27 +144,22 @@ def run(
     scene: ScenePath,
     /,
     *,
-    out: Path | None = None,
     engine: Engine = None,
     tolerance: float | None = None,
     over: str | None = None,
-    changes: Changes = (),
-    force: Force = False,
-    console: Console = DEFAULT_CONSOLE,
+    job: OwningJob = OWNING_JOB,
 ) -> None:
     """Compute the whole scene: resistance, motion laws, drive forces, ranking, cams, tables, figures and report.
 
     Parameters
     ----------
-    out
-        folder of the results; default out/NAME, with the name of the scene file or of the folder of a scene.toml
     tolerance
         relative error tolerance that replaces the tolerance of the scene
     over
         duration=LOW:HIGH:N, durations of a pass in s at which the laws are ranked again, with their crossovers
     """
     replacements = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
-    given = read_scene(scene, console.quiet, changes, replacements)
+    given = job.read(scene, **replacements)
 
     from compact.analysis.sizing.durations import read_durations
     from compact.analysis.study import Study
@@ -171,8 +168,8 @@ def run(
     from compact.report import writer as report
     from compact.rolling_contact import HeapingError
 
-    progress = console.progress()
-    directory = out or default_directory(scene)
+    progress = job.progress()
+    directory = job.place(scene)
     study = Study(
         given, directory=directory, progress=progress.report, durations=() if over is None else read_durations(over),
         step=progress.begin,
@@ -181,10 +178,10 @@ def run(
     helpers = ProcessExecutor(min(cores(), len(others))) if others else None
     try:
         with interrupt_noted(lambda: kept_files(directory)), progress:
-            summary = report.write_study(study, directory, force, helpers)
+            summary = report.write_study(study, directory, job.force, helpers)
     except HeapingError as error:
         raise HeapingError(f"{error}; {text.other_resistances(study.scene)}", error.heaping) from error
-    console.show(lambda: f"{text.study_digest(study)}\n\nresults: {directory}", results=directory, summary=summary)
+    job.show(lambda: f"{text.study_digest(study)}\n\nresults: {directory}", results=directory, summary=summary)
 
 
 @app.command
@@ -195,10 +192,7 @@ def roll(
     speed: float | None = None,
     engine: Engine = None,
     picture: Path | None = None,
-    out: Path | None = None,
-    changes: Changes = (),
-    force: Force = False,
-    console: Console = DEFAULT_CONSOLE,
+    job: OwningJob = OWNING_JOB,
 ) -> None:
     """Compute one contact of roller and layer: load, resistance, edges, pressure and fields, for every pass.
 
@@ -209,18 +203,15 @@ def roll(
     picture
         file for a picture of the displaced layer with its density ratio or pressure, such as layer.png; needs an engine
         with fields, fem or compaction, and pyvista
-    out
-        folder of the results; default out/NAME-ENGINE, NAME as in `compact run`
     """
-    given = read_scene(scene, console.quiet, changes, {"accuracy.engine": engine})
+    given = job.read(scene, **{"accuracy.engine": engine})
 
     from compact.analysis.study import Study
-    from compact.files import claimed_directory
     from compact.report import text, writer
     from compact.report.pictures import require_picture, write_picture
     from compact.scene.plausible_ranges import check_speed
 
-    progress = console.progress()
+    progress = job.progress()
     study = Study(given, progress=progress.report)
     if speed is not None:
         check_speed(speed, study.scene.unusual)
@@ -228,15 +219,15 @@ def roll(
     name = study.scene.accuracy.engine
     if picture is not None:
         require_picture(picture, study.stages.contacts.engine)
-    place = out or default_directory(scene, name)
-    with claimed_directory(place, study.scene.hash, force) as directory, progress:
+    place = job.place(scene, name)
+    with claimed_directory(place, study.scene.hash, job.force) as directory, progress:
         progress.begin(f"contact by {name}")
         passes = study.stages.contacts.passes_at(speed)
         progress.begin("tables and figures")
         writer.write_contact(directory, study, speed, passes)
         if picture is not None:
             write_picture(picture, study.stages.contacts.field_mesh(passes[0]), passes[0])
-    console.show(
+    job.show(
         lambda: f"{text.contact_digest(study, speed, passes)}\n\nresults: {directory}",
         results=directory, contact=read_json(directory / "contact.json"),
     )  # fmt: skip
@@ -251,9 +242,7 @@ def cam(
     follower: Literal["pointed", "roller", "flat"] = "roller",
     cutter: float | None = None,
     tolerance: float = 1e-6,
-    out: Path | None = None,
-    changes: Changes = (),
-    console: Console = DEFAULT_CONSOLE,
+    job: Job = JOB,
 ) -> None:
     """Design the cam of constant breadth for one law: points as CSV, workshop drawing as SVG and DXF, animation.
 
@@ -270,12 +259,10 @@ def cam(
         radius of the cutter in m; adds the path of the cutter centre
     tolerance
         largest deviation in m of a follower on the exported points from its law
-    out
-        folder of the results; default out/NAME-cams, NAME as in `compact run`
     """
     from compact.scene.choices import LAW_NAMES
 
-    given = read_scene(scene, console.quiet, changes, {"motion.laws": (law,)} if law in LAW_NAMES else {})
+    given = job.read(scene, **{"motion.laws": (law,)} if law in LAW_NAMES else {})
 
     from compact.analysis.study import Study
     from compact.cams import workshop_drawing as cam_files
@@ -286,23 +273,13 @@ def cam(
         require_known("motion law", law, (*LAW_NAMES, *(path.stem for path in given.table_paths)))
     study = Study(given)
     made = study.stages.laws.cam(law, follower)
-    written = cam_files.write_cam_files(out or default_directory(scene, "cams"), study.scene, made, cutter, tolerance)
+    written = cam_files.write_cam_files(job.place(scene, "cams"), study.scene, made, cutter, tolerance)
     files = "\n".join(f"  {path}" for path in written)
-    console.show(lambda: f"{text.cam_digest(law, made)}\n{files}", files=written)
+    job.show(lambda: f"{text.cam_digest(law, made)}\n{files}", files=written)
 
 
 @app.command
-def process(
-    scene: ScenePath,
-    /,
-    *,
-    quick: bool = False,
-    deep: bool = False,
-    out: Path | None = None,
-    changes: Changes = (),
-    force: Force = False,
-    console: Console = DEFAULT_CONSOLE,
-) -> None:
+def process(scene: ScenePath, /, *, quick: bool = False, deep: bool = False, job: OwningJob = OWNING_JOB) -> None:
     """Compute the forming process of a table [process]: strokes over a moving mould with feed before each.
 
     Parameters
@@ -311,22 +288,19 @@ def process(
         lumped lifts in two dimensions too, of one thickness and on one mesh: some minutes
     deep
         lumped lifts of three thicknesses and on three meshes, with errors: ten minutes or more
-    out
-        folder of process.json, tables, figures and fields; default out/NAME-process, NAME as in `compact run`
     """
     from compact.analysis.process import ProcessStudy
-    from compact.files import claimed_directory
     from compact.report.process import process_digest, write_process
 
-    progress, place = console.progress(), out or default_directory(scene, "process")
-    given = read_scene(scene, console.quiet, changes)
+    progress, place = job.progress(), job.place(scene, "process")
+    given = job.read(scene)
     stated = given.process and given.process.detail
     detail = "deep" if deep else "quick" if quick else stated or "columns"
     study = ProcessStudy(given, detail, progress.report)
-    with claimed_directory(place, given.hash, force) as directory, progress:
+    with claimed_directory(place, given.hash, job.force) as directory, progress:
         progress.begin("strokes of the process")
         write_process(study, directory)
-    console.show(
+    job.show(
         lambda: f"{process_digest(study)}\n\nresults: {place}", results=place, process=read_json(place / "process.json")
     )
 
@@ -343,12 +317,9 @@ def sweep(
     rank: bool = False,
     sobol: bool = False,
     direct: int | Literal["all"] | None = None,
-    out: Path | None = None,
     engine: Engine = None,
     tolerance: float | None = None,
-    changes: Changes = (),
-    force: Force = False,
-    console: Console = DEFAULT_CONSOLE,
+    job: OwningJob = OWNING_JOB,
 ) -> int:
     """Compute many scenes with keys varied on grids, lists or samples, and write one labelled netCDF file.
 
@@ -368,8 +339,6 @@ def sweep(
         design the sample for Sobol indices, the share of the spread that each parameter explains
     direct
         points that the engine compaction computes itself, a number or all; at the others it corrects columns
-    out
-        folder of the results; default out/NAME-sweep, NAME as in `compact run`
     tolerance
         relative error tolerance that replaces the tolerance of the scene
     """
@@ -381,9 +350,9 @@ def sweep(
 
     workforce = choose_executor(workers, scheduler)
     asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
-    given, varied = read_scene(scene, console.quiet, changes, asked), [varying.read_design(text) for text in vary]
+    given, varied = job.read(scene, **asked), [varying.read_design(text) for text in vary]
     many = create_sweep(given, varied, rank=rank, indices=sobol, direct=direct)
-    directory, failed = out or default_directory(scene, "sweep"), 0
+    directory, failed = job.place(scene, "sweep"), 0
 
     def step(points: int, failures: int) -> None:
         nonlocal failed
@@ -394,19 +363,87 @@ def sweep(
     def kept() -> str:
         return f"{many.computed} points of this run are kept in {directory}; --resume computes the others"
 
-    with interrupt_noted(kept), console.progress(many.steps) as progress:
+    with interrupt_noted(kept), job.progress(many.steps) as progress:
         progress.begin("points")
-        table = many.run(directory, executor=workforce, resume=resume, force=force, step=step)
+        table = many.run(directory, executor=workforce, resume=resume, force=job.force, step=step)
     indices = sobol_indices.of_table(table)
     write_sweep_report(directory, table, indices)
-    for name in () if console.quiet else many.broken:
+    for name in () if job.quiet else many.broken:
         print(f"compact: {name} was incomplete; its points have been computed again", file=sys.stderr)
-    if many.unused and many.computed and not console.quiet:
+    if many.unused and many.computed and not job.quiet:
         why = "they are of another sweep, or of other sources or tables"
         print(f"compact: {many.unused} points of earlier runs in {directory} are not used: {why}", file=sys.stderr)
     counts = f"{many.computed} of {many.needed} computed now"
-    console.show(
+    job.show(
         lambda: f"{sweep_digest(table, indices)}\n\n{counts}; results: {directory}",
         results=directory, points=many.needed, computed_now=many.computed, **sweep_summary(table, indices),
     )  # fmt: skip
     return SUCCESS if (table["reason"] == "").any() else print_error("no point has a result", NO_RESULT)
+
+
+@app.command
+def export(
+    scene: ScenePath,
+    /,
+    *,
+    formats: Annotated[tuple[Format, ...], Parameter(name="--format", negative="", consume_multiple=True)],
+    tolerance: float | None = None,
+    speed: float | None = None,
+    engine: Engine = None,
+    job: OwningJob = OWNING_JOB,
+) -> None:
+    """Write the force on the cart over velocity and acceleration, or the fields of one contact, for other programs.
+
+    Contacts of an earlier `compact run` of the same scene are used.
+
+    Parameters
+    ----------
+    formats
+        csv is a table of F(v, a) with the guide friction; fmu is a functional mock-up unit with the cart (FMI 2.0);
+        vtu, vtk, xdmf and gmsh have the fields of fem and compaction
+    tolerance
+        largest error of linear interpolation over the largest force; default the tolerance of the scene
+    speed
+        speed of the fields in m/s; default the mean speed
+    """
+    given = job.read(scene, **{"accuracy.engine": engine})
+
+    from compact.analysis.study import Study
+    from compact.interfaces.field_formats import FIELD_FORMATS, write_fields
+    from compact.interfaces.force_tables import CartModel, force_table, write_force_csv
+    from compact.interfaces.functional_mockup import has_binary, write_fmu
+
+    progress, place = job.progress(), job.place(scene, "export")
+    study = Study(given, progress.begin, default_directory(scene), progress.report)
+    with_fields = [name for name in formats if name in FIELD_FORMATS]
+    if with_fields and not study.stages.contacts.engine.has_fields:
+        name = study.scene.accuracy.engine
+        raise ValueError(
+            f'--format {with_fields[0]} needs fields, which the engine "{name}" does not have; '
+            "use --engine fem or compaction"
+        )
+    files, notes, numbers = [], [], {}
+    with claimed_directory(place, study.scene.hash, job.force) as directory, progress:
+        if set(formats) - set(with_fields):
+            model = CartModel.of(study)
+        if "csv" in formats:
+            table = force_table(model, tolerance or study.scene.accuracy.tolerance)
+            files.append(write_force_csv(table, directory / "force.csv"))
+            numbers = {"mass": table.mass, "interpolation_error": table.interpolation_error}
+            notes.append(
+                f"force against the motion at {table.velocity.size} velocities and {table.acceleration.size} "
+                f"accelerations, interpolation error {table.interpolation_error:.1e}; without the mass of the cart, "
+                f"{table.mass:g} kg"
+            )
+        if "fmu" in formats:
+            files.append(write_fmu(model, directory / "cart.fmu", study.scene.title))
+            binary = (
+                "with a binary for this platform" if has_binary(files[-1]) else "sources only, as no compiler is found"
+            )
+            notes.append(f"cart.fmu: FMI 2.0, co-simulation, {binary}")
+        if with_fields:
+            contact = study.stages.contacts.passes_at(speed or study.scene.mean_speed)[0]
+            mesh = study.stages.contacts.field_mesh(contact)
+            files += [write_fields(mesh, directory / f"fields{FIELD_FORMATS[name][0]}", name) for name in with_fields]
+    lines = "\n".join([*notes, *(f"  {path}" for path in files)])
+    job.show(lambda: lines, results=place, files=files, **numbers)
