@@ -22,23 +22,16 @@ STROKE, DURATION = 0.4, 3.0  # [m], [s], of D ch. 5
 A, B = "reversal-4", "reversal-4-free-both"  # laws of the papers A and B
 PRINTED_B_SPEED, PRINTED_B_SLOPE = 6 / 5, 87 / 80  # [-], of B (28) and (30), over stroke/duration
 COARSE_SPEED = 1 / 0.86  # [-], of D 2.7 with 2/3 truncated to 0.66, over stroke/duration
-FREE_BREADTH = (
-    "cubic",
-    "quintic",
-    "septic",
-    "complex",
-    "reversal-2",
-)  # laws whose flat-faced cam needs the stroke only
+FREE_BREADTH = ("cubic", "quintic", "septic", "complex", "reversal-2")  # their flat-faced cam needs the stroke only
 
 
 @cache
+def _unit(name: str, stroke: float = 1.0, duration: float = 1.0) -> MotionProfile:
+    return law(name, stroke, duration)
+
+
 def _printed(name: str) -> MotionProfile:
-    return law(name, STROKE, DURATION)
-
-
-@cache
-def _unit(name: str) -> MotionProfile:
-    return law(name, stroke=1.0, duration=1.0)
+    return _unit(name, STROKE, DURATION)
 
 
 def _wrong_closure(name: str) -> float:

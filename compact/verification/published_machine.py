@@ -6,6 +6,8 @@ Each function returns values by the name of their row in `data/published.csv`; `
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -114,7 +116,8 @@ def crank_numbers() -> dict[str, float]:
     stated, four = _turn(CART, force), _turn(CART, force, 4)
     used, used_four = (_turn(replace(smooth, mass=0.0), MOVING_FORCE, n, 100 * 2 * np.pi / 60) for n in (1, 4))
     massless = _turn(replace(CART, mass=0.0), force)
-    mean = _mean(stated)
+    breaks = [*TOWARDS, *_roots(stated, AWAY, _rear), AWAY[1]]  # lift-offs of the rear guide wheel
+    mean = integrate(lambda psi: _cart(stated, psi).power, breaks) / (2 * np.pi)
 
     # the mean power of a constant resistance W is 4 r W w/(2 pi) for any rod and mass
     plain, plain_four = _turn(smooth, force), _turn(smooth, force, 4)
@@ -143,9 +146,8 @@ def crank_numbers() -> dict[str, float]:
     found["inertia_for_ratio"] = mass * CRANK.radius * ANGULAR_SPEED**2 / force
     found["one_over_mean_then"] = peak_over_mean(mass, 1)
 
-    for name in ("front", "rear"):
-        found[f"{name}_largest"] = _largest(massless, name, 1.0, TOWARDS)
-        found[f"{name}_least"] = -_largest(massless, name, -1.0, TOWARDS)
+    for name, (key, sign) in product(("front", "rear"), (("largest", 1.0), ("least", -1.0))):
+        found[f"{name}_{key}"] = sign * _largest(massless, name, sign, TOWARDS)
     for case, turn in (("stated", stated), ("massless", massless)):
         lowest = -_largest(turn, "rear", -1.0, AWAY)
         found |= {
@@ -174,15 +176,8 @@ def _rear(cart: CartRevolution) -> Array:
 
 
 def _roots(turn: CrankshaftRevolution, stroke: Array, quantity: Quantity) -> Array:
-    return find_roots(
-        lambda psi: quantity(_cart(turn, psi)).reshape(psi.shape), np.linspace(stroke[0], stroke[1], STEPS)
-    )
-
-
-def _mean(turn: CrankshaftRevolution) -> float:
-    """Compute the mean power [W], piecewise between lift-offs of the rear guide wheel."""
-    breaks = [*TOWARDS, *_roots(turn, AWAY, _rear), AWAY[1]]
-    return integrate(lambda psi: _cart(turn, psi).power, breaks) / (2 * np.pi)
+    cells = np.linspace(stroke[0], stroke[1], STEPS)
+    return find_roots(lambda psi: quantity(_cart(turn, psi)).reshape(psi.shape), cells)
 
 
 def _mean_on_upper_rail(towards: float, away: float) -> float:
@@ -204,9 +199,8 @@ def _mean_on_upper_rail(towards: float, away: float) -> float:
 
 def _largest(turn: CrankshaftRevolution, name: str, sign: float, stroke: Array) -> float:
     """Compute the largest reaction [N] of a guide wheel times a sign on a stroke."""
-    return find_maximum(lambda psi: sign * getattr(_cart(turn, psi).forces, f"{name}_reaction"), interior_grid(stroke))[
-        0
-    ]
+    reaction = attrgetter(f"forces.{name}_reaction")
+    return find_maximum(lambda psi: sign * reaction(_cart(turn, psi)), interior_grid(stroke))[0]
 
 
 def _percent(turn: CrankshaftRevolution, stroke: Array, quantity: Quantity) -> float:

@@ -22,7 +22,6 @@ import textwrap
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from decimal import Decimal
 from fractions import Fraction
 from importlib.resources import files
 
@@ -74,14 +73,10 @@ class PublishedNumber:
         """True if computed and printed number agree to half a unit of the last digit; a fraction must agree exactly."""
         if not self.printed:
             return False
-        if "/" in self.printed:
-            return math.isclose(self.computed, Fraction(self.printed), rel_tol=TOLERANCE)
-        printed = Decimal(self.printed)
-        exponent = printed.as_tuple().exponent
-        if not isinstance(exponent, int):  # infinite
-            return self.computed == float(printed)
-        decimals = -exponent if self.decimals is None else self.decimals
-        return abs(self.computed - float(printed)) <= 0.5 * 10.0**-decimals * (1 + TOLERANCE)
+        if "/" in self.printed or self.printed == "inf":
+            return math.isclose(self.computed, _number(self.printed), rel_tol=TOLERANCE)
+        decimals = len(self.printed.partition(".")[2]) if self.decimals is None else self.decimals
+        return abs(self.computed - float(self.printed)) <= 0.5 * 10.0**-decimals * (1 + TOLERANCE)
 
     @property
     def unchanged(self) -> bool:
@@ -130,44 +125,33 @@ def computed_values() -> dict[str, float]:
 
 def text_table(rows: Sequence[PublishedNumber]) -> str:
     """Format rows as ASCII text of at most 120 columns, grouped, with notes and a count of the verdicts."""
-    header = _line("source", "quantity", "printed", "computed", "unit", "verdict")
+
+    def line(*cells: str) -> str:
+        return "{:<16} {:<49} {:>8} {:>11} {:<6} {}".format(*cells).rstrip()
+
+    header = line("source", "quantity", "printed", "computed", "unit", "verdict")
     lines = []
     for group, members in itertools.groupby(rows, key=lambda row: row.group):
         lines += ["", *textwrap.wrap(GROUPS[group][0], TABLE_WIDTH), header, "-" * len(header)]
         for row in members:
-            lines.append(_line(row.source, row.quantity, row.printed, f"{row.computed:.6g}", row.unit, row.verdict))
-            lines += textwrap.wrap(_note(row), TABLE_WIDTH, initial_indent=NOTE_INDENT, subsequent_indent=NOTE_INDENT)
+            lines.append(line(row.source, row.quantity, row.printed, f"{row.computed:.6g}", row.unit, row.verdict))
+            changed = f"CHANGED: computed {row.computed:.12g}, expected {row.expected:.12g}, verdict '{row.verdict}'. "
+            note = row.note if row.unchanged else changed + row.note
+            lines += textwrap.wrap(note, TABLE_WIDTH, initial_indent=NOTE_INDENT, subsequent_indent=NOTE_INDENT)
     counts = ", ".join(f"{count} {verdict}" for verdict, count in Counter(row.verdict for row in rows).most_common())
     return "\n".join([*lines[1:], "", f"{len(rows)} numbers: {counts}"])
 
 
 def markdown(rows: Sequence[PublishedNumber]) -> str:
-    """Format rows as the Markdown table of `docs/verification.md`."""
+    """Format rows as a table of Markdown; no deviation from a print that is zero or infinite."""
     header = ("source", "quantity", "unit", "printed", "computed", "deviation", "verdict")
     lines = [header, ("---",) * len(header)]
     for row in rows:
-        values = f"{row.computed:.6g}", _deviation(row)
-        lines.append((row.source, row.quantity, row.unit, row.printed, *values, row.verdict))
+        printed = _number(row.printed)
+        deviation = row.computed / printed - 1 if printed and math.isfinite(printed) else math.nan
+        shown = "" if math.isnan(deviation) else f"{deviation:+.2g}" if abs(deviation) > TOLERANCE else "0"
+        lines.append((row.source, row.quantity, row.unit, row.printed, f"{row.computed:.6g}", shown, row.verdict))
     return "".join(f"| {' | '.join(cell.replace('|', ESCAPED_BAR) for cell in line)} |\n" for line in lines)
-
-
-def _deviation(row: PublishedNumber) -> str:
-    """Format computed over printed number less one; "0" within rounding, empty where the print is zero or infinite."""
-    printed = _number(row.printed)
-    if not (printed and math.isfinite(printed)):
-        return ""
-    deviation = row.computed / printed - 1
-    return f"{deviation:+.2g}" if abs(deviation) > TOLERANCE else "0"
-
-
-def _line(source: str, quantity: str, printed: str, computed: str, unit: str, verdict: str) -> str:
-    return f"{source:<16} {quantity:<49} {printed:>8} {computed:>11} {unit:<6} {verdict}".rstrip()
-
-
-def _note(row: PublishedNumber) -> str:
-    if row.unchanged:
-        return row.note
-    return f"CHANGED: computed {row.computed:.12g}, expected {row.expected:.12g}, verdict '{row.verdict}'. {row.note}"
 
 
 GROUPS = {
