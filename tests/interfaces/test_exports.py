@@ -18,13 +18,7 @@ from compact.analysis.study import Study
 from compact.cli import program as cli
 from compact.contact import dry_resistance
 from compact.interfaces.field_formats import FIELD_FORMATS, FULL_TENSOR, write_fields
-from compact.interfaces.force_tables import (
-    FORCES,
-    CartModel,
-    force_table,
-    read_force_csv,
-    write_force_csv,
-)
+from compact.interfaces.force_tables import FORCES, CartModel, force_table, read_force_csv, write_force_csv
 from compact.interfaces.functional_mockup import VARIABLES, has_binary, write_fmu
 from compact.motion import law
 from compact.resistance import ResistanceMap

@@ -45,10 +45,7 @@ def lift(thickness: Any = 0.06, density_ratio: Any = 0.98, engine: str = "column
 
 def feed(position: float, thickness: float) -> dict[str, Any]:
     """Changes that give a table of the feed."""
-    return {
-        "process.feed": "table",
-        "process.feed_table": [{"position": position, "relative_thickness": thickness}],
-    }
+    return {"process.feed": "table", "process.feed_table": [{"position": position, "relative_thickness": thickness}]}
 
 
 BOUNDS = [  # of the published scene: types and bounds of single keys
