@@ -68,29 +68,6 @@ def test_exit_code_of_a_call(call, arguments, code):
     assert (output == "") == (code != options.SUCCESS)
 
 
-@pytest.mark.parametrize(
-    ("error", "code", "words"),
-    [
-        (KeyboardInterrupt(), INTERRUPTED, "every file already written is whole"),
-        (MemoryError(), options.NO_RESULT, "not enough memory"),
-        (RuntimeError("no steady state"), options.NO_RESULT, "no steady state"),
-        (SceneError(["give the radius in m"]), options.INVALID_INPUT, "give the radius in m"),
-        (ZeroDivisionError("division by zero"), options.NO_RESULT, "a number is divided by zero"),
-        (TypeError("boom"), options.NO_RESULT, "internal error, please report it"),
-    ],
-)
-def test_exit_code_of_an_error(capsys, monkeypatch, error, code, words):
-    def fail(*_, **__):
-        raise error
-
-    monkeypatch.setattr("compact.scene.loader.load_scene", fail)
-    assert cli._exit_code(["roll", str(SMALL)]) == code
-    output, message = capsys.readouterr()
-    assert output == ""
-    assert message.startswith("compact: ")
-    assert words in message
-
-
 def test_interrupt_states_what_is_kept(capsys, monkeypatch, tmp_path):
     def interrupted_writer(study, directory, *_):
         write_json(directory / "contacts.json", {})

@@ -9,6 +9,7 @@ import json
 import math
 import random
 import signal
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -25,54 +26,19 @@ SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
 SECONDS = 10  # of processor time for one case
 ENGINES = ("formula", "formula", "column", "column", "column", "spectral", "spectral", "fem")
 TARGETS = {"contact.load": (50.0, 1e5), "contact.peak_pressure": (1e3, 2e6), "contact.indentation": (1e-4, 0.1)}
-ODD = (
-    0,
-    -1,
-    1e-300,
-    1e300,
-    1e-9,
-    1e9,
-    math.nan,
-    math.inf,
-    -math.inf,
-    "x",
-    "",
-    True,
-    [],
-    [math.nan],
-    {},
-    {"x": 1},
-    10**400,
-)
+ODD = (0, -1, 1e-300, 1e300, 1e-9, 1e9, nan, inf, -inf, "x", "", True, [], [nan], {}, {"x": 1}, 10**400)
 FINEST = 2e-3  # [-], tolerance at which `fem` answers within the limit; 1e-3 of a slow contact takes 15 s
 FORBIDDEN = ("Traceback", "internal error", "encountered in", "RuntimeWarning", "at index", "nan at", "Singular matrix")
 SHORT = {"motion.laws": ["cubic"], "output.items": [], "contact.speeds": [0.05, 0.2], "accuracy.tolerance": 0.05}
-
-
 TIED = (  # keys that seldom change alone
-    *("machine.rollers", "machine.roller_positions", "machine.guide_positions", "machine.feeder_sleeve", "drive.carts"),
-    *(
-        "motion.energy_weight",
-        "motion.acceleration_weight",
-        "motion.laws",
-        "output",
-        "title",
-        "layer.base",
-        "drive.rank_by",
-    ),
-)
+    "machine.rollers", "machine.roller_positions", "machine.guide_positions", "machine.feeder_sleeve", "drive.carts",
+    "drive.rank_by", "motion.energy_weight", "motion.acceleration_weight", "motion.laws", "output",
+    "title", "layer.base",
+)  # fmt: skip
 FELT = (  # keys that engines feel
-    *(
-        "machine.roller_radius",
-        "machine.roller_length",
-        "product.height",
-        "layer.lift_thickness",
-        "layer.fed_density_ratio",
-    ),
-    *("motion.duration", "accuracy.tolerance"),
-)
-
-
+    "machine.roller_radius", "machine.roller_length", "product.height", "layer.lift_thickness",
+    "layer.fed_density_ratio", "motion.duration", "accuracy.tolerance",
+)  # fmt: skip
 KEYS = keys()
 
 
