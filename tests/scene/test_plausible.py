@@ -64,15 +64,6 @@ def test_soft_oil_is_told_beforehand(modulus, told):
         assert f"by {8e6 * 3e-4 / (2e-3 * modulus):.3g} m" in found[0]
 
 
-def test_advice_names_the_line_of_its_key():
-    scene = load_scene(SMALL, **{"mix.overrides.heckel_slope": 2e-4})
-    (sentence,) = scene.advice
-    assert sentence.endswith(
-        "mix.overrides.heckel_slope: 0.0002 1/Pa is outside the plausible 1.05e-06 to 0.000156 1/Pa (the prior over "
-        "all moistures and densities, threefold wider); is it in other units?"
-    )
-
-
 def test_a_key_named_unusual_is_neither_refused_nor_advised_against():
     scene = load_scene(SMALL, **{"unusual": ["mix.overrides.heckel_slope"], "mix.overrides.heckel_slope": 13.0})
     assert scene.mix.overrides.heckel_slope == 13.0
@@ -98,9 +89,3 @@ def test_a_sweep_refuses_implausible_values_before_it_computes():
 def test_the_speed_of_a_contact_is_checked(tmp_path, capsys):
     assert cli._exit_code(["roll", str(SMALL), "--speed", "1e6", "--out", str(tmp_path / "out")]) == 2
     assert "--speed: 1e+06 m/s is far outside the plausible 0.0001 to 5 m/s" in capsys.readouterr().err
-
-
-def test_slow_passes_are_advised_against():
-    """Within ten times the range of the duration; the mean speed is implausible."""
-    (sentence,) = load_scene(SMALL, **{"motion.duration": 3000.0}).advice[-1:]
-    assert "0.000133333 m/s is outside the plausible 0.001 to 5 m/s" in sentence
