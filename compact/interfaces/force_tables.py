@@ -12,9 +12,7 @@ The CSV file has one line for each node, for Chrono, spreadsheets and any script
 unit of `functional_mockup`.
 """
 
-import csv
 from dataclasses import dataclass, replace
-from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -169,13 +167,3 @@ def write_force_csv(table: ForceTable, path: Path | str) -> Path:
     grids = np.meshgrid(table.velocity, table.acceleration, indexing="ij")
     columns = [*grids, *(getattr(table, name) for name in FORCES)]
     return write_csv(Path(path), CSV_HEADER, zip(*(column.ravel().tolist() for column in columns), strict=True))
-
-
-def read_force_csv(path: Path | str, mass: float) -> ForceTable:
-    """Read a table of `write_force_csv`, for a cart of a mass [kg]."""
-    rows = list(csv.reader(StringIO(Path(path).read_text("utf-8"))))
-    velocity, acceleration, *forces = np.array(rows[1:], dtype=float).T
-    axes = np.unique(velocity), np.unique(acceleration)
-    shape = len(axes[0]), len(axes[1])
-    resistance, friction, total = (force.reshape(shape) for force in forces)
-    return ForceTable(*axes, resistance, friction, total, mass)
