@@ -17,7 +17,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
-from compact.scene.schema import declared_tables, table_of
+from compact.scene.schema import Table, declared_tables, table_of
 
 Key = tuple[str, ...]
 LONGEST_SHOWN = 60  # [characters], of a refused value in a message
@@ -120,29 +120,31 @@ TYPE_WORDS = {
     "bool_type": "true or false",
     "string_type": "a text in quotes",
     "string_unicode": "a text in quotes",
+    "string_pattern_mismatch": "a text",
     "tuple_type": "a list",
     "dict_type": "a table",
 }
 LIMIT_WORDS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
 
 
-def field_mistakes(error: ValidationError) -> list[Mistake]:
-    """Convert the errors of pydantic to mistakes."""
+def field_mistakes(error: ValidationError, scene: type[Table]) -> list[Mistake]:
+    """Convert the errors of pydantic on the tables of a scene to mistakes."""
     errors = error.errors(include_url=False)
     # pydantic also reports a list as too short if one of its entries is refused; the entry suffices
     outer = {part["loc"][:length] for part in errors for length in range(len(part["loc"]))}
-    return [_field_mistake(part) for part in errors if part["loc"] not in outer]
+    tables = dict(declared_tables(scene))
+    return [_field_mistake(part, tables) for part in errors if part["loc"] not in outer]
 
 
-def _field_mistake(error: Mapping[str, Any]) -> Mistake:
+def _field_mistake(error: Mapping[str, Any], tables: Mapping[Key, type[Table]]) -> Mistake:
     place, kind, value = error["loc"], error["type"], error["input"]
     path = tuple(part for part in place if isinstance(part, str))
     key = tuple(takewhile(lambda part: isinstance(part, str), place))
     inside = () if kind == "invalid_key" else place[len(key) :]
     entry = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in inside)
     if kind == "extra_forbidden":
-        return Mistake(key, _unknown(path, value), entry)
-    info = dict(declared_tables())[path[:-1]].model_fields[path[-1]]
+        return Mistake(key, _unknown(path, value, tables), entry)
+    info = tables[path[:-1]].model_fields[path[-1]]
     table, in_list = table_of(info), kind == "tuple_type" or kind == "too_short" or inside != ()
     header, got = f"[{'.'.join(path)}]", f"got {shown(value)}"
     if table and kind == "model_type" and inside:
@@ -221,8 +223,7 @@ def _within(path: Key) -> str:
     return f"in [{'.'.join(path)}]" if path else "at the top of the file, before any table"
 
 
-def _unknown(key: Key, value: object) -> str:
-    tables = dict(declared_tables())
+def _unknown(key: Key, value: object, tables: Mapping[Key, type[Table]]) -> str:
     name, here = key[-1], tables[key[:-1]].model_fields
     what = "table" if isinstance(value, dict) else "key"
     unknown = f"unknown {what} {_within(key[:-1])}, got {shown(value)}"

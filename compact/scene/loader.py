@@ -359,7 +359,7 @@ def _validated(
     try:
         return kind.model_validate(data), source, mistakes
     except ValidationError as error:
-        return None, source, mistakes + errors.field_mistakes(error)
+        return None, source, mistakes + errors.field_mistakes(error, kind)
 
 
 def _drop_fits(data: dict[str, Any], changes: Mapping[str, object]) -> None:

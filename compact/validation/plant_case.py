@@ -15,10 +15,8 @@ calibrated with the same trials says so by `fitted = "..."` in [case].
 """
 
 import math
-import re
-import tomllib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,18 +25,42 @@ from compact.analysis.contact_cases import roll_scene
 from compact.analysis.mix_laws import scene_mix
 from compact.engines import ENGINES
 from compact.files import read_table
-from compact.scene.errors import key_lines, syntax_sentence
-from compact.scene.loader import Scene, SceneError, parse_scene, read_value
+from compact.scene.loader import Scene, SceneError, read_value
+from compact.scene.schema import Table, key, optional
 from compact.validation.case import PREDICTED, Comparison, Computed, Panel, Rows, ValidationCase, ours, theirs
 
 MEASURED = {"load": "N", "resistance": "N", "resistance_coefficient": "-", "exit_density_ratio": "-"}
 COMPACTED = ("exit_density_ratio",)  # of an engine with irreversible compaction
 SCATTER = "_scatter"
 SPEED = "speed"
-REQUIRED_TEXTS, OPTIONAL_TEXTS, EXPECTED = ("title", "source", "licence"), ("fitted",), "expected"
-TABLE_HEADER = re.compile(r"\s*\[+\s*([^\]\s]+)\s*\]")
+TEXT = r"\S"  # pattern of a text that is not blank
 LARGEST_DISTANCE = 10.0  # [-], relative
 CONTACT_COST = 10.0  # [s], processor time of a trial by an engine without a cheaper one
+
+
+class Expected(Table):
+    """Expected distances of the measured quantities, relative to them."""
+
+    load: float | None = optional("the relative distance expected of the load", lt=LARGEST_DISTANCE)
+    resistance: float | None = optional("the relative distance expected of the resistance", lt=LARGEST_DISTANCE)
+    resistance_coefficient: float | None = optional("that of resistance over load", lt=LARGEST_DISTANCE)
+    exit_density_ratio: float | None = optional("that of the density ratio", lt=LARGEST_DISTANCE)
+
+
+class CaseTable(Table):
+    """Origin of the measurements, and the distances expected before the comparison."""
+
+    title: str = key("a title in quotes", pattern=TEXT)
+    source: str = key("what measured, when and how", pattern=TEXT)
+    licence: str = key("the licence of the data, or internal", pattern=TEXT)
+    fitted: str | None = key("what was fitted to the trials", pattern=TEXT, default=None)
+    expected: Expected
+
+
+class PlantScene(Scene):
+    """Scene of a plant with the table [case]."""
+
+    case: CaseTable
 
 
 @dataclass(frozen=True)
@@ -73,71 +95,27 @@ def read_plant_case(folder: str | Path) -> ValidationCase:
             raise ValueError(f"{folder}: a case has exactly one {suffix} file, got {names}")
         paths += found
     toml, table = paths
-    header, scene = _read_scene(toml)
-    trials = read_trials(table, header[EXPECTED], scene)
-    basis = f"fitted: {header['fitted']}" if "fitted" in header else PREDICTED
+    scene = PlantScene.load(toml)
+    header, expected = scene.case, scene.case.expected.model_dump(exclude_none=True)
+    trials = read_trials(table, expected, scene)
+    basis = f"fitted: {header.fitted}" if header.fitted else PREDICTED
     rows = {}
     for trial in trials:
         for name, value in trial.measured.items():
-            key, words = f"line_{trial.line}_{name}", f"{name.replace('_', ' ')}, line {trial.line}"
-            expected, scatter = float(header[EXPECTED][name]), trial.scatter.get(name)
-            given = Comparison(key, words, MEASURED[name], math.nan, value, expected, scatter=scatter, basis=basis)
-            rows[key] = given
+            row, words = f"line_{trial.line}_{name}", f"{name.replace('_', ' ')}, line {trial.line}"
+            given = Comparison(row, words, MEASURED[name], math.nan, value, expected[name], basis=basis)
+            rows[row] = replace(given, scatter=trial.scatter.get(name))
     engine = scene.accuracy.engine
     return ValidationCase(
         folder.resolve().name,
-        header["title"],
+        header.title,
         "measured",
         (engine,),
-        f"{header['source']}; {header['licence']}",
+        f"{header.source}; {header.licence}",
         partial(_compute, scene, trials, str(table)),
         seconds=CONTACT_COST * len(trials) if not ENGINES[engine].affordable else 1.0,
         given=rows,
     )
-
-
-def _read_scene(path: Path) -> tuple[dict[str, Any], Scene]:
-    """Return the table [case] with valid keys, and the scene around it."""
-    try:
-        text = path.read_text(encoding="utf-8")
-        table = tomllib.loads(text).get("case")
-    except tomllib.TOMLDecodeError as error:
-        raise ValueError(f"{path}:{syntax_sentence(error, text)}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
-    if not isinstance(table, dict):
-        raise ValueError(f"{path}: has no table [case]; give {', '.join((*REQUIRED_TEXTS, EXPECTED))}")
-    for keys, rule in _mistakes(table):
-        lines = key_lines(text)
-        raise ValueError(f"{path}:{lines.get(('case', *keys), lines.get(('case',), 1))}: [case] {rule}")
-    kept, inside = [], False
-    for line in text.splitlines():  # those of [case] become empty, so that all others keep their numbers
-        if found := TABLE_HEADER.match(line):
-            inside = found[1].split(".")[0] == "case"
-        kept.append("" if inside else line)
-    return table, parse_scene("\n".join(kept), str(path))
-
-
-def _mistakes(table: Mapping[str, Any]) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Yield the keys of each mistake in [case] and the rule that they break."""
-    required, texts = (*REQUIRED_TEXTS, EXPECTED), (*REQUIRED_TEXTS, *OPTIONAL_TEXTS)
-    known = (*required, *OPTIONAL_TEXTS)
-    yield from (((name,), f"has no key `{name}`; it takes {', '.join(known)}") for name in table if name not in known)
-    yield from (((), f"must state `{name}`") for name in required if name not in table)
-    for name in texts:
-        value = table.get(name, "none")
-        if not (isinstance(value, str) and value.strip()):
-            yield (name,), f"`{name}` must be a text, got {value!r}"
-    expected = table.get(EXPECTED)
-    if not isinstance(expected, dict) or not expected:
-        yield (EXPECTED,), f"`expected` must be a table such as {{load = 0.2}}, got {expected!r}"
-        return
-    for name, value in expected.items():
-        if name not in MEASURED:
-            yield (EXPECTED, name), f"`expected` has no `{name}`; it takes {', '.join(MEASURED)}"
-        elif isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < LARGEST_DISTANCE:
-            rule = f"must be a relative distance between 0 and {LARGEST_DISTANCE:g}, got {value!r}"
-            yield (EXPECTED, name), f"`expected.{name}` {rule}"
 
 
 def read_trials(path: Path, expected: Mapping[str, float], scene: Scene) -> tuple[Trial, ...]:
