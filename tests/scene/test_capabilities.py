@@ -20,15 +20,12 @@ from compact.report import text
 from compact.report import writer as report
 from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
 from compact.scene.engine_capabilities import adapt
-from compact.scene.loader import Scene, SceneError, load_scene, parse_scene, starter_scene
+from compact.scene.loader import Scene, load_scene, parse_scene, starter_scene
 from compact.sweep import point as headline
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
 SPEED = 0.1
-OPEN = {
-    "machine.roller_condition": "free",
-    "machine.gap_geometry": "deformed",
-}  # defaults of the keys that a scene may leave open
+OPEN = {"machine.roller_condition": "free", "machine.gap_geometry": "deformed"}  # defaults that a scene may leave open
 
 
 def doors(engine, layer, roller, material):
@@ -107,36 +104,6 @@ def test_spectral_accepts_a_free_roller_without_friction():
 @pytest.mark.parametrize("engine", ["fem", "compaction"])
 def test_engines_that_accept_every_roller_and_gap_replace_nothing(engine):
     assert adapt(load_scene(SMALL), engine)[1] == ()
-
-
-@pytest.mark.parametrize(
-    ("engine", "key", "value", "words"),
-    [
-        (
-            "spectral",
-            "machine.gap_geometry",
-            "deformed",
-            r'gap_geometry: .* takes no "deformed", .* give "circle" or "parabola"',
-        ),
-        (
-            "spectral",
-            "machine.roller_condition",
-            "free",
-            r'roller_condition: .* takes no "free", .* choose accuracy.engine = "formula", "column", "fem" or',
-        ),
-        (
-            "column",
-            "machine.roller_condition",
-            "sliding",
-            r'roller_condition: .* takes no "sliding", as columns carry no shear',
-        ),
-        ("column", "layer.base", "slip", r'base: .* takes no "slip", .* give "bonded"'),
-        ("fem", "layer.passes", 2, r'passes: .* takes no 2 passes, .* accuracy.engine = "column" or "compaction"'),
-    ],
-)
-def test_a_key_that_the_scene_sets_is_refused_not_replaced(engine, key, value, words):
-    with pytest.raises(SceneError, match=words):
-        load_scene(SMALL, **{"accuracy.engine": engine, key: value})
 
 
 @pytest.mark.parametrize(("key", "default"), OPEN.items())
