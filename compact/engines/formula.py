@@ -17,6 +17,7 @@ from typing import get_args
 
 import numpy as np
 
+from compact import rolling_contact
 from compact.engines.halfplane import LineContact, pressure_exponent
 from compact.engines.interface import NO_AIR, ONE_MODULUS, RECOVERS, RIGID_BASE, Case, Engine, Limit
 from compact.material.laws import Elastic
@@ -28,7 +29,7 @@ from compact.numerics.validation import (
     require_positive,
     require_that,
 )
-from compact.rolling_contact import Contact, Layer, Roller, RollerCondition, require_moving, require_on_target
+from compact.rolling_contact import Contact, Layer, Roller, RollerCondition
 
 TARGET_TOLERANCE = 1e-9  # [-], relative, of the prescribed load or pressure
 CONTACT_SAMPLES = 201  # [-], points along the contact, denser at the edges where the pressure is steep
@@ -299,25 +300,24 @@ def roll(
     ahead = contact.trailing + length * np.square(np.sin(np.linspace(0, np.pi / 2, CONTACT_SAMPLES)))
     ahead[-1] = leading
     samples = np.asarray(contact.pressure(ahead))
-    direction = np.sign(speed)
-    ascending = slice(None, None, int(direction))  # x ascends in either direction of travel
-    result = Contact(
+    along = Contact(
         load=load,
-        resistance=float(direction * roller_resistance(load, length, R, alpha, rolling_friction)),
+        resistance=float(roller_resistance(load, length, R, alpha, rolling_friction)),
         leading=leading,
         trailing=leading - length,
-        x=(direction * ahead)[ascending],
-        pressure=samples[ascending],
-        shear_traction=(-direction * roller.friction * samples)[ascending],
+        x=ahead,
+        pressure=samples,
+        shear_traction=-roller.friction * samples,
         peak_pressure=pressure,
         own={"capture_angle": phi, "exponent": alpha},
     )
-    require_on_target(result, roller, TARGET_TOLERANCE)
+    result = rolling_contact.for_travel(along, speed)
+    rolling_contact.require_on_target(result, roller, TARGET_TOLERANCE)
     return result
 
 
 def _require_in_scope(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:
-    require_moving(speed)
+    rolling_contact.require_moving(speed)
     if layer.plies:
         raise ValueError(f"the formula engine needs one modulus, got {len(layer.plies)} `plies`; use spectral or fem")
     if roller.indentation is not None:

@@ -148,15 +148,8 @@ def hertz(
     E = _contact_modulus(contact_modulus, youngs_modulus, poisson)
     require_positive(radius=radius, contact_modulus=E)
     _require_one(load=load, half_width=half_width, peak_pressure=peak_pressure)
-    if load is not None:
-        a = np.sqrt(4 * np.asarray(load) * radius / (np.pi * E))
-    elif half_width is not None:
-        a = np.asarray(half_width)
-    else:
-        a = 2 * radius * np.asarray(peak_pressure) / E
-    P = np.pi * E * a**2 / (4 * radius) if load is None else load
-    p0 = E * a / (2 * radius) if peak_pressure is None else peak_pressure
-    return LineContact(0.5, radius, E, 2 * a, P, p0, leading=a, trailing=-a, centroid=0 * a)
+    length = None if half_width is None else 2 * np.asarray(half_width)
+    return _line_contact(radius, E, np.zeros(()), load, length, peak_pressure)
 
 
 def galin(
@@ -204,35 +197,27 @@ def galin(
     _require_one(load=load, contact_length=contact_length, peak_pressure=peak_pressure)
     require_finite(friction=friction)
     tangent = friction * (1 - 2 * np.asarray(poisson)) / (2 - 2 * np.asarray(poisson))  # f b
-    alpha, rest, tilt = _exponents(tangent)
+    return _line_contact(radius, E, tangent, load, contact_length, peak_pressure)
+
+
+def _line_contact(
+    radius: Values, E: Values, tangent: Array, load: Values | None, length: Values | None, peak_pressure: Values | None
+) -> LineContact:
+    """Contact with cot(pi alpha) = `tangent` and one of load, length and peak pressure."""
+    tilt = np.arctan(tangent) / np.pi  # 1/2 - alpha
+    alpha, rest = 0.5 - tilt, 0.5 + tilt
+    if not np.all(np.abs(tangent) < 1):  # near 0 or 1 these sums cancel; arctan2 does not, but takes twice the time
+        alpha, rest = np.arctan2(1, tangent) / np.pi, np.arctan2(1, -tangent) / np.pi
     load_per_square = np.pi * alpha * rest * E / (4 * radius)
     peak_per_length = E / (2 * radius * np.hypot(1, tangent)) * np.exp(alpha * np.log(alpha) + rest * np.log(rest))
     if load is not None:
         length = np.sqrt(load / load_per_square)
-    elif contact_length is not None:
-        length = np.asarray(contact_length)
-    else:
+    elif peak_pressure is not None:
         length = peak_pressure / peak_per_length
-    return LineContact(
-        exponent=alpha,
-        radius=radius,
-        contact_modulus=E,
-        contact_length=length,
-        load=load_per_square * length**2 if load is None else load,
-        peak_pressure=peak_per_length * length if peak_pressure is None else peak_pressure,
-        leading=alpha * length,
-        trailing=-rest * length,
-        centroid=-2 / 3 * tilt * length,
-    )
-
-
-def _exponents(tangent: Array) -> tuple[Array, ...]:
-    """Return alpha, 1 - alpha and 1 - 2 alpha of cot(pi alpha) = tangent without cancellation."""
-    tilt = np.arctan(tangent) / np.pi
-    if np.all(np.abs(tangent) < 1):
-        return 0.5 - tilt, 0.5 + tilt, 2 * tilt
-    # near 0 or 1 these sums cancel; arctan2 does not, but takes twice the time
-    return np.arctan2(1, tangent) / np.pi, np.arctan2(1, -tangent) / np.pi, 2 * tilt
+    length = np.asarray(length)
+    load = load_per_square * length**2 if load is None else load
+    peak = peak_per_length * length if peak_pressure is None else peak_pressure
+    return LineContact(alpha, radius, E, length, load, peak, alpha * length, -rest * length, -4 / 3 * tilt * length)
 
 
 def _contact_modulus(contact_modulus: Values | None, youngs_modulus: Values | None, poisson: Values | None) -> Values:

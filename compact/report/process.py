@@ -17,8 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 
 from compact.analysis.process import ProcessStudy
-from compact.engines.process.fields import process_frames, section_rows
-from compact.engines.process.lifts import TwoDimensionalRow
+from compact.engines.process.lifts import TwoDimensionalRow, process_frames, section_rows
 from compact.files import write_figure, write_json, write_vtu_series
 from compact.quantities import PROCESS, STROKE, column_names
 from compact.report.figures import PALETTE, label_contours, panels

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from column_cases import mix
 from column_cases import scene as column_scene
 from engine_calls import COMPACTING, ROLL
 from hypothesis import given
@@ -14,17 +15,15 @@ from sampling import examples
 from compact import fem
 from compact.analysis.multipass import Pass, passes
 from compact.engines import formula
+from compact.engines.column import column_pass
 from compact.engines.column import engine as column
 from compact.engines.fem import contact_problem
 from compact.engines.spectral import engine as spectral
-from compact.material.laws import Compaction, Elastic, Viscoelastic
+from compact.material.laws import Elastic, Viscoelastic
 from compact.rolling_contact import Layer, Roller, require_on_target, require_target_reached
 
 R, SPEED = 0.11, 0.2
-MIX = Compaction(
-    unloading_modulus=120e6, poisson=0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
-    tensile_strength=14e3, fed_density_ratio=0.94,
-)  # fmt: skip
+MIX = mix(unloading_modulus=120e6, fed_density_ratio=0.94, dry_side="flat")
 LINEAR = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))
 ELASTIC = Elastic(youngs_modulus=10e6, poisson=0.3)
 LAYER, THIN = Layer(0.22), Layer(0.06)
@@ -119,15 +118,15 @@ def scenes(draw, engine):
         return *column_scene(*map(draw, numbers), draw(st.sampled_from(["ellipse", "flat"]))), speed
     if engine == "formula":
         rolling = draw(st.sampled_from(["frictionless", "free", "sliding", "driven"]))
-        mix = Elastic(youngs_modulus=draw(st.floats(1e6, 1e8)), poisson=0.3)
-        return Layer(10.0), Roller(R, load=draw(st.floats(10, 4e3)), friction=friction, rolling=rolling), mix, speed
+        roller = Roller(R, load=draw(st.floats(10, 4e3)), friction=friction, rolling=rolling)
+        return Layer(10.0), roller, Elastic(youngs_modulus=draw(st.floats(1e6, 1e8)), poisson=0.3), speed
     rolling = draw(st.sampled_from(["frictionless", "sliding", "driven" if engine == "spectral" else "free"]))
     profile = draw(st.sampled_from(["parabola", "circle"] + ["deformed"] * (engine == "fem")))
     friction = 0.0 if rolling == "frictionless" else 0.03 + friction / 2
     depth = draw(st.floats(1e-4, 0.5 if engine == "spectral" else 0.1))
     roller = Roller(R, indentation=depth * R, friction=friction, rolling=rolling, profile=profile)
-    mix = Viscoelastic(youngs_modulus=1e7, poisson=draw(st.floats(0.05, 0.45)), branches=((1.0, 1.0), (0.5, 0.1)))
-    return Layer(0.22, base=draw(st.sampled_from(["bonded", "slip"]))), roller, mix, speed
+    material = Viscoelastic(youngs_modulus=1e7, poisson=draw(st.floats(0.05, 0.45)), branches=((1.0, 1.0), (0.5, 0.1)))
+    return Layer(0.22, base=draw(st.sampled_from(["bonded", "slip"]))), roller, material, speed
 
 
 def roll(engine, layer, roller, material, speed, **options):
@@ -233,7 +232,7 @@ def off(value):
     *((engine, target) for engine in ("spectral", "fem") for target in list(OFF)[:3]),
 ])  # fmt: skip
 def test_contact_off_target_raises(engine, target, monkeypatch):
-    inverse, search = formula.pressure_for_load, column.solve_target
+    inverse, search = formula.pressure_for_load, column_pass.solve_target
     build, at_target = spectral.build_rolling_problem, contact_problem.solve_at_target
 
     def missed_problem(*given):
@@ -244,7 +243,9 @@ def test_contact_off_target_raises(engine, target, monkeypatch):
         return at_target(replace(case, roller=replace(case.roller, **{target: off(OFF[target])})), *given, **options)
 
     monkeypatch.setattr(formula, "pressure_for_load", lambda load, *rest: inverse(off(load), *rest))
-    monkeypatch.setattr(column, "solve_target", lambda there, name, value, rtol: search(there, name, off(value), rtol))
+    monkeypatch.setattr(
+        column_pass, "solve_target", lambda there, name, value, rtol: search(there, name, off(value), rtol)
+    )
     if engine == "spectral":
         monkeypatch.setattr(spectral, "build_rolling_problem", missed_problem)
     monkeypatch.setattr(contact_problem, "solve_at_target", missed_contact)
@@ -256,11 +257,13 @@ def test_contact_off_target_raises(engine, target, monkeypatch):
 
 
 def test_feed_and_passes_off_target_raise(monkeypatch):
-    find = column.solve_target
-    monkeypatch.setattr(column, "solve_target", lambda there, name, value, rtol: find(there, name, off(value), rtol))
+    find = column_pass.solve_target
+    monkeypatch.setattr(
+        column_pass, "solve_target", lambda there, name, value, rtol: find(there, name, off(value), rtol)
+    )
     with pytest.raises(RuntimeError, match=r"`exit_density_ratio` 0\.96 was prescribed and 0\.96096 reached"):
         column.required_feed(0.22, 0.96, MIX, SPEED)
-    monkeypatch.setattr(column, "solve_target", lambda there, name, _, rtol: find(there, name, 8e3, rtol))
+    monkeypatch.setattr(column_pass, "solve_target", lambda there, name, _, rtol: find(there, name, 8e3, rtol))
     with pytest.raises(RuntimeError, match="`load` 9000 was prescribed and 8000 reached"):
         passes(LAYER, Roller(R, load=8e3), MIX, SPEED, (Pass(), Pass(load=9e3, forward=False)))
 

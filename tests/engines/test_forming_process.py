@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from column_cases import mix
 
 from compact.analysis.multipass import Pass, passes
 from compact.engines.column import engine as column
 from compact.engines.column.column_pass import Column
-from compact.engines.process.fields import process_frames
 from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
+from compact.engines.process.lifts import process_frames
 from compact.engines.process.operating_map import density_curve, operating_map
 from compact.engines.process.roller_row import FeedSleeve, RollerRow, confined_work
 from compact.engines.process.section import (
@@ -22,13 +23,9 @@ from compact.engines.process.section import (
     merge_layers,
     solve_closure,
 )
-from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
-MIX = Compaction(
-    unloading_modulus=60e6, poisson=0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
-    tensile_strength=14e3, fed_density_ratio=0.75,
-)  # fmt: skip
+MIX = mix(unloading_modulus=60e6, fed_density_ratio=0.75, dry_side="flat")
 RATED = replace(MIX, rate_sensitivity=0.02)
 MACHINE = FormingMachine(0.11, 0.4, 0.22, 0.45, 0.4 / 0.45, 1.05 / 60, 20.0)
 FEEDS = {

@@ -5,23 +5,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from column_cases import mix
 from lift_sequences import sequence
 
 from compact.analysis.multipass import Pass, passes
 from compact.engines.process import lifts as lumped_lifts
-from compact.engines.process.fields import process_frames
 from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
-from compact.engines.process.lifts import LiftAir, TwoDimensionalRow, lift_thickness, simulate_lifts
+from compact.engines.process.lifts import LiftAir, TwoDimensionalRow, lift_thickness, process_frames, simulate_lifts
 from compact.engines.process.roller_row import RollerRow
 from compact.engines.process.section import FormingProblem, solve_closure
-from compact.material.laws import Compaction
 from compact.material.pore_air import PoreAir
 from compact.rolling_contact import Layer, Roller
 
-MIX = Compaction(
-    unloading_modulus=60e6, poisson=0.3, heckel_slope=13e-6, loose_density_ratio=0.72, critical_slope=1.2,
-    tensile_strength=14e3, fed_density_ratio=0.75,
-)  # fmt: skip
+MIX = mix(unloading_modulus=60e6, fed_density_ratio=0.75, dry_side="flat")
 MACHINE = FormingMachine(0.11, 0.4, 0.22, 0.45, 0.4 / 0.45, 1.05 / 60, 20.0)
 
 

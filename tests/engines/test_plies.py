@@ -227,37 +227,34 @@ def assert_engines_agree(layer, roller, material, speed, load=5e-4, resistance=5
     assert rolled.error[1] < 2 * resistance
 
 
-DEFAULT_CASE = (1.0, "bonded", 20.0)
+SHEET = Ply(thickness=0.2, stiffness=1.0), Ply(thickness=0.001, stiffness=50.0), Ply(thickness=0.019, stiffness=1.0)
+JUMPS = {"stiff-above": 20.0, "soft-above": 1 / 20}
+AGREEMENTS = {  # layer and target; the default tolerance of a peak pressure is half a percent, the forces follow it
+    **{
+        f"{depth} {base} {name}": (two_plies(depth * 0.01, jump, base), "indentation", {})
+        for depth, base in ((1.0, "bonded"), (0.2, "bonded"), (0.2, "slip"), (7.0, "slip"))
+        for name, jump in JUMPS.items()
+    },
+    "sheet": (Layer(H, plies=SHEET), "indentation", {}),
+    **{f"load {name}": (two_plies(0.002, jump), "load", {}) for name, jump in JUMPS.items()},
+    **{
+        f"peak {name}": (two_plies(0.002, jump), "peak_pressure", {"load": 5e-3, "resistance": 1e-2})
+        for name, jump in JUMPS.items()
+    },
+}
 
 
 @pytest.mark.parametrize(
-    ("depth", "base", "jump"),
-    [
-        pytest.param(depth, base, jump, marks=[pytest.mark.slow] * ((depth, base, jump) != DEFAULT_CASE))
-        for depth, base in ((0.2, "bonded"), (0.2, "slip"), (1.0, "bonded"), (7.0, "slip"))
-        for jump in (20.0, 1 / 20)
-    ],
+    "case", [pytest.param(name, marks=[pytest.mark.slow] * (place > 0)) for place, name in enumerate(AGREEMENTS)]
 )
-def test_engines_agree_for_two_plies(depth, jump, base):
-    layer, half_width = two_plies(depth * 0.01, jump, base), 0.01
-    roller = Roller(R, indentation=contact_of_half_width(layer, MIX, R, half_width).indentation)
-    assert_engines_agree(layer, roller, SLS, 0.01)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("jump", [20.0, 1 / 20], ids=["stiff-above", "soft-above"])
-def test_engines_agree_at_a_load_on_two_plies(jump):
-    layer = two_plies(0.002, jump)
-    assert_engines_agree(layer, Roller(R, load=contact_of_half_width(layer, MIX, R, 0.01).load), SLS, 0.01)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("jump", [20.0, 1 / 20], ids=["stiff-above", "soft-above"])
-def test_engines_agree_at_a_peak_pressure_on_two_plies(jump):
-    """The default tolerance of a peak pressure on a viscoelastic layer is half a percent; the forces follow it."""
-    layer = two_plies(0.002, jump)
-    roller = Roller(R, peak_pressure=contact_of_half_width(layer, MIX, R, 0.01).peak_pressure)
-    assert_engines_agree(layer, roller, SLS, 0.01, load=5e-3, resistance=1e-2)
+def test_engines_agree_for_plies(case):
+    layer, target, tolerances = AGREEMENTS[case]
+    roller = (
+        PRESSED
+        if case == "sheet"
+        else Roller(R, **{target: getattr(contact_of_half_width(layer, MIX, R, 0.01), target)})
+    )
+    assert_engines_agree(layer, roller, SLS, 0.01, **tolerances)
 
 
 @pytest.mark.slow
@@ -270,19 +267,6 @@ def test_engines_agree_for_sliding_on_two_plies(base):
     assert rolled.resistance - 4e3 == pytest.approx(exact.resistance - 4e3, rel=5e-3)
     assert (rolled.leading, rolled.trailing) == pytest.approx((exact.leading, exact.trailing), rel=3e-3)
     assert rolled.work_residual < 5e-3
-
-
-@pytest.mark.slow
-def test_engines_agree_for_a_stiff_sheet_between_soft_plies():
-    layer = Layer(
-        H,
-        plies=(
-            Ply(thickness=0.2, stiffness=1.0),
-            Ply(thickness=0.001, stiffness=50.0),
-            Ply(thickness=0.019, stiffness=1.0),
-        ),
-    )
-    assert_engines_agree(layer, PRESSED, SLS, 0.01)
 
 
 @pytest.mark.slow

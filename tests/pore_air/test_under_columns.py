@@ -4,24 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from column_cases import mix
 
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
 from compact.engines.pore_air import steady_flow
 from compact.engines.pore_air.steady_flow import ColumnAir, RollerAir
-from compact.material.laws import Compaction
 from compact.material.pore_air import PoreAir, water_volume
 from compact.rolling_contact import Layer, Roller
 
-MIX = Compaction(
-    unloading_modulus=20e6,
-    poisson=0.3,
-    heckel_slope=13e-6,
-    loose_density_ratio=0.72,
-    critical_slope=1.2,
-    tensile_strength=14e3,
-    fed_density_ratio=0.94,
-)
+MIX = mix(unloading_modulus=20e6, fed_density_ratio=0.94, dry_side="flat")
 LAYER = Layer(0.05)
 ROLLER = Roller((8 * 0.05) ** 2 / 0.003, indentation=0.0015, profile="circle")
 

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from column_cases import mix
 
 from compact.engines.compaction.engine import roll
 from compact.engines.pore_air.coupled_rolling import roll_coupled
 from compact.engines.pore_air.steady_flow import RollerAir
-from compact.material.laws import Compaction
 from compact.material.pore_air import PoreAir, water_volume
 from compact.rolling_contact import Layer, LowerLift, Roller
 
@@ -125,18 +125,10 @@ def test_work_of_the_coupled_contact_is_that_of_skeleton_and_air(contact):
 @pytest.mark.slow
 def test_one_way_and_coupled_agree_over_a_wide_thin_layer():
     """Columns do not move sideways, and without a bow wave the skeleton hardly changes."""
-    mix = Compaction(
-        unloading_modulus=20e6,
-        poisson=0.3,
-        heckel_slope=13e-6,
-        loose_density_ratio=0.72,
-        critical_slope=1.2,
-        tensile_strength=14e3,
-        fed_density_ratio=0.94,
-    )
+    material = mix(unloading_modulus=20e6, fed_density_ratio=0.94, dry_side="flat")
     height, depth = 0.05, 0.0015
     roller = Roller((8 * height) ** 2 / (2 * depth), indentation=depth, profile="deformed")
-    contact = roll(Layer(height), roller, mix, 0.2, increments=12)
+    contact = roll(Layer(height), roller, material, 0.2, increments=12)
     air = pore_air(1e-12)
     under = RollerAir(contact.solution, air)
     load, resistance = under.forces(under.pressure(0.2))

@@ -21,25 +21,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact import rolling_contact
+from compact.engines.column import column_pass
 from compact.engines.column.column_ode import COLUMN_STATE, STRESS, GapShape, PathControl
-from compact.engines.column.column_pass import (
-    PLATE,
-    STIFFNESS_RATIO_MAX,
-    STRAINS,
-    TARGET_TOLERANCE,
-    Column,
-    ColumnLayer,
-    PassResult,
-    column_layer,
-    plate_indentation,
-    solve_target,
-)
-from compact.engines.column.state_update_columns import Contact, roll_state_update
+from compact.engines.column.column_pass import PLATE, TARGET_TOLERANCE, Column, ColumnLayer, PassResult, column_layer
+from compact.engines.column.state_update_columns import roll_state_update
 from compact.material.cap_plasticity import CapConstants, cap_constants, compacted_state
 from compact.material.laws import Compaction
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
 from compact.numerics.validation import require_known, require_nonnegative, require_positive
+from compact.rolling_contact import Contact, Layer, LowerLift, Roller
 
 INTEGRATION_RTOL = 1e-9  # [-], default error of a step over the size of the whole pass
 FEED_TRIALS_MAX = 20  # [-], of the rate factor of a feed; each reduces its error some thousandfold
@@ -96,13 +87,7 @@ class OedometerResult:
     density_ratio: Array
 
 
-def roll(
-    layer: rolling_contact.Layer,
-    roller: rolling_contact.Roller,
-    material: Compaction | StateUpdate,
-    speed: float,
-    **options: Any,
-) -> Contact:
+def roll(layer: Layer, roller: Roller, material: Compaction | StateUpdate, speed: float, **options: Any) -> Contact:
     """Compute one pass over a layer of fresh mix by the engine "column".
 
     Parameters
@@ -146,7 +131,7 @@ def roll(
 
 def roll_over(
     columns: Sequence[Column],
-    roller: rolling_contact.Roller,
+    roller: Roller,
     material: Compaction,
     speed: float,
     *,
@@ -179,11 +164,12 @@ def roll_over(
         If the integration or the search for the indentation does not converge.
     """
     require_column_range(roller, material, speed)
-    require_known("strain", strain, STRAINS)
+    require_known("strain", strain, column_pass.STRAINS)
     require_positive(rtol=rtol)
     gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
     stack = (*lower, *columns)
-    layer = require_integrable(column_layer(stack, material, 1.0, gap, STRAINS[strain], len(lower)), material)
+    layer = column_layer(stack, material, 1.0, gap, column_pass.STRAINS[strain], len(lower))
+    require_integrable(layer, material)
     if material.rate_sensitivity:
         grains = sum(
             each.density_ratio * each.height * np.exp(each.lateral_stress / 1.5 / layer.law.K) for each in columns
@@ -199,7 +185,7 @@ def roll_over(
 
         layer = replace(layer, law=law_at(layer.max_indentation), law_at=law_at)
     target = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
-    result, evaluations = solve_target(layer, *target, rtol)
+    result, evaluations = column_pass.solve_target(layer, *target, rtol)
     coarse = layer.compute_pass(result.indentation, ERROR_RTOL_RATIO * rtol)
     rolled = rolling_contact.for_travel(_build_result(result, coarse, rtol, evaluations), speed)
     rolling_contact.require_on_target(rolled, roller, TARGET_TOLERANCE * rtol, exit_density_ratio=exit_density_ratio)
@@ -207,7 +193,7 @@ def roll_over(
 
 
 def lower_columns(
-    lift: rolling_contact.LowerLift | None, material: Compaction, radius: float | None, speed: float
+    lift: LowerLift | None, material: Compaction, radius: float | None, speed: float
 ) -> tuple[Column, ...]:
     """Return the column of a lower lift before the pass; none on the rigid base.
 
@@ -238,7 +224,7 @@ def required_feed(
     *,
     radius: float | None = None,
     rtol: float = INTEGRATION_RTOL,
-    lower_lift: rolling_contact.LowerLift | None = None,
+    lower_lift: LowerLift | None = None,
 ) -> RequiredFeed:
     """Compute the height of fresh mix and the indentation for a product after one pass and its rebound.
 
@@ -269,14 +255,16 @@ def required_feed(
     factor, lower = 1.0, lower_columns(lower_lift, material, radius, speed)
     for _ in range(FEED_TRIALS_MAX):
         # the density after a pass depends on its lowest height alone, so that a plate stands for the roller
-        result, _ = solve_target(_unit_layer(material, factor), "exit_density_ratio", exit_density_ratio, rtol)
+        result, _ = column_pass.solve_target(
+            _unit_layer(material, factor), "exit_density_ratio", exit_density_ratio, rtol
+        )
         rolling_contact.require_target_reached(
             "exit_density_ratio", exit_density_ratio, result.exit_density_ratio, TARGET_TOLERANCE * rtol
         )
         scale, settlement = height / result.columns[0].height, 0.0
         if lower:
             below = column_layer(lower, material, factor, PLATE)
-            settlement = plate_indentation(require_integrable(below, material), result.peak_pressure, rtol)
+            settlement = column_pass.plate_indentation(require_integrable(below, material), result.peak_pressure, rtol)
         feed, before = RequiredFeed(height=scale, indentation=scale * result.indentation + settlement), factor
         if radius is not None:
             rate = rolling_contact.compaction_rate(speed, radius, feed.height, feed.indentation)
@@ -338,8 +326,8 @@ def _unit_layer(material: Compaction, rate_factor: float) -> ColumnLayer:
 
 def require_integrable(layer: ColumnLayer, material: Compaction) -> ColumnLayer:
     """Return a layer; raise ValueError if its equation is too stiff for an explicit method."""
-    if not layer.stiffness_ratio < STIFFNESS_RATIO_MAX:
-        limit = material.unloading_modulus * STIFFNESS_RATIO_MAX / layer.stiffness_ratio
+    if not layer.stiffness_ratio < column_pass.STIFFNESS_RATIO_MAX:
+        limit = material.unloading_modulus * column_pass.STIFFNESS_RATIO_MAX / layer.stiffness_ratio
         raise ValueError(
             f"`unloading_modulus` must be less than {limit:.3g} Pa for this mix in the engine column, got "
             f"{material.unloading_modulus!r}: the mix is nearly rigid-plastic; use a tenth of the limit, which changes "
@@ -372,7 +360,7 @@ def _build_result(result: PassResult, coarse: PassResult, rtol: float, evaluatio
     )  # fmt: skip
 
 
-def require_column_layer(layer: rolling_contact.Layer, roller: rolling_contact.Roller) -> None:
+def require_column_layer(layer: Layer, roller: Roller) -> None:
     """Raise ValueError unless a layer is of one mix, and bonded."""
     require_known("base", layer.base, get_args(rolling_contact.BaseCondition))
     require_known("rolling", roller.rolling, get_args(rolling_contact.RollerCondition))
@@ -387,7 +375,7 @@ def require_column_layer(layer: rolling_contact.Layer, roller: rolling_contact.R
         )
 
 
-def require_column_range(roller: rolling_contact.Roller, material: Compaction, speed: float) -> None:
+def require_column_range(roller: Roller, material: Compaction, speed: float) -> None:
     """Raise ValueError unless roller, material and speed are in the range of the engine."""
     _require_compaction(material)
     rolling_contact.require_moving(speed)

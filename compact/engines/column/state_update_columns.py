@@ -17,19 +17,12 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+from compact import rolling_contact
 from compact.engines.column.column_ode import GapShape
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
-from compact.rolling_contact import (
-    Contact,
-    Layer,
-    Roller,
-    for_travel,
-    require_moving,
-    require_on_target,
-    resistance_scale,
-)
+from compact.rolling_contact import Contact, Layer, Roller
 
 INCREMENTS = 64  # [-], of the front, at first
 INCREMENTS_MAX = 16_384  # [-], of the front; some second of a law in Python
@@ -75,7 +68,7 @@ def roll_state_update(
     RuntimeError
         If the increments do not suffice, or the rebound does not end.
     """
-    require_moving(speed)
+    rolling_contact.require_moving(speed)
     require_positive(rtol=rtol)
     if layer.lower_lift is not None:
         raise ValueError("an own material needs a layer on the rigid base, got a `lower_lift`; use a law of the mix")
@@ -90,11 +83,13 @@ def roll_state_update(
             )
         count *= 2
         found = layer_of_law.solve_target(name, target, count, rtol)
-        of_resistance = abs(found.resistance - before.resistance) / resistance_scale(found.resistance, found.load)
+        of_resistance = abs(found.resistance - before.resistance) / rolling_contact.resistance_scale(
+            found.resistance, found.load
+        )
         found = replace(found, error=(abs(found.load - before.load) / found.load, of_resistance))
         before, change = found, max(found.error or ())
-    result = for_travel(before, speed)
-    require_on_target(result, roller, 10 * rtol, exit_density_ratio=exit_density_ratio)
+    result = rolling_contact.for_travel(before, speed)
+    rolling_contact.require_on_target(result, roller, 10 * rtol, exit_density_ratio=exit_density_ratio)
     return result
 
 

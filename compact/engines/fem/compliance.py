@@ -11,10 +11,22 @@ unit modulus in plane strain. It is factorised once and condensed to its surface
 A contact needs the columns of K^-1 for unit forces on the loaded nodes, read at all surface nodes. Every modulus,
 relaxation spectrum, speed and roller shares them.
 
+**Moving layer.** A layer that is uniform along x, with one relaxation function E(t) of all stresses, deforms as an
+elastic layer of unit modulus under the same tractions. Its displacement u at a material point follows from the elastic
+displacement w by the creep function J(t) that belongs to E(t),
+
+    u = J_0 w + sum_k J_k z_k,    theta_k dz_k/dt + z_k = w,
+
+with an internal variable z_k per branch. The convolution acts along x and in time only; it commutes with equilibrium,
+compatibility and the condition at the base. In steady motion d/dt = -v d/dx in coordinates of the roller, so that
+z_k = M_k w with the operator M_k of z - l dz/dx = w, l = v theta_k. M_k is exact for the interpolation of w that it
+names.
+
 References
 ----------
 T. Gustafsson and G. D. McBain, scikit-fem, J. Open Source Softw. 5 (2020) 2369; X. S. Li, ACM Trans. Math. Softw. 31
-(2005) 302 (SuperLU).
+(2005) 302 (SuperLU); N. W. Tschoegl, The phenomenological theory of linear viscoelastic behavior (Springer, 1989):
+interconversion of creep and relaxation functions.
 """
 
 from collections.abc import Callable
@@ -29,6 +41,8 @@ from scipy.sparse.linalg import splu
 from skfem import Basis, ElementQuad2, MeshQuad
 from threadpoolctl import threadpool_limits
 
+from compact.engines.spectral.galerkin_system import creep_spectrum
+from compact.material.laws import Elastic
 from compact.mesh import RowMesh
 from compact.numerics import Array
 from compact.numerics.assembly import assemble_matrix, assemble_stiffness, element_matrices, strain_matrix, unit_moduli
@@ -40,6 +54,8 @@ MIN_INTERVAL = 1e-12  # [-], of the contact length; a corner node closer to an e
 GAUSS_ORDER = 4  # [-], 3 x 3 points: exact stiffness of rectangles, and three streamlines in each row
 WINDOW_ROUNDING = 1e-9  # [-], of the window; rounding must not exclude one of two mirrored nodes
 LOAD_BLOCK = 128  # [-], unit forces per triangular solve
+QUADRATURE_LIMIT = 2.0  # [-], interval over relaxation length; below it the recursion of the moments loses digits
+QUADRATURE_POINTS = 14  # [-], of Gauss; exact to rounding below the limit
 SOLVE_TOLERANCE = 1e-9  # [-], residual of a probe solve; above it the reduced pivoting is rejected
 
 Solve = Callable[[Array], Array]
@@ -226,44 +242,30 @@ def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffne
 
 @lru_cache(maxsize=8)
 def surface_compliance(
-    mesh: RowMesh, poisson: float, layer: Layer, window: float, sheared: bool, behind: End
+    mesh: RowMesh, poisson: float, layer: Layer, window: float, sheared: bool, behind: End, stretch_rate: bool = False
 ) -> SurfaceCompliance:
     """Condense a layer to its surface, loaded within a half-width `window` [m] of the centre of the mesh.
 
     Symmetry of a mirrored mesh halves the number of unit forces; `sheared` includes forces along x. A layer on a
     frictionless base is held along x behind the roller, at lower (0) or upper (1) x; displacements along x count from
-    the end ahead.
+    the end ahead. With `stretch_rate` the derivative by the log of a uniform stretch s of the mesh along x,
+
+        du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   f and y fixed
     """
     body = layer_stiffness(mesh, poisson, layer)
-    return _condensed(body, mesh, layer, window, sheared, behind, body.displacement)
-
-
-@lru_cache(maxsize=4)
-def stretch_derivative(
-    mesh: RowMesh, poisson: float, layer: Layer, window: float, sheared: bool, behind: End
-) -> SurfaceCompliance:
-    """Differentiate the `surface_compliance` with respect to the log of a uniform stretch s of the mesh along x.
-
-    du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   f and y fixed
-    """
-    body = layer_stiffness(mesh, poisson, layer)
-    basis, moduli = body.basis, element_moduli(mesh, poisson, layer)
-    B = strain_matrix(basis)  # strains along x decrease with s and areas increase
-    mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
-    change = assemble_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
+    if stretch_rate:
+        basis, moduli = body.basis, element_moduli(mesh, poisson, layer)
+        B = strain_matrix(basis)  # strains along x decrease with s and areas increase
+        mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
+        change = assemble_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
 
     def respond(forces: Array) -> Array:
         displacement = body.displacement(forces)
+        if not stretch_rate:
+            return displacement
         resisted = change @ displacement.reshape(len(displacement) * 2, -1)
         return -body.displacement(resisted.reshape(displacement.shape))
 
-    return _condensed(body, mesh, layer, window, sheared, behind, respond)
-
-
-def _condensed(
-    body: LayerStiffness, mesh: RowMesh, layer: Layer, window: float, sheared: bool, behind: End, respond: Solve
-) -> SurfaceCompliance:
-    """Compliance from the displacements of all nodes that `respond` returns for nodal forces."""
     x = body.basis.doflocs[0][body.surface]
     inside = np.flatnonzero(np.abs(x[::2] - mesh.centre) <= window * (1 + WINDOW_ROUNDING))
     first, last = 2 * inside[0], 2 * inside[-1] + 1
@@ -315,3 +317,91 @@ def _factorised(K: csr_matrix) -> Solve:
         "the stiffness of the layer is singular to working precision; use a mesh with less distorted elements or a "
         "smaller Poisson's ratio"
     )
+
+
+def creep_function(material: Elastic) -> tuple[float, Array, Array]:
+    """Convert the Prony series of a material to its creep function.
+
+        J(t) E = instant + sum_k share_k (1 - exp(-t/time_k)),    E the relaxed modulus
+
+    Returns
+    -------
+    instant : float
+        Instantaneous compliance J_0 [-]; it sums to 1 with the shares.
+    shares, times : ndarray
+        Compliances J_k of the branches [-] and their retardation times theta_k [s], shape (branches,).
+
+    Examples
+    --------
+    >>> from compact.material.laws import Viscoelastic
+    >>> creep = creep_function(Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),)))
+    >>> instant, (share,), (time,) = creep
+    >>> f"{instant:.3f} instantaneous, {share:.3f} with {time:.3f} s"
+    '0.500 instantaneous, 0.500 with 0.200 s'
+    """
+    return creep_spectrum(getattr(material, "branches", ()))
+
+
+def steady_creep_operator(x: Array, material: Elastic, speed: float) -> Array:
+    """Operator C of u = C w at a speed [m/s], for w quadratic on each element of the nodes x [m], shape (n, n)."""
+    instant, *branches = creep_function(material)
+    C = instant * np.eye(len(x))
+    for share, time in zip(*branches, strict=True):
+        C += share * retardation_operator(x, time * speed)
+    return C
+
+
+def retardation_operator(x: Array, length: float) -> Array:
+    """Operator M of z = M w with z - length dz/dx = w, for w quadratic between the corners x[::2] [m], shape (n, n).
+
+    The mix flows along -x if the length v theta [m] is positive; z = w at the upstream end.
+    """
+    if length < 0:
+        return retardation_operator(-x[::-1], -length)[::-1, ::-1]
+    flow = -x[::-1]  # ascends downstream
+    M = np.zeros((len(x), len(x)))
+    M[0, 0] = 1.0
+    starts, ends = flow[:-2:2], flow[2::2]
+    for place in (1, 2):
+        reach = flow[place::2][: len(starts)] - starts
+        zeroth, first, second = _exponential_moments(reach / length)
+        r, m = reach / (ends - starts), (flow[1::2] - starts) / (ends - starts)  # in units of the element
+        first, second = first * r, second * r**2
+        of_start, of_end = zeroth - first * (1 + m) / m + second / m, (second - m * first) / (1 - m)
+        rows = np.arange(len(starts)) * 2 + place
+        for k, weight in enumerate((of_start, (first - second) / (m * (1 - m)), of_end)):
+            M[rows, rows - place + k] = weight
+    decay_half, decay = np.exp(-(flow[1::2] - starts) / length), np.exp(-(ends - starts) / length)
+    for j in range(len(starts)):  # contributions of the elements farther upstream
+        M[2 * j + 1] += decay_half[j] * M[2 * j]
+        M[2 * j + 2] += decay[j] * M[2 * j]
+    return M[::-1, ::-1]
+
+
+def retarded_along_rows(values: Array, x: Array, length: float) -> Array:
+    """Solve z - length dz/dx = values, shape (rows, n, ...), piecewise linear along rows of points x [m]."""
+    if length < 0:
+        return retarded_along_rows(values[:, ::-1], -x[:, ::-1], -length)[:, ::-1]
+    z = np.empty_like(values)
+    z[:, -1] = values[:, -1]
+    steps = np.diff(x, axis=1)
+    zeroth, first, _ = _exponential_moments(steps / length)
+    decay = np.exp(-steps / length)
+    shape = (len(x),) + (1,) * (values.ndim - 2)
+    for j in range(x.shape[1] - 2, -1, -1):
+        old, new = (zeroth - first)[:, j].reshape(shape), first[:, j].reshape(shape)
+        z[:, j] = decay[:, j].reshape(shape) * z[:, j + 1] + old * values[:, j + 1] + new * values[:, j]
+    return z
+
+
+def _exponential_moments(y: Array) -> tuple[Array, ...]:
+    """int_0^1 r^k y exp(-y (1 - r)) dr for k = 0, 1, 2."""
+    g, w = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
+    r, w = (1 + g) / 2, w / 2
+    small = np.minimum(y, QUADRATURE_LIMIT)[..., None]
+    kernel = w * small * np.exp(-small * (1 - r))
+    large = np.maximum(y, QUADRATURE_LIMIT)
+    zeroth = -np.expm1(-large)
+    first = 1 - zeroth / large
+    recursion = (zeroth, first, 1 - 2 * first / large)
+    return tuple(np.where(y < QUADRATURE_LIMIT, np.sum(kernel * r**k, axis=-1), recursion[k]) for k in range(3))

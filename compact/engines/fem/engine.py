@@ -1,7 +1,7 @@
 """Engine "fem": a rigid roller in steady motion over a linear layer of quadratic elements in plane strain.
 
 The elastic layer is factorised once per mesh, Poisson's ratio and base and condensed to its surface (`compliance`). The
-material at a speed retards that compliance along the surface (`convected_memory`). The contact with free edges is
+material at a speed retards that compliance along the surface. The contact with free edges is
 solved on it (`contact`), with zones of stick and slip where the roller turns. The load is the sum of the surface
 tractions, the resistance that of the pressure on the slope of the roller and of the shear. The energy balance uses
 stresses and strains inside the layer (`fields`).
@@ -29,31 +29,18 @@ from dataclasses import replace
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from compact import rolling_contact
+from compact.engines.fem import contact_problem
 from compact.engines.fem.compliance import shape_matrix
 from compact.engines.fem.contact import INITIAL_TERMS, UnresolvedError, beyond_circle_message
-from compact.engines.fem.contact_problem import (
-    ContactSolution,
-    Discretisation,
-    RollingProblem,
-    solve_at_indentation,
-    solve_at_target,
-    solve_contact,
-    steady_surface,
-)
+from compact.engines.fem.contact_problem import ContactSolution, Discretisation, RollingProblem
 from compact.engines.fem.fields import FemContactResult, dissipated_work
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral.engine import Contact
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh, mesh_for_error
 from compact.numerics.validation import require_positive
-from compact.rolling_contact import (
-    Layer,
-    Roller,
-    require_known_case,
-    require_on_target,
-    require_torque_allowed,
-    resistance_scale,
-)
+from compact.rolling_contact import Layer, Roller
 
 PRESSURE_SAMPLES = 201  # [-], points along the contact in the result
 TARGET_FACTOR = 10.0  # [-], tolerance of the target in the result over that of its solution
@@ -129,7 +116,7 @@ def roll(
     'load 15.09 kN/m, edge 13.85 mm'
     """
     require_linear_range(layer, roller, material, speed, mesh, tolerance)
-    require_torque_allowed(roller, torque)
+    rolling_contact.require_torque_allowed(roller, torque)
     problem = RollingProblem(layer, roller, material, speed, torque or 0.0)
     with threadpool_limits(1):  # the matrices are small; threads cost more than they save
         if mesh is None and estimate:
@@ -162,7 +149,7 @@ def require_linear_range(
     ValueError
         If the engine does not cover an argument.
     """
-    require_known_case(layer, roller, speed)
+    rolling_contact.require_known_case(layer, roller, speed)
     require_positive(tolerance=tolerance)
     if not isinstance(material, Elastic):
         raise ValueError(f"`material` must be Elastic or Viscoelastic, got {type(material).__name__}")
@@ -181,7 +168,7 @@ def require_linear_range(
 
 def _solve_on(problem: RollingProblem, discretisation: Discretisation, estimate: bool = True) -> FemContactResult:
     """Solve a problem on one mesh."""
-    contact = solve_contact(problem, discretisation)
+    contact = contact_problem.solve_contact(problem, discretisation)
     result = _contact_result(problem, discretisation.mesh, contact)
     result = replace(result, work_residual=_work_residual(problem, result, contact))
     torques = None
@@ -189,7 +176,7 @@ def _solve_on(problem: RollingProblem, discretisation: Discretisation, estimate:
         force = contact.patch.integral(contact.shear.traction_at(contact.patch.x))
         E, R = problem.material.youngs_modulus, problem.roller.radius
         torques = problem.torque, float(-problem.direction * R * E * force)
-    require_on_target(result, problem.roller, TARGET_FACTOR * problem.target_tolerance, torque=torques)
+    rolling_contact.require_on_target(result, problem.roller, TARGET_FACTOR * problem.target_tolerance, torque=torques)
     if not estimate:
         return result
     return replace(result, error=_error_estimate(problem, discretisation, result, contact))
@@ -205,11 +192,7 @@ def _solve_to_tolerance(problem: RollingProblem, tolerance: float) -> FemContact
     failure, spectral_contact, meshes = None, None, 0
     for level in range(MAX_LEVEL + 1):
         try:
-            discretisation = (
-                refined_discretisation(problem, level, tolerance, best or spectral_contact)
-                if level
-                else initial_discretisation(problem, None, tolerance)
-            )
+            discretisation = refined_discretisation(problem, level, tolerance, best or spectral_contact)
             if discretisation is None:
                 break
             meshes += 1
@@ -292,10 +275,12 @@ def _error_estimate(
     )
     try:
         window = contact.surface.x[contact.surface.last - 1] - discretisation.mesh.centre
-        surface = steady_surface(problem, finer.mesh, window)
-        refined = as_deep = _contact_result(problem, finer.mesh, solve_at_target(problem, surface, finer))
+        surface = contact_problem.steady_surface(problem, finer.mesh, window)
+        refined = as_deep = _contact_result(
+            problem, finer.mesh, contact_problem.solve_at_target(problem, surface, finer)
+        )
         if problem.roller.load is not None:
-            at_depth = solve_at_indentation(problem, surface, finer.indentation, finer)
+            at_depth = contact_problem.solve_at_indentation(problem, surface, finer.indentation, finer)
             as_deep = _contact_result(problem, finer.mesh, at_depth)
     except UnresolvedError as error:
         raise UnresolvedError(f"the error cannot be estimated; on the refined mesh {error}") from error
@@ -303,7 +288,8 @@ def _error_estimate(
     exact = 0.0 if problem.roller.load is None else problem.traction_ratio * result.load
     load = ERROR_FACTOR * abs(result.load / as_deep.load - 1) + common
     resistance = ERROR_FACTOR * abs(result.resistance - refined.resistance) + common * abs(result.resistance - exact)
-    return load, resistance / resistance_scale(refined.resistance, refined.load) + (result.work_residual or 0.0) / 2
+    resistance /= rolling_contact.resistance_scale(refined.resistance, refined.load)
+    return load, resistance + (result.work_residual or 0.0) / 2
 
 
 def _work_residual(problem: RollingProblem, result: FemContactResult, contact: ContactSolution) -> float:
@@ -331,7 +317,7 @@ def _work_residual(problem: RollingProblem, result: FemContactResult, contact: C
         slip = np.array([[1.0], [0.0]]) + stretch  # of the roller on the mix, over the speed
         slipped = E * patch.integral(patch.pressure * np.sum(patch.shear * slip, axis=0))
     balance = supplied - direction * dissipated_work(result) - slipped
-    return float(abs(balance) / resistance_scale(result.resistance, result.load))
+    return float(abs(balance) / rolling_contact.resistance_scale(result.resistance, result.load))
 
 
 def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolerance: float) -> Discretisation:
@@ -346,7 +332,7 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
     sliding = problem
     if problem.turns_with_friction:
         sliding = replace(problem, roller=replace(problem.roller, rolling="frictionless"))
-    rough = solve_contact(sliding, replace(fitted, terms=INITIAL_TERMS), ROUGH_TOLERANCE)
+    rough = contact_problem.solve_contact(sliding, replace(fitted, terms=INITIAL_TERMS), ROUGH_TOLERANCE)
     reach = max(-rough.patch.trailing, rough.patch.leading)
     if mesh is None and reach < fitted.half_width / spectral.WIDTH_RATIO**2:
         fitted = _fitted(problem, spectral.quantise_half_width(reach, fitted.half_width), mesh, tolerance)
@@ -356,10 +342,12 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
 def refined_discretisation(
     problem: RollingProblem, level: int, tolerance: float, similar: FemContactResult | Contact | None
 ) -> Discretisation | None:
-    """Discretisation of a level of refinement from 1 to `MAX_LEVEL`, or None beyond `MAX_UNKNOWNS`.
+    """Discretisation of a level of refinement up to `MAX_LEVEL`, or None beyond `MAX_UNKNOWNS`.
 
-    The mesh is fitted to the edges of a similar contact, or of the elastic contact.
+    From level 1 the mesh is fitted to the edges of a similar contact, or of the elastic contact.
     """
+    if level == 0:
+        return initial_discretisation(problem, None, tolerance)
     if similar is None:
         first = initial_discretisation(problem, None, tolerance)
         edges, indentation = (-first.half_width, first.half_width), first.indentation

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from compact.engines.fem.compliance import LayerStiffness, element_moduli, layer_stiffness
-from compact.engines.fem.convected_memory import creep_function, retardation_operator, retarded_along_rows
+from compact.engines.fem import compliance
 from compact.mesh import RowMesh
 from compact.numerics import Array
 from compact.numerics.assembly import element_unknowns, strain_matrix
@@ -47,14 +46,14 @@ class FemContactResult(Contact):
     forces: Array
 
     @property
-    def stiffness(self) -> LayerStiffness:
+    def stiffness(self) -> compliance.LayerStiffness:
         """Factorised stiffness of the layer, shared by all contacts on the same mesh."""
-        return layer_stiffness(self.mesh, self.material.poisson, self.layer)
+        return compliance.layer_stiffness(self.mesh, self.material.poisson, self.layer)
 
     @property
     def moduli(self) -> Array:
         """Relaxed moduli of the elements [Pa], shape (elements, 4)."""
-        return self.material.youngs_modulus * element_moduli(self.mesh, self.material.poisson, self.layer)
+        return self.material.youngs_modulus * compliance.element_moduli(self.mesh, self.material.poisson, self.layer)
 
     def elastic_displacement(self) -> Array:
         """Displacement of the layer of relaxed modulus under the same forces [m], shape (nodes, 2)."""
@@ -85,20 +84,20 @@ def field_mesh(result: FemContactResult) -> "meshio.Mesh":
     """
     import meshio
 
-    stiffness, (instant, *branches) = result.stiffness, creep_function(result.material)
+    stiffness, (instant, *branches) = result.stiffness, compliance.creep_function(result.material)
     basis, elastic, strain = stiffness.basis, result.elastic_displacement(), result.elastic_strain()
     x, u = basis.doflocs[0], instant * elastic
     for share, time in zip(*branches, strict=True):
         for line in stiffness.lines:
-            u[line] += share * retardation_operator(x[line], time * result.speed) @ elastic[line]
+            u[line] += share * compliance.retardation_operator(x[line], time * result.speed) @ elastic[line]
     parts = result.moduli[:, None] * strain
     stress = np.zeros((*parts.shape[:2], 6))
     stress[..., :3] = parts[..., 3:]
     stress[..., :2] += parts[..., :2]
     stress[..., 3] = parts[..., 2]
-    averaging = basis.dx / basis.dx.sum(axis=1, keepdims=True)
-    stress = np.einsum("eq,eqs->es", averaging, stress)
-    dissipation = abs(result.speed) * np.sum(averaging * _dissipation(result, strain), axis=1)
+    area = basis.dx.sum(axis=1)
+    stress = np.einsum("eq,eqs->es", basis.dx / area[:, None], stress)
+    dissipation = abs(result.speed) * _dissipation(result, strain) / area
     return meshio.Mesh(
         np.pad(basis.doflocs.T, ((0, 0), (0, 1))),
         [("quad9", basis.element_dofs.T)],
@@ -113,7 +112,7 @@ def dissipated_work(result: FemContactResult) -> float:
     Downstream of the mesh the strain is constant; there the branches dissipate E J_k (e - z_k) : c : (e - z_k)/2 more.
     """
     strain = result.elastic_strain()
-    inside = np.sum(result.stiffness.basis.dx * _dissipation(result, strain))
+    inside = np.sum(_dissipation(result, strain))
     heights = (np.diff(result.mesh.y)[:, None] * GAUSS_WEIGHTS).ravel()
     outlet = 0 if result.speed > 0 else -1
     lags = _strain_lags(result, strain)
@@ -123,39 +122,27 @@ def dissipated_work(result: FemContactResult) -> float:
 
 def _strain_lags(result: FemContactResult, strain: Array) -> Iterator[tuple[float, float, Array, Array]]:
     """For each branch J_k, v theta_k, moduli of the streamlines, and e - z_k on them, shape (rows, columns, 4)."""
-    streamlines, (_, *branches) = _Streamlines(result), creep_function(result.material)
+    _, *branches = compliance.creep_function(result.material)
     stiff = np.repeat(result.moduli[:: result.mesh.shape[1]], len(GAUSS_WEIGHTS), axis=0)[:, None]
-    x = streamlines.rows(np.asarray(result.stiffness.basis.global_coordinates())[0][..., None])[..., 0]
-    e = streamlines.rows(strain)
+    x = _streamlines(result, np.asarray(result.stiffness.basis.global_coordinates())[0][..., None])[..., 0]
+    e = _streamlines(result, strain)
     for share, time in zip(*branches, strict=True):
         length = time * result.speed
-        yield share, length, stiff, e - retarded_along_rows(e, x, length)
+        yield share, length, stiff, e - compliance.retarded_along_rows(e, x, length)
 
 
 def _dissipation(result: FemContactResult, strain: Array) -> Array:
-    """Dissipation at the Gauss points per length rolled [J/m3 per m], shape (elements, points)."""
-    dissipation = np.zeros(strain.shape[:2])
+    """Dissipation of the elements per length rolled [J/m per m], shape (elements,)."""
+    rows, columns = result.mesh.shape
+    areas = _streamlines(result, result.stiffness.basis.dx[..., None])[..., 0]
+    dissipation = np.zeros(areas.shape)
     for share, length, stiff, lag in _strain_lags(result, strain):
-        dissipation += _Streamlines(result).points(share / abs(length) * np.sum(stiff * lag**2, axis=-1))
-    return dissipation
+        dissipation += share / abs(length) * np.sum(stiff * lag**2, axis=-1)
+    return (areas * dissipation).reshape(rows, 3, columns, 3).sum(axis=(1, 3)).ravel()
 
 
-class _Streamlines:
-    """Gauss points of the elements, 3 x 3 each, as rows along x of shape (3 rows, 3 columns, ...)."""
-
-    def __init__(self, result: FemContactResult) -> None:
-        self.shape = result.mesh.shape
-        x, y = result.stiffness.basis.X
-        self.order = np.lexsort((x, y))
-
-    def rows(self, values: Array) -> Array:
-        """Values of the points, shape (elements, points, ...), along the rows."""
-        rows, columns = self.shape
-        blocks = values[:, self.order].reshape(rows, columns, 3, 3, -1)
-        return blocks.transpose(0, 2, 1, 3, 4).reshape(3 * rows, 3 * columns, -1)
-
-    def points(self, values: Array) -> Array:
-        """Values along the rows, back at the points, shape (elements, points)."""
-        rows, columns = self.shape
-        blocks = values.reshape(rows, 3, columns, 3).transpose(0, 2, 1, 3).reshape(rows * columns, 9)
-        return blocks[:, np.argsort(self.order)]
+def _streamlines(result: FemContactResult, values: Array) -> Array:
+    """Values of the Gauss points, shape (elements, 9, n), as rows along x of shape (3 rows, 3 columns, n)."""
+    (rows, columns), (x, y) = result.mesh.shape, result.stiffness.basis.X
+    blocks = values[:, np.lexsort((x, y))].reshape(rows, columns, 3, 3, -1)
+    return blocks.transpose(0, 2, 1, 3, 4).reshape(3 * rows, 3 * columns, -1)

@@ -1,6 +1,6 @@
 """Resistance at slowly varying speed by the engine "fem": its derivative dF_ss/dv and its added mass M.
 
-In coordinates of the roller the internal variable of a creep branch follows (see `convected_memory`)
+In coordinates of the roller the internal variable of a creep branch follows (see `compliance`)
 
     z + theta (dz/dt - v dz/dx) = w,    u = J_0 w + sum J_k z_k,
 
@@ -21,18 +21,10 @@ from functools import partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from compact.engines.fem import compliance, contact_problem
 from compact.engines.fem import engine as fem_engine
 from compact.engines.fem.compliance import NodalField, SurfaceCompliance
-from compact.engines.fem.contact_problem import (
-    ContactSolution,
-    Discretisation,
-    RollingProblem,
-    elastic_surface,
-    expand_window,
-    solve_at_target,
-    steady_surface,
-)
-from compact.engines.fem.convected_memory import creep_function, retardation_operator, steady_creep_operator
+from compact.engines.fem.contact_problem import ContactSolution, Discretisation, RollingProblem
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
 from compact.numerics import Array
@@ -103,12 +95,14 @@ def expand_resistance(
             similar = fem_engine.spectral_estimate(problem)
             discretisation = fem_engine.refined_discretisation(problem, 1, tolerance, similar)
         discretisation = discretisation or fem_engine.initial_discretisation(problem, mesh, tolerance)
-        resistance, slope, added_mass = expand_window(discretisation, partial(_expansion, problem, discretisation))
+        resistance, slope, added_mass = contact_problem.expand_window(
+            discretisation, partial(_expansion, problem, discretisation)
+        )
         error = None
         if estimate:
             terms = discretisation.terms + fem_engine.EXTRA_TERMS
             finer = replace(discretisation, mesh=discretisation.mesh.refined(), terms=terms)
-            refined = expand_window(finer, partial(_expansion, problem, finer))[2]
+            refined = contact_problem.expand_window(finer, partial(_expansion, problem, finer))[2]
             error = ERROR_FACTOR * abs(added_mass - refined) + MIN_ERROR * max(abs(refined), time * abs(slope))
     return ResistanceExpansion(speed, resistance, slope, added_mass, error, time)
 
@@ -119,9 +113,13 @@ def _expansion(problem: RollingProblem, discretisation: Discretisation, window: 
     All contacts are similar to the steady one, each on its mesh shifted and stretched so that the edges keep their
     elements; the compliance is expanded in the logarithm of the stretch.
     """
-    mesh, (_, shares, times) = discretisation.mesh, creep_function(problem.material)
-    steady = solve_at_target(problem, steady_surface(problem, mesh, window), discretisation)
-    elastic, stretch_rate = (elastic_surface(problem, mesh, window, stretch_rate=rate) for rate in (False, True))
+    mesh, (_, shares, times) = discretisation.mesh, compliance.creep_function(problem.material)
+    steady = contact_problem.solve_at_target(
+        problem, contact_problem.steady_surface(problem, mesh, window), discretisation
+    )
+    elastic, stretch_rate = (
+        contact_problem.elastic_surface(problem, mesh, window, stretch_rate=rate) for rate in (False, True)
+    )
     edges, start = steady.patch.edges, replace(discretisation, indentation=steady.indenter.indentation)
 
     def stretched(stretch: float) -> SurfaceCompliance:
@@ -133,8 +131,8 @@ def _expansion(problem: RollingProblem, discretisation: Discretisation, window: 
             stretch = np.subtract(*contact.patch.edges) / np.subtract(*edges)
             x = contact.patch.trailing + stretch * (elastic.x - edges[0])
             surface = replace(stretched(stretch), x=x, initial=initial)
-            surface = surface.retarded(steady_creep_operator(x, at.material, at.speed))
-            contact = solve_at_target(at, surface, start, initial_guess=contact)
+            surface = surface.retarded(compliance.steady_creep_operator(x, at.material, at.speed))
+            contact = contact_problem.solve_at_target(at, surface, start, initial_guess=contact)
         return contact
 
     def elastic_displacement(contact: ContactSolution) -> Array:  # w [m], shape (2, n)
@@ -143,7 +141,7 @@ def _expansion(problem: RollingProblem, discretisation: Discretisation, window: 
 
     def internal_variables(at: RollingProblem, contact: ContactSolution) -> Array:  # z_k [m], shape (branches, 2, n)
         w, x = elastic_displacement(contact), contact.surface.x
-        return np.array([w @ retardation_operator(x, time * at.speed).T for time in times])
+        return np.array([w @ compliance.retardation_operator(x, time * at.speed).T for time in times])
 
     slower, faster = (replace(problem, speed=problem.speed * (1 + side * SPEED_STEP)) for side in (-1, 1))
     before, after = solve(slower), solve(faster)
@@ -154,7 +152,7 @@ def _expansion(problem: RollingProblem, discretisation: Discretisation, window: 
     lengths = problem.speed * times[:, None, None]
     z_rate = z_change / speed_change - mesh_velocity * (z - w) / lengths  # at fixed x, since z - l dz/dx = w
     lag = sum(  # g [m s2/m]
-        share * time * rate @ retardation_operator(surface.x, time * problem.speed).T
+        share * time * rate @ compliance.retardation_operator(surface.x, time * problem.speed).T
         for share, time, rate in zip(shares, times, z_rate, strict=True)
     )
     step = float(DISPLACEMENT_STEP * start.indentation / np.abs(lag[:, surface.loaded]).max())

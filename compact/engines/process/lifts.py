@@ -36,9 +36,13 @@ The excess pressure of the pore air is in proportion to the mix that a pass disp
     P_air(t_n) = P_air(t) t_n/t,    F_air/t_n = (F_air/t) t_n/t
 
 Both are taken from the thinnest lifts; the error is the difference to the thickest, and to the other meshes.
+
+Fields of a process are rectangles in z, along the roller, and y, the height. In two dimensions the rows of a section
+are those of the lumped lifts at its mean density. Frame n shows the mould after the n-th stroke since its start: the
+first section has had n strokes and lies farthest from the empty mould, and loose fill follows it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -52,7 +56,7 @@ from compact.engines.pore_air.coupled_rolling import roll_coupled
 from compact.engines.pore_air.steady_flow import RollerAir
 from compact.engines.process.forming import FormingMachine
 from compact.engines.process.roller_row import RollerRow, confined_stress
-from compact.engines.process.section import QUARTER, FormingProblem, mean_over_height
+from compact.engines.process.section import QUARTER, FormingProblem, SectionState, mean_over_height
 from compact.material.pore_air import PoreAir
 from compact.numerics import Array
 from compact.rolling_contact import Layer, Roller
@@ -69,6 +73,8 @@ LIFTS_MAX = 40  # [-], lifts of a sequence
 ENERGY_TOLERANCE = 1e-2  # [-], residual of the energy of a pass above which it rolls on
 SETTLING_SHARE = 1 / 3  # [-], of the height, travel after which the energy is evaluated again
 SETTLINGS_MAX = 8  # [-], of a pass; the wave relaxes over some ten contact lengths, 1.6 times the height
+FRAMES_MAX = 60  # [-], frames of a series; later strokes are shown at equal intervals
+FILL_SHARE = 0.15  # [-], length of the fill shown in front of the roller over that of the roller
 RATE_ROUNDING = 1e-12  # [-], rate factor less 1 below which the speed does not matter
 
 
@@ -550,3 +556,43 @@ class TwoDimensionalRow:
             return Estimate(0.0, 0.0, 0.0, 0.0)
         meshes = [total(sequence) for sequence in self.meshes]
         return Estimate(value, abs(thickest / value - 1), abs(meshes[-1] / meshes[0] - 1), 0.0)
+
+
+def process_frames(row: RollerRow, lifts: LiftSequence | None = None) -> Iterator[tuple[float, "meshio.Mesh"]]:
+    """Yield the number of strokes since the start, and the fields with the rows of `section_rows`.
+
+    Cell data: density ratio [-], lateral stress at rest [Pa], number of strokes.
+    """
+    import meshio
+
+    machine, states, count = row.problem.machine, row.history.states, row.history.count
+    for number in np.unique(np.linspace(1, count, min(count, FRAMES_MAX)).round().astype(int)).tolist():
+        if machine.strokes is not None:
+            pieces = [(0.0, machine.roller_length, number, states[number])]
+        else:
+            edges = machine.edges
+            pieces = [(float(edges[n - 1]), float(edges[n]), n, states[n]) for n in range(1, number + 1)]
+            pieces.insert(0, (-FILL_SHARE * machine.roller_length, 0.0, 0, states[0]))
+        points, values = [], []
+        for low, high, strokes, state in pieces:
+            bottom = 0.0
+            for height, ratio, stress in section_rows(state, lifts):
+                top = bottom + height
+                points += [(low, bottom, 0.0), (high, bottom, 0.0), (high, top, 0.0), (low, top, 0.0)]
+                values.append((ratio, stress, float(strokes)))
+                bottom = top
+        names, columns = ("density_ratio", "lateral_stress", "strokes"), np.array(values).T
+        data = {name: [column] for name, column in zip(names, columns, strict=True)}
+        cells = [("quad", np.arange(len(points)).reshape(-1, 4))]
+        yield float(number), meshio.Mesh(np.array(points), cells, cell_data=data)
+
+
+def section_rows(state: SectionState, lifts: LiftSequence | None) -> Iterator[tuple[float, float, float]]:
+    """Yield height [m], density ratio [-] and lateral stress at rest [Pa] of the rows of a section from the base up.
+
+    They are its layers, or those of lumped lifts at the mean density of the section.
+    """
+    if lifts is None:
+        yield from ((column.height, column.density_ratio, column.lateral_stress) for column in state.columns)
+    else:
+        yield from zip(*lifts.profile_at(state.density_ratio).tolist(), strict=True)

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 from threadpoolctl import threadpool_limits
 
+from compact import rolling_contact
 from compact.engines.spectral.galerkin_system import (
     GalerkinSystem,
     LayerResponse,
@@ -42,14 +43,7 @@ from compact.engines.spectral.galerkin_system import (
 from compact.material.laws import Elastic, Viscoelastic
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
-from compact.rolling_contact import (
-    Contact,
-    Layer,
-    Roller,
-    require_known_case,
-    require_on_target,
-    resistance_scale,
-)
+from compact.rolling_contact import Contact, Layer, Roller
 
 MODE_COUNTS = 16, 24, 36, 54, 80, 120, 180, 270, 405, 610  # [-], tried in turn; the error is estimated from the next
 SPECTRAL_RTOL = 1e-5  # [-], default tolerance of load and resistance, a tenth of that of the peak pressure
@@ -237,29 +231,41 @@ def roll(layer: Layer, roller: Roller, material: Elastic, speed: float, *, rtol:
     require_spectral_range(layer, roller, material, speed)
     require_positive(rtol=rtol)
     problem, half_width = build_rolling_problem(layer, roller, material, speed)
+    history: list[ModeRefinement] = []
     with threadpool_limits(1):  # the matrices are too small for threads
-        contact, history = _refine_modes(problem, half_width, rtol, np.sign(speed))
-        rolled = _build_result(problem, contact, history, np.sign(speed))
-    require_on_target(rolled, roller, TARGET_RTOL)
-    return rolled
-
-
-def _refine_modes(problem, half_width, rtol, direction):
-    """Solve with increasing numbers of modes until the errors are below `rtol`; return the contact and the history."""
-    history = []
-    for modes, next_modes in pairwise(MODE_COUNTS):
-        contact = solve_contact(problem, modes, half_width, history)
-        half_width, (*error, peak_error) = contact.half_width, _estimate_errors(problem, contact, next_modes)
-        history.append(ModeRefinement(modes, half_width, contact.load, direction * contact.resistance, tuple(error)))
-        largest = max(*error, peak_error / PEAK_ERROR_RATIO)
-        if largest <= rtol:
-            break
-    if not largest <= max(rtol, SPECTRAL_RTOL_MAX):
-        raise RuntimeError(
-            f"{modes} modes reach a relative error of {max(error):.1g}, allowed is {max(rtol, SPECTRAL_RTOL_MAX):.1g}; "
-            f"{describe_history(history)}"
+        for modes, next_modes in pairwise(MODE_COUNTS):
+            contact = solve_contact(problem, modes, half_width, history)
+            half_width, (*error, peak_error) = contact.half_width, _estimate_errors(problem, contact, next_modes)
+            resistance = np.sign(speed) * contact.resistance
+            history.append(ModeRefinement(modes, half_width, contact.load, resistance, tuple(error)))
+            largest = max(*error, peak_error / PEAK_ERROR_RATIO)
+            if largest <= rtol:
+                break
+        allowed = max(rtol, SPECTRAL_RTOL_MAX)
+        if not largest <= allowed:
+            raise RuntimeError(
+                f"{modes} modes reach a relative error of {max(error):.1g}, allowed is {allowed:.1g}; "
+                f"{describe_history(history)}"
+            )
+        xi = -np.cos(np.linspace(0, np.pi, PRESSURE_SAMPLES))
+        pressure, x = contact.pressure(xi), contact.centre + contact.half_width * xi
+        found = Contact(
+            load=float(contact.load),
+            resistance=float(contact.resistance),
+            leading=float(contact.centre + contact.half_width),
+            trailing=float(contact.centre - contact.half_width),
+            x=x,
+            pressure=pressure,
+            shear_traction=problem.response.friction * pressure,
+            error=history[-1].error,
+            work_residual=_work_residual(problem, contact),
+            indentation=float(contact.indentation),
+            peak_pressure=float(contact.peak_pressure),
+            history=tuple(history),
         )
-    return contact, history
+    rolled = rolling_contact.for_travel(found, speed)
+    rolling_contact.require_on_target(rolled, roller, TARGET_RTOL)
+    return rolled
 
 
 def _estimate_errors(problem, contact, next_modes):
@@ -282,7 +288,9 @@ def _estimate_errors(problem, contact, next_modes):
 
     at_depth = ("indentation", contact.indentation) if problem.target == "load" else (problem.target, problem.value)
     changes = np.array([change(*at_depth)[0], *change(problem.target, problem.value)[1:3]])
-    scale = np.array([contact.load, resistance_scale(contact.resistance, contact.load), contact.peak_pressure])
+    scale = np.array(
+        [contact.load, rolling_contact.resistance_scale(contact.resistance, contact.load), contact.peak_pressure]
+    )
     load_error = contact.load * (
         _fast_branch_error(problem, contact) + ARITHMETIC_ERROR / problem.response.creep.instant
     )
@@ -307,27 +315,6 @@ def _fast_branch_error(problem, contact):
     return float(np.sum(0.5 * modes * (shares / (1 - shares)) ** 2 * y**3 * np.exp(-(modes**2) * y)))
 
 
-def _build_result(problem, contact, history, direction):
-    """Express the contact in the fixed axis x."""
-    xi = -np.cos(np.linspace(0, np.pi, PRESSURE_SAMPLES))
-    pressure = contact.pressure(xi)
-    ascending = slice(None, None, int(direction))
-    return Contact(
-        load=float(contact.load),
-        resistance=float(direction * contact.resistance),
-        leading=float(contact.centre + contact.half_width),
-        trailing=float(contact.centre - contact.half_width),
-        x=(direction * (contact.centre + contact.half_width * xi))[ascending],
-        pressure=pressure[ascending],
-        shear_traction=(direction * problem.response.friction * pressure)[ascending],
-        error=history[-1].error,
-        work_residual=_work_residual(problem, contact),
-        indentation=float(contact.indentation),
-        peak_pressure=float(contact.peak_pressure),
-        history=tuple(history),
-    )
-
-
 def _work_residual(problem, contact):
     """Energy-balance residual over the larger of the resistance and 1e-3 of the load; theory.md 3.1.
 
@@ -346,29 +333,12 @@ def _work_residual(problem, contact):
     dissipated += np.trapezoid(response.dissipation_symbol(tail / a) * level * tail ** (1 - power), np.log(tail))
     dissipated *= 2 * a * contact.scale**2 / (np.pi * problem.contact_modulus)
     work = contact.resistance - response.friction * contact.load
-    return float(abs(work - dissipated) / resistance_scale(contact.resistance, contact.load))
+    return float(abs(work - dissipated) / rolling_contact.resistance_scale(contact.resistance, contact.load))
 
 
 def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:
-    """Require a contact in the range of the engine.
-
-    Parameters
-    ----------
-    layer : Layer
-        Layer.
-    roller : Roller
-        Roller.
-    material : Elastic
-        Constitutive law.
-    speed : float
-        Speed of the roller [m/s].
-
-    Raises
-    ------
-    ValueError
-        If the contact is outside the range.
-    """
-    require_known_case(layer, roller, speed)
+    """Require a contact in the range of the engine; ValueError outside."""
+    rolling_contact.require_known_case(layer, roller, speed)
     if roller.profile == "deformed":
         raise ValueError("the engine spectral needs `profile` 'parabola' or 'circle', got 'deformed'; use fem")
     if roller.rolling == "free" and roller.friction > 0:
@@ -454,15 +424,8 @@ def solve_pressure(problem: RollingProblem, system: GalerkinSystem, modes: int) 
     load = scale * a * basis.unit_load * b[0]
     depth = a**2 / R * (system.depths[:modes] @ b) + tests[0] @ problem.gap(centre + a * basis.nodes)
     inclination = basis.pressures[:modes] @ problem.slope(centre + a * basis.pressure_nodes)[0]
-    return ContactSolution(
-        system,
-        centre,
-        b,
-        scale,
-        indentation=depth / tests[0].sum(),
-        load=load,
-        resistance=scale * a * (b @ inclination) + problem.response.friction * load,
-    )
+    resistance = scale * a * (b @ inclination) + problem.response.friction * load
+    return ContactSolution(system, centre, b, scale, depth / tests[0].sum(), load, resistance)
 
 
 def _find_centre(problem, nodes, a, row):

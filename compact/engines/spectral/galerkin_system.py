@@ -405,29 +405,18 @@ def _coulomb_factor(m, trailing_exponent):
 def _first_product(beta, trailing_exponent):
     """D_0 = 2 sin(pi alpha)/pi int_0^inf e^(-beta t) t^-B (2 + t)^-A dt int_0^2 e^(-beta t) t^-A (2 - t)^-B dt."""
     A, B = 1 - trailing_exponent, trailing_exponent
-    s, weight = _half_line_rule()
+    u = np.linspace(-4.7, 5, 401)  # weights of ds/s, for any power > 0 at 0 and exp(-s) at infinity
+    s, weight = np.exp(u - np.exp(-u)), (u[1] - u[0]) * (1 + np.exp(-u))
     t = s / beta[:, None]
     outer = np.sum(weight * np.exp(-s) * (t / (2 + t)) ** A, axis=1)
     saturated = np.sum(weight * np.exp(-s) * np.minimum(t, 1) ** B * (2 - np.minimum(t, 1)) ** -B, axis=1)
-    left, right, weight = _interval_rule()
+    u = np.linspace(-4.3, 4.3, 201)  # nodes t of (0, 2), 2 - t, weights of dt/(t (2 - t)), for any powers > 0
+    logit = np.pi * np.sinh(u)
+    left, right = 2 / (1 + np.exp(-logit)), 2 / (1 + np.exp(logit))
+    weight = (u[1] - u[0]) * np.pi / 2 * np.cosh(u)
     decay = np.exp(-np.minimum(beta, BETA_SATURATED)[:, None] * left)
     inner = np.sum(weight * decay * left**B * right**A, axis=1)
     return 2 * np.sin(np.pi * B) / np.pi * outer * np.where(beta < BETA_SATURATED, inner, saturated)
-
-
-@lru_cache(maxsize=1)
-def _half_line_rule():
-    """Nodes s of (0, inf) and weights of ds/s, for any power > 0 at 0 and exp(-s) at infinity."""
-    u = np.linspace(-4.7, 5, 401)
-    return np.exp(u - np.exp(-u)), (u[1] - u[0]) * (1 + np.exp(-u))
-
-
-@lru_cache(maxsize=1)
-def _interval_rule():
-    """Nodes t of (0, 2), 2 - t, and weights of dt/(t (2 - t)), for any powers > 0 at both ends."""
-    u = np.linspace(-4.3, 4.3, 201)
-    logit = np.pi * np.sinh(u)
-    return 2 / (1 + np.exp(-logit)), 2 / (1 + np.exp(logit)), (u[1] - u[0]) * np.pi / 2 * np.cosh(u)
 
 
 @dataclass(frozen=True)

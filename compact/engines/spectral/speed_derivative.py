@@ -74,14 +74,8 @@ def expand_resistance(
     time = max(time for _, time in branches)
     with threadpool_limits(1):  # the matrices are too small for threads
         resistance, slope, added_mass, error = _refine_modes(problem, half_width, rtol, time * abs(speed))
-    return ResistanceExpansion(
-        speed=speed,
-        resistance=float(np.sign(speed) * resistance),
-        slope=float(slope / abs(speed)),
-        added_mass=float(added_mass / speed**2),
-        error=float(error / speed**2),
-        relaxation_time=time,
-    )
+    steady, of_speed = float(np.sign(speed) * resistance), float(slope / abs(speed))
+    return ResistanceExpansion(speed, steady, of_speed, float(added_mass / speed**2), float(error / speed**2), time)
 
 
 def _refine_modes(problem, half_width, rtol, length):
@@ -114,15 +108,13 @@ def _refine_modes(problem, half_width, rtol, length):
 
 def _expansion(problem, contact):
     """Compute v dF_ss/dv and v^2 M of a contact."""
-    linearisation, creep = ContactLinearisation(problem, contact), problem.response.creep
-    length = creep.lengths
-    speed_load = linearisation.surface(_creep_polynomial(creep, -1, 1, 0))  # of v C_v
-    change = linearisation.solve(speed_load)
-    acceleration_load = linearisation.surface(_creep_polynomial(creep, 0, -length, length))  # of v^2 Z
-    memory = _creep_polynomial(creep, 0, length, 0)  # of v Y
-    acceleration_load += linearisation.surface_change(memory, change, speed_load)
-    gradient = linearisation.resistance_gradient
-    return gradient @ change, gradient @ linearisation.solve(-acceleration_load)
+    linear, creep = ContactLinearisation(problem, contact), problem.response.creep
+    length, gradient = creep.lengths, linear.resistance_gradient
+    speed_load = linear.surface(_creep_polynomial(creep, -1, 1, 0))  # of v C_v
+    change = linear.solve(speed_load)
+    acceleration_load = linear.surface(_creep_polynomial(creep, 0, -length, length))  # of v^2 Z
+    acceleration_load += linear.surface_change(_creep_polynomial(creep, 0, length, 0), change, speed_load)  # of v Y
+    return gradient @ change, gradient @ linear.solve(-acceleration_load)
 
 
 def _creep_polynomial(creep, first, second, third):
@@ -156,14 +148,13 @@ class ContactLinearisation:
         system = assemble_system(response, len(self.contact.coefficients), a)
         return a / self.problem.radius * np.vstack([system.matrix, a * system.depths])
 
-    def surface(self, creep: CreepCompliance) -> Array:
+    def surface(self, creep: CreepCompliance, widening: float = 0.0) -> Array:
         """Compute the surface under the pressure of the contact, with another `creep`."""
-        return self.surfaces(creep) @ self.contact.coefficients
+        return self.surfaces(creep, widening) @ self.contact.coefficients
 
     def width_derivative(self, creep: CreepCompliance) -> Array:
         """Return the derivative of the surface with respect to the log half-width at constant b and xi."""
-        change = self.surfaces(creep, WIDTH_STEP) - self.surfaces(creep, -WIDTH_STEP)
-        return change @ self.contact.coefficients / (2 * WIDTH_STEP)
+        return (self.surface(creep, WIDTH_STEP) - self.surface(creep, -WIDTH_STEP)) / (2 * WIDTH_STEP)
 
     def surface_change(self, creep: CreepCompliance, change: Array, gradient: Array) -> Array:
         """Compute the change of a surface at fixed x under that of the pressure; `gradient` is the surface of du/dx."""
