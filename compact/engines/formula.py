@@ -360,7 +360,7 @@ class FormulaEngine(Engine):
 
     @property
     def fitted_keys(self) -> tuple[str, ...]:
-        """Inputs of eqs 1.8 and 1.9 besides the mix."""
+        """Inputs of eqs 1.8 and 1.9 other than the mix."""
         return "machine.roller_friction", "machine.bearing_friction"
 
     def contact(self, case: Case, start: Contact | None = None) -> Contact:
