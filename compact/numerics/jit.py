@@ -11,6 +11,7 @@ file. Compilation is a third of the processor time of a first run.
 
 import ast
 import logging
+import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -52,8 +53,7 @@ def compiled(function: Callable[..., Any], nogil: bool = False) -> Callable[...,
         sources = sorted(source_files(function.__module__))
         stamp = tuple(sha256(Path(path).read_bytes()).hexdigest() for path in sources)
         files._cache_file = _CheckedFile(files._cache_path, files._impl.filename_base, stamp)
-        lock = FileLock(Path(files._cache_file._index_path).with_suffix(".lock"), timeout=LOCK_TIMEOUT)
-        dispatcher.compile = _once(dispatcher.compile, lock)
+        dispatcher.compile = _once(dispatcher.compile, Path(files._cache_file._index_path).with_suffix(".lock"))
     return dispatcher
 
 
@@ -82,17 +82,19 @@ def is_compiled(function: Any) -> bool:
     return bool(function.signatures) or (file is not None and bool(file._load_index()))
 
 
-def _once(compile_types: Callable[[Any], Any], lock: FileLock) -> Callable[[Any], Any]:
+def _once(compile_types: Callable[[Any], Any], path: Path) -> Callable[[Any], Any]:
     """Let one process at a time compile or load a function.
 
     Functions that it calls are compiled inside; a callee never waits for its caller, so that no two processes wait in
     turn. Without a lock where the folder or its disk allows none.
     """
+    locks: dict[int, FileLock] = {}  # by process; a forked one must not use that of its parent
 
     def compile_once(types: Any) -> Any:
         with _threads:
+            lock = locks.get(os.getpid()) or locks.setdefault(os.getpid(), FileLock(path, timeout=LOCK_TIMEOUT))
             with suppress(OSError, NotImplementedError):  # a timeout is an OSError
-                Path(lock.lock_file).parent.mkdir(parents=True, exist_ok=True)
+                path.parent.mkdir(parents=True, exist_ok=True)
                 lock.acquire()
             try:
                 return compile_types(types)
