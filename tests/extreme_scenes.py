@@ -32,7 +32,7 @@ from compact.scene.schema import Layer, Process, declared_keys, table_of
 
 SCENES = Path(__file__).parents[1] / "studies" / "scenes"
 HUGE = 1.7e308  # largest number of a scene
-WALL = 120  # seconds after which a case that waits for something is ended
+WALL = 600  # seconds after which a case that waits for something is ended
 MEMORY = 6 << 30  # bytes of address space for one case
 DRIVES: dict[str, dict[str, Any]] = {  # complete tables, whose numbers a case then changes
     "rigid": {},

@@ -418,7 +418,11 @@ def _solve_elements(residual, angle, width, energy, periodic):
     """Solve for E at the nodes by Newton's method; return E and the number of iterations."""
     largest = MAX_ENERGY_RATIO * energy.max()
     for iteration in range(1, NEWTON_ITERATIONS + 1):
-        change = _newton_step(residual, angle, width, energy, periodic)
+        try:
+            with np.errstate(over="raise"):
+                change = _newton_step(residual, angle, width, energy, periodic)
+        except (FloatingPointError, np.linalg.LinAlgError) as error:  # how far a diverging step goes hangs on rounding
+            raise RuntimeError(DIVERGED) from error
         largest_fall = np.max(-change / energy, initial=1 - MIN_ENERGY_RATIO)
         energy = energy + (1 - MIN_ENERGY_RATIO) / largest_fall * change
         if np.abs(change).max() <= NEWTON_TOLERANCE * energy.max():
@@ -443,10 +447,7 @@ def _newton_step(residual, angle, width, energy, periodic):
     matrix = by_acceleration[:, :, None] * DIFFERENTIATION / width[:, :, None]
     matrix[:, np.arange(ORDER + 1), np.arange(ORDER + 1)] += by_energy
     right = np.stack([-here[:, 1:], -matrix[:, 1:, 0]], axis=-1)
-    try:
-        particular, propagation = np.moveaxis(np.linalg.solve(matrix[:, 1:, 1:], right), -1, 0)
-    except np.linalg.LinAlgError as error:  # on another processor the step is huge, and diverges
-        raise RuntimeError(DIVERGED) from error
+    particular, propagation = np.moveaxis(np.linalg.solve(matrix[:, 1:, 1:], right), -1, 0)
     gaps = energy[:, 0] - np.roll(energy[:, -1], 1)  # jumps of E between elements, closed by the step
     if not periodic:
         gaps[0] = 0.0

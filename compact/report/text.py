@@ -385,7 +385,8 @@ def margin_sentence(study: Study) -> str:
     required = 1 + known.margin("peak_power")
     if margin >= required or math.isnan(required):
         return ""
-    return say("motor_margin", margin, required, math.ceil(100 * required) / 100)
+    covering = math.ceil(100 * required) / 100 if math.isfinite(required) else None
+    return say("motor_margin", margin, required, covering)
 
 
 def bearing_sentence(sizing: MachineSizing) -> str:

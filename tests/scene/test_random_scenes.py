@@ -101,8 +101,9 @@ def warm(tmp_path_factory):
     "seed",
     [
         *range(1, 16),
+        *(204, 238),  # an infinite margin of the motor, and a shaft whose speed overflows, were internal errors
         *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(16, 41)),
-        *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(41, 301)),
+        *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(41, 301) if seed not in (204, 238)),
     ],
 )
 def test_a_random_scene_has_results_or_is_refused(seed, tmp_path, warm):
