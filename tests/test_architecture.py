@@ -5,7 +5,9 @@ import os
 import re
 import subprocess
 import sys
+import tokenize
 from collections import defaultdict
+from io import StringIO
 from pathlib import Path
 
 import pytest
@@ -76,6 +78,32 @@ def test_folders_and_modules_have_a_readable_size():
         path: len(path.read_text("utf-8").splitlines()) for path in PACKAGE.rglob("*.py") if path.name not in SMALL
     }
     assert {path.name for path, count in lines.items() if not 60 <= count <= 600} == set()
+
+
+BUDGET = {  # lines of code of each part; beyond its line a feature pays by a deletion
+    "engines": 7430, "analysis": 4410, "report": 3420, "machine": 3200, "scene": 1730, "motion": 1320, "material": 1200,
+    "sweep": 890, "cams": 680, "validation": 630, "api": 560, "numerics": 540, "cli": 530, "verification": 390,
+    "interfaces": 260, "modules": 1280,
+}  # fmt: skip
+
+
+def code_lines(path):
+    """Lines of code of a module: without docstrings, comments and blanks."""
+    source = path.read_text("utf-8")
+    owners = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    documented = [node for node in ast.walk(ast.parse(source)) if isinstance(node, owners) and ast.get_docstring(node)]
+    docstrings = {line for node in documented for line in range(node.body[0].lineno, node.body[0].end_lineno + 1)}
+    silent = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
+    tokens = [token for token in tokenize.generate_tokens(StringIO(source).readline) if token.type not in silent]
+    return len({line for token in tokens for line in range(token.start[0], token.end[0] + 1)} - docstrings)
+
+
+def test_a_part_keeps_to_its_budget():
+    folders = [folder for folder in PACKAGE.iterdir() if folder.name != "data" and any(folder.glob("*.py"))]
+    found = {folder.name: sum(map(code_lines, folder.rglob("*.py"))) for folder in folders}
+    found["modules"] = sum(map(code_lines, PACKAGE.glob("*.py")))
+    assert found.keys() == BUDGET.keys()
+    assert {name: count for name, count in found.items() if count > BUDGET[name]} == {}
 
 
 def test_a_public_name_is_defined_in_at_most_three_modules():
