@@ -30,7 +30,7 @@ def layers() -> list[list[str]]:
 
 def imports() -> Counter[tuple[str, str]]:
     """Count the imports between units, a package or a module directly below `compact`."""
-    graph, counts = grimp.build_graph("compact"), Counter()
+    graph, counts = grimp.build_graph("compact", exclude_type_checking_imports=True), Counter()
     for module in graph.modules:
         for target in graph.find_modules_directly_imported_by(module):
             pair = tuple(name.split(".")[1] if "." in name else "" for name in (module, target))

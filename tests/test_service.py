@@ -10,7 +10,7 @@ from pathlib import Path
 
 import fastjsonschema
 import pytest
-from interrupts import interrupted, of_unix
+from interrupts import heed_interrupts, interrupted, of_unix
 
 from compact.cli import INTERRUPTED, options
 from compact.cli import program as cli
@@ -121,7 +121,9 @@ cli.main()
 @of_unix
 def test_interrupt_that_python_drops_is_repeated():
     """Python ignores what is raised in a callback, such as that of an import lock."""
-    ended = subprocess.run([sys.executable, "-c", DROPPED], capture_output=True, text=True, timeout=120)
+    ended = subprocess.run(
+        [sys.executable, "-c", DROPPED], capture_output=True, text=True, timeout=120, preexec_fn=heed_interrupts
+    )
     assert ended.returncode == INTERRUPTED
     assert ended.stderr == "compact: interrupted; every file already written is whole\n"
 
