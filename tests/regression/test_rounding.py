@@ -9,14 +9,13 @@ import math
 from functools import cache
 
 import pytest
-from test_regression import ABSOLUTE, RELATIVE, SCENES, SLOW, SMALL, different, read
+from test_regression import ABSOLUTE, ESTIMATE, RELATIVE, SCENES, SLOW, SMALL, different, is_estimate, read
 
 from compact.analysis.study import Study
 from compact.report import writer as report
 from compact.scene.loader import load_scene
 
 ROUNDING = 1e-15  # [-], a few units of the last place
-ESTIMATE = 1e-4  # [-], of an error or residual, a difference of nearly equal numbers that is told to two digits
 SEARCHED = (
     1e-3  # [-], of forces by contacts of the engine "compaction" at a density; the energy of a cycle moved by 1e-4
 )
@@ -60,11 +59,6 @@ def results(name, directory, **changes):
 def unchanged(tmp_path_factory):
     """Results of the scenes themselves, each computed once."""
     return cache(lambda name: results(name, tmp_path_factory.mktemp("unchanged") / name))
-
-
-def is_estimate(name):
-    """True for an error or a residual."""
-    return "error" in name or "residual" in name
 
 
 def differences(found, expected):

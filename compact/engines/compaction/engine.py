@@ -329,6 +329,7 @@ def _create_search(
         target_tolerance=target.tolerance * (1 if is_last else COARSE_TARGET_TOLERANCE),
         stretch=case.stretched,
         rate_factor=case.rate_factor,
+        is_last=is_last,
         **other,
     )
 

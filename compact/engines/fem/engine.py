@@ -189,21 +189,23 @@ def _solve_to_tolerance(problem: RollingProblem, tolerance: float) -> FemContact
         return max(result.error or (np.inf, np.inf))
 
     best: FemContactResult | None = None
+    similar: FemContactResult | Contact | None = None  # whose edges the next mesh is fitted to
     failure, spectral_contact, meshes = None, None, 0
     for level in range(MAX_LEVEL + 1):
         try:
-            discretisation = refined_discretisation(problem, level, tolerance, best or spectral_contact)
+            discretisation = refined_discretisation(problem, level, tolerance, similar)
             if discretisation is None:
                 break
             meshes += 1
             result = _solve_on(problem, discretisation)
-        except UnresolvedError as error:
+        except UnresolvedError as error:  # from the edges of a coarse contact; those of "spectral" are better
             failure = error
+            spectral_contact = spectral_contact or spectral_estimate(problem)
+            similar = spectral_contact or best
         else:
             if largest(result) <= tolerance:
                 return result
-            best = min(best or result, result, key=largest)
-        spectral_contact = spectral_contact or spectral_estimate(problem)
+            similar = best = min(best or result, result, key=largest)
     needs_fem = problem.turns_with_friction or problem.roller.profile == "deformed"
     remedy = "use spectral" + ", with a gap measured vertically and without stick and slip" * needs_fem
     if best is None:
