@@ -182,11 +182,13 @@ def test_forces_scale_with_length_and_stress(engine, data, length, stress):
 @given(st.data())
 def test_every_target_recovers_the_contact(engine, data):
     layer, roller, material, speed = data.draw(scenes(engine))
-    first = roll(engine, layer, roller, material, speed)
-    near = 3e-5 if engine == "spectral" else 1e-7
+    finely = {"rtol": 1e-7} if engine == "spectral" else {}
+    first = roll(engine, layer, roller, material, speed, **finely)
     for name in ("load", "peak_pressure"):
         target = dict.fromkeys(("indentation", "load")) | {name: getattr(first, name)}
-        again = roll(engine, layer, replace(roller, **target), material, speed)
+        again = roll(engine, layer, replace(roller, **target), material, speed, **finely)
+        told = max(*first.error, *again.error) if engine == "spectral" else 0.0  # of a peak pressure ten times that
+        near = max(3e-6, 10 * told) if engine == "spectral" else 1e-7
         assert getattr(again, name) == pytest.approx(target[name], rel=1e-8)
         assert again.leading == pytest.approx(first.leading, rel=near)
         assert again.resistance == pytest.approx(first.resistance, rel=near, abs=near * 1e-2 * first.load)

@@ -300,8 +300,8 @@ def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
     grid = [vary.read_design("mix.moisture=0.08:0.12:25"), vary.read_design("mix.density_ratio=0.94:0.98:40")]
     many = Sweep(FORMULA.replaced(**{"accuracy.engine": engine}), grid)
     memory = dict(run_tasks(held, many._tasks(many._keyed(), {}), ProcessExecutor(1)))
-    last = len(memory) - 1
-    assert memory[last] - memory[last // 10] < 1
+    last = len(memory) - 1  # the first tasks load what all need
+    assert memory[last] - memory[last // 2] < 0.5
 
 
 # (g) uncertainty
