@@ -276,7 +276,8 @@ def roll(
     >>> roller = Roller(0.11, peak_pressure=0.203e6, friction=0.35, rolling="free")
     >>> mix = Elastic(youngs_modulus=0.75e6, poisson=0.3)
     >>> result = roll(Layer(0.22), roller, mix, speed=0.16, rolling_friction=0.17)
-    >>> f"{result.load:.0f} N/m, resistance {result.resistance:.0f} N/m, angle {np.degrees(result.capture_angle):.1f}"
+    >>> angle = np.degrees(result.own["capture_angle"])
+    >>> f"{result.load:.0f} N/m, resistance {result.resistance:.0f} N/m, angle {angle:.1f}"
     '15224 N/m, resistance 2885 N/m, angle 29.3'
     """
     _require_in_scope(layer, roller, material, speed)
