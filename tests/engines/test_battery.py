@@ -200,7 +200,9 @@ def test_every_target_recovers_the_contact(engine, data):
 def test_pressure_and_work_balance(engine, data):
     layer, roller, material, speed = data.draw(scenes(engine))
     found = roll(engine, layer, roller, material, speed)
-    missing = {"formula": 0.07, "fem": 0.02}.get(engine, 3e-3)  # (1.6) is no integral; normal to a deformed surface
+    missing = {"formula": 0.07, "fem": 1e-3}.get(engine, 3e-3)  # (1.6) is no integral
+    if engine == "fem" and roller.profile == "deformed":
+        missing = 0.02  # its pressure is normal to the deformed surface, its load vertical
     assert np.trapezoid(found.pressure, found.x) == pytest.approx(found.load, rel=missing)
     assert found.pressure.min() > -2e-3 * found.peak_pressure
     assert (found.work_residual or 0.0) < 5e-3
