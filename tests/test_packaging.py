@@ -58,3 +58,10 @@ def test_notes_of_a_release_are_a_section_of_the_changelog():
     refused = subprocess.run([*call, "99.0"], capture_output=True, text=True, check=False)
     assert refused.returncode == 1
     assert "no section [99.0]; move the lines of [Unreleased] there" in refused.stderr
+
+
+def test_scripts_of_ci_name_tests_that_exist():
+    scripts = [path.read_text("utf-8") for path in (ROOT / ".ci").iterdir() if path.is_file()]
+    named = set(re.findall(r"\b(?:tests|studies|docs)/[\w/.-]*\w", "\n".join(scripts)))
+    assert "tests/regression" in named
+    assert not [name for name in named if not (ROOT / name).exists()]
