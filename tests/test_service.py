@@ -15,7 +15,6 @@ from interrupts import heed_interrupts, interrupted, of_unix
 from compact.cli import INTERRUPTED, options
 from compact.cli import program as cli
 from compact.files import write_json
-from compact.report.progress import STAGES, Progress, StageProfile
 from compact.scene.json_schemas import scene_schema, summary_schema
 from compact.scene.loader import Scene, SceneError, parse_scene, starter_scene
 
@@ -77,7 +76,7 @@ def test_interrupt_states_what_is_kept(capsys, monkeypatch, tmp_path):
     assert cli._exit_code(["run", str(SMALL), "--out", str(tmp_path / "out")]) == INTERRUPTED
     message = capsys.readouterr().err
     assert message.startswith("compact: interrupted; every file already written is whole; ")
-    assert message.endswith(f"1 file is in {tmp_path / 'out'}; the same command computes the others\n")
+    assert message.endswith(f"complete files are in {tmp_path / 'out'}; the same command computes the others\n")
 
 
 ROLL = """
@@ -215,36 +214,9 @@ def test_log_has_stages_and_files(call, tmp_path):
     assert not logging.getLogger("compact").handlers
 
 
-@pytest.mark.parametrize(("option", "shown"), [("--quiet", False), ("--verbose", True)])
-def test_quiet_command_logs_errors_only(option, shown):
-    with options.Console(**{option.strip("-"): True}).recorded():
-        assert logging.getLogger("compact.files").isEnabledFor(logging.WARNING) == shown
-
-
 def test_profile_has_every_stage_and_adds_up(call, tmp_path):
     _, _, table = call("roll", SMALL, "--engine", "formula", "--out", tmp_path, "--profile")
     rows = re.findall(r"^(\w[\w ]*?) {2,}(\d*) +([\d.]+) +([\d.]+) +(\d+)%$", table, re.MULTILINE)
     times = {name: float(wall) for name, _, wall, *_ in rows}
     assert times.keys() == {"start", "contact by formula", "tables and figures", "total"}
     assert times.pop("total") == pytest.approx(sum(times.values()), abs=0.03)
-
-
-def test_profile_counts_the_runs_of_a_stage():
-    profile, logger = StageProfile(), logging.getLogger(STAGES)
-    logger.addHandler(profile)
-    level, logger.level = logger.level, logging.INFO
-    try:
-        with Progress(quiet=True) as progress:
-            for stage in ("laws", "runs", "runs"):
-                progress.begin(stage)
-                progress.advance(0.5)
-    finally:
-        logger.removeHandler(profile)
-        logger.setLevel(level)
-    assert {name: each.runs for name, each in profile.stages.items()} == {"start": 1, "laws": 1, "runs": 2}
-
-
-def test_profile_is_printed_after_a_failure(call):
-    code, _, message = call("run", "nowhere.toml", "--profile")
-    assert code == options.INVALID_INPUT
-    assert re.search(r"^start +1 .*100%$", message, re.MULTILINE)

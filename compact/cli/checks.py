@@ -10,19 +10,9 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from compact.cli.options import (
-    CONSOLE,
-    JOB,
-    NO_RESULT,
-    OWNING_JOB,
-    SUCCESS,
-    Console,
-    Job,
-    OwningJob,
-    ScenePath,
-    print_error,
-)
-from compact.files import claimed_directory, read_json
+from compact.cli import options as cli
+from compact.cli.options import CONSOLE, JOB, OWNING_JOB, SUCCESS, Console, Job, OwningJob, ScenePath
+from compact.files import read_json
 
 
 def material(scene: ScenePath, /, *, job: OwningJob = OWNING_JOB) -> None:
@@ -34,13 +24,10 @@ def material(scene: ScenePath, /, *, job: OwningJob = OWNING_JOB) -> None:
     given = job.read(scene)
     mix = scene_mix(given)
     programme = LaboratoryProgramme(compaction_material(given, mix), given.mix.density_ratio, mix.required_pressure)
-    place = job.place(scene, "material")
-    with claimed_directory(place, given.hash, job.force) as directory:
-        write_material_tests(programme, given.mix.law, directory)
-    job.show(
-        lambda: f"{material_digest(programme, given.mix.law)}\n\nresults: {place}",
-        results=place, material=read_json(place / "material.json"),
-    )  # fmt: skip
+    with job.writing(scene, "material", given) as (place, _):
+        write_material_tests(programme, given.mix.law, place)
+    content = read_json(place / "material.json")
+    job.show(lambda: material_digest(programme, given.mix.law), place, material=content)
 
 
 def calibrate(
@@ -82,30 +69,19 @@ def calibrate(
     *values, (place, fit) = found.scene_changes.items()
     table = ", ".join(f"{name} = {json.dumps(value)}" for name, value in fit.items())
     changed = " ".join([*(f"--set {key}={value:.6g}" for key, value in values), f"--set '{place}={{{table}}}'"])
-    job.show(
-        lambda: f"{calibration.calibration_digest(found)}\n\nfor the scene: {changed}\nresults: {path}",
-        results=path, calibration=summary,
-    )  # fmt: skip
+    job.show(lambda: f"{calibration.calibration_digest(found)}\n\nfor the scene: {changed}", path, calibration=summary)
 
 
-def check(*, markdown: bool = False, console: Console = CONSOLE) -> int:
-    """Print every published number with the computed value and the verdict; exit 1 if a value has changed.
-
-    Parameters
-    ----------
-    markdown
-        print them as a table of Markdown
-    """
+def check(*, console: Console = CONSOLE) -> int:
+    """Print every published number with the computed value and the verdict; exit 1 if a value has changed."""
     from compact.verification import published_numbers
 
     rows = published_numbers.rows()
-    console.show(
-        lambda: published_numbers.markdown(rows) if markdown else published_numbers.text_table(rows),
-        numbers=[asdict(row) | {"unchanged": row.unchanged} for row in rows],
-    )
+    numbers = [asdict(row) | {"unchanged": row.unchanged} for row in rows]
+    console.show(lambda: published_numbers.text_table(rows), numbers=numbers)
     changed = [row for row in rows if not row.unchanged]
     if changed:
-        return print_error(f"{len(changed)} of {len(rows)} computed numbers have changed", NO_RESULT)
+        return cli.print_error(f"{len(changed)} of {len(rows)} computed numbers have changed", cli.NO_RESULT)
     if not (console.quiet or console.json):
         print(f"\n{len(rows)} numbers checked: all are unchanged")
     return SUCCESS
@@ -116,7 +92,6 @@ def validate(
     /,
     *,
     out: Path | None = None,
-    markdown: bool = False,
     console: Console = CONSOLE,
 ) -> int:
     """Compute the cases that others measured or computed, and print ours, theirs and the verdict; exit 1 if ours moves.
@@ -127,8 +102,6 @@ def validate(
         names of cases, all by default; or folders of a plant with one TOML, a scene with [case], and one CSV
     out
         folder for the text, the table and the figures
-    markdown
-        print them as tables of Markdown
     """
     from compact.report import validation
     from compact.validation.runner import evaluate_case, select_cases
@@ -142,9 +115,11 @@ def validate(
             progress.advance()
     written = [] if out is None else validation.write_validation(out, results)
     files = "".join(f"\n  {path}" for path in written)
-    console.show(
-        lambda: (validation.markdown if markdown else validation.text_table)(results) + files,
-        files=written, cases=validation.case_summaries(results),
-    )  # fmt: skip
+    summaries = validation.case_summaries(results)
+    console.show(lambda: validation.text_table(results) + files, files=written, cases=summaries)
     moved = sum(each.moved for result in results for each in result.comparisons)
-    return print_error(f"{moved} computed numbers have moved from the recorded ones", NO_RESULT) if moved else SUCCESS
+    return (
+        cli.print_error(f"{moved} computed numbers have moved from the recorded ones", cli.NO_RESULT)
+        if moved
+        else SUCCESS
+    )

@@ -2,14 +2,14 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from compact.files import OWNER_FILE, default_directory, json_text
+from compact.files import claimed_directory, default_directory, json_text
 
 if TYPE_CHECKING:
     from compact.report.progress import Progress
@@ -53,20 +53,23 @@ class Console:
 
         return Progress(total=total, quiet=self.quiet or bool(self.verbose))
 
-    def show(self, digest: Callable[[], str], **content: Any) -> None:
-        """Print the digest, or the content as JSON.
+    def show(self, digest: Callable[[], str], results: Path | None = None, **content: Any) -> None:
+        """Print the digest and the place of the results, or the content as JSON.
 
         Parameters
         ----------
         digest : callable
             Returns the text; not called where it is not printed.
+        results : Path, optional
+            Folder or file of the results.
         **content : object
             What the option --json prints.
         """
+        place = {} if results is None else {"results": results}
         if self.json:
-            print(json_text(content))
+            print(json_text(place | content))
         elif not self.quiet:
-            print(digest())
+            print("\n\n".join([digest(), *(f"results: {path}" for path in place.values())]))
 
     @contextmanager
     def recorded(self) -> Iterator[None]:
@@ -124,6 +127,13 @@ class OwningJob(Job):
 
     force: Annotated[bool, _flag("overwrite the results of another scene")] = False
 
+    @contextmanager
+    def writing(self, path: Path, suffix: str, scene: "Scene") -> Iterator[tuple[Path, "Progress"]]:
+        """Claim the folder of the results of a scene file inside the block, and show the line of progress."""
+        progress = self.progress()
+        with claimed_directory(self.place(path, suffix), scene.hash, self.force) as directory, progress:
+            yield directory, progress
+
 
 CONSOLE, JOB, OWNING_JOB = Console(), Job(), OwningJob()  # without options
 
@@ -137,16 +147,6 @@ def interrupt_noted(sentence: Callable[[], str]) -> Iterator[None]:
         if is_interrupt(error):
             error.add_note(sentence())
         raise
-
-
-def kept_files(directory: Path) -> str:
-    """State how many complete files a directory has."""
-    with suppress(OSError):
-        count = sum(path.is_file() and path.name != OWNER_FILE for path in directory.rglob("*"))
-        if count:
-            files = "1 file is" if count == 1 else f"{count} files are"
-            return f"{files} in {directory}; the same command computes the others"
-    return "no file was written"
 
 
 def is_interrupt(error: BaseException) -> bool:

@@ -18,24 +18,9 @@ from cyclopts import App, CycloptsError, Parameter
 
 from compact.analysis.failures import internal_sentence, is_numeric, is_refusal, memory_sentence, numeric_sentence
 from compact.cli import INTERRUPTED, INTERRUPTED_MESSAGE, checks
-from compact.cli.options import (
-    CONSOLE,
-    INVALID_INPUT,
-    JOB,
-    NO_RESULT,
-    OWNING_JOB,
-    SUCCESS,
-    Console,
-    Engine,
-    Job,
-    OwningJob,
-    ScenePath,
-    interrupt_noted,
-    is_interrupt,
-    kept_files,
-    print_error,
-)
-from compact.files import ResultsError, claimed_directory, default_directory, json_text, read_json
+from compact.cli import options as cli
+from compact.cli.options import JOB, OWNING_JOB, SUCCESS, Console, Engine, Job, OwningJob, ScenePath
+from compact.files import ResultsError, default_directory, json_text, read_json
 
 Format = Literal["csv", "fmu", "vtu", "vtk", "xdmf", "gmsh"]
 app = App(
@@ -73,29 +58,23 @@ def _exit_code(arguments: Sequence[str]) -> int:
             warnings.simplefilter("error", RuntimeWarning)  # a result with a numerical warning is not a result
             command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=True)
             given = (each for each in bound.arguments.values() if isinstance(each, Console))
-            with next(given, CONSOLE).recorded():
+            with next(given, cli.CONSOLE).recorded():
                 return command(*bound.args, **bound.kwargs) or SUCCESS
     except CycloptsError:  # printed by cyclopts, with the nearest option
-        return INVALID_INPUT
+        return cli.INVALID_INPUT
     except BrokenPipeError:
         raise
     except (KeyboardInterrupt, Exception) as error:
-        message, code, is_expected = _diagnosis(error)
-        if not is_expected and os.environ.get("COMPACT_TRACEBACK"):
+        if cli.is_interrupt(error):
+            return cli.print_error("; ".join([INTERRUPTED_MESSAGE, *getattr(error, "__notes__", ())]), INTERRUPTED)
+        if isinstance(error, MemoryError):
+            return cli.print_error(memory_sentence(error), cli.NO_RESULT)
+        if is_refusal(error):  # invalid input, or a RuntimeError: ResultsError, or an engine that did not converge
+            return cli.print_error(error, cli.INVALID_INPUT if isinstance(error, ValueError) else cli.NO_RESULT)
+        if os.environ.get("COMPACT_TRACEBACK"):
             raise
-        return print_error(message, code)
-
-
-def _diagnosis(error: BaseException) -> tuple[object, int, bool]:
-    """Message, exit code, and True for a failure that needs no traceback."""
-    if is_interrupt(error):
-        return "; ".join([INTERRUPTED_MESSAGE, *getattr(error, "__notes__", ())]), INTERRUPTED, True
-    if isinstance(error, MemoryError):
-        return memory_sentence(error), NO_RESULT, True
-    if is_refusal(error):  # invalid input, or a RuntimeError: ResultsError, or an engine that did not converge
-        return error, INVALID_INPUT if isinstance(error, ValueError) else NO_RESULT, True
-    sentence = numeric_sentence(error) if is_numeric(error) else internal_sentence(error)
-    return f"{sentence} (COMPACT_TRACEBACK=1 prints the traceback)", NO_RESULT, False
+        sentence = numeric_sentence(error) if is_numeric(error) else internal_sentence(error)
+        return cli.print_error(f"{sentence} (COMPACT_TRACEBACK=1 prints the traceback)", cli.NO_RESULT)
 
 
 if logging.lastResort:  # the handler of warnings to a logger that nobody has configured
@@ -177,11 +156,12 @@ def run(
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
     helpers = ProcessExecutor(min(cores(), len(others))) if others else None
     try:
-        with interrupt_noted(lambda: kept_files(directory)), progress:
+        kept = f"complete files are in {directory}; the same command computes the others"
+        with cli.interrupt_noted(lambda: kept), progress:
             summary = report.write_study(study, directory, job.force, helpers)
     except HeapingError as error:
         raise HeapingError(f"{error}; {text.other_resistances(study.scene)}", error.heaping) from error
-    job.show(lambda: f"{text.study_digest(study)}\n\nresults: {directory}", results=directory, summary=summary)
+    job.show(lambda: text.study_digest(study), directory, summary=summary)
 
 
 @app.command
@@ -211,26 +191,24 @@ def roll(
     from compact.report.pictures import require_picture, write_picture
     from compact.scene.plausible_ranges import check_speed
 
-    progress = job.progress()
-    study = Study(given, progress=progress.report)
-    if speed is not None:
-        check_speed(speed, study.scene.unusual)
-    speed = speed if speed is not None else study.scene.mean_speed
-    name = study.scene.accuracy.engine
-    if picture is not None:
-        require_picture(picture, study.stages.contacts.engine)
-    place = job.place(scene, name)
-    with claimed_directory(place, study.scene.hash, job.force) as directory, progress:
+    if speed is None:
+        speed = given.mean_speed
+    else:
+        check_speed(speed, given.unusual)
+    name = given.accuracy.engine
+    with job.writing(scene, name, given) as (directory, progress):
+        study = Study(given, progress=progress.report)
+        contacts = study.stages.contacts
+        if picture is not None:
+            require_picture(picture, contacts.engine)
         progress.begin(f"contact by {name}")
-        passes = study.stages.contacts.passes_at(speed)
+        passes = contacts.passes_at(speed)
         progress.begin("tables and figures")
         writer.write_contact(directory, study, speed, passes)
         if picture is not None:
-            write_picture(picture, study.stages.contacts.field_mesh(passes[0]), passes[0])
-    job.show(
-        lambda: f"{text.contact_digest(study, speed, passes)}\n\nresults: {directory}",
-        results=directory, contact=read_json(directory / "contact.json"),
-    )  # fmt: skip
+            write_picture(picture, contacts.field_mesh(passes[0]), passes[0])
+    contact = read_json(directory / "contact.json")
+    job.show(lambda: text.contact_digest(study, speed, passes), directory, contact=contact)
 
 
 @app.command
@@ -292,17 +270,14 @@ def process(scene: ScenePath, /, *, quick: bool = False, deep: bool = False, job
     from compact.analysis.process import ProcessStudy
     from compact.report.process import process_digest, write_process
 
-    progress, place = job.progress(), job.place(scene, "process")
     given = job.read(scene)
     stated = given.process and given.process.detail
     detail = "deep" if deep else "quick" if quick else stated or "columns"
-    study = ProcessStudy(given, detail, progress.report)
-    with claimed_directory(place, given.hash, job.force) as directory, progress:
+    with job.writing(scene, "process", given) as (directory, progress):
+        study = ProcessStudy(given, detail, progress.report)
         progress.begin("strokes of the process")
         write_process(study, directory)
-    job.show(
-        lambda: f"{process_digest(study)}\n\nresults: {place}", results=place, process=read_json(place / "process.json")
-    )
+    job.show(lambda: process_digest(study), directory, process=read_json(directory / "process.json"))
 
 
 @app.command
@@ -363,7 +338,7 @@ def sweep(
     def kept() -> str:
         return f"{many.computed} points of this run are kept in {directory}; --resume computes the others"
 
-    with interrupt_noted(kept), job.progress(many.steps) as progress:
+    with cli.interrupt_noted(kept), job.progress(many.steps) as progress:
         progress.begin("points")
         table = many.run(directory, executor=workforce, resume=resume, force=job.force, step=step)
     indices = sobol_indices.of_table(table)
@@ -375,10 +350,10 @@ def sweep(
         print(f"compact: {many.unused} points of earlier runs in {directory} are not used: {why}", file=sys.stderr)
     counts = f"{many.computed} of {many.needed} computed now"
     job.show(
-        lambda: f"{sweep_digest(table, indices)}\n\n{counts}; results: {directory}",
-        results=directory, points=many.needed, computed_now=many.computed, **sweep_summary(table, indices),
+        lambda: f"{sweep_digest(table, indices)}\n\n{counts}", directory,
+        points=many.needed, computed_now=many.computed, **sweep_summary(table, indices),
     )  # fmt: skip
-    return SUCCESS if (table["reason"] == "").any() else print_error("no point has a result", NO_RESULT)
+    return SUCCESS if (table["reason"] == "").any() else cli.print_error("no point has a result", cli.NO_RESULT)
 
 
 @app.command
@@ -413,37 +388,28 @@ def export(
     from compact.interfaces.force_tables import CartModel, force_table, write_force_csv
     from compact.interfaces.functional_mockup import has_binary, write_fmu
 
-    progress, place = job.progress(), job.place(scene, "export")
-    study = Study(given, progress.begin, default_directory(scene), progress.report)
-    with_fields = [name for name in formats if name in FIELD_FORMATS]
-    if with_fields and not study.stages.contacts.engine.has_fields:
-        name = study.scene.accuracy.engine
-        raise ValueError(
-            f'--format {with_fields[0]} needs fields, which the engine "{name}" does not have; '
-            "use --engine fem or compaction"
-        )
     files, notes, numbers = [], [], {}
-    with claimed_directory(place, study.scene.hash, job.force) as directory, progress:
-        if set(formats) - set(with_fields):
-            model = CartModel.of(study)
-        if "csv" in formats:
-            table = force_table(model, tolerance or study.scene.accuracy.tolerance)
-            files.append(write_force_csv(table, directory / "force.csv"))
-            numbers = {"mass": table.mass, "interpolation_error": table.interpolation_error}
-            notes.append(
-                f"force against the motion at {table.velocity.size} velocities and {table.acceleration.size} "
-                f"accelerations, interpolation error {table.interpolation_error:.1e}; without the mass of the cart, "
-                f"{table.mass:g} kg"
-            )
-        if "fmu" in formats:
-            files.append(write_fmu(model, directory / "cart.fmu", study.scene.title))
-            binary = (
-                "with a binary for this platform" if has_binary(files[-1]) else "sources only, as no compiler is found"
-            )
-            notes.append(f"cart.fmu: FMI 2.0, co-simulation, {binary}")
-        if with_fields:
-            contact = study.stages.contacts.passes_at(speed or study.scene.mean_speed)[0]
-            mesh = study.stages.contacts.field_mesh(contact)
-            files += [write_fields(mesh, directory / f"fields{FIELD_FORMATS[name][0]}", name) for name in with_fields]
-    lines = "\n".join([*notes, *(f"  {path}" for path in files)])
-    job.show(lambda: lines, results=place, files=files, **numbers)
+    with job.writing(scene, "export", given) as (directory, progress):
+        study = Study(given, progress.begin, default_directory(scene), progress.report)
+        contacts = study.stages.contacts
+        for name in dict.fromkeys(formats):
+            if name == "csv":
+                table = force_table(CartModel.of(study), tolerance or given.accuracy.tolerance)
+                files.append(write_force_csv(table, directory / "force.csv"))
+                numbers = {"mass": table.mass, "interpolation_error": table.interpolation_error}
+                notes.append(
+                    "force without the mass of the cart, {mass:g} kg; interpolation error {interpolation_error:.1e}"
+                )
+            elif name == "fmu":
+                files.append(write_fmu(CartModel.of(study), directory / "cart.fmu", given.title))
+                notes.append("" if has_binary(files[-1]) else "cart.fmu: sources only, as no compiler is found")
+            elif contacts.engine.has_fields:
+                mesh = contacts.field_mesh(contacts.passes_at(speed or given.mean_speed)[0])
+                files.append(write_fields(mesh, directory / f"fields{FIELD_FORMATS[name][0]}", name))
+            else:
+                raise ValueError(
+                    f'--format {name} needs fields, which the engine "{given.accuracy.engine}" does not have; '
+                    "use --engine fem or compaction"
+                )
+    lines = [note for note in notes if note] + [f"  {path}" for path in files]
+    job.show(lambda: "\n".join(lines), directory, files=files, **numbers)
