@@ -230,6 +230,22 @@ def write_bytes(path: Path, content: bytes) -> Path:
     return path
 
 
+def write_checked(path: Path, content: Any) -> Path:
+    """Write JSON after its checksum, by which `read_checked` finds a damaged file; return the path."""
+    return write_bytes(path, json.dumps([checksum(json.dumps(content).encode()), content]).encode())
+
+
+def read_checked(path: Path) -> Any:
+    """Read a file of `write_checked`; ValueError if it is damaged."""
+    try:
+        recorded, content = json.loads(path.read_bytes())
+    except TypeError as error:
+        raise ValueError(f"{path}: damaged") from error
+    if recorded != checksum(json.dumps(content).encode()):
+        raise ValueError(f"{path}: damaged")
+    return content
+
+
 def write_netcdf(path: Path, dataset: "xarray.Dataset", kind: NetcdfFormat) -> Path:
     """Write a dataset as netCDF of a format of `NETCDF_BACKENDS`; return the path."""
     return write_bytes(path, bytes(dataset.to_netcdf(format=kind, engine=NETCDF_BACKENDS[kind])))

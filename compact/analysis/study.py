@@ -9,7 +9,7 @@ first used, and the runs of each stage are counted. `report.writer` writes the r
 
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property, partial
 from operator import attrgetter
@@ -34,7 +34,7 @@ from compact.analysis.stages.model_spread import ModelSpread, contact_by_law, sc
 from compact.analysis.stages.sensitivity import Shift, sensitivities
 from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
 from compact.analysis.stages.verdict import SIZING_PEAKS, ModelAnswer, Verdict, model_answers, verdict
-from compact.analysis.worker_pool import BackgroundTasks, SerialExecutor
+from compact.analysis.worker_pool import Executor, Job, SerialExecutor
 from compact.contact import DryResistance
 from compact.machine.ranking import Ranked
 from compact.material.mix import Mix
@@ -89,9 +89,9 @@ class Study:
         machine_models.catalogue(scene)  # mistakes in it are reported before anything is computed
         self.scene, self.counts, self.durations = scene, Counter[str](), tuple(durations)
         self._step, self._directory = step, directory
-        self._answers: dict[str, Any] | None = None
-        self._background: BackgroundTasks | None = None
-        self._contacts_by_law: list[Callable[[], Any]] = []
+        self._answers: dict[str, Job] | None = None
+        self._executor: Executor | None = None
+        self._contacts_by_law: list[Job] = []
         self.mix: Mix = scene_mix(scene)
         shortest = min(self.durations, default=None)
         self.stages = build_stages(scene, self.mix, self.count, directory, progress, shortest=shortest)
@@ -163,7 +163,7 @@ class Study:
         if not known:
             return None
         self.count("uncertainty")
-        return ranking_uncertainty(self.stages, self.models, known, self.models[0].spread, self._background)
+        return ranking_uncertainty(self.stages, self.models, known, self.models[0].spread, self._executor)
 
     @cached_property
     def verdicts(self) -> dict[tuple[float, str, str], Verdict]:
@@ -222,30 +222,29 @@ class Study:
     # comparison
 
     @contextmanager
-    def helped(self, executor: Any) -> Iterator[None]:
+    def helped(self, executor: Executor) -> Iterator[None]:
         """Run the engines of the comparison by an executor of `worker_pool` while this process computes its part."""
         directory = self._directory and self._directory / comparison.DIRECTORY
-        with BackgroundTasks(executor) as tasks:
+        with executor as tasks:
             self._answers = {}
             for name in self.scene.compared_engines:
                 laws = self.stages.prescribed.cycles, self.cycles
                 work = partial(comparison.run_engine_alternative, self.scene.with_engine(name), laws)
-                self._answers[name] = tasks.submit(name, work, directory and directory / name)
-            self._background = tasks
+                self._answers[name] = tasks.submit(work, directory and directory / name)
+            self._executor = tasks
             try:
                 yield
             finally:
-                self._background = None
+                self._executor = None
 
     def begin_model_spread(self) -> None:
         """Start the contacts by the other laws of the mix in the executor of `helped`."""
         contacts = self.stages.contacts
-        if not contacts.requires_model_spread or not self._background or (contacts.kept and contacts.kept.model_spread):
+        if not contacts.requires_model_spread or not self._executor or (contacts.kept and contacts.kept.model_spread):
             return
         assert contacts.held is not None  # of a compacting engine
         work = partial(contact_by_law, contacts.held)
-        scenes = enumerate(scenes_of_laws(self.scene, self.mix))
-        self._contacts_by_law = [self._background.submit(f"law {number}", work, each) for number, each in scenes]
+        self._contacts_by_law = [self._executor.submit(work, each) for each in scenes_of_laws(self.scene, self.mix)]
 
     @cached_property
     def model_spread(self) -> ModelSpread | None:
@@ -253,7 +252,7 @@ class Study:
         if not self._contacts_by_law:
             return self.stages.contacts.model_spread
         self.count("model spread")
-        return spread_of([answer() for answer in self._contacts_by_law])
+        return spread_of([job.result() for job in self._contacts_by_law])
 
     @cached_property
     def comparison(self) -> dict[str, EngineComparison]:
@@ -284,7 +283,7 @@ class Study:
         found = {}
         for name, answer in self._answers.items():
             self.count("comparison")
-            found[name] = answer()
+            found[name] = answer.result()
             for words in getattr(found[name], "warned", ()):
                 warnings.warn(f"{name}: {words}", stacklevel=2)
         return found

@@ -1,10 +1,15 @@
-"""Tasks in this process, in worker processes, or on a dask cluster; a worker that dies does not end the job.
+"""Tasks in this process, in worker processes, or on the workers of a dask cluster.
 
-    for number, outcome in run_tasks(work, tasks, ProcessExecutor(2)):
+    with ProcessExecutor(2) as executor:
+        job = executor.submit(work, task)
         ...
+        job.result()                               # waits for it
+
+    for number, job in run_tasks(work, tasks, ProcessExecutor(2)):
+        job.result()
 
 `work` is a function of one task that a worker can import. If a worker process dies, the pool is rebuilt and the tasks
-that were running are repeated one at a time; a task whose worker dies ATTEMPTS times has the outcome `WorkerDied`.
+that were running are repeated one at a time; a task whose worker dies ATTEMPTS times raises `WorkerError`.
 Workers use one BLAS thread.
 """
 
@@ -17,11 +22,12 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from itertools import count
+from functools import partial
 from multiprocessing import active_children, get_context, parent_process
 from multiprocessing.synchronize import Event
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
+
+from threadpoolctl import threadpool_limits
 
 from compact.analysis.failures import run_marked
 
@@ -29,59 +35,83 @@ ATTEMPTS = 3  # deaths of a worker process after which its task is abandoned
 TASKS_PER_THREAD = 2  # of a cluster, so that no thread waits for its next task
 SCHEDULER_TIMEOUT = 20.0  # [s], to connect to a dask scheduler
 CLUSTER_POLL = 5.0  # [s], between two looks at the workers of a cluster
-WORKERLESS_LIMIT = 6 * 3600.0  # [s], without any worker, such as jobs that wait in the queue of a batch system
 CLIENT_LOG = "distributed.client"  # logger of the tracebacks of a lost connection, which `DaskExecutor` states itself
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 _LOG = logging.getLogger(__name__)
 Work = Callable[[Any], Any]
-Outcomes = list[tuple[Any, Any]]  # name of a task and its outcome
 
 
-@dataclass(frozen=True)
-class WorkerDied:
-    """Outcome of a task that no worker process survived."""
+class WorkerError(RuntimeError):
+    """No worker process survived the task."""
 
-    reason: str
+
+class Job:
+    """Task of an executor."""
+
+    def __init__(self, executor: "SerialExecutor", work: Work, task: Any) -> None:
+        self.executor, self.work, self.task, self.deaths = executor, work, task, 0
+        self._outcome: Future[Any] = Future()
+
+    @property
+    def done(self) -> bool:
+        """True if the task has a result or an error."""
+        return self._outcome.done()
+
+    def result(self) -> Any:
+        """Wait for the result and return it, or raise the error of the task."""
+        self.executor.wait([self])
+        return self._outcome.result()
+
+    def settle(self, compute: Callable[[], Any]) -> None:
+        """Keep the result of a function or its error; errors of a connection are raised."""
+        try:
+            self._outcome.set_result(compute())
+        except (CancelledError, OSError):
+            raise
+        except Exception as error:
+            self._outcome.set_exception(error)
 
 
 class SerialExecutor:
-    """Executor in this process; a task runs when its outcome is waited for."""
+    """Executor in this process; a task runs when a job is waited for."""
 
     def __init__(self) -> None:
-        self._submitted = deque[tuple[Any, Work, Any]]()
+        self._running: dict[Any, Job] = {}  # job by its future, or by itself
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._submitted.clear()
+        self._running.clear()
 
     @property
     def free(self) -> bool:
-        """True if no task is submitted."""
-        return not self._submitted
+        """True if another task would begin now."""
+        return not self._running
 
-    def submit(self, name: Any, work: Work, task: Any) -> None:
-        """Keep a task until `finished`."""
-        self._submitted.append((name, work, task))
+    def submit(self, work: Work, task: Any) -> Job:
+        """Start a task, or queue it where none would start now."""
+        job = Job(self, work, task)
+        self._start(job)
+        return job
 
-    def finished(self) -> Outcomes:
-        """Run the task that was submitted first."""
-        name, work, task = self._submitted.popleft()
-        return [(name, work(task))]
+    def wait(self, jobs: Sequence[Job]) -> list[Job]:
+        """Return those of some jobs that are done, one at least."""
+        while not (done := [job for job in jobs if job.done]):
+            self._advance()
+        return done
+
+    def _start(self, job: Job) -> None:
+        self._running[job] = job
+
+    def _advance(self) -> None:
+        """Wait for any job."""
+        job = self._running.pop(next(iter(self._running)))
+        job.settle(partial(job.work, job.task))
 
 
-class _Job(NamedTuple):
-    """A task in a worker process, and how often its worker has died."""
-
-    name: Any
-    work: Work
-    task: Any
-    deaths: int = 0
-
-
-class ProcessExecutor:
+class ProcessExecutor(SerialExecutor):
     """Executor in worker processes.
 
     Attributes
@@ -91,17 +121,17 @@ class ProcessExecutor:
     """
 
     def __init__(self, count: int) -> None:
+        super().__init__()
         self.count, self.deaths = count, 0
         self._failed_starts = 0  # in succession
-        self._running: dict[Future[Any], _Job] = {}
-        self._repeated = deque[_Job]()  # after the death of a worker; one at a time, so that the cause is known
+        self._repeated = deque[Job]()  # after the death of a worker; one at a time, so that the cause is known
 
     def __enter__(self) -> Self:
         self._others = active_children()
         context = get_context("spawn")  # threads of numpy and of the progress do not survive a fork
         self._begun = context.Event()
         self._pool = ProcessPoolExecutor(self.count, context, _begin_worker, (self._begun,))
-        with _one_thread(), suppress(BrokenProcessPool):
+        with suppress(BrokenProcessPool):
             # all processes start now: a pool that starts one while another dies may fail in its own thread
             for _ in range(self.count):
                 self._pool.submit(os.getpid)
@@ -123,42 +153,33 @@ class ProcessExecutor:
         """True if a worker is idle and no task has to be repeated."""
         return not self._repeated and len(self._running) < self.count
 
-    def submit(self, name: Any, work: Work, task: Any) -> None:
-        """Start a task, or queue it where none would start now."""
-        self._start(_Job(name, work, task))
-
-    def finished(self) -> Outcomes:
-        """Wait for one outcome at least, and return those that are available."""
-        found: Outcomes = []
-        while not found and (self._running or self._repeated):
-            if not self._running:
-                self._start(self._repeated.popleft())
-            done = wait(self._running, return_when=FIRST_COMPLETED).done
-            lost = any(isinstance(future.exception(), BrokenProcessPool) for future in done)
-            begun = self._begun.is_set()
-            for future in wait(self._running).done if lost else done:  # after a death all are done, most without result
-                job = self._running.pop(future)
-                if not isinstance(future.exception(), BrokenProcessPool):
-                    found.append((job.name, future.result()))
-                elif begun and job.deaths + 1 == ATTEMPTS:
-                    found.append((job.name, WorkerDied(f"its worker process died {ATTEMPTS} times")))
-                else:
-                    self._repeated.append(job._replace(deaths=job.deaths + begun))
-            if lost:
-                _LOG.info("a worker process died; its tasks are repeated one at a time")
-                self._rebuild()
-        return found
-
-    def _start(self, job: _Job) -> None:
+    def _start(self, job: Job) -> None:
         try:
-            future = self._pool.submit(run_marked, job.work, job.task)
+            self._running[self._pool.submit(run_marked, job.work, job.task)] = job
         except BrokenProcessPool:
-            if self._running:  # `finished` rebuilds the pool
+            self._repeated.append(job)
+            if not self._running:  # else `_advance` rebuilds the pool
+                self._rebuild()
+
+    def _advance(self) -> None:
+        if not self._running:
+            self._start(self._repeated.popleft())
+        done = wait(self._running, return_when=FIRST_COMPLETED).done
+        lost = any(isinstance(future.exception(), BrokenProcessPool) for future in done)
+        begun = self._begun.is_set()
+        for future in wait(self._running).done if lost else done:  # after a death all are done, most without result
+            job = self._running.pop(future)
+            if not isinstance(future.exception(), BrokenProcessPool):
+                job.settle(future.result)
+                continue
+            job.deaths += begun
+            if job.deaths < ATTEMPTS:
                 self._repeated.append(job)
-                return
+            else:
+                job.settle(partial(_raise, WorkerError(f"its worker process died {ATTEMPTS} times")))
+        if lost:
+            _LOG.info("a worker process died; its tasks are repeated one at a time")
             self._rebuild()
-            future = self._pool.submit(run_marked, job.work, job.task)
-        self._running[future] = job
 
     def _rebuild(self) -> None:
         self.deaths += 1
@@ -172,32 +193,26 @@ class ProcessExecutor:
         self.__enter__()
 
 
+def _raise(error: Exception) -> None:
+    raise error
+
+
 def _begin_worker(begun: Event) -> None:
-    """Prepare a worker process: it ignores interrupts and ends with its parent."""
+    """Prepare a worker process: one thread of linear algebra, no interrupts, and its end with that of the parent."""
 
     def end_with_parent() -> None:
         if parent := parent_process():
             parent.join()
             os._exit(1)
 
+    os.environ |= dict.fromkeys(THREAD_VARIABLES, "1")  # of libraries that are loaded from now on
+    threadpool_limits(1)  # of those that a script has loaded already
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent receives it and kills its workers
     threading.Thread(target=end_with_parent, daemon=True).start()
     begun.set()
 
 
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Set the environment of new processes to one thread of linear algebra."""
-    before = dict(os.environ)
-    os.environ |= dict.fromkeys(THREAD_VARIABLES, "1")
-    try:
-        yield
-    finally:
-        os.environ.clear()
-        os.environ |= before
-
-
-class DaskExecutor:
+class DaskExecutor(SerialExecutor):
     """Executor on the workers of a dask scheduler.
 
     Parameters
@@ -207,10 +222,10 @@ class DaskExecutor:
     """
 
     def __init__(self, address: str) -> None:
+        super().__init__()
         self.address = address
         self._client: Any = None
-        self._log_level, self._workerless = logging.NOTSET, 0.0  # [s], without any worker
-        self._futures: dict[Any, Any] = {}
+        self._log_level, self._has_workers = logging.NOTSET, True
 
     def __enter__(self) -> Self:
         try:
@@ -229,7 +244,7 @@ class DaskExecutor:
 
     def __exit__(self, *error: object) -> None:
         with suppress(Exception):  # the cluster may be gone
-            self._client.cancel(list(self._futures))
+            self._client.cancel(list(self._running))
         self._client.close()
         logging.getLogger(CLIENT_LOG).setLevel(self._log_level)
 
@@ -237,53 +252,31 @@ class DaskExecutor:
     def free(self) -> bool:
         """True if the cluster has fewer than TASKS_PER_THREAD tasks per thread."""
         with self._loss_explained():
-            return len(self._futures) < TASKS_PER_THREAD * max(1, sum(self._client.nthreads().values()))
+            return len(self._running) < TASKS_PER_THREAD * max(1, sum(self._client.nthreads().values()))
 
-    def submit(self, name: Any, work: Work, task: Any) -> None:
-        """Start a task, or queue it where none would start now."""
+    def _start(self, job: Job) -> None:
         with self._loss_explained():
-            self._futures[self._client.submit(run_marked, work, task, pure=False)] = name
+            self._running[self._client.submit(run_marked, job.work, job.task, pure=False)] = job
 
-    def finished(self) -> Outcomes:
-        """Wait for one outcome at least, and return those that are available.
-
-        Raises
-        ------
-        RuntimeError
-            If the scheduler is lost, or no worker is connected for WORKERLESS_LIMIT.
-        """
+    def _advance(self) -> None:
         import distributed
 
         def outcome(future: Any) -> Any:
             try:
                 return future.result()
             except distributed.KilledWorker as error:
-                return WorkerDied(f"its workers died: {error}")
+                raise WorkerError(f"its workers died: {error}") from error
 
         with self._loss_explained(), self._client.as_current():
-            while self._futures:
-                try:
-                    done = distributed.wait(list(self._futures), CLUSTER_POLL, return_when="FIRST_COMPLETED").done
-                except TimeoutError:
-                    self._require_workers()
-                else:
-                    self._workerless = 0.0
-                    return [(self._futures.pop(future), outcome(future)) for future in done]
-        return []
-
-    def _require_workers(self) -> None:
-        """Add a period to the time without any worker, or end it."""
-        if self._client.nthreads():
-            self._workerless = 0.0
-            return
-        if self._workerless == 0:
-            _LOG.warning("no worker is connected to %s; waiting for workers", self.address)
-        if self._workerless >= WORKERLESS_LIMIT:
-            raise RuntimeError(
-                f"no worker was connected to {self.address} for {WORKERLESS_LIMIT / 3600:g} h; start workers and "
-                "repeat the command with --resume"
-            )
-        self._workerless += CLUSTER_POLL
+            try:
+                done = distributed.wait(list(self._running), CLUSTER_POLL, return_when="FIRST_COMPLETED").done
+            except TimeoutError:
+                had, self._has_workers = self._has_workers, bool(self._client.nthreads())
+                if had and not self._has_workers:
+                    _LOG.warning("no worker is connected to %s; waiting for workers", self.address)
+                return
+            for future in done:
+                self._running.pop(future).settle(partial(outcome, future))
 
     @contextmanager
     def _loss_explained(self) -> Iterator[None]:
@@ -296,7 +289,7 @@ class DaskExecutor:
             ) from error
 
 
-Executor = SerialExecutor | ProcessExecutor | DaskExecutor
+Executor = SerialExecutor  # or one of its subclasses
 
 
 def cores() -> int:
@@ -322,77 +315,19 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None) ->
     return SerialExecutor() if number == 1 else ProcessExecutor(number)
 
 
-def run_tasks(
-    work: Work, tasks: Sequence[Any], executor: Executor, meanwhile: Callable[[], None] = lambda: None
-) -> Generator[tuple[int, Any], None, None]:
+def run_tasks(work: Work, tasks: Sequence[Any], executor: Executor) -> Generator[tuple[int, Job], None, None]:
     """Run tasks; the executor is stopped at the end, and also if the caller stops early.
-
-    Parameters
-    ----------
-    meanwhile : callable
-        Called once after the first tasks have been submitted, while workers start.
 
     Yields
     ------
     tuple
-        Number of a task and its outcome, in the order of completion.
+        Number of a task and its job, in the order of completion.
     """
-    waiting, pending = deque(enumerate(tasks)), len(tasks)
+    waiting, running = deque(enumerate(tasks)), dict[Job, int]()
     with executor:
-        while pending:
+        while waiting or running:
             while waiting and executor.free:
                 number, task = waiting.popleft()
-                executor.submit(number, work, task)
-            if pending == len(tasks):
-                meanwhile()
-            for number, outcome in executor.finished():
-                pending -= 1
-                yield number, outcome
-
-
-class BackgroundTasks:
-    """Tasks that an executor runs in their order while the caller continues.
-
-        with BackgroundTasks(executor) as tasks:
-            result = tasks.submit("name", work, task)
-            ...
-            result()  # waits for the outcome
-
-    The executor has all tasks from the beginning, so that no worker is idle.
-    """
-
-    def __init__(self, executor: Executor) -> None:
-        self._executor, self._numbers = executor, count()
-        self._found: dict[Any, Any] = {}
-
-    def __enter__(self) -> Self:
-        self._executor.__enter__()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._executor.__exit__(*error)
-
-    def submit(self, name: str, work: Work, task: Any) -> Callable[[], Any]:
-        """Start a task.
-
-        Parameters
-        ----------
-        name : str
-            Name of the task in errors.
-
-        Returns
-        -------
-        callable
-            Waits for the outcome and returns it; raises RuntimeError if it is `WorkerDied`.
-        """
-        number = next(self._numbers)
-        self._executor.submit(number, work, task)
-
-        def outcome() -> Any:
-            while number not in self._found:
-                self._found.update(self._executor.finished())
-            if isinstance(self._found[number], WorkerDied):
-                raise RuntimeError(f"{name}: {self._found[number].reason}")
-            return self._found[number]
-
-        return outcome
+                running[executor.submit(work, task)] = number
+            for job in executor.wait(list(running)):
+                yield running.pop(job), job

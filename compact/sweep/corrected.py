@@ -21,12 +21,11 @@ from typing import Any, Literal
 import numpy as np
 
 from compact.engines import ENGINES
-from compact.files import versions
 from compact.quantities import SWEEP_CORRECTION, Quantity
 from compact.scene.loader import Scene
 from compact.sweep.design import Axis, Sampled
 from compact.sweep.point import Results
-from compact.sweep.run import Computed, KeyedPoint, Sweep, Task, points_in_parts
+from compact.sweep.run import Computed, Sweep, in_parts
 from compact.sweep.surfaces import (
     FloatArray,
     Surface,
@@ -137,16 +136,9 @@ class CorrectedSweep(Sweep):
 
     def _by_columns(self, computed: Computed) -> list[Results]:
         """Return the results of the engine of low fidelity at all points."""
-        scene, base = self.scene.replaced(**self._accepted({})), self._base_key(self.low_fidelity)
-        keyed: list[KeyedPoint] = []
-        for number in range(self.size):
-            changes, shares = self.design.point(number)
-            keyed.append(self._key(base, None, changes | self._accepted(changes), shares))
-        missing = [point for point in keyed if point[0] not in computed.known]
-        groups = points_in_parts(missing, ENGINES[self.low_fidelity].points_per_task)
-        tasks = [Task(scene, tuple(group), False, False, versions()) for group in groups]
-        points = computed(tasks, keyed, silent=True)
-        return [points[key] for key, *_ in keyed]
+        groups = in_parts(range(self.size), ENGINES[self.low_fidelity].points_per_task)
+        found = self._solved(computed, groups, more=self._accepted, silent=True)
+        return [found[number] for number in range(self.size)]
 
     def _accepted(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Return the keys that turn a scene into one that the engine of low fidelity accepts."""
@@ -167,16 +159,7 @@ class CorrectedSweep(Sweep):
             parts = [part for numbers in chosen for part in connected_parts(self.places, numbers)]
             if not parts:
                 break
-            chains = [self._chain(part) for part in parts]
-            tasks = [
-                Task(self.scene, chain, False, True, versions(), tuple(map(tuple, self.places[part].tolist())))
-                for part, chain in zip(parts, chains, strict=True)
-                if any(key not in computed.known for key, *_ in chain)
-            ]
-            keyed = [point for chain in chains for point in chain]
-            points = computed(tasks, keyed)
-            numbers = (number for part in parts for number in part)
-            exact |= {number: points[key] for number, (key, *_) in zip(numbers, keyed, strict=True)}
+            exact |= self._solved(computed, parts, self.places)
         return exact
 
     def _chosen(self, group: list[int], columns: list[Results], exact: dict[int, Results]) -> list[int]:
@@ -193,15 +176,6 @@ class CorrectedSweep(Sweep):
         if surface is not None:
             weights = refinement_weights(self.places[able], self.places[known.solved], surface.residuals)
         return [able[order] for order in choose_points(self.places[able], self.direct - solved, taken, weights)]
-
-    def _chain(self, part: list[int]) -> tuple[KeyedPoint, ...]:
-        """Return the keyed points of a part; each key depends on the points before and on the coordinates."""
-        base, before = self._base_key(), ""
-        keyed: list[KeyedPoint] = []
-        for number in part:
-            keyed.append(self._key(base, [before, self.places[number].tolist()], *self.design.point(number)))
-            before = keyed[-1][0]
-        return tuple(keyed)
 
     def _variables(self) -> tuple[dict[str, Quantity], dict[str, str]]:
         numbers, words = super()._variables()

@@ -15,21 +15,23 @@ computation from scratch. Such a line is one task, which is computed again if it
 
 import json
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from math import dist
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from filelock import SoftFileLock, Timeout
 from threadpoolctl import threadpool_limits
 
 from compact import files, quantities
-from compact.analysis.worker_pool import Executor, WorkerDied, run_tasks
+from compact.analysis.worker_pool import Executor, WorkerError, run_tasks
 from compact.engines import ENGINES
 from compact.material import mix
+from compact.numerics import Array
 from compact.quantities import SWEEP_POINT, Quantity
 from compact.rolling_contact import Contact
 from compact.scene.loader import FILE_KEYS, Scene
@@ -48,13 +50,20 @@ SUFFIX = ".points"  # of a checkpoint
 LOCK = "sweep.lock"  # file next to the directory of the checkpoints, while a command writes to it
 KEY_LENGTH = 32  # characters of the key of a checkpoint
 
-KeyedPoint = tuple[str, dict[str, Any], dict[str, float]]  # key, changes, shares
 Points = Mapping[str, Results]  # results by key
 Step = Callable[[int, int], None]  # called with numbers of new points and of failures among them
 
 
+class KeyedPoint(NamedTuple):
+    """Point of a sweep: the hash of all its inputs, values by scene key, and shares of the spreads of the mix [-]."""
+
+    key: str
+    changes: dict[str, Any]
+    shares: dict[str, float]
+
+
 class Store:
-    """Checkpoints in a directory: one file a task, its points as lines of JSON after the checksum of all of them.
+    """Checkpoints in a directory: one file a task, with the results of its points by key.
 
     A file with a wrong checksum is deleted, and its points are computed again. One command at a time writes to a
     directory, also on a disk that several machines share.
@@ -71,25 +80,21 @@ class Store:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Lock the directory inside the block.
+        """Lock the directory inside the block; the lock of a process of this machine that has ended is taken over.
 
         Raises
         ------
         ResultsError
-            If another command holds the lock. The lock of a process of this machine that has ended is taken over.
+            If another command holds the lock.
         """
         path = self.directory.parent / LOCK
         lock = SoftFileLock(path, timeout=0)
         try:
             lock.acquire()
         except Timeout:
-            words = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.exists() else []
-            owner = (
-                f"process {words[0]} on {words[1]}" if len(words) > 1 and words[0].isdecimal() else "another command"
-            )
             raise files.ResultsError(
-                f"{path}: {owner} writes to this directory; wait for it, give another --out, or delete the file if "
-                "that process has ended"
+                f"{path}: another command writes to this directory; wait for it, give another --out, or delete the "
+                "file if its process has ended"
             ) from None
         except OSError as error:
             raise files.ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
@@ -103,12 +108,10 @@ class Store:
         points: dict[str, Results] = {}
         for path in sorted(self.directory.glob(f"*{SUFFIX}")):
             try:
-                recorded, _, body = path.read_bytes().partition(b"\n")
+                points |= files.read_checked(path)
             except OSError as error:
                 raise files.ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
-            if recorded == files.checksum(body).encode():
-                points |= dict(map(json.loads, body.splitlines()))
-            else:
+            except ValueError:
                 self.broken.append(path.name)
                 path.unlink()
         for partial in self.directory.glob(".*.part"):
@@ -118,10 +121,8 @@ class Store:
 
     def write(self, points: Points) -> None:
         """Write the points of one task by key."""
-        body = "".join(json.dumps(entry) + "\n" for entry in points.items()).encode()
         name = files.checksum("".join(points).encode())[:24]
-        with files.atomic_file(self.directory / f"{name}{SUFFIX}", "wb") as stream:
-            stream.write(files.checksum(body).encode() + b"\n" + body)
+        files.write_checked(self.directory / f"{name}{SUFFIX}", points)
 
 
 @dataclass(frozen=True)
@@ -130,24 +131,16 @@ class Task:
 
     Parameters
     ----------
-    chained : bool
-        Whether contacts are initial guesses of the next ones.
-    places : tuple, optional
-        Coordinates of the points [-]. The guess is the contact of the nearest point; without coordinates, the last one.
+    places : tuple
+        Coordinates of the points [-], of which each starts from the contact of the nearest one before; empty where no
+        contact is a start.
     """
 
     scene: Scene
     points: tuple[KeyedPoint, ...]
     rank: bool
-    chained: bool
     versions: dict[str, str]
     places: tuple[tuple[float, ...], ...] = ()
-
-    def nearest(self, number: int, others: Iterable[int]) -> int:
-        """Return the nearest of other points, the first of equals; the last one without coordinates."""
-        if not self.places:
-            return max(others)
-        return min(others, key=lambda other: round(dist(self.places[number], self.places[other]), 9))
 
 
 def compute(task: Task) -> dict[str, Results]:
@@ -165,19 +158,19 @@ def compute(task: Task) -> dict[str, Results]:
             "same, install the same on both"
         )
     found: dict[str, Results] = {}
-    contacts: dict[int, Contact] = {}
+    contacts: list[tuple[tuple[float, ...], Contact]] = []
     with _ONE_AT_A_TIME, threadpool_limits(1):
-        for number, (key, changes, shares) in enumerate(task.points):
-            guess = contacts[task.nearest(number, contacts)] if contacts else None
+        for point, place in zip_longest(task.points, task.places):
+            guess = min(contacts, key=lambda each: round(dist(each[0], place), 9))[1] if contacts else None
             try:
-                scene, values = scene_at(task.scene, changes, shares)
+                scene, values = scene_at(task.scene, point.changes, point.shares)
             except ValueError as error:  # rules of scenes, or of the mix
-                found[key] = {"reason": reason(error)}
+                found[point.key] = {"reason": reason(error)}
                 continue
             numbers, contact = headline(scene, task.rank, guess)
-            found[key] = values | numbers
-            if task.chained and contact is not None and contact is not guess:
-                contacts = (contacts if task.places else {}) | {number: contact}
+            found[point.key] = values | numbers
+            if place is not None and contact is not None and contact is not guess:
+                contacts.append((place, contact))
     return found
 
 
@@ -192,8 +185,8 @@ class Computed:
     count: int = 0
     used: set[str] = field(default_factory=set)
 
-    def __call__(self, tasks: Sequence[Task], keyed: Iterable[KeyedPoint], silent: bool = False) -> dict[str, Results]:
-        """Compute tasks, and return the results of keyed points."""
+    def __call__(self, tasks: Sequence[Task], keys: Sequence[str], silent: bool = False) -> dict[str, Results]:
+        """Compute tasks, and return the results of points by key."""
         points: dict[str, Results] = {}
 
         def add(found: Points) -> None:
@@ -203,15 +196,16 @@ class Computed:
             if not silent:
                 self.step(len(fresh), sum(bool(each.get("reason")) for each in fresh))
 
-        add({key: self.known[key] for key, *_ in keyed if key in self.known})
-        with closing(run_tasks(compute, tasks, self.executor, meanwhile=_import_netcdf)) as coming:
-            for number, outcome in coming:
-                if isinstance(outcome, WorkerDied):  # no checkpoint: another run tries again
-                    outcome = {key: {"reason": outcome.reason} for key, *_ in tasks[number].points}
-                else:
-                    self.store.write(outcome)
-                self.count += len(outcome)
-                add(outcome)
+        add({key: self.known[key] for key in keys if key in self.known})
+        with closing(run_tasks(compute, tasks, self.executor)) as coming:
+            for number, job in coming:
+                try:
+                    found = job.result()
+                    self.store.write(found)
+                except WorkerError as error:  # no checkpoint: another run tries again
+                    found = {point.key: {"reason": str(error)} for point in tasks[number].points}
+                self.count += len(found)
+                add(found)
         return points
 
 
@@ -230,24 +224,15 @@ class Sweep:
         self.scene, self.rank = scene, rank
         self.design = design(scene, varied, indices)
         self.engines = varied_engines(scene, self.design.axes)
+        self.size = int(np.prod(self.design.shape))  # number of points
         self.computed = self.needed = 0  # points computed, and all points with those that were kept
         self.unused = 0  # points that were kept, under keys of another sweep, other files or other sources
         self.broken: tuple[str, ...] = ()
 
     @property
-    def size(self) -> int:
-        """Number of points."""
-        return int(np.prod(self.design.shape))
-
-    @property
     def steps(self) -> int:
         """Number of points that `run` announces to `step`."""
         return self.size
-
-    @property
-    def chained(self) -> bool:
-        """True if each point is the initial guess of its neighbour."""
-        return not self.design.names and any(ENGINES[engine].line > 1 for engine in self.engines)
 
     def run(
         self,
@@ -295,46 +280,59 @@ class Sweep:
             files.write_netcdf(place / "sweep.nc", table, files.NETCDF_HDF5)
         return table
 
-    def _results(self, computed: "Computed") -> list[Results]:
-        """Return the results of all points, in the order of the design."""
-        keyed = self._keyed()
-        points = computed(self._tasks(keyed, computed.known), keyed)
-        return [points[key] for key, *_ in keyed]
+    def _results(self, computed: Computed) -> list[Results]:
+        """Return the results of all points, in the order of the design; neighbours of an engine with continuation."""
+        size, row = min(ENGINES[engine].points_per_task for engine in self.engines), self.design.shape[-1]
+        if self.rank:
+            size = max(1, size // POINTS_PER_RANKING)
+        if self.design.names or all(ENGINES[engine].line == 1 for engine in self.engines):
+            found = self._solved(computed, in_parts(range(self.size), size))
+        else:
+            lines = [line for whole in in_parts(range(self.size), row) for line in in_parts(whole, LINE)]
+            found = self._solved(computed, lines, np.arange(float(self.size))[:, None] % row)
+        return [found[number] for number in range(self.size)]
 
-    def _keyed(self) -> list[KeyedPoint]:
-        """Return key, changes and shares of every point; in a chain the key depends on the points before."""
-        base = self._base_key(self.rank, self.chained)
-        keyed: list[KeyedPoint] = []
-        for index in range(self.size):
-            before = keyed[-1][0] if self.chained and index % self.design.shape[-1] % LINE else ""
-            keyed.append(self._key(base, before, *self.design.point(index)))
-        return keyed
+    def _solved(
+        self,
+        computed: Computed,
+        groups: Sequence[Sequence[int]],
+        places: Array | None = None,
+        more: Callable[[dict[str, Any]], dict[str, Any]] = lambda _: {},
+        silent: bool = False,
+    ) -> dict[int, Results]:
+        """Return the results of groups of points by number; a group whose points start from others is one task.
 
-    def _base_key(self, *options: Any) -> str:
-        """Hash all that the points of the sweep have in common."""
-        return files.results_key(self.scene.hash, [ENGINES[name].source for name in self.engines], *options)
+        Parameters
+        ----------
+        places : Array, shape (size, parameters), optional
+            Coordinates of all points [-], where contacts are starts of others.
+        more : callable
+            Further changes of the scene for those of a point.
+        """
+        keys: dict[int, str] = {}
+        tasks: list[Task] = []
+        names = [each for name in self.engines for each in (name, ENGINES[name].low_fidelity) if each]
+        base = files.results_key(self.scene.hash, [ENGINES[name].source for name in names], self.rank)
+        for group in groups:
+            points: list[KeyedPoint] = []
+            for number in group:
+                changes, shares = self.design.point(number)
+                before = None if places is None else [points[-1].key if points else "", places[number].tolist()]
+                points.append(self._keyed(base, before, changes | more(changes), shares))
+            keys |= {number: point.key for number, point in zip(group, points, strict=True)}
+            missing = [point for point in points if point.key not in computed.known]
+            if missing:
+                chain = () if places is None else tuple(map(tuple, places[list(group)].tolist()))
+                solved = tuple(points if chain else missing)
+                tasks.append(Task(self.scene, solved, self.rank, files.versions(), chain))
+        found = computed(tasks, list(keys.values()), silent)
+        return {number: found[key] for number, key in keys.items()}
 
-    def _key(self, base: str, before: Any, changes: dict[str, Any], shares: dict[str, float]) -> KeyedPoint:
+    def _keyed(self, base: str, before: Any, changes: dict[str, Any], shares: dict[str, float]) -> KeyedPoint:
         """Return a point with the hash of all its inputs, with the contents of the files that it names."""
         tables = [self.scene.checksum_of(str(changes[key])) for key in FILE_KEYS if key in changes]
-        return (
-            files.checksum(json.dumps([base, before, changes, shares, tables]).encode())[:KEY_LENGTH],
-            changes,
-            shares,
-        )
-
-    def _tasks(self, keyed: list[KeyedPoint], known: Points) -> list[Task]:
-        """Return the tasks of the missing points; a line of neighbours is computed as a whole."""
-        if self.chained:
-            lines = [
-                line for row in points_in_parts(keyed, self.design.shape[-1]) for line in points_in_parts(row, LINE)
-            ]
-            groups = [line for line in lines if any(key not in known for key, *_ in line)]
-        else:
-            size = min(ENGINES[engine].points_per_task for engine in self.engines)
-            size = max(1, size // POINTS_PER_RANKING) if self.rank else size
-            groups = points_in_parts([point for point in keyed if point[0] not in known], size)
-        return [Task(self.scene, tuple(group), self.rank, self.chained, files.versions()) for group in groups]
+        key = files.checksum(json.dumps([base, before, changes, shares, tables]).encode())[:KEY_LENGTH]
+        return KeyedPoint(key, changes, shares)
 
     def _table(self, points: list[Results]) -> "xarray.Dataset":
         """Return the table of all points, in the order of the design."""
@@ -358,8 +356,9 @@ class Sweep:
         coordinates: dict[str, Any] = {}
         for name, axis in zip(names, axes, strict=True):
             plain = all(isinstance(value, int | float) and not isinstance(value, bool) for value in axis.values)
-            values = np.array(axis.values, dtype=None if plain else object)
-            coordinates[name] = (name, values, {"key": axis.key, "long_name": _meaning(axis.key)})
+            values, declared = np.array(axis.values, dtype=None if plain else object), declared_keys().get(axis.key)
+            meaning = (declared and declared.description) or axis.key
+            coordinates[name] = (name, values, {"key": axis.key, "long_name": meaning})
         if sampled:
             coordinates["part"] = ("sample", np.array(self.design.parts, dtype=object))
         for name, shares in zip(sampled, self.design.shares.T, strict=True):
@@ -388,22 +387,9 @@ class Sweep:
         }
 
 
-def points_in_parts(points: list[KeyedPoint], size: int) -> list[list[KeyedPoint]]:
+def in_parts(numbers: Sequence[int], size: int) -> list[Sequence[int]]:
     """Return successive parts of a size, the last one shorter."""
-    return [points[start : start + size] for start in range(0, len(points), size)]
-
-
-def _meaning(key: str) -> str:
-    """Return the description of a scene key."""
-    declared = declared_keys().get(key)
-    return (declared and declared.description) or key
-
-
-def _import_netcdf() -> None:
-    """Import the modules of `write_netcdf`, which takes a second or two, while the workers start."""
-    import xarray
-
-    xarray.Dataset().to_netcdf(format=files.NETCDF_HDF5, engine=files.NETCDF_BACKENDS[files.NETCDF_HDF5])
+    return [numbers[start : start + size] for start in range(0, len(numbers), size)]
 
 
 def read_sweep(path: Path | str) -> "xarray.Dataset":

@@ -10,7 +10,7 @@ import pytest
 from compact import drive
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.ensemble import Change, drive_peaks, ensemble, peaks_at
-from compact.analysis.worker_pool import BackgroundTasks, ProcessExecutor
+from compact.analysis.worker_pool import ProcessExecutor
 from compact.resistance import dry_resistance
 from compact.scene.loader import load_scene
 
@@ -42,8 +42,8 @@ def test_held_resistance_scales_the_peak_here_and_in_a_worker():
     changes = [Change(f"{scale:g}", resistance=dry_resistance(100.0 * scale)) for scale in (1.0, 1.5)]
     here = ensemble(LAWS, changes, run)
     assert here["value"].sel(law="parabolic").values.ravel().tolist() == [100.0, 150.0]
-    with BackgroundTasks(ProcessExecutor(1)) as tasks:
-        assert ensemble(LAWS, changes, run, tasks).identical(here)
+    with ProcessExecutor(1) as executor:
+        assert ensemble(LAWS, changes, run, executor).identical(here)
 
 
 def test_laws_of_one_motion_behind_a_spring_are_simulated_once(monkeypatch):

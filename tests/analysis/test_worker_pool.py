@@ -3,19 +3,11 @@
 import os
 import signal
 import sys
-import time
 
 import pytest
 
 from compact.analysis import worker_pool
-from compact.analysis.worker_pool import (
-    BackgroundTasks,
-    DaskExecutor,
-    ProcessExecutor,
-    SerialExecutor,
-    WorkerDied,
-    run_tasks,
-)
+from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerError, run_tasks
 
 EXECUTORS = pytest.mark.parametrize("create", [SerialExecutor, lambda: ProcessExecutor(2)], ids=["here", "processes"])
 
@@ -50,42 +42,37 @@ def threads(_):
 
 
 def collected(work, tasks, executor):
-    return dict(run_tasks(work, tasks, executor))
+    return {number: job.result() for number, job in run_tasks(work, tasks, executor)}
 
 
 @EXECUTORS
-def test_every_task_returns_its_outcome_or_raises_its_error(create):
+def test_results_are_returned_in_any_order_and_again_and_errors_are_raised(create):
     assert collected(square, list(range(9)), create()) == {number: number**2 for number in range(9)}
-    with pytest.raises(RuntimeError, match="5 does not converge"):
-        collected(fails, [5], create())
+    with create() as executor:
+        jobs = [executor.submit(square, number) for number in range(5)]
+        assert [job.result() for job in reversed(jobs)] == [16, 9, 4, 1, 0]
+        assert jobs[2].result() == 4
+        with pytest.raises(RuntimeError, match="5 does not converge"):
+            executor.submit(fails, 5).result()
 
 
-def test_meanwhile_is_called_once_after_the_first_tasks_are_submitted():
-    executor, free = SerialExecutor(), []
-    assert len(list(run_tasks(square, [1, 2, 3], executor, meanwhile=lambda: free.append(executor.free)))) == 3
-    assert free == [False]
-
-
-def test_task_of_a_killed_worker_is_repeated(tmp_path):
-    executor = ProcessExecutor(2)
+def test_task_of_a_killed_worker_is_repeated_by_workers_of_one_thread_without_interrupts(tmp_path):
+    before, executor = os.environ.get("OMP_NUM_THREADS"), ProcessExecutor(2)
     found = collected(dies_once, [(number, tmp_path / f"{number}") for number in range(4)], executor)
     assert found == {number: number**2 for number in range(4)}
     assert 1 <= executor.deaths <= 4
+    assert collected(threads, [0], ProcessExecutor(1)) == {0: ("1", True)}
+    assert os.environ.get("OMP_NUM_THREADS") == before
 
 
 @pytest.mark.slow
 def test_only_the_task_that_kills_its_workers_is_abandoned():
     executor = ProcessExecutor(2)
-    found = collected(dies_or_squares, list(range(6)), executor)
-    assert found[3] == WorkerDied("its worker process died 3 times")
-    assert [found[number] for number in (0, 1, 2, 4, 5)] == [0, 1, 4, 16, 25]
+    jobs = dict(run_tasks(dies_or_squares, list(range(6)), executor))
+    with pytest.raises(WorkerError, match="its worker process died 3 times"):
+        jobs[3].result()
+    assert [jobs[number].result() for number in (0, 1, 2, 4, 5)] == [0, 1, 4, 16, 25]
     assert executor.deaths == 3
-
-
-def test_workers_use_one_thread_and_ignore_interrupts():
-    before = os.environ.get("OMP_NUM_THREADS")
-    assert collected(threads, [0], ProcessExecutor(1)) == {0: ("1", True)}
-    assert os.environ.get("OMP_NUM_THREADS") == before
 
 
 def test_workers_are_killed_when_the_caller_stops():
@@ -103,35 +90,6 @@ def test_processes_that_cannot_begin_raise(monkeypatch):
     monkeypatch.setattr(worker_pool, "_begin_worker", sys.exit)
     with pytest.raises(RuntimeError, match="3 worker processes ended before they could begin"):
         collected(square, [1], ProcessExecutor(1))
-
-
-@EXECUTORS
-def test_background_results_are_returned_in_any_order_and_again(create):
-    with BackgroundTasks(create()) as tasks:
-        results = [tasks.submit(f"square of {number}", square, number) for number in range(5)]
-        assert [answer() for answer in reversed(results)] == [16, 9, 4, 1, 0]
-        assert results[2]() == 4
-        with pytest.raises(RuntimeError, match="5 does not converge"):
-            tasks.submit("fifth", fails, 5)()
-
-
-def test_background_tasks_run_while_the_caller_continues(tmp_path):
-    marks = [tmp_path / f"{number}" for number in range(4)]
-    with BackgroundTasks(ProcessExecutor(1)) as tasks:
-        for mark in marks:
-            tasks.submit(mark.name, type(mark).touch, mark)
-        until = time.monotonic() + 30
-        while not all(mark.exists() for mark in marks) and time.monotonic() < until:
-            time.sleep(0.01)
-        assert all(mark.exists() for mark in marks)
-
-
-@pytest.mark.slow
-def test_background_task_of_a_killed_worker_is_repeated_three_times(tmp_path):
-    with BackgroundTasks(ProcessExecutor(1)) as tasks:
-        assert tasks.submit("once", dies_once, (7, tmp_path / "mark"))() == 49
-        with pytest.raises(RuntimeError, match="third: its worker process died 3 times"):
-            tasks.submit("third", dies_or_squares, 3)()
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,6 @@ import json
 import logging
 import os
 import platform
-import re
 import signal
 import subprocess
 import sys
@@ -15,7 +14,6 @@ import xarray
 from interrupts import of_unix
 from sweeps import COLUMNS
 
-from compact.analysis import worker_pool
 from compact.analysis.worker_pool import DaskExecutor, SerialExecutor
 from compact.files import ResultsError
 from compact.sweep.design import read_design
@@ -116,70 +114,26 @@ def test_lost_scheduler_ends_the_sweep_in_a_sentence_and_the_rest_is_resumed(clu
     assert (table["reason"] == "").all()
 
 
-def test_log_of_the_client_is_silent_while_the_executor_runs(monkeypatch):
-    class Connected:
-        def __init__(self, *_, **__):
-            self.close = self.cancel = lambda *_: None
-
-    monkeypatch.setattr("distributed.Client", Connected)
-    log = logging.getLogger("distributed.client")
-    before = log.level
-    with DaskExecutor("tcp://host:8786"):
-        assert not log.isEnabledFor(logging.ERROR)
-    assert log.level == before
-
-
-class Client:
-    """Substitute for the client of a cluster whose workers come and go."""
-
-    def __init__(self, threads):
-        self.threads = iter(threads)
-
-    def nthreads(self):
-        return dict.fromkeys(range(next(self.threads)), 1)
-
-
-def test_cluster_without_workers_ends_after_its_limit(monkeypatch, caplog):
-    monkeypatch.setattr(worker_pool, "WORKERLESS_LIMIT", 2 * worker_pool.CLUSTER_POLL)
-    executor = DaskExecutor("tcp://host:8786")
-    executor._client = Client([0, 1, 0, 0, 0])
-    for _ in range(4):  # a worker comes in time
-        executor._require_workers()
-    with pytest.raises(RuntimeError, match=r"no worker was connected to tcp://host:8786 .* --resume"):
-        executor._require_workers()
-    assert [record.getMessage() for record in caplog.records] == 2 * [
-        "no worker is connected to tcp://host:8786; waiting for workers"
-    ]
-
-
 # lock
 
 
 def test_directory_of_a_running_sweep_is_refused(tmp_path):
-    owner = re.escape(f"process {os.getpid()} on {platform.node()}")
     with Store(tmp_path / "points").locked():
-        with pytest.raises(ResultsError, match=f"{owner} writes to this directory; wait for it"):
+        with pytest.raises(ResultsError, match="another command writes to this directory; wait for it"):
             Sweep(COLUMNS, [read_design("mix.moisture=0.1")]).run(tmp_path, executor=SerialExecutor(), force=True)
         assert (tmp_path / LOCK).exists()
     assert not (tmp_path / LOCK).exists()
 
 
-@pytest.mark.parametrize("content", [b"1\nanother-machine\n", b"\xff\xfe\x00", b"", b"process 1"])
+@pytest.mark.parametrize("content", [b"1\nanother-machine\n", b"\xff\xfe\x00", None])
 def test_lock_of_another_machine_or_program_is_kept(tmp_path, content):
-    (tmp_path / LOCK).write_bytes(content)
-    owner = "process 1 on another-machine" if b"\n" in content else "another command"
-    with (
-        pytest.raises(ResultsError, match=rf"{owner} writes to this .* delete the file"),
-        Store(tmp_path / "points").locked(),
-    ):
-        pass
-    assert (tmp_path / LOCK).read_bytes() == content
-
-
-def test_lock_that_cannot_be_read_is_told(tmp_path):
-    (tmp_path / LOCK).mkdir()
+    if content is None:
+        (tmp_path / LOCK).mkdir()
+    else:
+        (tmp_path / LOCK).write_bytes(content)
     with pytest.raises(ResultsError, match=r"sweep\.lock: .*give another --out"), Store(tmp_path / "points").locked():
         pass
+    assert content is None or (tmp_path / LOCK).read_bytes() == content
 
 
 @pytest.mark.skipif(os.name != "posix", reason="no process can be looked up")

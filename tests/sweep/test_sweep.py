@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from sweeps import COLUMNS, FORMULA, SCENES, swept
 
 from compact import files
 from compact.analysis.study import Study
-from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerDied, run_tasks
+from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerError, run_tasks
 from compact.cli import program as cli
 from compact.files import ResultsError
 from compact.report import sweep as sweep_report
@@ -136,14 +136,17 @@ def test_two_processes_give_the_same_bits_though_one_is_killed(whole, tmp_path):
     xarray.testing.assert_identical(table, whole)
 
 
+def task(scene, points, versions):
+    keyed = (sweep.KeyedPoint(f"{number}", changes, {}) for number, changes in enumerate(points))
+    return sweep.Task(scene, tuple(keyed), False, versions)
+
+
 def test_worker_of_other_versions_is_refused(cluster):
-    many = Sweep(COLUMNS, [vary.read_design(text) for text in GRID])
-    (task,) = many._tasks(many._keyed(), {})
-    older = replace(task, versions=task.versions | {"numpy": "1.0"})
+    older = task(COLUMNS, [{"mix.moisture": 0.1}], files.versions() | {"numpy": "1.0"})
     words = rf"a worker has other versions than the command: numpy {re.escape(np.__version__)} for 1.0; .*same on both"
     for executor in (SerialExecutor(), DaskExecutor(cluster)):
         with pytest.raises(RuntimeError, match=words):
-            list(run_tasks(sweep.compute, [older], executor))
+            [job.result() for _, job in run_tasks(sweep.compute, [older], executor)]
 
 
 # (c) resumption
@@ -195,19 +198,20 @@ def test_points_of_a_changed_table_are_recomputed(tmp_path):
     shutil.copy(SCENES / "loveikin-2015.toml", tmp_path / "scene.toml")
     catalogue = {"file": str(SCENES / "motors.csv"), "margin": 1.25, "efficiency": 0.9}
     scene = load_scene(tmp_path / "scene.toml", **{"drive.catalogue": catalogue})
-    many = Sweep(scene, [vary.read_design("drive.catalogue.file=other.csv")])
-    ((before, *_),) = many._keyed()
+    many, changes = Sweep(scene, [vary.read_design("mix.moisture=0.1")]), {"drive.catalogue.file": "other.csv"}
+    before = many._keyed("", None, changes, {})
     with (tmp_path / "other.csv").open("a") as table:
         table.write("# edited\n")
-    ((after, *_),) = many._keyed()
-    assert before != after
+    assert many._keyed("", None, changes, {}) != before
 
 
 def test_point_of_dead_workers_is_recomputed_by_the_next_run(tmp_path):
     class Deadly(SerialExecutor):
-        def finished(self):
-            number, *_ = self._submitted.popleft()
-            return [(number, WorkerDied("its worker process died 3 times"))]
+        def submit(self, work, task):
+            return super().submit(dies, task)
+
+    def dies(_):
+        raise WorkerError("its worker process died 3 times")
 
     table, _ = swept(tmp_path, COLUMNS, PAIR, Deadly())
     assert set(table.reason.values) == {"its worker process died 3 times"}
@@ -297,9 +301,11 @@ def held(task):
 @pytest.mark.parametrize("engine", ["column", "spectral"])
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no such file states the memory here")
 def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
-    grid = [vary.read_design("mix.moisture=0.08:0.12:25"), vary.read_design("mix.density_ratio=0.94:0.98:40")]
-    many = Sweep(FORMULA.replaced(**{"accuracy.engine": engine}), grid)
-    memory = dict(run_tasks(held, many._tasks(many._keyed(), {}), ProcessExecutor(1)))
+    scene, names = FORMULA.replaced(**{"accuracy.engine": engine}), ("mix.moisture", "mix.density_ratio")
+    grid = product(np.linspace(0.08, 0.12, 25).tolist(), np.linspace(0.94, 0.98, 40).tolist())
+    points, size = [dict(zip(names, values, strict=True)) for values in grid], sweep.ENGINES[engine].points_per_task
+    tasks = [task(scene, points[start : start + size], files.versions()) for start in range(0, 1000, size)]
+    memory = {number: job.result() for number, job in run_tasks(held, tasks, ProcessExecutor(1))}
     last = len(memory) - 1  # the first tasks load what all need
     assert memory[last] - memory[last // 2] < 0.5
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from compact.analysis.stages.drives import OwnInputs, build_stages, simulate_laws
 from compact.analysis.stages.resistance import ResistanceLaw
-from compact.analysis.worker_pool import BackgroundTasks
+from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.machine.cart import Cart
 from compact.machine.ranking import first_of, value_of
 from compact.motion.profile import Cycle
@@ -84,7 +84,7 @@ def drive_peaks(
 
 
 def ensemble(
-    scene: Scene, changes: Iterable[Change], run: Run = peaks_of, background: BackgroundTasks | None = None
+    scene: Scene, changes: Iterable[Change], run: Run = peaks_of, executor: Executor | None = None
 ) -> "xarray.Dataset":
     """Evaluate a scene under changes of its keys; NaN and a reason where there is no solution.
 
@@ -92,7 +92,7 @@ def ensemble(
     ----------
     run : callable
         Returns the values of a changed scene by criterion and law; a ValueError or RuntimeError is a reason.
-    background : BackgroundTasks, optional
+    executor : Executor, optional
         Executor of the changes, to which scene, changes and run can be sent; this process by default.
 
     Returns
@@ -104,11 +104,8 @@ def ensemble(
     import xarray
 
     changes = list(changes)
-    tasks = [(scene, change, run) for change in changes]
-    if background is None:
-        found = [_evaluate(task) for task in tasks]
-    else:
-        found = [answer() for answer in [background.submit(task[1].label, _evaluate, task) for task in tasks]]
+    jobs = [(executor or SerialExecutor()).submit(_evaluate, (scene, change, run)) for change in changes]
+    found = [job.result() for job in jobs]
     rows, reasons = [row for row, _ in found], [reason for _, reason in found]
     criteria = list(dict.fromkeys(by for row in rows for by in row))
     laws = list(dict.fromkeys(law for row in rows for values in row.values() for law in values))

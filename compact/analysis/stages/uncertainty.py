@@ -42,7 +42,7 @@ from compact.analysis.stages.ensemble import (
 )
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
-from compact.analysis.worker_pool import BackgroundTasks
+from compact.analysis.worker_pool import Executor
 from compact.engines import ENGINES
 from compact.machine.cart import Cart
 from compact.material.mix import prior
@@ -226,7 +226,7 @@ def ranking_uncertainty(
     models: Sequence[ModelAnswer],
     verdicts: Mapping[str, Verdict],
     spread: tuple[float, float] | None,
-    background: BackgroundTasks | None = None,
+    executor: Executor | None = None,
 ) -> RankingUncertainty:
     """Vary every source of uncertainty of the answer.
 
@@ -238,7 +238,7 @@ def ranking_uncertainty(
         Verdicts without the spread of the mix, by criterion.
     spread : tuple of float or None
         Least and largest resistance over the laws of the mix [-].
-    background : BackgroundTasks, optional
+    executor : Executor, optional
         Executor of the runs; this process by default.
 
     Returns
@@ -249,7 +249,7 @@ def ranking_uncertainty(
     leads, duration, kind, met = models[0].valid, scene.motion.duration, scene.drive.kind, model.resistance
     laws, cart = {by: each.law for by, each in verdicts.items()}, stages.resistance.cart
     base = {by: model.values(duration, kind, by) for by in laws}
-    mix = mix_spread(scene, contacts.process, background)
+    mix = mix_spread(scene, contacts.process, executor)
     sources: list[Source] = []
 
     def near(share: float) -> dict[str, Cycle]:
@@ -277,7 +277,7 @@ def ranking_uncertainty(
         if pair and max(abs(ratio - 1) for ratio in pair) >= LEAST_EFFECT:
             words = f"{pair[0]:.2f} to {pair[1]:.2f} times the resistance"
             ends = [Change(f"{each:.2f} times", resistance=met.scaled(each)) for each in pair]
-            table = ensemble(scene, ends, under, background)
+            table = ensemble(scene, ends, under, executor)
             add(name, f"one-way to undrained, {words}" if name == AIR else words, table)
 
     others = [each for each in models if each.valid and each is not model and model.valid]
@@ -287,7 +287,7 @@ def ranking_uncertainty(
     moved = partial(drive_peaks, cart, stages.laws.cycles, met, tuple(laws))
     if kind == "hydraulic":
         moved = partial(_oil_peaks, scene, cart, near(OIL_SHARE), met, tuple(laws))
-    add(DRIVE, ", ".join(each.label for each in variants), ensemble(scene, variants, moved, background))
+    add(DRIVE, ", ".join(each.label for each in variants), ensemble(scene, variants, moved, executor))
     if leads and contacts.second_pass is not None and scene.layer.return_stroke != "compacted":
         returned = replace(stages.resistance.map, return_ratio=contacts.second_pass[1])
         compacted = under(scene, Change("compacted", resistance=returned))
@@ -302,7 +302,7 @@ def ranking_uncertainty(
     recommended = {law: stages.laws.cycles[law] for law in laws.values()}
     scaled = [Change(f"{scale}", resistance=met.scaled(scale)) for scale in scales]
     run = partial(drive_peaks, cart, recommended, met, tuple(laws))
-    table = ensemble(scene, scaled, run, background).reindex(law=list(recommended))
+    table = ensemble(scene, scaled, run, executor).reindex(law=list(recommended))
     peaks = {}
     for by, law in laws.items():
         values = table["value"].sel(criterion=by, law=law).values
@@ -435,7 +435,7 @@ def _oil_peaks(
 
 
 def mix_spread(
-    scene: Scene, process: "ProcessStudy | None" = None, background: BackgroundTasks | None = None
+    scene: Scene, process: "ProcessStudy | None" = None, executor: Executor | None = None
 ) -> MixSpread | None:
     """Sample the resistance at the mean speed over the parameters of the mix, by columns.
 
@@ -445,7 +445,7 @@ def mix_spread(
         Scene.
     process : ProcessStudy, optional
         Forming process, whose confined floor replaces the pass of columns.
-    background : BackgroundTasks, optional
+    executor : Executor, optional
         Executor of the columns; this process by default.
 
     Returns
@@ -477,7 +477,7 @@ def mix_spread(
     ends = [[*centre[:i], end, *centre[i + 1 :]] for i in range(len(names)) for end in (0.0, 1.0)]
     changes = [Change("scene"), Change("stiff", {"mix.overrides.heckel_slope": given.heckel_slope / 2})]
     changes += [at(f"point {i}", shares) for i, shares in enumerate((*ends, *sampled))]
-    table = ensemble(columns, changes, partial(_mix_resistance, process), None if process else background)
+    table = ensemble(columns, changes, partial(_mix_resistance, process), None if process else executor)
     forces = table["value"].values.reshape(-1)
     if not forces.size or not forces[0] > 0:
         return None
