@@ -236,11 +236,8 @@ def write_checked(path: Path, content: Any) -> Path:
 
 
 def read_checked(path: Path) -> Any:
-    """Read a file of `write_checked`; ValueError if it is damaged."""
-    try:
-        recorded, content = json.loads(path.read_bytes())
-    except TypeError as error:
-        raise ValueError(f"{path}: damaged") from error
+    """Read a file of `write_checked`; ValueError or TypeError if it is damaged."""
+    recorded, content = json.loads(path.read_bytes())
     if recorded != checksum(json.dumps(content).encode()):
         raise ValueError(f"{path}: damaged")
     return content

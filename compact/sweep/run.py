@@ -111,7 +111,7 @@ class Store:
                 points |= files.read_checked(path)
             except OSError as error:
                 raise files.ResultsError(f"{path}: {error.strerror or error}; give another --out") from error
-            except ValueError:
+            except (ValueError, TypeError):
                 self.broken.append(path.name)
                 path.unlink()
         for partial in self.directory.glob(".*.part"):
