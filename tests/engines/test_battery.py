@@ -17,7 +17,7 @@ from compact.analysis.multipass import Pass, passes
 from compact.engines import formula
 from compact.engines.column import column_pass
 from compact.engines.column import engine as column
-from compact.engines.fem import contact_problem
+from compact.engines.fem import engine as fem_engine
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Elastic, Viscoelastic
 from compact.rolling_contact import Layer, Roller, require_on_target, require_target_reached
@@ -237,7 +237,7 @@ def off(value):
 ])  # fmt: skip
 def test_contact_off_target_raises(engine, target, monkeypatch):
     inverse, search = formula.pressure_for_load, column_pass.solve_target
-    build, at_target = spectral.build_rolling_problem, contact_problem.solve_at_target
+    build, at_target = spectral.build_rolling_problem, fem_engine.solve_at_target
 
     def missed_problem(*given):
         problem, half_width = build(*given)
@@ -252,7 +252,7 @@ def test_contact_off_target_raises(engine, target, monkeypatch):
     )
     if engine == "spectral":
         monkeypatch.setattr(spectral, "build_rolling_problem", missed_problem)
-    monkeypatch.setattr(contact_problem, "solve_at_target", missed_contact)
+    monkeypatch.setattr(fem_engine, "solve_at_target", missed_contact)
     words = (
         rf"`{target}` {OFF[target]:.9g} was prescribed and .* reached: .*, tolerance {TOLERANCES[engine]:.0e}; the con"
     )

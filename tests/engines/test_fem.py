@@ -10,7 +10,7 @@ import pytest
 from rolling_scenes import SPEED, error_ratios, prescribing, random_scenes, stiff_scene, true_errors
 
 from compact import fem, mesh
-from compact.engines.fem import compliance, contact, contact_problem
+from compact.engines.fem import compliance
 from compact.engines.fem import engine as fem_engine
 from compact.engines.halfplane import galin
 from compact.engines.spectral import engine as spectral
@@ -42,15 +42,6 @@ def test_symmetry_of_a_mirrored_mesh_gives_the_full_compliance(base, behind, mon
     monkeypatch.setattr(mesh.RowMesh, "mirrored", False)
     full = compliance.surface_compliance.__wrapped__(*task).response
     assert np.abs(half - full).max() < 1e-10 * np.abs(full).max()
-
-
-def test_skewed_mesh_gives_the_contact_of_a_straight_one():
-    straight = mesh.graded_mesh(0.22, 0.014, 8)
-    lean = np.sin(np.pi * straight.y / 0.22)[:, None] * 0.4 * np.diff(straight.x[-1]).min()
-    skewed = mesh.RowMesh(straight.x + lean, straight.y)
-    results = [roll(LAYER, Roller(0.11, indentation=0.003), SLS, 0.03, mesh=m) for m in (straight, skewed)]
-    assert results[1].load == pytest.approx(results[0].load, rel=1e-5)
-    assert results[1].resistance == pytest.approx(results[0].resistance, rel=1e-4)
 
 
 def test_hertz_stress_on_the_axis():
@@ -180,14 +171,6 @@ def test_elastic_load_converges():
 # (d) hard cases
 
 
-@pytest.mark.parametrize("base", ["bonded", "slip"])
-def test_friction_of_one_on_both_bases(base):
-    roller = Roller(0.11, indentation=0.006, friction=1.0, rolling="sliding", profile="deformed")
-    rolled = roll(Layer(0.22, base=base), roller, SLS, 0.03)
-    assert rolled.resistance == pytest.approx(rolled.load, rel=0.1)
-    assert rolled.work_residual < 5e-3
-
-
 SIX_DECADES = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=tuple((0.5, 10.0**k) for k in range(-4, 3)))
 NEARLY_INCOMPRESSIBLE = Viscoelastic(youngs_modulus=10e6, poisson=0.49, branches=((1.0, 1.0),))
 SLIDING = {"friction": 1.0, "rolling": "sliding"}
@@ -253,23 +236,7 @@ def test_layer_on_a_frictionless_base_is_held_behind_and_undisturbed_ahead(speed
     assert content.cell_data["stress"][0][behind, 0] == pytest.approx(rolled.load / h, rel=1e-3)
 
 
-def test_contact_on_a_stiff_branch_lies_ahead_of_the_lowest_point():
-    mix = Viscoelastic(youngs_modulus=1e6, poisson=0.3, branches=((100.0, 1.0),))
-    rolled = roll(LAYER, Roller(0.11, indentation=0.006), mix, 0.1 * 0.0208)
-    assert 0 < rolled.trailing < rolled.leading
-    assert rolled.work_residual < 5e-3
-
-
 # (e) properties
-
-
-def test_prescribed_load_and_peak_pressure_give_the_indentation():
-    given_depth = roll(LAYER, Roller(0.11, indentation=0.003), SLS, 0.03)
-    for target in ("load", "peak_pressure"):
-        found = roll(LAYER, Roller(0.11, **{target: getattr(given_depth, target)}), SLS, 0.03)
-        assert found.indentation == pytest.approx(0.003, rel=3e-3)
-        assert getattr(found, target) == pytest.approx(getattr(given_depth, target), rel=1e-8)
-        assert found.resistance == pytest.approx(given_depth.resistance, rel=2e-3)
 
 
 def test_reaction_of_the_base_equals_the_load():
@@ -301,22 +268,6 @@ def test_energy_balance_with_stick_and_slip(profile, base, torque):
     assert rolled.work_residual < 5e-3
     assert np.all(np.abs(rolled.shear_traction) <= 0.3 * rolled.pressure + 1e-2 * rolled.peak_pressure)
     assert np.trapezoid(rolled.shear_traction, rolled.x) == pytest.approx(-torque / 0.11, abs=2e-3 * rolled.load)
-
-
-@pytest.mark.slow
-def test_traction_of_free_rolling_vanishes_as_a_thick_layer_becomes_incompressible():
-    largest = []
-    for poisson in (0.45, 0.47, 0.49):
-        roller = Roller(0.11, load=1100.0, friction=0.3, rolling="free")
-        rolled = roll(Layer(1.1), roller, Elastic(youngs_modulus=1e6, poisson=poisson), 1.0)
-        largest.append(np.abs(rolled.shear_traction).max() / rolled.peak_pressure)
-    assert np.diff(largest).max() < 0
-    assert np.polyval(np.polyfit([0.05, 0.03, 0.01], largest, 1), 0) == pytest.approx(0, abs=0.02)
-
-
-def test_free_rolling_without_friction_is_frictionless_rolling():
-    free = fem.roll(LAYER, Roller(0.11, indentation=0.003, rolling="free"), SLS, 0.03, mesh=SMALL)
-    assert free.resistance == fem.roll(LAYER, Roller(0.11, indentation=0.003), SLS, 0.03, mesh=SMALL).resistance
 
 
 # error estimate, against the engine "spectral" with a hundredth of the error or less
@@ -361,30 +312,6 @@ def test_error_estimate_with_stick_and_slip_covers_the_difference_from_a_finer_m
     assert finer.error is None
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("scenes", [2, pytest.param(10, marks=pytest.mark.slow)])
-def test_mean_of_the_peak_pressures_by_fewer_and_by_all_terms_is_closer_than_either(scenes):
-    misses = []
-    for layer, roller, mix, _ in random_scenes(scenes):
-        exact = spectral.roll(layer, roller, mix, SPEED, rtol=1e-8).peak_pressure
-        case = contact_problem.RollingProblem(layer, roller, mix, SPEED)
-        contact = contact_problem.solve_contact(case, fem_engine.initial_discretisation(case, None, 2e-3))
-        peaks = np.array([*contact.patch.peaks, contact.patch.peak])
-        misses.append(np.abs(mix.youngs_modulus * peaks / exact - 1))
-    few, many, mean = np.max(misses, axis=0)
-    assert mean < 0.3 * min(few, many)
-    assert mean < 3e-4
-
-
-def test_failure_of_the_error_estimate_raises(monkeypatch):
-    coarse = mesh.RowMesh(np.tile([-1.0, 0.0, 1.0], (2, 1)), np.array([0.0, 0.22]))
-    monkeypatch.setattr(mesh.RowMesh, "refined", lambda rows: coarse)
-    with pytest.raises(
-        RuntimeError, match="the error cannot be estimated; on the refined mesh no corner node is in contact"
-    ):
-        fem.roll(LAYER, Roller(0.11, indentation=0.003), MIX, 1.0, mesh=SMALL)
-
-
 STIFF = Viscoelastic(
     youngs_modulus=10e6, poisson=0.3, branches=((49.0, 0.1),)
 )  # instantaneous modulus 50 times the relaxed one
@@ -402,31 +329,11 @@ def test_refinement_reaches_the_tolerance_on_a_mix_of_fifty_times_the_instantane
         assert max(true) < 7e-3
 
 
-@pytest.mark.slow
-def test_wrong_contact_on_the_first_mesh_is_rejected():
-    """It has the prescribed peak pressure, but 4.2 times the correct load; no refined mesh confirms it."""
-    mix = Viscoelastic(youngs_modulus=1e7, poisson=0.30958, branches=((36.54716, 1.3330992), (2.4788208, 0.2237176)))
-    speed = 1.20106e-3
-    roller = Roller(1.4626081, indentation=1.430974e-3, friction=0.3547987, rolling="sliding", profile="circle")
-    exact = spectral.roll(LAYER, roller, mix, speed)
-    rolled = fem.roll(LAYER, prescribing(roller, "peak_pressure", exact.peak_pressure), mix, speed, tolerance=7e-3)
-    assert (rolled.load, rolled.resistance) == pytest.approx((exact.load, exact.resistance), rel=7e-3)
-
-
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize(
-    ("roller", "remedy"),
-    [
-        (Roller(0.11, indentation=0.003), "or use spectral"),
-        (Roller(0.11, indentation=0.003, friction=0.3, profile="deformed"), "without stick and slip"),
-    ],
-    ids=["smooth", "deformed"],
-)
-def test_unreachable_tolerance_raises_with_the_error_and_the_remedy(roller, remedy, monkeypatch):
+def test_unreachable_tolerance_raises_with_the_error_and_the_remedy(monkeypatch):
     monkeypatch.setattr(fem_engine, "MAX_UNKNOWNS", 9000)
-    words = rf"`tolerance` 0.007 is not reached: .* \d\.\de-0\d for the load .* 9000 unknowns; raise .*{remedy}"
+    words = r"`tolerance` 0.007 is not reached: .* \d\.\de-0\d for the load .* 9000 unknowns; raise .*or use spectral"
     with pytest.raises(RuntimeError, match=words):
-        fem.roll(LAYER, roller, STIFF, 0.001, tolerance=7e-3)
+        fem.roll(LAYER, Roller(0.11, indentation=0.003), STIFF, 0.001, tolerance=7e-3)
 
 
 def test_contact_on_a_frictionless_base_is_nearly_centred_at_high_speed():
@@ -446,7 +353,7 @@ def test_random_scene_of_stiff_mix_reaches_the_tolerance_or_raises(number):
     try:
         rolled = fem.roll(layer, roller, mix, speed, torque=torque, tolerance=7e-3)
     except RuntimeError as error:
-        known = "`tolerance` 0.007 is not reached|no contact found on|skids|wider than the circle"
+        known = "`tolerance` 0.007 is not reached|no contact found by|skids|wider than the circle"
         assert re.search(known, str(error))  # noqa: PT017
         return
     assert max(rolled.error) <= 7e-3
@@ -498,21 +405,3 @@ def test_mesh_too_coarse_for_the_contact_raises():
         RuntimeError, match=r"at an indentation of 0.003 m: the mesh is too coarse under the contact, or the"
     ):
         roll(LAYER, Roller(0.11, indentation=0.003), MIX, 1.0, mesh=coarse)
-
-
-@pytest.mark.slow
-def test_contact_without_convergence_on_any_mesh_raises_with_the_remedy(monkeypatch):
-    monkeypatch.setattr(contact, "MAX_EDGE_ITERATIONS", 2)
-    with pytest.raises(
-        RuntimeError, match=r"no contact found on 5 meshes .*; use spectral; the contact edges did not converge"
-    ):
-        fem.roll(LAYER, Roller(0.11, indentation=0.0031), MIX, 1.0, tolerance=0.05)
-
-
-def test_failure_lists_the_last_iterations(monkeypatch):
-    monkeypatch.setattr(contact, "MAX_EDGE_ITERATIONS", 2)
-    with pytest.raises(
-        RuntimeError,
-        match=r"did not converge in 2 iterations; the last .* are \[\(-0",
-    ):
-        roll(LAYER, Roller(0.11, indentation=0.0031), MIX, 1.0, mesh=SMALL)

@@ -5,7 +5,7 @@ pressure and shear. The solution rolls from rest cell by cell until it is steady
 the pressure and one for the shear, solved by alternating directions.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from sampling import examples
 
 from compact import fem, mesh
-from compact.engines.spectral import engine as spectral
 from compact.material.laws import Elastic, Viscoelastic
 from compact.rolling_contact import Layer, Roller
 
@@ -192,13 +191,6 @@ def test_symbols_agree_with_the_modes(zeta, poisson):
     assert modes == pytest.approx(np.array([[along, -1j * across], [1j * across, down]]), rel=1e-9, abs=1e-12)
 
 
-def test_boundary_elements_with_little_friction_agree_with_the_spectral_engine():
-    found = roll_by_boundary_elements(MIX, 1.0, 1e-4, 0.0, 0.0206, cells=40)
-    exact = spectral.roll(LAYER, Roller(R, indentation=DEPTH), MIX, 1.0, rtol=1e-8)
-    assert found.load == pytest.approx(exact.load, rel=2e-4)
-    assert found.pressure.max() == pytest.approx(exact.peak_pressure, rel=2e-3)
-
-
 def adhesion(x, half_width):
     """p + i q over E* and the creepage of a free roller with full stick on a half-plane.
 
@@ -306,36 +298,7 @@ def test_work_of_resistance_and_torque_on_an_elastic_layer_is_dissipated_by_slip
     assert rolled.work_residual * max(abs(rolled.resistance), 1e-3 * rolled.load) < 0.05 * lost
 
 
-def test_signs_of_torque_creepage_and_resistance():
-    driven, free, braked = (rolled_by(SLS, 0.03, 0.3, share) for share in (DRIVEN, FREE, BRAKED))
-    assert driven.creep > free.creep > braked.creep
-    assert driven.resistance < 0 < free.resistance < braked.resistance
-    for rolled, share in ((driven, DRIVEN), (free, FREE), (braked, BRAKED)):
-        drag = rolled.resistance - np.trapezoid(rolled.pressure * rolled.x / R, rolled.x)
-        assert drag == pytest.approx(-share * 0.3 * FRICTIONLESS_LOAD, abs=1e-3 * rolled.load)
-
-
-def rolled_by(material, speed, friction, share):
-    """Contact of a driven roller; its torque is a share of friction times `FRICTIONLESS_LOAD`."""
-    turned = Roller(R, indentation=DEPTH, friction=friction, rolling="driven")
-    torque = share * friction * R * FRICTIONLESS_LOAD
-    return fem.roll(LAYER, turned, material, speed, torque=torque, estimate=False)
-
-
 # (d) hard cases
-
-
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize("share", [FREE, DRIVEN], ids=["free", "driven"])
-@pytest.mark.parametrize(("deborah", "modulus"), [(1e-4, 1.0), (1e4, 2.0)], ids=["slow", "fast"])
-def test_limits_of_slow_and_fast_rolling_are_elastic(deborah, modulus, share):
-    rolled = rolled_by(SLS, deborah * 0.0206, 0.35, share * modulus)
-    elastic = rolled_by(replace(MIX, youngs_modulus=modulus), 1.0, 0.35, share * modulus)
-    assert rolled.load == pytest.approx(elastic.load, rel=1e-3)
-    assert rolled.creep == pytest.approx(elastic.creep, abs=2e-3 * 0.35 * 0.0206 / R)
-    inside = np.abs(elastic.x) < 0.95 * elastic.leading
-    traction = np.interp(elastic.x, rolled.x, rolled.shear_traction)
-    assert traction[inside] == pytest.approx(elastic.shear_traction[inside], abs=0.02 * 0.35 * elastic.peak_pressure)
 
 
 @pytest.mark.sampled(2)
@@ -391,8 +354,3 @@ def test_coulomb_law_holds_and_reversal_mirrors_the_contact(poisson, friction, s
 
 
 # (f) cost
-
-
-@pytest.mark.parametrize(("friction", "iterations"), [(0.1, 40), (1.0, 80)])
-def test_number_of_iterations_for_the_edges(friction, iterations):
-    assert len(rolled_by(SLS, 0.03, friction, DRIVEN).history) < iterations

@@ -32,7 +32,7 @@ interconversion of creep and relaxation functions.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,27 +59,18 @@ QUADRATURE_POINTS = 14  # [-], of Gauss; exact to rounding below the limit
 SOLVE_TOLERANCE = 1e-9  # [-], residual of a probe solve; above it the reduced pivoting is rejected
 
 Solve = Callable[[Array], Array]
+Displacement = Callable[[Array], Array]
 End = Literal[0, 1]
 
 
-@dataclass(frozen=True, eq=False)
-class NodalField:
-    """Displacement at surface nodes, interpolated quadratically.
+def at_rest(x: Array) -> Array:
+    """Return no displacement [m] at points x [m], shape (2, q)."""
+    return np.zeros((2, len(x)))
 
-    Parameters
-    ----------
-    nodes : ndarray
-        x of corner and middle nodes [m], shape (n,).
-    values : ndarray
-        Displacement (x, y) at the nodes [m], shape (2, n).
-    """
 
-    nodes: Array
-    values: Array
-
-    def at(self, x: Array) -> Array:
-        """Interpolate to points x [m] of shape (q,); shape (2, q)."""
-        return self.values @ shape_matrix(self.nodes, x).T
+def interpolant(nodes: Array, values: Array) -> Displacement:
+    """Return the function of x [m] that interpolates displacements [m] of corner and middle nodes, shape (2, n)."""
+    return lambda x: values @ shape_matrix(nodes, x).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,19 +80,24 @@ class SurfaceCompliance:
     Parameters
     ----------
     x : ndarray
-        Coordinates of all surface nodes, corners and middles [m], shape (n,).
+        Corner and middle nodes of the surface in turn [m], ascending, shape (n,).
     first, last : int
         The loaded nodes are `x[first:last]`, m of them; the first and the last one are corners.
     response : ndarray
         Component i of the displacement of node a under a unit force k on loaded node b, `response[i, a, k, b]`,
         shape (2, n, 2, m).
+    initial : callable
+        Displacement (x, y) without contact [m], shape (2, q), at points x [m].
+    stretch_rate : ndarray, optional
+        Derivative of the response by the log of a uniform stretch of the layer along x.
     """
 
     x: Array
     first: int
     last: int
     response: Array
-    initial: NodalField | None = None
+    initial: Displacement = at_rest
+    stretch_rate: Array | None = None
 
     @property
     def loaded(self) -> slice:
@@ -110,40 +106,24 @@ class SurfaceCompliance:
 
     def displacement(self, forces: Array) -> Array:
         """Displacement of all nodes under forces on the loaded ones, without the initial one; (2, n) or (2, n, j)."""
-        cases = "j" if forces.ndim == 3 else ""
-        return np.einsum(f"iakb,kb{cases}->ia{cases}", self.response, forces, optimize=True)
+        return np.einsum("iakb,kb...->ia...", self.response, forces, optimize=True)
+
+    def stretched(self, stretch: float) -> "SurfaceCompliance":
+        """Return the response of the layer stretched along x, to first order in the log of the stretch."""
+        assert self.stretch_rate is not None  # computed on request
+        return replace(self, response=self.response + np.log(stretch) * self.stretch_rate)
 
     def retarded(self, operator: Array) -> "SurfaceCompliance":
         """Apply an operator of shape (n, n) along the surface to the response to every force."""
         return replace(self, response=np.einsum("ca,iakb->ickb", operator, self.response, optimize=True))
 
-    def with_initial(self, displacement: Array) -> "SurfaceCompliance":
-        """Add a displacement of the nodes [m], shape (2, n), to the initial one."""
-        present = displacement if self.initial is None else self.initial.values + displacement
-        return replace(self, initial=NodalField(self.x, present))
 
-
-class ContactQuadrature(NamedTuple):
-    """Quadrature over a contact, all arrays of shape (q,).
-
-    Parameters
-    ----------
-    x, weight : ndarray
-        Points and weights [m].
-    fraction, complement : ndarray
-        (x - trailing)/length [-], and 1 minus that without cancellation.
-    """
-
-    x: Array
-    weight: Array
-    fraction: Array
-    complement: Array
-
-
-def contact_quadrature(nodes: Array, edges: Array | tuple[float, float]) -> ContactQuadrature:
+def contact_quadrature(nodes: Array, edges: Array | tuple[float, float]) -> tuple[Array, Array, Array, Array]:
     """Gauss points between two edges [m] of a contact, in intervals that end at the corner nodes [m].
 
-    x = trailing + length sin^2(pi s/2),  s = t^3/(t^3 + (1 - t)^3),  Gauss points even in t
+        x = trailing + length sin^2(pi s/2),  s = t^3/(t^3 + (1 - t)^3),  Gauss points even in t
+
+    Returns points and weights [m], the fraction (x - trailing)/length and 1 minus that without cancellation [-].
     """
     trailing, leading = edges
     length = leading - trailing
@@ -161,7 +141,7 @@ def contact_quadrature(nodes: Array, edges: Array | tuple[float, float]) -> Cont
     ds = EDGE_POWER * (t * (1 - t)) ** (EDGE_POWER - 1) / (low + high) ** 2
     fraction, complement = np.sin(np.pi / 2 * s) ** 2, np.sin(np.pi / 2 * rest) ** 2
     weight = length * np.pi * np.sin(np.pi / 2 * s) * np.sin(np.pi / 2 * rest) * ds * dt
-    return ContactQuadrature(trailing + length * fraction, weight, fraction, complement)
+    return trailing + length * fraction, weight, fraction, complement
 
 
 def shape_matrix(nodes: Array, x: Array, derivative: bool = False) -> Array:
@@ -248,48 +228,49 @@ def surface_compliance(
 
     Symmetry of a mirrored mesh halves the number of unit forces; `sheared` includes forces along x. A layer on a
     frictionless base is held along x behind the roller, at lower (0) or upper (1) x; displacements along x count from
-    the end ahead. With `stretch_rate` the derivative by the log of a uniform stretch s of the mesh along x,
+    the end ahead. With `stretch_rate` the derivative by the log of a uniform stretch s of the mesh along x too,
 
         du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   f and y fixed
     """
     body = layer_stiffness(mesh, poisson, layer)
+    basis = body.basis
     if stretch_rate:
-        basis, moduli = body.basis, element_moduli(mesh, poisson, layer)
-        B = strain_matrix(basis)  # strains along x decrease with s and areas increase
-        mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)
-        change = assemble_matrix(basis, mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli))
+        B, moduli = strain_matrix(basis), element_moduli(mesh, poisson, layer)
+        mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)  # strains along x decrease with s
+        change = mixed + mixed.transpose(0, 2, 1) + element_matrices(basis, B, B, moduli)  # and areas increase
+        stiffness_change = assemble_matrix(basis, change)
 
     def respond(forces: Array) -> Array:
-        displacement = body.displacement(forces)
-        if not stretch_rate:
-            return displacement
-        resisted = change @ displacement.reshape(len(displacement) * 2, -1)
-        return -body.displacement(resisted.reshape(displacement.shape))
+        """Return displacement of the surface and, if required, its derivative; shape (1 or 2, 2, n, k)."""
+        found = [body.displacement(forces)]
+        if stretch_rate:
+            resisted = stiffness_change @ found[0].reshape(2 * basis.N, -1)
+            found.append(-body.displacement(resisted.reshape(found[0].shape)))
+        return np.array([each[body.surface].transpose(1, 0, 2) for each in found])
 
-    x = body.basis.doflocs[0][body.surface]
+    x = basis.doflocs[0][body.surface]
     inside = np.flatnonzero(np.abs(x[::2] - mesh.centre) <= window * (1 + WINDOW_ROUNDING))
     first, last = 2 * inside[0], 2 * inside[-1] + 1
     count = last - first
     mirrored = count // 2 if mesh.mirrored else 0
     loaded = body.surface[first + mirrored : last]
     slipping = layer.base == "slip"
-    response = np.zeros((2, len(x), 2, count))
+    response = np.zeros((1 + stretch_rate, 2, len(x), 2, count))
     for k in range(0 if sheared else 1, 2):
         for start in range(0, count - mirrored, LOAD_BLOCK):
             some = loaded[start : start + LOAD_BLOCK]
-            forces = np.zeros((body.basis.N, 2, len(some)))
+            forces = np.zeros((basis.N, 2, len(some)))
             forces[some, k, np.arange(len(some))] = 1
             if k == 0 and slipping:
                 forces -= body.end_tension.mean(axis=2, keepdims=True)
-            columns = slice(mirrored + start, mirrored + start + len(some))
-            response[:, :, k, columns] = respond(forces)[body.surface].transpose(1, 0, 2)
+            response[..., k, mirrored + start : mirrored + start + len(some)] = respond(forces)
     sign = np.array([[1, -1], [-1, 1]])[:, None, :, None]  # mirroring reverses components along x, not along y
-    response[..., :mirrored] = (sign * response[:, ::-1, :, ::-1])[..., :mirrored]
+    response[..., :mirrored] = (sign * response[:, :, ::-1, :, ::-1])[..., :mirrored]
     if sheared and slipping:  # each end holds half of the shear so far
         tension = (body.end_tension @ [[-0.5], [0.5]]) * (1 - 2 * behind)
-        response[:, :, 0] += respond(tension)[body.surface].transpose(1, 0, 2)
-        response[0] -= response[0, behind - 1]  # displacements count from the end ahead, which is undisturbed
-    return SurfaceCompliance(x, first, last, response)
+        response[..., 0, :] += respond(tension)
+        response[:, 0] -= response[:, 0, [behind - 1]]  # displacements count from the end ahead, which is undisturbed
+    return SurfaceCompliance(x, first, last, response[0], stretch_rate=response[1] if stretch_rate else None)
 
 
 def _end_tension(mesh: RowMesh, layer: Layer, lines: NDArray[np.intp], count: int) -> Array:

@@ -1,4 +1,8 @@
-"""Unilateral contact with free edges between a rigid indenter and a surface of known compliance.
+"""Steady contact of a rigid roller with a surface of known compliance: pressure with free edges, stick and slip.
+
+    u = S f + u0,    n.u = d under the pressure
+
+S is the compliance of the layer (`compliance`), u0 an initial displacement.
 
 **Pressure.** The pressure on trailing < x < leading vanishes at both edges with the exponents of sliding contact,
 
@@ -8,19 +12,32 @@ Petrov-Galerkin equations require the surface to follow the indenter; their test
 Between fixed edges the solution contains two further pressures, singular at one edge each. Newton's method moves the
 edges until both singular amplitudes vanish. The pressure is then unilateral, and the edges are independent of the mesh.
 
+**Stick and slip.** The slip of the mix on the roller along the tangent t, relative to the rolling speed v, is
+
+    s = 1 + creepage - t.(e_x + du/dx),    creepage = angular speed x radius/v - 1,
+
+and Coulomb's law holds at every point: |q| <= f p, and q = -f p sign(v s) where s is not zero. Like the pressure, q
+vanishes at both edges as a square root, times a factor linear between the surface nodes. The slip of a node is the mean
+over the interval on its upstream side. An active-set method finds the nodes that stick; the creepage follows from the
+prescribed sum of q, which is the torque over the radius. Pressure and shear are solved alternately.
+
 References
 ----------
-L. A. Galin, Contact problems (Springer, 2008): edge exponents; C. G. Broyden, Math. Comp. 19 (1965) 577: secant update.
+L. A. Galin, Contact problems (Springer, 2008): edge exponents; C. G. Broyden, Math. Comp. 19 (1965) 577: secant update;
+J. J. Kalker, Three-dimensional elastic bodies in rolling contact (Kluwer, 1990); K. L. Johnson, Contact mechanics
+(Cambridge, 1985), chapter 8; B. M. Irons and R. C. Tuck, Int. J. Numer. Meth. Eng. 1 (1969) 275 (Aitken relaxation).
 """
 
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from compact.engines.fem.compliance import SurfaceCompliance, contact_quadrature, shape_matrix
+from compact.engines.fem.compliance import SurfaceCompliance, contact_quadrature, interpolant, shape_matrix
+from compact.engines.halfplane import pressure_exponent
+from compact.material.laws import Elastic
 from compact.numerics import Array, BoolArray
-from compact.rolling_contact import GapGeometry
+from compact.rolling_contact import GapGeometry, Layer, Roller
 
 EDGE_TOLERANCE = 1e-9  # [-], step of an edge over the contact length at convergence
 INITIAL_TERMS = 6  # [-], terms of the pressure in the first solve, whose amplitudes are smooth in the edges
@@ -34,9 +51,17 @@ MAX_EDGE_ITERATIONS = 60  # [-], of Newton's method; damped steps need 30
 HISTORY_REPORTED = 4  # [-], iterations listed in an error message
 FULL_STEPS = 12  # [-], iterations before steps are halved, which do not cross the kink of an edge on a node
 DIFFERENCE_STEP = 1e-4  # [-], of an edge over the contact length, for the Jacobian
+SECANT_TOLERANCE = 1e-9  # [-], of a prescribed load or peak pressure
+STICK_SECANT_TOLERANCE = 1e-6  # [-], the same with stick and slip, whose shear converges to 1e-7
+MAX_ALTERNATIONS = 60  # [-], solves for pressure and shear
+SHEAR_TOLERANCE = 1e-7  # [-], change of the largest displacement at convergence; some 1e-6 of the peak pressure
+FREE_ALTERNATIONS = 5  # [-], before the set of nodes is fixed; a node at an edge may otherwise alternate without end
+RELAXATION_LIMITS = 0.1, 2.0  # [-], of the relaxation factor by Aitken's rule
+MAX_EXCHANGES = 200  # [-], of nodes between stick and slip
+EDGE_CLEARANCE = 0.5  # [-], least distance of a node from an edge over its distance to the next node
+FRICTION_ROUNDING = 1e-9  # [-], by which a traction that sticks may exceed f p
 
 Edges = tuple[float, float]
-EdgeHistory = tuple[tuple[float, float, float], ...]
 
 
 class UnresolvedError(RuntimeError):
@@ -45,6 +70,42 @@ class UnresolvedError(RuntimeError):
 
 class BeyondWindowError(UnresolvedError):
     """The contact extends beyond the loaded zone, the nodes whose compliance is known."""
+
+
+@dataclass(frozen=True)
+class RollingProblem:
+    """Roller in steady motion over a linear layer, with the speed along x [m/s] and the torque as of `engine.roll`."""
+
+    layer: Layer
+    roller: Roller
+    material: Elastic
+    speed: float
+    torque: float = 0.0
+
+    @property
+    def direction(self) -> float:
+        """Direction of travel, 1 along +x or -1."""
+        return float(np.sign(self.speed))
+
+    @property
+    def traction_ratio(self) -> float:
+        """Shear traction on the mix along +x over pressure where the whole contact slides [-]."""
+        return self.direction * self.roller.friction if self.roller.rolling == "sliding" else 0.0
+
+    @property
+    def turns_with_friction(self) -> bool:
+        """True if the contact has zones of stick and slip."""
+        return self.roller.rolling in ("free", "driven") and self.roller.friction > 0
+
+    @property
+    def target_tolerance(self) -> float:
+        """Relative tolerance of a prescribed load or peak pressure [-]."""
+        return STICK_SECANT_TOLERANCE if self.turns_with_friction else SECANT_TOLERANCE
+
+    def indenter(self, indentation: float) -> "Indenter":
+        """Roller at an indentation [m]."""
+        exponent = float(pressure_exponent(self.material.poisson, self.traction_ratio))
+        return Indenter(self.roller.radius, indentation, self.roller.profile, self.traction_ratio, exponent)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +130,7 @@ class Indenter:
     friction: float
     exponent: float
 
-    def contact_condition(self, x: Array, displacement: Array | float) -> tuple[Array, Array]:
+    def contact_condition(self, x: Array, displacement: Array) -> tuple[Array, Array]:
         """Linearise the contact condition n.u = d about a displacement [m], shape (2, q), at points x [m].
 
         Returns the unit normal n towards the layer, shape (2, q), and the depth d [m], shape (q,).
@@ -89,6 +150,13 @@ class Indenter:
             return np.zeros_like(x)
         return x / self.radius if self.profile == "parabola" else x / np.sqrt(self.radius**2 - x**2)
 
+    def beyond_circle(self, edges: Edges) -> RuntimeError:
+        """Return the error of a contact with edges [m] that is wider than the circle."""
+        return RuntimeError(
+            f"the contact, from {edges[0]:.3g} to {edges[1]:.3g} m, is wider than the circle of radius "
+            f"{self.radius:g} m; reduce the indentation or the load"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class ContactPatch:
@@ -96,12 +164,12 @@ class ContactPatch:
 
     Parameters
     ----------
-    trailing, leading : float
+    edges : tuple of float
         Lower and upper edge in x [m], for either direction of travel.
     x, weight, pressure : ndarray
         Quadrature points and weights [m], and the pressure there [-], shape (q,).
-    direction, shear : ndarray
-        Traction over pressure and its tangential part [-], shape (2, q).
+    normal, direction : ndarray
+        Unit normal towards the layer and traction over pressure [-], shape (2, q).
     forces : ndarray
         Forces on the loaded nodes [m], shape (2, m).
     displacement : ndarray
@@ -118,25 +186,19 @@ class ContactPatch:
         (trailing, leading, step over length) of every iteration.
     """
 
-    trailing: float
-    leading: float
+    edges: Edges
     x: Array
     weight: Array
     pressure: Array
+    normal: Array
     direction: Array
-    shear: Array
     forces: Array
     displacement: Array
     coefficients: Array
     exponent: float
     jacobian: Array | None = None
     peaks: tuple[float, ...] = ()
-    history: EdgeHistory = ()
-
-    @property
-    def edges(self) -> Edges:
-        """Trailing and leading edge [m]."""
-        return self.trailing, self.leading
+    history: tuple[tuple[float, float, float], ...] = ()
 
     @property
     def terms(self) -> int:
@@ -159,19 +221,138 @@ class ContactPatch:
 
     def sampled(self, count: int) -> tuple[Array, Array]:
         """Sample x [m] and pressure [-] at `count` points clustered at the edges, where the pressure is zero."""
-        half = np.linspace(0, np.pi / 2, count)
+        half, (trailing, leading) = np.linspace(0, np.pi / 2, count), self.edges
         fraction, complement = np.sin(half) ** 2, np.cos(half) ** 2
         functions = _pressure_functions(fraction[1:-1], complement[1:-1], self.exponent, self.terms)
-        x = self.trailing + (self.leading - self.trailing) * fraction
-        x[-1] = self.leading
+        x = trailing + (leading - trailing) * fraction
+        x[-1] = leading
         return x, np.concatenate([[0.0], functions @ self.coefficients, [0.0]])
 
 
-def solve_contact_patch(
+@dataclass(frozen=True, eq=False)
+class ShearSolution:
+    """Shear traction on the mix, in units of the relaxed modulus.
+
+    Parameters
+    ----------
+    x, traction : ndarray
+        Edges and the nodes between them [m], and the traction there [-], shape (k + 2,).
+    creepage : float
+        Angular speed x radius/speed - 1 [-].
+    resultant : ndarray
+        Force (x, y) by the traction [m], shape (2,).
+    forces, displacement : ndarray
+        Forces on the loaded nodes, shape (2, m), and displacement of all by them, shape (2, n) [m].
+    slip_work : float
+        Energy dissipated by slip per length rolled, - sign(v) int q s dx [m].
+    """
+
+    x: Array
+    traction: Array
+    creepage: float
+    resultant: Array
+    forces: Array
+    displacement: Array
+    slip_work: float
+
+    def traction_at(self, x: Array) -> Array:
+        """Interpolate the traction [-] to points x [m], shape (q,)."""
+        return _traction_functions(self.x, x) @ self.traction[1:-1]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSolution:
+    """Contact of an indenter on a surface, in units of the relaxed modulus."""
+
+    surface: SurfaceCompliance
+    indenter: Indenter
+    patch: ContactPatch
+    shear: ShearSolution | None = None
+
+    @property
+    def resultant(self) -> Array:
+        """Force (x, y) on the mix [m], shape (2,)."""
+        patch = self.patch
+        along = patch.direction[0] - self.indenter.slope(patch.x) * patch.direction[1]
+        force = np.array([patch.integral(patch.pressure * part) for part in (along, patch.direction[1])])
+        return force if self.shear is None else force + self.shear.resultant
+
+    @property
+    def forces(self) -> Array:
+        """Forces on all surface nodes [m], shape (2, n)."""
+        forces = np.zeros((2, len(self.surface.x)))
+        forces[:, self.surface.loaded] = self.patch.forces + (0.0 if self.shear is None else self.shear.forces)
+        return forces
+
+    @property
+    def is_beyond_circle(self) -> bool:
+        """True if the contact includes points where the roller has a vertical tangent or lies above its centre."""
+        patch, indenter = self.patch, self.indenter
+        if indenter.profile == "circle":
+            return bool(np.abs(patch.x).max() >= indenter.radius)
+        return indenter.profile == "deformed" and bool(patch.normal[1].max() >= 0)
+
+
+def solve_at_indentation(
+    problem: RollingProblem,
+    surface: SurfaceCompliance,
+    terms: int,
+    indentation: float,
+    edges: Edges | None = None,
+    start: ContactSolution | None = None,
+) -> ContactSolution:
+    """Solve the contact at an indentation, with its shear where the roller turns with friction.
+
+    Pressure and shear are solved alternately, with Aitken relaxation of the displacement by shear.
+
+    Parameters
+    ----------
+    surface : SurfaceCompliance
+        Compliance of the layer at the speed.
+    terms : int
+        Pressure terms.
+    indentation : float
+        Indentation [m].
+    edges : (float, float), optional
+        Initial guess of the trailing and leading edge in x [m].
+    start : ContactSolution, optional
+        Solution of a neighbouring contact.
+    """
+    indenter = problem.indenter(indentation)
+    patch, shear = (None, None) if start is None else (start.patch, start.shear)
+    if not problem.turns_with_friction:
+        patch = solve_pressure(surface, indenter, terms, patch, edges)
+        return ContactSolution(surface, indenter, _with_peaks(surface, indenter, patch))
+    patch = patch or solve_pressure(surface, indenter, terms, None, edges)
+    drawn = np.zeros((2, len(surface.x))) if shear is None else shear.displacement
+    nodes, relaxation, previous, changes = surface.x, 1.0, None, []
+    history: tuple = ()
+    for alternation in range(MAX_ALTERNATIONS):
+        sheared = replace(surface, initial=interpolant(surface.x, drawn))
+        patch = solve_pressure(sheared, indenter, terms, patch)
+        history += patch.history
+        shear = solve_shear(problem, surface, patch, nodes)
+        change = shear.displacement - drawn
+        changes.append(float(np.abs(change).max() / np.abs(patch.displacement).max()))
+        if changes[-1] < SHEAR_TOLERANCE:
+            patch = _with_peaks(sheared, indenter, replace(patch, history=history))
+            return ContactSolution(surface, indenter, patch, shear)
+        if previous is not None:
+            fall = previous - change
+            relaxation = np.clip(relaxation * np.sum(previous * fall) / np.sum(fall**2), *RELAXATION_LIMITS)
+        drawn, previous = drawn + relaxation * change, change
+        nodes = surface.x if alternation < FREE_ALTERNATIONS else shear.x[1:-1]
+    raise UnresolvedError(
+        f"pressure and shear did not converge to {SHEAR_TOLERANCE:g} in {MAX_ALTERNATIONS} alternations; the changes "
+        f"by shear over the displacement are {changes}"
+    )
+
+
+def solve_pressure(
     surface: SurfaceCompliance,
     indenter: Indenter,
     terms: int,
-    initial_guess: ContactPatch | None = None,
+    start: ContactPatch | None = None,
     edges: Edges | None = None,
 ) -> ContactPatch:
     """Solve the contact of an indenter on a surface with one pressure term per `NODES_PER_TERM` nodes at most.
@@ -180,24 +361,20 @@ def solve_contact_patch(
     from those of an active set; the number of terms then increases in stages. UnresolvedError lists the last
     iterations; BeyondWindowError: the edges leave the loaded zone.
     """
-    solver, patch = _EdgeSolver(surface, indenter), None
-    if initial_guess is not None:
-        patch = solver.solve_from(initial_guess, initial_guess.terms)
-    elif edges is not None:
-        with suppress(
-            UnresolvedError
-        ):  # a surface that moves far along x has other edges than one without displacement
-            patch = solver.solve_in_stages(np.array(edges), terms)
-    patch = patch or solver.solve_in_stages(estimate_edges(surface, indenter), terms)
-    return replace(patch, history=tuple(solver.history))
-
-
-def with_peak_pressures(surface: SurfaceCompliance, indenter: Indenter, patch: ContactPatch) -> ContactPatch:
-    """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer."""
     solver = _EdgeSolver(surface, indenter)
-    fewer = solver.solve_from(patch, max(1, patch.terms - PEAK_TERMS_OMITTED))
+    if start is not None:
+        return solver.solve_from(start, start.terms)
+    if edges is not None:
+        with suppress(UnresolvedError):  # a surface that moves far along x has other edges than one at rest
+            return solver.solve_in_stages(np.array(edges), terms)
+    return solver.solve_in_stages(estimate_edges(surface, indenter), terms)
+
+
+def _with_peaks(surface: SurfaceCompliance, indenter: Indenter, patch: ContactPatch) -> ContactPatch:
+    """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer."""
+    fewer = _EdgeSolver(surface, indenter).solve_from(patch, max(1, patch.terms - PEAK_TERMS_OMITTED))
     peaks = tuple(float(each.sampled(PEAK_SAMPLES)[1].max()) for each in (fewer, patch))
-    return replace(patch, peaks=peaks, history=patch.history + tuple(solver.history))
+    return replace(patch, peaks=peaks, history=patch.history + fewer.history)
 
 
 def estimate_edges(surface: SurfaceCompliance, indenter: Indenter) -> Array:
@@ -211,7 +388,7 @@ def estimate_edges(surface: SurfaceCompliance, indenter: Indenter) -> Array:
     H[2 * k + 2, k + 1] += sizes / 6
     response = surface.response[1, surface.loaded]
     A = H.T @ (response[:, 1] - indenter.friction * response[:, 0]) @ H
-    depth = H.T @ _contact_condition(surface, indenter, loaded_x, 0.0)[1]
+    depth = H.T @ _contact_condition(surface, indenter, loaded_x, np.zeros((2, len(loaded_x))))[1]
     active: BoolArray = depth > 0
     visited: set[bytes] = set()
     while active.any() and active.tobytes() not in visited:
@@ -231,19 +408,12 @@ def estimate_edges(surface: SurfaceCompliance, indenter: Indenter) -> Array:
     return np.array([corners[first - 1 : first + 1].mean(), corners[last : last + 2].mean()])
 
 
-def beyond_circle_message(edges: Edges, radius: float) -> str:
-    """Error message for the edges [m] of a contact wider than a circle of a radius [m]."""
-    contact = f"the contact, from {edges[0]:.3g} to {edges[1]:.3g} m,"
-    return f"{contact} is wider than the circle of radius {radius:g} m; reduce the indentation or the load"
-
-
 @dataclass(frozen=True, eq=False)
 class _EdgeSolver:
-    """Newton's method for the edges of a contact, with the history of its iterations."""
+    """Newton's method for the edges of a contact."""
 
     surface: SurfaceCompliance
     indenter: Indenter
-    history: list[tuple[float, float, float]] = field(default_factory=list)
 
     def solve_in_stages(self, edges: Array, terms: int) -> ContactPatch:
         """Solve from initial edges, first with few terms, then with more."""
@@ -251,10 +421,12 @@ class _EdgeSolver:
         terms = min(terms, max(1, int(np.sum((edges[0] < x) & (x < edges[1]))) // NODES_PER_TERM))
         few = min(terms, INITIAL_TERMS)
         patch = self._solve(few, edges, np.zeros((2, len(x))), None)
-        while TERM_GROWTH * few < terms:
-            few = int(TERM_GROWTH * few)
+        history = patch.history
+        while few < terms:
+            few = int(TERM_GROWTH * few) if TERM_GROWTH * few < terms else terms
             patch = self.solve_from(patch, few)
-        return self.solve_from(patch, terms)
+            history += patch.history
+        return replace(patch, history=history)
 
     def solve_from(self, guess: ContactPatch, terms: int) -> ContactPatch:
         """Solve from the edges, displacement and Jacobian of another patch."""
@@ -262,8 +434,7 @@ class _EdgeSolver:
 
     def _solve(self, terms: int, edges: Array, displacement: Array, jacobian: Array | None) -> ContactPatch:
         """Update the Jacobian by Broyden's rule; recompute it where the steps grow."""
-        patch = self._solve_between(edges, displacement, terms)
-        step_size = np.inf
+        patch, step_size, history = self._solve_between(edges, displacement, terms), np.inf, []
         for iteration in range(MAX_EDGE_ITERATIONS):
             amplitudes = patch.coefficients[-2:]
             if jacobian is None:  # by forward differences
@@ -272,11 +443,11 @@ class _EdgeSolver:
                 jacobian = (np.array([each.coefficients[-2:] for each in shifted]) - amplitudes).T / reach
             previous, step = step_size, np.linalg.solve(jacobian, -amplitudes)
             step_size = (np.abs(step).max() / (edges[1] - edges[0])).item()
-            self.history.append((*edges.tolist(), step_size))
+            history.append((*edges.tolist(), step_size))
             change = np.abs(patch.displacement - displacement).max()  # the normal is that of the displacement
             stationary = change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
             if step_size < EDGE_TOLERANCE and (stationary or self.indenter.profile != "deformed"):
-                return replace(patch, jacobian=jacobian)
+                return replace(patch, jacobian=jacobian, history=tuple(history))
             step *= min(1.0, MAX_STEP / max(step_size, MAX_STEP)) * (1.0 if iteration < FULL_STEPS else 0.5)
             edges, displacement = edges + step, patch.displacement
             patch = self._solve_between(edges, displacement, terms)
@@ -284,10 +455,10 @@ class _EdgeSolver:
             updated = jacobian + np.outer(residual, step) / (step @ step)
             jacobian = updated if step_size < max(previous, EDGE_TOLERANCE) else None
         if self.indenter.profile == "circle" and np.abs(edges).max() > self.indenter.radius:
-            raise RuntimeError(beyond_circle_message((edges[0], edges[1]), self.indenter.radius))
+            raise self.indenter.beyond_circle((edges[0], edges[1]))
         raise UnresolvedError(
             f"the contact edges did not converge in {MAX_EDGE_ITERATIONS} iterations; the last (trailing [m], "
-            f"leading [m], step over length) are {self.history[-HISTORY_REPORTED:]}"
+            f"leading [m], step over length) are {history[-HISTORY_REPORTED:]}"
         )
 
     def _solve_between(self, edges: Array, displacement: Array, terms: int) -> ContactPatch:
@@ -301,8 +472,7 @@ class _EdgeSolver:
         x, weight, fraction, complement = contact_quadrature(surface.x, edges)
         N = shape_matrix(surface.x, x)
         normal, depth = _contact_condition(surface, indenter, x, displacement @ N.T)
-        shear = indenter.friction * np.array([-normal[1], normal[0]])
-        direction = normal + shear
+        direction = normal + indenter.friction * np.array([-normal[1], normal[0]])
         trial = _pressure_functions(fraction, complement, indenter.exponent, terms)
         test = _pressure_functions(fraction, complement, 1 - indenter.exponent, terms) * weight[:, None]
         loads = N[:, surface.loaded].T
@@ -316,13 +486,12 @@ class _EdgeSolver:
                 f"the mesh is too coarse under the contact for {terms} terms of the pressure; refine it"
             ) from singular
         return ContactPatch(
-            trailing=float(edges[0]),
-            leading=float(edges[1]),
+            edges=(float(edges[0]), float(edges[1])),
             x=x,
             weight=weight,
             pressure=trial @ coefficients,
+            normal=normal,
             direction=direction,
-            shear=shear,
             forces=forces @ coefficients,
             displacement=response @ coefficients,
             coefficients=coefficients,
@@ -331,12 +500,10 @@ class _EdgeSolver:
 
 
 def _contact_condition(
-    surface: SurfaceCompliance, indenter: Indenter, x: Array, displacement: Array | float
+    surface: SurfaceCompliance, indenter: Indenter, x: Array, displacement: Array
 ) -> tuple[Array, Array]:
     """Linearise the contact condition; the depth is what remains for the displacement by contact."""
-    if surface.initial is None:
-        return indenter.contact_condition(x, displacement)
-    initial = surface.initial.at(x)
+    initial = surface.initial(x)
     normal, depth = indenter.contact_condition(x, displacement + initial)
     return normal, depth - np.sum(normal * initial, axis=0)
 
@@ -347,3 +514,85 @@ def _pressure_functions(fraction: Array, complement: Array, exponent: float, ter
     base = fraction**exponent * complement ** (1 - exponent)
     regular = base[:, None] * np.cos(angle[:, None] * np.arange(terms))
     return np.column_stack([regular, base / fraction, base / complement])
+
+
+def solve_shear(
+    problem: RollingProblem, surface: SurfaceCompliance, patch: ContactPatch, nodes: Array
+) -> ShearSolution:
+    """Solve Coulomb's law under the pressure of a patch, with tractions at nodes [m] between its edges."""
+    trailing, leading = patch.edges
+    inner = nodes[(nodes > trailing) & (nodes < leading)]
+    if len(inner) > 2:  # without nodes close to an edge
+        low = inner[0] - trailing < EDGE_CLEARANCE * (inner[1] - inner[0])
+        high = leading - inner[-1] < EDGE_CLEARANCE * (inner[-1] - inner[-2])
+        inner = inner[int(low) : len(inner) - int(high)]
+    x = np.concatenate([[trailing], inner, [leading]])
+
+    def tangent(at: Array) -> Array:  # of the roller towards +x, of unit length, shape (2, q)
+        normal = np.stack([np.interp(at, patch.x, part) for part in patch.normal])
+        return np.stack([-normal[1], normal[0]])
+
+    points, weight, _, _ = contact_quadrature(surface.x, patch.edges)
+    functions = _traction_functions(x, points) * weight[:, None]
+    loads, share = shape_matrix(surface.x, points)[:, surface.loaded].T, functions.sum(axis=0)
+    hats = np.stack([loads @ (functions * part[:, None]) for part in tangent(points)])
+    bound = problem.roller.friction * np.maximum(np.interp(inner, patch.x, patch.pressure), 0)
+    direction = problem.direction
+    force = -direction * problem.torque / problem.roller.radius / problem.material.youngs_modulus
+    if abs(force) >= bound @ share:
+        raise RuntimeError(
+            f"the roller skids: the torque is {abs(force) / (bound @ share):.3g} times the friction limit; reduce the "
+            "torque, or raise the load or `friction`"
+        )
+    # slip s = A q + b + creepage of the nodes, signed along the travel
+    response = surface.displacement(hats)
+    upstream = slice(1, None) if direction > 0 else slice(0, -1)  # intervals on the upstream side of the nodes
+    rate = -direction * (np.diff(shape_matrix(surface.x, x), axis=0) / np.diff(x)[:, None])[upstream]
+    along = tangent(((x[1:] + x[:-1]) / 2)[upstream])
+    A = sum(part[:, None] * (rate @ response[i]) for i, part in enumerate(along))
+    b = direction * (1 - along[0]) + sum(part * (rate @ patch.displacement[i]) for i, part in enumerate(along))
+    q, creepage = _stick_slip_active_set(A, b, bound, share, force)
+    return ShearSolution(
+        x=x,
+        traction=np.concatenate([[0.0], q, [0.0]]),
+        creepage=float(direction * creepage),
+        resultant=hats.sum(axis=1) @ q,
+        forces=hats @ q,
+        displacement=response @ q,
+        slip_work=-float(np.sum(share * q * (A @ q + b + creepage))),
+    )
+
+
+def _stick_slip_active_set(A: Array, b: Array, bound: Array, share: Array, force: float) -> tuple[Array, float]:
+    """Return traction and creepage: s = A q + b + creepage and share.q = force, signed along the travel."""
+    sticks, sign, visited = np.ones(len(b), dtype=bool), np.zeros(len(b)), set()
+    for _ in range(MAX_EXCHANGES):
+        q, k = np.where(sticks, 0.0, sign * bound), np.flatnonzero(sticks)  # s = 0 on the nodes k that stick
+        left = np.block([[A[np.ix_(k, k)], np.ones((len(k), 1))], [share[k][None], np.zeros((1, 1))]])
+        *q[k], creepage = np.linalg.solve(left, np.append(-(A @ q + b)[k], force - share @ q))
+        slip = A @ q + b + creepage
+        over, drags = sticks & (np.abs(q) > bound * (1 + FRICTION_ROUNDING)), ~sticks & (slip * sign > 0)
+        if not (over | drags).any():
+            return q, creepage
+        state, direction = (sticks & ~over) | drags, np.where(over, np.sign(q), sign)
+        if (state.tobytes(), direction.tobytes()) in visited:  # exchange one node where exchanges cycle
+            worst = np.argmax(np.where(over, np.abs(q), 0) + np.where(drags, bound.max(), 0))
+            state, direction = sticks.copy(), sign.copy()
+            state[worst], direction[worst] = ~sticks[worst], np.sign(q[worst])
+        if not state.any():  # the creepage is undetermined unless a node sticks
+            q = direction * bound
+            lacking = np.sign(force - share @ q)  # the node of least slip whose traction opposes the lacking force
+            state[np.argmin(np.where(q * lacking < 0, lacking * (A @ q + b), np.inf))] = True
+        visited.add((state.tobytes(), direction.tobytes()))
+        sticks, sign = state, direction
+    raise UnresolvedError(f"the zones of stick and slip did not converge in {MAX_EXCHANGES} exchanges")
+
+
+def _traction_functions(x: Array, points: Array) -> Array:
+    """Functions that are 1 at one node between the edges x[0] and x[-1] and 0 at the others, shape (q, k).
+
+    Hats between the nodes, constant outside the outermost ones, times square roots of the distances to the edges.
+    """
+    hats = np.array([np.interp(points, x[1:-1], row) for row in np.eye(len(x) - 2)]).T
+    root, unit = (np.sqrt(np.maximum((at - x[0]) * (x[-1] - at), 0)) for at in (points, x[1:-1]))
+    return hats * root[:, None] / unit

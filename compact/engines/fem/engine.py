@@ -1,10 +1,10 @@
 """Engine "fem": a rigid roller in steady motion over a linear layer of quadratic elements in plane strain.
 
 The elastic layer is factorised once per mesh, Poisson's ratio and base and condensed to its surface (`compliance`). The
-material at a speed retards that compliance along the surface. The contact with free edges is
-solved on it (`contact`), with zones of stick and slip where the roller turns. The load is the sum of the surface
-tractions, the resistance that of the pressure on the slope of the roller and of the shear. The energy balance uses
-stresses and strains inside the layer (`fields`).
+material at a speed retards that compliance along the surface. The contact with free edges is solved on it (`contact`),
+with zones of stick and slip where the roller turns. The secant method in logarithms finds the indentation of a
+prescribed load or peak pressure. The load is the sum of the surface tractions, the resistance that of the pressure on
+the slope of the roller and of the shear. The energy balance uses stresses and strains inside the layer (`fields`).
 
 The first discretisation fits the elastic contact, so that all speeds at one indentation share a mesh and its factorised
 stiffness. Retardation times that are short compared with the passage of the roller produce boundary layers at the edges
@@ -24,23 +24,36 @@ Errors in this range, against closed forms and the engine "spectral":
 They hold for plies whose moduli differ 20-fold, if the top ply is a fifth of the half-width thick or more.
 """
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact import rolling_contact
-from compact.engines.fem import contact_problem
-from compact.engines.fem.compliance import shape_matrix
-from compact.engines.fem.contact import INITIAL_TERMS, UnresolvedError, beyond_circle_message
-from compact.engines.fem.contact_problem import ContactSolution, Discretisation, RollingProblem
+from compact.engines.fem.compliance import (
+    SurfaceCompliance,
+    shape_matrix,
+    steady_creep_operator,
+    surface_compliance,
+)
+from compact.engines.fem.contact import (
+    INITIAL_TERMS,
+    SECANT_TOLERANCE,
+    BeyondWindowError,
+    ContactSolution,
+    Edges,
+    RollingProblem,
+    UnresolvedError,
+    solve_at_indentation,
+)
 from compact.engines.fem.fields import FemContactResult, dissipated_work
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral.engine import Contact
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh, mesh_for_error
 from compact.numerics.validation import require_positive
-from compact.rolling_contact import Layer, Roller
+from compact.rolling_contact import Contact, Layer, Roller
 
 PRESSURE_SAMPLES = 201  # [-], points along the contact in the result
 TARGET_FACTOR = 10.0  # [-], tolerance of the target in the result over that of its solution
@@ -53,6 +66,9 @@ BASE_TERMS = 12  # [-], of the pressure; more resolve thinner boundary layers, b
 TERMS_PER_WIDTH = 0.5  # [-], per half-width over the top ply, within whose thickness the pressure of a thin ply falls
 MAX_TERMS = 30  # [-], of the first discretisation
 ROUGH_TOLERANCE = 1e-2  # [-], of a prescribed load or peak pressure in the contact for which a mesh is chosen
+MAX_SECANTS = 20  # [-], contacts solved for a prescribed load or peak pressure
+INITIAL_POWER = 1.2  # [-], of load or peak pressure in the indentation, before two contacts are known
+MAX_LOG_STEP = 1.0  # [-], of the log of the indentation
 MAX_LEVEL = 4  # [-], of refinement where the estimated error exceeds the tolerance; the first mesh has level 0
 ELEMENT_GROWTH = 1.4  # [-], ratio of elements per half-width from one level to the next, from level 2
 EDGE_GROWTH = 4  # [-], ratio of the refinement at the edges of the contact from one level to the next
@@ -62,6 +78,35 @@ TERM_GROWTH = 1.5  # [-], ratio of pressure terms from one level to the next, fr
 SPECTRAL_TOLERANCE = 1e-2  # [-], of the contact by the spectral engine to which a refined mesh is fitted
 MAX_UNKNOWNS = 60_000  # [-], of a refined mesh; the mesh of its error estimate has four times as many
 MESH_ROUNDING = 1e-6  # [-], of the layer height, by which a mesh may miss the surface or an interface
+WINDOW = 1.3  # [-], half-width of the loaded zone over that of the estimated contact
+WINDOW_GROWTH = 1.5  # [-], of a loaded zone that does not contain the contact
+MAX_WINDOWS = 8  # [-], loaded zones
+REMEDY_ERROR = 1.05  # [-], tolerance of a remedy over the error estimate, more than its rounding
+
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """Mesh and pressure terms for a contact, with an initial guess of it.
+
+    Parameters
+    ----------
+    half_width : float
+        Half-width of the contact for which the mesh is fine [m].
+    indentation : float
+        Initial guess of the indentation [m].
+    terms : int
+        Pressure terms.
+    edges : (float, float), optional
+        Initial guess of the trailing and leading edge in x [m].
+    """
+
+    mesh: RowMesh
+    half_width: float
+    indentation: float
+    terms: int
+    edges: Edges | None = None
 
 
 def roll(
@@ -109,7 +154,7 @@ def roll(
 
     Examples
     --------
-    >>> from compact.rolling_contact import Layer, Roller
+    >>> from compact.rolling_contact import Contact, Layer, Roller
     >>> mix = Elastic(youngs_modulus=10e6, poisson=0.3)
     >>> rolled = roll(Layer(0.22), Roller(0.11, indentation=0.003), mix, speed=0.2)
     >>> f"load {rolled.load / 1e3:.2f} kN/m, edge {rolled.leading * 1e3:.2f} mm"
@@ -127,28 +172,7 @@ def roll(
 def require_linear_range(
     layer: Layer, roller: Roller, material: Elastic, speed: float, mesh: RowMesh | None, tolerance: float
 ) -> None:
-    """Require arguments that the linear finite-element engine covers.
-
-    Parameters
-    ----------
-    layer : Layer
-        Layer.
-    roller : Roller
-        Roller.
-    material : Elastic
-        Constitutive law.
-    speed : float
-        Speed of the roller [m/s].
-    mesh : RowMesh or None
-        Mesh of the layer.
-    tolerance : float
-        Relative error tolerance [-].
-
-    Raises
-    ------
-    ValueError
-        If the engine does not cover an argument.
-    """
+    """Require arguments, as of `roll`, that the engine covers; ValueError for others."""
     rolling_contact.require_known_case(layer, roller, speed)
     require_positive(tolerance=tolerance)
     if not isinstance(material, Elastic):
@@ -166,9 +190,44 @@ def require_linear_range(
         )
 
 
+def _solve_to_tolerance(problem: RollingProblem, tolerance: float) -> FemContactResult:
+    """Refine the mesh and the pressure terms until the error estimates are within the tolerance."""
+
+    def largest(result: FemContactResult) -> float:
+        return max(result.error or (np.inf, np.inf))
+
+    best: FemContactResult | None = None
+    similar: Contact | None = None  # whose edges the next mesh is fitted to
+    failure = None
+    for level in range(MAX_LEVEL + 1):
+        try:
+            grid = None if similar is None else refined_discretisation(problem, level, tolerance, similar)
+            if level == 0:
+                grid = initial_discretisation(problem, None, tolerance)
+            if grid is None:
+                break
+            result = _solve_on(problem, grid)
+        except UnresolvedError as error:  # from the edges of a coarse contact; those of "spectral" are better
+            failure, similar = error, spectral_estimate(problem) or best
+        else:
+            if largest(result) <= tolerance:
+                return result
+            similar = best = min(best or result, result, key=largest)
+    limits = f"up to {MAX_LEVEL} refinements within {MAX_UNKNOWNS} unknowns"
+    remedy = "use spectral, which has no stick and slip and a gap measured vertically"
+    if best is None:
+        raise UnresolvedError(f"no contact found by {limits}; {remedy}; {failure}")
+    load, resistance = best.error or (np.inf, np.inf)
+    raise RuntimeError(
+        f"`tolerance` {tolerance:g} is not reached: the error estimate is {load:.1e} for the load and {resistance:.1e} "
+        f"for the resistance on a mesh of {best.mesh.dofs} unknowns, the best of {limits}; raise the tolerance to "
+        f"{REMEDY_ERROR * largest(best):.2g}, or {remedy}"
+    )
+
+
 def _solve_on(problem: RollingProblem, discretisation: Discretisation, estimate: bool = True) -> FemContactResult:
     """Solve a problem on one mesh."""
-    contact = contact_problem.solve_contact(problem, discretisation)
+    contact = solve_contact(problem, discretisation)
     result = _contact_result(problem, discretisation.mesh, contact)
     result = replace(result, work_residual=_work_residual(problem, result, contact))
     torques = None
@@ -182,60 +241,101 @@ def _solve_on(problem: RollingProblem, discretisation: Discretisation, estimate:
     return replace(result, error=_error_estimate(problem, discretisation, result, contact))
 
 
-def _solve_to_tolerance(problem: RollingProblem, tolerance: float) -> FemContactResult:
-    """Refine the mesh and the pressure terms until the error estimates are within the tolerance."""
+def solve_contact(
+    problem: RollingProblem, discretisation: Discretisation, tolerance: float = SECANT_TOLERANCE
+) -> ContactSolution:
+    """Solve a steady contact in a loaded zone that is wide enough, its load or peak pressure within a tolerance [-]."""
 
-    def largest(result: FemContactResult) -> float:
-        return max(result.error or (np.inf, np.inf))
+    def solve(window: float) -> ContactSolution:
+        surface = retarded(problem, elastic_surface(problem, discretisation.mesh, window))
+        return solve_at_target(problem, surface, discretisation, tolerance)
 
-    best: FemContactResult | None = None
-    similar: FemContactResult | Contact | None = None  # whose edges the next mesh is fitted to
-    failure, spectral_contact, meshes = None, None, 0
-    for level in range(MAX_LEVEL + 1):
+    return expand_window(discretisation, solve)
+
+
+def expand_window(discretisation: Discretisation, solve: Callable[[float], Found]) -> Found:
+    """Call `solve(window)` with a growing half-width of the loaded zone [m] until the zone contains the contact.
+
+    `solve` raises `BeyondWindowError` where the zone is too small.
+    """
+    window = WINDOW * discretisation.half_width
+    for _ in range(MAX_WINDOWS):
         try:
-            discretisation = refined_discretisation(problem, level, tolerance, similar)
-            if discretisation is None:
-                break
-            meshes += 1
-            result = _solve_on(problem, discretisation)
-        except UnresolvedError as error:  # from the edges of a coarse contact; those of "spectral" are better
-            failure = error
-            spectral_contact = spectral_contact or spectral_estimate(problem)
-            similar = spectral_contact or best
-        else:
-            if largest(result) <= tolerance:
-                return result
-            similar = best = min(best or result, result, key=largest)
-    needs_fem = problem.turns_with_friction or problem.roller.profile == "deformed"
-    remedy = "use spectral" + ", with a gap measured vertically and without stick and slip" * needs_fem
-    if best is None:
-        raise UnresolvedError(
-            f"no contact found on {meshes} meshes of up to {MAX_UNKNOWNS} unknowns; {remedy}; {failure}"
-        )
-    load, resistance = best.error or (np.inf, np.inf)
-    digit = 10.0 ** (np.floor(np.log10(largest(best))) - 1)  # the error is rounded up to two digits
-    raise RuntimeError(
-        f"`tolerance` {tolerance:g} is not reached: the error estimate is {load:.1e} for the load and {resistance:.1e} "
-        f"for the resistance on a mesh of {best.mesh.dofs} unknowns, the best of up to {MAX_LEVEL} refinements within "
-        f"{MAX_UNKNOWNS} unknowns; raise the tolerance to {float(np.ceil(largest(best) / digit) * digit):g}, or "
-        f"{remedy}"
+            return solve(window)
+        except BeyondWindowError as beyond:
+            window, reason = WINDOW_GROWTH * window, beyond
+    raise UnresolvedError(f"the contact extends beyond a loaded zone of {window:.3g} m to either side: {reason}")
+
+
+def elastic_surface(
+    problem: RollingProblem, mesh: RowMesh, window: float, stretch_rate: bool = False
+) -> SurfaceCompliance:
+    """Compliance of the elastic layer of unit modulus, loaded within a half-width `window` [m] of the mesh."""
+    sheared = bool(problem.traction_ratio) or problem.turns_with_friction or problem.roller.profile == "deformed"
+    behind = 0 if problem.speed > 0 or problem.layer.base == "bonded" else 1
+    return surface_compliance(mesh, problem.material.poisson, problem.layer, window, sheared, behind, stretch_rate)
+
+
+def retarded(problem: RollingProblem, surface: SurfaceCompliance) -> SurfaceCompliance:
+    """Compliance of the viscoelastic layer in steady motion from that of the elastic one."""
+    return surface.retarded(steady_creep_operator(surface.x, problem.material, problem.speed))
+
+
+def solve_at_target(
+    problem: RollingProblem,
+    surface: SurfaceCompliance,
+    discretisation: Discretisation,
+    tolerance: float = SECANT_TOLERANCE,
+    start: ContactSolution | None = None,
+) -> ContactSolution:
+    """Solve the contact with the prescribed indentation, load or peak pressure of the roller.
+
+    A relative tolerance [-] is `STICK_SECANT_TOLERANCE` at least with stick. A `start` is a neighbouring contact.
+    """
+    (name, value), terms, edges = problem.roller.target, discretisation.terms, discretisation.edges
+    if name == "indentation":
+        return solve_at_indentation(problem, surface, terms, value, edges, start)
+    tolerance, modulus = max(tolerance, problem.target_tolerance), problem.material.youngs_modulus
+    logs: list[float] = []
+    errors: list[float] = []
+    history: tuple = ()
+    contact, beyond, log = start, None, np.log(discretisation.indentation)
+    for _ in range(MAX_SECANTS):
+        found = solve_at_indentation(problem, surface, terms, float(np.exp(log)), edges, contact)
+        history += found.patch.history
+        if found.is_beyond_circle:  # the resultant needs the slope of the circle
+            beyond, log = found, (log + logs[-1]) / 2 if logs else log - 1
+            continue
+        contact = found
+        logs.append(log)
+        reached = -modulus * contact.resultant[1] if name == "load" else modulus * contact.patch.peak
+        errors.append(float(np.log(reached / value)))
+        if abs(errors[-1]) < tolerance:
+            return replace(contact, patch=replace(contact.patch, history=history))
+        slope = INITIAL_POWER if len(logs) == 1 else (errors[-1] - errors[-2]) / (logs[-1] - logs[-2])
+        log = log - np.clip(errors[-1] / slope, -MAX_LOG_STEP, MAX_LOG_STEP)
+    if beyond is not None:
+        raise beyond.indenter.beyond_circle(beyond.patch.edges)
+    nearest = int(np.argmin(np.abs(errors)))
+    raise UnresolvedError(
+        f"`{name}` {value:.6g} is not reached in {len(logs)} secant steps; the nearest is "
+        f"{np.expm1(errors[nearest]):+.1e} off, at an indentation of {1e3 * np.exp(logs[nearest]):.4g} mm"
     )
 
 
 def _contact_result(problem: RollingProblem, mesh: RowMesh, contact: ContactSolution) -> FemContactResult:
     """Convert a contact to a result; RuntimeError for one beyond the lower half of the roller."""
-    if contact.is_beyond_circle:
-        raise RuntimeError(beyond_circle_message(contact.patch.edges, contact.indenter.radius))
     patch, shear, E = contact.patch, contact.shear, problem.material.youngs_modulus
+    if contact.is_beyond_circle:
+        raise contact.indenter.beyond_circle(patch.edges)
     x, pressure = patch.sampled(PRESSURE_SAMPLES)
     traction = problem.traction_ratio * pressure if shear is None else shear.traction_at(x)
-    edges = np.array(patch.edges)
-    trailing, leading = edges if problem.speed > 0 else -edges[::-1]
+    trailing, leading = patch.edges if problem.speed > 0 else (-patch.edges[1], -patch.edges[0])
     return FemContactResult(
         load=float(-E * contact.resultant[1]),
         resistance=float(E * contact.resultant[0]),
-        leading=float(leading),
-        trailing=float(trailing),
+        leading=leading,
+        trailing=trailing,
         x=x,
         pressure=E * pressure,
         shear_traction=E * traction,
@@ -277,12 +377,10 @@ def _error_estimate(
     )
     try:
         window = contact.surface.x[contact.surface.last - 1] - discretisation.mesh.centre
-        surface = contact_problem.steady_surface(problem, finer.mesh, window)
-        refined = as_deep = _contact_result(
-            problem, finer.mesh, contact_problem.solve_at_target(problem, surface, finer)
-        )
+        surface = retarded(problem, elastic_surface(problem, finer.mesh, window))
+        refined = as_deep = _contact_result(problem, finer.mesh, solve_at_target(problem, surface, finer))
         if problem.roller.load is not None:
-            at_depth = contact_problem.solve_at_indentation(problem, surface, finer.indentation, finer)
+            at_depth = solve_at_indentation(problem, surface, finer.terms, finer.indentation, finer.edges)
             as_deep = _contact_result(problem, finer.mesh, at_depth)
     except UnresolvedError as error:
         raise UnresolvedError(f"the error cannot be estimated; on the refined mesh {error}") from error
@@ -306,18 +404,15 @@ def _work_residual(problem: RollingProblem, result: FemContactResult, contact: C
     patch, shear, E = contact.patch, contact.shear, problem.material.youngs_modulus
     direction, supplied, slipped = problem.direction, result.resistance, 0.0
     if problem.layer.base == "slip":  # work at the held end less the energy that the strain of the layer stores
-        Q, tension_stiffness = (
-            contact.forces[0].sum(),
-            sum(ply.stiffness * ply.thickness for ply in problem.layer.stack),
-        )
-        supplied += direction * E * (1 - problem.material.poisson**2) * Q**2 / (2 * tension_stiffness)
+        Q, stiffness = contact.forces[0].sum(), sum(ply.stiffness * ply.thickness for ply in problem.layer.stack)
+        supplied += direction * E * (1 - problem.material.poisson**2) * Q**2 / (2 * stiffness)
     if shear is not None:
         supplied += direction * problem.torque / problem.roller.radius * (1 + shear.creepage)
         slipped = direction * E * shear.slip_work
     elif problem.traction_ratio:
         stretch = patch.displacement @ shape_matrix(contact.surface.x, patch.x, derivative=True).T
         slip = np.array([[1.0], [0.0]]) + stretch  # of the roller on the mix, over the speed
-        slipped = E * patch.integral(patch.pressure * np.sum(patch.shear * slip, axis=0))
+        slipped = E * patch.integral(patch.pressure * np.sum((patch.direction - patch.normal) * slip, axis=0))
     balance = supplied - direction * dissipated_work(result) - slipped
     return float(abs(balance) / rolling_contact.resistance_scale(result.resistance, result.load))
 
@@ -327,35 +422,35 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
 
     A prescribed load or peak pressure requires a rough solution with few terms, whose width may select a finer mesh.
     """
+
+    def fitted(half_width: float) -> Discretisation:  # with the indentation of the elastic contact
+        layer = problem.layer
+        if half_width < MIN_HALF_WIDTH * layer.height:
+            raise RuntimeError(f"a contact of {2 * half_width:.1g} m is too narrow for a mesh; use spectral")
+        elastic = spectral.contact_of_half_width(layer, problem.material, problem.roller.radius, half_width)
+        chosen = mesh or mesh_for_error(layer.height, half_width, tolerance, layer.interfaces)
+        return Discretisation(chosen, half_width, elastic.indentation, _pressure_terms(layer, half_width))
+
     half_width = spectral.expected_half_width(problem.layer, problem.roller, problem.material, problem.speed)
-    fitted = _fitted(problem, half_width, mesh, tolerance)
+    first = fitted(half_width)
     if problem.roller.indentation is not None:
-        return fitted
+        return first
     sliding = problem
     if problem.turns_with_friction:
         sliding = replace(problem, roller=replace(problem.roller, rolling="frictionless"))
-    rough = contact_problem.solve_contact(sliding, replace(fitted, terms=INITIAL_TERMS), ROUGH_TOLERANCE)
-    reach = max(-rough.patch.trailing, rough.patch.leading)
-    if mesh is None and reach < fitted.half_width / spectral.WIDTH_RATIO**2:
-        fitted = _fitted(problem, spectral.quantise_half_width(reach, fitted.half_width), mesh, tolerance)
-    return replace(fitted, indentation=rough.indenter.indentation)
+    rough = solve_contact(sliding, replace(first, terms=INITIAL_TERMS), ROUGH_TOLERANCE)
+    reach = max(-rough.patch.edges[0], rough.patch.edges[1])
+    if mesh is None and reach < half_width / spectral.WIDTH_RATIO**2:
+        first = fitted(spectral.quantise_half_width(reach, half_width))
+    return replace(first, indentation=rough.indenter.indentation)
 
 
 def refined_discretisation(
-    problem: RollingProblem, level: int, tolerance: float, similar: FemContactResult | Contact | None
+    problem: RollingProblem, level: int, tolerance: float, similar: Contact
 ) -> Discretisation | None:
-    """Discretisation of a level of refinement up to `MAX_LEVEL`, or None beyond `MAX_UNKNOWNS`.
-
-    From level 1 the mesh is fitted to the edges of a similar contact, or of the elastic contact.
-    """
-    if level == 0:
-        return initial_discretisation(problem, None, tolerance)
-    if similar is None:
-        first = initial_discretisation(problem, None, tolerance)
-        edges, indentation = (-first.half_width, first.half_width), first.indentation
-    else:
-        edges, indentation = (similar.trailing, similar.leading), similar.indentation
-        edges = edges if problem.speed > 0 else (-edges[1], -edges[0])
+    """Discretisation of a level of refinement from 1 on for the edges of a contact; None beyond `MAX_UNKNOWNS`."""
+    edges = similar.trailing, similar.leading
+    edges = edges if problem.speed > 0 else (-edges[1], -edges[0])
     layer, half_width = problem.layer, (edges[1] - edges[0]) / 2
     elements = int(np.ceil(elements_for(tolerance) * ELEMENT_GROWTH ** (level - 1)))
     at_edge = min(EDGE_REFINEMENT * EDGE_GROWTH**level, MAX_EDGE_REFINEMENT)
@@ -370,7 +465,7 @@ def refined_discretisation(
     if mesh.dofs > MAX_UNKNOWNS:
         return None
     terms = _pressure_terms(layer, half_width) * FIRST_TERM_GROWTH * TERM_GROWTH ** (level - 1)
-    return Discretisation(mesh, half_width, indentation, int(terms), None if similar is None else edges)
+    return Discretisation(mesh, half_width, similar.indentation, int(terms), edges)
 
 
 def spectral_estimate(problem: RollingProblem) -> Contact | None:
@@ -384,19 +479,6 @@ def spectral_estimate(problem: RollingProblem) -> Contact | None:
         return spectral.roll(problem.layer, roller, problem.material, problem.speed, rtol=SPECTRAL_TOLERANCE)
     except RuntimeError:
         return None
-
-
-def _fitted(problem: RollingProblem, half_width: float, mesh: RowMesh | None, tolerance: float) -> Discretisation:
-    """Discretisation for a half-width [m], with the indentation of the elastic contact."""
-    layer = problem.layer
-    if half_width < MIN_HALF_WIDTH * layer.height:
-        raise RuntimeError(f"a contact of {2 * half_width:.1g} m is too narrow for a mesh; use spectral")
-    return Discretisation(
-        mesh or mesh_for_error(layer.height, half_width, tolerance, layer.interfaces),
-        half_width,
-        spectral.contact_of_half_width(layer, problem.material, problem.roller.radius, half_width).indentation,
-        _pressure_terms(layer, half_width),
-    )
 
 
 def _pressure_terms(layer: Layer, half_width: float) -> int:

@@ -21,10 +21,9 @@ from functools import partial
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from compact.engines.fem import compliance, contact_problem
-from compact.engines.fem import engine as fem_engine
-from compact.engines.fem.compliance import NodalField, SurfaceCompliance
-from compact.engines.fem.contact_problem import ContactSolution, Discretisation, RollingProblem
+from compact.engines.fem import compliance
+from compact.engines.fem import engine as fem
+from compact.engines.fem.contact import ContactSolution, RollingProblem
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
 from compact.numerics import Array
@@ -77,7 +76,7 @@ def expand_resistance(
     RuntimeError
         If a contact is not found.
     """
-    fem_engine.require_linear_range(layer, roller, material, speed, mesh, tolerance)
+    fem.require_linear_range(layer, roller, material, speed, mesh, tolerance)
     problem = RollingProblem(layer, roller, material, speed)
     if problem.turns_with_friction:
         raise ValueError(
@@ -86,77 +85,64 @@ def expand_resistance(
         )
     branches = getattr(material, "branches", ())
     if not branches:
-        result = fem_engine.roll(layer, roller, material, speed, mesh=mesh, tolerance=tolerance, estimate=False)
+        result = fem.roll(layer, roller, material, speed, mesh=mesh, tolerance=tolerance, estimate=False)
         return ResistanceExpansion(speed, result.resistance, slope=0.0, added_mass=0.0, error=0.0, relaxation_time=0.0)
-    time = max(time for _, time in branches)
+    time, error = max(time for _, time in branches), None
     with threadpool_limits(1):  # the matrices are small; threads cost more than they save
-        discretisation = None
-        if mesh is None:  # a mesh that fits the contact at its own speed
-            similar = fem_engine.spectral_estimate(problem)
-            discretisation = fem_engine.refined_discretisation(problem, 1, tolerance, similar)
-        discretisation = discretisation or fem_engine.initial_discretisation(problem, mesh, tolerance)
-        resistance, slope, added_mass = contact_problem.expand_window(
-            discretisation, partial(_expansion, problem, discretisation)
-        )
-        error = None
+        similar = fem.spectral_estimate(problem) if mesh is None else None
+        grid = None if similar is None else fem.refined_discretisation(problem, 1, tolerance, similar)
+        grid = grid or fem.initial_discretisation(problem, mesh, tolerance)
+        resistance, slope, added_mass = fem.expand_window(grid, partial(_expansion, problem, grid))
         if estimate:
-            terms = discretisation.terms + fem_engine.EXTRA_TERMS
-            finer = replace(discretisation, mesh=discretisation.mesh.refined(), terms=terms)
-            refined = contact_problem.expand_window(finer, partial(_expansion, problem, finer))[2]
+            grid = replace(grid, mesh=grid.mesh.refined(), terms=grid.terms + fem.EXTRA_TERMS)
+            refined = fem.expand_window(grid, partial(_expansion, problem, grid))[2]
             error = ERROR_FACTOR * abs(added_mass - refined) + MIN_ERROR * max(abs(refined), time * abs(slope))
     return ResistanceExpansion(speed, resistance, slope, added_mass, error, time)
 
 
-def _expansion(problem: RollingProblem, discretisation: Discretisation, window: float) -> tuple[float, float, float]:
+def _expansion(problem: RollingProblem, grid: fem.Discretisation, window: float) -> tuple[float, float, float]:
     """Return (F_ss, dF_ss/dv, M) in a loaded zone of a half-width [m].
 
     All contacts are similar to the steady one, each on its mesh shifted and stretched so that the edges keep their
     elements; the compliance is expanded in the logarithm of the stretch.
     """
-    mesh, (_, shares, times) = discretisation.mesh, compliance.creep_function(problem.material)
-    steady = contact_problem.solve_at_target(
-        problem, contact_problem.steady_surface(problem, mesh, window), discretisation
-    )
-    elastic, stretch_rate = (
-        contact_problem.elastic_surface(problem, mesh, window, stretch_rate=rate) for rate in (False, True)
-    )
-    edges, start = steady.patch.edges, replace(discretisation, indentation=steady.indenter.indentation)
+    _, shares, times = compliance.creep_function(problem.material)
+    elastic = fem.elastic_surface(problem, grid.mesh, window, stretch_rate=True)
+    steady = fem.solve_at_target(problem, fem.retarded(problem, elastic), grid)
+    edges, grid = steady.patch.edges, replace(grid, indentation=steady.indenter.indentation)
 
-    def stretched(stretch: float) -> SurfaceCompliance:
-        return replace(elastic, response=elastic.response + np.log(stretch) * stretch_rate.response)
-
-    def solve(at: RollingProblem, initial: NodalField | None = None) -> ContactSolution:
+    def solve(at: RollingProblem, initial: compliance.Displacement = compliance.at_rest) -> ContactSolution:
         contact = steady
         for _ in range(MESH_ITERATIONS):
             stretch = np.subtract(*contact.patch.edges) / np.subtract(*edges)
-            x = contact.patch.trailing + stretch * (elastic.x - edges[0])
-            surface = replace(stretched(stretch), x=x, initial=initial)
-            surface = surface.retarded(compliance.steady_creep_operator(x, at.material, at.speed))
-            contact = contact_problem.solve_at_target(at, surface, start, initial_guess=contact)
+            x = contact.patch.edges[0] + stretch * (elastic.x - edges[0])
+            surface = fem.retarded(at, replace(elastic.stretched(stretch), x=x, initial=initial))
+            contact = fem.solve_at_target(at, surface, grid, start=contact)
         return contact
 
-    def elastic_displacement(contact: ContactSolution) -> Array:  # w [m], shape (2, n)
-        surface = stretched(np.ptp(contact.surface.x) / np.ptp(elastic.x))
-        return surface.displacement(contact.forces[:, surface.loaded])
-
-    def internal_variables(at: RollingProblem, contact: ContactSolution) -> Array:  # z_k [m], shape (branches, 2, n)
-        w, x = elastic_displacement(contact), contact.surface.x
-        return np.array([w @ compliance.retardation_operator(x, time * at.speed).T for time in times])
+    def internal_variables(at: RollingProblem, contact: ContactSolution) -> tuple[Array, Array]:
+        """Return w and z_k [m], shapes (2, n) and (branches, 2, n)."""
+        x = contact.surface.x
+        surface = elastic.stretched(np.ptp(x) / np.ptp(elastic.x))
+        w = surface.displacement(contact.forces[:, elastic.loaded])
+        return w, np.array([w @ compliance.retardation_operator(x, time * at.speed).T for time in times])
 
     slower, faster = (replace(problem, speed=problem.speed * (1 + side * SPEED_STEP)) for side in (-1, 1))
     before, after = solve(slower), solve(faster)
-    speed_change, surface = faster.speed - slower.speed, steady.surface
-    w, z = elastic_displacement(steady), internal_variables(problem, steady)
-    z_change = internal_variables(faster, after) - internal_variables(slower, before)
+    speed_change, x = faster.speed - slower.speed, steady.surface.x
+    w, z = internal_variables(problem, steady)
+    z_change = internal_variables(faster, after)[1] - internal_variables(slower, before)[1]
     mesh_velocity = (after.surface.x - before.surface.x) / speed_change
     lengths = problem.speed * times[:, None, None]
     z_rate = z_change / speed_change - mesh_velocity * (z - w) / lengths  # at fixed x, since z - l dz/dx = w
     lag = sum(  # g [m s2/m]
-        share * time * rate @ compliance.retardation_operator(surface.x, time * problem.speed).T
+        share * time * rate @ compliance.retardation_operator(x, time * problem.speed).T
         for share, time, rate in zip(shares, times, z_rate, strict=True)
     )
-    step = float(DISPLACEMENT_STEP * start.indentation / np.abs(lag[:, surface.loaded]).max())
-    losing, gaining = (solve(problem, NodalField(surface.x, -acceleration * lag)) for acceleration in (-step, step))
-    modulus = problem.material.youngs_modulus
-    forces = [float(modulus * contact.resultant[0]) for contact in (steady, before, after, losing, gaining)]
-    return forces[0], (forces[2] - forces[1]) / speed_change, (forces[4] - forces[3]) / (2 * step)
+    step = float(DISPLACEMENT_STEP * grid.indentation / np.abs(lag[:, elastic.loaded]).max())
+    losing, gaining = (solve(problem, compliance.interpolant(x, -side * step * lag)) for side in (-1.0, 1.0))
+    forces = [
+        float(problem.material.youngs_modulus * contact.resultant[0]) for contact in (before, after, losing, gaining)
+    ]
+    resistance = float(problem.material.youngs_modulus * steady.resultant[0])
+    return resistance, (forces[1] - forces[0]) / speed_change, (forces[3] - forces[2]) / (2 * step)
