@@ -62,7 +62,7 @@ def _gains(objective, nominal, robust):
     name = f"least-{objective.replace('_', '-')}"
     published = [
         cycle.forward
-        for cycle in nominal.stages.prescribed.cycles.values()
+        for cycle in nominal.stages.laws.prescribed.values()
         if not violations(nominal.stages.laws.limits, cycle.forward)
     ]
     for load in robust.stages.laws.motion_resistances:

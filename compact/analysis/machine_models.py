@@ -1,8 +1,9 @@
 """Machine of a scene as records: cart, crank, motion laws, and the drive of each law."""
 
 import csv
-from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,17 +20,12 @@ from compact.machine.shaft import Belt, Kloss, LinearTorqueCurve
 from compact.motion.profile import Cycle, MotionProfile, law
 from compact.motion.tabulated import from_table
 from compact.scene.loader import Scene, SceneError
-from compact.scene.schema import Motor as MotorTable
 
 if TYPE_CHECKING:
     from compact.machine.elastic_drive import ElasticDrive
 
 RPM = 2 * np.pi / 60  # [rad/s], one revolution per minute, the unit of speed in catalogues
 CATALOGUE_COLUMNS = ("name", "rated_torque_Nm", "peak_torque_Nm", "speed_rpm", "inertia_kgm2")
-STATED = (  # fields of `Cart` that the table [machine] states
-    "mass", "weight", "roller_positions", "guide_positions", "pin_position", "pin_height", "roller_radius",
-    "guide_wheel_diameter", "guide_friction",
-)  # fmt: skip
 
 
 def cart(scene: Scene, roller_load: float, return_load_ratio: float = 1.0) -> Cart:
@@ -42,11 +38,12 @@ def cart(scene: Scene, roller_load: float, return_load_ratio: float = 1.0) -> Ca
     return_load_ratio : float
         Load on the return stroke over that on the forward stroke [-].
     """
-    machine, table, springs = scene.machine, scene.drive.end_springs, None
-    if table is not None:
-        springs = EndSprings(table.stiffness, table.preload, table.length, scene.motion.stroke)
+    machine, table = scene.machine, scene.drive.end_springs
+    springs = None if table is None else EndSprings(**table.model_dump(), stroke=scene.motion.stroke)
+    stated: dict[str, Any] = {
+        each.name: getattr(machine, each.name) for each in fields(Cart) if hasattr(machine, each.name)
+    }
     reactions = (roller_load,) * machine.rollers
-    stated: dict[str, Any] = {name: getattr(machine, name) for name in STATED}
     return Cart(roller_reactions=reactions, end_springs=springs, return_load_ratio=return_load_ratio, **stated)
 
 
@@ -87,7 +84,7 @@ def catalogue(scene: Scene) -> tuple[CatalogueMotor, ...]:
     SceneError
         If the file is no catalogue; the message lists all mistakes.
     """
-    path, motors, mistakes = scene.catalogue_path, [], []
+    path, motors, mistakes = scene.catalogue_path, dict[str, CatalogueMotor](), []
     if path is None:
         return ()
     try:
@@ -99,17 +96,16 @@ def catalogue(scene: Scene) -> tuple[CatalogueMotor, ...]:
         try:
             rated, peak, turns, inertia = (float(row[name]) for name in CATALOGUE_COLUMNS[1:])
             price = float(row["price"]) if row.get("price") else None
-            motors.append(CatalogueMotor(row["name"], rated, peak, turns * RPM, inertia, price))
+            motor = CatalogueMotor(row["name"], rated, peak, turns * RPM, inertia, price)
+            if motors.setdefault(motor.name, motor) is not motor:
+                mistakes.append(f"{path}:{number}: repeats the name {motor.name}; give each motor once")
         except ValueError as error:
             mistakes.append(f"{path}:{number}: {error}; give numbers in the units of the columns")
-    repeated = [name for name, count in Counter(each.name for each in motors).items() if count > 1]
-    if repeated:
-        mistakes.append(f"{path}: repeats the name {', '.join(repeated)}; give each motor once")
-    if not (motors or mistakes):
+    if not rows:
         mistakes.append(f"{path}: has no motors; give one line each")
     if mistakes:
         raise SceneError(mistakes)
-    return tuple(motors)
+    return tuple(motors.values())
 
 
 def drive_of(scene: Scene, cycle: Cycle) -> "Rigid | Crank | Hydraulic | Motor | ElasticDrive":
@@ -133,33 +129,23 @@ def drive_of(scene: Scene, cycle: Cycle) -> "Rigid | Crank | Hydraulic | Motor |
         return linked
     motor = table.motor
     assert motor is not None  # rule of the scene
+    curve: Kloss | LinearTorqueCurve = LinearTorqueCurve(motor.torque, motor.speed)
+    if motor.curve == "kloss":
+        assert motor.breakdown_slip is not None  # rule of the scene
+        curve = Kloss(motor.torque, motor.breakdown_slip, motor.speed)
     belt = None if motor.belt is None else Belt(**motor.belt.model_dump())
-    return Motor(
-        _torque_curve(motor), motor.gear_ratio, motor.inertia, motor.flywheel_inertia, angles(scene), linked, belt
-    )
-
-
-def _torque_curve(motor: MotorTable) -> Kloss | LinearTorqueCurve:
-    if motor.curve == "linear":
-        return LinearTorqueCurve(motor.torque, motor.speed)
-    assert motor.breakdown_slip is not None  # rule of the scene
-    return Kloss(motor.torque, motor.breakdown_slip, motor.speed)
+    return Motor(curve, motor.gear_ratio, motor.inertia, motor.flywheel_inertia, angles(scene), linked, belt)
 
 
 def _tabulated_law(path: str | Path) -> MotionProfile:
+    """Read the law of a table of time [s] and position [m], with or without a header."""
     try:
         with Path(path).open(encoding="utf-8", newline="") as stream:
             rows = [row for row in csv.reader(stream) if row and not row[0].lstrip().startswith("#")]
-        body = rows[1:] if rows and not _is_number(rows[0][0]) else rows
-        time, position = np.array([[float(cell) for cell in row[:2]] for row in body]).T
+        with suppress(ValueError):  # a first row of words is a header
+            float(rows[0][0])
+            rows.insert(0, [])
+        time, position = np.array([[float(cell) for cell in row[:2]] for row in rows[1:]]).T
         return from_table(time, position, name=Path(path).stem)
     except (OSError, ValueError, IndexError) as error:
         raise SceneError([f"{path}: not a table of time [s] and position [m] ({error}); give two columns"]) from None
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True

@@ -25,11 +25,11 @@ from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
 from compact.analysis.sizing.work_balance import WorkBalance, work_balance
 from compact.analysis.stages import comparison
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
-from compact.analysis.stages.cam_drawing import CamDrawing, first_cam_drawing
 from compact.analysis.stages.comparison import ComparisonAnswer, EngineComparison, Places, RankingAgreement
 from compact.analysis.stages.contacts import Count, no_count
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.kept_results import KeptResults, write_results
+from compact.analysis.stages.laws import CamDrawing
 from compact.analysis.stages.model_spread import ModelSpread, contact_by_law, scenes_of_laws, spread_of
 from compact.analysis.stages.sensitivity import Shift, sensitivities
 from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
@@ -52,7 +52,7 @@ def _of(path: str, meaning: str) -> Any:
 class Study:
     """Results of one scene; each attribute is computed when first used.
 
-    The stages are `stages.contacts`, `stages.resistance`, `stages.prescribed`, `stages.laws` and `stages.drive`.
+    The stages are `stages.contacts`, `stages.resistance`, `stages.laws` and `stages.drive`.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ class Study:
     @cached_property
     def first_cam(self) -> CamDrawing | None:
         """Drawing of the cam of the first law; None for a scene without the output "cams"."""
-        return first_cam_drawing(self.stages) if "cams" in self.scene.output.items else None
+        return self.stages.laws.drawing(self.stages.drive.best_law) if "cams" in self.scene.output.items else None
 
     # comparison
 
@@ -228,7 +228,7 @@ class Study:
         with executor as tasks:
             self._answers = {}
             for name in self.scene.compared_engines:
-                laws = self.stages.prescribed.cycles, self.cycles
+                laws = self.stages.laws.prescribed, self.cycles
                 work = partial(comparison.run_engine_alternative, self.scene.with_engine(name), laws)
                 self._answers[name] = tasks.submit(work, directory and directory / name)
             self._executor = tasks

@@ -108,7 +108,7 @@ class Scene(loader.Scene):
 
         scene = self._by(engine)
         stages = build_stages(scene)
-        law, peaks = stages.resistance.resistance, [each.forward.peaks() for each in stages.prescribed.cycles.values()]
+        law, peaks = stages.resistance.resistance, [each.forward.peaks() for each in stages.laws.prescribed.values()]
         fastest = max((each.velocity for each in peaks), default=scene.mean_speed)
         strongest = max((each.acceleration for each in peaks), default=0.0)
         known = getattr(law, "speeds", (fastest,))[-1]
@@ -142,7 +142,7 @@ class Scene(loader.Scene):
         -------
         Ranking
         """
-        from compact.analysis.stages.drives import OwnInputs, build_stages
+        from compact.analysis.stages.drives import build_stages
         from compact.api.ranking import CartResistance, own_laws, rank_laws
         from compact.machine.ranking import CRITERIA
         from compact.numerics.validation import require_known
@@ -151,7 +151,7 @@ class Scene(loader.Scene):
         require_known("criterion", criterion, tuple(CRITERIA))
         given = resistance.law if isinstance(resistance, CartResistance) else resistance
         scene = self._by(engine)
-        return rank_laws(build_stages(scene, own=OwnInputs(own_laws(scene, laws or {}), given)), criterion)
+        return rank_laws(build_stages(scene, own_laws=own_laws(scene, laws or {}), own_resistance=given), criterion)
 
     def sweep(
         self,

@@ -72,7 +72,7 @@ class Study(study.Study, Tabular):
 
     def __repr__(self) -> str:
         title = self.scene.title or "an untitled scene"
-        return f"<study of {title}, engine {self.scene.accuracy.engine}, {len(self.stages.prescribed.cycles)} laws>"
+        return f"<study of {title}, engine {self.scene.accuracy.engine}, {len(self.stages.laws.prescribed)} laws>"
 
     def _repr_html_(self) -> str:
         computed = "rankings" in self.stages.drive.__dict__  # a view starts no computation

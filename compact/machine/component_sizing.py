@@ -27,7 +27,7 @@ P <= C/2 and without axial load.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -36,10 +36,10 @@ import rainflow
 from scipy.integrate import cumulative_trapezoid
 
 from compact.machine.ranking import group_equal
-from compact.machine.rigid_drive import SAMPLES_PER_PIECE, CycleStatistics
+from compact.machine.rigid_drive import CycleStatistics, sample_pieces
 from compact.machine.shaft import CartsOnShaft
-from compact.numerics import Array
-from compact.numerics.piecewise import BREAK_OFFSET, clenshaw_curtis, find_maximum, interior_grid
+from compact.numerics import Array, BoolArray
+from compact.numerics.piecewise import find_maximum, interior_grid
 from compact.numerics.validation import require_fields, require_integers, require_known, require_positive
 
 DEFAULT_MARGIN = 1.25  # [-], over rms and peak torque; customary service factor of moderate shocks in one shift
@@ -62,8 +62,8 @@ class ShaftRequirement:
         Angle and quadrature weights [rad].
     torque : ndarray
         Torque of all carts [N m].
-    inertia : ndarray
-        Sum of m x'^2 over all carts [kg m2].
+    largest_inertia : float
+        Largest sum of m x'^2 over all carts, their inertia reduced to the shaft [kg m2].
     peak_driving, peak_braking : float
         Largest torque, and largest torque in the opposite direction [N m], >= 0, also between samples.
     """
@@ -72,7 +72,7 @@ class ShaftRequirement:
     angle: Array
     weights: Array
     torque: Array
-    inertia: Array
+    largest_inertia: float
     peak_driving: float
     peak_braking: float
 
@@ -92,24 +92,14 @@ class ShaftRequirement:
         return math.sqrt(self._mean(self.torque**2))
 
     @property
-    def rms_power(self) -> float:
-        """Rms torque times speed [W]."""
-        return self.rms_torque * self.speed
-
-    @property
     def driving_share(self) -> float:
         """Share of the cycle in which the shaft drives the carts, to 1 % [-]."""
-        return self._mean((self.torque > ROUNDING_SHARE * self.peak_torque).astype(float))
+        return self._mean(self.torque > ROUNDING_SHARE * self.peak_torque)
 
     @property
     def braking_share(self) -> float:
         """Share of the cycle in which the carts drive the shaft, to 1 % [-]."""
-        return self._mean((self.torque < -ROUNDING_SHARE * self.peak_torque).astype(float))
-
-    @property
-    def largest_inertia(self) -> float:
-        """Largest inertia of the carts, reduced to the shaft [kg m2]."""
-        return float(self.inertia.max())
+        return self._mean(self.torque < -ROUNDING_SHARE * self.peak_torque)
 
     @cached_property
     def excess_energy(self) -> float:
@@ -130,53 +120,30 @@ class ShaftRequirement:
         torque = np.where(self.torque > 0, driving, braking) * self.torque
         return math.sqrt(self._mean(torque**2)), max(driving * self.peak_driving, braking * self.peak_braking)
 
-    def _mean(self, values: Array) -> float:
+    def _mean(self, values: Array | BoolArray) -> float:
         return float(np.sum(self.weights * values) / (2 * np.pi))
 
 
 def shaft_requirement(carts: CartsOnShaft) -> ShaftRequirement:
-    """Compute the torque of carts on a shaft that turns uniformly, one revolution a cycle.
+    """Compute the torque of carts on a shaft that turns uniformly, one revolution a cycle, under a continuous velocity.
 
     Parameters
     ----------
     carts : CartsOnShaft
         Carts, their law and the resistance.
-
-    Returns
-    -------
-    ShaftRequirement
-
-    Raises
-    ------
-    ValueError
-        If the velocity of the law jumps, which requires an infinite torque.
     """
-    if any(join.order == 1 for join in carts.cycle.discontinuities()):
-        raise ValueError(
-            f"the velocity of '{carts.cycle.forward.name}' jumps, which requires an infinite torque; use a law with "
-            "continuous velocity"
-        )
-    speed, breaks = 2 * np.pi / carts.cycle.period, carts.breaks()
+    speed, breaks = float(2 * np.pi / carts.cycle.period), carts.breaks()
 
     def torque(angle: Array) -> Array:
         return carts.torque(angle, np.full(angle.shape, speed**2 / 2), np.zeros(angle.shape))
 
-    nodes, unit_weights = clenshaw_curtis(SAMPLES_PER_PIECE)
-    low, high = breaks[:-1, None], breaks[1:, None]
-    inset = BREAK_OFFSET * 2 * np.pi
-    angle = np.clip(low + (high - low) * nodes, low + inset, high - inset)
+    angle, weights = sample_pieces(breaks, unit=2 * np.pi)
     slopes = np.array([carts.travel(np.mod(angle + lead, 2 * np.pi))[1] for lead in carts.angles])
     grid = interior_grid(breaks)
     driving, braking = find_maximum(torque, grid)[0], find_maximum(lambda at: -torque(at), grid)[0]
-    return ShaftRequirement(
-        speed=float(speed),
-        angle=angle.ravel(),
-        weights=((high - low) * unit_weights).ravel(),
-        torque=torque(angle).ravel(),
-        inertia=(carts.cart.mass * np.sum(slopes**2, axis=0)).ravel(),
-        peak_driving=max(driving, 0.0),
-        peak_braking=max(braking, 0.0),
-    )
+    inertia = carts.cart.mass * float(np.sum(slopes**2, axis=0).max())
+    samples = angle.ravel(), weights.ravel(), torque(angle).ravel()
+    return ShaftRequirement(speed, *samples, inertia, max(driving, 0.0), max(braking, 0.0))
 
 
 def requirement_of_run(run: CycleStatistics, angles: tuple[float, ...] = (0.0,)) -> ShaftRequirement:
@@ -189,34 +156,22 @@ def requirement_of_run(run: CycleStatistics, angles: tuple[float, ...] = (0.0,))
     angles : tuple of float
         Lead of each cart over the shaft [rad]; all carts have the same run.
 
-    Returns
-    -------
-    ShaftRequirement
-
     Notes
     -----
     Torques between samples are interpolated linearly for carts that are ahead of the first one.
     """
-    speed = 2 * np.pi / run.period
-    angle, torque = speed * run.time, run.drive_power / speed
-    slope = run.cycle.derivative(run.time, 1) / speed
-    ahead = [np.mod(angle + lead, 2 * np.pi) for lead in angles]
-    whole = np.sum([_interpolated(at, angle, torque, lead) for at, lead in zip(ahead, angles, strict=True)], axis=0)
-    inertia = [_interpolated(at, angle, slope**2, lead) for at, lead in zip(ahead, angles, strict=True)]
-    return ShaftRequirement(
-        speed=float(speed),
-        angle=angle,
-        weights=speed * run.weights,
-        torque=whole,
-        inertia=run.cart.mass * np.sum(inertia, axis=0),
-        peak_driving=max(float(whole.max()), 0.0),
-        peak_braking=max(float(-whole.min()), 0.0),
-    )
+    speed = float(2 * np.pi / run.period)
+    angle, slope = speed * run.time, run.cycle.derivative(run.time, 1) / speed
 
+    def of_all_carts(values: Array) -> Array:
+        ahead = (np.mod(angle + lead, 2 * np.pi) if lead else None for lead in angles)
+        each = [values if at is None else np.interp(at, angle, values, period=2 * np.pi) for at in ahead]
+        return np.sum(each, axis=0)
 
-def _interpolated(at: Array, angle: Array, values: Array, lead: float) -> Array:
-    """Values of a cart at its own angles [rad]; those of the samples for a cart without lead."""
-    return values if lead == 0 else np.interp(at, angle, values, period=2 * np.pi)
+    torque = of_all_carts(run.drive_power / speed)
+    peaks = max(float(torque.max()), 0.0), max(float(-torque.min()), 0.0)
+    inertia = run.cart.mass * float(of_all_carts(slope**2).max())
+    return ShaftRequirement(speed, angle, speed * run.weights, torque, inertia, *peaks)
 
 
 @dataclass(frozen=True)
@@ -245,9 +200,7 @@ class CatalogueMotor:
     price: float | None = None
 
     def __post_init__(self) -> None:
-        require_fields(self, positive="rated_torque peak_torque speed", nonnegative="inertia")
-        if self.price is not None:
-            require_positive(price=self.price)
+        require_fields(self, positive="rated_torque peak_torque speed price", nonnegative="inertia")
         if self.peak_torque < self.rated_torque:
             raise ValueError(
                 f"`peak_torque` must be at least `rated_torque` {self.rated_torque!r} N m, got {self.peak_torque!r}"
@@ -318,36 +271,21 @@ class MotorFit:
 
 
 def check_motor(motor: CatalogueMotor, requirement: ShaftRequirement, rule: SizingRule) -> MotorFit:
-    """Check a motor against the torque of a shaft.
-
-    Parameters
-    ----------
-    motor : CatalogueMotor
-        Motor.
-    requirement : ShaftRequirement
-        Torque of the shaft.
-    rule : SizingRule
-        Rule by which the motor holds.
-
-    Returns
-    -------
-    MotorFit
-    """
+    """Check a motor against the torque of a shaft by a rule."""
     ratio = rule.gear_ratio or motor.speed / requirement.speed
-    rms, peak = requirement.at_motor(ratio, rule.efficiency)
-    rotor = ratio**2 * motor.inertia
+    speed, (rms, peak) = ratio * requirement.speed, requirement.at_motor(ratio, rule.efficiency)
+    rated, largest, rotor = rule.margin * rms, rule.margin * peak, ratio**2 * motor.inertia
     inertia_ratio = requirement.largest_inertia / rotor if rotor else math.inf
     fluctuation = requirement.excess_energy / (rotor * requirement.speed**2) if rotor else math.inf
-    failures = []
-    if ratio * requirement.speed > motor.speed * (1 + ROUNDING_SHARE):
-        failures.append(f"turns at {ratio * requirement.speed:.4g} rad/s, above the rated {motor.speed:.4g}")
-    if rule.margin * rms > motor.rated_torque:
-        failures.append(f"has {motor.rated_torque:.4g} of the {rule.margin * rms:.4g} N m of rated torque required")
-    if rule.margin * peak > motor.peak_torque:
-        failures.append(f"has {motor.peak_torque:.4g} of the {rule.margin * peak:.4g} N m of peak torque required")
-    if rule.inertia_ratio is not None and inertia_ratio > rule.inertia_ratio:
-        failures.append(f"has an inertia ratio of {inertia_ratio:.3g}, above {rule.inertia_ratio:g}")
-    return MotorFit(motor, ratio, rms, peak, inertia_ratio, fluctuation, tuple(failures))
+    limit = math.inf if rule.inertia_ratio is None else rule.inertia_ratio
+    failures = {
+        f"turns at {speed:.4g} rad/s, above the rated {motor.speed:.4g}": speed > motor.speed * (1 + ROUNDING_SHARE),
+        f"has {motor.rated_torque:.4g} of the {rated:.4g} N m of rated torque required": rated > motor.rated_torque,
+        f"has {motor.peak_torque:.4g} of the {largest:.4g} N m of peak torque required": largest > motor.peak_torque,
+        f"has an inertia ratio of {inertia_ratio:.3g}, above {limit:g}": inertia_ratio > limit,
+    }
+    fails = tuple(words for words, failed in failures.items() if failed)
+    return MotorFit(motor, ratio, rms, peak, inertia_ratio, fluctuation, fails)
 
 
 @dataclass(frozen=True)
@@ -373,34 +311,12 @@ class MotorChoice:
     @property
     def next_smaller(self) -> MotorFit | None:
         """Largest motor below the chosen one, or of all where none holds; None for the smallest motor."""
-        chosen = self.chosen
-        place = len(self.fits) if chosen is None else self.fits.index(chosen)
+        place = next((i for i, each in enumerate(self.fits) if each.holds), len(self.fits))
         return self.fits[place - 1] if place else None
 
 
 def choose_motor(motors: Sequence[CatalogueMotor], requirement: ShaftRequirement, rule: SizingRule) -> MotorChoice:
-    """Choose the smallest motor that holds: by price if every motor has one, else by rated power.
-
-    Parameters
-    ----------
-    motors : sequence of CatalogueMotor
-        Motors in any order.
-    requirement : ShaftRequirement
-        Torque of the shaft.
-    rule : SizingRule
-        Rule by which a motor holds.
-
-    Returns
-    -------
-    MotorChoice
-
-    Raises
-    ------
-    ValueError
-        If there are no motors.
-    """
-    if not motors:
-        raise ValueError("`motors` must hold at least one motor, got none")
+    """Choose the smallest motor that holds by a rule: by price if every motor has one, else by rated power."""
     priced = all(each.price is not None for each in motors)
 
     def size(motor: CatalogueMotor) -> tuple[float, float, str]:
@@ -446,23 +362,18 @@ def count_cycles(history: Array) -> list[LoadCycle]:
     [(5.0, 2.5, 1.0), (3.0, 2.5, 1.0)]
     """
     load = np.asarray(history, float)
-    start = int(load.argmax())
-    repeated = np.concatenate([load[start:], load[: start + 1]])
-    largest = float(np.abs(load).max())
-    extracted = (map(float, cycle[:3]) for cycle in rainflow.extract_cycles(repeated))
-    cycles = [LoadCycle(*cycle) for cycle in extracted]
-    cycles = [each for each in cycles if each.range > ROUNDING_RANGE * largest]
-    found = []
-    for alike in _grouped(cycles, "range", largest):
-        for same in _grouped(alike, "mean", largest):
-            found.append(LoadCycle(same[0].range, same[0].mean, sum(each.count for each in same)))
-    return found
+    start, largest = int(load.argmax()), float(np.abs(load).max())
+    found = rainflow.extract_cycles(np.concatenate([load[start:], load[: start + 1]]))
+    cycles = [LoadCycle(*map(float, cycle[:3])) for cycle in found if cycle[0] > ROUNDING_RANGE * largest]
 
+    def alike(cycles: list[LoadCycle], values: Iterable[float]) -> list[list[LoadCycle]]:
+        """Group cycles of equal values, largest first."""
+        groups = group_equal([-value for value in values], largest, ROUNDING_RANGE)
+        return [[cycles[i] for i in group] for group in groups]
 
-def _grouped(cycles: list[LoadCycle], quantity: str, largest: float) -> list[list[LoadCycle]]:
-    """Group cycles of equal range or mean, largest first."""
-    values = [-getattr(each, quantity) for each in cycles]
-    return [[cycles[i] for i in group] for group in group_equal(values, largest, ROUNDING_RANGE)]
+    of_range = alike(cycles, (each.range for each in cycles))
+    of_mean = (same for ranged in of_range for same in alike(ranged, (each.mean for each in ranged)))
+    return [LoadCycle(same[0].range, same[0].mean, sum(each.count for each in same)) for same in of_mean]
 
 
 @dataclass(frozen=True)
@@ -488,11 +399,6 @@ class Bearing:
         require_known("kind", self.kind, tuple(LIFE_EXPONENTS))
         require_integers(count=self.count)
 
-    @property
-    def exponent(self) -> float:
-        """Exponent p of life over load [-]."""
-        return LIFE_EXPONENTS[self.kind]
-
 
 @dataclass(frozen=True)
 class BearingLife:
@@ -501,7 +407,7 @@ class BearingLife:
     Parameters
     ----------
     equivalent_load : float
-        P of one bearing [N].
+        P of one bearing [N]; its largest load without travel.
     million_revolutions : float
         L10, which 90 % of bearings reach, in million revolutions; infinite without load or travel.
     hours : float
@@ -530,10 +436,6 @@ def bearing_life(bearing: Bearing, load: Array, travelled: Array, radius: float,
     period : float
         Time of one repetition [s].
 
-    Returns
-    -------
-    BearingLife
-
     Examples
     --------
     >>> bearing = Bearing(20e3, "ball", count=1)
@@ -542,14 +444,11 @@ def bearing_life(bearing: Bearing, load: Array, travelled: Array, radius: float,
     '1000 million revolutions, 436332 h'
     """
     require_positive(radius=radius, period=period)
-    exponent, distance = bearing.exponent, float(np.sum(travelled))
-    if not distance:  # a cart that its drive does not move
-        standing = float(np.max(np.abs(load / bearing.count)))
-        return BearingLife(standing, math.inf, math.inf, standing <= VALID_SHARE * bearing.dynamic_rating)
-    moment = float(np.sum(travelled * np.abs(load / bearing.count) ** exponent)) / distance
-    equivalent = moment ** (1 / exponent)
-    revolutions = (bearing.dynamic_rating / equivalent) ** exponent if equivalent else math.inf
-    per_second = distance / (2 * np.pi * radius) / period
-    hours = revolutions * 1e6 / per_second / SECONDS_PER_HOUR
-    valid = equivalent <= VALID_SHARE * bearing.dynamic_rating
-    return BearingLife(equivalent, revolutions, hours, valid)
+    exponent, distance, share = LIFE_EXPONENTS[bearing.kind], float(np.sum(travelled)), np.abs(load) / bearing.count
+    equivalent, revolutions, hours = float(np.max(share)), math.inf, math.inf
+    if distance:
+        equivalent = float(np.sum(travelled * share**exponent) / distance) ** (1 / exponent)
+    if distance and equivalent:
+        revolutions = (bearing.dynamic_rating / equivalent) ** exponent
+        hours = revolutions * 1e6 * 2 * np.pi * radius * period / distance / SECONDS_PER_HOUR
+    return BearingLife(equivalent, revolutions, hours, equivalent <= VALID_SHARE * bearing.dynamic_rating)

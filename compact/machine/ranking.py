@@ -46,23 +46,18 @@ class Criterion:
 
 
 _IMPULSE = "the velocity jumps: impulsive force"
-_RULES: dict[str, dict[str, Any]] = {
-    "peak_force": {"infinite_because": _IMPULSE},
-    "peak_power": {"infinite_because": _IMPULSE},
-    "rms_force": {"infinite_because": _IMPULSE},
-    "rms_power": {"infinite_because": _IMPULSE},
-    "mean_force": {"infinite_because": _IMPULSE},
-    "dynamic_factor": {"infinite_because": _IMPULSE},
-    "mean_power": {"cancelling": "rms_power"},
-    "energy": {"cancelling": "drawn_energy"},
-    "peak_jerk": {"infinite_because": "the acceleration jumps"},
-    "nonuniformity": {"floor": 1.0},  # of the mean speed
-    "dynamic_amplification": {
-        "infinite_because": "the velocity jumps: a drive that imposes it has no finite peak force"
-    },
+_INFINITE = {
+    **dict.fromkeys(("peak_force", "rms_force", "mean_force", "dynamic_factor", "peak_power", "rms_power"), _IMPULSE),
+    "peak_jerk": "the acceleration jumps",
+    "dynamic_amplification": "the velocity jumps: a drive that imposes it has no finite peak force",
 }
+_FLOORS = {"nonuniformity": 1.0}  # of the mean speed
+_CANCELLING = {"mean_power": "rms_power", "energy": "drawn_energy"}
 CRITERIA = MappingProxyType(
-    {name: Criterion(quantity, **_RULES.get(name, {})) for name, quantity in quantities.CRITERIA.items()}
+    {
+        name: Criterion(quantity, _INFINITE.get(name, ""), _FLOORS.get(name, 0.0), _CANCELLING.get(name, ""))
+        for name, quantity in quantities.CRITERIA.items()
+    }
 )
 
 
@@ -128,7 +123,6 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
     if strange := [run for run in runs if not hasattr(run, by)]:
         raise ValueError(f"`runs` must be runs of a drive, got {strange[0]!r}; `compact.simulate` returns one")
     criterion = CRITERIA[by]
-    runs = list(runs)
     values = [value_of(run, by) for run in runs]
     groups = group_equal(values, criterion.floor)
     ranked: list[Ranked] = []
@@ -170,8 +164,9 @@ def group_equal(values: Sequence[float], floor: float = 0.0, rounding: float = R
     found: list[list[int]] = []
     least = math.nan  # smallest value of the present group
     for i in sorted(range(len(values)), key=lambda i: (math.isnan(values[i]), values[i])):
-        if not _equal(least, values[i], floor, rounding):
-            least = values[i]
+        value = values[i]  # nan equals nothing, infinity no finite value
+        if not (value == least or abs(value - least) <= rounding * max(abs(value), abs(least), floor) < math.inf):
+            least = value
             found.append([])
         found[-1].append(i)
     return [sorted(group) for group in found]
@@ -180,8 +175,3 @@ def group_equal(values: Sequence[float], floor: float = 0.0, rounding: float = R
 def first_of(values: Sequence[float], floor: float = 0.0) -> int:
     """Return the position of the smallest value; the first of several that are equal but for rounding."""
     return group_equal(values, floor)[0][0]
-
-
-def _equal(a: float, b: float, floor: float, rounding: float) -> bool:
-    """Return true for values that differ by rounding only; nan equals nothing, infinity no finite value."""
-    return a == b or abs(a - b) <= rounding * max(abs(a), abs(b), floor) < math.inf

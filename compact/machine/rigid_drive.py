@@ -120,14 +120,9 @@ class InverseDynamics:
     def state_at(self, leg: Leg, phase: Array) -> DriveState:
         """Solve motion and forces at phases of a leg [-] of any shape."""
         position, velocity, acceleration, jerk = (leg.at_phase(phase, order) for order in range(4))
-        slowest = STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
-        moving = np.where(np.abs(velocity) < slowest, leg.direction * slowest, velocity)  # limit from inside the motion
-        time = leg.start + leg.duration * phase
-        force = evaluate_resistance(self.resistance, moving, acceleration)
-        tangent, springs = self.drive.rod_tangent(time, self.cycle.period), self.cart.end_springs
-        end_force = 0.0 if springs is None else springs.force(position, self._zones[leg.start].side_at(phase))
-        forces = balance(self.cart, acceleration, force, np.sign(moving), tangent, end_force)
-        return DriveState(position, velocity, acceleration, jerk, force, tangent, forces)
+        tangent = self.drive.rod_tangent(leg.start + leg.duration * phase, self.cycle.period)
+        side = None if self.cart.end_springs is None else self._zones[leg.start].side_at(phase)
+        return solve_state(self, (position, velocity, acceleration, jerk), leg.direction, tangent, side)
 
     def breaks(self, leg: Leg) -> Array:
         """Phases of a leg between which all forces are smooth, ends included."""
@@ -151,6 +146,33 @@ class InverseDynamics:
             leg.start: zones(lambda phase, leg=leg: leg.at_phase(phase, 0), leg.breakpoints())
             for leg in self.cycle.legs()
         }
+
+
+def solve_state(
+    carts: Any, motion: tuple[Array, Array, Array, Array], direction: ArrayLike, tangent: Array, side: Array | None
+) -> DriveState:
+    """Solve the forces on a cart in motion; at rest the limit from inside the motion applies.
+
+    Parameters
+    ----------
+    carts : InverseDynamics or CartsOnShaft
+        Cart, its law and the resistance.
+    motion : tuple of ndarray
+        Position, velocity, acceleration and jerk [m], [m/s], [m/s^2], [m/s^3].
+    direction : array_like
+        Sign of the velocity inside the motion, 0 in a dwell.
+    tangent : ndarray
+        tan(beta) of the rod [-].
+    side : ndarray, optional
+        Side of the end springs of `SpringZones`; without them by default.
+    """
+    position, velocity, acceleration, _ = motion
+    cart, law = carts.cart, carts.cycle.forward
+    slowest = STANDSTILL_SPEED_RATIO * law.stroke / law.duration
+    moving = np.where(np.abs(velocity) < slowest, direction * slowest, velocity)
+    force = evaluate_resistance(carts.resistance, moving, acceleration)
+    end_force = 0.0 if side is None else cart.end_springs.force(position, side)
+    return DriveState(*motion, force, tangent, balance(cart, acceleration, force, np.sign(moving), tangent, end_force))
 
 
 def evaluate_resistance(
@@ -379,18 +401,24 @@ def simulate(
 
 def _sample(dynamics):
     """Time, weights, direction and `DriveState` at Chebyshev points of each piece, ends included from inside."""
-    nodes, unit_weights = clenshaw_curtis(SAMPLES_PER_PIECE)
     columns = []
     for leg in dynamics.cycle.legs():
-        breaks = dynamics.breaks(leg)[:, None]
-        low, high = breaks[:-1] + BREAK_OFFSET, breaks[1:] - BREAK_OFFSET
-        phase = np.clip(low + (high - low) * nodes, low, high)
-        time, weights = leg.start + leg.duration * phase, leg.duration * np.diff(breaks, axis=0) * unit_weights
-        state = dynamics.state_at(leg, phase)
-        parts = (time, weights, np.full(phase.shape, float(leg.direction)), *state[:-1], *state.forces)
+        phase, weights = sample_pieces(dynamics.breaks(leg))
+        state, direction = dynamics.state_at(leg, phase), np.full(phase.shape, float(leg.direction))
+        parts = (leg.start + leg.duration * phase, leg.duration * weights, direction, *state[:-1], *state.forces)
         columns.append([part.ravel() for part in parts])
     time, weights, direction, *rest = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     return time, weights, direction, DriveState(*rest[:6], Balance(*rest[6:]))
+
+
+def sample_pieces(breaks: Array, unit: float = 1.0) -> tuple[Array, Array]:
+    """Return Chebyshev points of each piece between breaks and their weights, shape (pieces, SAMPLES_PER_PIECE).
+
+    Points lie inside the pieces by `BREAK_OFFSET` of a unit of the abscissa.
+    """
+    nodes, weights = clenshaw_curtis(SAMPLES_PER_PIECE)
+    low, high = breaks[:-1, None] + BREAK_OFFSET * unit, breaks[1:, None] - BREAK_OFFSET * unit
+    return np.clip(low + (high - low) * nodes, low, high), np.diff(breaks)[:, None] * weights
 
 
 def steady_balance(cart: Cart, speed: float, resistance: Resistance) -> Balance:

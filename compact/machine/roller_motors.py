@@ -34,12 +34,12 @@ FRICTION_ITERATIONS = 60  # [-], of the guide friction; 3 to 5 are usual
 
 def pull_range(dynamics: InverseDynamics, rollers: int) -> tuple[float, float]:
     """Smallest and largest pull [N] of one of the rollers along the travel, over a cycle of a rigid drive."""
-    pulls = []
-    for leg in dynamics.cycle.legs():
-        if leg.direction:
-            state = dynamics.state_at(leg, interior_grid(dynamics.breaks(leg)))
-            pulls.append(leg.direction * _total_pull(dynamics, state, leg.direction) / rollers)
-    return min(float(pull.min()) for pull in pulls), max(float(pull.max()) for pull in pulls)
+    legs = [leg for leg in dynamics.cycle.legs() if leg.direction]
+    states = [dynamics.state_at(leg, interior_grid(dynamics.breaks(leg))) for leg in legs]
+    pulls = [
+        leg.direction * _total_pull(dynamics, state, leg.direction) for leg, state in zip(legs, states, strict=True)
+    ]
+    return min(float(pull.min()) for pull in pulls) / rollers, max(float(pull.max()) for pull in pulls) / rollers
 
 
 class RollerTraction(NamedTuple):
@@ -141,23 +141,20 @@ class DrivenRoller:
         speed, pull = np.broadcast_arrays(speed, pull)
         place = np.log(np.maximum(speed, self.speeds[0]))
         weights = np.array([np.interp(place, np.log(self.speeds), row) for row in np.eye(len(self.speeds))])
-        torque = np.sum(weights * [by_pull(pull) for by_pull in self._torque_curves], axis=0)
+        by_pull, by_share = self._curves
+        torque = np.sum(weights * [curve(pull) for curve in by_pull], axis=0)
         load = np.sum(weights * [np.interp(torque, *row) for row in zip(self.torques, self.loads, strict=True)], axis=0)
         traction = torque / (self.radius * load)
         share = traction / self.friction
-        creep = np.sum(weights * [by_share(carter_parameter(share)) for by_share in self._creep_curves], axis=0)
+        creep = np.sum(weights * [curve(carter_parameter(share)) for curve in by_share], axis=0)
         return RollerTraction(torque, traction, share, np.where(np.abs(share) <= FULL_SLIP_SHARE, creep, np.nan))
 
     @cached_property
-    def _torque_curves(self):
-        """Return the curve T(pull) at each speed."""
-        return [_monotone_curve(*row, self.radius) for row in zip(self.pulls, self.torques, strict=True)]
-
-    @cached_property
-    def _creep_curves(self):
-        """Return the curve creep(w) at each speed, constant beyond the samples."""
+    def _curves(self):
+        """Return the curves T(pull) and creep(w) at each speed; the latter is constant beyond the samples."""
         w = carter_parameter(self.torques / (self.friction * self.radius * self.loads))
-        return [_monotone_curve(*row, 0.0) for row in zip(w, self.creeps, strict=True)]
+        torques = [_monotone_curve(*row, self.radius) for row in zip(self.pulls, self.torques, strict=True)]
+        return torques, [_monotone_curve(*row, 0.0) for row in zip(w, self.creeps, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -176,11 +173,9 @@ class RollerMotor:
 
     def traction_at(self, leg: Leg, phase: Array) -> tuple[Array, RollerTraction]:
         """Solve velocity [m/s] and traction at phases of a leg [-]; torque and traction are positive along x."""
-        state = self.dynamics.state_at(leg, phase)
-        way = leg.direction
+        state, way = self.dynamics.state_at(leg, phase), leg.direction
         if way == 0:
-            zero = np.zeros(np.shape(phase))
-            return zero, RollerTraction(zero, zero, zero, zero)
+            return state.velocity, RollerTraction(*np.zeros((4, *np.shape(phase))))
         roller = self.roller(np.abs(state.velocity), way * _total_pull(self.dynamics, state, way) / self.rollers)
         return state.velocity, RollerTraction(way * roller.torque, way * roller.traction, roller.share, roller.creep)
 
@@ -244,7 +239,6 @@ class RollerMotor:
         return self._motor_power(*self.traction_over(time))
 
     def _motor_power(self, velocity, traction):
-        """Return the motor power T phi' [W]."""
         return traction.torque * (1 + traction.creep) * velocity / self.roller.radius
 
     def _largest(self, quantity: Callable[..., Array]) -> float:

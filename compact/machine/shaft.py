@@ -42,7 +42,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from compact.machine import rigid_drive
-from compact.machine.cart import Cart, Resistance, balance
+from compact.machine.cart import Cart, Resistance
 from compact.motion.profile import Cycle
 from compact.numerics import Array
 from compact.numerics.piecewise import clenshaw_curtis
@@ -264,15 +264,11 @@ class CartsOnShaft:
         speed = np.sqrt(2 * energy)
         velocity, cart_acceleration = slope * speed, curvature * 2 * energy + slope * acceleration
         direction = np.sign(slope.mean(axis=-1, keepdims=True))
-        slowest = rigid_drive.STANDSTILL_SPEED_RATIO * self.cycle.forward.stroke / self.cycle.forward.duration
-        moving = np.where(np.abs(velocity) < slowest, direction * slowest, velocity)
-        force = rigid_drive.evaluate_resistance(self.resistance, moving, cart_acceleration)
         tangent = self.rod.rod_tangent(angle / (2 * np.pi) * self.cycle.period, self.cycle.period)
-        springs = self.cart.end_springs
-        end_force = 0.0 if springs is None else springs.force(x, self._zones.side_at(angle))
         cart_jerk = third * speed**3 + 3 * curvature * speed * acceleration + slope * jerk
-        forces = balance(self.cart, cart_acceleration, force, np.sign(moving), tangent, end_force)
-        return rigid_drive.DriveState(x, velocity, cart_acceleration, cart_jerk, force, tangent, forces)
+        side = None if self.cart.end_springs is None else self._zones.side_at(angle)
+        motion = x, velocity, cart_acceleration, cart_jerk
+        return rigid_drive.solve_state(self, motion, direction, tangent, side)
 
     @cached_property
     def _zones(self):

@@ -14,8 +14,7 @@ from compact.analysis.ranking_uncertainty import Place, ties
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
 from compact.analysis.stages.balance_checks import BalanceCheck
-from compact.analysis.stages.cam_drawing import CamDrawing
-from compact.analysis.stages.laws import COMPLIANT_DRIVES, FOLLOWERS
+from compact.analysis.stages.laws import COMPLIANT_DRIVES, FOLLOWERS, CamDrawing
 from compact.analysis.stages.sensitivity import PRIOR, Shift
 from compact.analysis.study import Study
 from compact.machine.component_sizing import MotorChoice

@@ -12,8 +12,7 @@ different first laws. A law that is first only between two of them is found only
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from contextlib import nullcontext
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -22,7 +21,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from compact import drive
-from compact.analysis.stages.drives import Stages
+from compact.analysis.stages.drives import Stages, simulate_laws
 from compact.machine.ranking import ROUNDING_TIE, Ranked, value_of
 from compact.scene.loader import Scene
 
@@ -132,14 +131,7 @@ def read_durations(text: str) -> tuple[float, ...]:
 
 
 def require_durations(scene: Scene, durations: Sequence[float]) -> None:
-    """Validate the durations like `motion.duration`.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene.
-    durations : sequence of float
-        Durations of a pass [s].
+    """Validate durations of a pass [s] like `motion.duration`.
 
     Raises
     ------
@@ -168,49 +160,28 @@ def over_durations(stages: Stages, durations: Sequence[float]) -> DurationStudy:
         Stages whose resistance map covers the shortest duration.
     durations : sequence of float
         Durations of a pass [s], ascending.
-
-    Returns
-    -------
-    DurationStudy
     """
-    passes = [_Pass(stages, duration) for duration in durations]
-    for _ in passes:
+    runs = [_runs(stages, duration) for duration in durations]
+    for _ in durations:
         stages.drive.count("durations")
-    orders = {by: tuple(each.order(by) for each in passes) for by in PEAKS}
+    orders = {by: tuple(drive.rank(each.values(), by) for each in runs) for by in PEAKS}
     crossovers: list[Crossover] = []
     for by in PEAKS:
         firsts: list[str] = []  # of each duration: that of the one before if it shares the first rank
         for order in orders[by]:
             shared = [each.run.name for each in order if each.rank == 1 and not each.reason]
             firsts.append(firsts[-1] if firsts and firsts[-1] in shared else _first(order))
-        for (before, after), ends in zip(pairwise(firsts), pairwise(passes), strict=True):
-            if before and after:
-                crossovers += _between(by, (before, after), ends)
+        for laws, ends in zip(pairwise(firsts), pairwise(durations), strict=True):
+            if all(laws):
+                crossovers += _between(stages, by, laws, ends)
     return DurationStudy(tuple(durations), orders, tuple(crossovers))
 
 
-class _Pass:
-    """Runs of the laws at one duration [s], each simulated when first used."""
-
-    def __init__(self, stages: Stages, duration: float) -> None:
-        self.stages, self.duration = stages, duration
-        self.drive = stages.drive.over(duration)
-        self.runs: dict[str, Any] = {}
-
-    def run(self, law: str) -> Any:
-        """Return the run of a law under the drive of the scene."""
-        if law not in self.runs:
-            cycle = {law: self.drive.laws.cycles[law]}
-            self.runs |= self.drive.simulated(cycle, self.drive.resistance.resistance, nullcontext())
-        return self.runs[law]
-
-    def value(self, law: str, by: str) -> float:
-        """Return the peak of a law [N] or [W]."""
-        return value_of(self.run(law), by)
-
-    def order(self, by: str) -> list[Ranked]:
-        """Return all laws in order by their peak."""
-        return drive.rank([self.run(law) for law in self.drive.laws.cycles], by)
+def _runs(stages: Stages, duration: float, laws: Collection[str] = ()) -> dict[str, Any]:
+    """Simulate laws, all by default, over a duration of a pass [s] under the drive of the scene."""
+    over = stages.drive.over(duration)
+    cycles = {law: cycle for law, cycle in over.cycles.items() if law in (laws or over.cycles)}
+    return dict(simulate_laws(over.scene, over.resistance.cart, cycles, over.resistance.resistance))
 
 
 def _first(order: list[Ranked]) -> str:
@@ -218,23 +189,24 @@ def _first(order: list[Ranked]) -> str:
     return "" if order[0].reason else order[0].run.name
 
 
-def _between(by: str, laws: tuple[str, str], ends: tuple[_Pass, _Pass], depth: int = DEPTH) -> Iterator[Crossover]:
+def _between(
+    stages: Stages, by: str, laws: tuple[str, str], ends: tuple[float, float], depth: int = DEPTH
+) -> Iterator[Crossover]:
     """Yield the crossovers between two durations with their first laws, ascending."""
     shorter, longer = laws
     if shorter == longer:
         return
 
     def difference(logarithm: float) -> float:
-        here = _Pass(ends[0].stages, math.exp(logarithm))
-        ratio = here.value(shorter, by) / here.value(longer, by)
+        runs = _runs(stages, math.exp(logarithm), laws)
+        ratio = value_of(runs[shorter], by) / value_of(runs[longer], by)
         return 0.0 if abs(ratio - 1) <= ROUNDING_TIE else float(np.clip(ratio - 1, -1, 1))
 
-    low, high = (math.log(end.duration) for end in ends)
-    here = _Pass(ends[0].stages, math.exp(brentq(difference, low, high, xtol=DURATION_TOLERANCE)))
-    first = _first(here.order(by))
-    between = here.value(first, by) < here.value(shorter, by) * (1 - DURATION_TOLERANCE)
-    if between and depth and first not in laws:
-        yield from _between(by, (shorter, first), (ends[0], here), depth - 1)
-        yield from _between(by, (first, longer), (here, ends[1]), depth - 1)
-        return
-    yield Crossover(by, here.duration, shorter, longer, here.value(shorter, by))
+    duration = math.exp(brentq(difference, *np.log(ends), xtol=DURATION_TOLERANCE))
+    runs = _runs(stages, duration)
+    first, value = _first(drive.rank(runs.values(), by)), value_of(runs[shorter], by)
+    if first not in laws and depth and value_of(runs[first], by) < value * (1 - DURATION_TOLERANCE):
+        yield from _between(stages, by, (shorter, first), (ends[0], duration), depth - 1)
+        yield from _between(stages, by, (first, longer), (duration, ends[1]), depth - 1)
+    else:
+        yield Crossover(by, duration, shorter, longer, value)

@@ -11,9 +11,7 @@ A guide wheel of diameter D and a roller of radius r turn by 2 s/(pi D) and s/(p
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -34,8 +32,6 @@ from compact.machine.component_sizing import (
     shaft_requirement,
 )
 from compact.machine.shaft import CartsOnShaft
-from compact.numerics import Array
-from compact.scene.schema import BearingTable, Machine
 
 
 @dataclass(frozen=True)
@@ -60,7 +56,7 @@ class LawSizing:
 
 @dataclass(frozen=True)
 class WheelLoads:
-    """Loads of a guide wheel or of a roller over a cycle, and the life of its bearings.
+    """Loads of a guide wheel or of a roller over a cycle.
 
     Parameters
     ----------
@@ -123,77 +119,48 @@ def machine_sizing(stages: Stages, law: str | None = None) -> MachineSizing:
     law : str, optional
         Law whose loads are counted; the first law by the first criterion by default.
 
-    Returns
-    -------
-    MachineSizing
-
     Raises
     ------
     SceneError
         If the catalogue cannot be read.
     """
     scene, first_law = stages.drive.scene, law or stages.drive.best_law
-    table = scene.drive.catalogue
+    machine, run, table = scene.machine, stages.drive.runs[first_law], scene.drive.catalogue
     rule = SizingRule() if table is None else SizingRule(**table.model_dump(exclude={"file"}))
     laws = {} if scene.drive.kind == "hydraulic" else _law_sizings(stages, rule)
-    run = stages.drive.runs[first_law]
-    wheels, lives = tuple(_wheel_loads(run)), dict(_bearing_lives(scene.machine, run))
-    return MachineSizing(first_law, rule, laws, wheels, lives, float(run.period))
+    forces, cart, velocity = run.state.forces, run.cart, run.state.velocity
+    loads = {
+        "front guide wheel": forces.front_reaction,
+        "rear guide wheel": forces.rear_reaction,
+        "roller, lift": max(cart.roller_reactions) * np.where(velocity < 0, cart.return_load_ratio, 1.0),
+        "roller, along the travel": run.state.resistance / len(cart.roller_reactions),
+    }
+    wheels = (WheelLoads(name, float(f.min()), float(f.max()), tuple(count_cycles(f))) for name, f in loads.items())
+    radial = {name: loads[name] for name in ("front guide wheel", "rear guide wheel")}
+    radial["roller"] = np.hypot(loads["roller, lift"], loads["roller, along the travel"])
+    lives = {}
+    for name, load in radial.items():
+        bearing, radius = machine.guide_bearing, machine.guide_wheel_diameter / 2
+        if name == "roller":
+            bearing, radius = machine.roller_bearing, machine.roller_radius
+        if bearing is not None:
+            travelled = run.weights * np.abs(velocity)
+            lives[name] = bearing_life(Bearing(**bearing.model_dump()), load, travelled, radius, run.period)
+    return MachineSizing(first_law, rule, laws, tuple(wheels), lives, float(run.period))
 
 
 def _law_sizings(stages: Stages, rule: SizingRule) -> dict[str, LawSizing]:
-    """Compute the requirement of every law and choose its motor."""
-    motors, found = machine_models.catalogue(stages.drive.scene), {}
-    for name in stages.laws.cycles:
-        needed = _requirement(stages, name)
+    """Compute the torque of the shaft under every law and choose its motor."""
+    scene, cart, resistance = stages.drive.scene, stages.resistance.cart, stages.resistance.resistance
+    motors, angles, found = machine_models.catalogue(scene), machine_models.angles(scene), {}
+    for name, cycle in stages.drive.cycles.items():
+        needed = None
+        if scene.drive.kind == "elastic":
+            needed = requirement_of_run(stages.drive.runs[name], angles)
+        elif not any(join.order == 1 for join in cycle.discontinuities()):
+            linkage = machine_models.linkage(scene, cycle)
+            needed = shaft_requirement(CartsOnShaft(cart, cycle, resistance, angles, linkage))
         power = math.inf if needed is None else rule.required_power(needed)
         choice = choose_motor(motors, needed, rule) if motors and needed else None
         found[name] = LawSizing(name, needed, power, choice)
     return found
-
-
-def _requirement(stages: Stages, law: str) -> ShaftRequirement | None:
-    """Torque of the shaft that a law requires; None for a velocity jump without a spring."""
-    scene, cycle = stages.drive.scene, stages.laws.cycles[law]
-    angles = machine_models.angles(scene)
-    if scene.drive.kind == "elastic":
-        return requirement_of_run(stages.drive.runs[law], angles)
-    if any(join.order == 1 for join in cycle.discontinuities()):
-        return None
-    cart, resistance = stages.resistance.cart, stages.resistance.resistance
-    return shaft_requirement(CartsOnShaft(cart, cycle, resistance, angles, machine_models.linkage(scene, cycle)))
-
-
-def _wheel_loads(run: Any) -> Iterator[WheelLoads]:
-    """Count the load cycles of guide wheels and rollers in a run."""
-    for name, load in _loads(run).items():
-        yield WheelLoads(name, float(load.min()), float(load.max()), tuple(count_cycles(load)))
-
-
-def _loads(run: Any) -> dict[str, Array]:
-    """Load histories over the cycle of a run [N]."""
-    forces, cart = run.state.forces, run.cart
-    lift = max(cart.roller_reactions) * np.where(run.state.velocity < 0, cart.return_load_ratio, 1.0)
-    return {
-        "front guide wheel": forces.front_reaction,
-        "rear guide wheel": forces.rear_reaction,
-        "roller, lift": lift,
-        "roller, along the travel": run.state.resistance / len(cart.roller_reactions),
-    }
-
-
-def _bearing_lives(machine: Machine, run: Any) -> Iterator[tuple[str, BearingLife]]:
-    """Compute the lives of the bearings with a rating in the scene."""
-    loads, travelled = _loads(run), run.weights * np.abs(run.state.velocity)
-    radial = np.hypot(loads["roller, lift"], loads["roller, along the travel"])
-    wheel_radius = machine.guide_wheel_diameter / 2
-    for name in ("front guide wheel", "rear guide wheel"):
-        if machine.guide_bearing is not None:
-            yield name, bearing_life(_bearing(machine.guide_bearing), loads[name], travelled, wheel_radius, run.period)
-    if machine.roller_bearing is not None:
-        bearing = _bearing(machine.roller_bearing)
-        yield "roller", bearing_life(bearing, radial, travelled, machine.roller_radius, run.period)
-
-
-def _bearing(table: BearingTable) -> Bearing:
-    return Bearing(table.dynamic_rating, table.kind, table.count)

@@ -103,46 +103,31 @@ class WorkBalance:
 
 
 def work_balance(stages: Stages) -> WorkBalance:
-    """Balance work and mix of a cycle under the first law by the first criterion.
-
-    Parameters
-    ----------
-    stages : Stages
-        Stages of a study.
-
-    Returns
-    -------
-    WorkBalance
-    """
-    contacts, scene = stages.contacts, stages.contacts.scene
+    """Balance work and mix of a cycle under the first law by the first criterion."""
+    contacts, scene, force = stages.contacts, stages.contacts.scene, stages.resistance.resistance
     machine, motion, product = scene.machine, scene.motion, scene.product
     run = stages.drive.runs[stages.drive.best_law]
-    area = machine.rollers * machine.roller_length
-    resistance = float(np.ravel(stages.resistance.resistance(np.array([scene.mean_speed]), np.zeros(1)))[0])
-    before, behind = scene.layer.fed_density_ratio, _density_behind(stages)
+    resistance = float(np.ravel(force(np.array([scene.mean_speed]), np.zeros(1)))[0])
+    before, behind = scene.layer.fed_density_ratio, scene.mix.density_ratio
+    if contacts.compacts:  # behind the first pass at the mean speed
+        record = contacts.records[nearest_speed((each.speed for each in contacts.records), scene.mean_speed)]
+        found = float(record.exit_density_ratio or behind)
+        behind = min(max(found, before), HECKEL_MAX_DENSITY_RATIO)
     carried = strokes = None
     speed = product.mould_speed or (scene.process and scene.process.mould_speed)
     if speed:
         advance = speed * (motion.duration + motion.dwell)
         carried, strokes = advance * product.width * product.height, machine.roller_length / advance
-    pressed, fresh = area * motion.stroke * scene.lift_thickness, 2 if scene.layer.return_stroke == "fresh" else 1
-    work = resistance / (area * scene.lift_thickness)
+    volume = machine.rollers * machine.roller_length * scene.lift_thickness  # of product over the travel [m2]
+    pressed, fresh = volume * motion.stroke, 2 if scene.layer.return_stroke == "fresh" else 1
+    work = resistance / volume
     if contacts.process is not None:  # both strokes press what the mould carries away on the width of the rollers
         before, fresh = contacts.process.problem.feed.density_ratio, 2
         carried = pressed = contacts.process.product_volume
         work = resistance * (1 + stages.resistance.map.return_ratio) / 2 * motion.stroke / pressed
-    return WorkBalance(
-        law=run.name,
-        density_ratios=(before, behind),
-        pass_work=work,
-        confined_work=heckel_work(before, behind, contacts.mix.heckel_slope),
-        loose_work=heckel_work(LOOSE_DENSITY_RATIO, behind, contacts.mix.heckel_slope),
-        cycle_work=float(np.sum(run.weights * run.state.resistance * run.state.velocity)),
-        pressed_volume=pressed,
-        fresh_strokes=fresh,
-        carried_volume=carried,
-        strokes_on_section=strokes,
-    )
+    confined, loose = (heckel_work(start, behind, contacts.mix.heckel_slope) for start in (before, LOOSE_DENSITY_RATIO))
+    cycle_work = float(np.sum(run.weights * run.state.resistance * run.state.velocity))
+    return WorkBalance(run.name, (before, behind), work, confined, loose, cycle_work, pressed, fresh, carried, strokes)
 
 
 def heckel_work(before: float, behind: float, heckel_slope: float) -> float:
@@ -171,16 +156,3 @@ def heckel_work(before: float, behind: float, heckel_slope: float) -> float:
     """
     work, _ = quad(lambda k: np.log((1 - LOOSE_DENSITY_RATIO) / (1 - k)) / k**2, before, behind, epsrel=1e-10)
     return behind * work / heckel_slope
-
-
-def _density_behind(stages: Stages) -> float:
-    """Density ratio behind the first pass at the mean speed, at most the end of measured curves [-].
-
-    It is that of the product for an engine without compaction.
-    """
-    contacts, scene = stages.contacts, stages.contacts.scene
-    if not contacts.compacts:
-        return scene.mix.density_ratio
-    record = contacts.records[nearest_speed((each.speed for each in contacts.records), scene.mean_speed)]
-    found = float(record.exit_density_ratio or scene.mix.density_ratio)
-    return min(max(found, scene.layer.fed_density_ratio), HECKEL_MAX_DENSITY_RATIO)

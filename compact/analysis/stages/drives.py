@@ -4,15 +4,13 @@
 """
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, nullcontext, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from compact import drive
 from compact.analysis import machine_models
@@ -20,7 +18,7 @@ from compact.analysis.contact_cases import Progress
 from compact.analysis.mix_laws import scene_mix
 from compact.analysis.ranking_uncertainty import Place, places
 from compact.analysis.stages.contacts import ContactStage, Count, contact_stage, no_count
-from compact.analysis.stages.laws import LawStage, PrescribedLaws
+from compact.analysis.stages.laws import LawStage
 from compact.analysis.stages.resistance import ResistanceLaw, ResistanceStage
 from compact.analysis.stages.torque_response import torque_response
 from compact.machine.cart import Cart
@@ -37,16 +35,27 @@ KnownLaws = tuple[Mapping[str, Cycle], Mapping[str, Cycle]]  # prescribed laws, 
 
 
 class DriveStage:
-    """Runs of all laws of a scene; each attribute is computed when first used."""
+    """Runs of all laws of a scene; each attribute is computed when first used.
 
-    def __init__(self, contacts: ContactStage, resistance: ResistanceStage, laws: LawStage) -> None:
-        self.scene, self.count = contacts.scene, contacts.count
-        self.contacts, self.resistance, self.laws = contacts, resistance, laws
+    Parameters
+    ----------
+    laws : callable
+        Returns the forward and return strokes by name of the law.
+    """
+
+    def __init__(self, resistance: ResistanceStage, laws: Callable[[], dict[str, Cycle]]) -> None:
+        self.resistance, self.contacts, self._laws = resistance, resistance.contacts, laws
+        self.scene, self.count = self.contacts.scene, self.contacts.count
+
+    @cached_property
+    def cycles(self) -> dict[str, Cycle]:
+        """Forward and return strokes by name of the law."""
+        return self._laws()
 
     @cached_property
     def runs(self) -> Runs:
         """A `Run`, `ElasticRun`, `HydraulicRun` or `MotorRun` by name of the law."""
-        return dict(self._runs(self.resistance.resistance, nullcontext()))
+        return self._runs(self.resistance.resistance)
 
     @cached_property
     def heavier_runs(self) -> Runs | None:
@@ -56,21 +65,11 @@ class DriveStage:
         """
         if self.resistance.error is None:
             return None
-        return dict(self._runs(self.resistance.map.scaled(1 + self.resistance.error), suppress(RuntimeError)))
+        return self._runs(self.resistance.map.scaled(1 + self.resistance.error), RuntimeError)
 
-    def _runs(self, resistance: Any, tolerated: AbstractContextManager[Any]) -> Iterator[tuple[str, Any]]:
-        return self.simulated(self.laws.cycles, resistance, tolerated, begin=partial(self.count, "runs"))
-
-    def simulated(
-        self,
-        cycles: Mapping[str, Cycle],
-        resistance: Any,
-        tolerated: AbstractContextManager[Any],
-        scene: Scene | None = None,
-        begin: Callable[[], object] = lambda: None,
-    ) -> Iterator[tuple[str, Any]]:
-        """Simulate laws with the cart of the study as `simulate_laws`, by default with its drive."""
-        return simulate_laws(scene or self.scene, self.resistance.cart, cycles, resistance, tolerated, begin)
+    def _runs(self, resistance: ResistanceLaw, tolerated: type[Exception] | tuple[()] = ()) -> Runs:
+        cart, begin = self.resistance.cart, partial(self.count, "runs")
+        return dict(simulate_laws(self.scene, cart, self.cycles, resistance, tolerated, begin))
 
     @cached_property
     def rankings(self) -> dict[str, list[Ranked]]:
@@ -102,16 +101,18 @@ class DriveStage:
         return {duration: self.over(duration) for duration in self.scene.motion.other_durations}
 
     def over(self, duration: float) -> "DriveStage":
-        """Return the drive stage of all laws over another duration of a pass [s].
+        """Return the drive stage of all laws over another duration of a pass [s]; each keeps its shape.
 
         Raises
         ------
         ValueError
             When a law is faster than the resistance is known; `largest_speed` covers the durations of the scene.
         """
-        resistance = self.resistance.over(duration)
-        laws = LawStage(self.laws.prescribed, resistance, self.laws.cycles_over(duration))
-        return DriveStage(resistance.contacts, resistance, laws)
+        cycles = {
+            name: replace(cycle.forward, duration=duration).cycle(cycle.far_dwell, cycle.near_dwell)
+            for name, cycle in self.cycles.items()
+        }
+        return DriveStage(self.resistance.over(duration), lambda: cycles)
 
     @cached_property
     def cycle_energies(self) -> dict[str, float]:
@@ -121,7 +122,7 @@ class DriveStage:
         """
         if self.contacts.second_pass is None:
             return {}
-        cycle = self.laws.cycles[self.best_law]
+        cycle = self.cycles[self.best_law]
         ratios = {"fresh": (1.0, 1.0), "compacted": self.contacts.second_pass}
         return {
             over: drive.simulate(
@@ -164,27 +165,26 @@ class DriveStage:
     @cached_property
     def roller_motors(self) -> dict[str, RollerMotor]:
         """Motors in the rollers by name of the law: the same cart without any other drive."""
-        rollers = self.scene.machine.rollers
+        rollers, cart, resistance = self.scene.machine.rollers, self.resistance.cart, self.resistance.resistance
         required = {
-            name: InverseDynamics(self.resistance.cart, drive.Rigid(), cycle, self.resistance.resistance)
-            for name, cycle in self.laws.cycles.items()
+            name: InverseDynamics(cart, drive.Rigid(), cycle, resistance) for name, cycle in self.cycles.items()
         }
-        range_of_pulls = np.transpose([pull_range(each, rollers) for each in required.values()])
-        response = torque_response(self.contacts, (float(range_of_pulls.min()), float(range_of_pulls.max())))
+        least, largest = np.transpose([pull_range(each, rollers) for each in required.values()])
+        response = torque_response(self.contacts, (float(least.min()), float(largest.max())))
         return {name: RollerMotor(each, response, rollers) for name, each in required.items()}
 
     @cached_property
     def turns(self) -> dict[str, CrankshaftRevolution]:
         """One turn of the crankshaft with 1 to 4 carts at their usual angles, and under "scene" that of the scene."""
-        angles = {str(count): usual for count, usual in CRANK_ANGLES.items()}
-        angles["scene"] = machine_models.angles(self.scene)
-        speed = np.pi / self.scene.motion.duration
-        turns = {}
+        angles = {str(count): usual for count, usual in CRANK_ANGLES.items()} | {
+            "scene": machine_models.angles(self.scene)
+        }
+        crank, cart, resistance = machine_models.crank(self.scene), self.resistance.cart, self.resistance.resistance
+        assert crank is not None  # rule of the scene: the output "crank" requires a rod
+        speed, turns = np.pi / self.scene.motion.duration, {}
         for key, ahead in angles.items():
             self.count("crank")
-            crank = machine_models.crank(self.scene)
-            assert crank is not None  # rule of the scene: the output "crank" requires a rod
-            turns[key] = simulate_crankshaft(self.resistance.cart, crank, speed, self.resistance.resistance, ahead)
+            turns[key] = simulate_crankshaft(cart, crank, speed, resistance, ahead)
         return turns
 
 
@@ -193,17 +193,17 @@ def simulate_laws(
     cart: Cart,
     cycles: Mapping[str, Cycle],
     resistance: ResistanceLaw,
-    tolerated: AbstractContextManager[Any],
+    tolerated: type[Exception] | tuple[()] = (),
     begin: Callable[[], object] = lambda: None,
 ) -> Iterator[tuple[str, Any]]:
-    """Simulate laws with the drive of a scene; laws of one motion behind a spring once.
+    """Simulate laws with the drive of a scene.
 
     Parameters
     ----------
     resistance : callable
         Resistance of one cart [N], a function of velocity and acceleration.
-    tolerated : context manager
-        Context of each simulation; a law whose error it suppresses has no run.
+    tolerated : type, optional
+        Error for which a law has no run.
     begin : callable
         Called before each law.
 
@@ -212,55 +212,26 @@ def simulate_laws(
     tuple
         Name of a law and its run.
     """
-    working, alike = (scene.motion.run_up, 1 - scene.motion.run_down), dict[Any, Any]()
+    working = scene.motion.run_up, 1 - scene.motion.run_down
     for name, cycle in cycles.items():
         begin()
-        if twin := alike.get(_motion_of(cycle)):
-            yield name, replace(twin, cycle=cycle)
+        try:
+            yield name, drive.simulate(cart, machine_models.drive_of(scene, cycle), cycle, resistance, working=working)
+        except tolerated:
             continue
-        with tolerated:
-            run = drive.simulate(cart, machine_models.drive_of(scene, cycle), cycle, resistance, working=working)
-            if scene.drive.kind == "elastic":
-                alike[_motion_of(cycle)] = run
-            yield name, run
-
-
-def _motion_of(cycle: Cycle) -> Any:
-    """Return what laws of the same motion share, such as two reversal laws whose free parameter has the same value."""
-    forward, curve = cycle.forward, cycle.forward.curve
-    same = (curve.x.tobytes(), curve.c.tobytes()) if isinstance(curve, PPoly) else forward.name
-    return same, forward.stroke, forward.duration, forward.retraces, cycle.far_dwell, cycle.near_dwell
-
-
-@dataclass(frozen=True)
-class OwnInputs:
-    """Inputs of a study that no scene file states.
-
-    Parameters
-    ----------
-    laws : tuple of MotionProfile
-        Motion laws in addition to those of the scene.
-    resistance : callable, optional
-        Resistance of the mix to one cart [N], a function of velocity [m/s] and acceleration [m/s2]; that of the engine
-        by default.
-    """
-
-    laws: tuple[MotionProfile, ...] = ()
-    resistance: ResistanceLaw | None = None
 
 
 @dataclass(frozen=True)
 class Stages:
     """Stages of one scene; the attributes of each are computed when first used."""
 
-    prescribed: PrescribedLaws
     contacts: ContactStage
     resistance: ResistanceStage
     laws: LawStage
     drive: DriveStage
 
 
-def build_stages(
+def build_stages(  # noqa: PLR0913, each argument is one input of a study
     scene: Scene,
     mix: Mix | None = None,
     count: Count = no_count,
@@ -268,23 +239,26 @@ def build_stages(
     progress: Progress | None = None,
     known_laws: KnownLaws | None = None,
     shortest: float | None = None,
-    own: OwnInputs = OwnInputs(),
+    own_laws: Sequence[MotionProfile] = (),
+    own_resistance: ResistanceLaw | None = None,
 ) -> Stages:
     """Build the stages of a scene; nothing is computed yet.
 
     Parameters
     ----------
-    own : OwnInputs
-        Laws and resistance of the caller.
-    shortest : float, optional
-        Shortest duration of a pass for which the resistance is required [s]; that of the scene by default.
     progress : callable, optional
         Called with lines of text by engines with continuation.
+    shortest : float, optional
+        Shortest duration of a pass for which the resistance is required [s]; that of the scene by default.
+    own_laws : sequence of MotionProfile
+        Motion laws in addition to those of the scene.
+    own_resistance : callable, optional
+        Resistance of the mix to one cart [N], a function of velocity [m/s] and acceleration [m/s2]; that of the engine
+        by default.
     """
-    prescribed = PrescribedLaws(scene, count, shortest, own.laws)
-    if known_laws:
-        prescribed.cycles = dict(known_laws[0])
+    laws = LawStage(scene, count, shortest, own_laws)
     contacts = contact_stage(scene, mix or scene_mix(scene), count, directory, progress)
-    resistance = ResistanceStage(contacts, prescribed.largest_speed, own.resistance)
-    laws = LawStage(prescribed, resistance, known_laws and known_laws[1])
-    return Stages(prescribed, contacts, resistance, laws, DriveStage(contacts, resistance, laws))
+    laws.resistance = ResistanceStage(contacts, laws.largest_speed, own_resistance)
+    if known_laws:
+        laws.prescribed, laws.cycles = map(dict, known_laws)
+    return Stages(contacts, laws.resistance, laws, DriveStage(laws.resistance, lambda: laws.cycles))

@@ -8,14 +8,13 @@ contacts of its own; `drive_peaks` keeps the contacts where the drive or the res
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compact.analysis.stages.drives import OwnInputs, build_stages, simulate_laws
+from compact.analysis.stages.drives import build_stages, simulate_laws
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.analysis.worker_pool import Executor, SerialExecutor
 from compact.machine.cart import Cart
@@ -55,7 +54,7 @@ Run = Callable[[Scene, Change], Peaks]  # of a changed scene
 
 def peaks_of(scene: Scene, change: Change) -> Peaks:
     """Return the values of all laws by each criterion of a scene, with contacts of its own."""
-    ranked = build_stages(scene, own=OwnInputs(resistance=change.resistance)).drive.rankings
+    ranked = build_stages(scene, own_resistance=change.resistance).drive.rankings
     return {by: {place.run.name: place.value for place in order} for by, order in ranked.items()}
 
 
@@ -79,7 +78,7 @@ def drive_peaks(
     mapping
         Values by criterion and law; absent for a law that the drive does not follow.
     """
-    runs = dict(simulate_laws(scene, cart, cycles, change.resistance or resistance, suppress(RuntimeError)))
+    runs = dict(simulate_laws(scene, cart, cycles, change.resistance or resistance, RuntimeError))
     return {by: {name: value_of(run, by) for name, run in runs.items()} for by in criteria}
 
 

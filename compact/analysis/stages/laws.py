@@ -1,9 +1,10 @@
 """Law stage of a study: the motion laws of the scene, the optimal laws of [motion.optimise], and their cams."""
 
 import warnings
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from functools import cached_property
+from html import escape
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,9 @@ from compact.analysis import machine_models
 from compact.analysis.mix_laws import scene_mix
 from compact.analysis.stages.contacts import Count, contact_stage
 from compact.analysis.stages.resistance import ResistanceStage
+from compact.cams.machining import cut
 from compact.cams.profile import Cam, FlatFace, Follower, LeastBreadth, Pointed, RollerFollower
+from compact.cams.workshop_drawing import animated_svg, describe, workshop_drawing
 from compact.machine.cart import MotionResistance
 from compact.motion.limits import CamLimits, InfeasibleError, Limits
 from compact.motion.optimal_motion import OptimalMotion, optimal_law_name, optimise
@@ -28,8 +31,33 @@ BOUND_SHARE = 1 - 1e-6  # [-], of the velocity limit; a faster law is restricted
 FOLLOWERS = ("pointed", "roller", "flat")
 
 
-class PrescribedLaws:
-    """Motion laws that the scene names, tables of the user last.
+class CamDrawing(NamedTuple):
+    """Cam of one law as SVG text; without drawing and animation where the cam cannot be cut.
+
+    Parameters
+    ----------
+    description : str
+        Description of the drawing in one sentence.
+    drawing : str
+        Workshop drawing as SVG text, true to scale.
+    animation_description : str
+        Description of the animation in one sentence.
+    animation : str
+        Cam and cart in motion as SVG text.
+    reason : str
+        Reason for which the cam cannot be cut; empty where it can.
+    """
+
+    law: str
+    description: str = ""
+    drawing: str = ""
+    animation_description: str = ""
+    animation: str = ""
+    reason: str = ""
+
+
+class LawStage:
+    """All motion laws of a scene, and their cams; each attribute is computed when first used.
 
     Parameters
     ----------
@@ -37,18 +65,27 @@ class PrescribedLaws:
         Shortest duration of a pass for which the resistance is required [s]; that of the scene by default.
     added : sequence of MotionProfile
         Laws in addition to those of the scene.
+
+    Attributes
+    ----------
+    resistance : ResistanceStage
+        Resistance for which laws are optimised, set after construction; it is extended to faster laws.
     """
+
+    resistance: ResistanceStage
 
     def __init__(
         self, scene: Scene, count: Count, shortest: float | None = None, added: Sequence[MotionProfile] = ()
     ) -> None:
         self.scene, self.count, self._added = scene, count, tuple(added)
+        self._left_out: dict[str, str] = {}
+        self._spread: dict[tuple[str, float, float], MotionResistance] = {}
         duration = scene.motion.duration
-        self.speed_ratio = duration / min(duration, shortest or duration, *scene.motion.other_durations)
+        self._speed_ratio = duration / min(duration, shortest or duration, *scene.motion.other_durations)
 
     @cached_property
-    def cycles(self) -> dict[str, Cycle]:
-        """Forward and return strokes by name of the law."""
+    def prescribed(self) -> dict[str, Cycle]:
+        """Forward and return strokes by name of the laws that the scene names, tables of the user last."""
         cycles, dwell = {}, self.scene.motion.dwell
         for forward in (*machine_models.laws(self.scene), *self._added):
             self.count("laws")
@@ -61,43 +98,22 @@ class PrescribedLaws:
         return OVERSHOOT if self.scene.drive.kind in COMPLIANT_DRIVES else 1.0
 
     def largest_speed(self) -> float:
-        """Return the largest speed of the cart under any law, the crank and each duration of a pass [m/s]."""
-        motion = self.scene.motion
-        speeds = [cycle.forward.peaks().velocity * self._jump_factor(cycle) for cycle in self.cycles.values()]
-        if machine_models.crank(self.scene):
-            crank_law = law("crank", motion.stroke, motion.duration, rod_length=motion.rod_length)
-            speeds.append(crank_law.peaks().velocity)
-        return float(max(speeds)) * self.overshoot * self.speed_ratio
+        """Return the largest speed of the cart under any prescribed law, the crank and each duration of a pass [m/s].
 
-    def _jump_factor(self, cycle: Cycle) -> float:
-        """Return the factor of the speed behind a spring: a velocity jump at a reversal is twice the velocity."""
-        jumps = self.scene.drive.kind == "elastic" and any(join.order == 1 for join in cycle.discontinuities())
-        return OVERSHOOT if jumps else 1.0
-
-
-class LawStage:
-    """All motion laws of a scene, and their cams.
-
-    Parameters
-    ----------
-    resistance : ResistanceStage
-        Resistance for which laws are optimised; it is extended to faster laws.
-    """
-
-    def __init__(
-        self, prescribed: PrescribedLaws, resistance: ResistanceStage, cycles: Mapping[str, Cycle] | None = None
-    ) -> None:
-        self.scene, self.count = prescribed.scene, prescribed.count
-        self.prescribed, self.resistance = prescribed, resistance
-        self.left_out: dict[str, str] = {}
-        self._spread: dict[tuple[str, float], tuple[float, MotionResistance]] = {}
-        if cycles is not None:
-            self.cycles = dict(cycles)
+        Behind a spring a velocity jump at a reversal is twice the velocity.
+        """
+        motion, speeds = self.scene.motion, []
+        for cycle in self.prescribed.values():
+            jumps = self.scene.drive.kind == "elastic" and any(join.order == 1 for join in cycle.discontinuities())
+            speeds.append(cycle.forward.peaks().velocity * (OVERSHOOT if jumps else 1.0))
+        if motion.rod_length is not None:
+            speeds.append(law("crank", motion.stroke, motion.duration, rod_length=motion.rod_length).peaks().velocity)
+        return float(max(speeds)) * self.overshoot * self._speed_ratio
 
     @cached_property
     def cycles(self) -> dict[str, Cycle]:
         """Forward and return strokes by name of the law; optimal laws last."""
-        return self.prescribed.cycles | self.optimal_cycles
+        return self.prescribed | self.optimal_cycles
 
     @cached_property
     def optimal_cycles(self) -> dict[str, Cycle]:
@@ -105,49 +121,47 @@ class LawStage:
 
         A law that no limits allow, or whose search does not converge, is left out with a warning; see `not_made`.
         """
-        table, dwell = self.scene.motion.optimise, self.scene.motion.dwell
-        if table is None:
-            return {}
-        _ = self.resistance.motion_resistance  # an error of the resistance is no error of a law
-        cycles = {}
-        for objective in table.objectives:
+        cycles, dwell = {}, self.scene.motion.dwell
+        if self._optimal_names:
+            _ = self.resistance.motion_resistance  # an error of the resistance is no error of a law
+        for name, objective in self._optimal_names.items():
             self.count("laws")
-            name = optimal_law_name([objective])
             try:
-                forward = self._optimal_law(objective)
+                cycles[name] = self._optimal_law(objective).cycle(dwell, dwell)
             except (InfeasibleError, RuntimeError) as error:
-                self.left_out[name] = str(error)
+                self._left_out[name] = str(error)
                 warnings.warn(f"{name} is not made: {error}", stacklevel=2)
-                continue
-            cycles[forward.name] = forward.cycle(dwell, dwell)
         return cycles
 
-    def cycles_over(self, duration: float) -> dict[str, Cycle]:
-        """Return all laws over another duration of a pass [s]; each keeps its shape."""
-        return {
-            name: replace(cycle.forward, duration=duration).cycle(cycle.far_dwell, cycle.near_dwell)
-            for name, cycle in self.cycles.items()
-        }
+    @property
+    def _optimal_names(self) -> dict[str, str]:
+        """Objectives of [motion.optimise] by name of their law."""
+        table = self.scene.motion.optimise
+        return {optimal_law_name([objective]): objective for objective in table.objectives} if table else {}
 
     @property
     def not_made(self) -> dict[str, str]:
         """Reason by name of each optimal law that is left out of `cycles`."""
         _ = self.cycles
-        return self.left_out
+        return self._left_out
 
     @property
     def limits(self) -> Limits:
         """Limits of [motion.optimise]; the velocity is limited to the range of the resistance map."""
-        table, motion = self._table, self.scene.motion
+        table, motion, cam = self._table, self.scene.motion, None
         has_map = bool(self.resistance.contacts.speeds)
-        known = self.resistance.largest_speed / self.prescribed.overshoot if has_map else np.inf
+        known = self.resistance.largest_speed / self.overshoot if has_map else np.inf
         velocity = min(known, table.velocity or np.inf)
         phases = Limits if table.steady_tolerance is None else motion
+        on_cam = table.pressure_angle, table.radius_of_curvature
+        if self.scene.cam and (*on_cam, table.profile_radius) != (None, None, None):
+            breadth, radius = self.scene.cam.breadth, self.scene.cam.roller_follower_radius
+            cam = CamLimits(breadth, *on_cam, motion.dwell, table.profile_radius, radius)
         return Limits(
             velocity=velocity if np.isfinite(velocity) else None,
             end_condition="dwell" if motion.dwell else "reversal",
             steady_tolerance=table.steady_tolerance or 0.0,
-            cam=_cam_limits(self.scene, table),
+            cam=cam,
             **table.model_dump(include={"acceleration", "jerk", "snap", "smoothness"}),
             **{phase: getattr(phases, phase) for phase in ("run_up", "run_down")},
         )
@@ -162,20 +176,16 @@ class LawStage:
     @property
     def motion_resistances(self) -> tuple[MotionResistance, ...]:
         """Resistance to the motion, first as computed, then at both ends of each spread of [motion.optimise]."""
-        found = [self.resistance.motion_resistance]
+        found, speed = [self.resistance.motion_resistance], self.resistance.largest_speed
         for name in self._table.spread:
-            known = self.resistance.mix.parameter(name)
-            found += [self._resistance_with(name, value) for value in (known.low, known.high)]
+            parameter = self.resistance.mix.parameter(name)
+            for value in (parameter.low, parameter.high):
+                if (name, value, speed) not in self._spread:
+                    scene = self.scene.replaced(**{"motion.optimise": None, f"mix.overrides.{name}": value})
+                    other = ResistanceStage(contact_stage(scene, scene_mix(scene)), lambda: speed)
+                    self._spread[name, value, speed] = other.motion_resistance
+                found.append(self._spread[name, value, speed])
         return tuple(found)
-
-    def _resistance_with(self, name: str, value: float) -> MotionResistance:
-        """Return the resistance to the motion for another value of a parameter of the mix."""
-        key, speed = (name, value), self.resistance.largest_speed
-        if self._spread.get(key, (None,))[0] != speed:
-            scene = self.scene.replaced(**{"motion.optimise": None, f"mix.overrides.{name}": value})
-            other = ResistanceStage(contact_stage(scene, scene_mix(scene)), lambda: speed)
-            self._spread[key] = speed, other.motion_resistance
-        return self._spread[key][1]
 
     def _optimal_law(self, objective: str) -> OptimalMotion:
         """Return the law that minimises an objective; over a spread of the mix that of least regret.
@@ -197,7 +207,7 @@ class LawStage:
             else:
                 if bounded or found.peaks().velocity < BOUND_SHARE * fastest:
                     return found
-            self.resistance.extend(EXTENSION_FACTOR * fastest * self.prescribed.overshoot)
+            self.resistance.extend(EXTENSION_FACTOR * fastest * self.overshoot)
         raise RuntimeError(
             f"the law of least {objective.replace('_', ' ')} reaches the largest velocity of the resistance map, "
             f"{limits.velocity:.3g} m/s, after {EXTENSIONS} extensions; bound its `velocity` or `acceleration` in "
@@ -239,21 +249,22 @@ class LawStage:
         if table is None:
             raise SceneError(["cam: missing; a cam needs a table [cam] with breadth and roller_follower_radius in m"])
         self.count("cams")
-        optimised = self.scene.motion.optimise
-        optimal = [optimal_law_name([objective]) for objective in optimised.objectives] if optimised else []
-        require_known("motion law", name, (*self.prescribed.cycles, *optimal))
-        cycle = self.prescribed.cycles.get(name) or self.cycles.get(name)
+        require_known("motion law", name, (*self.prescribed, *self._optimal_names))
+        cycle = self.prescribed.get(name) or self.cycles.get(name)
         if cycle is None:
-            raise RuntimeError(f"no cam: {name} is not made: {self.left_out[name]}")
+            raise RuntimeError(f"no cam: {name} is not made: {self._left_out[name]}")
         rolling = RollerFollower(table.roller_follower_radius)
         followers: dict[str, Follower] = {"pointed": Pointed(), "roller": rolling, "flat": FlatFace()}
         return Cam(cycle, table.breadth, followers[follower])
 
-
-def _cam_limits(scene: Scene, table: Optimise) -> CamLimits | None:
-    """Return the limits of the cam in [motion.optimise], None without one."""
-    angle, flat, profile = table.pressure_angle, table.radius_of_curvature, table.profile_radius
-    if (angle, flat, profile) == (None, None, None):
-        return None
-    assert scene.cam is not None  # rule of the scene
-    return CamLimits(scene.cam.breadth, angle, flat, scene.motion.dwell, profile, scene.cam.roller_follower_radius)
+    def drawing(self, name: str) -> CamDrawing:
+        """Draw the cam of a law for a roller follower, cut with the default tolerance, and animate it with the cart."""
+        machine, words = self.scene.machine, f"The cam of {name} turns, and its followers move the cart through a cycle"
+        try:
+            outline = cut(self.cams[name, "roller"])
+            drawing = workshop_drawing(outline, self.scene.cam.bore if self.scene.cam else None)
+        except ValueError as error:  # undercut, corners, or a bore that is too large
+            return CamDrawing(name, reason=str(error))
+        animation = animated_svg(outline.cam, machine.roller_radius, machine.roller_positions, escape(words))
+        description = describe(outline)
+        return CamDrawing(name, description, drawing.svg(description), words, animation)

@@ -168,8 +168,8 @@ class _RigidPeaks:
     def __call__(self, scene: Scene, change: Change) -> Peaks:
         """Return the peaks by law with a rigid drive."""
         changed = build_stages(scene)
-        other = "motion.duration" in change.keys
-        cycles = self.stages.laws.cycles_over(scene.motion.duration) if other else self.stages.laws.cycles
+        drive = self.stages.drive
+        cycles = (drive.over(scene.motion.duration) if "motion.duration" in change.keys else drive).cycles
         if not changed.contacts.speeds:
             return _rigid_peaks(changed.resistance.cart, changed.resistance.resistance, cycles)
         over = self.stages.resistance.over(scene.motion.duration)

@@ -6,7 +6,6 @@ speed and is expensive, is sampled at one speed.
 """
 
 import warnings
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -67,37 +66,26 @@ def _friction_shares(share: float) -> NDArray[np.float64]:
 
 
 def _curve(contacts: ContactStage, record: Contact, sides: list[NDArray[np.float64]]) -> list[Row]:
-    """Return the response at the speed of a contact, torques ascending."""
-    machine = contacts.scene.machine
-    length, radius = machine.roller_length, machine.roller_radius
-    roll = _driven_roller(contacts, record)
-
-    def row(torque: float, result: Contact) -> Row:
-        assert result.creep is not None  # the roller is driven
-        return torque * length, (record.resistance - result.resistance) * length, result.creep, result.load * length
-
-    known = {} if contacts.kept else dict(contacts.first_passes)
-    free = roll(0.0, known.get(record.speed))
-    rows = [row(0.0, free)]
-    for side in sides:
-        before, last = free, free
-        for share in side:
-            load = 2 * last.load - before.load  # extrapolated; friction must hold the torque
-            torque = share * contacts.mix.steel_friction * radius * load
-            before, last = last, roll(torque, last)
-            rows.append(row(torque, last))
-    return sorted(rows)
-
-
-def _driven_roller(contacts: ContactStage, record: Contact) -> Callable[[float, Contact | None], Contact]:
-    """Return a function of torque per length [N] and initial guess: the driven roller at the height of a contact."""
-    scene, engine = contacts.scene, contacts.engine
+    """Return the response of the driven roller at the height and speed of a contact, torques ascending."""
+    scene, machine, rows = contacts.scene, contacts.scene.machine, list[Row]()
     case = case_of(scene, contacts.mix, scene.mean_speed)
     roller = replace(case.roller, rolling="driven", indentation=record.indentation, load=None, peak_pressure=None)
     case = replace(case, roller=roller, speed=record.speed, estimate=False, exit_density_ratio=None, unlimited=False)
 
     def roll(torque: float, initial_guess: Contact | None) -> Contact:
+        """Roll under a torque per length [N] and add its row."""
         contacts.count("driven")
-        return engine.contact(replace(case, torque=torque), initial_guess)
+        result = contacts.engine.contact(replace(case, torque=torque), initial_guess)
+        assert result.creep is not None  # the roller is driven
+        forces = torque, record.resistance - result.resistance, result.load
+        torque, pull, load = (machine.roller_length * force for force in forces)
+        rows.append((torque, pull, result.creep, load))
+        return result
 
-    return roll
+    free = roll(0.0, None if contacts.kept else dict(contacts.first_passes).get(record.speed))
+    for side in sides:
+        before, last = free, free
+        for share in side:
+            load = 2 * last.load - before.load  # extrapolated; friction must hold the torque
+            before, last = last, roll(share * contacts.mix.steel_friction * machine.roller_radius * load, last)
+    return sorted(rows)

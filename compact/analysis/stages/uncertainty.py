@@ -418,7 +418,7 @@ def _oil_peaks(
     """
     assert scene.drive.hydraulics is not None  # rule of the scene
     found: dict[str, dict[str, float]] = {by: {} for by in criteria}
-    for law, run in simulate_laws(nominal, cart, cycles, change.resistance or resistance, suppress(RuntimeError)):
+    for law, run in simulate_laws(nominal, cart, cycles, change.resistance or resistance, RuntimeError):
         if run.lack:
             continue
         oil = replace(run, hydraulic=replace(run.hydraulic, bulk_modulus=scene.drive.hydraulics.bulk_modulus))
