@@ -27,7 +27,12 @@ def table(name: str) -> str:
     """Return a table by its name."""
     kind, _, part = name.partition("/")
     if kind == "published":
-        return published_numbers.markdown(published_numbers.rows())
+        header = ["source", "quantity", "unit", "printed", "computed", "verdict"]
+        cells = [
+            [row.source, row.quantity, row.unit, row.printed, f"{row.computed:.6g}", row.verdict]
+            for row in published_numbers.rows()
+        ]
+        return validation.markdown_table([header, ["---"] * len(header), *cells])
     if kind == "validation" and not part.endswith(".csv"):
         return validation.markdown_case(recorded(part)) if part else overview()
     path = DOCS / ("verification.csv" if kind == "verification" else name)

@@ -2,7 +2,8 @@
 
 Sources: A and B, the papers on the third-order reversal and on its boundary conditions; C, the paper on the four-cart
 crank (Loveikin and Pochka 2015); D, the monograph on cam-driven roller forming. Each line of `data/published.csv` holds
-a printed number, the verdict on it and the `expected` value. The expected value is exact, or follows from formulas
+a printed number, the verdict on it, the `formula` of ours in the names of `published_machine` and `published_laws`, and
+the `expected` value. The expected value is exact, or follows from formulas
 evaluated by mpmath independently of this package; the column `origin` states which. Verdicts:
 
 reproduced     computed and printed number agree to half a unit of the last printed digit
@@ -15,7 +16,6 @@ derived        no number is printed; the value follows from printed ones or veri
 its 0.6 is 0.600. Purely typographic errors (a missing bracket, square or sign at a line break) have no row.
 """
 
-import csv
 import itertools
 import math
 import textwrap
@@ -25,13 +25,23 @@ from dataclasses import dataclass
 from fractions import Fraction
 from importlib.resources import files
 
+from compact.files import read_table
 from compact.verification import published_laws, published_machine
 
 TOLERANCE = 1e-9  # [-], relative, of a computed value against the expected one
 TABLE_WIDTH = 120  # characters of a line
-ESCAPED_BAR = "\\|"  # vertical bar in a cell of Markdown
-NOTE_INDENT = " " * 19  # of the notes below a row
+NOTE = textwrap.TextWrapper(TABLE_WIDTH, initial_indent=" " * 19, subsequent_indent=" " * 19)  # below a row
 VERDICTS = ("reproduced", "rounding", "misprint", "contradiction")  # on a printed number
+
+GROUPS = {
+    "contact": "Engineering method (D 1.1-1.10) and the published operating point. Unless stated otherwise, nu 0.3, "
+    "f 0.35, E 0.75 MPa, q 0.203 MPa, R 0.11 m, L 1.164 m, k2 1",
+    "crank": "Four carts on a crank (C; stated: 7962 N on each of 2 rollers, 10.5 rad/s, m = 1000 kg, guide friction "
+    "0.008; used: 3562 N in all, 100 rpm, no inertia, no guide friction)",
+    "peaks": "Peaks of the motion laws (D ch. 5; stroke 0.4 m, one pass 3 s)",
+    "claims": "Closures, criteria and optima of the motion laws (A, B, D; t1 = T/6)",
+    "cams": "Cams of constant breadth b (A, B, D; stroke dx)",
+}
 
 
 @dataclass(frozen=True)
@@ -89,83 +99,40 @@ class PublishedNumber:
 
 
 def rows() -> list[PublishedNumber]:
-    """Compute all values and combine them with the lines of `data/published.csv`."""
-    values = computed_values()
+    """Evaluate the formula of every line of `data/published.csv`."""
+    names = vars(published_machine) | vars(published_laws)
     return [
         PublishedNumber(
-            computed=values[key],
+            computed=float(eval(line["formula"], names)),
             decimals=int(line["decimals"]) if line["decimals"] else None,
             expected=_number(line["expected"]),
             **{name: line[name] for name in ("key", "source", "quantity", "unit", "printed", "verdict", "note")},
         )
-        for key, line in recorded_lines().items()
+        for line in recorded_lines()
     ]
 
 
 def _number(text: str) -> float:
-    """Return the value of a decimal number, a fraction or "inf"; nan of an empty text."""
-    return float("nan" if not text else "inf" if text == "inf" else Fraction(text))
+    """Return the value of a decimal number, a fraction or "inf"."""
+    return math.inf if text == "inf" else float(Fraction(text))
 
 
-def recorded_lines() -> dict[str, dict[str, str]]:
+def recorded_lines() -> list[dict[str, str]]:
     """Read `data/published.csv`."""
-    text = files("compact").joinpath("data/published.csv").read_text(encoding="utf-8")
-    return {line["key"]: line for line in csv.DictReader(text.splitlines())}
-
-
-def computed_values() -> dict[str, float]:
-    """Compute the value of every row."""
-    found: dict[str, float] = {}
-    for group, (_, compute) in GROUPS.items():
-        names = [key.removeprefix(f"{group}.") for key in recorded_lines() if key.startswith(f"{group}.")]
-        values = compute() | published_laws.numbers_by_law(names)
-        found |= {f"{group}.{name}": float(value) for name, value in values.items()}
-    return found
+    return [line for _, line in read_table(files("compact").joinpath("data/published.csv"))]
 
 
 def text_table(rows: Sequence[PublishedNumber]) -> str:
     """Format rows as ASCII text of at most 120 columns, grouped, with notes and a count of the verdicts."""
-
-    def line(*cells: str) -> str:
-        return "{:<16} {:<49} {:>8} {:>11} {:<6} {}".format(*cells).rstrip()
-
-    header = line("source", "quantity", "printed", "computed", "unit", "verdict")
+    line = "{:<16} {:<49} {:>8} {:>11} {:<6} {}"
+    header = line.format("source", "quantity", "printed", "computed", "unit", "verdict")
     lines = []
     for group, members in itertools.groupby(rows, key=lambda row: row.group):
-        lines += ["", *textwrap.wrap(GROUPS[group][0], TABLE_WIDTH), header, "-" * len(header)]
+        lines += ["", *textwrap.wrap(GROUPS[group], TABLE_WIDTH), header, "-" * len(header)]
         for row in members:
-            lines.append(line(row.source, row.quantity, row.printed, f"{row.computed:.6g}", row.unit, row.verdict))
+            cells = row.source, row.quantity, row.printed, f"{row.computed:.6g}", row.unit, row.verdict
             changed = f"CHANGED: computed {row.computed:.12g}, expected {row.expected:.12g}, verdict '{row.verdict}'. "
             note = row.note if row.unchanged else changed + row.note
-            lines += textwrap.wrap(note, TABLE_WIDTH, initial_indent=NOTE_INDENT, subsequent_indent=NOTE_INDENT)
+            lines += [line.format(*cells), *NOTE.wrap(note)]
     counts = ", ".join(f"{count} {verdict}" for verdict, count in Counter(row.verdict for row in rows).most_common())
     return "\n".join([*lines[1:], "", f"{len(rows)} numbers: {counts}"])
-
-
-def markdown(rows: Sequence[PublishedNumber]) -> str:
-    """Format rows as a table of Markdown; no deviation from a print that is zero or infinite."""
-    header = ("source", "quantity", "unit", "printed", "computed", "deviation", "verdict")
-    lines = [header, ("---",) * len(header)]
-    for row in rows:
-        printed = _number(row.printed)
-        deviation = row.computed / printed - 1 if printed and math.isfinite(printed) else math.nan
-        shown = "" if math.isnan(deviation) else f"{deviation:+.2g}" if abs(deviation) > TOLERANCE else "0"
-        lines.append((row.source, row.quantity, row.unit, row.printed, f"{row.computed:.6g}", shown, row.verdict))
-    return "".join(f"| {' | '.join(cell.replace('|', ESCAPED_BAR) for cell in line)} |\n" for line in lines)
-
-
-GROUPS = {
-    "contact": (
-        "Engineering method (D 1.1-1.10) and the published operating point. Unless stated otherwise, nu 0.3, f 0.35, "
-        "E 0.75 MPa, q 0.203 MPa, R 0.11 m, L 1.164 m, k2 1",
-        published_machine.engineering_numbers,
-    ),
-    "crank": (
-        "Four carts on a crank (C; stated: 7962 N on each of 2 rollers, 10.5 rad/s, m = 1000 kg, guide friction 0.008; "
-        "used: 3562 N in all, 100 rpm, no inertia, no guide friction)",
-        published_machine.crank_numbers,
-    ),
-    "peaks": ("Peaks of the motion laws (D ch. 5; stroke 0.4 m, one pass 3 s)", published_laws.peak_numbers),
-    "claims": ("Closures, criteria and optima of the motion laws (A, B, D; t1 = T/6)", published_laws.claim_numbers),
-    "cams": ("Cams of constant breadth b (A, B, D; stroke dx)", published_laws.cam_numbers),
-}
