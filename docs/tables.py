@@ -20,7 +20,7 @@ MARK = re.compile(r"(?m)^<!-- table: (.+) -->$")
 
 def recorded(name: str) -> CaseResult:
     """Return a case with the recorded values; the tests compute them again."""
-    return CaseResult(CASES[name], tuple(CASES[name].rows().values()))
+    return CaseResult(CASES[name], tuple(CASES[name].rows.values()))
 
 
 def table(name: str) -> str:

@@ -1,7 +1,8 @@
 """Records of validation: a case of other authors, its numbers with their verdicts, and the curves of its figure.
 
-A case is its rows in `data/rows.csv` and one function that computes our value of each. A row states their value with
-its scatter, the distance expected before the run, and the value of ours when the case was last examined. Verdicts:
+A case is its line in `data/cases.csv`, its rows in `data/rows.csv` and one function that computes our value of each. A
+row states their value with its scatter, the distance expected before the run, and the value of ours when the case was
+last examined. Verdicts:
 
 met         the values differ by at most the expected distance
 explained   they differ by more, and another number of the same case shows the cause
@@ -12,6 +13,7 @@ not met     they differ by more; the row states the reason, if one is known
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.resources import files
 from typing import Literal
 
@@ -24,7 +26,6 @@ from compact.numerics import Array
 REPEAT_TOLERANCE = 1e-6  # [-], relative, of our value against the recorded one; converged to 1e-9 and better
 PREDICTED = "predicted"
 Verdict = Literal["met", "explained", "not met"]
-Kind = Literal["measured", "calibrated to measurements by others", "printed by another program", "exact solution"]
 
 
 @dataclass(frozen=True)
@@ -98,8 +99,8 @@ class Curve:
     """Line of computed values, or points of other authors, in a figure; arrays of shape (n,)."""
 
     label: str
-    x: Array
-    y: Array
+    x: ArrayLike
+    y: ArrayLike
     is_ours: bool
 
 
@@ -123,10 +124,8 @@ class ValidationCase:
 
     Parameters
     ----------
-    name : str
-        Name on the command line.
-    title : str
-        Title in words.
+    name, title : str
+        Name on the command line, and title in words.
     kind : str
         What their numbers are.
     engines : tuple of str
@@ -135,26 +134,28 @@ class ValidationCase:
         Origin of the data and their licence.
     compute : callable
         Our value of each row, and the figure.
+    rows : dict of str to Comparison
+        Rows by key, with the recorded value as ours.
     seconds : float
         Usual processor time [s].
-    given : dict of str to Comparison, optional
-        Rows of a case of the user; those of `data/rows.csv` by default.
     """
 
     name: str
     title: str
-    kind: Kind
+    kind: str
     engines: tuple[str, ...]
     source: str
     compute: Callable[[Rows], Computed] = field(repr=False)
+    rows: Rows = field(repr=False)
     seconds: float = 1.0
-    given: Rows | None = None
 
-    def rows(self) -> Rows:
-        """Return the rows by key, with the recorded value as ours."""
-        if self.given is not None:
-            return self.given
-        return {row["key"]: _comparison(row) for row in read_rows("rows.csv", case=self.name)}
+
+def recorded_case(name: str, compute: Callable[[Rows], Computed]) -> ValidationCase:
+    """Return a case by its lines in `data/cases.csv` and `data/rows.csv`."""
+    (about,) = read_rows("cases.csv", case=name)
+    rows = {row["key"]: _comparison(row) for row in read_rows("rows.csv", case=name)}
+    engines, seconds = tuple(about["engines"].split()), float(about["seconds"])
+    return ValidationCase(name, about["title"], about["kind"], engines, about["source"], compute, rows, seconds)
 
 
 def _comparison(row: Mapping[str, str]) -> Comparison:
@@ -184,11 +185,4 @@ def numbers(rows: Sequence[Mapping[str, str]], column: str) -> Array:
     return np.array([float(row[column]) for row in rows])
 
 
-def ours(label: str, x: ArrayLike, y: ArrayLike) -> Curve:
-    """Return a line of computed values."""
-    return Curve(label, np.asarray(x, dtype=float), np.asarray(y, dtype=float), is_ours=True)
-
-
-def theirs(label: str, x: ArrayLike, y: ArrayLike) -> Curve:
-    """Return points of values of other authors."""
-    return Curve(label, np.asarray(x, dtype=float), np.asarray(y, dtype=float), is_ours=False)
+ours, theirs = partial(Curve, is_ours=True), partial(Curve, is_ours=False)

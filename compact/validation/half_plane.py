@@ -16,7 +16,7 @@ from compact.engines.fem import engine as fem
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Elastic, Viscoelastic
 from compact.rolling_contact import Contact, Layer, Roller
-from compact.validation.case import Computed, Panel, Rows, ValidationCase, ours, theirs
+from compact.validation.case import Computed, Panel, Rows, ours, theirs
 
 SHEAR_MODULUS, POISSON = 1143e6, 0.4  # [Pa], of each body at first; [-]
 RADIUS, LOAD, SPEED = 0.05, 600e3, 1.0  # [m], combined; [N/m]; [m/s]
@@ -44,7 +44,8 @@ def _resistance(engine: str, speed: float) -> float:
     return float(found.resistance / found.load)
 
 
-def _compute(rows: Rows) -> Computed:
+def compute(rows: Rows) -> Computed:
+    """Compute peak pressures, contact lengths and the resistance over speed."""
     values: dict[str, float] = {}
     series: dict[str, list[tuple[float, float, float]]] = {"spectral": [], "fem": []}
     for key in rows:
@@ -63,16 +64,3 @@ def _compute(rows: Rows) -> Computed:
         theirs("collocation", speeds, expected),
     )
     return values, [Panel("speed [m/s]", "resistance over load [-]", curves, log_x=True)]
-
-
-PA6 = ValidationCase(
-    "contact-pa6",
-    "Relaxing half-plane: the program CONTACT on cylinders of PA6",
-    "printed by another program",
-    ("spectral", "fem"),
-    "Vollebregt and Kalker, CONTACT, example visc_cylindr, printed output, after Wang and Knothe, J. Appl. Mech. 60 "
-    "(1993) 310; github.com/eve70a/CONTACT, commit d431cdb, Apache-2.0. The resistance over speed is not printed "
-    "there: it is a third calculation, by collocation with half-planes and without code of either program",
-    _compute,
-    seconds=3.0,
-)

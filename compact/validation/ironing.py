@@ -16,7 +16,7 @@ import numpy as np
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.numerics import Array
 from compact.rolling_contact import Layer, Roller
-from compact.validation.case import Computed, Panel, Rows, ValidationCase, numbers, ours, read_rows, theirs
+from compact.validation.case import Computed, Panel, Rows, numbers, ours, read_rows, theirs
 from compact.validation.plasticity import MIX, shear_strength
 
 RADIUS, HEIGHT = 0.1, 0.2  # [m], of the roller and of the layer, six contact lengths at the largest heap
@@ -77,7 +77,8 @@ def _mean_ratios(path: Array, forces: tuple[Array, Array]) -> tuple[float, float
     return vertical[used].mean(), horizontal[used].mean(), (horizontal / vertical)[used].mean()
 
 
-def _compute(_rows: Rows) -> Computed:
+def compute(_rows: Rows) -> Computed:
+    """Compute forces over the heap on three meshes."""
     table = read_rows("ironing_plate_plastic.csv")
     vertical, horizontal = chord_forces(numbers(table, "cylinder_chord_heap_over_R"))
     published = numbers(table, "cylinder_chord_vertical_over_kR"), numbers(table, "horizontal_over_vertical")
@@ -104,15 +105,3 @@ def _compute(_rows: Rows) -> Computed:
         Panel("heap above the lowest point [mm]", label, (*each, *theory))
         for label, each, theory in zip(labels, lines, points, strict=True)
     ]
-
-
-IRONING = ValidationCase(
-    "ironing-roller",
-    "Roller that pushes a heap of plastic mix, after slip-line theory",
-    "exact solution",
-    ("compaction",),
-    "geometry of the ironing plate in a thesis on rolling over soil, 123dok.com/id/article/chapter-iii.10417593; "
-    "pressure by Hencky's equations, for this validation",
-    _compute,
-    seconds=120.0,
-)

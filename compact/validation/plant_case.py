@@ -16,7 +16,7 @@ calibrated with the same trials says so by `fitted = "..."` in [case].
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,8 +29,8 @@ from compact.scene.loader import Scene, SceneError, read_value
 from compact.scene.schema import Table, key, optional
 from compact.validation.case import PREDICTED, Comparison, Computed, Panel, Rows, ValidationCase, ours, theirs
 
-MEASURED = {"load": "N", "resistance": "N", "resistance_coefficient": "-", "exit_density_ratio": "-"}
-COMPACTED = ("exit_density_ratio",)  # of an engine with irreversible compaction
+COMPACTED = "exit_density_ratio"  # of an engine with irreversible compaction
+MEASURED = {"load": "N", "resistance": "N", "resistance_coefficient": "-", COMPACTED: "-"}  # units
 SCATTER = "_scatter"
 SPEED = "speed"
 TEXT = r"\S"  # pattern of a text that is not blank
@@ -65,13 +65,12 @@ class PlantScene(Scene):
 
 @dataclass(frozen=True)
 class Trial:
-    """One row of the CSV: its line, changes of scene keys, speed [m/s] or None for that of the scene, readings."""
+    """One row of the CSV: file and line, changes of scene keys, and values [SI units] by column."""
 
-    line: int
+    place: str
+    key: str
     changes: Mapping[str, Any]
-    speed: float | None
-    measured: Mapping[str, float]
-    scatter: Mapping[str, float]
+    values: Mapping[str, float]
 
 
 def read_plant_case(folder: str | Path) -> ValidationCase:
@@ -94,93 +93,43 @@ def read_plant_case(folder: str | Path) -> ValidationCase:
             names = ", ".join(path.name for path in found) or "none"
             raise ValueError(f"{folder}: a case has exactly one {suffix} file, got {names}")
         paths += found
-    toml, table = paths
-    scene = PlantScene.load(toml)
-    header, expected = scene.case, scene.case.expected.model_dump(exclude_none=True)
-    trials = read_trials(table, expected, scene)
-    basis = f"fitted: {header.fitted}" if header.fitted else PREDICTED
-    rows = {}
-    for trial in trials:
-        for name, value in trial.measured.items():
-            row, words = f"line_{trial.line}_{name}", f"{name.replace('_', ' ')}, line {trial.line}"
-            given = Comparison(row, words, MEASURED[name], math.nan, value, expected[name], basis=basis)
-            rows[row] = replace(given, scatter=trial.scatter.get(name))
-    engine = scene.accuracy.engine
-    return ValidationCase(
-        folder.resolve().name,
-        header.title,
-        "measured",
-        (engine,),
-        f"{header.source}; {header.licence}",
-        partial(_compute, scene, trials, str(table)),
-        seconds=CONTACT_COST * len(trials) if not ENGINES[engine].affordable else 1.0,
-        given=rows,
-    )
+    scene = PlantScene.load(paths[0])
+    case, engine = scene.case, ENGINES[scene.accuracy.engine]
+    expected = case.expected.model_dump(exclude_none=True)
+    if COMPACTED in expected and engine.takes in ("half-plane", "linear layer"):
+        raise ValueError(f"{paths[0]}: case.expected: the engine {engine.name} computes no `{COMPACTED}`")
+    trials = [_trial(f"{paths[1]}:{line}", f"line_{line}", cells, expected) for line, cells in read_table(paths[1])]
+    if not trials:
+        raise ValueError(f"{paths[1]}: has no trial; give a header and a row for each trial")
+    basis = f"fitted: {case.fitted}" if case.fitted else PREDICTED
+    rows = {
+        f"{trial.key}_{name}": Comparison(
+            f"{trial.key}_{name}", f"{trial.key} {name}".replace("_", " "), MEASURED[name], math.nan,
+            trial.values[name], expected[name], scatter=trial.values.get(name + SCATTER), basis=basis,
+        )
+        for trial in trials
+        for name in expected
+        if name in trial.values
+    }  # fmt: skip
+    seconds = 1.0 if engine.affordable else CONTACT_COST * len(trials)
+    source, compute = f"{case.source}; {case.licence}", partial(_compute, scene, trials)
+    return ValidationCase(folder.resolve().name, case.title, "measured", (engine.name,), source, compute, rows, seconds)
 
 
-def read_trials(path: Path, expected: Mapping[str, float], scene: Scene) -> tuple[Trial, ...]:
-    """Read the trials of a CSV.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    expected : dict of str to float
-        Expected distances; every measured quantity has one.
-    scene : Scene
-        Scene of the case, whose keys the columns change.
-
-    Raises
-    ------
-    ValueError
-        If a line breaks a rule.
-    """
-    rows = read_table(path)
-    if not rows:
-        raise ValueError(f"{path}: has no trial; give a header and a row for each trial")
-    if rule := _broken_header(tuple(rows[0][1]), expected, scene.accuracy.engine):
-        raise ValueError(f"{path}:1: {rule}")
-    trials: dict[Any, Trial] = {}
-    for line, row in rows:
-        place, changes, values = f"{path}:{line}", {}, dict[str, float]()
-        for name, cell in row.items():
-            if cell and "." in name:
-                changes[name] = read_value(cell)
-            elif cell:
-                values[name] = _positive(cell, f"{place}: `{name}`")
-        measured = {name: value for name, value in values.items() if name in MEASURED}
-        if not measured:
-            raise ValueError(f"{place}: nothing is measured; give at least one of {', '.join(MEASURED)}")
-        if "resistance" in measured and "resistance_coefficient" in measured:
-            raise ValueError(f"{place}: give `resistance` or `resistance_coefficient`, not both")
-        scatter = {name.removesuffix(SCATTER): value for name, value in values.items() if name.endswith(SCATTER)}
-        trial = Trial(line, changes, values.get(SPEED), measured, scatter)
-        same = trials.setdefault((repr(sorted(changes.items())), trial.speed, *measured.items()), trial)
-        if same is not trial:
-            raise ValueError(f"{place}: repeats line {same.line}; give each trial once")
-    return tuple(trials.values())
-
-
-def _broken_header(names: Sequence[str], expected: Mapping[str, float], engine: str) -> str | None:
-    """Return the rule that the names of the columns break, or None."""
-    for name in names:
-        base = name.removesuffix(SCATTER)
-        if "." in name or name == SPEED:
-            continue
-        if base not in MEASURED:
-            return (
-                f"no column `{name}`; a column is a scene key such as contact.load, {SPEED}, {', '.join(MEASURED)}, or "
-                f"one of these with {SCATTER}"
-            )
-        if base not in expected:
-            return f"`{base}` has no expected distance; add it to `expected` of [case]"
-        if base not in names:
-            return f"`{name}` needs a column `{base}`"
-        if base in COMPACTED and ENGINES[engine].takes in ("half-plane", "linear layer"):
-            return f"the engine {engine} computes no `{base}`"
-    if not any(name in MEASURED for name in names):
-        return f"no column is measured; give at least one of {', '.join(MEASURED)}"
-    return None
+def _trial(place: str, key: str, row: Mapping[str, str], expected: Mapping[str, float]) -> Trial:
+    """Return the trial of a row, whose columns are keys of the scene and quantities with an expected distance."""
+    columns = (SPEED, *expected, *(name + SCATTER for name in expected))
+    if unknown := [name for name in row if "." not in name and name not in columns]:
+        raise ValueError(
+            f"{place}: no column `{unknown[0]}`; a column is a scene key such as contact.load, {', '.join(columns)}; "
+            "other measured quantities need a distance in `expected` of [case]"
+        )
+    given = {name: cell for name, cell in row.items() if cell}
+    changes = {name: read_value(cell) for name, cell in given.items() if "." in name}
+    values = {name: _positive(cell, f"{place}: `{name}`") for name, cell in given.items() if "." not in name}
+    if not values.keys() & expected.keys():
+        raise ValueError(f"{place}: nothing is measured; give at least one of {', '.join(expected)}")
+    return Trial(place, key, changes, values)
 
 
 def _positive(cell: str, place: str) -> float:
@@ -193,33 +142,32 @@ def _positive(cell: str, place: str) -> float:
     return value
 
 
-def _compute(scene: Scene, trials: Sequence[Trial], path: str, rows: Rows) -> Computed:
+def _compute(scene: Scene, trials: Sequence[Trial], rows: Rows) -> Computed:
     """Compute every trial by the engine of the scene."""
     values: dict[str, float] = {}
     for trial in trials:
-        place = f"{path}:{trial.line}"
         try:
             changed = scene.replaced(**trial.changes)
+            found = roll_scene(changed, scene_mix(changed), trial.values.get(SPEED, changed.mean_speed))
         except SceneError as error:
-            raise ValueError(f"{place}: {error}") from None
-        try:
-            found = roll_scene(changed, scene_mix(changed), trial.speed or changed.mean_speed)
+            raise ValueError(f"{trial.place}: {error}") from None
         except (ValueError, RuntimeError) as error:
-            raise RuntimeError(f"{place}: the engine has no result: {error}") from None
+            raise RuntimeError(f"{trial.place}: the engine has no result: {error}") from None
         length = changed.machine.roller_length
         on_roller = {
             "load": found.load * length,
             "resistance": found.resistance * length,
-            "resistance_coefficient": found.resistance / found.load,
-            "exit_density_ratio": getattr(found, "exit_density_ratio", math.nan),
+            "resistance_coefficient": found.coefficient,
+            COMPACTED: found.exit_density_ratio,
         }
-        values |= {f"line_{trial.line}_{name}": float(on_roller[name]) for name in trial.measured}
+        values |= {f"{trial.key}_{name}": value for name, value in on_roller.items() if name in trial.values}
 
     panels = []
-    for name in dict.fromkeys(name for trial in trials for name in trial.measured):
-        keys = [f"line_{trial.line}_{name}" for trial in trials if name in trial.measured]
-        measured, computed = [rows[key].theirs for key in keys], [values[key] for key in keys]
-        ends, label = [0.0, 1.1 * max(*measured, *computed)], f"{name.replace('_', ' ')} [{MEASURED[name]}]"
-        curves = ours("equal", ends, ends), theirs("trials", measured, computed)
-        panels.append(Panel(f"measured {label}", f"computed {label}", curves))
+    for name in MEASURED:
+        keys = [key for key in rows if key.endswith(f"_{name}")]
+        if keys:
+            measured, computed = [rows[key].theirs for key in keys], [values[key] for key in keys]
+            ends, label = [0.0, 1.1 * max(*measured, *computed)], f"{name.replace('_', ' ')} [{MEASURED[name]}]"
+            curves = ours("equal", ends, ends), theirs("trials", measured, computed)
+            panels.append(Panel(f"measured {label}", f"computed {label}", curves))
     return values, panels

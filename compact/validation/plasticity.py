@@ -24,7 +24,7 @@ from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics import Array
-from compact.validation.case import Computed, Panel, Rows, ValidationCase, ours, read_rows, theirs
+from compact.validation.case import Computed, Panel, Rows, ours, read_rows, theirs
 
 RIGID_MODULUS = 1e13  # [Pa], some 1e8 times the pressure
 STRAIN, STEPS = 0.3, 50  # [-], logarithmic, of the confined compression, and its increments
@@ -57,7 +57,8 @@ def earth_pressure_at_rest(slope: float) -> float:
     return float(state.stress[0, 0] / state.stress[0, 1])
 
 
-def _earth_pressure(rows: Rows) -> Computed:
+def earth_pressures(rows: Rows) -> Computed:
+    """Compute earth pressures at rest over M, and the stress of one step of another program."""
     known = {float(key.removeprefix("K0_")): row.theirs for key, row in rows.items() if key.startswith("K0_")}
     p = PROGRAM_STRESS.mean()
     stress = PROGRAM_SLOPE * np.sqrt(p * (PROGRAM_PRECONSOLIDATION - p))
@@ -69,7 +70,8 @@ def _earth_pressure(rows: Rows) -> Computed:
     ]
 
 
-def _powder(rows: Rows) -> Computed:
+def powder(rows: Rows) -> Computed:
+    """Compute the axial stress in a die by one ellipse for each range of density."""
     values, curves = {}, []
     for row in read_rows("ph102_ellipses.csv"):
         law = {name: float(cell) for name, cell in row.items() if name != "source_and_how_read"}
@@ -182,7 +184,8 @@ def solve_increment(
     raise RuntimeError(f"no equilibrium: residual {size:.1e} after {ITERATIONS} iterations")
 
 
-def _indenter(rows: Rows) -> Computed:
+def indenter(rows: Rows) -> Computed:
+    """Compute the limit load on two meshes."""
     paths = [indenter_pressure(*mesh) for mesh in MESHES]
     coarse, fine = (float(pressure[-1]) for _, pressure in paths)
     rise = fine / float(np.interp(0.9 * SETTLEMENT, *paths[-1])) - 1
@@ -190,35 +193,3 @@ def _indenter(rows: Rows) -> Computed:
     curves = [ours(f"{elements} elements", *path) for (elements, _), path in zip(MESHES, paths, strict=True)]
     curves.append(theirs("Prandtl", [SETTLEMENT], [rows["limit"].theirs]))
     return values, [Panel("settlement over width [-]", "mean pressure over k [-]", tuple(curves))]
-
-
-CAM_CLAY = ValidationCase(
-    "cam-clay",
-    "Earth pressure and yield stress of the ellipse",
-    "exact solution",
-    ("column", "compaction"),
-    "flow rule of the ellipse, for this validation: 2 eta/(M^2 - eta^2) = 2/3; one plastic step of "
-    "github.com/cb-geo/mpm, tests/materials/modified_cam_clay_test.cc, MIT",
-    _earth_pressure,
-    seconds=0.5,
-)
-PH102 = ValidationCase(
-    "avicel-ph102",
-    "Microcrystalline cellulose in a die, by ellipses over ranges of density",
-    "calibrated to measurements by others",
-    ("column",),
-    "cap and elastic tables of Avicel PH102 in github.com/taha-re/manuscript-data-density-dependent-friction-"
-    "tableting, commit 83e1922, credited there to the group of Cunningham and Zavaliangos; no licence file, facts "
-    "only; rigid-plastic die by us",
-    _powder,
-    seconds=0.3,
-)
-PRANDTL = ValidationCase(
-    "prandtl-indenter",
-    "Slow indenter on a plastic half-plane",
-    "exact solution",
-    ("compaction",),
-    "L. Prandtl, Nachr. Ges. Wiss. Goettingen (1920) 74: mean pressure (2 + pi) k of a smooth rigid strip",
-    _indenter,
-    seconds=6.0,
-)

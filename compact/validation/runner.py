@@ -9,16 +9,21 @@ from typing import get_args
 from threadpoolctl import threadpool_limits
 
 from compact.numerics.validation import require_known
-from compact.validation.case import Comparison, Panel, ValidationCase, Verdict
-from compact.validation.half_plane import PA6
-from compact.validation.ironing import IRONING
+from compact.validation import half_plane, ironing, plasticity, sand_oedometers
+from compact.validation.case import Comparison, Panel, ValidationCase, Verdict, recorded_case
 from compact.validation.plant_case import read_plant_case
-from compact.validation.plasticity import CAM_CLAY, PH102, PRANDTL
-from compact.validation.sand_oedometers import SAND
 
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+COMPUTED = {
+    "karlsruhe-sand": sand_oedometers.compute,
+    "avicel-ph102": plasticity.powder,
+    "contact-pa6": half_plane.compute,
+    "cam-clay": plasticity.earth_pressures,
+    "prandtl-indenter": plasticity.indenter,
+    "ironing-roller": ironing.compute,
+}
 CASES: Mapping[str, ValidationCase] = MappingProxyType(
-    {case.name: case for case in (SAND, PH102, PA6, CAM_CLAY, PRANDTL, IRONING)}
+    {name: recorded_case(name, compute) for name, compute in COMPUTED.items()}
 )
 
 
@@ -61,7 +66,7 @@ def evaluate_case(case: ValidationCase) -> CaseResult:
     KeyError
         If a value has no row, or a row no value.
     """
-    rows = case.rows()
+    rows = case.rows
     with threadpool_limits(1):
         values, panels = case.compute(rows)
     if set(values) != set(rows):

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from compact.numerics import Array
-from compact.validation.case import Computed, Panel, Rows, ValidationCase, numbers, ours, read_rows, theirs
+from compact.validation.case import Computed, Panel, Rows, numbers, ours, read_rows, theirs
 
 REFERENCE_STRESS = 100.0  # [kPa], s_a
 TESTS = {"OE1": "loose", "OE12": "dense"}
@@ -78,18 +78,7 @@ def _test(name: str) -> tuple[dict[str, float], Panel]:
     return {f"{name}_{key}": float(value) for key, value in values.items()}, panel
 
 
-def _compute(_rows: Rows) -> Computed:
+def compute(_rows: Rows) -> Computed:
+    """Compute both tests."""
     (loose, left), (dense, right) = map(_test, TESTS)
     return loose | dense, (left, right)
-
-
-SAND = ValidationCase(
-    "karlsruhe-sand",
-    "Sand in an oedometer, loading and rebound",
-    "measured",
-    ("column",),
-    "oedometer tests OE1 and OE12 on Karlsruhe fine sand, in github.com/gagankaushikmanyam/mechanics-sand-model, "
-    "commit 1372ef2, credited there to the data base KFSDB of TU Braunschweig; no licence file, facts only",
-    _compute,
-    seconds=0.1,
-)

@@ -10,7 +10,7 @@ from compact.cli.options import NO_RESULT, SUCCESS
 from compact.validation import half_plane, runner
 from compact.validation.case import Comparison, read_rows
 from compact.validation.ironing import arc_forces, chord_forces
-from compact.validation.plasticity import CAM_CLAY, MIX, shear_strength
+from compact.validation.plasticity import MIX, shear_strength
 from compact.validation.runner import CASES, evaluate_case, select_cases
 
 CHEAP = 0.5  # [s], of processor time; longer cases are slow tests
@@ -57,7 +57,7 @@ def test_a_value_moves_beyond_its_tolerance():
 
 
 def test_a_value_without_a_row_is_an_error():
-    case = dataclasses.replace(CAM_CLAY, compute=lambda rows: (dict.fromkeys(rows, 1.0) | {"K0_3": 0.1}, ()))
+    case = dataclasses.replace(CASES["cam-clay"], compute=lambda rows: (dict.fromkeys(rows, 1.0) | {"K0_3": 0.1}, ()))
     with pytest.raises(KeyError, match="cam-clay: rows and values differ in K0_3"):
         evaluate_case(case)
 
@@ -72,8 +72,9 @@ def test_the_command_prints_a_case_and_fails_if_a_value_moves(monkeypatch, capsy
     said = capsys.readouterr()
     assert "8 numbers of 1 case: 8 met, 0 explained, 0 not met" in said.out
     assert (tmp_path / "validation" / "cam-clay.png").exists()
-    moved = {key: dataclasses.replace(row, recorded=0.75) for key, row in CAM_CLAY.rows().items()}
-    monkeypatch.setattr(runner, "CASES", {"cam-clay": dataclasses.replace(CAM_CLAY, given=moved)})
+    case = CASES["cam-clay"]
+    moved = {key: dataclasses.replace(row, recorded=0.75) for key, row in case.rows.items()}
+    monkeypatch.setattr(runner, "CASES", {"cam-clay": dataclasses.replace(case, rows=moved)})
     assert validate(("cam-clay",)) == NO_RESULT
     said = capsys.readouterr()
     assert "MOVED: ours 0.748075436, recorded 0.75" in said.out
