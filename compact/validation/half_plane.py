@@ -44,7 +44,7 @@ def _resistance(engine: str, speed: float) -> float:
     return float(found.resistance / found.load)
 
 
-def compute(rows: Rows) -> Computed:
+def relaxing_half_plane(rows: Rows) -> Computed:
     """Compute peak pressures, contact lengths and the resistance over speed."""
     values: dict[str, float] = {}
     series: dict[str, list[tuple[float, float, float]]] = {"spectral": [], "fem": []}

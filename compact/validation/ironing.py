@@ -77,7 +77,7 @@ def _mean_ratios(path: Array, forces: tuple[Array, Array]) -> tuple[float, float
     return vertical[used].mean(), horizontal[used].mean(), (horizontal / vertical)[used].mean()
 
 
-def compute(_rows: Rows) -> Computed:
+def pushed_heap(_rows: Rows) -> Computed:
     """Compute forces over the heap on three meshes."""
     table = read_rows("ironing_plate_plastic.csv")
     vertical, horizontal = chord_forces(numbers(table, "cylinder_chord_heap_over_R"))

@@ -15,12 +15,12 @@ from compact.validation.plant_case import read_plant_case
 
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 COMPUTED = {
-    "karlsruhe-sand": sand_oedometers.compute,
+    "karlsruhe-sand": sand_oedometers.sand_tests,
     "avicel-ph102": plasticity.powder,
-    "contact-pa6": half_plane.compute,
+    "contact-pa6": half_plane.relaxing_half_plane,
     "cam-clay": plasticity.earth_pressures,
     "prandtl-indenter": plasticity.indenter,
-    "ironing-roller": ironing.compute,
+    "ironing-roller": ironing.pushed_heap,
 }
 CASES: Mapping[str, ValidationCase] = MappingProxyType(
     {name: recorded_case(name, compute) for name, compute in COMPUTED.items()}

@@ -78,7 +78,7 @@ def _test(name: str) -> tuple[dict[str, float], Panel]:
     return {f"{name}_{key}": float(value) for key, value in values.items()}, panel
 
 
-def compute(_rows: Rows) -> Computed:
+def sand_tests(_rows: Rows) -> Computed:
     """Compute both tests."""
     (loose, left), (dense, right) = map(_test, TESTS)
     return loose | dense, (left, right)
