@@ -24,7 +24,6 @@ from compact.analysis.study import Study
 from compact.cli import program as cli
 from compact.report import text, writer
 from compact.report.page import write_page
-from compact.report.writer import versions
 from compact.scene import plausible_ranges
 from compact.scene.errors import limits_of
 from compact.scene.loader import load_scene
@@ -163,7 +162,7 @@ def fault(scene: str, changes: dict[str, Any], folder: Path) -> str:
             writer.write_study(study, folder, force=True)
             text.study_digest(study)
             pictures = dict.fromkeys([*writer.study_figures(study), "pressure"], b"")
-            write_page(folder / "report.html", study, pictures, versions())
+            write_page(folder / "report.html", study, pictures)
         except Exception as error:
             return "" if is_refusal(error) else traceback.format_exc()
     return ""

@@ -32,8 +32,8 @@ class PageReader(HTMLParser):
 def answer_html(study, checks=(), shifts=()):
     """HTML of question, answer and uncertainty."""
     study = copy(study)
-    study.sensitivities = list(shifts)
-    return render_page("page", sections=[], **answer(study, checks))
+    study.sensitivities, study.checks = list(shifts), list(checks)
+    return render_page("page", sections=[], **answer(study))
 
 
 def answer_words(study, checks=(), shifts=()):

@@ -81,6 +81,10 @@ CATALOGUE = (
     "rated_torque_Nm=motor.rated_torque peak_torque_needed_Nm=peak_torque peak_torque_Nm=motor.peak_torque "
     "inertia_ratio fluctuation holds"
 )
+AGREEMENT = (
+    "engine drive other_engine other_drive criterion=by kendall_tau=agreement.0:3 discordant_pairs=agreement.1 "
+    "resolved_discordant_pairs=agreement.2 pairs=agreement.3 first other_first"
+)
 RANKING = "rank=0.rank law=2 value=0.value unit=1 margin=0.margin tie=0.tie"
 
 
@@ -196,18 +200,10 @@ def _write_rankings(study: Study, place: Path) -> Iterator[Path]:
     names = "law=0 drive=1 criterion=2 value=3 unit=4 error=5"
     yield _table("criteria", values, names).write(place / "criteria.csv")
     if study.comparison:
-        yield agreement_table(study).write(place / "agreement.csv")
+        yield _table("agreement", study.agreements, AGREEMENT).write(place / "agreement.csv")
     for name, other in study.comparison.items():
         if other.records:
             yield _table("contact", other.records, CONTACT).write(place / "comparison" / name / "contact.csv")
-
-
-def agreement_table(study: Study) -> TableSpec:
-    """Tabulate the agreement of the rankings by the engines and drives."""
-    return _table(
-        "agreement", study.agreements, "engine drive other_engine other_drive criterion=by kendall_tau=agreement.0 "
-        "discordant_pairs=agreement.1 resolved_discordant_pairs=agreement.2 pairs=agreement.3 first other_first",
-    )  # fmt: skip
 
 
 def criterion_error(study: Study, run: Any, by: str) -> float | None:

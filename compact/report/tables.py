@@ -55,6 +55,7 @@ def columns(*names: str, **getters: Getter) -> dict[str, Getter]:
     ----------
     *names : str
         Columns separated by blanks. A path joins attributes, keys and indices by dots; None on the way is the value.
+        A format of the page may follow, `:%` or a number of digits; it is not of the column.
 
     Examples
     --------
@@ -63,7 +64,7 @@ def columns(*names: str, **getters: Getter) -> dict[str, Getter]:
     """
     found: dict[str, Getter] = {}
     for each in " ".join(names).split():
-        column, _, path = each.partition("=")
+        column, _, path = each.partition(":")[0].partition("=")
         found[column] = path or split_unit(column)[0]
     return found | getters
 
@@ -109,6 +110,21 @@ def json_numbers(record: Any, *names: str) -> dict[str, dict[str, Any]]:
 
 
 @dataclass(frozen=True)
+class Mark:
+    """Text of a page with a label in front.
+
+    Parameters
+    ----------
+    kind : str
+        Style of the label: "assumed", "known", "good" or "bad".
+    """
+
+    kind: str
+    label: str
+    text: str = ""
+
+
+@dataclass(frozen=True)
 class TableSpec:
     """Table of results.
 
@@ -134,7 +150,7 @@ class TableSpec:
         found = {}
         for place, (name, unit) in enumerate(names.values()):
             plain = Quantity(name.replace("_", " "), unit)
-            words = unit == "1" and any(isinstance(row[place], str) for row in rows)
+            words = unit == "1" and any(isinstance(row[place], str | Mark) for row in rows)
             found[name] = WORD if words else _known().get((name, unit), plain)
         return cls(title, found, rows)
 
@@ -148,22 +164,26 @@ class TableSpec:
         place = list(self.quantities).index(name)
         return [row[place] for row in self.rows]
 
-    def text(self, name: str, digits: int = DIGITS) -> list[str]:
-        """Return a column as text of the page: one prefix and one number of decimals, words as they are."""
-        if self.quantities[name] is WORD:
-            return ["" if value is None else str(value) for value in self[name]]
+    def text(self, name: str, form: str = "") -> list[Any]:
+        """Return a column as text of the page: one prefix and one number of decimals, words as they are.
+
+        Parameters
+        ----------
+        form : str
+            "%" for shares as per cent, otherwise the number of significant digits.
+        """
         values = self[name]
+        if self.quantities[name] is WORD:
+            return ["" if value is None else value for value in values]
+        if form == "%":
+            return [format_percent(value) for value in values]
         if all(isinstance(value, int) for value in values):
             return [format_number(value) for value in values]
-        return format_column(values, self.quantities[name].unit, digits)
+        return format_column(values, self.quantities[name].unit, int(form or DIGITS))
 
-    def percent(self, name: str) -> list[str]:
-        """Return a column of shares as per cent."""
-        return [format_percent(value) for value in self[name]]
-
-    def shown(self, *names: str, digits: int = DIGITS) -> dict[str, list[str]]:
-        """Return columns as text of the page by their heads: the term, or the name of a column of words."""
-        return {self.quantities[name].term or name.replace("_", " "): self.text(name, digits) for name in names}
+    def cell(self, name: str, form: str = "") -> tuple[str, list[Any]]:
+        """Return the head of a column on the page, the term or the name, and its text."""
+        return self.quantities[name].term or name.replace("_", " "), self.text(name, form)
 
     def write(self, path: Path) -> Path:
         """Write CSV in SI units with twelve digits; return the path."""

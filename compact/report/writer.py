@@ -1,9 +1,7 @@
 """Results of a study in a directory: the files that the scene requires, and summary.json last."""
 
-import platform
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +15,15 @@ from compact.analysis.sizing.machine_sizing import MachineSizing
 from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
-from compact.files import claimed_directory, render_png, write_bytes, write_figure, write_json, write_vtu_series
+from compact.files import (
+    claimed_directory,
+    render_png,
+    versions,
+    write_bytes,
+    write_figure,
+    write_json,
+    write_vtu_series,
+)
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import results
 from compact.report.tables import columns, json_number, json_numbers, write_arrays
@@ -25,7 +31,6 @@ from compact.report.tables import value_of as getter_value
 from compact.rolling_contact import Contact
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
-PACKAGES = ("compact", "numpy", "scipy")  # whose versions are recorded
 HELD = {"height": "indentation_m", "load": "load_N/m", "peak_pressure": "peak_pressure_Pa"}
 
 
@@ -155,7 +160,7 @@ def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) 
     if "fields" in study.scene.output.items:
         found["fields"] = (directory / "fields.png").read_bytes()
     yield pressure
-    yield write_page(directory / "report.html", study, found, versions())
+    yield write_page(directory / "report.html", study, found)
 
 
 def _draw(study: Study) -> dict[str, bytes]:
@@ -206,11 +211,6 @@ def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
     comparisons = {by: results.comparison_places(study, study.scene.drive.kind, by) for by in places}
     found["ranking"] = (figures.draw_rankings, places, comparisons)
     return found
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of Python and of PACKAGES by name."""
-    return {"python": platform.python_version()} | {name: version(name) for name in PACKAGES}
 
 
 def study_summary(study: Study, files: list[str]) -> dict[str, Any]:

@@ -15,8 +15,8 @@ from compact.cli import program as cli
 from compact.files import render_png
 from compact.report import writer
 from compact.report.figures import draw_durations
-from compact.report.sections import duration_section
-from compact.report.text import duration_sentence
+from compact.report.sections import section
+from compact.report.text import say
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -130,9 +130,10 @@ def test_law_that_is_first_between_two_durations_is_found(published):
 
 
 def test_impulsive_laws_have_no_first_place():
-    found = study(**{"motion.laws": ["constant-velocity"]}).over_durations
+    jumps = study(**{"motion.laws": ["constant-velocity"]})
+    found = jumps.over_durations
     assert found.segments("peak_force") == []
-    assert "no law with finite forces" in duration_sentence(found)
+    assert "no law with finite forces" in say("durations", jumps)
     assert all(np.isinf(found.values("peak_force")["constant-velocity"]))
 
 
@@ -217,9 +218,9 @@ def test_results_reach_files_summary_and_page(tmp_path):
         table = list(csv.DictReader(file))
     assert len(table) == 2 * 3 * 3
     assert {"duration.csv", "duration-crossovers.csv"} <= set(summary["files"])
-    section = duration_section(found.over_durations, {"duration": b""})
-    assert [type(block).__name__ for block in section.blocks][:2] == ["str", "Picture"]
-    assert section.blocks[3].rows[-1][:2] == ("3 s", "reversal-3")
+    blocks = section("duration", found, {"duration": b""}).blocks
+    assert [type(block).__name__ for block in blocks][:2] == ["str", "Picture"]
+    assert blocks[3].rows[-1][:2] == ("3 s", "reversal-3")
     assert json.loads((tmp_path / "summary.json").read_text("utf-8"))["over_durations"]["peak_force"]["unit"] == "N"
     bare = Study(load_scene(SMALL, **{"output.items": []}))
     assert bare.over_durations is None

@@ -41,7 +41,7 @@ def test_the_wave_that_was_computed_is_stated(monkeypatch):
 
     monkeypatch.setattr(compaction, "roll", heap)
     case = Study(load_scene(SMALL, **COMPARED))
-    (sentence,) = text.heaping_sentences(case)
+    (sentence,) = text.sentences("heaping", case)
     assert sentence.startswith(
         "compaction: the mix heaps up in front of the roller, no steady state at a depth of 5.2 mm; after 0.314 m of "
         "travel the bow wave is 21.3 mm high, a contact angle of 40.7 degrees;"
@@ -59,7 +59,7 @@ def test_an_engine_of_the_comparison_that_is_not_steady_is_an_answer(tmp_path, m
     stored = summary["unsteady"]["compaction"]
     assert (stored["distance"], stored["travel"]) == ({"value": 0.24, "unit": "1"}, {"value": 0.9, "unit": "m"})
     assert stored["reason"].endswith("not steady at depth 5.2 mm")
-    (sentence,) = text.heaping_sentences(case)
+    (sentence,) = text.sentences("heaping", case)
     assert sentence.startswith(
         "compaction: not steady at a depth of 5.2 mm after 0.9 m of travel, estimated distance 24 %; load 5000 N/m, "
         "resistance 900 N/m, bow wave 21.3 mm;"
@@ -77,8 +77,9 @@ def test_an_engine_of_the_comparison_without_equilibrium_is_an_answer(tmp_path, 
     assert (summary["heaping"], summary["unsteady"], list(summary["comparison"])) == ({}, {}, ["formula"])
     assert summary["no_equilibrium"]["compaction"]["reason"].endswith("residual 0.3 of the nodal forces")
     assert "compaction: no equilibrium, so that it has no resistance;" in " ".join(text.study_digest(case).split())
-    (row,) = [row for row in model_table(case) if row[0] == "compaction"]
-    assert row[1:] == ["yes", "–", "–", "no equilibrium", "–", "–", "–", "–"]
+    *_, row = zip(*model_table(case).values(), strict=True)
+    assert row[0] == "compaction"
+    assert list(row[1:]) == ["yes", "–", "–", "no equilibrium", "–", "–", "–", "–"]
 
 
 def test_a_scene_led_by_an_engine_that_heaps_up_has_no_result(tmp_path, monkeypatch, capsys):

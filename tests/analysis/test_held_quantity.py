@@ -105,7 +105,7 @@ def test_stated_height_is_that_of_every_contact_map_and_added_mass(engine, tmp_p
     case = study(**changes | {"accuracy.engine": engine, "motion.laws": ["cubic"], "output.items": []})
     summary = report.write_study(case, tmp_path / "out")
     depth = summary["held"]["indentation"]["value"]
-    assert f"{depth * 1e3:.4g} mm deep" in text.held_sentence(case)
+    assert f"{depth * 1e3:.4g} mm deep" in text.say("held", case)
     depths = np.array([contact["indentation"]["value"] for contact in summary["contacts"]])
     assert depths == pytest.approx(depth, rel=1e-9)
 
@@ -139,7 +139,7 @@ def test_single_contact_at_another_speed_holds_the_height():
     case = study(**PLAIN)
     (rolled,) = case.stages.contacts.passes_at(0.5)
     assert rolled.indentation == pytest.approx(case.stages.contacts.held.value, rel=1e-9)
-    assert "height of the roller" in text.held_sentence(case)
+    assert "height of the roller" in text.say("held", case)
 
 
 @pytest.mark.slow
@@ -148,7 +148,7 @@ def test_summary_page_and_digest_state_the_held_quantity(tmp_path):
     summary = report.write_study(case, tmp_path / "out")
     assert summary["held"]["quantity"] == "height"
     assert summary["held"]["indentation"] == {"value": case.stages.contacts.held.value, "unit": "m"}
-    line = text.held_sentence(case)
+    line = text.say("held", case)
     assert line.startswith("constant over speed: the height of the roller")
     assert "203 kPa that the density requires" in line
     assert line[:40] in " ".join(text.study_digest(case).split())
@@ -216,9 +216,9 @@ def test_drive_uses_the_guide_friction_of_the_scene_and_not_eq_1_9():
     assert case.stages.contacts.engineering.cart_resistance - rollers == pytest.approx(
         case.stages.contacts.engineering.guide_coefficient * net_force
     )
-    sentence = text.guide_sentence(case)
+    sentence = text.say("guides", case)
     assert "guide_friction 0.008" in sentence
-    assert "the drives do not use it" in sentence
+    assert "the drives do not use it" in text.say("printed_guides", case)
     assert sentence[:30] in " ".join(text.study_digest(case).split())
 
 

@@ -14,8 +14,8 @@ from compact.analysis.sizing.machine_sizing import machine_sizing
 from compact.analysis.study import Study
 from compact.report import writer as report
 from compact.report.figures import draw_shaft_torque
-from compact.report.sections import motor_section
-from compact.report.text import bearing_sentence, margin_sentence, motor_sentence
+from compact.report.sections import section
+from compact.report.text import say
 from compact.report.writer import sizing_numbers
 from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
@@ -65,7 +65,7 @@ def test_smallest_motor_of_the_example_holds_for_the_first_law():
     assert choice.chosen.motor.name == "M-3"
     assert choice.next_smaller.motor.name == "M-2.2"
     assert choice.chosen.motor.rated_power > found.first.required_power > choice.next_smaller.motor.rated_power
-    sentence = motor_sentence(found)
+    sentence = say("motor", SimpleNamespace(machine_sizing=found))
     assert "smallest motor by price that holds: M-3" in sentence
     assert "the next smaller, M-2.2, has" in sentence
 
@@ -83,7 +83,9 @@ def test_shorter_passes_never_have_a_smaller_motor():
 def test_catalogue_too_small_names_the_largest_motor():
     found = sizing(**RULE | {"motion.duration": 0.3})
     assert found.first.choice.chosen is None
-    assert "no motor of the catalogue holds; the largest, M-15, has" in motor_sentence(found)
+    assert "no motor of the catalogue holds; the largest, M-15, has" in say(
+        "motor", SimpleNamespace(machine_sizing=found)
+    )
 
 
 def test_two_carts_at_a_right_angle_need_less_than_twice_the_motor():
@@ -135,7 +137,7 @@ def test_hydraulic_drive_has_wheels_and_no_shaft():
     found = sizing(**BEARINGS, **{"drive.kind": "hydraulic", "drive.hydraulics": HYDRAULICS})
     assert found.first is None
     assert found.laws == {}
-    assert motor_sentence(found) == ""
+    assert say("motor", SimpleNamespace(machine_sizing=found)) == ""
     assert len(found.wheels) == 4
     assert sizing_numbers(found)["shaft"] is None
     assert "roller" in found.lives
@@ -184,12 +186,12 @@ def test_margin_below_that_of_models_and_mix_is_reported(monkeypatch):
     known = SimpleNamespace(peaks={"peak_power": 2e3}, margin=lambda by: 0.618 if by == "peak_power" else np.nan)
     monkeypatch.setitem(study.__dict__, "uncertainty", known)
     assert "and below that of models and mix, 1.62 of the peak power; drive.catalogue.margin = 1.62" in (
-        margin_sentence(study)
+        say("motor_margin", study)
     )
     known.margin = lambda by: 0.2
-    assert margin_sentence(study) == ""
+    assert say("motor_margin", study) == ""
     monkeypatch.setitem(study.__dict__, "uncertainty", None)
-    assert margin_sentence(study) == ""
+    assert say("motor_margin", study) == ""
 
 
 def test_recommended_law_is_that_of_the_first_screen():
@@ -203,7 +205,7 @@ def test_overloaded_bearing_is_reported():
     weak = {"dynamic_rating": 6e3, "kind": "ball", "count": 1}
     found = sizing(**{"machine.roller_bearing": weak})
     assert not found.lives["roller"].valid
-    assert "beyond ISO 281" in bearing_sentence(found)
+    assert "beyond ISO 281" in say("bearings", SimpleNamespace(machine_sizing=found))
 
 
 def test_results_reach_files_summary_figure_and_page(small, tmp_path):
@@ -218,8 +220,8 @@ def test_results_reach_files_summary_figure_and_page(small, tmp_path):
     with (tmp_path / "out" / "motor-catalogue.csv").open(newline="") as file:
         held = [row["motor"] for row in csv.DictReader(file) if row["holds"] == "True"]
     assert held[0] == "M-3"
-    section = motor_section(study, {"shaft": b"\0" * 30})
-    assert [type(block).__name__ for block in section.blocks] == ["str"] * 2 + ["Picture"] + ["Table"] * 4
+    blocks = section("motor", study, {"shaft": b"\0" * 30}).blocks
+    assert [type(block).__name__ for block in blocks] == ["str"] * 2 + ["Picture"] + ["Table"] * 4
     figure = draw_shaft_torque(study.machine_sizing.first, study.machine_sizing.rule)
     labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
     assert labels == ["cubic", "rms torque", "mean torque", "rated, M-3", "peak, M-3"]

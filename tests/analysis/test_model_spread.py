@@ -8,7 +8,7 @@ from compact.analysis.mix_laws import scene_mix
 from compact.analysis.stages import model_spread as stage
 from compact.analysis.stages.model_spread import LawVariant, ModelSpread, model_spread
 from compact.analysis.study import Study
-from compact.report.text import spread_sentence
+from compact.report.text import say
 from compact.report.writer import study_summary
 from compact.rolling_contact import Heaping, HeapingError
 from compact.scene.errors import SceneError
@@ -52,7 +52,7 @@ def test_mix_that_heaps_up_by_a_law_is_an_answer(monkeypatch):
 
     monkeypatch.setattr(stage, "_roll", heaping)
     assert [each.heaping for each in study.model_spread.variants] == [HEAPED, HEAPED, None]
-    assert "heaps up: drucker-prager-cap at 2.5 kPa (wave 7.2 mm after 0.54 m)" in spread_sentence(study)
+    assert "heaps up: drucker-prager-cap at 2.5 kPa (wave 7.2 mm after 0.54 m)" in say("spread", study)
     numbers = study_summary(study, [])["model_spread"]
     assert numbers["variants"][0]["heaping"]["wave_height"] == 0.0072
     assert numbers["variants"][0]["load"] == {"value": None, "unit": "1"}
@@ -69,7 +69,7 @@ def test_spread_survives_a_file():
 def test_spread_is_computed_where_it_is_required():
     study = Study(scene(**{"output.items": []}))
     assert study.model_spread is None
-    assert "not computed" in spread_sentence(study)
+    assert "not computed" in say("spread", study)
     with pytest.raises(SceneError, match=r'holds "model_spread".* choose "column" or "compaction"'):
         scene(**{"accuracy.engine": "spectral"})
 

@@ -82,7 +82,7 @@ def test_drained_mix_has_no_air_in_its_forces_but_a_deaeration_speed(drained):
     content = study_summary(drained, [])["pore_air"]
     assert content["model"] == "drained"
     assert content["deaeration_speed"] == {"value": value, "unit": "m/s", "low": low, "high": high}
-    assert "it adds a tenth of the load at" in text.air_sentence(drained)
+    assert "it adds a tenth of the load at" in text.say("air", drained)
 
 
 def test_air_increases_load_and_resistance_with_the_speed(drained, one_way):
@@ -203,7 +203,7 @@ def test_mix_that_is_occluded_as_fed_is_refused_with_the_bound():
         Study(scene).contacts  # noqa: B018
     dry = Study(lift(**{"mix.overrides.occlusion_saturation": 0.75}))
     assert dry.pore_air is None
-    assert "occluded" in text.air_sentence(dry)
+    assert "occluded" in text.say("air", dry)
 
 
 def test_linear_layers_have_no_air_and_say_so():

@@ -165,9 +165,9 @@ def test_report_has_the_row_of_the_process(monkeypatch, tmp_path):
     assert (tmp_path / "section.png").exists()
     page = (tmp_path / "report.html").read_text("utf-8")
     assert "forming process" in page
-    rows = {row[0]: row for row in model_table(found)}
-    assert list(rows) == ["model", "forming process", "formula"]
-    assert rows["forming process"][1] == "yes"
+    table = model_table(found)
+    assert table["model"] == ["forming process", "formula"]
+    assert table["for sizing?"][0] == "yes"
     assert {"formula", "process"} == set(found.verdicts[found.scene.motion.duration, "rigid", "peak_force"].values)
 
 

@@ -14,7 +14,7 @@ from compact.drive import CRITERIA
 from compact.machine.ranking import BUILD_TOLERANCE
 from compact.report import figures, text
 from compact.report import writer as report
-from compact.report.sections import ranking_section
+from compact.report.sections import section
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
@@ -67,7 +67,7 @@ def test_page_summary_and_digest_print_ties_as_such(written):
     found = rows(directory, "peak_force")
     assert {row["tie"] for row in found} == {row["resolved"] for row in found} == {"True", "False"}
     ties = {row["law"] for row in found if row["tie"] == "True"}
-    page = section_html(ranking_section(study, {}))
+    page = section_html(section("ranking", study))
     table = re.search(r"<caption>Laws by peak drive force, rigid.*?</table>", page, re.DOTALL).group(0)
     cells = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", table)[1:]]
     assert {cell[1] for cell in cells if cell[3] == "tie"} == ties

@@ -120,7 +120,7 @@ def test_sobol_indices_sum_to_one_and_name_the_first_measurement():
     for shares in known.mix.shares.values():
         assert max(shares, key=shares.get) == "heckel_slope"
         assert sum(shares.values()) == pytest.approx(1.0, abs=0.05)  # nearly additive
-    assert "measure first: the one-dimensional Heckel slope K_H" in text.measurement_sentence(study())
+    assert "measure first: the one-dimensional Heckel slope K_H" in text.say("measurement", study())
 
 
 def test_margin_is_the_root_of_the_sum_of_squares_and_falls_with_a_known_mix():
@@ -280,7 +280,7 @@ def test_fitted_models_are_one_witness():
     assert fitted_inputs(lead.with_engine("column")) == ("mix.overrides.heckel_slope", "layer.fed_density_ratio")
     assert fitted_inputs(lead.with_engine("formula")) == ("mix.overrides.effective_modulus", "machine.roller_friction")
     both = [model(name, fitted=("mix",), a=100.0, b=120.0) for name in ("formula", "compaction")]
-    assert "(the 2 that are fitted count as one)" in text.agreement(judged(*both), both)
+    assert "(the 2 that are fitted count as one)" in text.say("agreement", judged(*both), both)
 
 
 # crossovers of the first law over the duration

@@ -23,7 +23,7 @@ from compact.drive import CRITERIA
 from compact.quantities import CRITERIA as TERMS
 from compact.report import writer as report
 from compact.report.page import answer, render_block, render_page
-from compact.report.sections import Picture, Section, Table, scene_section, sensitivity_section
+from compact.report.sections import Picture, Section, Table, section
 from compact.report.tables import PREFIX_FACTORS, format_column, format_number, format_percent, format_quantity
 from compact.scene.choices import RankBy
 from compact.scene.loader import load_scene, parse_scene, starter_scene
@@ -99,7 +99,7 @@ def test_text_is_escaped():
     blocks = [Table("<script>", {"<script>": ["<script>"]}), Picture(b"", "<script>", "<script>")]
     sections = [Section("name", "<script>", "<script>", blocks)]
     study = Study(scene(title="<b>", **{"output.items": []}))
-    page = render_page("<b>", sections=sections, **answer(study, []))
+    page = render_page("<b>", sections=sections, **answer(study))
     assert page.count("<script>") == 1
     assert "<b>" not in page
     with pytest.raises(UndefinedError):
@@ -144,7 +144,7 @@ def test_ranks_by_engine_and_formula_are_in_one_row(written):
 
 def test_origins_of_inputs_are_marked_by_the_first_word_of_a_clause(written):
     text = written[2].read_text("utf-8")
-    told = section_html(scene_section(parse_scene(starter_scene())))
+    told = section_html(section("scene", Study(parse_scene(starter_scene()))))
 
     def row(key, page):
         return re.search(rf"<code>{key}</code>.*?</tr>", page)[0]
@@ -291,7 +291,7 @@ def test_sensitivities_of_an_expensive_engine_are_by_its_map_or_by_formula():
     assert shifts["machine.mass"].base.least["peak_force"] == pytest.approx(
         min(run.peak_force for run in study.runs.values()), rel=1e-3
     )
-    told = PageReader(section_html(sensitivity_section(list(shifts.values())))).words
+    told = PageReader(section_html(section("sensitivity", dear))).words
     assert "Inputs that do not change the layer are by the resistance map of the engine" in told
 
 
