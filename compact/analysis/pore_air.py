@@ -63,6 +63,9 @@ class AirForces:
     excess_behind: float
 
 
+NO_FORCES = AirForces(0.0, 0.0, 0.0)
+
+
 @dataclass(frozen=True)
 class AirAnswer:
     """Numbers on the pore air of a scene.
@@ -181,14 +184,6 @@ class AirCurve:
     def with_coupled(self, samples: Iterable[CoupledSample]) -> "AirCurve":
         """Return the curve corrected by coupled contacts."""
         return replace(self, coupled=tuple(sorted(samples, key=lambda each: each.ratio)))
-
-    @classmethod
-    def from_json(cls, content: dict[str, Any]) -> "AirCurve":
-        """Read a curve back from the form of `dataclasses.asdict`."""
-        values: dict[str, Any] = {
-            name: tuple(each) if isinstance(each, list) else each for name, each in content.items()
-        }
-        return cls(**values | {"coupled": tuple(CoupledSample(**each) for each in content["coupled"])})
 
     @cached_property
     def _spline(self) -> PchipInterpolator:

@@ -9,7 +9,7 @@ enters them one-way or coupled; drained mix states its one-way part alone.
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from compact.engines.process.lifts import (
     MIDDLE_SHARE,
     LiftAir,
     LiftSequence,
-    LumpedLift,
     TwoDimensionalRow,
     lift_thickness,
     simulate_lifts,
@@ -101,16 +100,6 @@ class KnownLifts(NamedTuple):
         """Return the content of a JSON file, without the fields under the roller."""
         bare = (replace(each, lifts=tuple(replace(lift, mesh=None) for lift in each.lifts)) for each in self.sequences)
         return {**self._asdict(), "sequences": [asdict(each) for each in bare]}
-
-    @classmethod
-    def from_json(cls, content: dict[str, Any]) -> Self:
-        """Return the lifts of a JSON file."""
-
-        def lift(given: dict[str, Any]) -> LumpedLift:
-            return LumpedLift(**given | {"rows": tuple(map(tuple, given["rows"]))})
-
-        sequences = (LiftSequence(**each | {"lifts": tuple(map(lift, each["lifts"]))}) for each in content["sequences"])
-        return cls(tuple(sequences), content["rate_factor"], content["cart_speed"])
 
 
 class PrintedForce(NamedTuple):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
 from compact.analysis.calibration import calibrate
 from compact.analysis.pore_air import AirCurve, CoupledSample, air_answer, coupled_forces, pore_air_of
@@ -71,7 +72,7 @@ def test_coupled_contacts_correct_the_curve(curve):
 
 def test_curve_survives_its_file(curve):
     stored = json.loads(json.dumps(asdict(curve.with_coupled([CoupledSample(1e14, 3.0, 8.0)]))))
-    assert AirCurve.from_json(stored) == curve.with_coupled([CoupledSample(1e14, 3.0, 8.0)])
+    assert TypeAdapter(AirCurve).validate_python(stored) == curve.with_coupled([CoupledSample(1e14, 3.0, 8.0)])
 
 
 def test_drained_mix_has_no_air_in_its_forces_but_a_deaeration_speed(drained):

@@ -1,6 +1,6 @@
 """Contact stage of a study: the formulas, and one roller at every speed by the engine of the scene.
 
-`contact_stage` returns the stage for the kind of cases of an engine. Its contacts are computed when first used.
+`contact_stage` returns the stage of a single pass, or of the strokes of a forming process.
 """
 
 import warnings
@@ -27,6 +27,7 @@ from compact.analysis.contact_cases import (
 )
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
 from compact.analysis.pore_air import (
+    NO_FORCES,
     AirCurve,
     AirForces,
     add_air_field,
@@ -61,8 +62,6 @@ def no_count(stage: str) -> None:
 class ContactStage:
     """Contacts of one roller of a scene; each attribute is computed when first used.
 
-    This class is the stage of the formulas and of a linear layer.
-
     Parameters
     ----------
     directory : Path, optional
@@ -76,16 +75,7 @@ class ContactStage:
         Speeds of the contacts [m/s]; empty for the formulas, which have no speed.
     compacts : bool
         True if the mix compacts irreversibly.
-    process : ProcessStudy or None
-        Forming process of the scene; None for an engine of single passes.
     """
-
-    compacts = False
-
-    @property
-    def process(self) -> "ProcessStudy | None":
-        """Forming process; None for an engine of single passes."""
-        return None
 
     def __init__(
         self,
@@ -98,41 +88,9 @@ class ContactStage:
         self.scene, self.mix, self.count, self._directory, self.progress = scene, mix, count, directory, progress
         self.engine = ENGINES[scene.accuracy.engine]
         self.speeds = () if self.engine.takes == "half-plane" else contact_cases.contact_speeds(scene)
+        self.compacts = self.engine.takes in ("compacting layer", "process")
 
-    @property
-    def has_air(self) -> bool:
-        """True if load and resistance contain the pore air."""
-        return False
-
-    @cached_property
-    def air_curve(self) -> AirCurve | None:
-        """Forces of the pore air at the contact near the mean speed."""
-        return None
-
-    @cached_property
-    def second_pass(self) -> tuple[float, float] | None:
-        """Load and resistance of a second pass over those of the first, at the mean speed [-]; None without one."""
-        return None
-
-    @property
-    def return_ratios(self) -> tuple[float, float]:
-        """Load and resistance of the return stroke over those of the forward stroke [-]."""
-        return 1.0, 1.0
-
-    @property
-    def sleeve_drag(self) -> float:
-        """Drag of the feed sleeves, a part of the resistance to a cart [N]."""
-        return 0.0
-
-    @property
-    def requires_model_spread(self) -> bool:
-        """True for a scene of a compacting engine with the output "model_spread"."""
-        return False
-
-    @cached_property
-    def model_spread(self) -> ModelSpread | None:
-        """Contacts by the other laws of the mix; None where they are not required."""
-        return None
+    # the formulas
 
     @cached_property
     def engineering(self) -> Engineering:
@@ -161,6 +119,13 @@ class ContactStage:
         """Results of the formulas and of the exact theory by name."""
         return numbers(self.scene, self.mix, self.engineering, self.exact)
 
+    # the contacts
+
+    @cached_property
+    def process(self) -> "ProcessStudy | None":
+        """Forming process; None for an engine of single passes."""
+        return None
+
     @cached_property
     def key(self) -> str:
         """Hash of all inputs of the contacts and the resistance map."""
@@ -182,6 +147,10 @@ class ContactStage:
         """Compute the first pass at a speed [m/s], under the quantity that is constant over speed."""
         return solve(self.engine, self.scene, self.case(speed), initial_guess)
 
+    def _roll(self, speed: float, start: Passes | None = None, held: HeldQuantity | None = None) -> Passes:
+        self.count("rolled")
+        return roll_passes(self.scene, self.mix, speed, start, held, progress=self.progress)
+
     def over(self, duration: float) -> "ContactStage":
         """Return the stage of another duration of a pass [s]; itself, as the contact depends on the speed alone."""
         return self
@@ -189,8 +158,7 @@ class ContactStage:
     @cached_property
     def reference(self) -> Passes:
         """All passes at the mean speed, where the contact reaches the target of the scene."""
-        self.count("rolled")
-        return roll_passes(self.scene, self.mix, self.scene.mean_speed, progress=self.progress)
+        return self._roll(self.scene.mean_speed)
 
     @cached_property
     def held(self) -> HeldQuantity | None:
@@ -199,9 +167,8 @@ class ContactStage:
             return None
         if self.kept:
             return self.kept.held
-        return contact_cases.hold_quantity(self.scene, self.mix) or contact_cases.hold_quantity(
-            self.scene, self.mix, self.reference[0]
-        )
+        known = contact_cases.hold_quantity(self.scene, self.mix)
+        return known or contact_cases.hold_quantity(self.scene, self.mix, self.reference[0])
 
     @cached_property
     def passes(self) -> list[tuple[float, Passes]]:
@@ -215,9 +182,8 @@ class ContactStage:
         """Compute all passes at a speed [m/s], from the passes at another one as initial guess."""
         if speed == self.scene.mean_speed:
             return self.reference
-        held, guess = self.held, initial_guess or self.__dict__.get("reference")
-        self.count("rolled")
-        return roll_passes(self.scene, self.mix, speed, guess, held, progress=self.progress)
+        held = self.held
+        return self._roll(speed, initial_guess or self.__dict__.get("reference"), held)
 
     @property
     def first_passes(self) -> list[tuple[float, Contact]]:
@@ -239,13 +205,14 @@ class ContactStage:
         name = self.engine.name
         return [contact_cases.contact_record(name, *each, self.air_forces(each[0])) for each in self.passes]
 
-    def air_forces_of(self, contact: Contact, speed: float) -> AirForces | None:
-        """Return the changes of a first pass by its pore air; see `contact_cases.air_forces_of`."""
-        return contact_cases.air_forces_of(self.scene, self.mix, contact, speed)
-
-    def air_forces(self, speed: float) -> AirForces | None:
-        """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
-        return None
+    @cached_property
+    def roller_load(self) -> float:
+        """Load of one roller [N]: of the engine at the mean speed, or by eq 1.6."""
+        if not self.speeds:
+            return self.engineering.roller_force
+        speed, load = np.array([[each.speed, each.load] for each in self.records]).T
+        mean = self.scene.mean_speed
+        return float(self.scene.machine.roller_length * np.interp(np.log(mean), np.log(speed), load))
 
     @cached_property
     def fields(self) -> list[tuple[Any, Contact]]:
@@ -257,20 +224,16 @@ class ContactStage:
         return found
 
     def field_mesh(self, result: Contact) -> Any:
-        """Return the mesh with fields of a contact."""
+        """Return the mesh with fields of a contact, with the excess pressure of its pore air where the scene has it."""
         require_known(
             "engine with fields", self.engine.name, [each.name for each in ENGINES.values() if each.has_fields]
         )
-        return self.engine.fields(result)
+        mesh = self.engine.fields(result)
+        if has_air(self.scene):
+            add_air_field(mesh, result, pore_air_of(self.mix, self.scene.layer.fed_density_ratio))
+        return mesh
 
-    @cached_property
-    def roller_load(self) -> float:
-        """Load of one roller [N]: of the engine at the mean speed, or by eq 1.6."""
-        if not self.speeds:
-            return self.engineering.roller_force
-        speed, load = np.array([[each.speed, each.load] for each in self.records]).T
-        mean = self.scene.mean_speed
-        return float(self.scene.machine.roller_length * np.interp(np.log(mean), np.log(speed), load))
+    # what the resistance requires
 
     def added_mass(self, speed: float) -> tuple[float, float]:
         """Compute the added mass of one roller, see `Engine.expand`.
@@ -283,81 +246,19 @@ class ContactStage:
         Returns
         -------
         tuple of float
-            Added mass per unit length [kg/m] and relaxation time [s]; 0 where the engine has no memory in time.
+            Added mass per unit length [kg/m] and relaxation time [s]; 0 where the engine has no memory in time: the
+            state of compacting mix depends on the path, and its yield pressure on the present rate.
 
         Notes
         -----
         The added mass of a roller with stick and slip is that without friction; they differ by about a tenth.
         """
+        if self.compacts:
+            return 0.0, 0.0
         self.count("added mass")
         with contact_cases.named_errors(self.scene, self.engine.name, speed):
             found = self.engine.expand(self.case(speed))
         return (0.0, 0.0) if found is None else (found.added_mass, found.relaxation_time)
-
-    def rate_factor(self) -> Callable[[float], float]:
-        """Return the factor of the yield pressure over the speed [m/s]: 1 without one."""
-        return lambda _: 1.0
-
-
-class CompactingStage(ContactStage):
-    """Contacts of a layer that compacts irreversibly, with pore air and passes over compacted mix."""
-
-    compacts = True
-
-    @property
-    def has_air(self) -> bool:
-        """True if load and resistance contain the pore air."""
-        return has_air(self.scene)
-
-    @cached_property
-    def air_curve(self) -> AirCurve | None:
-        """Forces of the pore air at the contact near the mean speed; None for occluded mix.
-
-        Raises
-        ------
-        ValueError
-            If the scene has pore air and its mix is occluded as fed.
-        """
-        if self.kept:
-            return self.kept.air_curve
-        speed, contact = self.typical
-        layer, roller, _ = contact_inputs(self.scene, self.mix, self.engine.name, speed, self.held)
-        try:
-            air = pore_air_of(self.mix, self.scene.layer.fed_density_ratio)
-        except ValueError:
-            if has_air(self.scene):
-                raise
-            return None
-        curve = air_curve(air_under(contact, layer, roller, air), air.permeability, contact)
-        if is_coupled(self.scene):
-            curve = curve.with_coupled(coupled_samples(contact, air, curve, self.speeds, self.count))
-        return curve
-
-    def air_forces(self, speed: float) -> AirForces | None:
-        """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
-        if not has_air(self.scene) or self.air_curve is None:
-            return None
-        return self.air_curve.at(speed, self.mix.air_permeability)
-
-    @property
-    def requires_model_spread(self) -> bool:
-        """True for a scene with the output "model_spread"."""
-        return "model_spread" in self.scene.output.items
-
-    @cached_property
-    def model_spread(self) -> ModelSpread | None:
-        """Contacts by the other laws of the mix; None for a scene without the output "model_spread"."""
-        if not self.requires_model_spread:
-            return None
-        if self.kept and self.kept.model_spread:
-            return self.kept.model_spread
-        assert self.held is not None  # of an engine with speeds
-        self.count("model spread")
-        return model_spread(self.scene, self.mix, self.held)
-
-    def added_mass(self, speed: float) -> tuple[float, float]:
-        """Return 0: the state of the mix depends on the path, and its yield pressure on the present rate."""
-        return 0.0, 0.0
 
     def rate_factor(self) -> Callable[[float], float]:
         """Return the factor of the yield pressure over the speed [m/s] at the depth at the mean speed.
@@ -372,12 +273,10 @@ class CompactingStage(ContactStage):
         rate = compaction_rate(1.0, roller.radius, layer.height, float(depth or 0.0))
         return lambda speed: cast(Any, material).rate_factor(rate * abs(speed))
 
-    def field_mesh(self, result: Contact) -> Any:
-        """Return the mesh with fields of a contact, with the excess pressure of its pore air where the scene has it."""
-        mesh = super().field_mesh(result)
-        if has_air(self.scene):
-            add_air_field(mesh, result, pore_air_of(self.mix, self.scene.layer.fed_density_ratio))
-        return mesh
+    @property
+    def sleeve_drag(self) -> float:
+        """Drag of the feed sleeves, a part of the resistance to a cart [N]."""
+        return 0.0
 
     @cached_property
     def second_pass(self) -> tuple[float, float] | None:
@@ -400,7 +299,7 @@ class CompactingStage(ContactStage):
                 raise
             warnings.warn(f"the return stroke over compacted mix is left out: {error}", stacklevel=2)
             return None
-        air = self.air_forces(speed) or AirForces(0.0, 0.0, 0.0)
+        air = self.air_forces(speed) or NO_FORCES
         return (
             back.load / (first.load + air.load),
             max(-back.resistance / (first.resistance + air.resistance), 0.0),
@@ -412,24 +311,85 @@ class CompactingStage(ContactStage):
         compacted = self.scene.layer.return_stroke == "compacted"
         return self.second_pass if compacted and self.second_pass else (1.0, 1.0)
 
+    # pore air, other laws of the mix
 
-class ProcessStage(CompactingStage):
+    @property
+    def has_air(self) -> bool:
+        """True if load and resistance contain the pore air."""
+        return has_air(self.scene)
+
+    @cached_property
+    def air_curve(self) -> AirCurve | None:
+        """Forces of the pore air at the contact near the mean speed; None for occluded mix and a linear layer.
+
+        Raises
+        ------
+        ValueError
+            If the scene has pore air and its mix is occluded as fed.
+        """
+        if not self.compacts or self.kept:
+            return self.kept.air_curve if self.kept else None
+        speed, contact = self.typical
+        layer, roller, _ = contact_inputs(self.scene, self.mix, self.engine.name, speed, self.held)
+        try:
+            air = pore_air_of(self.mix, self.scene.layer.fed_density_ratio)
+        except ValueError:
+            if has_air(self.scene):
+                raise
+            return None
+        curve = air_curve(air_under(contact, layer, roller, air), air.permeability, contact)
+        if is_coupled(self.scene):
+            curve = curve.with_coupled(coupled_samples(contact, air, curve, self.speeds, self.count))
+        return curve
+
+    def air_forces(self, speed: float) -> AirForces | None:
+        """Return the changes of a contact by its pore air at a speed [m/s]; None for a scene without pressure of it."""
+        if not has_air(self.scene) or self.air_curve is None:
+            return None
+        return self.air_curve.at(speed, self.mix.air_permeability)
+
+    def air_forces_of(self, contact: Contact, speed: float) -> AirForces | None:
+        """Return the changes of a first pass by its pore air; see `contact_cases.air_forces_of`."""
+        return contact_cases.air_forces_of(self.scene, self.mix, contact, speed)
+
+    @property
+    def requires_model_spread(self) -> bool:
+        """True for a scene of a compacting engine with the output "model_spread"."""
+        return self.compacts and "model_spread" in self.scene.output.items
+
+    @cached_property
+    def model_spread(self) -> ModelSpread | None:
+        """Contacts by the other laws of the mix; None where they are not required."""
+        if not self.requires_model_spread:
+            return None
+        if self.kept and self.kept.model_spread:
+            return self.kept.model_spread
+        assert self.held is not None  # of an engine with speeds
+        self.count("model spread")
+        return model_spread(self.scene, self.mix, self.held)
+
+
+class ProcessStage(ContactStage):
     """Strokes of the forming process under one roller: each contact is their mean at one speed of the cart."""
 
     @cached_property
-    def strokes(self) -> "ProcessStudy":
+    def air_curve(self) -> AirCurve | None:
+        """None: the lifts have their own pore air."""
+        return None
+
+    @cached_property
+    def process(self) -> "ProcessStudy":
         """Forming process of the scene."""
         found = process_study(self.scene, self.progress)
         return replace(found, known=self.kept.lifts) if self.kept else found
 
-    @property
-    def process(self) -> "ProcessStudy | None":
-        """Forming process of the scene."""
-        return self.strokes
-
     def case(self, speed: float) -> Any:
         """Return the strokes at a speed of the cart [m/s]."""
-        return ProcessCase(self.strokes, speed)
+        return ProcessCase(self.process, speed)
+
+    def _roll(self, speed: float, start: Passes | None = None, held: HeldQuantity | None = None) -> Passes:
+        self.count("rolled")
+        return (self.first_pass(speed),)
 
     def over(self, duration: float) -> ContactStage:
         """Return the stage of another duration of a pass [s], in which the mould brings another amount of mix.
@@ -440,14 +400,8 @@ class ProcessStage(CompactingStage):
             return self
         scene = self.scene.replaced(**{"motion.duration": duration, "motion.other_durations": None})
         other = ProcessStage(scene, self.mix, self.count, None, self.progress)
-        other.strokes = replace(self.strokes, scene=scene, known=self.strokes.lifts)
+        other.process = replace(self.process, scene=scene, known=self.process.lifts)
         return other
-
-    @cached_property
-    def reference(self) -> Passes:
-        """Strokes at the mean speed."""
-        self.count("rolled")
-        return (self.first_pass(self.scene.mean_speed),)
 
     @cached_property
     def held(self) -> HeldQuantity:
@@ -456,53 +410,28 @@ class ProcessStage(CompactingStage):
             return self.kept.held
         return HeldQuantity("height", cast(Any, self.reference[0]).indentation, self.scene.mean_speed)
 
-    def passes_at(self, speed: float, initial_guess: Passes | None = None) -> Passes:
-        """Compute the strokes at a speed [m/s]."""
-        if speed == self.scene.mean_speed:
-            return self.reference
-        self.count("rolled")
-        return (self.first_pass(speed),)
-
     @property
     def has_air(self) -> bool:
         """True if load and resistance contain the pore air."""
-        return self.strokes.counts_air
-
-    @cached_property
-    def air_curve(self) -> AirCurve | None:
-        """None: the lifts have their own pore air."""
-        return None
+        return self.process.counts_air
 
     def air_forces(self, speed: float) -> AirForces | None:
         """Return the changes of the strokes by their pore air at a speed [m/s]; None of drained mix."""
-        return self.strokes.air_forces(speed)
-
-    @cached_property
-    def second_pass(self) -> tuple[float, float] | None:
-        """None: the strokes are passes over the same mix."""
-        return None
+        return self.process.air_forces(speed)
 
     @property
     def return_ratios(self) -> tuple[float, float]:
         """Load and resistance of a return stroke over those of a forward stroke [-]."""
-        return self.strokes.forces_at(self.scene.mean_speed).return_ratios
+        return self.process.forces_at(self.scene.mean_speed).return_ratios
 
     @property
     def sleeve_drag(self) -> float:
         """Drag of the feed sleeves, a part of the resistance to a cart [N]."""
-        return self.strokes.sleeve_drag or 0.0
+        return self.process.sleeve_drag or 0.0
 
     def rate_factor(self) -> Callable[[float], float]:
         """Return the factor of the yield pressure over the speed [m/s]."""
-        return self.strokes.rate_factor_at
-
-
-STAGES: dict[str, type[ContactStage]] = {
-    "half-plane": ContactStage,
-    "linear layer": ContactStage,
-    "compacting layer": CompactingStage,
-    "process": ProcessStage,
-}  # kind of the cases of an engine -> stage
+        return self.process.rate_factor_at
 
 
 def contact_stage(
@@ -513,4 +442,5 @@ def contact_stage(
     progress: Progress | None = None,
 ) -> ContactStage:
     """Return the contact stage of a scene; nothing is computed yet."""
-    return STAGES[ENGINES[scene.accuracy.engine].takes](scene, mix, count, directory, progress)
+    stage = ProcessStage if ENGINES[scene.accuracy.engine].takes == "process" else ContactStage
+    return stage(scene, mix, count, directory, progress)

@@ -4,12 +4,13 @@ Kept results serve every scene with the same key: the same roller, layer, mix, c
 of the mix, versions and sources. Cart, laws, drive and output are not in the key. A file that has changed is not used.
 """
 
-import json
 import logging
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from pydantic import TypeAdapter
 
 from compact import resistance
 from compact.analysis import contact_cases
@@ -17,7 +18,7 @@ from compact.analysis.contact_cases import HeldQuantity
 from compact.analysis.pore_air import AirCurve
 from compact.analysis.stages.model_spread import ModelSpread
 from compact.engines import ENGINES
-from compact.files import checksum, json_text, results_key, write_json
+from compact.files import checksum, read_checked, results_key, write_checked
 from compact.material.mix import Mix
 from compact.resistance import ResistanceMap
 from compact.rolling_contact import Contact
@@ -35,6 +36,9 @@ CART_KEYS = {  # of [machine], on which no layered engine depends
     *("guide_friction", "journal_diameter", "bearing_friction", "rolling_arm", "rib_factor", "roller_friction"),
     *("feeder_sleeve", "overlap", "pressure_nonuniformity", "one_sided"),
 }
+RECORDS: dict[str, Any] = {
+    "held": HeldQuantity, "second_pass": tuple[float, float], "air_curve": AirCurve, "model_spread": ModelSpread,
+}  # fmt: skip
 _LOG = logging.getLogger(__name__)
 
 
@@ -96,31 +100,30 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
     if not path.is_file():
         return None
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_checked(path)
         if content["key"] != key:
             _LOG.warning("%s: of another program, table or input; its contacts are computed again", path)
             return None
-        if content.pop("checksum") != _checksum(content):
-            raise ValueError("wrong checksum")
-        more, files = content["more"], tuple(_unchanged(directory, content["files"]))
-        return None if MAP_FILE not in files else KeptResults(
-            [Contact.from_json(each) for each in content["contacts"]],
-            HeldQuantity(**more["held"]),
-            more["second_pass"] and tuple(more["second_pass"]),
-            resistance.load_resistance_map(directory / MAP_FILE, key),
-            more["air"] and AirCurve.from_json(more["air"]),
-            more["model_spread"] and ModelSpread.from_json(more["model_spread"]),
-            more["lifts"] and _read_lifts(more["lifts"]),
-            files,
-        )  # fmt: skip
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):  # no file, or a file of another form
+        files = tuple(_unchanged(directory, content["files"]))
+        if MAP_FILE not in files:
+            return None
+        more: dict[str, Any] = {name: _read(name, given) for name, given in content["more"].items()}
+        contacts = [Contact.from_json(each) for each in content["contacts"]]
+        known = resistance.load_resistance_map(directory / MAP_FILE, key)
+        return KeptResults(contacts=contacts, resistance_map=known, files=files, **more)
+    except (OSError, ValueError, KeyError, TypeError):  # no file, or a file of another form
         _LOG.warning("%s: damaged, or of another version; its contacts are computed again", path)
         return None
 
 
-def _checksum(content: Any) -> str:
-    """Return the checksum of kept results."""
-    return checksum(json_text(content).encode())
+def _read(name: str, content: Any) -> Any:
+    """Return a record from its JSON."""
+    kind = RECORDS.get(name, Any)
+    if content and name == "lifts":  # imports the finite elements
+        from compact.analysis.process import KnownLifts
+
+        kind = KnownLifts
+    return content and TypeAdapter(kind).validate_python(content)
 
 
 def _unchanged(directory: Path, checksums: dict[str, str]) -> Iterator[str]:
@@ -135,30 +138,20 @@ def _unchanged(directory: Path, checksums: dict[str, str]) -> Iterator[str]:
             _LOG.warning("%s: changed since it was written; it is computed again", path)
 
 
-def _read_lifts(content: Any) -> "KnownLifts":
-    """Return the lumped lifts of a forming process."""
-    from compact.analysis.process import KnownLifts
-
-    return KnownLifts.from_json(content)
-
-
 def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[Path]:
     """Write results for the next run, of their files those that depend on the contacts alone; yield the paths."""
     path = directory / CONTACTS_FILE
     path.unlink(missing_ok=True)  # it lists the valid files: removed first, written last
     results.resistance_map.save(directory / MAP_FILE, key)
     names = [MAP_FILE, *(name for name in results.files if name.startswith(KEPT_FILES))]
+    more: dict[str, Any] = {name: getattr(results, name) for name in RECORDS}
+    more["lifts"] = results.lifts and results.lifts.to_json()
     content = {
         "key": key,
         "contacts": [contact.to_json() for contact in results.contacts],
-        "more": {
-            "held": asdict(results.held), "second_pass": results.second_pass,
-            "air": results.air_curve and asdict(results.air_curve),
-            "model_spread": results.model_spread and results.model_spread.to_json(),
-            "lifts": results.lifts and results.lifts.to_json(),
-        },
+        "more": more | {name: asdict(each) for name, each in more.items() if is_dataclass(each)},
         "files": {name: checksum((directory / name).read_bytes()) for name in names if (directory / name).is_file()},
-    }  # fmt: skip
-    write_json(path, content | {"checksum": _checksum(content)})
+    }
+    write_checked(path, content)
     yield directory / MAP_FILE
     yield path

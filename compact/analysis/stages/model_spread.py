@@ -9,8 +9,8 @@ A law by which the mix heaps up in front of the roller has no ratio, but the hei
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Self
+from dataclasses import dataclass, replace
+from typing import Any
 
 from compact.analysis.contact_cases import HeldQuantity, case_of
 from compact.analysis.mix_laws import scene_mix
@@ -76,19 +76,6 @@ class ModelSpread:
     def _band(self, name: str) -> tuple[float, float]:
         ratios = [1.0, *(ratio for each in self.variants if (ratio := getattr(each, name)) is not None)]
         return min(ratios), max(ratios)
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the content of a JSON file."""
-        return asdict(self)
-
-    @classmethod
-    def from_json(cls, content: dict[str, Any]) -> Self:
-        """Return the spread of a JSON file."""
-        variants = (
-            LawVariant(**each | {"heaping": each["heaping"] and Heaping(**each["heaping"])})
-            for each in content["variants"]
-        )
-        return cls(tuple(variants))
 
 
 def model_spread(scene: Scene, mix: Mix, held: HeldQuantity) -> ModelSpread:

@@ -20,7 +20,7 @@ import numpy as np
 from compact import drive
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_speeds, roll_scene
-from compact.analysis.pore_air import AirForces, has_air
+from compact.analysis.pore_air import NO_FORCES, has_air
 from compact.analysis.stages.drives import Stages, build_stages
 from compact.analysis.stages.ensemble import Change, Peaks, ensemble, first_law, peaks_at
 from compact.analysis.stages.resistance import ResistanceLaw
@@ -189,7 +189,7 @@ def _new_contacts(stages: Stages, largest_speed: float) -> tuple[float, Resistan
     contacts, scene = stages.contacts, stages.contacts.scene
     speeds = [speed for speed in contact_speeds(scene) if speed < largest_speed] + [largest_speed]
     rolled = [roll_scene(scene, contacts.mix, speed, held=contacts.held) for speed in speeds]
-    air = [contacts.air_forces(speed) or AirForces(0.0, 0.0, 0.0) for speed in speeds]
+    air = [contacts.air_forces(speed) or NO_FORCES for speed in speeds]
     length = scene.machine.roller_length
     loads = [each.load + more.load for each, more in zip(rolled, air, strict=True)]
     load = length * np.interp(np.log(scene.mean_speed), np.log(speeds), loads)

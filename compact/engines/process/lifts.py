@@ -132,7 +132,7 @@ class LumpedLift:
     air_load: float = 0.0
     air_resistance: float = 0.0
     air_excess_behind: float = 0.0
-    mesh: "meshio.Mesh | None" = field(default=None, repr=False, compare=False)
+    mesh: Any = field(default=None, repr=False, compare=False)
 
 
 class LiftAir(NamedTuple):
