@@ -23,9 +23,7 @@ from compact.analysis.pore_air import AirAnswer, air_answer
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
 from compact.analysis.sizing.work_balance import WorkBalance, work_balance
-from compact.analysis.stages import comparison
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
-from compact.analysis.stages.comparison import ComparisonAnswer, EngineComparison, Places, RankingAgreement
 from compact.analysis.stages.contacts import Count, no_count
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.kept_results import KeptResults, write_results
@@ -33,7 +31,19 @@ from compact.analysis.stages.laws import CamDrawing
 from compact.analysis.stages.model_spread import ModelSpread, contact_by_law, scenes_of_laws, spread_of
 from compact.analysis.stages.sensitivity import Shift, sensitivities
 from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
-from compact.analysis.stages.verdict import SIZING_PEAKS, ModelAnswer, Verdict, model_answers, verdict
+from compact.analysis.stages.verdict import (
+    DIRECTORY,
+    SIZING_PEAKS,
+    Answer,
+    ModelAnswer,
+    Places,
+    RankingAgreement,
+    Verdict,
+    answer_of,
+    model_answer,
+    ranking_agreements,
+    verdict,
+)
 from compact.analysis.worker_pool import Executor, Job, SerialExecutor
 from compact.contact import DryResistance
 from compact.machine.ranking import Ranked
@@ -47,6 +57,15 @@ from compact.scene.loader import Scene
 def _of(path: str, meaning: str) -> Any:
     """Return the property of a study for an attribute of its stages, such as "contacts.engine"."""
     return property(attrgetter(f"stages.{path}"), doc=meaning)
+
+
+def _without(kind: type[Exception], meaning: str) -> Any:
+    """Return the property of a study for the engines of the comparison that end with an error, by name."""
+
+    def errors(study: "Study") -> dict[str, Any]:
+        return {name: each for name, each in study._compared.items() if isinstance(each, kind)}
+
+    return property(errors, doc=f"errors of the engines of the comparison by which {meaning}")
 
 
 class Study:
@@ -71,6 +90,9 @@ class Study:
         Number of runs of each stage.
     """
 
+    heaping: dict[str, HeapingError] = _without(HeapingError, "the mix heaps up in front of the roller")
+    unsteady: dict[str, UnsteadyError] = _without(UnsteadyError, "the motion does not become steady")
+    without_equilibrium: dict[str, EquilibriumError] = _without(EquilibriumError, "there is no equilibrium")
     contacts: list[Contact] = _of("contacts.records", "scalar results of one roller at each speed")
     resistance: ResistanceMap | DryResistance = _of("resistance.resistance", "resistance of the mix to one cart [N]")
     cycles: dict[str, Cycle] = _of("laws.cycles", "forward and return strokes by name of the law; optimal laws last")
@@ -89,9 +111,7 @@ class Study:
         machine_models.catalogue(scene)  # mistakes in it are reported before anything is computed
         self.scene, self.counts, self.durations = scene, Counter[str](), tuple(durations)
         self._step, self._directory = step, directory
-        self._answers: dict[str, Job] | None = None
-        self._executor: Executor | None = None
-        self._contacts_by_law: list[Job] = []
+        self._executor: Executor = SerialExecutor()
         self.mix: Mix = scene_mix(scene)
         shortest = min(self.durations, default=None)
         self.stages = build_stages(scene, self.mix, self.count, directory, progress, shortest=shortest)
@@ -121,7 +141,7 @@ class Study:
                 contacts.second_pass,
                 self.stages.resistance.map,
                 contacts.air_curve,
-                None if self._contacts_by_law and "model_spread" not in self.__dict__ else self.model_spread,
+                self.__dict__.get("model_spread", contacts.kept.model_spread if contacts.kept else None),
                 None if contacts.process is None else contacts.process.lifts,
                 tuple(names),
             )
@@ -147,7 +167,7 @@ class Study:
     def models(self) -> list[ModelAnswer]:
         """Answers of the engine of the scene, first, and of the engines of the comparison."""
         spread = self.model_spread
-        return model_answers(self.stages, self.comparison, spread.resistance if spread else None)
+        return [model_answer(self.stages, spread.resistance if spread else None), *self.comparison.values()]
 
     @cached_property
     def uncertainty(self) -> RankingUncertainty | None:
@@ -157,9 +177,8 @@ class Study:
         """
         if "report" not in self.scene.output.items or not any(each.valid for each in self.models):
             return None
-        motion, kind = self.scene.motion, self.scene.drive.kind
-        found = {by: verdict(self.models, motion.duration, kind, by) for by in self._sizing_peaks}
-        known = {by: each for by, each in found.items() if each is not None}
+        case = self.scene.motion.duration, self.scene.drive.kind
+        known = {by: each for by in self._sizing_peaks if (each := verdict(self.models, *case, by))}
         if not known:
             return None
         self.count("uncertainty")
@@ -171,16 +190,12 @@ class Study:
 
         Those of the duration and drive of the scene include the spread of the mix and of its laws.
         """
-        motion, kind = self.scene.motion, self.scene.drive.kind
-        found = {}
-        for duration, places in self.models[0].places.items():
-            for drive in places:
-                for by in self._sizing_peaks:
-                    own = (duration, drive) == (motion.duration, kind)
-                    firsts = self.uncertainty.first_laws(by) if own and self.uncertainty else ()
-                    each = verdict(self.models, duration, drive, by, firsts)
-                    if each is not None:
-                        found[duration, drive, by] = each
+        own, found = (self.scene.motion.duration, self.scene.drive.kind), {}
+        for duration, drive in ((each, kind) for each, places in self.models[0].places.items() for kind in places):
+            for by in self._sizing_peaks:
+                firsts = self.uncertainty.first_laws(by) if own == (duration, drive) and self.uncertainty else ()
+                if each := verdict(self.models, duration, drive, by, firsts):
+                    found[duration, drive, by] = each
         return found
 
     @cached_property
@@ -224,66 +239,61 @@ class Study:
     @contextmanager
     def helped(self, executor: Executor) -> Iterator[None]:
         """Run the engines of the comparison by an executor of `worker_pool` while this process computes its part."""
-        directory = self._directory and self._directory / comparison.DIRECTORY
-        with executor as tasks:
-            self._answers = {}
-            for name in self.scene.compared_engines:
-                laws = self.stages.laws.prescribed, self.cycles
-                work = partial(comparison.run_engine_alternative, self.scene.with_engine(name), laws)
-                self._answers[name] = tasks.submit(work, directory and directory / name)
-            self._executor = tasks
+        with executor:
+            self._executor = executor
+            _ = self._answers
             try:
                 yield
             finally:
-                self._executor = None
+                self._executor = SerialExecutor()
+
+    @cached_property
+    def _answers(self) -> dict[str, Job]:
+        """Jobs of the engines of the comparison by name."""
+        laws, directory = (self.stages.laws.prescribed, self.cycles), self._directory and self._directory / DIRECTORY
+        return {
+            name: self._executor.submit(
+                partial(answer_of, self.scene.with_engine(name), laws), directory and directory / name
+            )
+            for name in self.scene.compared_engines
+        }
+
+    @cached_property
+    def _answers_by_law(self) -> list[Job]:
+        """Jobs of the contacts by the other laws of the mix."""
+        assert self.stages.contacts.held is not None  # of a compacting engine
+        work = partial(contact_by_law, self.stages.contacts.held)
+        return [self._executor.submit(work, each) for each in scenes_of_laws(self.scene, self.mix)]
 
     def begin_model_spread(self) -> None:
-        """Start the contacts by the other laws of the mix in the executor of `helped`."""
+        """Start the contacts by the other laws of the mix, where they are required and not kept."""
         contacts = self.stages.contacts
-        if not contacts.requires_model_spread or not self._executor or (contacts.kept and contacts.kept.model_spread):
-            return
-        assert contacts.held is not None  # of a compacting engine
-        work = partial(contact_by_law, contacts.held)
-        self._contacts_by_law = [self._executor.submit(work, each) for each in scenes_of_laws(self.scene, self.mix)]
+        if contacts.requires_model_spread and not (contacts.kept and contacts.kept.model_spread):
+            _ = self._answers_by_law
 
     @cached_property
     def model_spread(self) -> ModelSpread | None:
         """Contacts by the other laws of the mix; None where they are not required."""
-        if not self._contacts_by_law:
-            return self.stages.contacts.model_spread
+        contacts = self.stages.contacts
+        if not contacts.requires_model_spread:
+            return None
+        if contacts.kept and contacts.kept.model_spread:
+            return contacts.kept.model_spread
         self.count("model spread")
-        return spread_of([job.result() for job in self._contacts_by_law])
+        return spread_of([job.result() for job in self._answers_by_law])
 
     @cached_property
-    def comparison(self) -> dict[str, EngineComparison]:
-        """Results of each engine of the comparison by name, but of those without a steady state."""
-        return {name: each for name, each in self._compared.items() if isinstance(each, EngineComparison)}
-
-    @property
-    def heaping(self) -> dict[str, HeapingError]:
-        """Engines of the comparison by which the mix heaps up in front of the roller, with the reason."""
-        return {name: each for name, each in self._compared.items() if isinstance(each, HeapingError)}
-
-    @property
-    def unsteady(self) -> dict[str, UnsteadyError]:
-        """Engines of the comparison by which the motion does not become steady, with the reason."""
-        return {name: each for name, each in self._compared.items() if isinstance(each, UnsteadyError)}
-
-    @property
-    def without_equilibrium(self) -> dict[str, EquilibriumError]:
-        """Engines of the comparison that find no equilibrium, with the reason."""
-        return {name: each for name, each in self._compared.items() if isinstance(each, EquilibriumError)}
+    def comparison(self) -> dict[str, ModelAnswer]:
+        """Answer of each engine of the comparison by name, but of those without a steady state."""
+        return {name: each for name, each in self._compared.items() if isinstance(each, ModelAnswer)}
 
     @cached_property
-    def _compared(self) -> dict[str, ComparisonAnswer]:
+    def _compared(self) -> dict[str, Answer]:
         """Results of each engine of the comparison by name."""
-        if self._answers is None:
-            with self.helped(SerialExecutor()):
-                return self._compared
         found = {}
-        for name, answer in self._answers.items():
+        for name, job in self._answers.items():
             self.count("comparison")
-            found[name] = answer.result()
+            found[name] = job.result()
             for words in getattr(found[name], "warned", ()):
                 warnings.warn(f"{name}: {words}", stacklevel=2)
         return found
@@ -292,10 +302,10 @@ class Study:
     def places_by_engine(self) -> dict[str, Places]:
         """Places by engine, drive and criterion; engine and drive of the scene first."""
         return {self.scene.accuracy.engine: self.stages.drive.places} | {
-            name: each.places for name, each in self.comparison.items()
+            name: each.places[self.scene.motion.duration] for name, each in self.comparison.items()
         }
 
     @cached_property
     def agreements(self) -> list[RankingAgreement]:
         """Agreement of the ranking of the scene with those of the other engines and of its other drive."""
-        return comparison.ranking_agreements(self.places_by_engine)
+        return ranking_agreements(self.places_by_engine)

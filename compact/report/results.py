@@ -214,7 +214,8 @@ def criterion_error(study: Study, run: Any, by: str) -> float | None:
 
 def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, Place]]:
     """Collect the places of each law by the engines of the comparison."""
-    return {name: {place.law: place for place in other.places[kind][by]} for name, other in study.comparison.items()}
+    found = study.places_by_engine
+    return {name: {place.law: place for place in found[name][kind][by]} for name in study.comparison}
 
 
 def write_reactions(study: Study, place: Path) -> Iterator[Path]:

@@ -17,11 +17,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.ranking_uncertainty import Place
-from compact.analysis.stages.comparison import resistances_without_wave
 from compact.analysis.stages.laws import COMPLIANT_DRIVES
 from compact.analysis.stages.sensitivity import Shift
 from compact.analysis.stages.uncertainty import AIR, DRIVE, FED, LAW, MARGIN_SOURCES, MIX, RankingUncertainty
-from compact.analysis.stages.verdict import Verdict, reason_against, sizing_model
+from compact.analysis.stages.verdict import Verdict, reason_against, resistances_without_wave, sizing_model
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.engines.interface import FLOOR, VISCOELASTIC

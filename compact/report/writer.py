@@ -440,7 +440,7 @@ def _comparison(study: Study) -> dict[str, Any]:
             "held": _held(other.held),
             "resistance_error": other.error,
             "roller_load": json_number(other.roller_load, "N"),
-            "rankings": {kind: _rankings(order) for kind, order in other.places.items()},
+            "rankings": {kind: _rankings(order) for kind, order in study.places_by_engine[name].items()},
             "agreement": [
                 {"drive": each.drive, "criterion": each.by, **each.agreement._asdict()}
                 | {"first": each.first, "other_first": each.other_first}

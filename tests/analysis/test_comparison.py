@@ -61,7 +61,7 @@ def test_compared_engine_gives_the_results_of_its_own_scene(written, engine, giv
     speed = np.array([0.06, 0.12])
     assert compared_engine.resistance(speed, 0 * speed) == pytest.approx(alone.resistance(speed, 0 * speed), rel=1e-12)
     for by, ranked in alone.rankings.items():
-        found = [(place.rank, place.law, place.value) for place in compared_engine.places["rigid"][by]]
+        found = [(place.rank, place.law, place.value) for place in study.places_by_engine[engine]["rigid"][by]]
         assert found == [(place.rank, place.run.name, pytest.approx(place.value, rel=1e-12)) for place in ranked]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis.stages.comparison import resistances_without_wave
+from compact.analysis.stages.verdict import resistances_without_wave
 from compact.analysis.study import Study
 from compact.cli import program as cli
 from compact.engines.compaction import engine as compaction

@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from compact.analysis.mix_laws import scene_mix
 from compact.analysis.stages import model_spread as stage
-from compact.analysis.stages.model_spread import LawVariant, ModelSpread, model_spread
+from compact.analysis.stages.model_spread import LawVariant, ModelSpread
 from compact.analysis.study import Study
 from compact.report.text import say
 from compact.report.writer import study_summary
@@ -78,7 +77,7 @@ def test_cohesion_of_loose_mix_halves_the_resistance_of_a_lift():
     """The published lift: with 20 kPa there is almost no bow wave, with the ellipse it is 4 mm high."""
     lift = scene(**{"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "layer.fed_density_ratio": 0.93576})
     lift = lift.replaced(**{"mix.overrides.cohesion_loose": 20e3})
-    spread = model_spread(lift, scene_mix(lift), Study(lift).stages.contacts.held)
+    spread = Study(lift).model_spread
     assert len(spread.variants) == 1
     assert spread.load[0] == pytest.approx(0.80, abs=0.03)
     assert spread.resistance[0] == pytest.approx(0.57, abs=0.03)

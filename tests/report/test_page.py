@@ -115,7 +115,7 @@ def test_answer_is_that_of_the_study(written):
     for by, places in study.rankings.items():
         value = format_quantity(places[0].value, "N" if by == "peak_force" else "W", 3)
         assert f"The law {places[0].run.name} requires the least {TERMS[by].term}, {value}." in words
-        formula = study.comparison["formula"].places["rigid"][by][0]
+        formula = study.places_by_engine["formula"]["rigid"][by][0]
         assert re.search(
             rf"Comparison with the engine formula: .*{formula.law} is (also )?first by {TERMS[by].term}", words
         )
@@ -135,7 +135,7 @@ def test_ranks_by_engine_and_formula_are_in_one_row(written):
     study, _, path = written
     text = path.read_text("utf-8")
     for by, places in study.rankings.items():
-        formula = {place.law: place.rank for place in study.comparison["formula"].places["rigid"][by]}
+        formula = {place.law: place.rank for place in study.places_by_engine["formula"]["rigid"][by]}
         rows = re.findall(
             r'<td class="n">(\d+)</td><td>([\w-]+)</td>.*?<td class="n">[\d.\skNW]+ \((\d+)\)</td><td></td></tr>', text
         )

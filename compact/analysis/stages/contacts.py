@@ -39,7 +39,6 @@ from compact.analysis.pore_air import (
     pore_air_of,
 )
 from compact.analysis.stages.kept_results import KeptResults, contacts_key, read_results
-from compact.analysis.stages.model_spread import ModelSpread, model_spread
 from compact.engines import ENGINES
 from compact.engines.halfplane import LineContact, galin
 from compact.material.mix import Mix
@@ -311,7 +310,7 @@ class ContactStage:
         compacted = self.scene.layer.return_stroke == "compacted"
         return self.second_pass if compacted and self.second_pass else (1.0, 1.0)
 
-    # pore air, other laws of the mix
+    # pore air
 
     @property
     def has_air(self) -> bool:
@@ -356,17 +355,6 @@ class ContactStage:
     def requires_model_spread(self) -> bool:
         """True for a scene of a compacting engine with the output "model_spread"."""
         return self.compacts and "model_spread" in self.scene.output.items
-
-    @cached_property
-    def model_spread(self) -> ModelSpread | None:
-        """Contacts by the other laws of the mix; None where they are not required."""
-        if not self.requires_model_spread:
-            return None
-        if self.kept and self.kept.model_spread:
-            return self.kept.model_spread
-        assert self.held is not None  # of an engine with speeds
-        self.count("model spread")
-        return model_spread(self.scene, self.mix, self.held)
 
 
 class ProcessStage(ContactStage):

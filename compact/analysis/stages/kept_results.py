@@ -6,7 +6,7 @@ of the mix, versions and sources. Cart, laws, drive and output are not in the ke
 
 import logging
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -144,14 +144,17 @@ def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[P
     path.unlink(missing_ok=True)  # it lists the valid files: removed first, written last
     results.resistance_map.save(directory / MAP_FILE, key)
     names = [MAP_FILE, *(name for name in results.files if name.startswith(KEPT_FILES))]
-    more: dict[str, Any] = {name: getattr(results, name) for name in RECORDS}
-    more["lifts"] = results.lifts and results.lifts.to_json()
     content = {
         "key": key,
         "contacts": [contact.to_json() for contact in results.contacts],
-        "more": more | {name: asdict(each) for name, each in more.items() if is_dataclass(each)},
+        "more": {
+            "held": asdict(results.held), "second_pass": results.second_pass,
+            "air_curve": results.air_curve and asdict(results.air_curve),
+            "model_spread": results.model_spread and asdict(results.model_spread),
+            "lifts": results.lifts and results.lifts.to_json(),
+        },
         "files": {name: checksum((directory / name).read_bytes()) for name in names if (directory / name).is_file()},
-    }
+    }  # fmt: skip
     write_checked(path, content)
     yield directory / MAP_FILE
     yield path

@@ -78,30 +78,6 @@ class ModelSpread:
         return min(ratios), max(ratios)
 
 
-def model_spread(scene: Scene, mix: Mix, held: HeldQuantity) -> ModelSpread:
-    """Compute the contact at the mean speed by the other laws of the mix.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene with a compacting engine.
-    mix : Mix
-        Mix of the scene.
-    held : HeldQuantity
-        Quantity that all laws hold, at its value in the scene.
-
-    Returns
-    -------
-    ModelSpread
-
-    Raises
-    ------
-    RuntimeError
-        If the contact by the law of the scene has no steady state on the mesh of the ratios.
-    """
-    return spread_of([contact_by_law(held, each) for each in scenes_of_laws(scene, mix)])
-
-
 def scenes_of_laws(scene: Scene, mix: Mix) -> tuple[Scene, ...]:
     """Return the scene, and its changes to the other laws of the mix.
 

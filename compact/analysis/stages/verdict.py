@@ -1,4 +1,4 @@
-"""Verdict of a study: the models that may size a drive, their agreement, and the recommended law with its margin.
+"""Verdict of a study: answers of the models, those that may size a drive, their agreement, and the recommended law.
 
 A model is valid for sizing if it has the whole resistance on this scene: the formulas, and engines with irreversible
 compaction. A linear layer has the viscoelastic part alone, about a seventh. Columns have no bow wave, which causes more
@@ -18,22 +18,29 @@ its pore air, and the drive where its data are not measured.
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+import warnings
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from compact.analysis.contact_cases import process_detail
-from compact.analysis.ranking_uncertainty import Place
-from compact.analysis.stages.comparison import EngineComparison, Places, engine_answer
-from compact.analysis.stages.drives import Stages
+from compact.analysis.contact_cases import HeldQuantity, process_detail
+from compact.analysis.ranking_uncertainty import Agreement, Place, agreement
+from compact.analysis.stages.drives import KnownLaws, Stages, build_stages
 from compact.engines import ENGINES
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, ROUNDING_TIE, group_equal
-from compact.rolling_contact import Contact
+from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
 
 SIZING_PEAKS = ("peak_force", "peak_power")  # criteria of the verdict
+DIRECTORY = "comparison"  # under the results; kept results of the engines of the comparison
+NAMED_LAWS = 3  # [-], largest number of laws of one rank that are named
+
+Places = dict[str, dict[str, list[Place]]]  # by drive and criterion
 
 
 @dataclass(frozen=True)
@@ -62,6 +69,14 @@ class ModelAnswer:
         Height of the layer over the contact length at the mean speed [-]; None without a layer.
     fitted : tuple of str
         Inputs of the model that `[mix.fitted_at]` lists.
+    roller_load : float
+        Load of one roller [N].
+    records, held, second_pass, key
+        Contacts, held quantity, ratios of a second pass where the return stroke requires them, and key of the contacts.
+    counts : Counter
+        Number of runs of each stage in another process.
+    warned : tuple of str
+        Warnings there.
     """
 
     engine: str
@@ -74,6 +89,13 @@ class ModelAnswer:
     resistance: Any = None
     height_ratio: float | None = None
     fitted: tuple[str, ...] = ()
+    roller_load: float = math.nan
+    records: Sequence[Contact] = ()
+    held: HeldQuantity | None = None
+    second_pass: tuple[float, float] | None = None
+    key: str = ""
+    counts: Counter[str] = field(default_factory=Counter)
+    warned: tuple[str, ...] = ()
 
     @property
     def valid(self) -> bool:
@@ -155,51 +177,64 @@ def sizing_model(models: Sequence[ModelAnswer]) -> ModelAnswer:
     return next((model for model in models if model.valid), models[0])
 
 
-def model_answers(
-    stages: Stages, comparison: Mapping[str, EngineComparison], spread: tuple[float, float] | None
-) -> list[ModelAnswer]:
-    """Collect the answers of the engine of the scene, first, and of the engines of the comparison.
+def model_answer(stages: Stages, spread: tuple[float, float] | None = None) -> ModelAnswer:
+    """Collect the answer of the engine of a scene.
 
     Parameters
     ----------
-    spread : tuple of float or None
-        Least and largest resistance over the laws of the mix [-], by the engine of the scene.
+    spread : tuple of float, optional
+        Least and largest resistance over the laws of the mix [-].
+    """
+    contacts, scene, records = stages.contacts, stages.contacts.scene, stages.contacts.records
+    motion, machine = scene.motion, scene.machine
+    drives = {motion.duration: stages.drive, **stages.drive.other_durations}
+    forces, coefficients = {}, {}
+
+    def at(speed: float, name: str) -> float:
+        """Interpolate a quantity of the contacts over the logarithm of the speed."""
+        known = np.log([each.speed for each in records])
+        return float(np.interp(np.log(speed), known, [getattr(each, name) for each in records]))
+
+    for duration, drive in drives.items():
+        speed = motion.stroke / duration
+        forces[duration] = float(np.ravel(drive.resistance.resistance(np.array([speed]), np.zeros(1)))[0])
+        load = machine.roller_length * at(speed, "load") if records else contacts.roller_load
+        coefficients[duration] = forces[duration] / (machine.rollers * load)
+    ratio = None
+    if records and contacts.process is None:
+        length = at(scene.mean_speed, "contact_length")
+        ratio = scene.lift_thickness / length if length > 0 else math.inf
+    return ModelAnswer(
+        scene.accuracy.engine, reason_against(scene, ratio),
+        {duration: drive.places for duration, drive in drives.items()}, forces, coefficients, stages.resistance.error,
+        spread, stages.resistance.resistance, ratio, fitted_inputs(scene), contacts.roller_load,
+        records, contacts.held,
+        contacts.second_pass if scene.layer.return_stroke == "compacted" else None, contacts.key,
+    )  # fmt: skip
+
+
+Answer = ModelAnswer | HeapingError | UnsteadyError | EquilibriumError
+
+
+def answer_of(scene: Scene, laws: KnownLaws, directory: Path | None) -> Answer:
+    """Compute the answer of the engine of a scene, in another process, with kept results of a directory.
 
     Returns
     -------
-    list of ModelAnswer
+    ModelAnswer or an error
+        The error where the mix heaps up in front of the roller, the motion does not become steady or a step has no
+        equilibrium, which are answers too.
     """
-    scene = stages.contacts.scene
-    lead = replace(_answer(scene, engine_answer(stages)), spread=spread)
-    return [lead, *(_answer(scene.with_engine(name), other) for name, other in comparison.items())]
-
-
-def _answer(scene: Scene, found: EngineComparison) -> ModelAnswer:
-    """Collect the answer of the engine of a scene."""
-    motion, machine, records = scene.motion, scene.machine, found.records
-    places = {motion.duration: found.places, **found.places_over}
-    resistance = {motion.duration: found.resistance, **found.resistance_over}
-    speeds = {duration: motion.stroke / duration for duration in places}
-    forces = {each: float(np.ravel(resistance[each](np.array([v]), np.zeros(1)))[0]) for each, v in speeds.items()}
-
-    def at(speed: float, value: Callable[[Contact], float]) -> float:
-        """Interpolate a quantity of the contacts over the logarithm of the speed."""
-        known = np.log([each.speed for each in records])
-        return float(np.interp(np.log(speed), known, [value(each) for each in records]))
-
-    loads = {
-        each: machine.roller_length * at(speed, lambda record: record.load) if records else found.roller_load
-        for each, speed in speeds.items()
-    }
-    ratio = None
-    if records and ENGINES[scene.accuracy.engine].takes != "process":
-        length = at(scene.mean_speed, lambda record: record.leading - record.trailing)
-        ratio = scene.lift_thickness / length if length > 0 else math.inf
-    coefficients = {each: force / (machine.rollers * loads[each]) for each, force in forces.items()}
-    return ModelAnswer(
-        scene.accuracy.engine, reason_against(scene, ratio), places, forces, coefficients, found.error, None,
-        found.resistance, ratio, fitted_inputs(scene),
-    )  # fmt: skip
+    counts = Counter[str]()
+    stages = build_stages(scene, count=lambda stage: counts.update([stage]), directory=directory, known_laws=laws)
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        warnings.simplefilter("error", RuntimeWarning)  # an invalid operation of numpy yields no valid result
+        try:
+            found = model_answer(stages)
+        except (HeapingError, UnsteadyError, EquilibriumError) as error:
+            return error
+    return replace(found, counts=counts, warned=tuple(dict.fromkeys(str(each.message) for each in warned)))
 
 
 def reason_against(scene: Scene, height_ratio: float | None) -> str:
@@ -302,3 +337,66 @@ def contenders(order: Sequence[Place], by: str) -> list[str]:
     first = finite[0]
     limit = first.value + max(BUILD_TOLERANCE * CRITERIA[by].scale(first.value), first.error or 0.0)
     return [place.law for place in finite if place.value - (place.error or 0.0) <= limit or place.rank == 1]
+
+
+def resistances_without_wave(scene: Scene) -> dict[str, float]:
+    """Compute the resistance of a cart at the mean speed [N] by formula and by columns, which have no bow wave.
+
+    Columns are absent where they do not cover the scene.
+    """
+    formula = build_stages(scene.with_engine("formula")).contacts.engineering.roller_resistance
+    found = {"formula": scene.machine.rollers * float(formula)}
+    with suppress(ValueError, RuntimeError):
+        rolled = build_stages(scene.with_engine("column")).contacts.reference[0]
+        found["column"] = scene.machine.rollers * scene.machine.roller_length * float(rolled.resistance)
+    return found
+
+
+@dataclass(frozen=True)
+class RankingAgreement:
+    """Agreement of two rankings by one criterion.
+
+    Parameters
+    ----------
+    first, other_first : str
+        First law of either ranking; several laws, their number or "none" where there is not one.
+    """
+
+    engine: str
+    drive: str
+    other_engine: str
+    other_drive: str
+    by: str
+    agreement: Agreement
+    first: str
+    other_first: str
+
+
+def ranking_agreements(places: Mapping[str, Places]) -> list[RankingAgreement]:
+    """Compare the first ranking with those of every other engine, and with those of its other drives.
+
+    Parameters
+    ----------
+    places : mapping of str to Places
+        Places by engine, drive and criterion; engine and drive of the scene first.
+    """
+    engine, *other_engines = places
+    drive, *other_drives = places[engine]
+    cases = [(kind, name, kind) for name in other_engines for kind in places[engine]]
+    cases += [(drive, engine, other) for other in other_drives]
+    return [
+        RankingAgreement(
+            engine, kind, name, other_kind, by, agreement(order, other, by), *map(_first_laws, (order, other))
+        )
+        for kind, name, other_kind in cases
+        for by, order in places[engine][kind].items()
+        for other in (places[name][other_kind][by],)
+    ]
+
+
+def _first_laws(order: list[Place]) -> str:
+    """Name the laws of rank 1, or their number where they are many; "none" where all values are infinite."""
+    laws = [place.law for place in order if place.rank == 1 and not place.reason]
+    if not laws:
+        return "none"
+    return "/".join(sorted(laws)) if len(laws) <= NAMED_LAWS else f"{len(laws)} laws alike"
