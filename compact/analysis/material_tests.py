@@ -223,28 +223,6 @@ def isotropic_compression(material: Compaction, pressure: float) -> MaterialTest
     return MaterialTest("isotropic", "loose", 0.0, volume / 3, volume, stress, stress, stress, ratio)
 
 
-def biaxial_compression(material: Compaction, pressure: float, density_ratio: float, specimen: str) -> MaterialTest:
-    """Compress mix in plane strain at a constant lateral pressure.
-
-    Parameters
-    ----------
-    material : Compaction
-        Constitutive law.
-    pressure : float
-        Lateral pressure; zero for the unconfined test [Pa].
-    density_ratio : float
-        Density ratio of the specimen [-].
-    specimen : {"loose", "compacted"}
-        Name of the specimen.
-
-    Returns
-    -------
-    MaterialTest
-    """
-    scale = max(pressure, float(material.yield_pressure(density_ratio)))
-    return _path_of_mix(material, scale, pressure, density_ratio).biaxial(specimen)
-
-
 def own_material_tests(material: StateUpdate, pressure: float) -> tuple[MaterialTest, ...]:
     """Apply the laboratory tests to loose mix of an own material; see `api.laboratory.laboratory_tests`.
 
@@ -269,11 +247,7 @@ def own_material_tests(material: StateUpdate, pressure: float) -> tuple[Material
     require_positive(pressure=pressure)
 
     def path(confining: float = 0.0) -> StrainPath:
-        found = StrainPath(material, material.initial_state, pressure, confining)
-        if confining:
-            found.compress(EQUAL, confining)
-        found.begin()
-        return found
+        return StrainPath(material, material.initial_state, pressure, confining)
 
     isotropic = path()
     isotropic.compress(EQUAL, pressure)
@@ -307,15 +281,13 @@ def _path_of_mix(
         return after.stress[0], after, whole
 
     law = StateUpdate(update, start, material.fed_density_ratio, "the mix")
-    path = StrainPath(law, start, pressure, confining, STRESS_TOLERANCE)
-    path.first, path.densest = 2 * -np.log(material.fed_density_ratio) / STEPS, np.inf
-    path.ratio_of = lambda state, _: float(state.density_ratio[0])  # without the elastic part of the volume
-    path.begin()
-    return path
+    return StrainPath(
+        law, start, pressure, confining, STRESS_TOLERANCE, 2 * -np.log(material.fed_density_ratio) / STEPS, of_mix=True
+    )
 
 
 class StrainPath:
-    """Strain path of one point with its history, compression positive.
+    """Strain path of one point with its history, compression positive; it begins under its confining pressure.
 
     Parameters
     ----------
@@ -329,30 +301,36 @@ class StrainPath:
         Lateral pressure [Pa].
     tolerance : float
         Of the lateral stress over the pressure [-].
+    first : float
+        First increment of a path to a pressure [-].
+    of_mix : bool
+        State of a mix, a `MaterialPoint`, which has a density ratio without the elastic part of the volume.
     """
 
     def __init__(
-        self, law: StateUpdate, state: Any, pressure: float, confining: float = 0.0, tolerance: float = OWN_TOLERANCE
-    ) -> None:
+        self, law: StateUpdate, state: Any, pressure: float, confining: float = 0.0, tolerance: float = OWN_TOLERANCE,
+        first: float = OWN_FIRST, of_mix: bool = False,
+    ) -> None:  # fmt: skip
         self.law, self.pressure, self.confining, self.tolerance = law, pressure, confining, tolerance
-        self.first, self.densest = OWN_FIRST, VOLUME_LIMIT
-        self.ratio_of: Callable[[Any, float], float] = lambda _, volume: law.fed_density_ratio * float(np.exp(volume))
+        self.first, self.of_mix, self.volume, self.guess = first, of_mix, 0.0, 0.0
         self.stress, self.state, self.tangent = law.advance(state, np.zeros(4))
         self.stiffness = float(self.tangent[LATERAL, LATERAL])  # at rest
-        self.volume, self.guess = 0.0, 0.0
-        self.begin()
+        self.rows = [self._row(0.0, 0.0)]
+        if self.axial_stress < confining:
+            self.compress(EQUAL, confining)
+            self.rows = [self._row(0.0, 0.0)]
 
-    def begin(self) -> None:
-        """Let the history begin with the present state."""
-        self.rows = [np.array([0.0, 0.0, 0.0, *-self.stress[:3], self.ratio_of(self.state, self.volume)])]
+    def _row(self, axial: float, volume: float) -> tuple[float, ...]:
+        """Return axial and volume strain since the begin, stresses and density ratio."""
+        ratio = self.state.density_ratio[0] if self.of_mix else self.law.fed_density_ratio * np.exp(self.volume)
+        return axial, volume, *(-self.stress[:3]), float(ratio)
 
     def advance(self, strain: Array) -> None:
         """Apply a strain increment."""
         self.stress, self.state, self.tangent = self.law.advance(self.state, strain)
         volume = -float(strain[:3].sum())
         self.volume += volume
-        strains = self.rows[-1][:3] + np.array([-strain[LATERAL], -strain[AXIAL], volume])
-        self.rows.append(np.array([*strains, *-self.stress[:3], self.ratio_of(self.state, self.volume)]))
+        self.rows.append(self._row(self.rows[-1][0] - strain[AXIAL], self.rows[-1][1] + volume))
 
     @property
     def axial_stress(self) -> float:
@@ -371,7 +349,7 @@ class StrainPath:
         """Strain in a direction until the axial stress equals a pressure [Pa]."""
         step, fed = self.first, self.law.fed_density_ratio
         while (reached := self.axial_stress) < pressure:
-            if fed * np.exp(self.volume) > self.densest:
+            if not self.of_mix and fed * np.exp(self.volume) > VOLUME_LIMIT:
                 raise RuntimeError(
                     f"{self.law.name} bears {reached:.4g} Pa at a density ratio of {VOLUME_LIMIT}, required "
                     f"{pressure:.4g} Pa; lower the pressure of the tests"
@@ -402,7 +380,7 @@ class StrainPath:
         """Compress the point along its axis at the confining pressure, up to the end of measured densities of a mix."""
         for axial in AXIAL_INCREMENTS.tolist():
             self._advance_at_pressure(axial)
-            if self.densest == np.inf and self.rows[-1][-1] > HECKEL_MAX_DENSITY_RATIO:
+            if self.of_mix and self.rows[-1][-1] > HECKEL_MAX_DENSITY_RATIO:
                 break
         return self.test("biaxial" if self.confining else "unconfined", specimen)
 
@@ -428,5 +406,5 @@ class StrainPath:
 
     def test(self, name: str, specimen: str = "loose") -> MaterialTest:
         """Return the test with this path."""
-        _, axial, volume, side, along, across, ratio = np.array(self.rows).T
+        axial, volume, side, along, across, ratio = np.array(self.rows).T
         return MaterialTest(name, specimen, self.confining, axial, volume, along, side, across, ratio)

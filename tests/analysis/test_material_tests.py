@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis.material_tests import LaboratoryProgramme, isotropic_compression, oedometer
+from compact.analysis.material_tests import LaboratoryProgramme, isotropic_compression
 from compact.analysis.mix_laws import compaction_material, scene_mix
 from compact.cli import program as cli
 from compact.engines.column.engine import simulate_oedometer
@@ -30,6 +30,7 @@ def test_oedometer_ends_at_its_pressure_and_at_zero(programme):
     assert test.axial_stress.max() == pytest.approx(PRESSURE, rel=1e-6)
     assert abs(test.axial_stress[-1]) < 0.02 * PRESSURE
     assert test.volume_strain == pytest.approx(test.axial_strain)
+    assert programme.heckel_slope() == pytest.approx(programme.material.heckel_slope, rel=5e-3)
 
 
 def test_oedometer_is_that_of_the_columns(programme):
@@ -38,10 +39,6 @@ def test_oedometer_is_that_of_the_columns(programme):
     column = simulate_oedometer(programme.material, [test.axial_stress[end]])
     assert test.density_ratio[end] == pytest.approx(column.density_ratio[0], rel=2e-6)
     assert test.lateral_stress[end] == pytest.approx(column.lateral_stress[0], rel=2e-3)
-
-
-def test_heckel_slope_is_recovered(programme):
-    assert programme.heckel_slope() == pytest.approx(programme.material.heckel_slope, rel=5e-3)
 
 
 def test_isotropic_compression_follows_the_yield_pressure(programme):
@@ -94,14 +91,6 @@ def test_density_ratio_of_the_compacted_specimen_is_checked(programme):
         replace(programme, density_ratio=0.8)
     with pytest.raises(KeyError, match="no test 'torsion'"):
         programme.test("torsion")
-
-
-def test_first_yield_of_stiff_mix_follows_heckel():
-    scene = load_scene(SCENE, **{"mix.overrides.unloading_modulus": 2e9})
-    test = oedometer(compaction_material(scene, scene_mix(scene)), 150e3)
-    end = int(test.axial_stress.argmax())
-    heckel = np.log(0.28 / (1 - test.density_ratio[end])) / scene_mix(scene).heckel_slope
-    assert test.axial_stress[end] == pytest.approx(heckel, rel=1e-6)
 
 
 @pytest.mark.parametrize("law", LAWS)

@@ -7,12 +7,12 @@ import re
 from pathlib import Path
 
 import pytest
-from pages import answer_words, section_html
+from pages import section_html
 
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.machine.ranking import BUILD_TOLERANCE
-from compact.report import figures, text
+from compact.report import text
 from compact.report import writer as report
 from compact.report.sections import section
 from compact.scene.loader import load_scene
@@ -82,18 +82,3 @@ def test_page_summary_and_digest_print_ties_as_such(written):
         == {law for law in ties if any(law in each.split() and "tie" in each for each in best)}
         != set()
     )
-
-
-def test_laws_of_infinite_peaks_have_no_first_rank(tmp_path):
-    changes = {"motion.laws": ["constant-velocity", "gear-sector"], "output.items": ["tables"]}
-    study = Study(load_scene(SMALL, **changes, **{"accuracy.engine": "formula", "drive.rank_by": ["peak_force"]}))
-    report.write_study(study, tmp_path)
-    assert [row["rank"] for row in rows(tmp_path, "peak_force", "formula")] == ["2", "2"]
-    assert "No law has a finite peak drive force" in answer_words(study)
-    assert study.stages.drive.places["rigid"]["peak_force"][0].resolved is False
-
-
-@pytest.mark.parametrize("by", ["nonuniformity", "energy"])
-def test_figure_of_the_engines_has_no_excess_relative_to_rounding(written, by):
-    places = written[0].stages.drive.places["rigid"][by]
-    assert max(value for value, _ in figures._excess(places, by).values()) < 200

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from compact.analysis.material_tests import oedometer
-from compact.analysis.sizing.work_balance import WorkBalance, heckel_work
+from compact.analysis.sizing.work_balance import heckel_work
 from compact.analysis.study import Study
 from compact.material.laws import Compaction
 from compact.report.text import say, sentences
 from compact.report.writer import study_summary
-from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
@@ -118,23 +117,3 @@ def test_warnings_and_numbers_reach_the_summary():
     without = study_summary(study(), [])["work_balance"]
     assert without["throughput_work"] == {"value": None, "unit": "J/m3"}
     assert "product.mould_speed" in say("work", study())
-
-
-def test_balance_without_mould_speed_has_no_throughput():
-    bare = WorkBalance("cubic", (0.94, 0.98), 6e3, 6e3, 17e3, 2800.0, 0.2, 2)
-    assert (bare.throughput_work, bare.feed_ratio, bare.explained_share, bare.fits) == (None, None, None, None)
-
-
-@pytest.mark.parametrize(
-    ("value", "words"),
-    [
-        (1.15, "was 1.15 m/min = 0.0191667 m/s meant?"),
-        (0.0, "must be positive"),
-        (-0.02, "must be positive"),
-        ("fast", "must be a number"),
-    ],
-)
-def test_speed_of_the_mould_is_validated(value, words):
-    with pytest.raises(SceneError, match=r"product\.mould_speed") as error:
-        load_scene(SMALL, **{"product.mould_speed": value})
-    assert words in str(error.value)

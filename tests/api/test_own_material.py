@@ -95,7 +95,7 @@ def test_laboratory_tests_of_the_mix_equal_those_of_its_law(own_mix):
     assert found["oedometer"].lateral_stress[peak] == pytest.approx(exact.lateral_stress[top], rel=1e-5)
     assert found["oedometer"].axial_strain[peak] == pytest.approx(exact.axial_strain[top], rel=1e-4)
     assert found["oedometer"].axial_stress[-1] == pytest.approx(0, abs=1e-3)
-    unconfined = material_tests.biaxial_compression(MIX, 0.0, MIX.fed_density_ratio, "loose")
+    unconfined = material_tests.LaboratoryProgramme(MIX, 0.98, 150e3).test("unconfined")
     assert found["unconfined"].strength == pytest.approx(unconfined.strength, rel=1e-8)
 
 
