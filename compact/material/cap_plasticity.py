@@ -28,7 +28,7 @@ from compact.material.elliptic_cap import (
 )
 from compact.material.laws import Compaction
 from compact.numerics import Array
-from compact.numerics.jit import compiled
+from compact.numerics.jit import compiled, internal
 from compact.numerics.validation import require_finite, require_positive
 
 __all__ = ["CapConstants", "cap_constants", "hardening", "return_map"]  # re-exported
@@ -271,7 +271,7 @@ def integrate_path(
     return converged, end, plastic_work, work
 
 
-@compiled
+@internal
 def _work(before, after, strain):
     """Return the work of deformation of an increment [J/m3]."""
     xx, yy, xy = before[0] + after[0], before[1] + after[1], before[3] + after[3]
@@ -333,14 +333,14 @@ def integrate_point(
     return converged, (*_stress(p, deviator, scale), k, densest), dissipated, x
 
 
-@compiled
+@internal
 def _stress(p, deviator, scale):
     """Return the stress (xx, yy, zz, xy) of a mean pressure and a scaled deviator."""
     sxx, syy, szz, sxy = deviator
     return scale * sxx - p, scale * syy - p, scale * szz - p, scale * sxy
 
 
-@compiled
+@internal
 def _trial_state(law, before, strain):
     """Return mean pressure, von Mises stress and deviator (xx, yy, zz, xy) of the elastic trial state."""
     third = (strain[0] + strain[1]) / 3
@@ -353,7 +353,7 @@ def _trial_state(law, before, strain):
     return -mean - 3 * law.K * third, q, (sxx, syy, szz, sxy)
 
 
-@compiled
+@internal
 def _propagate(law, deviator, scale, slopes, hardened, share, derivatives):
     """Propagate derivatives through one increment by the slopes of `return_map`."""
     sxx, syy, szz, sxy = deviator

@@ -40,7 +40,7 @@ from compact.material.elliptic_cap import (
     return_to_curve,
     yield_surface,
 )
-from compact.numerics.jit import compiled
+from compact.numerics.jit import compiled, internal
 
 ROUNDING = 4e-15  # [-], of stresses over a; a state on a surface is inside
 CORNER_TOLERANCE = 4e-16  # [-], change of the pressure of the corner over trial pressure and a at convergence
@@ -123,7 +123,7 @@ def return_to_line(
     return _return_to_corner(law, p, q, k, densest, slope, limit, viscosity)
 
 
-@compiled
+@internal
 def _surfaces(law, densest, carried):
     """Return a of the cap, and slope and intercept of the line."""
     a = (hardening(law, densest)[0] + law.pt) / 2
@@ -132,7 +132,7 @@ def _surfaces(law, densest, carried):
     return a, 0.0, law.friction * max(carried + law.pt, 0.0)
 
 
-@compiled
+@internal
 def _result(law, trial, solution, derivatives, hardens):
     """Return the results of `return_map` for V, p and q and their derivatives.
 
@@ -155,7 +155,7 @@ def _result(law, trial, solution, derivatives, hardens):
     return 0, p, scale, k, max(k, densest), work, 0.0, slopes
 
 
-@compiled
+@internal
 def _return_to_top(law, p, q, k, densest, slope, limit, viscosity):
     """Return the results below the top q = Mc a of the cap, which bounds the viscous stress and the line where P < a.
 
@@ -174,7 +174,7 @@ def _return_to_top(law, p, q, k, densest, slope, limit, viscosity):
     return _result(law, (p, q, k, densest), (V, p - law.K * V, top), (V_p, 0.0, 0.0, q_q, V_x, top_x), False)
 
 
-@compiled
+@internal
 def _return_to_corner(law, p, q, k, densest, slope, limit, viscosity):
     """Return the results at the intersection of cap and line."""
     P, onset = p + law.pt, np.log(densest / k)
@@ -190,7 +190,7 @@ def _return_to_corner(law, p, q, k, densest, slope, limit, viscosity):
     return (0 if converged else MAX_ITERATIONS + 1, *result[1:])
 
 
-@compiled
+@internal
 def _corner(law, trial, limit, viscosity):
     """Return V, shear of the line, a, da/dV and convergence at the corner of the cap and a line with an intercept.
 
@@ -240,7 +240,7 @@ def _corner(law, trial, limit, viscosity):
     return V, shear, a, h, False
 
 
-@compiled
+@internal
 def _corner_slopes(law, solution, P, q, slope, viscosity, rate):
     """Return the derivatives for `_result` by the implicit derivatives of yield limit and shear flow.
 

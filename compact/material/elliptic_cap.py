@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, HECKEL_MIN_PRESSURE, Compaction, DruckerPragerCap
-from compact.numerics.jit import compiled
+from compact.numerics.jit import compiled, internal
 
 RESIDUAL_TOLERANCE = 1e-13  # [-], |a/N - 1| at convergence of Newton's method
 STEP_TOLERANCE = 4e-16  # [-], relative change of x at convergence; far from c, x has no more digits
@@ -150,7 +150,7 @@ def hardening(law: CapConstants, k: float) -> tuple[float, float]:
     return HECKEL_MIN_PRESSURE * (1 + fading) / 2 / law.slope, rise * fading
 
 
-@compiled
+@internal
 def _elastic_gain(law, x):
     """Return g and dg/dx at x = k/(1 - k), by which elastic strain of confined compression raises pc + pt."""
     c0, c1, c2 = law.elastic
@@ -204,7 +204,7 @@ def return_map(law: CapConstants, p: float, q: float, k: float, densest: float, 
     return 0, end_p, scale, k * np.exp(V), densest, work, 0.0, (V_p, 0.0, 0.0, 0.0, 0.0, scale_s, 0.0, scale_densest)
 
 
-@compiled
+@internal
 def yield_surface(law: CapConstants, p: float, densest: float) -> tuple:
     """Return the part of the yield surface at a pressure.
 
@@ -236,7 +236,7 @@ def yield_surface(law: CapConstants, p: float, densest: float) -> tuple:
     return a, p0, p0, (a / law.pt) ** 2, H / 2
 
 
-@compiled
+@internal
 def is_elastic(law: CapConstants, p: float, q: float, surface: tuple) -> bool:
     """Return True if a trial state does not yield.
 
@@ -259,7 +259,7 @@ def is_elastic(law: CapConstants, p: float, q: float, surface: tuple) -> bool:
     return q * q / law.M**2 + r * (p - start) ** 2 <= (a * (1 + 2 * RESIDUAL_TOLERANCE)) ** 2
 
 
-@compiled
+@internal
 def return_to_curve(
     law: CapConstants, surface: tuple, p_trial: float, q_trial: float, k: float, densest: float, guess: float
 ) -> tuple:
@@ -338,7 +338,7 @@ def return_to_curve(
     return iterations, p, scale, k, densest, work, x, _slopes(law, (y, end_a, h, m, scale), r, q, rate, hardens)
 
 
-@compiled
+@internal
 def pressure_rise(law: CapConstants, k: float, V: float, pc: float) -> tuple[float, float]:
     """Compute the rise of pc by a plastic volumetric strain, without cancellation on Heckel's curve.
 
@@ -373,7 +373,7 @@ def pressure_rise(law: CapConstants, k: float, V: float, pc: float) -> tuple[flo
     return pc_end - pc, H
 
 
-@compiled
+@internal
 def _slopes(law, solution, r, q, rate, hardens):
     """Return the slopes of `return_map` by the implicit derivatives of V = 2 m r y and f = 0.
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.material.cap_plasticity import integrate_path
-from compact.numerics.jit import compiled, inlined, is_compiled
+from compact.numerics.jit import compiled, inlined, internal, is_compiled
 
 SERIES_LIMIT = 1e-4  # [-], half the logarithm of the stretch ratio; below it atanh(z)/z is 1 + z^2/3 to rounding
 
@@ -69,7 +69,7 @@ def strain_increment(before: Gradient, after: Gradient, finite: bool) -> tuple:
     return volume > 0 and volume_before > 0, strain, np.sqrt(volume * volume_before), c, s
 
 
-@compiled
+@internal
 def _relative_gradient(before, after):
     """Return det F after and before, the relative gradient dF, and the inverse of F before."""
     axx, axy, ayx, ayy = 1 + after[0], after[1], after[2], 1 + after[3]
@@ -80,7 +80,7 @@ def _relative_gradient(before, after):
     return volume, volume_before, relative, (bxx, bxy, byx, byy)
 
 
-@compiled
+@internal
 def _stretch(xx, xy, yx, yy):
     """Return mean, half difference and xy component of U, and cosine and sine of R, for dF = R U."""
     size = np.sqrt((xx + yy) ** 2 + (yx - xy) ** 2)
@@ -179,7 +179,7 @@ def integrate_interval(
     return valid and converged, rotated, plastic_work, volume * work, (c, s)
 
 
-@compiled
+@internal
 def _rotate(xx, yy, xy, c, s):
     """Return xx, yy and xy of a tensor rotated by the angle of cosine c and sine s."""
     turn = 2 * c * s * xy
@@ -291,7 +291,7 @@ def integrate_elements(
     return -1
 
 
-@compiled
+@internal
 def _gradient(displacement, nodes, shapes):
     """Return the displacement gradient at one point."""
     xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0
@@ -304,7 +304,7 @@ def _gradient(displacement, nodes, shapes):
     return xx, xy, yx, yy
 
 
-@compiled
+@internal
 def _piola_stress(values, cofactors):
     """Return sigma cof F, (xx, xy, yx, yy), of cofactors (xx, xy, yx, yy)."""
     sxx, syy, sxy = values[0], values[1], values[3]
