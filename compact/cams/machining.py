@@ -184,8 +184,8 @@ def _angles_between(cam: Cam, low: float, high: float, deviation: float) -> Arra
     """Angles [rad] from `low` to below `high` whose chords move the follower by at most `deviation` [m]."""
     edges = np.linspace(low, high, SPACING_SAMPLES + 1)
     middle = (edges[:-1] + edges[1:]) / 2
-    turn, arc = cam.rates(middle)
-    density = np.sqrt(np.abs(turn * arc) / (8 * deviation * np.cos(cam.pressure_angle(middle))))
+    *_, pressure_angle, turn, arc = cam.contact(middle)
+    density = np.sqrt(np.abs(turn * arc) / (8 * deviation * np.cos(pressure_angle)))
     count = np.append(0.0, np.cumsum(np.maximum(density, 1 / STEP_LIMIT) * np.diff(edges)))
     chords = int(np.ceil(count[-1]))
     return np.interp(np.linspace(0, count[-1], chords, endpoint=False), count, edges)

@@ -13,9 +13,8 @@ Over dphi the tangent of the profile turns by `turn` dphi along an arc of `arc` 
 > 0. Where arc <= 0 the profile runs backwards: the cutter of one part removes another, the cam is undercut. Angles in
 rad, lengths in m; primes are derivatives by phi, exact from the law, right limits at a breakpoint.
 
-A follower is a point, a roller or a flat face. From rho, rho' and rho'' it computes the contact point, the rates by phi
-of the direction (`turn`) and of the length (`arc`) of the profile, and the increase of rho required so that no part of
-the profile runs backwards.
+A follower is a point, a roller or a flat face. From rho, rho' and rho'' it computes its `FollowerContact`, and the
+increase of rho required so that no part of the profile runs backwards.
 
 References
 ----------
@@ -25,6 +24,7 @@ R. L. Norton, Cam Design and Manufacturing Handbook, Industrial Press 2009, ch. 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +48,26 @@ NEWTON_TOLERANCE = 16 * np.finfo(float).eps  # [-], of rho: change of the last s
 NEWTON_LIMIT = 100  # [-], steps to rounding: 10-25 are usual, a double root needs 50
 
 
+class FollowerContact(NamedTuple):
+    """Contact of a follower with its cam, arrays over angles.
+
+    Attributes
+    ----------
+    radial, offset : ndarray
+        Place of the contact along and across the follower's travel [m]; a flat face must extend to the largest offset.
+    pressure_angle : ndarray
+        Angle between travel and common normal [rad], > 0 on the forward stroke.
+    turn, arc : ndarray
+        Direction [-] and length [m] of the profile by phi.
+    """
+
+    radial: Array
+    offset: Array
+    pressure_angle: Array
+    turn: Array
+    arc: Array
+
+
 @dataclass(frozen=True)
 class _RadialFollower:
     """Point or roller on a line through the axis; its centre traces the pitch curve rho(phi).
@@ -59,20 +79,11 @@ class _RadialFollower:
 
     radius: float
 
-    def contact(self, rho: Array, slope: Array) -> tuple[Array, Array]:
-        """Return the contact point (radial, offset) [m] from rho and rho' [m]."""
-        w = np.hypot(rho, slope)
-        return rho - self.radius * rho / w, self.radius * slope / w
-
-    def rates(self, rho: Array, slope: Array, second: Array) -> tuple[Array, Array]:
-        """Return turn [-] and arc [m] of the profile by phi from rho, rho' and rho'' [m]."""
-        w = np.hypot(rho, slope)
+    def contact(self, rho: Array, slope: Array, second: Array) -> FollowerContact:
+        """Return the contact from rho, rho' and rho'' [m]."""
+        r, w = self.radius, np.hypot(rho, slope)
         turn = 1 + (slope**2 - rho * second) / w**2
-        return turn, w - self.radius * turn
-
-    def pressure_angle(self, rho: Array, slope: Array) -> Array:
-        """Return the angle [rad] between travel and common normal from rho and rho' [m]: tan = rho'/rho."""
-        return np.arctan2(slope, rho)
+        return FollowerContact(rho - r * rho / w, r * slope / w, np.arctan2(slope, rho), turn, w - r * turn)
 
     @property
     def radius_at_kink(self) -> float:
@@ -148,9 +159,9 @@ class RollerFollower(_RadialFollower):
             return False
         from scipy.spatial import cKDTree
 
-        turn = np.exp(1j * angle)
-        radial, offset = self.contact(rho, slope)
-        pitch, profile = (points.view(float).reshape(-1, 2) for points in (rho * turn, (radial + 1j * offset) * turn))
+        radial, offset, *_ = self.contact(rho, slope, slope)
+        along, turn = rho * np.exp(1j * angle), np.exp(1j * angle)
+        pitch, profile = (points.view(float).reshape(-1, 2) for points in (along, (radial + 1j * offset) * turn))
         rounding = 1e-9 * self.radius + 1e-12 * np.max(rho)
         return bool(cKDTree(pitch).query(profile)[0].min() < self.radius - rounding)
 
@@ -165,17 +176,9 @@ class FlatFace:
     radius = 0.0
     radius_at_kink = -np.inf
 
-    def contact(self, rho: Array, slope: Array) -> tuple[Array, Array]:
-        """Return the contact point (radial, offset) [m]: the face must extend to |rho'| on either side."""
-        return rho, slope
-
-    def rates(self, rho: Array, slope: Array, second: Array) -> tuple[Array, Array]:  # noqa: ARG002
-        """Return turn [-] and arc [m] of the profile by phi from rho, rho' and rho'' [m]."""
-        return np.ones(np.shape(rho)), rho + second
-
-    def pressure_angle(self, rho: Array, slope: Array) -> Array:  # noqa: ARG002
-        """Return zero [rad]: the normal of the face is the direction of travel."""
-        return np.zeros(np.shape(rho))
+    def contact(self, rho: Array, slope: Array, second: Array) -> FollowerContact:
+        """Return the contact from rho, rho' and rho'' [m]; the normal of the face is the direction of travel."""
+        return FollowerContact(rho, slope, np.zeros(np.shape(rho)), np.ones(np.shape(rho)), rho + second)
 
     def base_radius(self, x: Array, slope: Array, second: Array) -> Array:  # noqa: ARG002
         """Return the smallest (b - stroke)/2 [m] with rho + rho'' >= 0 and rho >= 0."""
@@ -202,25 +205,6 @@ class LeastBreadth:
     breadth: float
     angle: float
     rule: str
-
-
-class ProfileTable(NamedTuple):
-    """Table of a cam.
-
-    Attributes
-    ----------
-    header : tuple of str
-        Names of the columns with their units.
-    columns : ndarray, shape (names, rows)
-        Values.
-    """
-
-    header: tuple[str, ...]
-    columns: Array
-
-    def rows(self) -> list[list[float]]:
-        """Return the values row by row."""
-        return self.columns.T.tolist()
 
 
 def least_breadth(cycle: Cycle, follower: Follower) -> LeastBreadth:
@@ -253,25 +237,12 @@ def least_breadth(cycle: Cycle, follower: Follower) -> LeastBreadth:
         angle = _to_angle(cycle, drop.time)
         rule = f"impossible: the velocity drops by {drop.before - drop.after:.4g} m/s at the angle {angle:.4g} rad"
         return LeastBreadth(np.inf, angle, rule)
-    base, angle = _maximum(cycle, lambda _, x, slope, second: follower.base_radius(x, slope, second))
+    base, angle = _maximum(cycle, lambda _, *travel: follower.base_radius(*travel))
     rule = ARC if base > follower.radius + LENGTH_ROUNDING * stroke else AXIS
     if isinstance(follower, RollerFollower):
         larger = _base_without_crossing(cycle, follower, base)
         base, angle, rule = (larger, np.nan, FLANKS) if larger > base else (base, angle, rule)
     return LeastBreadth(stroke + 2 * base, angle, rule)
-
-
-def breadth_for_pressure_angle(cycle: Cycle, follower: Follower, limit: float) -> float:
-    """Compute the smallest breadth [m] whose pressure angle stays within a limit [rad]; the stroke for a flat face.
-
-    tan(limit) = |x'|/rho:  b = stroke + 2 max(|x'|/tan(limit) - x, 0)
-    """
-    validation.require_between(1e-3, 1.57, limit=limit)
-    stroke = cycle.forward.stroke
-    if isinstance(follower, FlatFace):
-        return stroke
-    steep = np.tan(limit)
-    return stroke + 2 * max(_maximum(cycle, lambda _, x, slope, __: np.abs(slope) / steep - x)[0], 0.0)
 
 
 @dataclass(frozen=True)
@@ -321,42 +292,38 @@ class Cam:
         rounding = BREAK_OFFSET * period  # a time that it placed before a breakpoint is moved behind it
         time = np.where(np.abs(time - nearest) <= rounding, nearest + rounding, time)
         value = (period / (2 * np.pi)) ** order * self.cycle.derivative(time, order)
-        return value + (self.breadth - self.cycle.forward.stroke) / 2 if order == 0 else value
+        return value + self._base if order == 0 else value
 
     def radius(self, angle: ArrayLike) -> Array:
         """Return rho [m] at an angle [rad]: radius to the point or roller centre, or distance of the flat face."""
         return self.derivative(angle, 0)
 
+    def contact(self, angle: ArrayLike) -> FollowerContact:
+        """Return the contact of the follower at angles [rad] of any shape."""
+        return self.follower.contact(*(self.derivative(angle, order) for order in range(3)))
+
     def profile(self, angle: ArrayLike) -> Array:
         """Return the points (x, y) of the profile [m] at angles [rad] in the frame of the cam, shape (2, n)."""
         angle = np.atleast_1d(np.asarray(angle, float))
-        radial, offset = self.follower.contact(self.derivative(angle, 0), self.derivative(angle, 1))
+        radial, offset, *_ = self.contact(angle)
         cos, sin = np.cos(angle), np.sin(angle)
         return np.array([radial * cos - offset * sin, radial * sin + offset * cos])
 
-    def contact_offset(self, angle: ArrayLike) -> Array:
-        """Return the distance [m] of the contact from the follower's line of travel at an angle [rad]."""
-        return self.follower.contact(self.derivative(angle, 0), self.derivative(angle, 1))[1]
-
-    def rates(self, angle: ArrayLike) -> tuple[Array, Array]:
-        """Return turn [-] and arc [m] of the profile by phi at an angle [rad]."""
-        return self.follower.rates(*(self.derivative(angle, order) for order in range(3)))
-
     def curvature(self, angle: ArrayLike) -> Array:
         """Return the curvature of the profile [1/m] at an angle [rad], convex > 0."""
-        turn, arc = self.rates(angle)
+        *_, turn, arc = self.contact(angle)
         with np.errstate(divide="ignore"):
             return turn / arc
 
     def radius_of_curvature(self, angle: ArrayLike) -> Array:
         """Return the radius of curvature of the profile [m] at an angle [rad], convex > 0, infinite where straight."""
-        turn, arc = self.rates(angle)
+        *_, turn, arc = self.contact(angle)
         with np.errstate(divide="ignore"):
             return arc / turn
 
     def pressure_angle(self, angle: ArrayLike) -> Array:
         """Return the angle [rad] between travel and common normal at an angle [rad], > 0 on the forward stroke."""
-        return self.follower.pressure_angle(self.derivative(angle, 0), self.derivative(angle, 1))
+        return self.contact(angle).pressure_angle
 
     @cached_property
     def corner_angles(self) -> tuple[float, ...]:
@@ -393,12 +360,12 @@ class Cam:
     @cached_property
     def largest_pressure_angle(self) -> float:
         """Largest |pressure angle| [rad] over the turn, both sides of every breakpoint."""
-        return _maximum(self.cycle, lambda _, *t: np.abs(self.follower.pressure_angle(*self._raised(*t)[:2])))[0]
+        return self._largest(lambda contact: np.abs(contact.pressure_angle))
 
     @cached_property
     def largest_contact_offset(self) -> float:
         """Largest distance [m] of the contact from the line of travel: required half-width of a flat face."""
-        return _maximum(self.cycle, lambda _, *t: np.abs(self.follower.contact(*self._raised(*t)[:2])[1]))[0]
+        return self._largest(lambda contact: np.abs(contact.offset))
 
     @cached_property
     def undercut(self) -> bool:
@@ -406,22 +373,18 @@ class Cam:
         if _velocity_drop(self.cycle) and self.follower.radius_at_kink < 0:
             return True
         if isinstance(self.follower, RollerFollower):
-            angle, *travel = _dense_samples(self.cycle)
-            rho, slope, _ = self._raised(*travel)
+            angle, x, slope, _ = _dense_samples(self.cycle)
+            rho = x + self._base
             if rho.min() <= self.follower.radius or self.follower.flanks_cross(angle, rho, slope):
                 return True
-        return bool(_maximum(self.cycle, lambda _, *t: -self.follower.rates(*self._raised(*t))[1])[0] >= 0)
+        return self._largest(lambda contact: -contact.arc) >= 0
 
     def least_breadth(self) -> LeastBreadth:
         """Return the `LeastBreadth` of this cycle and follower."""
-        return self._least_breadth
-
-    @cached_property
-    def _least_breadth(self):
         return least_breadth(self.cycle, self.follower)
 
-    def table(self, points: int) -> ProfileTable:
-        """Return the `ProfileTable` over a closed turn at equal steps between `points` >= 2, and at the breakpoints.
+    def table(self, points: int) -> dict[str, Array]:
+        """Return columns by name over a closed turn at equal steps between `points` >= 2, and at the breakpoints.
 
         Angles ascend strictly from 0 to 2 pi; a step closer than 1e-9 rad to a breakpoint is replaced by it.
         """
@@ -432,27 +395,34 @@ class Cam:
         grid = np.linspace(0, 2 * np.pi, points)
         angle = np.sort(np.append(grid[np.abs(grid[:, None] - breaks).min(axis=1) > ANGLE_TOLERANCE], breaks))
         angle = angle[np.append(True, np.diff(angle) > ANGLE_TOLERANCE)]
-        names = ("angle_rad", "radius_m", "x_m", "y_m", "pressure_angle_rad", "curvature_per_m", "contact_offset_m")
-        quantities = (self.pressure_angle, self.curvature, self.contact_offset)
-        columns = [angle, self.radius(angle), *self.profile(angle), *(quantity(angle) for quantity in quantities)]
-        return ProfileTable(names, np.array(columns))
+        (x, y), contact = self.profile(angle), self.contact(angle)
+        return {
+            "angle_rad": angle, "radius_m": self.radius(angle), "x_m": x, "y_m": y,
+            "pressure_angle_rad": contact.pressure_angle, "curvature_per_m": self.curvature(angle),
+            "contact_offset_m": contact.offset,
+        }  # fmt: skip
+
+    @property
+    def _base(self):
+        """Distance rho [m] at zero travel."""
+        return (self.breadth - self.cycle.forward.stroke) / 2
+
+    def _largest(self, measure: Callable[[FollowerContact], Array]) -> float:
+        """Largest measure of the contact over the turn, both sides of every breakpoint."""
+        return _maximum(self.cycle, lambda _, x, *slopes: measure(self.follower.contact(x + self._base, *slopes)))[0]
 
     def _smallest_radius(self, sign: int) -> float:
         """Smallest |radius of curvature| [m] of the convex (1) or the concave parts (-1), both sides of breakpoints."""
 
-        def negative_radius(_: Array, *travel: Array) -> Array:
-            turn, arc = self.follower.rates(*self._raised(*travel))
-            return -np.divide(arc, sign * turn, out=np.full_like(arc, np.inf), where=sign * turn > 0)
+        def negative_radius(contact: FollowerContact) -> Array:
+            turn, arc = sign * contact.turn, contact.arc
+            return -np.divide(arc, turn, out=np.full_like(arc, np.inf), where=turn > 0)
 
-        return -_maximum(self.cycle, negative_radius)[0]
+        return -self._largest(negative_radius)
 
     @cached_property
     def _break_times(self):
         return np.unique(np.concatenate([leg.start + leg.duration * leg.breakpoints() for leg in self.cycle.legs()]))
-
-    def _raised(self, x, slope, second):
-        """Return rho, rho', rho'' for the travel."""
-        return x + (self.breadth - self.cycle.forward.stroke) / 2, slope, second
 
 
 def _velocity_drop(cycle: Cycle) -> Discontinuity | None:
@@ -466,20 +436,21 @@ def _to_angle(cycle: Cycle, time: float) -> float:
 
 def _maximum(cycle: Cycle, measure: Measure) -> tuple[float, float]:
     """Largest `measure(phi, x, x', x'')` over the turn and its angle, both sides of every breakpoint."""
-    best = (-np.inf, 0.0)
+    found = []
     for leg in cycle.legs():
 
         def along(z: Array, leg: Leg = leg) -> Array:
-            return measure(_angle_in(cycle, leg, z), *_travel(cycle, leg, z))
+            return measure(*_travel(cycle, leg, z))
 
         value, z = find_maximum(along, interior_grid(leg.breakpoints()))
-        if value > best[0]:
-            best = (value, float(_angle_in(cycle, leg, z)))
-    return best
+        found.append((value, float(_travel(cycle, leg, z)[0])))
+    return max(found, key=itemgetter(0))
 
 
-def _angle_in(cycle: Cycle, leg: Leg, z):
-    return 2 * np.pi * (leg.start + leg.duration * z) / cycle.period
+def _travel(cycle: Cycle, leg: Leg, z) -> tuple[Array, ...]:
+    """Phi [rad] and x, x', x'' [m] at phase z of a leg, evaluated by phase so that a breakpoint keeps its sides."""
+    angle, radians = 2 * np.pi * (leg.start + leg.duration * z) / cycle.period, cycle.period / (2 * np.pi)
+    return angle, *(radians**order * leg.at_phase(z, order) for order in range(3))
 
 
 def _base_without_crossing(cycle: Cycle, follower: RollerFollower, base: float) -> float:
@@ -505,11 +476,5 @@ def _base_without_crossing(cycle: Cycle, follower: RollerFollower, base: float) 
 def _dense_samples(cycle: Cycle) -> tuple[Array, ...]:
     """Angle, x, x', x'' on dense samples of every leg."""
     z = np.linspace(BREAK_OFFSET, 1 - BREAK_OFFSET, LEG_SAMPLES)
-    legs = [(_angle_in(cycle, leg, z), *_travel(cycle, leg, z)) for leg in cycle.legs()]
+    legs = [_travel(cycle, leg, z) for leg in cycle.legs()]
     return tuple(np.concatenate(column) for column in zip(*legs, strict=True))
-
-
-def _travel(cycle: Cycle, leg: Leg, z) -> tuple[Array, ...]:
-    """x, x', x'' [m] at phase z of a leg, evaluated by phase so that a breakpoint keeps its sides."""
-    radians = cycle.period / (2 * np.pi)
-    return tuple(radians**order * leg.at_phase(z, order) for order in range(3))

@@ -10,7 +10,7 @@ can be neither searched nor read aloud; it loses the names of the layers; and it
 over 10^6, 2 um on a cam of 1 m, more than the tolerance of the profile. Its files are seven times as large.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
 from io import StringIO
@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from compact.cams.machining import MICROMETRE, Cut, cut, largest_cutter
-from compact.cams.profile import Cam, FlatFace, Follower, Pointed, ProfileTable, breadth_for_pressure_angle
-from compact.files import write_bytes, write_csv
+from compact.cams.profile import Cam, FlatFace, Follower, Pointed
+from compact.files import write_bytes, write_columns
 from compact.numerics import Array
 
 if TYPE_CHECKING:
@@ -31,13 +31,9 @@ if TYPE_CHECKING:
     from compact.scene.loader import Scene
 
 MM = 1e3  # [mm/m]
-TABLE_ROWS = 36  # [-], of the table of points on the drawing, at equal cam angles
-TABLE_COLUMNS = (0, 5, 12, 19)  # [-], columns of the table of points, in letters from its left
-TABLE_WIDTH = 26  # [-], of half the table, in letters
 NOTE_COLUMNS = (0, 8, 16)  # [-], columns of the notes, in letters from the left
 LINE_SPACING = 1.7  # [-], over the height of a letter
 LETTERS_PER_RADIUS = 38  # [-], heights of a letter in the largest radius
-GUIDE_PRESSURE_ANGLE = np.radians(30.0)  # [rad], at which a sliding follower does not jam; rule of thumb
 COORDINATE_DECIMALS = 6  # [-], of a length in mm: a nanometre
 DIMENSION_DECIMALS = 3  # [-], of the number of a dimension in mm: a micrometre
 LETTER_WIDTH = 0.85  # [-], of the height of a capital: estimate of the width of text
@@ -64,9 +60,8 @@ LAYERS = MappingProxyType(
 FRAMES = 72  # [-], instants of a turn in the animation: every five degrees
 PROFILE_POINTS = 361  # [-], of the profile in the animation
 POINT_RADIUS = 8.0  # [mm], of the circle that shows a pointed follower
-COLOURS = {"cam": "#d7e3f0", "edge": "#1f3a5f", "mark": "#5a6b7b", "cart": "#7a4a00", "roller": "#f0c987"}
-MIX_COLOUR = "#c9c2b4"
-DISC = f'fill="{COLOURS["roller"]}" stroke="{COLOURS["cart"]}" stroke-width="5"'  # of followers and rollers
+CAM_COLOUR, EDGE_COLOUR, MARK_COLOUR, CART_COLOUR, MIX_COLOUR = "#d7e3f0", "#1f3a5f", "#5a6b7b", "#7a4a00", "#c9c2b4"
+DISC = f'fill="#f0c987" stroke="{CART_COLOUR}" stroke-width="5"'  # of followers and rollers
 
 
 # ---- drawing ---------------------------------------------------------------------------------------------------------
@@ -131,26 +126,22 @@ def _svg_shape(entity: Any, layer: str) -> tuple[Array, str]:
         return np.array([[x, y]]) + dxf.radius * np.array([[-1], [1]]), f'<circle class="{layer}" {place}/>'
     if kind in ("TEXT", "MTEXT"):
         words, height = (dxf.text, dxf.height) if kind == "TEXT" else (entity.plain_text(), dxf.char_height)
-        x, y, _ = dxf.insert
-        turn, width = "", LETTER_WIDTH * height * len(words)
-        corners = [[x, y], [x + width, y + height]]
+        (x, y, _), turn, width = dxf.insert, "", LETTER_WIDTH * height * len(words)
+        corners = np.array([[x, y], [x + width, y + height]])
         if kind == "MTEXT":  # of a dimension: centred, along its line
-            corners = [[x - width / 2, y - width / 2], [x + width / 2, y + width / 2]]
+            corners = np.array([[x, y]]) + width / 2 * np.array([[-1], [1]])
             turned = f"rotate({_number(-dxf.rotation)} {_number(x)} {_number(-y)})"
             turn = f' text-anchor="middle" dominant-baseline="central" transform="{turned}"'
         place = f'x="{_number(x)}" y="{_number(-y)}" font-size="{_number(FONT_SIZE * height)}"{turn}'
-        return np.array(corners), f'<text class="{layer}" {place}>{escape(words)}</text>'
-    if kind == "LWPOLYLINE":
-        points = np.array(entity.get_points("xy"))
-    else:
-        names = ("start", "end") if kind == "LINE" else ("vtx0", "vtx1", "vtx2")
-        points = np.array([tuple(dxf.get(name))[:2] for name in names])
+        return corners, f'<text class="{layer}" {place}>{escape(words)}</text>'
+    names = {"LINE": ("start", "end"), "SOLID": ("vtx0", "vtx1", "vtx2")}.get(kind, ())
+    points = np.array([tuple(dxf.get(name))[:2] for name in names] or entity.get_points("xy"))
     pairs = " ".join(f"{_number(x)},{_number(-y)}" for x, y in points)
     return points, f'<{"polyline" if kind == "LINE" else "polygon"} class="{layer}" points="{pairs}"/>'
 
 
-def _number(value: float, decimals: int = COORDINATE_DECIMALS) -> str:
-    return f"{value:.{decimals}f}".rstrip("0").rstrip(".")
+def _number(value: float) -> str:
+    return f"{value:.{COORDINATE_DECIMALS}f}".rstrip("0").rstrip(".")
 
 
 def workshop_drawing(cut: Cut, bore: float | None = None) -> WorkshopDrawing:
@@ -170,42 +161,32 @@ def workshop_drawing(cut: Cut, bore: float | None = None) -> WorkshopDrawing:
     space, letter = document.modelspace(), float(radius.max()) / LETTERS_PER_RADIUS
     _draw_outlines(space, cut, bore, letter)
     _draw_dimensions(space, cut, bore, letter)
-
-    def write(rows: Iterable[Sequence[str]], left: float, top: float, height: float, columns: Sequence[float]) -> None:
-        for i, row in enumerate(rows):
-            for start, part in zip(columns, row, strict=False):
-                place = left + height * start, top - LINE_SPACING * height * i
-                space.add_text(part, height=height, dxfattribs={"layer": "NOTES", "insert": place})
-
     title = f"cam for the law {cam.cycle.forward.name}, {_follower_words(cam.follower)}"
-    left, top = MM * float(cut.profile[:, 0].max() + 2 * cam.follower.radius) + 10 * letter, float(radius.max())
     angles = [(f"{np.degrees(at):.4f}°", f"{MM * float(cam.radius(at)):.4f}", words) for at, words in key_angles(cam)]
-    sizes = [(line,) for line in _sizes(cut, bore)]
-    notes: list[Sequence[str]] = [(title,), (), *sizes, (), ("angle", "follower", "begins"), *angles, ()]
-    write(notes, left, top, letter, NOTE_COLUMNS)
-    for half, points in enumerate(np.array_split(_point_rows(cam), 2)):
-        rows = [("angle", "follower", "radius", "at angle"), *points.tolist()]
-        below = top - LINE_SPACING * letter * len(notes)
-        write(rows, left + TABLE_WIDTH * letter * half, below, 0.9 * letter, TABLE_COLUMNS)
+    rows = [(title,), (), *((line,) for line in _sizes(cut, bore)), (), ("angle", "follower", "begins"), *angles]
+    left, top = MM * float(cut.profile[:, 0].max() + 2 * cam.follower.radius) + 10 * letter, float(radius.max())
+    for i, row in enumerate(rows):
+        for column, words in zip(NOTE_COLUMNS, row, strict=False):
+            place = left + letter * column, top - LINE_SPACING * letter * i
+            space.add_text(words, height=letter, dxfattribs={"layer": "NOTES", "insert": place})
     return WorkshopDrawing(title, document)
 
 
 def _draw_outlines(space: Any, cut: Cut, bore: float | None, letter: float) -> None:
     """Profile, cutter path, pitch curve, base circle, bore and centre lines."""
     cam, r = cut.cam, MM * cut.cam.follower.radius
-    polygons = {"PROFILE": cut.profile}
+    polygons, circles = {"PROFILE": cut.profile}, [(0.0, MM * float(np.hypot(*cut.profile.T).min()), "CENTRE")]
     if cut.cutter_path is not None:
         polygons["CUTTER"] = cut.cutter_path
-    circles = [((0.0, 0.0), MM * float(np.hypot(*cut.profile.T).min()), "CENTRE")]
     if bore is not None:
-        circles.append(((0.0, 0.0), MM * bore / 2, "BORE"))
+        circles.append((0.0, MM * bore / 2, "BORE"))
     if r:
         polygons["FOLLOWER"] = (cam.radius(cut.angle) * np.array([np.cos(cut.angle), np.sin(cut.angle)])).T
-        circles += [((sign * MM * float(cam.radius(at)), 0.0), r, "FOLLOWER") for sign, at in ((1, 0.0), (-1, np.pi))]
+        circles += [(sign * MM * float(cam.radius(at)), r, "FOLLOWER") for sign, at in ((1, 0.0), (-1, np.pi))]
     for layer, points in polygons.items():
         space.add_lwpolyline(np.round(MM * points, COORDINATE_DECIMALS), close=True, dxfattribs={"layer": layer})
     for centre, radius, layer in circles:
-        space.add_circle(centre, radius, dxfattribs={"layer": layer})
+        space.add_circle((centre, 0.0), radius, dxfattribs={"layer": layer})
     beyond = 3 * letter + 2 * r
     low, high = MM * cut.profile.min(axis=0) - beyond, MM * cut.profile.max(axis=0) + beyond
     for ends in (((low[0], 0.0), (high[0], 0.0)), ((0.0, low[1]), (0.0, high[1]))):
@@ -240,55 +221,37 @@ def _draw_dimensions(space: Any, cut: Cut, bore: float | None, letter: float) ->
         size(space.add_radius_dim, right, MM * cam.follower.radius, np.radians(60))
 
 
-def _sizes(cut: Cut, bore: float | None) -> list[str]:
+def _sizes(cut: Cut, bore: float | None) -> Iterator[str]:
     """Sizes of the cam, one line each."""
-    cam, (radius, _), flat = cut.cam, cut.polar, isinstance(cut.cam.follower, FlatFace)
-    least, cutter = cam.least_breadth(), largest_cutter(cam)
+    cam, (radius, _) = cut.cam, MM * cut.polar
+    least, cutter, flat = cam.least_breadth(), largest_cutter(cam), isinstance(cam.follower, FlatFace)
     over = "faces" if flat else "points" if isinstance(cam.follower, Pointed) else "roller centres"
     face = f", {MM * cam.largest_contact_offset:.3f} to each side at least" if flat else ""
-    lines = [
-        "lengths in mm, angles counterclockwise from 0°; the cam turns clockwise",
-        f"tolerance of the follower's travel {MM * cut.tolerance:g}",
-        f"profile of {len(cut.angle)} points: largest deviation {MM * cut.error:.5f}",
-        f"breadth b over the {over} {MM * cam.breadth:.3f}",
-        f"stroke {MM * cam.cycle.forward.stroke:.3f}",
-        f"base circle: radius {MM * radius.min():.3f}; largest radius {MM * radius.max():.3f}",
-        "bore: not given" if bore is None else f"bore: diameter {MM * bore:g}",
-        f"{_follower_words(cam.follower)}{face}",
-    ]
+    yield "lengths in mm, angles counterclockwise from 0°; the cam turns clockwise"
+    yield f"tolerance of the follower's travel {MM * cut.tolerance:g}"
+    yield f"profile of {len(cut.angle)} points: largest deviation {MM * cut.error:.5f}"
+    yield f"breadth b over the {over} {MM * cam.breadth:.3f}"
+    yield f"stroke {MM * cam.cycle.forward.stroke:.3f}"
+    yield f"base circle: radius {radius.min():.3f}; largest radius {radius.max():.3f}"
+    yield "bore: not given" if bore is None else f"bore: diameter {MM * bore:g}"
+    yield f"{_follower_words(cam.follower)}{face}"
     if cut.cutter_radius is not None:
-        lines.append(f"cutter: radius {MM * cut.cutter_radius:g}, path of its centre dashed red")
-    lines += [
-        "cutter of any radius fits: no concave parts"
-        if np.isinf(cutter)
-        else f"cutter radius up to {np.floor(100 * MM * cutter) / 100:.2f}",
-        f"least radius of curvature {MM * cam.least_radius_of_curvature:.3f}",
-        f"least breadth {MM * least.breadth:.3f}: {least.rule}",
-        f"largest pressure angle {np.degrees(cam.largest_pressure_angle):.2f}°",
-    ]
-    if not flat:
-        guide = breadth_for_pressure_angle(cam.cycle, cam.follower, GUIDE_PRESSURE_ANGLE)
-        lines.append(f"pressure angle within {np.degrees(GUIDE_PRESSURE_ANGLE):g}° from b = {MM * guide:.1f}")
-    return lines
-
-
-def _point_rows(cam: Cam) -> list[tuple[str, ...]]:
-    """Points of the profile at equal cam angles."""
-    angle = np.linspace(0, 2 * np.pi, TABLE_ROWS, endpoint=False)
-    x, y = cam.profile(angle)
-    columns = np.degrees(angle), MM * cam.radius(angle), MM * np.hypot(x, y), np.degrees(np.arctan2(y, x)) % 360
-    return [(f"{a:.0f}°", f"{rho:.4f}", f"{r:.4f}", f"{at:.4f}°") for a, rho, r, at in zip(*columns, strict=True)]
+        yield f"cutter: radius {MM * cut.cutter_radius:g}, path of its centre dashed red"
+    fits = f"cutter radius up to {np.floor(100 * MM * cutter) / 100:.2f}"
+    yield "cutter of any radius fits: no concave parts" if np.isinf(cutter) else fits
+    yield f"least radius of curvature {MM * cam.least_radius_of_curvature:.3f}"
+    yield f"least breadth {MM * least.breadth:.3f}: {least.rule}"
+    yield f"largest pressure angle {np.degrees(cam.largest_pressure_angle):.2f}°"
 
 
 def key_angles(cam: Cam) -> list[tuple[float, str]]:
     """Return (angle [rad], what begins there) of every pass, dwell and breakpoint of the laws, ascending."""
-    period, words = cam.cycle.period, {1: "forward stroke", -1: "return stroke"}
-    found = {}
+    words, found = {1: "forward stroke", -1: "return stroke"}, {}
     for leg in cam.cycle.legs():
-        for inner in leg.breakpoints()[1:-1]:
-            found[2 * np.pi * (leg.start + leg.duration * inner) / period] = "next piece of the law"
         dwell = "far dwell" if leg.position > 0 else "near dwell"
-        found[2 * np.pi * leg.start / period] = words.get(leg.direction, dwell)
+        for z in leg.breakpoints()[:-1]:
+            begins = words.get(leg.direction, dwell) if z == 0 else "next piece of the law"
+            found[2 * np.pi * (leg.start + leg.duration * z) / cam.cycle.period] = begins
     return sorted(found.items())
 
 
@@ -338,29 +301,27 @@ def animated_svg(cam: Cam, roller_radius: float, roller_positions: Sequence[floa
     near, far, rail = MM * float(cam.radius(0.0)), -MM * float(cam.radius(np.pi)), -1.1 * largest
     axles = near + largest + stroke + positions.max() - positions.min() + positions - positions.mean()
     left, right = axles.min() - radius, axles.max() + radius + stroke  # of the mix under the rollers
-    box = (far - 0.1 * largest, 1.05 * rail, right - far + 0.2 * largest, 2.15 * largest)
-    size = f'width="{right - left:.1f}" height="{0.3 * largest:.1f}"'
+    box = f"{far - 0.1 * largest:.1f} {1.05 * rail:.1f} {right - far + 0.2 * largest:.1f} {2.15 * largest:.1f}"
     points = " ".join(f"{each:.2f},{-across:.2f}" for each, across in zip(x, y, strict=True))
-    bar = f'stroke="{COLOURS["cart"]}" stroke-width="10" fill="none"'
-    spoke = f'<line x1="0" y1="0" x2="{radius:.1f}" y2="0" stroke="{COLOURS["cart"]}" stroke-width="5"/>'
+    bar = f'stroke="{CART_COLOUR}" stroke-width="10" fill="none"'
+    spoke = f'<line x1="0" y1="0" x2="{radius:.1f}" y2="0" stroke="{CART_COLOUR}" stroke-width="5"/>'
     wheel = f'<g class="moves roller"><circle r="{radius:.1f}" {DISC}/>{spoke}</g>'
     wheels = "".join(f'<g transform="translate({axle:.1f} 0)">{wheel}</g>' for axle in axles)
-    reach = MM * cam.largest_contact_offset
+    reach, disc = MM * cam.largest_contact_offset, f'r="{MM * cam.follower.radius or POINT_RADIUS:.1f}" {DISC}'
     followers = "".join(
         f'<path d="M{at:.1f},{-reach:.1f}V{reach:.1f}" {bar}/>'
         if isinstance(cam.follower, FlatFace)
-        else f'<circle cx="{at:.1f}" cy="0" r="{MM * cam.follower.radius or POINT_RADIUS:.1f}" {DISC}/>'
+        else f'<circle cx="{at:.1f}" cy="0" {disc}/>'
         for at in (far, near)
     )
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{" ".join(f"{each:.1f}" for each in box)}" role="img" '
-        f'aria-label="{label}"><style>{style}</style>'
-        f'<rect x="{left:.1f}" y="{radius:.1f}" {size} fill="{MIX_COLOUR}"/>'
-        '<g class="moves cam">'
-        f'<polygon points="{points}" fill="{COLOURS["cam"]}" stroke="{COLOURS["edge"]}" stroke-width="5"/>'
-        f'<path d="M0,0H{0.8 * np.hypot(x[0], y[0]):.1f}" stroke="{COLOURS["mark"]}" stroke-width="6"/>'
-        f'<circle r="{0.04 * largest:.1f}" fill="{COLOURS["edge"]}"/></g>'
-        '<g class="moves carriage">'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{box}" role="img" aria-label="{label}">'
+        f"<style>{style}</style>"
+        f'<rect x="{left:.1f}" y="{radius:.1f}" width="{right - left:.1f}" height="{0.3 * largest:.1f}" '
+        f'fill="{MIX_COLOUR}"/><g class="moves cam">'
+        f'<polygon points="{points}" fill="{CAM_COLOUR}" stroke="{EDGE_COLOUR}" stroke-width="5"/>'
+        f'<path d="M0,0H{0.8 * np.hypot(x[0], y[0]):.1f}" stroke="{MARK_COLOUR}" stroke-width="6"/>'
+        f'<circle r="{0.04 * largest:.1f}" fill="{EDGE_COLOUR}"/></g><g class="moves carriage">'
         f'<path d="M{far:.1f},0V{rail:.1f}H{near:.1f}V0H{axles.max():.1f}" {bar}/>{followers}{wheels}</g></svg>\n'
     )
 
@@ -391,29 +352,27 @@ def write_cam_files(
     list of Path
         Files written.
     """
-    outline = cut(cam, cutter_radius, tolerance)
+    outline, law, machine = cut(cam, cutter_radius, tolerance), cam.cycle.forward.name, scene.machine
     drawing, table = workshop_drawing(outline, scene.cam.bore if scene.cam else None), point_table(outline)
-    law, machine = cam.cycle.forward.name, scene.machine
-    kind = type(cam.follower).__name__.removesuffix("Follower").removesuffix("Face").lower()
+    name = f"{law}-{type(cam.follower).__name__.removesuffix('Follower').removesuffix('Face').lower()}"
     label = f"the cam turns and its followers move the cart with the law {law}"
     texts = {
         ".svg": drawing.svg(describe(outline)),
         "-motion.svg": animated_svg(cam, machine.roller_radius, machine.roller_positions, label),
         ".dxf": drawing.dxf(),
     }
-    paths = [write_csv(Path(directory) / f"{law}-{kind}.csv", table.header, table.rows())]
-    for ending, text in texts.items():
-        paths.append(write_bytes(Path(directory) / f"{law}-{kind}{ending}", text.encode()))
-    return paths
+    points = write_columns(Path(directory) / f"{name}.csv", tuple(table), tuple(table.values()))
+    drawn = [write_bytes(Path(directory) / f"{name}{ending}", text.encode()) for ending, text in texts.items()]
+    return [points, *drawn]
 
 
-def point_table(cut: Cut) -> ProfileTable:
+def point_table(cut: Cut) -> dict[str, Array]:
     """Return every point of a cut: cam angle, follower, profile in both coordinates, cutter; mm and degrees."""
-    radius, polar = cut.polar
-    header = ["cam_angle_deg", "follower_mm", "x_mm", "y_mm", "radius_mm", "polar_angle_deg"]
-    follower = MM * cut.cam.radius(cut.angle)
-    columns = [np.degrees(cut.angle), follower, *MM * cut.profile.T, MM * radius, np.degrees(polar)]
+    (x, y), (radius, polar) = MM * cut.profile.T, cut.polar
+    columns = {
+        "cam_angle_deg": np.degrees(cut.angle), "follower_mm": MM * cut.cam.radius(cut.angle), "x_mm": x, "y_mm": y,
+        "radius_mm": MM * radius, "polar_angle_deg": np.degrees(polar),
+    }  # fmt: skip
     if cut.cutter_path is not None:
-        header += ["cutter_x_mm", "cutter_y_mm"]
-        columns += [*MM * cut.cutter_path.T]
-    return ProfileTable(tuple(header), np.array(columns))
+        columns["cutter_x_mm"], columns["cutter_y_mm"] = MM * cut.cutter_path.T
+    return columns

@@ -15,7 +15,7 @@ J_2 and J_3, whose Euler-Poisson equation x^(6) - n1 x^(4) + n2 x'' = 0 has expo
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from types import MappingProxyType
 from typing import Protocol
 
@@ -26,6 +26,8 @@ from scipy.interpolate import PPoly
 
 from compact.numerics import Array
 from compact.numerics.validation import require_between, require_number
+
+Orders = tuple[int, ...]  # of derivatives
 
 # [-], of the duration: a shorter acceleration or deceleration phase is left out, its breakpoints coincide in rounding
 SHORTEST_PHASE = 1e-12
@@ -299,27 +301,31 @@ def point_to_point(order: int) -> PPoly:
     return piecewise([1.0], [minimiser(order, {0: 0} | rest, {0: 1} | rest)])
 
 
-def with_constant_velocity(
-    order: int, start: Mapping[int, float], end: Mapping[int, float], parameters: LawParameters
-) -> PPoly:
+def with_constant_velocity(order: int, rest: Orders, steady: Orders, parameters: LawParameters) -> PPoly:
     """Return a law of acceleration, constant velocity and deceleration, its mirror image (D 2.6-2.8, 3, 4).
 
-    The acceleration phase is `minimiser(order, {x: 0} | start, end)` to unit velocity in unit time; with its travel A
-    the velocity of the law is v = 1/(A run_up + 1 - run_up - run_down + A run_down).
+    The acceleration phase is the `minimiser` from rest to unit velocity in unit time; with its travel A the velocity
+    of the law is v = 1/(A run_up + 1 - run_up - run_down + A run_down).
+
+    Parameters
+    ----------
+    rest, steady : tuple of int
+        Orders of the derivatives that vanish at rest and at the constant velocity. The position there is free: its
+        natural condition is added unless `order` derivatives are prescribed.
     """
-    run = minimiser(order, {0: 0} | dict(start), end)
+    run = minimiser(order, dict.fromkeys((0, *rest), 0), {1: 1} | dict.fromkeys(steady, 0))
     up, down = (share if share > SHORTEST_PHASE else 0.0 for share in (parameters.run_up, parameters.run_down))
     down = 1 - (1 - down)  # the width that remains after rounding of its breakpoint
-    steady = max(0.0, 1 - up - down)
-    speed = 1 / (run(1.0) * (up + down) + steady)
+    even = max(0.0, 1 - up - down)
+    speed = 1 / (run(1.0) * (up + down) + even)
     pieces = []
     if up > 0:
         pieces.append((up, speed * up * run(Polynomial([0, 1 / up]))))
-    if steady > SHORTEST_PHASE:
-        pieces.append((steady, Polynomial([speed * up * run(1.0), speed])))
+    if even > SHORTEST_PHASE:
+        pieces.append((even, Polynomial([speed * up * run(1.0), speed])))
     if down > 0:
         pieces.append((down, 1 - speed * down * run(Polynomial([1, -1 / down]))))
-    return piecewise([width for width, _ in pieces], [piece for _, piece in pieces])
+    return piecewise(*zip(*pieces, strict=True))
 
 
 def piecewise(widths: Sequence[float], polynomials: Sequence[Polynomial]) -> PPoly:
@@ -377,19 +383,12 @@ def modified_trapezoid() -> SineCurve:
     Its acceleration is C sin 4 pi z (z < 1/8), C (1/8-3/8), C cos 4 pi (z - 3/8) (3/8-5/8), then antisymmetric;
     C = 8 pi/(2 + pi) = 4.8881 gives s(1) = 1.
     """
-    c, w = 8 * np.pi / (2 + np.pi), 4 * np.pi
-    # s'' = C sin(w z), C, C sin(w z - pi), -C, C sin(w z - 2 pi): sine part of s, and half the constant s''
-    amplitudes, phases = (-c / w**2, 0, -c / w**2, 0, -c / w**2), (0, 0, -np.pi, 0, 0)
-    widths, halves = (1 / 8, 1 / 4, 1 / 4, 1 / 4, 1 / 8), (0, c / 2, 0, -c / 2, 0)
-    position, speed, start, pieces = 0.0, 0.0, 0.0, []
-    for width, amplitude, phase, half in zip(widths, amplitudes, phases, halves, strict=True):
-        at = [amplitude * w**k * math.sin(w * start + phase + k * math.pi / 2) for k in (0, 1)]
-        piece = Polynomial([position - at[0], speed - at[1], half])
-        pieces.append(piece)
-        start += width
-        position = piece(width) + amplitude * math.sin(w * start + phase)
-        speed = piece.deriv()(width) + amplitude * w * math.cos(w * start + phase)
-    return SineCurve(piecewise(widths, pieces), w, amplitudes, phases)
+    c, w, breaks = 8 * np.pi / (2 + np.pi), 4 * np.pi, np.array([0, 1, 3, 5, 7, 8]) / 8
+    # the sine part of s is -(C/w^2) sin(w z), less pi in the middle, and zero where s'' is constant
+    steady = PPoly(c * np.array([[0.0, 1, 0, -1, 0]]), breaks).antiderivative(2)
+    steady.c[1] += c / w
+    steady.c[2] += c / w * breaks[:-1] + c / w**2 * np.array([0, -1, 0, 1, 0])
+    return SineCurve(steady, w, (-c / w**2, 0, -c / w**2, 0, -c / w**2), (0, 0, -np.pi, 0, 0))
 
 
 @dataclass(frozen=True)
@@ -433,12 +432,10 @@ def _crank(parameters: LawParameters) -> CrankCurve:
     return CrankCurve(parameters.rod_ratio)
 
 
-def _steady(order: int, start: Mapping[int, float], end: Mapping[int, float]) -> Callable[[LawParameters], PPoly]:
-    return lambda parameters: with_constant_velocity(order, start, end, parameters)
+def _steady(order: int, rest: Orders, steady: Orders) -> Callable[[LawParameters], PPoly]:
+    return partial(with_constant_velocity, order, rest, steady)
 
 
-# Arguments of `_steady`: order, derivatives prescribed at rest, and at the constant velocity. The position there is
-# free: its natural condition is added unless n derivatives are prescribed.
 #: Published motion laws by name, with the source of each.
 LAWS: Mapping[str, LawDefinition] = MappingProxyType(
     {
@@ -447,21 +444,21 @@ LAWS: Mapping[str, LawDefinition] = MappingProxyType(
         "quintic": LawDefinition(lambda _: point_to_point(3), "D 2.3"),
         "septic": LawDefinition(lambda _: point_to_point(4), "D 2.4"),
         "complex": LawDefinition(lambda p: ComplexLaw(p.energy_weight, p.acceleration_weight), "D 2.5"),
-        "combined-2": LawDefinition(_steady(2, {1: 0}, {1: 1, 2: 0}), "D 2.6"),
-        "combined-3": LawDefinition(_steady(3, {1: 0, 2: 0}, {1: 1, 2: 0, 3: 0}), "D 2.7"),
-        "combined-4": LawDefinition(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0, 4: 0}), "D 2.8"),
-        "reversal-2": LawDefinition(_steady(2, {1: 0}, {1: 1}), "D 3.1"),
-        "reversal-3": LawDefinition(_steady(3, {1: 0, 2: 0}, {1: 1, 2: 0}), "D 3.2"),
-        "reversal-4": LawDefinition(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 3.3, A"),
-        "reversal-3-free-acceleration": LawDefinition(_steady(3, {1: 0}, {1: 1, 2: 0}), "D 4.1"),
-        "reversal-4-free-acceleration": LawDefinition(_steady(4, {1: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.2"),
+        "combined-2": LawDefinition(_steady(2, (1,), (2,)), "D 2.6"),
+        "combined-3": LawDefinition(_steady(3, (1, 2), (2, 3)), "D 2.7"),
+        "combined-4": LawDefinition(_steady(4, (1, 2, 3), (2, 3, 4)), "D 2.8"),
+        "reversal-2": LawDefinition(_steady(2, (1,), ()), "D 3.1"),
+        "reversal-3": LawDefinition(_steady(3, (1, 2), (2,)), "D 3.2"),
+        "reversal-4": LawDefinition(_steady(4, (1, 2, 3), (2, 3)), "D 3.3, A"),
+        "reversal-3-free-acceleration": LawDefinition(_steady(3, (1,), (2,)), "D 4.1"),
+        "reversal-4-free-acceleration": LawDefinition(_steady(4, (1, 3), (2, 3)), "D 4.2"),
         # The free jerk at the reversal is shared by deceleration and acceleration and odd in time, hence zero.
-        "reversal-4-free-jerk": LawDefinition(_steady(4, {1: 0, 2: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.3"),
-        "reversal-4-free-both": LawDefinition(_steady(4, {1: 0, 3: 0}, {1: 1, 2: 0, 3: 0}), "D 4.4, B"),
+        "reversal-4-free-jerk": LawDefinition(_steady(4, (1, 2, 3), (2, 3)), "D 4.3"),
+        "reversal-4-free-both": LawDefinition(_steady(4, (1, 3), (2, 3)), "D 4.4, B"),
         "crank": LawDefinition(_crank, "crank and connecting rod, uniform rotation; C", retraces=True),
         "gear-sector": LawDefinition(lambda _: point_to_point(1), "gear sector: constant speed with shocks; D 1.5"),
         "parabolic": LawDefinition(
-            lambda _: with_constant_velocity(2, {1: 0}, {1: 1}, LawParameters(0.5, 0.5)), "constant acceleration; D 1.5"
+            lambda _: with_constant_velocity(2, (1,), (), LawParameters(0.5, 0.5)), "constant acceleration; D 1.5"
         ),
         "harmonic": LawDefinition(  # s = (1 - cos pi z)/2
             lambda _: sine_law([0.5], -0.5, np.pi, np.pi / 2), "simple harmonic; VDI 2143, D 1.5"

@@ -26,6 +26,7 @@ BOUNDED_DERIVATIVES: Mapping[str, tuple[int, str]] = MappingProxyType(
     {"velocity": (1, "m/s"), "acceleration": (2, "m/s^2"), "jerk": (3, "m/s^3"), "snap": (4, "m/s^4")}
 )
 VIOLATION_TOLERANCE = 1e-9  # [-], of a limit: a smaller excess is rounding of the convex programs
+IMAGINARY_STEP = 1e-30j  # [m], [m/s], [m/s^2], of a derivative
 CURVATURE_MARGIN = 2e-5  # [-], of the curvature ratio: reserve for peaks between the nodes, twice their usual excess
 
 
@@ -70,25 +71,22 @@ class PitchCurve:
 
     def curvature(self, x: Array, v: Array, a: Array) -> Array:
         """Return kappa [1/m] of both strokes, shape (2, n), at x [m], v [m/s] and a [m/s^2]."""
-        rho, slope, second, _ = self._polar(x, v, a)
-        w = np.hypot(rho, slope)
-        return (w**2 + slope**2 - rho * second) / w**3
+        sign, q = np.array([[1.0], [-1.0]]), self.seconds_per_radian
+        rho, slope, second = self.breadth / 2 + sign * (x - self.stroke / 2), sign * q * v, sign * q**2 * a
+        square = rho**2 + slope**2
+        return (square + slope**2 - rho * second) / square**1.5
 
     def curvature_ratios(self, x: Array, v: Array, a: Array) -> Array:
         """Return kappa (r + R) and kappa (r - R) [-] of both strokes and a dwell, shape (4 or 5, n); all at most 1."""
-        ratios = (self._spans * self.curvature(x, v, a)).reshape(4, -1)
+        spans = self.roller_radius + self.profile_radius * np.array([1.0, -1.0])
+        ratios = (spans[:, None, None] * self.curvature(x, v, a)).reshape(4, -1)
         near = (self.breadth - self.stroke) / 2
-        return np.vstack([ratios, np.full(len(x), self._spans.max() / near)]) if self.dwells else ratios
+        return np.vstack([ratios, np.full(len(x), spans.max() / near)]) if self.dwells else ratios
 
-    def ratio_slopes(self, x: Array, v: Array, a: Array) -> tuple[Array, ...]:
-        """Return the derivatives of the `curvature_ratios` by x, v and a, each of their shape."""
-        rho, slope, second, sign = self._polar(x, v, a)
-        w, q = np.hypot(rho, slope), self.seconds_per_radian
-        top = w**2 + slope**2 - rho * second
-        by_position = sign * ((2 * rho - second) / w**3 - 3 * rho * top / w**5)
-        by_velocity = sign * q * (4 * slope / w**3 - 3 * slope * top / w**5)
-        slopes = (by_position, by_velocity, sign * q**2 * -rho / w**3)
-        return tuple(np.pad((self._spans * each).reshape(4, -1), ((0, int(self.dwells)), (0, 0))) for each in slopes)
+    def ratio_slopes(self, x: Array, v: Array, a: Array) -> list[Array]:
+        """Return the derivatives of the `curvature_ratios` by x, v and a, by imaginary steps, exact to rounding."""
+        moved = ((x + IMAGINARY_STEP, v, a), (x, v + IMAGINARY_STEP, a), (x, v, a + IMAGINARY_STEP))
+        return [np.imag(self.curvature_ratios(*travel)) / IMAGINARY_STEP.imag for travel in moved]
 
     def reached_radius(self, x: Array, v: Array, a: Array) -> float:
         """Return the largest R [m] that the profile of a law satisfies with the `CURVATURE_MARGIN`."""
@@ -97,17 +95,6 @@ class PitchCurve:
         convex, concave = max(kappa.max(), 1 / near if self.dwells else -np.inf), -kappa.min()
         of_concave = room / concave + self.roller_radius if concave > 0 else np.inf
         return float(min(room / convex - self.roller_radius, of_concave))
-
-    @property
-    def _spans(self):
-        """Sum and difference of roller radius and profile radius [m], shape (2, 1, 1)."""
-        r, R = self.roller_radius, self.profile_radius
-        return np.array([r + R, r - R])[:, None, None]
-
-    def _polar(self, x, v, a):
-        """Return rho, rho', rho'' of both strokes, each of shape (2, n), and the sign of each stroke."""
-        sign, q = np.array([[1.0], [-1.0]]), self.seconds_per_radian
-        return self.breadth / 2 + sign * (x - self.stroke / 2), sign * q * v, sign * q**2 * a, sign
 
 
 @dataclass(frozen=True)
@@ -179,8 +166,6 @@ class Limits:
         Highest order of a continuous derivative, 1 to 3; a limit on jerk implies 2, on snap 3.
     end_condition : {"reversal", "dwell"}
         Motion after the pass: its mirror image without a dwell, or a dwell.
-    at_rest : tuple of int
-        Orders of derivatives, from 2 to the smoothness, that are zero at both ends, in addition to the velocity.
     cam : CamLimits, optional
     """
 
@@ -193,7 +178,6 @@ class Limits:
     steady_tolerance: float = 0.0
     smoothness: int = 1
     end_condition: EndCondition = "reversal"
-    at_rest: tuple[int, ...] = ()
     cam: CamLimits | None = None
 
     def __post_init__(self) -> None:
@@ -204,11 +188,6 @@ class Limits:
         require_known("end condition", self.end_condition, END_CONDITIONS)
         if self.smoothness not in (1, 2, 3):
             raise ValueError(f"`smoothness` must be 1, 2 or 3, got {self.smoothness!r}")
-        if not set(self.at_rest) <= set(range(2, self.continuous + 1)):
-            raise ValueError(
-                f"`at_rest` must hold orders from 2 to the smoothness, {self.continuous}, got {self.at_rest!r}; "
-                "a derivative that may jump has no value at the ends: raise `smoothness`"
-            )
 
     @property
     def continuous(self) -> int:
@@ -279,22 +258,19 @@ def violations(limits: Limits, motion: MotionProfile, instants: int = 100_001) -
             excess[name] = np.abs(travel[order]).max() / limit - 1
     excess["reversal inside the pass"] = -v.min() / (motion.stroke / motion.duration)
     excess["smoothness"] = limits.continuous - motion.smoothness(limits.end_condition)
-    for k in limits.at_rest:
-        excess[f"rest of order {k}"] = np.abs(travel[k][[0, -1]]).max() / max(np.abs(travel[k]).max(), 1e-300)
     if limits.steady:
         start, end = np.array(limits.steady) * motion.duration
         mean = (motion.position(end) - motion.position(start)) / (end - start)
         deviation = np.abs(v[(time >= start) & (time <= end)] / mean - 1).max()
         excess["constant velocity"] = deviation - limits.steady_tolerance
     if cam := limits.cam:
-        radians = (motion.duration + cam.dwell) / np.pi
-        rho = cam.breadth / 2 + np.outer([1, -1], x - motion.stroke / 2)
+        radians, sides = (motion.duration + cam.dwell) / np.pi, np.array([[1], [-1]])
+        rho = cam.breadth / 2 + sides * (x - motion.stroke / 2)
         steepest = np.abs(np.arctan(radians * v / rho)).max()
         if cam.pressure_angle is not None:
             excess["pressure angle"] = steepest / cam.pressure_angle - 1
         if cam.radius_of_curvature is not None:
-            smallest = (rho + np.outer([1, -1], radians**2 * a)).min()
-            excess["radius of curvature"] = (cam.radius_of_curvature - smallest) / cam.breadth
+            excess["radius of curvature"] = (cam.radius_of_curvature - rho - sides * radians**2 * a).max() / cam.breadth
         if pitch := cam.pitch_curve(motion.stroke, motion.duration):
             excess["crossing flanks"] = steepest / pitch.crossing_angle - 1
             excess["profile radius"] = pitch.curvature_ratios(x, v, a).max() - 1

@@ -1,6 +1,6 @@
 """Optimal motion of a cart: the motion law that minimises a drive criterion, by sequential convex programming.
 
-    minimise  J = sum_j w_j J_j  of H = m a + R(v, a) and P = H v,  the largest over samples of R, or a quantile
+    minimise  J = sum_j w_j J_j  of H = m a + R(v, a) and P = H v,  the largest over samples of R
 
 The law is a spline within linear constraints; `optimisation_problem` provides both, the J_j and their convex
 linearisations. Each step minimises the linearised criterion inside a trust region and is accepted only if J itself
@@ -17,12 +17,11 @@ J. Nocedal and S. J. Wright, Numerical Optimization, Springer 2006, ch. 17-18 (e
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
 from compact.motion.limits import CURVATURE_MARGIN, Conflict, InfeasibleError, Limits
@@ -74,22 +73,19 @@ class OptimalMotion(MotionProfile):
     value : float
         Minimum of the criterion over forward and return stroke without dwells, in the unit of the criterion; peaks
         between the nodes are exact to 3e-4, without steep ramps to 1e-5.
-    gap, refinement : float
-        Relative optimality gap, see `optimality_gap`, and relative decrease by the last halving of the pieces, nan
-        without one [-].
+    gap : float
+        Relative optimality gap [-], see `optimality_gap`.
     steps : int
         Number of convex subproblems accepted.
     """
 
     value: float = np.nan
     gap: float = np.nan
-    refinement: float = np.nan
     steps: int = 0
-    limits: Limits = field(default_factory=Limits)
     jump_tolerance: ClassVar[float] = PROGRAM_TOLERANCE
 
 
-def optimise(  # noqa: PLR0913, public signature: each argument is one physical input
+def optimise(
     objective: str | Mapping[str, float],
     stroke: float,
     duration: float,
@@ -97,7 +93,6 @@ def optimise(  # noqa: PLR0913, public signature: each argument is one physical 
     resistance: Resistance | Sequence[Resistance],
     limits: Limits | None = None,
     *,
-    quantile: float = 1.0,
     regret: bool = False,
     pieces: int | None = None,
 ) -> OptimalMotion:
@@ -117,11 +112,9 @@ def optimise(  # noqa: PLR0913, public signature: each argument is one physical 
     resistance : callable or sequence of callables
         R(velocity [m/s], acceleration [m/s^2]) -> [N] of the forward stroke, velocity > 0, for arrays of any shape; the
         return stroke is its mirror image. It may include guide friction. For several resistances, the criterion is
-        the largest value over them, or the `quantile`.
+        the largest value over them.
     limits : Limits, optional
         Constraints at every instant; without them the velocity is nonnegative.
-    quantile : float
-        Quantile of the criterion over the resistances, from 0 to 1.
     regret : bool
         Divide the criterion of each resistance by its minimum for that resistance alone (minimax regret).
     pieces : int, optional
@@ -150,13 +143,12 @@ def optimise(  # noqa: PLR0913, public signature: each argument is one physical 
     weights = {objective: 1.0} if isinstance(objective, str) else dict(objective)
     for name in weights:
         validation.require_known("objective", name, tuple(OBJECTIVES))
-    validation.require_number(stroke=stroke, duration=duration, mass=mass, quantile=quantile)
-    validation.require_positive(stroke=stroke, duration=duration, quantile=quantile)
+    validation.require_number(stroke=stroke, duration=duration, mass=mass)
+    validation.require_positive(stroke=stroke, duration=duration)
     validation.require_between(SMALLEST, LARGEST, stroke=stroke, duration=duration)
     validation.require_nonnegative(mass=mass, weights=list(weights.values()))
     if not any(weights.values()):
         raise ValueError(f"`objective` must have at least one weight > 0, got {objective!r}; raise a weight")
-    validation.require_between(0, 1, quantile=quantile)
     if pieces is not None:
         validation.require_integers(pieces=pieces)
         validation.require_at_most(PIECES_LIMIT, "more pieces lower no criterion by a measurable amount", pieces=pieces)
@@ -164,9 +156,9 @@ def optimise(  # noqa: PLR0913, public signature: each argument is one physical 
     for one in resistances:
         validation.require_opposing(one, stroke / duration, directions=(1.0,))
     task = limits or Limits(), float(stroke), float(duration), pieces
-    criterion = DriveCriterion(weights, float(mass), resistances, quantile)
+    criterion = DriveCriterion(weights, float(mass), resistances)
     if regret:
-        alone = (_find_optimal_law(*task, replace(criterion, resistances=(one,), quantile=1.0)) for one in resistances)
+        alone = (_find_optimal_law(*task, replace(criterion, resistances=(one,))) for one in resistances)
         criterion = replace(criterion, minima=tuple(law.value for law in alone))
     return _find_optimal_law(*task, criterion)
 
@@ -178,7 +170,7 @@ def optimal_law_name(objectives: Iterable[str]) -> str:
 
 @dataclass(frozen=True, eq=False)
 class DriveCriterion:
-    """Weighted sum of drive criteria over samples of the resistance.
+    """Weighted sum of drive criteria, the largest over samples of the resistance.
 
     Attributes
     ----------
@@ -188,8 +180,6 @@ class DriveCriterion:
         Mass of the cart [kg].
     resistances : tuple of callables
         Samples of R(v, a) [N].
-    quantile : float
-        Quantile over the samples [-]; 1 for the largest.
     minima : tuple of float
         Divisor of the criterion of each sample, in the unit of the criterion; empty for 1.
     """
@@ -197,20 +187,20 @@ class DriveCriterion:
     weights: Mapping[str, float]
     mass: float
     resistances: tuple[Resistance, ...]
-    quantile: float = 1.0
     minima: tuple[float, ...] = ()
+
+
+Models = list[list[Linearisation]]  # weighted, of every criterion for each sample of the resistance
 
 
 @dataclass(frozen=True, eq=False)
 class OptimisationProblem:
-    """Criterion and constraints of a law on one spline space.
+    """A criterion over the laws of a spline space within constraints, with its penalty on the curvature of the cam.
 
     Attributes
     ----------
-    criterion : DriveCriterion
-        Criterion to minimise; without weights the largest curvature ratio of the pitch curve.
     extra_phases : tuple of float
-        Phases t/T of peaks between the nodes, checked in addition to the nodes.
+        Phases [-] that are nodes in addition to those of every piece.
     penalty : float
         Weight of the violation of the curvature limit, in the unit of the criterion.
     """
@@ -224,10 +214,6 @@ class OptimisationProblem:
     def nodes(self) -> QuadratureNodes:
         """Lobatto nodes of every piece, and the extra phases with zero weight."""
         return self._nodes_at(LOBATTO_NODES, LOBATTO_WEIGHTS, self.extra_phases)
-
-    @cached_property
-    def _fine_nodes(self):
-        return self._nodes_at(np.linspace(0, 1, PEAK_SAMPLES), np.full(PEAK_SAMPLES, 1 / PEAK_SAMPLES))
 
     def _nodes_at(self, u: Array, weights: Array, extra: Sequence[float] = ()) -> QuadratureNodes:
         """Nodes at local coordinates of every piece, with their shares of its width as weights, and at extra phases."""
@@ -244,18 +230,19 @@ class OptimisationProblem:
 
         Each peak is that of the parabola through three samples.
         """
-        phases, space = [], self.constraints.space
-        quantities = (self._peak_quantities(nodes, unknowns) for nodes in (self._fine_nodes, self.nodes))
+        phases, breaks = [], self.constraints.space.breaks
+        fine_nodes = self._nodes_at(np.linspace(0, 1, PEAK_SAMPLES), np.full(PEAK_SAMPLES, 1 / PEAK_SAMPLES))
+        quantities = (self._peak_quantities(nodes, unknowns) for nodes in (fine_nodes, self.nodes))
         for (fine, threshold), (coarse, _) in zip(*quantities, strict=True):
             values = fine.reshape(-1, PEAK_SAMPLES)
             left, top, right = values[:, :-2], values[:, 1:-1], values[:, 2:]
             bend, tilt = 2 * top - left - right, right - left
             bend[(top < left) | (top < right) | (bend <= 0)] = np.inf
             tops = np.where(np.isfinite(bend), top + tilt**2 / (8 * bend), 0.0)
-            pieces, i = np.arange(len(tops)), tops.argmax(axis=1)
-            high = tops[pieces, i] > max(coarse.max(), threshold) * (1 + PEAK_TOLERANCE)
-            u = (i + 1 + (tilt / (2 * bend))[pieces, i]) / (PEAK_SAMPLES - 1)
-            phases += list((space.breaks[:-1] + np.diff(space.breaks) * u)[high])
+            highest = np.arange(len(tops)), tops.argmax(axis=1)
+            high = tops[highest] > max(coarse.max(), threshold) * (1 + PEAK_TOLERANCE)
+            u = (highest[1] + 1 + (tilt / (2 * bend))[highest]) / (PEAK_SAMPLES - 1)
+            phases += list((breaks[:-1] + np.diff(breaks) * u)[high])
         return tuple(phases)
 
     def _peak_quantities(self, nodes: QuadratureNodes, unknowns: Array) -> Iterator[tuple[Array, float]]:
@@ -267,45 +254,40 @@ class OptimisationProblem:
         if pitch := self.constraints.pitch:
             yield from ((row, 1 - CURVATURE_MARGIN) for row in pitch.curvature_ratios(*nodes.travel(unknowns)))
 
-    def linearise(self, unknowns: Array) -> list[list[Linearisation]]:
-        """Return the `Linearisation` of every criterion, a list for each sample of the resistance."""
-        criterion = self.criterion
-        states = [evaluate_state(self.nodes, unknowns, criterion.mass, one) for one in criterion.resistances]
-        models = [[OBJECTIVES[name](state) for name in criterion.weights] for state in states]
+    def curvature_excess(self, unknowns: Array) -> float:
+        """Return the excess of the largest curvature ratio of the cam over 1 [-], minus infinity without its limit."""
+        pitch = self.constraints.pitch
+        return pitch.curvature_ratios(*self.nodes.travel(unknowns)).max() - 1 if pitch else -np.inf
+
+    def linearise(self, unknowns: Array) -> Models:
+        """Return the weighted `Linearisation` of every criterion, a list for each sample of the resistance."""
+        criterion, models = self.criterion, []
+        divisors = criterion.minima or (1.0,) * len(criterion.resistances)
+        for resistance, least in zip(criterion.resistances, divisors, strict=True):
+            state = evaluate_state(self.nodes, unknowns, criterion.mass, resistance)
+            models.append([OBJECTIVES[name](state).times(w / least) for name, w in criterion.weights.items()])
         if pitch := self.constraints.pitch:
             curvature = linearise_curvature(pitch, self.nodes, unknowns, excess=bool(criterion.weights))
-            models = [[*of_sample, curvature] for of_sample in models]
+            models = [[*of_sample, curvature.times(self.penalty)] for of_sample in models]
         return models
 
     def value(self, unknowns: Array) -> float:
         """Return the criterion J of a law."""
-        return self.counted_samples(self.linearise(unknowns))[1]
+        return _largest(self.linearise(unknowns))
 
-    def weights_of(self, k: int) -> list[float]:
-        """Return the weights of the linearisations of sample k, the penalty last."""
-        divisor = self.criterion.minima[k] if self.criterion.minima else 1.0
-        weights = [weight / divisor for weight in self.criterion.weights.values()]
-        return [*weights, self.penalty] if self.constraints.pitch else weights
 
-    def sample_values(self, models: list[list[Linearisation]]) -> Array:
-        """Return J of each sample, shape (samples,)."""
-        sums = (zip(self.weights_of(k), of_sample, strict=True) for k, of_sample in enumerate(models))
-        return np.array([sum(weight * model.value for weight, model in pairs) for pairs in sums])
+def _sums(models: Models) -> Array:
+    """J of each sample, shape (samples,)."""
+    return np.array([sum(model.value for model in of_sample) for of_sample in models])
 
-    def counted_samples(self, models: list[list[Linearisation]]) -> tuple[NDArray[np.intp], float]:
-        """Return the samples within the quantile, in ascending order of J, and the J of the last of them."""
-        sums = self.sample_values(models)
-        count = max(1, int(np.ceil(self.criterion.quantile * len(sums) - 1e-9)))
-        order = np.argsort(sums, kind="stable")[:count]
-        return order, float(sums[order[-1]])
+
+def _largest(models: Models) -> float:
+    """J of the worst sample."""
+    return float(_sums(models).max())
 
 
 def solve_linearised(
-    problem: OptimisationProblem,
-    unknowns: Array,
-    models: list[list[Linearisation]],
-    radius: float = np.inf,
-    with_curvature: bool = True,
+    problem: OptimisationProblem, unknowns: Array, models: Models, radius: float = np.inf, with_curvature: bool = True
 ) -> tuple[Array, float]:
     """Minimise linearisations at a law: change d of its unknowns, each within the radius, and J predicted after it.
 
@@ -314,37 +296,31 @@ def solve_linearised(
     t_kj is at least the weighted linearisation j of the sample, or the shares of its positive parts, which are further
     variables >= 0; C is the mean weighted curvature of the samples within `ACTIVE_TOLERANCE` of the worst.
     """
-    counted, worst = problem.counted_samples(models)
-    scale, size, sums = abs(worst) or 1.0, len(unknowns), problem.sample_values(models)
-    active = [k for k in counted if sums[k] / scale > 1 - ACTIVE_TOLERANCE]
-    gradients, values, parts, shares, lowest, curvature = [], [], [], [], [], np.zeros((size, size))
-    for k in counted:
-        of_sample = []
-        for weight, model in zip(problem.weights_of(k), models[k], strict=True):
-            positive, count = model.shares is not None, len(model.values)
-            gradients.append(weight / scale * model.gradients)
-            values.append(-weight / scale * model.values)
-            parts.append(sparse.eye_array(count) if positive else np.ones((count, 1)))
-            of_sample.append(model.shares if positive else np.ones(1))
-            lowest.append(np.full(len(of_sample[-1]), 0.0 if positive else -np.inf))
-            if model.curvature is not None and k in active:
-                curvature += weight / scale / len(active) * model.curvature
-        shares.append(np.concatenate(of_sample)[None])
+    sums, size = _sums(models), len(unknowns)
+    scale = abs(float(sums.max())) or 1.0
+    active = np.flatnonzero(sums / scale > 1 - ACTIVE_TOLERANCE)
+    scaled = [[model.times(1 / scale) for model in of_sample] for of_sample in models]
+    every = [model for of_sample in scaled for model in of_sample]
+    curved = [model.curvature for k in active for model in scaled[k] if model.curvature is not None]
+    parts, _, lowest = zip(*(model.epigraph() for model in every), strict=True)
+    shares = [np.concatenate([model.epigraph()[1] for model in of_sample])[None] for of_sample in scaled]
     equal, equal_to, below, below_to = problem.constraints.program
     rows = [
         [below, None, None],
-        [np.concatenate(gradients), None, -sparse.block_diag(parts)],
-        [None, -np.ones((len(counted), 1)), sparse.block_diag(shares)],
+        [np.concatenate([model.gradients for model in every]), None, -sparse.block_diag(parts)],
+        [None, -np.ones((len(models), 1)), sparse.block_diag(shares)],
     ]
     low = np.concatenate([np.full(size, -radius), [-np.inf], *lowest])
+    values = np.concatenate([-model.values for model in every])
     program = LinearConstraints(
         np.pad(equal, ((0, 0), (0, len(low) - size))),
         equal_to - equal @ unknowns,
         sparse.block_array(rows, format="csr"),
-        np.concatenate([below_to - below @ unknowns, *values, np.zeros(len(counted))]),
+        np.concatenate([below_to - below @ unknowns, values, np.zeros(len(models))]),
     )
     cost, high = np.eye(1, len(low), size).ravel(), np.where(np.arange(len(low)) < size, radius, np.inf)
-    if with_curvature and curvature.any():
+    if with_curvature and curved:
+        curvature = sum(curved) / len(active)
         solution = minimise_quadratic(np.pad(curvature, (0, len(low) - size)), cost, program, low, high)
         change = solution[:size]
         return change, scale * float(solution[size] + change @ curvature @ change / 2)
@@ -363,7 +339,7 @@ def trust_region_search(
     accepted steps.
     """
     radius, models = np.inf, problem.linearise(unknowns)
-    value = problem.counted_samples(models)[1]
+    value = _largest(models)
     if value == 0:
         raise ValueError("the criterion is zero for every law; set a `mass` > 0 or a resistance that enters it")
     for steps in range(STEP_LIMIT):
@@ -371,7 +347,7 @@ def trust_region_search(
         while True:
             change, predicted = solve_linearised(problem, unknowns, here, radius)
             models = problem.linearise(unknowns + change)
-            reached = problem.counted_samples(models)[1]
+            reached = _largest(models)
             if value - predicted <= decrease * abs(value) or radius < RADIUS_TOLERANCE * np.abs(unknowns).max():
                 better = reached <= value + VALUE_ROUNDING * abs(value)
                 return (unknowns + change, reached, steps) if better else (unknowns, value, steps)
@@ -392,9 +368,8 @@ def trust_region_search(
 def optimality_gap(problem: OptimisationProblem, unknowns: Array) -> float:
     """Return the relative decrease that the linearisations allow any law within the constraints [-]."""
     models = problem.linearise(unknowns)
-    value = problem.counted_samples(models)[1]
-    _, predicted = solve_linearised(problem, unknowns, models, with_curvature=False)
-    return max(0.0, (value - predicted) / abs(value))
+    value = _largest(models)
+    return max(0.0, (value - solve_linearised(problem, unknowns, models, with_curvature=False)[1]) / abs(value))
 
 
 def _find_optimal_law(
@@ -405,8 +380,7 @@ def _find_optimal_law(
         pieces = PIECES_BY_SMOOTHNESS[limits.continuous]
         if limits.cam:
             pieces = min(pieces, CAM_PIECES if limits.cam.profile_radius is None else PROFILE_PIECES)
-    rounds = max(0, int(np.log2(pieces / COARSEST_PIECES)))
-    previous, curve, steps = np.nan, None, 0
+    rounds, curve, steps = max(0, int(np.log2(pieces / COARSEST_PIECES))), None, 0
     for halvings in range(rounds + 1):
         space = spline_space_for(limits, pieces >> rounds, halvings)
         problem = OptimisationProblem(ConstraintSet(limits, space, stroke, duration), criterion)
@@ -418,7 +392,7 @@ def _find_optimal_law(
                 continue  # smaller pieces may admit a law
             raise
         unknowns, value, taken, problem = _penalty_search(problem, start)
-        curve, refinement, previous, steps = space.curve(unknowns), previous / value - 1, value, steps + taken
+        curve, steps = space.curve(unknowns), steps + taken
     for _ in range(EXCHANGE_ROUNDS):
         peaks = problem.peaks_between_nodes(unknowns)
         if not peaks:
@@ -437,8 +411,8 @@ def _find_optimal_law(
             f"the search ended after {steps} steps without a stationary law: criterion {value:g}, optimality gap "
             f"{gap:.1e}, allowed {GAP_TOLERANCE:g}; use fewer `pieces` or wider limits"
         )
-    name, curve = optimal_law_name(criterion.weights), space.curve(unknowns)
-    return OptimalMotion(name, stroke, duration, curve, False, value, gap, refinement, steps, limits)
+    name = optimal_law_name(criterion.weights)
+    return OptimalMotion(name, stroke, duration, space.curve(unknowns), False, value, gap, steps)
 
 
 def _restore_feasibility(problem: OptimisationProblem, unknowns: Array) -> Array:
@@ -446,38 +420,35 @@ def _restore_feasibility(problem: OptimisationProblem, unknowns: Array) -> Array
 
     Raises InfeasibleError, with the largest radius reached, if the search finds none.
     """
-    pitch = problem.constraints.pitch
-    if pitch is None or pitch.curvature_ratios(*problem.nodes.travel(unknowns)).max() <= 1 - CURVATURE_MARGIN:
+    pitch, limits = problem.constraints.pitch, problem.constraints.limits
+    if pitch is None or limits.cam is None or problem.curvature_excess(unknowns) <= -CURVATURE_MARGIN:
         return unknowns
-    limit, reached = pitch.profile_radius, -np.inf
-    problem = replace(problem, criterion=replace(problem.criterion, weights={}))
+    problem, reached = replace(problem, criterion=replace(problem.criterion, weights={})), -np.inf
     for _ in range(EXCHANGE_ROUNDS):
         unknowns, *_ = trust_region_search(problem, unknowns)
         previous, reached = reached, pitch.reached_radius(*problem.nodes.travel(unknowns))
-        if reached >= limit:
+        if reached >= pitch.profile_radius:
             return unknowns
         peaks = problem.peaks_between_nodes(unknowns)
         if reached <= 0 or (not peaks and abs(reached - previous) <= RESTORATION_TOLERANCE * reached):
             break
         # the radius reached balances convex and concave parts
-        limits = problem.constraints.limits
-        limits = replace(limits, cam=limits.cam and replace(limits.cam, profile_radius=reached))
-        constraints = replace(problem.constraints, limits=limits)
+        balanced = replace(limits, cam=replace(limits.cam, profile_radius=reached))
+        constraints = replace(problem.constraints, limits=balanced)
         problem = replace(problem, extra_phases=problem.extra_phases + peaks, constraints=constraints)
     name = "smallest radius of curvature of the cam for the roller follower"
-    raise InfeasibleError([Conflict(name, "m", limit, reached)], alone=True)
+    raise InfeasibleError([Conflict(name, "m", pitch.profile_radius, reached)], alone=True)
 
 
 def _penalty_search(problem, unknowns):
     """(unknowns, J, steps, problem): search with the smallest penalty that leaves no violation of the curvature."""
-    pitch = problem.constraints.pitch
-    if pitch is None:
+    if problem.constraints.pitch is None:
         return *trust_region_search(problem, unknowns), problem
     value = replace(problem, penalty=0.0).value(unknowns)
     for factor in PENALTY_FACTORS:
         problem = replace(problem, penalty=factor * abs(value))
         result = trust_region_search(problem, unknowns)
-        if pitch.curvature_ratios(*problem.nodes.travel(result[0])).max() <= 1 - CURVATURE_MARGIN / 2:
+        if problem.curvature_excess(result[0]) <= -CURVATURE_MARGIN / 2:
             return *result, problem
     raise RuntimeError(
         f"the cam profile violates its limit of curvature at any penalty up to {problem.penalty:g}; "

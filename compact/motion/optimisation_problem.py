@@ -30,7 +30,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import comb, factorial
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -41,7 +41,6 @@ from compact.motion.limits import (
     BOUNDED_DERIVATIVES,
     CURVATURE_MARGIN,
     VIOLATION_TOLERANCE,
-    CamLimits,
     Conflict,
     InfeasibleError,
     Limits,
@@ -82,11 +81,6 @@ class SplineSpace:
         """Number of unknowns."""
         return 2 * len(self.breaks) - 1 + (self.smoothness == 3)
 
-    @property
-    def basis_order(self) -> int:
-        """Order of the derivative whose coefficients are the unknowns: 1 or 2."""
-        return min(self.smoothness, 2)
-
     @cached_property
     def derivatives(self) -> list[BPoly]:
         """Derivatives s, s', ... of order 0 to k + 2 of the law of each unknown, in Bernstein form."""
@@ -98,8 +92,8 @@ class SplineSpace:
             shared = (width[1:] * inner[:-1, 1] + width[:-1] * inner[1:, 0]) / (width[1:] + width[:-1])
             ends = np.concatenate([unit[:1], shared, unit[-1:]])
             pieces = np.array([ends[:-1], *inner.swapaxes(0, 1), ends[1:]])
-        basis, j = BPoly(pieces, self.breaks), self.basis_order
-        return [basis.derivative(order - j) for order in range(self.smoothness + 3)]  # of a negative order: integral
+        basis, orders = BPoly(pieces, self.breaks), range(self.smoothness + 3)
+        return [basis.derivative(order - min(self.smoothness, 2)) for order in orders]  # of a negative order: integral
 
     def coefficients(self, order: int) -> Array:
         """Return the Bernstein coefficients of s^(order) of each piece, shape (pieces, degree + 1, unknowns)."""
@@ -133,7 +127,7 @@ class SplineSpace:
     def interpolate(self, curve: Callable[..., Array]) -> Array:
         """Return the unknowns of a law that lies in this space, such as one of the space before halving."""
         u = np.array([0.2, 0.4, 0.6, 0.8]) if self.smoothness == 3 else np.array([0.25, 0.5, 0.75])
-        values = curve(self.breaks[:-1] + np.outer(u, np.diff(self.breaks)), nu=self.basis_order)
+        values = curve(self.breaks[:-1] + np.outer(u, np.diff(self.breaks)), nu=min(self.smoothness, 2))
         found = np.linalg.solve(bernstein_basis(len(u) - 1, u), values)  # by pieces: small values keep their digits
         first = len(u) - 3  # of the two unknowns of each piece
         return np.concatenate([found[0, :first], found[first : first + 2].T.ravel(), found[-1, -1:]])
@@ -231,35 +225,26 @@ class ConstraintSet:
 
     @cached_property
     def bounds(self) -> list[Bound]:
-        """All elastic constraints."""
+        """All elastic constraints: those of the derivatives, then those of the cam, stated as its breadth."""
         bounds = []
         for name, (order, unit) in BOUNDED_DERIVATIVES.items():
             if (limit := getattr(self.limits, name)) is not None:
                 rows = self.stroke / self.duration**order * self.space.hull(order)
                 rows = rows if order == 1 else np.concatenate([rows, -rows])
                 bounds.append(Bound(name, unit, limit, rows, np.zeros(len(rows))))
-        return bounds + (self._cam_bounds(self.limits.cam) if self.limits.cam else [])
-
-    def _cam_bounds(self, cam: CamLimits) -> list[Bound]:
-        """Limits of the cam, each stated as the breadth that it requires."""
-        place, slope, second = (
-            self.stroke * (1 + cam.dwell / self.duration) ** k / np.pi**k * self.space.elevated(k) for k in range(3)
-        )  # derivatives by the cam angle
-        angles = {"the pressure angle": cam.pressure_angle}
-        if self.pitch:
-            angles["flanks that do not cross"] = self.pitch.crossing_angle
-        rows = {
-            words: (2 * np.concatenate([slope / np.tan(angle) - place, slope / np.tan(angle) + place]), 0.0)
-            for words, angle in angles.items()
-            if angle is not None
-        }
-        if (radius := cam.radius_of_curvature) is not None:
-            rows["the radius of curvature"] = 2 * np.concatenate([-place - second, place + second]), 2 * radius
-        ends = np.repeat([self.stroke, -self.stroke], len(place))
-        return [
-            Bound(f"cam breadth for {words}", "m", cam.breadth, each, least + ends)
-            for words, (each, least) in rows.items()
-        ]
+        if cam := self.limits.cam:
+            place, slope, second = (  # derivatives by the cam angle
+                self.stroke * (1 + cam.dwell / self.duration) ** k / np.pi**k * self.space.elevated(k) for k in range(3)
+            )
+            angles = {"the pressure angle": cam.pressure_angle}
+            angles["flanks that do not cross"] = self.pitch.crossing_angle if self.pitch else None
+            needs = [(words, np.tile(slope / np.tan(angle), (2, 1)), 0.0) for words, angle in angles.items() if angle]
+            if (radius := cam.radius_of_curvature) is not None:
+                needs.append(("the radius of curvature", np.concatenate([-second, second]), 2 * radius))
+            sides, ends = np.concatenate([-place, place]), np.repeat([self.stroke, -self.stroke], len(place))
+            for words, rows, least in needs:
+                bounds.append(Bound(f"cam breadth for {words}", "m", cam.breadth, 2 * (rows + sides), least + ends))
+        return bounds
 
     @cached_property
     def pitch(self) -> PitchCurve | None:
@@ -269,24 +254,20 @@ class ConstraintSet:
     @cached_property
     def program(self) -> LinearConstraints:
         """The `LinearConstraints` of all limits; each bound is divided by its limit."""
-        relative = [bound.rows / bound.limit for bound in self.bounds]
-        most = [1 - bound.offset / bound.limit for bound in self.bounds]
-        below = sparse.csr_array(np.concatenate([self._hard, *relative]))
-        return LinearConstraints(*self._equal, below, np.concatenate([np.zeros(len(self._hard)), *most]))
+        below = sparse.csr_array(np.concatenate([self._hard, *(bound.rows / bound.limit for bound in self.bounds)]))
+        most = np.concatenate([np.zeros(len(self._hard)), *(1 - bound.offset / bound.limit for bound in self.bounds)])
+        return LinearConstraints(*self._equal, below, most)
 
     @cached_property
     def _equal(self) -> tuple[Array, Array]:
         """Rows and values: stroke, rest at the ends, continuity through the end condition, constant velocity."""
         space, limits, rows = self.space, self.limits, []
         for order in range(1, limits.continuous + 1):
-            coefficients = space.coefficients(order)
-            first, last = coefficients[0, 0], coefficients[-1, -1]
-            zero = order == 1 or order in limits.at_rest or limits.end_condition == "dwell"
-            rows += [first, last] if zero else [first + last]
+            first, last = space.coefficients(order)[[0, -1], [0, -1]]
+            rows += [first, last] if order == 1 or limits.end_condition == "dwell" else [first + last]
         if limits.steady and limits.steady_tolerance == 0:
             rows += list(space.coefficients(2)[self._steady_pieces].reshape(-1, space.size))
-        stroke = space.coefficients(0)[-1, -1]
-        rows = [stroke, *(row / np.abs(row).max() for row in rows if np.any(row))]
+        rows = [space.coefficients(0)[-1, -1], *(row / np.abs(row).max() for row in rows if np.any(row))]
         return np.array(rows), np.append(1.0, np.zeros(len(rows) - 1))
 
     @cached_property
@@ -303,16 +284,14 @@ class ConstraintSet:
     @property
     def _steady_pieces(self):
         """Indices of the pieces in the phase of constant velocity."""
-        start, end = self.limits.steady
-        middle = (self.space.breaks[1:] + self.space.breaks[:-1]) / 2
+        (start, end), middle = self.limits.steady, (self.space.breaks[1:] + self.space.breaks[:-1]) / 2
         return np.flatnonzero((middle > start) & (middle < end))
 
     @cached_property
     def min_acceleration_law(self) -> Array:
         """Unknowns of the law with the smallest rms acceleration, the start of a search."""
         everyone = np.arange(len(self.bounds))
-        together = self._conflicts(np.ones(len(everyone)))
-        if together:
+        if together := self._conflicts(np.ones(len(everyone))):
             alone = [self._conflicts(np.where(everyone == i, 1.0, FIXED_BOUND_COST)) for i in everyone]
             single = [found[0] for i, found in enumerate(alone) if [c.name for c in found] == [self.bounds[i].name]]
             raise InfeasibleError(single or together, alone=bool(single))
@@ -323,17 +302,13 @@ class ConstraintSet:
 
     def _conflicts(self, costs: Array) -> list[Conflict]:
         """Return the `Conflict` of each relaxed bound where the sum of costs times relative violations is smallest."""
-        excess = self._relax(costs, list(range(len(costs))), 0.0)[self.space.size :]
-        return [
-            Conflict(b.name, b.unit, b.limit, (1 + float(each)) * b.limit)
-            for b, each in zip(self.bounds, excess, strict=True)
-            if each > VIOLATION_TOLERANCE
-        ]
+        excess = self._relax(costs, list(range(len(costs))), 0.0)[self.space.size :].tolist()
+        relaxed = ((b, each) for b, each in zip(self.bounds, excess, strict=True) if each > VIOLATION_TOLERANCE)
+        return [Conflict(b.name, b.unit, b.limit, (1 + each) * b.limit) for b, each in relaxed]
 
     def _relax(self, costs: Array, excess_of: list[int], least: float) -> Array:
         """Return a law and its relative excesses >= least of the smallest costs, and which of them each bound has."""
-        program, count = self.program, len(costs)
-        size = self.space.size
+        program, size, count = self.program, self.space.size, len(costs)
         unit = np.concatenate([np.zeros((1, count)), np.eye(count)])  # the hard rows have no excess
         rows = np.repeat([0, *(1 + i for i in excess_of)], [len(self._hard), *(len(b.rows) for b in self.bounds)])
         extended = program._replace(
@@ -353,14 +328,16 @@ class ConstraintSet:
         relative distance from the nearest bound is largest.
         """
         equal, equal_to, below, below_to = self.program
+
+        def excess(law: Array) -> float:
+            return float(np.max((below @ law - below_to)[len(self._hard) :], initial=-np.inf))
+
         unknowns = unknowns + np.linalg.lstsq(equal, equal_to - equal @ unknowns, rcond=None)[0]
-        bounded = slice(len(self._hard), None)
-        excess = np.max((below @ unknowns - below_to)[bounded], initial=-np.inf)
-        if excess <= VIOLATION_TOLERANCE / 2:
+        if (over := excess(unknowns)) <= VIOLATION_TOLERANCE / 2:
             return unknowns
         inside = self._relax(np.ones(1), [0] * len(self.bounds), -np.inf)[: self.space.size]
-        room = -np.max((below @ inside - below_to)[bounded])
-        return unknowns + excess / (excess + room) * (inside - unknowns) if room > 0 else unknowns
+        room = -excess(inside)
+        return unknowns + over / (over + room) * (inside - unknowns) if room > 0 else unknowns
 
 
 # ---- criteria --------------------------------------------------------------------------------------------------------
@@ -401,8 +378,8 @@ class MotionState(NamedTuple):
         R and H [N].
     damping : ndarray
         dR/dv [N s/m].
-    inertia : ndarray
-        m + dR/da [kg].
+    force_gradient : ndarray, shape (nodes, unknowns)
+        dH/d(unknowns) = dR/dv dv + (m + dR/da) da.
     """
 
     nodes: QuadratureNodes
@@ -410,20 +387,16 @@ class MotionState(NamedTuple):
     resistance: Array
     force: Array
     damping: Array
-    inertia: Array
+    force_gradient: Array
 
     @property
     def power(self) -> Array:
         """Drive power H v [W]."""
         return self.force * self.velocity
 
-    def force_gradient(self) -> Array:
-        """Return dH/d(unknowns) = dR/dv dv + (m + dR/da) da, shape (nodes, unknowns)."""
-        return self.damping[:, None] * self.nodes.velocity + self.inertia[:, None] * self.nodes.acceleration
-
     def power_gradient(self) -> Array:
         """Return d(H v)/d(unknowns), shape (nodes, unknowns)."""
-        return self.velocity[:, None] * self.force_gradient() + self.force[:, None] * self.nodes.velocity
+        return self.velocity[:, None] * self.force_gradient + self.force[:, None] * self.nodes.velocity
 
 
 def evaluate_state(nodes: QuadratureNodes, unknowns: Array, mass: float, resistance: Resistance) -> MotionState:
@@ -438,8 +411,9 @@ def evaluate_state(nodes: QuadratureNodes, unknowns: Array, mass: float, resista
     here, at_other, at_shift = (
         np.broadcast_to(resistance(*at), v.shape) for at in ((v, a), (other, a), (v, a + shift))
     )
-    damping, added_mass = (at_other - here) / (other - v), (at_shift - here) / shift
-    return MotionState(nodes, v, here, mass * a + here, damping, mass + added_mass)
+    damping, inertia = (at_other - here) / (other - v), mass + (at_shift - here) / shift
+    gradient = damping[:, None] * nodes.velocity + inertia[:, None] * nodes.acceleration
+    return MotionState(nodes, v, here, mass * a + here, damping, gradient)
 
 
 class Linearisation(NamedTuple):
@@ -469,6 +443,17 @@ class Linearisation(NamedTuple):
         """The criterion at d = 0."""
         return float(np.max(self.values) if self.shares is None else self.shares @ np.maximum(self.values, 0.0))
 
+    def times(self, weight: float) -> "Linearisation":
+        """Return the model of the criterion times a weight."""
+        curvature = None if self.curvature is None else weight * self.curvature
+        return Linearisation(weight * self.values, weight * self.gradients, curvature, self.shares)
+
+    def epigraph(self) -> tuple[Any, Array, Array]:
+        """Return the columns of the variables that are at least the rows, their shares of J, and their least values."""
+        if self.shares is None:
+            return np.ones((len(self.values), 1)), np.ones(1), np.array([-np.inf])
+        return sparse.eye_array(len(self.values)), self.shares, np.zeros(len(self.values))
+
 
 def _magnitude(values: Array, gradients: Array) -> Linearisation:
     return Linearisation(np.concatenate([values, -values]), np.concatenate([gradients, -gradients]))
@@ -477,7 +462,7 @@ def _magnitude(values: Array, gradients: Array) -> Linearisation:
 def _rms_force(state: MotionState) -> Linearisation:
     """(1/T int H^2 dt)^(1/2), a norm: its Hessian is that of the squares less the part along the gradient."""
     root = np.sqrt(state.nodes.weights / state.nodes.weights.sum())
-    rows, force = root[:, None] * state.force_gradient(), root * state.force
+    rows, force = root[:, None] * state.force_gradient, root * state.force
     rms = max(np.sqrt(force @ force), np.finfo(float).tiny)
     gradient = force @ rows / rms
     across = rows - np.outer(force / rms, gradient)  # its square is the Hessian, semidefinite to rounding
@@ -499,7 +484,7 @@ PEAKS: Mapping[str, Callable[[MotionState], Array]] = MappingProxyType(
 # Linearisation of each criterion, by the names of `ranking.CRITERIA`
 OBJECTIVES: Mapping[str, Callable[[MotionState], Linearisation]] = MappingProxyType(
     {
-        "peak_force": lambda state: _magnitude(state.force, state.force_gradient()),
+        "peak_force": lambda state: _magnitude(state.force, state.force_gradient),
         "peak_power": lambda state: _magnitude(state.power, state.power_gradient()),
         "rms_force": _rms_force,
         "energy": _energy,

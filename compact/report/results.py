@@ -11,7 +11,7 @@ from compact.analysis.ranking_uncertainty import Place, error
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
 from compact.analysis.study import Study
-from compact.files import write_csv
+from compact.files import write_columns
 from compact.machine.ranking import CRITERIA
 from compact.machine.ranking import value_of as criterion_of
 from compact.machine.roller_motors import roller_rotation
@@ -234,7 +234,7 @@ def write_cams(study: Study, place: Path) -> Iterator[Path]:
     laws, motors = study.stages.laws, study.stages.drive.roller_motors
     for (law, follower), cam in laws.cams.items():
         points = cam.table(CAM_POINTS)
-        yield write_csv(place / "cams" / f"{law}-{follower}.csv", points.header, points.rows())
+        yield write_columns(place / "cams" / f"{law}-{follower}.csv", tuple(points), tuple(points.values()))
     cams = [(*key, cam, laws.least_breadths[key]) for key, cam in laws.cams.items()]
     yield _table("cams", cams, CAM).write(place / "cams.csv")
     for law, cycle in study.cycles.items():

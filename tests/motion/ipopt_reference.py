@@ -72,14 +72,13 @@ class _NonlinearProgram:
         self.law = casadi.MX.sym("law", problem.constraints.space.size)
         self.extra, self.first, self.constraints = [], [], []
         position, velocity, acceleration = map(self._times_law, problem.nodes[:3])
-        initial = problem.linearise(problem.constraints.min_acceleration_law)
-        self.scale = abs(problem.counted_samples(initial)[1])
+        self.scale = abs(problem.value(problem.constraints.min_acceleration_law))
         top = self._new(1, 2.0)
-        for k, resistance in enumerate(criterion.resistances):
+        for resistance in criterion.resistances:
             resisted = _spline(resistance, problem)(velocity, acceleration)
             force = criterion.mass * acceleration + resisted
             terms = [self._term(name, force, resisted, velocity) for name in criterion.weights]
-            self.constraints.append(sum(w * t for w, t in zip(problem.weights_of(k), terms, strict=False)) - top)
+            self.constraints.append(sum(w * t for w, t in zip(criterion.weights.values(), terms, strict=True)) - top)
         self._add_curvature(position, velocity, acceleration)
         self.solver = self._solver(top)
 
