@@ -224,7 +224,7 @@ def isotropic_compression(material: Compaction, pressure: float) -> MaterialTest
 
 
 def own_material_tests(material: StateUpdate, pressure: float) -> tuple[MaterialTest, ...]:
-    """Apply the laboratory tests to loose mix of an own material; see `api.laboratory.laboratory_tests`.
+    """Apply the laboratory tests to loose mix of an own material; see `api.results.laboratory_tests`.
 
     Parameters
     ----------

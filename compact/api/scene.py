@@ -20,13 +20,9 @@ if TYPE_CHECKING:
     import xarray
 
     from compact.analysis.stages.resistance import ResistanceLaw
-    from compact.api.contacts import Contacts
-    from compact.api.laboratory import LaboratoryTests
-    from compact.api.ranking import CartResistance, OwnLaw, Ranking
+    from compact.api.results import CartResistance, Contacts, LaboratoryTests, OwnLaw, Ranking
     from compact.api.study import Process, Study
     from compact.material.state_update import StateUpdate
-
-HTML_TABLES = ("machine", "product", "mix", "layer", "motion", "drive", "accuracy")  # of a scene in a notebook
 
 
 class Scene(loader.Scene):
@@ -69,8 +65,7 @@ class Scene(loader.Scene):
         from compact.analysis.contact_cases import contact_record, contact_speeds
         from compact.analysis.mix_laws import scene_mix
         from compact.analysis.stages.contacts import contact_stage
-        from compact.api.contacts import Contacts
-        from compact.api.laboratory import roll_material
+        from compact.api.results import Contacts, roll_material
         from compact.numerics.validation import as_numbers
 
         scene = self._by(engine)
@@ -78,15 +73,13 @@ class Scene(loader.Scene):
         given = as_numbers("speeds", contact_speeds(scene) if speeds is None else speeds)
         if given.ndim > 1 or not given.size:
             raise ValueError(f"`speeds` must hold at least one speed, got {given.tolist()}; give a list in m/s")
-        wanted = [float(speed) for speed in np.atleast_1d(given)]
         records, passes = [], list[tuple[Any, ...]]()
-        for speed in wanted:
+        for speed in map(float, np.atleast_1d(given)):
             if material is None:
                 passes.append(stage.passes_at(speed, passes[-1] if passes else None))
-                air = stage.air_forces_of(passes[-1][0], speed)
             else:
                 passes.append((roll_material(scene, material, speed),))
-                air = None
+            air = stage.air_forces_of(passes[-1][0], speed) if material is None else None
             records.append(contact_record(scene.accuracy.engine, speed, passes[-1], air))
         return Contacts(tuple(records), tuple(passes), stage, self.title)
 
@@ -104,7 +97,7 @@ class Scene(loader.Scene):
             A function of velocity [m/s] and acceleration [m/s2].
         """
         from compact.analysis.stages.drives import build_stages
-        from compact.api.ranking import CartResistance
+        from compact.api.results import CartResistance
 
         scene = self._by(engine)
         stages = build_stages(scene)
@@ -142,8 +135,10 @@ class Scene(loader.Scene):
         -------
         Ranking
         """
+        from compact.analysis.ranking_uncertainty import places
         from compact.analysis.stages.drives import build_stages
-        from compact.api.ranking import CartResistance, own_laws, rank_laws
+        from compact.api.results import CartResistance, Ranking, own_laws
+        from compact.drive import rank
         from compact.machine.ranking import CRITERIA
         from compact.numerics.validation import require_known
 
@@ -151,7 +146,9 @@ class Scene(loader.Scene):
         require_known("criterion", criterion, tuple(CRITERIA))
         given = resistance.law if isinstance(resistance, CartResistance) else resistance
         scene = self._by(engine)
-        return rank_laws(build_stages(scene, own_laws=own_laws(scene, laws or {}), own_resistance=given), criterion)
+        stages = build_stages(scene, own_laws=own_laws(scene, laws or {}), own_resistance=given)
+        order = rank(stages.drive.runs.values(), criterion)
+        return Ranking(criterion, tuple(places(order, criterion, stages.drive.heavier_runs)), stages)
 
     def sweep(
         self,
@@ -225,7 +222,7 @@ class Scene(loader.Scene):
         -------
         LaboratoryTests
         """
-        from compact.api.laboratory import tests_of_mix
+        from compact.api.results import tests_of_mix
 
         return tests_of_mix(self)
 
@@ -281,13 +278,9 @@ class Scene(loader.Scene):
     def _repr_html_(self) -> str:
         from compact.report.tables import WORD, TableSpec
 
-        rows = [
-            (table, key, _shown(value))
-            for table in HTML_TABLES
-            for key, value in getattr(self, table).model_dump(exclude_none=True, exclude_unset=True).items()
-            if not isinstance(value, dict)
-        ]
-        return TableSpec(repr(self)[1:-1], dict.fromkeys(("table", "key", "value"), WORD), rows).to_html()
+        tables = self.model_dump(exclude_none=True, exclude_unset=True)
+        given = [(name, *item) for name, table in tables.items() if isinstance(table, dict) for item in table.items()]
+        return TableSpec(repr(self)[1:-1], dict.fromkeys(("table", "key", "value"), WORD), given).to_html()
 
 
 def load_scene(path: str | Path, /, **changes: object) -> Scene:
@@ -327,13 +320,6 @@ def parse_scene(text: str, file: str = "<text>") -> Scene:
     Scene
     """
     return Scene.parse(text, file)
-
-
-def _shown(value: Any) -> str:
-    """Return a value of a scene in text."""
-    if isinstance(value, tuple):
-        return ", ".join(map(_shown, value))
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _plain(key: str, values: Any) -> list[Any]:

@@ -4,10 +4,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from compact.analysis import process, study
-from compact.api.tables import Tabular
 from compact.machine.ranking import CRITERIA
-from compact.quantities import PROCESS, STROKE, Quantity
-from compact.report.tables import WORD, TableSpec
+from compact.quantities import PROCESS, STROKE
+from compact.report.tables import TableSpec, Tabular
 
 if TYPE_CHECKING:
     import pandas
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 CRITERION_QUANTITIES = {name: criterion.quantity for name, criterion in CRITERIA.items()}
 
 
-class Study(study.Study, Tabular):
+class Study(Tabular, study.Study):
     """Results of one scene, as `analysis.study.Study`, with tables, figures and files.
 
     Examples
@@ -29,24 +28,17 @@ class Study(study.Study, Tabular):
     'reversal-3'
     """
 
-    _index = "law"
+    _index, _quantities = "law", CRITERION_QUANTITIES
 
-    @property
-    def table(self) -> TableSpec:
-        """Values of all laws by each criterion of the scene, in SI units, in the order of the first."""
+    def columns(self) -> dict[str, list[Any]]:
+        """Return the values of all laws by each criterion of the scene, in the order of the first."""
         criteria = list(self.rankings)
         values = {by: {place.run.name: place.value for place in ranked} for by, ranked in self.rankings.items()}
         order = [place.run.name for place in self.rankings[criteria[0]]]
-        columns = {"law": order} | {by: [values[by][name] for name in order] for by in criteria}
-        return TableSpec.of_columns(repr(self)[1:-1], columns, CRITERION_QUANTITIES)
+        return {"law": order} | {by: [values[by][name] for name in order] for by in criteria}
 
     def plot(self) -> "Figure":
-        """Draw the rankings of the laws by the criteria of the scene.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
+        """Draw the rankings of the laws by the criteria of the scene."""
         from compact.report.figures import draw_rankings
 
         return draw_rankings(self.stages.drive.places[self.scene.drive.kind], {})
@@ -79,15 +71,16 @@ class Study(study.Study, Tabular):
         return (self.table if computed else TableSpec(repr(self)[1:-1], {}, ())).to_html()
 
 
-class Process(process.ProcessStudy, Tabular):
+class Process(Tabular, process.ProcessStudy):
     """Forming process of a scene, as `analysis.process.ProcessStudy`, with tables, figures and files."""
 
-    @property
-    def table(self) -> TableSpec:
-        """Strokes on a section, per unit roller length."""
+    _quantities = STROKE
+
+    def columns(self) -> dict[str, Any]:
+        """Return the strokes on a section, per unit roller length."""
         from compact.report.process import stroke_columns
 
-        return TableSpec.of_columns(repr(self)[1:-1], stroke_columns(self), STROKE)
+        return stroke_columns(self)
 
     def summary(self) -> "pandas.Series":
         """Return the results of one roller by columns, in SI units; nan where a result does not exist."""
@@ -100,12 +93,7 @@ class Process(process.ProcessStudy, Tabular):
         return found
 
     def plot(self) -> "Figure":
-        """Draw the section of the mix along the roller.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-        """
+        """Draw the section of the mix along the roller."""
         from compact.report.process import draw_section
 
         return draw_section(self)
@@ -132,9 +120,3 @@ class Process(process.ProcessStudy, Tabular):
     def __repr__(self) -> str:
         strokes = f"{self.problem.machine.strokes_on_section:.4g} strokes on a section"
         return f"<process of {self.scene.title or 'an untitled scene'}, {self.detail}, {strokes}>"
-
-    def _repr_html_(self) -> str:
-        numbers = [(PROCESS[str(name)], value) for name, value in self.summary().dropna().items()]
-        rows = [(quantity.term, value * quantity.plot_factor, quantity.shown_unit) for quantity, value in numbers]
-        heads = {"quantity": WORD, "value": Quantity("value", "1"), "unit": WORD}
-        return TableSpec(repr(self)[1:-1], heads, rows).to_html()

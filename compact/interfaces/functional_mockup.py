@@ -28,7 +28,7 @@ from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
 from typing import NamedTuple
-from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
@@ -69,6 +69,7 @@ VARIABLES = (
     Variable("cart_acceleration", "m/s2", "output", "acceleration of the free cart"),
 )
 UNITS = {"m": {"m": 1}, "m/s": {"m": 1, "s": -1}, "m/s2": {"m": 1, "s": -2}, "N": {"kg": 1, "m": 1, "s": -2}}
+START = ' start="0"'  # value of an input or a parameter
 
 
 def write_fmu(model: CartModel, path: Path | str, title: str = "") -> Path:
@@ -146,38 +147,34 @@ def _braces(values: ArrayLike) -> str:
     return "{" + ", ".join(entries) + "}"
 
 
-def _description(guid: str, title: str) -> bytes:
+def _description(guid: str, title: str) -> str:
     """Return modelDescription.xml."""
-    root = ElementTree.Element(
-        "fmiModelDescription", fmiVersion="2.0", modelName=MODEL, guid=guid, description=title or "cart of compact",
-        generationTool=f"compact {version('compact')}", variableNamingConvention="flat",
-    )  # fmt: skip
-    unit = ElementTree.SubElement(
-        root, "CoSimulation", modelIdentifier=MODEL, canHandleVariableCommunicationStepSize="true",
-        canGetAndSetFMUstate="true",
-    )  # fmt: skip
-    ElementTree.SubElement(ElementTree.SubElement(unit, "SourceFiles"), "File", name=SOURCE)
-    definitions = ElementTree.SubElement(root, "UnitDefinitions")
-    for name, powers in UNITS.items():
-        entry = ElementTree.SubElement(definitions, "Unit", name=name)
-        ElementTree.SubElement(entry, "BaseUnit", {base: str(power) for base, power in powers.items()})
-    variables = ElementTree.SubElement(root, "ModelVariables")
-    structure = ElementTree.SubElement(root, "ModelStructure")
-    outputs, unknowns = (ElementTree.SubElement(structure, tag) for tag in ("Outputs", "InitialUnknowns"))
+    units, variables, outputs = "", "", ""
+    for unit, powers in UNITS.items():
+        base = " ".join(f'{name}="{power}"' for name, power in powers.items())
+        units += f'<Unit name="{unit}"><BaseUnit {base}/></Unit>\n'
     for number, each in enumerate(VARIABLES):
-        kind = {"parameter": "fixed"}.get(each.causality, "continuous")
-        entry = ElementTree.SubElement(
-            variables, "ScalarVariable", name=each.name, valueReference=str(number), causality=each.causality,
-            variability=kind, description=each.description,
-        )  # fmt: skip
-        real = ElementTree.SubElement(entry, "Real", unit=each.unit)
-        if each.causality == "output":
-            for parent in (outputs, unknowns):
-                ElementTree.SubElement(parent, "Unknown", index=str(number + 1))
-        else:
-            real.set("start", "0")
-    ElementTree.indent(root)
-    return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
+        is_output, kind = each.causality == "output", "fixed" if each.causality == "parameter" else "continuous"
+        variables += (
+            f'<ScalarVariable name="{each.name}" valueReference="{number}" causality="{each.causality}" '
+            f'variability="{kind}" description="{each.description}"><Real unit="{each.unit}"'
+            f"{'' if is_output else START}/></ScalarVariable>\n"
+        )
+        outputs += f'<Unknown index="{number + 1}"/>\n' * is_output
+    return f"""<?xml version="1.0" encoding="utf-8"?>
+<fmiModelDescription fmiVersion="2.0" modelName="{MODEL}" guid="{guid}" generationTool="compact {version("compact")}"
+ description={quoteattr(title or "cart of compact")} variableNamingConvention="flat">
+<CoSimulation modelIdentifier="{MODEL}" canHandleVariableCommunicationStepSize="true" canGetAndSetFMUstate="true">
+<SourceFiles><File name="{SOURCE}"/></SourceFiles></CoSimulation>
+<UnitDefinitions>
+{units}</UnitDefinitions>
+<ModelVariables>
+{variables}</ModelVariables>
+<ModelStructure><Outputs>
+{outputs}</Outputs><InitialUnknowns>
+{outputs}</InitialUnknowns></ModelStructure>
+</fmiModelDescription>
+"""
 
 
 def _compiled(source: str, header: str) -> bytes | None:

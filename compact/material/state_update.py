@@ -12,7 +12,7 @@ A point moves along its streamline; the law receives the strain increments in tu
 
 x is the travel, y the height; tension is positive. Time does not enter: the law is independent of the rate.
 
-The engine "column" rolls over such a material (`engines.column.state_update_columns`), and `api.laboratory`
+The engine "column" rolls over such a material (`engines.column.state_update_columns`), and `api.results`
 applies the laboratory tests. The engine "compaction" does not take it: its elements integrate the points in compiled
 code together with their own tangents, which a Python function would slow down a thousandfold.
 """

@@ -35,7 +35,7 @@ from compact.report.text import say
 if TYPE_CHECKING:
     import meshio
 
-MAP = "mould_speed_m/s=0 cart_speed_m/s=1 strokes=2 load_N=3 resistance_N=4"
+MAP = "mould_speed_m/s cart_speed_m/s strokes load_N resistance_N"
 LIFT = (
     "increments=0 thickness=1.thickness bite=1.bite load=1.load resistance=1.resistance load_error=1.load_error "
     "resistance_error=1.resistance_error density_ratio=1.density_ratio bottom_density_ratio=1.bottom_density_ratio "
@@ -50,9 +50,11 @@ SECTION_COLOURS = "cividis_r"  # loose mix is light, dense mix is dark
 SLOPE_ANGLE = 35.0  # [deg], of the loose mix at the empty mould, as drawn
 PRODUCT_SHARE = 0.3  # [-], length of the product shown behind the roller over that of the roller
 DECORATION_SHARE = 0.17  # [-], of the roller length, least height to which words and arrows are in proportion
+SECTION_WIDTH = 10.0  # [inch]
 PANEL_HEIGHT = 1.25  # [inch], of load, resistance and density along the roller
 HEADROOM = 1.1  # [-], of an axis over the largest value
 STEEL: dict[str, Any] = {"facecolor": "0.88", "edgecolor": "0.35"}
+CENTRED: dict[str, Any] = {"ha": "center", "va": "center"}
 MINUTE = 60.0  # [s]
 
 
@@ -79,12 +81,9 @@ def write_process(study: ProcessStudy, directory: Path) -> list[Path]:
         write_figure(directory / "strokes.png", draw_strokes(study)),
     ]
     if (over := study.map) is not None:
-        cells = [
-            (mould, cart, *(float(each[i, j]) for each in (over.strokes, over.load, over.resistance)))
-            for i, cart in enumerate(over.cart_speeds.tolist())
-            for j, mould in enumerate(over.mould_speeds.tolist())
-        ]
-        files.append(TableSpec.of("map", cells, columns(MAP)).write(directory / "map.csv"))
+        speeds = np.meshgrid(over.mould_speeds, over.cart_speeds)
+        grid = [each.ravel() for each in (*speeds, over.strokes, over.load, over.resistance)]
+        files.append(write_arrays(directory / "map.csv", MAP, grid))
         files.append(write_figure(directory / "map.png", draw_map(study)))
     if found is not None:
         lifts = [(sequence.increments, lift) for sequence in found.sequences for lift in sequence.lifts]
@@ -247,106 +246,95 @@ def _flow_lines(study: ProcessStudy) -> Iterator[str]:
 
 def draw_section(study: ProcessStudy) -> Figure:
     """Draw the section through mould and roller with the density in colour, and load, resistance and density."""
-    row, machine = study.row, study.problem.machine
-    height, length = machine.height, machine.roller_length
-    tail = PRODUCT_SHARE * length
+    row, machine, length = study.row, study.problem.machine, study.problem.machine.roller_length
     slope = study.problem.fill.height / np.tan(np.radians(SLOPE_ANGLE))
-    span = (-slope - 0.12 * length, length + tail)
-    unit = max(height, DECORATION_SHARE * length)  # of words and arrows, readable above a thin product too
-    top = height + 2 * machine.roller_radius + 0.5 * unit
-    heights = ((top + 0.32 * unit) * 10.0 / (span[1] - span[0]), *(PANEL_HEIGHT,) * 3)  # to scale, 10 inches wide
-    width, total = 11.6, sum(heights) + 2.25
-    figure = Figure(figsize=(width, total))
-    lowest = [0.6 + place * (PANEL_HEIGHT + 0.25) for place in (2, 1, 0)]
-    bottoms = (lowest[0] + PANEL_HEIGHT + 0.35, *lowest)
-    section, *panels_below = (
-        figure.add_axes((0.8 / width, bottom / total, 10.0 / width, tall / total))
-        for bottom, tall in zip(bottoms, heights, strict=True)
+    span = (-slope - 0.12 * length, (1 + PRODUCT_SHARE) * length)
+    unit = max(machine.height, DECORATION_SHARE * length)  # of words and arrows, readable above a thin product too
+    low, high = -0.32 * unit, machine.height + 2 * machine.roller_radius + 0.5 * unit
+    tall = (high - low) * SECTION_WIDTH / (span[1] - span[0])  # to scale
+    heights = np.array([tall, *(PANEL_HEIGHT,) * 3])
+    figure, axes = panels(
+        4,
+        1,
+        (SECTION_WIDTH, heights.mean()),
+        bottom=0.6,
+        top=0.85,
+        gaps=(0.0, 0.25),
+        height_ratios=heights,
+        sharex=True,
     )
+    section, *below = axes[:, 0]
     norm = Normalize(min(study.problem.fill.density_ratio, study.problem.feed.density_ratio), 1.0)
-    _draw_mix(section, study, norm, slope, tail)
+    _draw_mix(section, study, norm, slope)
     _draw_machine(section, study, span, slope, unit)
-    section.set(xlim=span, ylim=(-0.32 * unit, top))
-    section.set_aspect("equal")
+    section.set(xlim=span, ylim=(low, high))
     section.axis("off")
-    bar = figure.add_axes((0.8 / width, (total - 0.55) / total, 3.2 / width, 0.16 / total))
+    width, total = figure.get_size_inches()
+    bar = figure.add_axes((0.8 / width, 1 - 0.55 / total, 3.2 / width, 0.16 / total))
     beyond: Literal["max", "neither"] = "neither" if study.two_dimensions is None else "max"
     colours = ScalarMappable(norm, colormaps[SECTION_COLOURS])
     figure.colorbar(colours, cax=bar, orientation="horizontal", extend=beyond)
     bar.set_title("density ratio k: left loose, right without pores", fontsize=9, loc="left")
     load, resistance = (study.forces.of_strokes(name) for name in ("load", "resistance"))
-    labels = ("load P\n[kN/m]", "resistance F\n[N/m]", "mean density\nratio k [-]")
     for ax, values, color, label in zip(
-        panels_below, (load / 1e3, resistance, row.history.density_ratio), (PALETTE[0], "0.2", PALETTE[2]), labels,
-        strict=True,
+        below, (load / 1e3, resistance, row.history.density_ratio), (PALETTE[0], "0.2", PALETTE[2]),
+        ("load P\n[kN/m]", "resistance F\n[N/m]", "mean density\nratio k [-]"), strict=True,
     ):  # fmt: skip
-        density = ax is panels_below[-1]
-        if not density:
-            ax.stairs(values, row.edges, color=color, fill=True, alpha=0.35)
-        ax.stairs(values, row.edges, baseline=None if density else 0, color=color)
-        ax.set(xlim=span, ylabel=label, ylim=None if density else (0, None))
-        ax.tick_params(labelbottom=density)
-    centre = row.centre_of(load)
-    panels_below[0].axvline(centre, color=PALETTE[1], linestyle="--")
-    panels_below[0].text(
+        force = ax is not below[-1]
+        ax.stairs(values, row.edges, baseline=0 if force else None, color=color, fill=force, alpha=0.5 if force else 1)
+        ax.set(ylabel=label, ylim=(0, None) if force else None)
+    centre, required = row.centre_of(load), row.required_density_ratio
+    below[0].axvline(centre, color=PALETTE[1], linestyle="--")
+    below[0].text(
         centre - 0.01 * length, 0.9, f"centre of the load, {centre / length:.0%} of the roller", color=PALETTE[1],
-        transform=panels_below[0].get_xaxis_transform(), ha="right", va="top", fontsize=9,
+        transform=below[0].get_xaxis_transform(), ha="right", va="top", fontsize=9,
     )  # fmt: skip
-    required = row.required_density_ratio
-    panels_below[2].axhline(required, color="0.4", linestyle=":")
-    panels_below[2].text(span[0], required, " required", color="0.3", va="top", fontsize=9)
-    panels_below[2].set_xlabel(STROKE["position"].axis_label)
+    below[2].axhline(required, color="0.4", linestyle=":")
+    below[2].text(span[0], required, " required", color="0.3", va="top", fontsize=9)
+    below[2].set_xlabel(STROKE["position"].axis_label)
     return figure
 
 
-def _draw_mix(ax: Axes, study: ProcessStudy, norm: Normalize, slope: float, tail: float) -> None:
+def _draw_mix(ax: Axes, study: ProcessStudy, norm: Normalize, slope: float) -> None:
     """Draw the slope of loose mix, every section under the roller, and the product."""
     row, fill, found = study.row, study.problem.fill, study.two_dimensions
     states, edges, length = row.history.states, row.edges, study.problem.machine.roller_length
     pieces = [each for each in zip(edges[:-1], edges[1:], states[1:], strict=True) if each[1] > each[0]]
     if study.problem.machine.strokes is None:
-        pieces.append((length, length + tail, states[-1]))
+        pieces.append((length, (1 + PRODUCT_SHARE) * length, states[-1]))
     outlines, ratios = [[(-slope, 0.0), (0.0, 0.0), (0.0, fill.height)]], [fill.density_ratio]
     for low, high, state in pieces:
         bottom = 0.0
         for height, ratio, _ in section_rows(state, None if found is None else found.lumpings[0]):
-            upper = bottom + height
-            outlines.append([(low, bottom), (high, bottom), (high, upper), (low, upper)])
+            outlines.append([(low, bottom), (high, bottom), (high, bottom + height), (low, bottom + height)])
             ratios.append(ratio)
-            bottom = upper
+            bottom += height
     colours = colormaps[SECTION_COLOURS](norm(ratios))
     ax.add_collection(PolyCollection(outlines, facecolors=colours, edgecolors=colours, linewidths=0.2))
 
 
 def _draw_machine(ax: Axes, study: ProcessStudy, span: tuple[float, float], slope: float, unit: float) -> None:
-    """Draw mould, roller and arrows with their words."""
-    machine, row = study.problem.machine, study.row
+    """Draw mould and roller with their words."""
+    machine, row, fed = study.problem.machine, study.row, study.row.history.make_up
     h, R, L = machine.height, machine.roller_radius, machine.roller_length
-    centred: dict[str, Any] = {"ha": "center", "va": "center"}
     ax.add_patch(Rectangle((span[0], -0.12 * unit), span[1] - span[0], 0.12 * unit, **STEEL))
-    ax.text(span[0] + 0.01 * L, -0.06 * unit, "mould", fontsize=8, va="center")
     ax.add_patch(Rectangle((0, h), L, 2 * R, **STEEL))
-    ax.plot([-0.03 * L, 1.03 * L], [h + R, h + R], color=STEEL["edgecolor"], linewidth=0.8, linestyle="-.")
-    words = f"roller, {L:.3g} m long, rolls across the picture\nat {machine.cart_speed:.3g} m/s"
-    ax.text(L / 2, h + 1.45 * R, words, fontsize=10, **centred)
-    ax.text(L / 2, h + 0.5 * R, f"{machine.strokes_on_section:.3g} strokes on every section", fontsize=10, **centred)
-    arrow, fed = {"arrowstyle": "-|>", "color": PALETTE[1], "linewidth": 1.6}, row.history.make_up
-    for place in np.linspace(0.08, 0.92, 8) * L:
-        stroke = min(int(np.searchsorted(row.edges, place, side="right")) - 1, len(fed) - 1)
-        if fed[stroke] > 0:
-            ax.annotate("", (place, h + 2 * R + 0.03 * unit), (place, h + 2 * R + 0.3 * unit), arrowprops=arrow)
-    makeup = f"{fed[fed > 0].min() * 1e3:.2g} to {fed.max() * 1e3:.2g} mm" if fed.any() else "none"
-    above = h + 2 * R + 0.34 * unit
-    ax.text(L, above, f"mix fed before each stroke: {makeup}", ha="right", va="bottom", color=PALETTE[1])
-    ax.text(-slope, h / 2 + 0.05 * unit, "loose mix\nslides in", ha="center", va="bottom", fontsize=9)
+    make_up = f"{fed[fed > 0].min() * 1e3:.2g} to {fed.max() * 1e3:.2g} mm" if fed.any() else "none"
+    moved, product = "mould at rest", ""
     if machine.strokes is None:
-        words = f"product\n{row.product_height * 1e3:.1f} mm\nk = {row.product_density_ratio:.3f}"
-        ax.text(L + PRODUCT_SHARE * L / 2, h + 0.08 * unit, words, ha="center", va="bottom", fontsize=10)
-        speed = f"mould moves at {machine.mould_speed * MINUTE:.3g} m/min, {machine.advance * 1e3:.3g} mm per stroke"
-        ax.annotate("", (L * 0.72, -0.22 * unit), (L * 0.62, -0.22 * unit), arrowprops=arrow)
-        ax.text(L * 0.6, -0.22 * unit, speed, ha="right", va="center", color=PALETTE[1])
-    else:
-        ax.text(L * 0.5, -0.22 * unit, "mould at rest", color=PALETTE[1], **centred)
+        moved = f"mould moves at {machine.mould_speed * MINUTE:.3g} m/min →, {machine.advance * 1e3:.3g} mm per stroke"
+        product = f"product\n{row.product_height * 1e3:.1f} mm\nk = {row.product_density_ratio:.3f}"
+    roller = f"roller, {L:.3g} m long, rolls across the picture\nat {machine.cart_speed:.3g} m/s"
+    for x, y, words, style in (
+        (span[0] + 0.01 * L, -0.06 * unit, "mould", {"fontsize": 8, "va": "center"}),
+        (L / 2, h + 1.45 * R, roller, CENTRED),
+        (L / 2, h + 0.5 * R, f"{machine.strokes_on_section:.3g} strokes on every section", CENTRED),
+        (L, h + 2 * R + 0.1 * unit, f"↓ mix fed before each stroke: {make_up}", {"ha": "right", "color": PALETTE[1]}),
+        (-slope, h / 2 + 0.05 * unit, "loose mix\nslides in", {"ha": "center", "fontsize": 9}),
+        (L + PRODUCT_SHARE * L / 2, h + 0.08 * unit, product, {"ha": "center"}),
+        (L / 2, -0.22 * unit, moved, CENTRED | {"color": PALETTE[1]}),
+    ):
+        ax.text(x, y, words, **style)
 
 
 def draw_strokes(study: ProcessStudy) -> Figure:

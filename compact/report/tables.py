@@ -5,12 +5,13 @@ from `compact.quantities`; a field that is not in it has its name as term. The f
 """
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -240,6 +241,34 @@ class TableSpec:
         for tag in ("th", "td"):
             table = table.replace(f"<{tag}>", f'<{tag} style="{CELL}">')
         return f"<p><b>{escape(self.title)}</b></p>{table}"
+
+
+class Tabular:
+    """Result with one table in SI units, from which data frame, dataset and the view in a notebook follow."""
+
+    _index: ClassVar[str | None] = None  # column that becomes the index
+    _quantities: ClassVar[Mapping[str, Quantity]] = {}  # of the columns of numbers
+
+    @abstractmethod
+    def columns(self) -> Mapping[str, Iterable[Any]]:
+        """Return the values of the columns by field, in SI units."""
+
+    @property
+    def table(self) -> TableSpec:
+        """Table of the result, with its quantities."""
+        return TableSpec.of_columns(repr(self)[1:-1], self.columns(), self._quantities)
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Return the table in SI units; `attrs["units"]` maps each column to its unit."""
+        return self.table.to_dataframe(self._index)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return the table as a dataset over its index, such as the speed [m/s], with units."""
+        attributes = {name: getattr(self, name) for name in ("engine", "title") if hasattr(self, name)}
+        return self.table.to_xarray(self._index or next(iter(self.table.quantities)), attributes)
+
+    def _repr_html_(self) -> str:
+        return self.table.to_html()
 
 
 def write_arrays(path: Path, names: str, values: Sequence[Any]) -> Path:

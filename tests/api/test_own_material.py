@@ -113,7 +113,7 @@ def test_laboratory_tests_of_an_elastic_material_have_closed_forms(spring):
     assert repr(tests) == "<6 laboratory tests of spring>"
     assert len(tests.to_dataframe()) == sum(len(each.axial_strain) for each in tests)
     assert [len(panel.lines) for panel in tests.plot().axes] == [2, 4]
-    assert "strength [kPa]" in tests._repr_html_()
+    assert "axial stress [kPa]" in tests._repr_html_()
 
 
 def test_laboratory_tests_of_a_scene_are_those_of_the_command():

@@ -167,7 +167,7 @@ def test_process_has_numbers_and_a_figure():
     process = compact.load_scene(SCENES / "process.toml").forming_process()
     assert process.summary()["load"] == process.row.load
     assert isinstance(process.plot(), Figure)
-    assert "load on one roller" in process._repr_html_()
+    assert "density ratio" in process._repr_html_()
 
 
 def test_study_writes_what_the_command_writes(tmp_path):

@@ -1,0 +1,404 @@
+"""Results of a scene as tables and figures: contacts over speed, resistance of a cart, ranking, laboratory tests."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from compact.analysis.contact_cases import contact_inputs, prescribed_target
+from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest, own_material_tests
+from compact.analysis.mix_laws import compaction_material, scene_mix
+from compact.analysis.pore_air import has_air
+from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.stages.resistance import ResistanceLaw
+from compact.api.fields import Fields
+from compact.engines.column.state_update_columns import required_height
+from compact.machine.ranking import CRITERIA
+from compact.material.state_update import StateUpdate
+from compact.motion.profile import MotionProfile
+from compact.motion.tabulated import from_function, from_table
+from compact.numerics import Array
+from compact.numerics.validation import require_instance
+from compact.quantities import CONTACT, MOTION, SPEED, Quantity
+from compact.report.tables import Tabular
+from compact.resistance import ResistanceMap
+from compact.rolling_contact import Contact
+from compact.scene.loader import Scene
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from compact.analysis.stages.contacts import ContactStage
+    from compact.analysis.stages.drives import Stages
+
+STROKE_TOLERANCE = 1e-3  # [-], difference of an own law from stroke and duration of the scene, over these
+PLOTTED_SPEEDS = 9  # [-], of a resistance without samples
+ERROR = Quantity("relative error estimate", "1")
+OWN_CONTACT = {"load_error": ERROR, "resistance_error": ERROR, "iterations": Quantity("iterations", "1")}
+RESISTANCE = {"speed": SPEED, "resistance": MOTION["cart_resistance"], "added_mass": MOTION["added_mass"]}
+STRESSES = (
+    "lateral_pressure", "axial_stress", "lateral_stress", "transverse_stress", "mean_pressure", "von_mises_stress",
+)  # fmt: skip
+
+OwnLaw = MotionProfile | Callable[[Any], ArrayLike] | tuple[ArrayLike, ArrayLike]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Contacts(Tabular, Sequence[Contact]):
+    """Contacts of one roller, a sequence of the results of the first pass at each speed.
+
+    The table has the scalar results that have a value, over the speed [m/s], per unit roller length.
+
+    Parameters
+    ----------
+    records : tuple of Contact
+        Scalar results per unit roller length, with the effect of the pore air where the scene has it.
+    passes : tuple of tuple of Contact
+        Results of all passes at each speed.
+    stage : ContactStage
+        Stage that computed them.
+    title : str
+        Title of the scene.
+    """
+
+    records: tuple[Contact, ...]
+    passes: tuple[tuple[Contact, ...], ...]
+    stage: "ContactStage"
+    title: str = ""
+
+    _index, _quantities = "speed", CONTACT | OWN_CONTACT
+
+    def __getitem__(self, index: Any) -> Any:
+        return [first for first, *_ in self.passes][index]
+
+    def __len__(self) -> int:
+        return len(self.passes)
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine."""
+        return self.stage.engine.name
+
+    @property
+    def speeds(self) -> tuple[float, ...]:
+        """Speed of the roller in each contact [m/s]."""
+        return tuple(each.speed for each in self.records)
+
+    def columns(self) -> dict[str, list[Any]]:
+        """Return the scalar results that have a value."""
+        found = {name: [getattr(each, name) for each in self.records] for name in self._quantities}
+        return {name: values for name, values in found.items() if any(value is not None for value in values)}
+
+    def plot(self) -> "Figure":
+        """Draw load and rolling-resistance coefficient over the speed."""
+        from compact.report.contact_figures import draw_loads
+
+        return draw_loads(self.records)
+
+    @property
+    def fields(self) -> Fields:
+        """Fields inside the layer at each speed, by an engine that has them.
+
+        Raises
+        ------
+        ValueError
+            If the engine has no fields.
+        """
+        frames = tuple((speed, self.stage.field_mesh(each)) for speed, each in zip(self.speeds, self, strict=True))
+        return Fields(frames, "speed", tuple(self))
+
+    def to_vtk(self, directory: str | Path) -> Path:
+        """Write the fields as VTU files with a PVD collection of ParaView; see `Fields.to_vtk`."""
+        return self.fields.to_vtk(directory)
+
+    def __repr__(self) -> str:
+        words = f"contact by {self.engine} at {self.speeds[0]:.3g} m/s"
+        if len(self) > 1:
+            words = f"{len(self)} contacts by {self.engine}, {min(self.speeds):.3g} to {max(self.speeds):.3g} m/s"
+        return f"<{words}{', ' + self.title if self.title else ''}>"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class CartResistance(Tabular):
+    """Resistance of the mix to one cart; call it with velocities [m/s] and accelerations [m/s2].
+
+    The table has the resistance [N] over the speed [m/s] of the samples, and their added masses [kg] if known.
+
+    Parameters
+    ----------
+    law : ResistanceMap, DryResistance or callable
+        Resistance [N] of velocity and acceleration, as the drives take it.
+    engine : str
+        Name of the engine.
+    largest_speed : float
+        Speed up to which it is known [m/s].
+    largest_acceleration : float
+        Largest acceleration of the laws of the scene [m/s2].
+    error : float or None
+        Relative error estimate [-], of the interpolation and the engine; None if unknown.
+    """
+
+    law: ResistanceLaw
+    engine: str
+    largest_speed: float
+    largest_acceleration: float
+    error: float | None
+
+    _index = "speed"
+    _quantities = RESISTANCE
+
+    def __call__(self, velocity: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:
+        """Return the resistance [N], of the common shape of velocity and acceleration."""
+        return self.law(np.asarray(velocity, float), np.asarray(acceleration, float))
+
+    @property
+    def _samples(self) -> ResistanceMap:
+        if isinstance(self.law, ResistanceMap):
+            return self.law
+        speeds = np.linspace(0.0, self.largest_speed, PLOTTED_SPEEDS + 1)[1:]
+        return ResistanceMap(speeds, np.asarray(self(speeds)), 0.0)
+
+    def columns(self) -> dict[str, list[float]]:
+        """Return speeds, resistances and added masses of the samples."""
+        found = self._samples
+        known = {"speed": found.speeds, "resistance": found.forces, "added_mass": found.added_masses}
+        return {name: values.tolist() for name, values in known.items() if values is not None}
+
+    def plot(self) -> "Figure":
+        """Draw the resistance over the speed, of an engine with memory at several accelerations too."""
+        from compact.report import contact_figures
+
+        if isinstance(self.law, ResistanceMap):
+            return contact_figures.draw_resistance(self.law, self.largest_acceleration)
+        return contact_figures.draw_resistances({self.engine: self._samples})
+
+    def __repr__(self) -> str:
+        error = "error unknown" if self.error is None else f"relative error {self.error:.1e}"
+        speed = self.largest_speed
+        return f"<resistance by {self.engine}, {float(self(speed)) / 1e3:.4g} kN at {speed:.3g} m/s, {error}>"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Ranking(Tabular, Sequence[Place]):
+    """Motion laws in order of one criterion, a sequence of `Place`.
+
+    The table has rank, law, value and its error in the SI unit, margin, tie, and whether the rank is resolved.
+
+    Parameters
+    ----------
+    by : str
+        Criterion.
+    places : tuple of Place
+        Places of the laws, the first law first.
+    stages : Stages
+        Stages that computed it.
+    """
+
+    by: str
+    places: tuple[Place, ...]
+    stages: "Stages"
+
+    _index = "rank"
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.places[index]
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    @property
+    def runs(self) -> dict[str, Any]:
+        """Run of each law under the drive of the scene, by name, in the order of the laws."""
+        return self.stages.drive.runs
+
+    @property
+    def _quantities(self) -> dict[str, Quantity]:  # type: ignore[override]
+        quantity = CRITERIA[self.by].quantity
+        return {self.by: quantity, "error": quantity, "margin": Quantity("margin to the next law", "1")}
+
+    def columns(self) -> dict[str, list[Any]]:
+        """Return the places of the laws."""
+        names = ("rank", "law", self.by, "error", "margin", "tie", "resolved", "reason")
+        return {name: [getattr(each, "value" if name == self.by else name) for each in self] for name in names}
+
+    def plot(self) -> "Figure":
+        """Draw a bar for each law, with its error."""
+        from compact.report.figures import draw_rankings
+
+        return draw_rankings({self.by: list(self)}, {})
+
+    def __repr__(self) -> str:
+        drive, first = self.stages.drive.scene.drive.kind, self[0]
+        return f"<{len(self)} laws by {CRITERIA[self.by].quantity.term}, {drive} drive; first {first.law}>"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class LaboratoryTests(Tabular, Sequence[MaterialTest]):
+    """Laboratory tests, a sequence of `MaterialTest`; the table has the points of all paths, compression positive.
+
+    Parameters
+    ----------
+    tests : tuple of MaterialTest
+        Paths of the tests.
+    name : str
+        Name of the material.
+    programme : LaboratoryProgramme, optional
+        Programme of a mix; None for an own material.
+    """
+
+    tests: tuple[MaterialTest, ...]
+    name: str
+    programme: LaboratoryProgramme | None = None
+
+    _quantities = dict.fromkeys(STRESSES, Quantity("stress", "Pa", "kPa"))
+
+    def __getitem__(self, index: Any) -> Any:
+        return self.tests[index]
+
+    def __len__(self) -> int:
+        return len(self.tests)
+
+    def columns(self) -> dict[str, Any]:
+        """Return the points of all paths."""
+        from compact.report.laboratory import HEADER, path_rows
+
+        names = [name.removesuffix("_Pa") for name in HEADER]
+        return dict(zip(names, zip(*path_rows(self.tests), strict=True), strict=True))
+
+    def plot(self) -> "Figure":
+        """Draw the tests: those of a mix as `compact material`, those of an own material as stress over strain."""
+        from compact.report.laboratory import draw_material_tests, draw_stress_strain
+
+        return draw_stress_strain(self.tests) if self.programme is None else draw_material_tests(self.programme)
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} laboratory tests of {self.name}>"
+
+
+def laboratory_tests(material: StateUpdate, pressure: float) -> LaboratoryTests:
+    """Apply the laboratory tests to loose mix of an own material.
+
+    Parameters
+    ----------
+    material : StateUpdate
+        Material law.
+    pressure : float
+        Vertical stress at the end of the oedometer and of isotropic compression [Pa], > 0.
+
+    Returns
+    -------
+    LaboratoryTests
+        Oedometer with unloading, isotropic compression, biaxial tests, among them the unconfined one, and pure shear.
+
+    Raises
+    ------
+    RuntimeError
+        If the material does not reach the pressure before its pores close, or a lateral stress is not reached.
+    """
+    return LaboratoryTests(own_material_tests(material, pressure), material.name)
+
+
+def tests_of_mix(scene: Scene) -> LaboratoryTests:
+    """Apply the laboratory tests to the mix of a scene, as `compact material` does.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene, of any engine.
+
+    Returns
+    -------
+    LaboratoryTests
+    """
+    mix = scene_mix(scene)
+    programme = LaboratoryProgramme(compaction_material(scene, mix), scene.mix.density_ratio, mix.required_pressure)
+    return LaboratoryTests(programme.tests, f"the mix, law {scene.mix.law}", programme)
+
+
+def roll_material(scene: Scene, material: StateUpdate, speed: float) -> Contact:
+    """Compute the contact of one roller of a scene over an own material.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene of the engine "column" with one pass. Without a target in [contact] the pass leads to the thickness and
+        the density ratio of the product.
+    material : StateUpdate
+        Material law, whose initial density ratio replaces that of the scene.
+    speed : float
+        Speed of the roller [m/s].
+
+    Returns
+    -------
+    Contact
+
+    Raises
+    ------
+    ValueError
+        If the engine of the scene is another, or the scene has several passes or pore air.
+    """
+    require_instance(StateUpdate, "a StateUpdate", material=material)
+    if scene.accuracy.engine != "column" or scene.layer.passes != 1:
+        raise ValueError(
+            f"an own material needs the engine column and one pass, got {scene.accuracy.engine} and "
+            f"{scene.layer.passes}; the other engines have no Python interface to the stress of a point"
+        )
+    if has_air(scene):
+        raise ValueError(f'{scene.file}: an own material has no pore air; set mix.pore_air = "drained"')
+    scene = scene.replaced(**{"layer.fed_density_ratio": material.fed_density_ratio})
+    layer, roller, _ = contact_inputs(scene, scene_mix(scene), "column", speed)
+    options: dict[str, Any] = {"rtol": scene.accuracy.tolerance / 10}
+    if not prescribed_target(scene):
+        ratio = scene.mix.density_ratio
+        layer = replace(layer, height=required_height(scene.lift_thickness, ratio, material))
+        options["exit_density_ratio"] = ratio
+    from compact.engines.column.engine import roll
+
+    return roll(layer, roller, material, speed, **options)
+
+
+def own_laws(scene: Scene, laws: Mapping[str, OwnLaw]) -> tuple[MotionProfile, ...]:
+    """Return own laws as motion profiles over the stroke and the duration of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene with stroke and duration.
+    laws : mapping
+        By name a `MotionProfile`, a travel [m] as a function of time [s], or columns of time [s] and travel [m].
+
+    Returns
+    -------
+    tuple of MotionProfile
+
+    Raises
+    ------
+    ValueError
+        If a law has the name of one of the scene, another stroke or duration, or is not from rest to rest.
+    """
+    require_instance(Mapping, "laws by name", laws=laws)
+    motion, found = scene.motion, []
+    for name, given in laws.items():
+        if name in (*scene.law_names, *(path.stem for path in scene.table_paths)):
+            raise ValueError(f"the scene has a law '{name}' already; give the own law another name")
+        if isinstance(given, MotionProfile):
+            law = replace(given, name=name)
+        elif callable(given):
+            law = from_function(given, motion.duration, name)
+        else:
+            if not hasattr(given, "__len__") or len(given) != 2:
+                words = "give a MotionProfile, a function of time, or columns of time and travel"
+                raise ValueError(f"the law '{name}' is none, got {given!r}; {words}")
+            law = from_table(*given, name=name)
+        for key in ("stroke", "duration"):
+            value, required = getattr(law, key), getattr(motion, key)
+            if abs(value - required) > STROKE_TOLERANCE * required:
+                raise ValueError(
+                    f"the law '{name}' has the {key} {value:g}, the scene motion.{key} = {required:g}; scale the law, "
+                    "or change the scene"
+                )
+        found.append(law)
+    return tuple(found)
