@@ -25,16 +25,9 @@ from compact.engines.process.lifts import (
     lift_thickness,
     simulate_lifts,
 )
-from compact.engines.process.operating_map import DensityCurve, OperatingMap, density_curve, operating_map
-from compact.engines.process.roller_row import FeedSleeve, RollerRow, confined_work
-from compact.engines.process.section import (
-    BiteError,
-    ClosedProcess,
-    FormingProblem,
-    mean_bite,
-    require_bite,
-    solve_closure,
-)
+from compact.engines.process.operating_map import DensityCurve, OperatingMap, density_curve
+from compact.engines.process.roller_row import FeedSleeve, RollerRow
+from compact.engines.process.section import BiteError, FormingProblem, solve_closure
 from compact.machine.cart import balance
 from compact.material.mix import Mix, bulk_density
 from compact.material.pore_air import PoreAir
@@ -196,8 +189,7 @@ class ProcessStudy:
     @cached_property
     def row(self) -> RollerRow:
         """Strokes under one roller."""
-        closed = solve_closure(self.problem, self.closure)
-        return RollerRow(self.problem, self.closure, closed, self.scene.mix.density_ratio)
+        return RollerRow(solve_closure(self.problem, self.closure), self.scene.mix.density_ratio)
 
     @cached_property
     def lifts(self) -> KnownLifts | None:
@@ -238,21 +230,16 @@ class ProcessStudy:
         """
         if speed == self.problem.machine.cart_speed:
             return self.row
-        problem = replace(self.problem, machine=replace(self.problem.machine, cart_speed=speed))
-        factor, closed = self.rate_factor_at(speed), self.row.closed
+        problem, factor, history = self.problem.at_speed(speed), self.rate_factor_at(speed), self.row.history
         if self.closure.kind == "extrusion_pressure":
-            history = problem.at_pressure(self.closure.value, closed.offered, factor)
-            offered = closed.offered
+            history = problem.at_pressure(self.closure.value, history.offered, factor)
         else:
-            history = problem.with_amount(closed.amount, factor)
-            offered = history.make_up
-        require_bite(problem.machine, history)
-        return replace(self.row, problem=problem, closed=ClosedProcess(history, closed.amount, offered))
+            history = problem.with_amount(history.amount, factor)
+        return replace(self.row, history=history.within_nip())
 
     def rate_factor_at(self, speed: float) -> float:
         """Return the factor of the yield pressure [-] of strokes at a speed of the cart [m/s]."""
-        problem = replace(self.problem, machine=replace(self.problem.machine, cart_speed=abs(speed)))
-        return problem.rate_factor(mean_bite(self.row.history))
+        return self.problem.at_speed(abs(speed)).rate_factor(self.row.history.mean_bite)
 
     @cached_property
     def forces(self) -> "StrokeForces":
@@ -320,13 +307,7 @@ class ProcessStudy:
             Scene that differs from that of the study by its mix and the density ratio of its feed.
         """
         other, row = replace(self, scene=scene, known=None), self.row
-        total, problem = row.flow.fill + row.flow.fed, other.problem
-        entries = (
-            (row.flow.fill / total, problem.fill.density_ratio),
-            (row.flow.fed / total, problem.feed.density_ratio),
-        )
-        factor = problem.rate_factor(mean_bite(row.history))
-        work = confined_work(problem.material, entries, row.product_density_ratio, factor)
+        work = row.confined_work_of(other.problem, other.problem.rate_factor(row.history.mean_bite))
         return self.scene.machine.rollers * self.resistance * work / row.confined_work + (other.sleeve_drag or 0.0)
 
     @property
@@ -413,7 +394,7 @@ class ProcessStudy:
         mould_speeds = machine.mould_speed * np.array(MAP_MOULD_SHARES)
         # the dwell at the ends belongs to the time of a stroke
         speeds = self.scene.motion.stroke / machine.stroke_period * np.array(MAP_CART_SHARES)
-        return operating_map(self.curve, self.scene.motion.stroke, mould_speeds, speeds)
+        return self.curve.map(self.scene.motion.stroke, mould_speeds, speeds)
 
     @property
     def printed(self) -> tuple[PrintedForce, ...]:

@@ -13,7 +13,6 @@ V. S. Loveikin and K. I. Pochka, monograph on roller forming machines (D), eqs (
 """
 
 import warnings
-from typing import get_args
 
 import numpy as np
 
@@ -24,12 +23,12 @@ from compact.material.laws import Elastic
 from compact.numerics import Array
 from compact.numerics.validation import (
     require_between,
-    require_known,
+    require_instance,
     require_nonnegative,
     require_positive,
     require_that,
 )
-from compact.rolling_contact import Contact, Layer, Roller, RollerCondition
+from compact.rolling_contact import Contact, Layer, Roller
 
 TARGET_TOLERANCE = 1e-9  # [-], relative, of the prescribed load or pressure
 CONTACT_SAMPLES = 201  # [-], points along the contact, denser at the edges where the pressure is steep
@@ -280,7 +279,10 @@ def roll(
     >>> f"{result.load:.0f} N/m, resistance {result.resistance:.0f} N/m, angle {angle:.1f}"
     '15224 N/m, resistance 2885 N/m, angle 29.3'
     """
-    _require_in_scope(layer, roller, material, speed)
+    FORMULA.require(layer, roller, speed)
+    if roller.profile != "parabola":
+        raise ValueError(f"the formula engine needs `profile` 'parabola', got {roller.profile!r}; use fem")
+    require_instance(Elastic, "an Elastic law for the formula engine", material=material)
     R, E, nu = roller.radius, material.youngs_modulus, material.poisson
     alpha, options = float(pressure_exponent(nu, roller.friction)), (nonuniformity, one_sided)
     name, value = roller.target
@@ -315,24 +317,6 @@ def roll(
     result = rolling_contact.for_travel(along, speed)
     rolling_contact.require_on_target(result, roller, TARGET_TOLERANCE)
     return result
-
-
-def _require_in_scope(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:
-    rolling_contact.require_moving(speed)
-    if layer.plies:
-        raise ValueError(f"the formula engine needs one modulus, got {len(layer.plies)} `plies`; use spectral or fem")
-    if roller.indentation is not None:
-        raise ValueError(
-            f"`indentation` is undefined on a half-plane (it diverges with the logarithm of its size), got "
-            f"{roller.indentation!r}; use `load` or `peak_pressure`, or spectral or fem"
-        )
-    if roller.profile != "parabola":
-        raise ValueError(f"the formula engine needs `profile` 'parabola', got {roller.profile!r}; use fem")
-    require_known("rolling", roller.rolling, get_args(RollerCondition))
-    for name in ("youngs_modulus", "poisson"):
-        if not hasattr(material, name):
-            got = type(material).__name__
-            raise ValueError(f"the formula engine needs a `material` with `{name}`, got {got}; use fem")
 
 
 def _require_exponent(exponent: Values) -> None:

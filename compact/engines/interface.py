@@ -9,13 +9,23 @@ Another package adds an engine by an entry point of the group "compact.engines" 
 A scene then accepts `accuracy.engine = "winkler"`.
 """
 
+import reprlib
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from compact.rolling_contact import Contact, Layer, Roller
+from compact.numerics.validation import require_known
+from compact.rolling_contact import (
+    BaseCondition,
+    Contact,
+    GapGeometry,
+    Layer,
+    Roller,
+    RollerCondition,
+    require_moving,
+)
 
 if TYPE_CHECKING:  # scipy is imported where a resistance is sampled
     from compact.resistance import ForceSample, ResistanceExpansion, ResistanceMap
@@ -167,6 +177,39 @@ class Engine:
     points_per_task: int = 1
     line: int = 1
     low_fidelity: str | None = None
+
+    def require(self, layer: Layer | None, roller: Roller, speed: float) -> None:
+        """Require a roller in motion, and conditions of layer and roller within the limits; ValueError otherwise.
+
+        Parameters
+        ----------
+        layer : Layer or None
+            Layer; None of a pass over mix that an earlier one has left behind.
+        roller : Roller
+            Roller; a fixed limit, which replaces a value of the scene, refuses none.
+        speed : float
+            Speed of the roller [m/s].
+        """
+        require_moving(speed)
+        require_known("rolling", roller.rolling, get_args(RollerCondition))
+        require_known("profile", roller.profile, get_args(GapGeometry))
+        given = {"machine.roller_condition": "rolling", "machine.gap_geometry": "profile"}
+        values: dict[str, Any] = {key: getattr(roller, name) for key, name in given.items()}
+        values["contact.indentation"] = roller.indentation
+        if layer is not None:
+            require_known("base", layer.base, get_args(BaseCondition))
+            values |= {
+                "layer.base": layer.base,
+                "layer.plies": layer.plies or None,
+                "layer.lower_lift": layer.lower_lift,
+            }
+        for limit in self.limits:
+            if limit.fixed or limit.key not in values or limit.takes(values[limit.key], roller.friction):
+                continue
+            name = given.get(limit.key, limit.key.partition(".")[2])
+            got = reprlib.repr(values[limit.key])
+            friction = f" with `friction` {roller.friction:g}" if limit.smooth else ""
+            raise ValueError(f"the engine {self.name} takes no `{name}` {got}{friction}, as {limit.why}")
 
     def contact(self, case: Any, start: Any = None) -> Contact:
         """Compute a contact.

@@ -18,7 +18,6 @@ from compact.rolling_contact import PrescribedMotion
 
 TURN_STEP_ENDS = np.cumsum([1 / 16] * 4 + [1 / 8] * 2 + [1 / 4] * 2)  # [-], ends of steps after a reversal, in elements
 STEP_LENGTH = 1 / 2  # [-], further steps, in elements
-COINCIDENCE_TOLERANCE = 1e-9  # [-], of the duration or span; closer instants and positions coincide
 PLACE_TOLERANCE = 1e-9  # [-], of an element or a stroke; a smaller displacement is rest
 MOVE_ROUNDING = 1e-12  # [-], of the range of positions; a smaller displacement has no sign
 SEARCH_CELLS, SEARCH_LEVELS = 20, 8  # [-], cells and levels of the search for a reversal, to 1e-8 of a grid cell
@@ -79,7 +78,8 @@ class Strokes:
 
 def stroke_schedule(motion: PrescribedMotion) -> Strokes:
     """Divide a motion at its reversals, located on a grid refined at its discontinuities."""
-    times = graded_grid(np.unique([0.0, *_discontinuities(motion), motion.duration]))
+    jumps = motion.discontinuities() if hasattr(motion, "discontinuities") else []
+    times = graded_grid(np.unique([0.0, *(float(jump.time) for jump in jumps), motion.duration]))
     moves = np.diff(motion.position(times))
     smallest = MOVE_ROUNDING * np.ptp(motion.position(times))
     directions = np.where(np.abs(moves) > smallest, np.sign(moves), 0.0)
@@ -90,36 +90,6 @@ def stroke_schedule(motion: PrescribedMotion) -> Strokes:
     ]
     times = np.array([0.0, *reversals, motion.duration])
     return Strokes(motion, times, motion.position(times))
-
-
-def smooth_intervals(motion: PrescribedMotion, turns: bool = False) -> list[float]:
-    """Return ascending times [s] between which a motion is smooth, 0 and the duration included.
-
-    With `turns` the motion is divided at its reversals too.
-    """
-    starts = {float(leg.start) for leg in motion.legs()} if hasattr(motion, "legs") else set()
-    breaks, distance = [0.0], COINCIDENCE_TOLERANCE * motion.duration
-    for time in sorted({*_discontinuities(motion)} | starts):
-        if breaks[-1] + distance < time < motion.duration - distance:
-            breaks.append(time)
-    breaks.append(float(motion.duration))
-    return _with_reversals(motion, breaks) if turns else breaks
-
-
-def _discontinuities(motion: PrescribedMotion) -> list[float]:
-    """Return the times at which a derivative of the motion has a jump [s]."""
-    return [float(jump.time) for jump in motion.discontinuities()] if hasattr(motion, "discontinuities") else []
-
-
-def _with_reversals(motion: PrescribedMotion, breaks: list[float]) -> list[float]:
-    """Add the times of reversals at other positions than those of the neighbouring breaks."""
-    strokes = stroke_schedule(motion)
-    for time, place in zip(strokes.times[1:-1], strokes.places[1:-1], strict=True):
-        k = int(np.searchsorted(breaks, time))
-        neighbours = motion.position(np.array(breaks[max(k - 1, 0) : k + 1]))
-        if np.abs(neighbours - place).min() > COINCIDENCE_TOLERANCE * strokes.span:
-            breaks.insert(k, float(time))
-    return breaks
 
 
 def _step_ends(distance: float, every: int) -> Array:

@@ -201,7 +201,7 @@ def test_scenes_without_a_steady_process_are_refused(changes, words):
 def test_another_speed_keeps_the_feed(study):
     found = study.stages.contacts.process
     row = found.row_at(found.problem.machine.cart_speed * 0.5)
-    assert row.closed.amount == found.row.closed.amount
+    assert row.history.amount == found.row.history.amount
     assert row.history.rate_factor < found.row.history.rate_factor
     assert found.row_at(found.problem.machine.cart_speed) is found.row
     assert replace(found, known=None).row_at(0.2).load == pytest.approx(found.row_at(0.2).load, rel=1e-9)

@@ -138,9 +138,9 @@ def test_faulty_update_is_named(update, words):
 
 
 def test_target_out_of_reach_is_refused(spring):
-    with pytest.raises(ValueError, match=r"`load` 1e.09 is not reached by spring before its pores close"):
+    with pytest.raises(ValueError, match=r"`load` must be less than .*, where the pores of spring close"):
         roll(Layer(0.2), Roller(R, load=1e9), spring, 0.2)
-    with pytest.raises(ValueError, match=r"closes all pores"):
+    with pytest.raises(ValueError, match=r"where the pores of spring close"):
         roll(Layer(0.2), Roller(R, indentation=0.05), spring, 0.2)
     with pytest.raises(RuntimeError, match=r"spring bears .* at a density ratio of 0.999"):
         compact.laboratory_tests(spring, 1e8)

@@ -12,8 +12,7 @@ from scipy.optimize import brentq, root
 
 from compact.analysis.multipass import Pass, passes
 from compact.engines.column import column_ode
-from compact.engines.column.column_ode import LOGARITHMIC, GapShape, PathControl
-from compact.engines.column.column_pass import PLATE, STIFFNESS_RATIO_MAX, Column, column_layer
+from compact.engines.column.column_pass import ColumnLayer
 from compact.engines.column.engine import required_feed, roll, roll_over, simulate_oedometer
 from compact.material import cap_plasticity
 from compact.rolling_contact import Layer, Roller
@@ -78,23 +77,14 @@ def test_resistance_converges_to_the_rigid_plastic_limit_with_first_order():
     assert 2 * resistance[-1] - resistance[-2] == pytest.approx(limit, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [{}, {"poisson": 0.0}, {"critical_slope": 0.3}, {"tensile_strength": 0.0}, {"fed_density_ratio": 0.73}],
-    ids=str,
-)
-def test_stiffness_ratio_predicts_the_number_of_steps(changes):
-    """One step of order 8 is stable over six e-foldings."""
-    material = mix(**{"unloading_modulus": 1e10} | changes)
-    layer = column_layer((Column(1.0, material.fed_density_ratio),), material, 1.0, PLATE, LOGARITHMIC)
-    steps = len(layer.compute_pass(layer.max_indentation, 1e-7).loading)
-    assert steps == pytest.approx(layer.stiffness_ratio / 6, rel=0.2)
-
-
-def test_stiffest_accepted_mix_has_the_rigid_plastic_resistance():
-    layer = column_layer((Column(1.0, FED),), MIX, 1.0, PLATE, LOGARITHMIC)
-    stiffest = mix(unloading_modulus=0.999 * MIX.unloading_modulus * STIFFNESS_RATIO_MAX / layer.stiffness_ratio)
-    assert rolled(stiffest).resistance == pytest.approx(rigid_resistance(MIX, FED_HEIGHT, HEIGHT), rel=3e-5)
+def test_stiffest_mix_has_the_rigid_plastic_resistance():
+    """One step of order 8 is stable over six e-foldings of the relaxation, so that the steps grow with the modulus."""
+    rigid = rigid_resistance(MIX, FED_HEIGHT, HEIGHT)
+    assert rolled(mix(unloading_modulus=2.9e11)).resistance == pytest.approx(rigid, rel=3e-5)
+    with pytest.raises(
+        RuntimeError, match=r"columns stopped after 40000 steps at x 0\.\d+ m .*: more steps are needed"
+    ):
+        rolled(mix(unloading_modulus=1e13))
 
 
 @pytest.mark.parametrize("slope", [1.0, 1.2, 1.42])
@@ -226,7 +216,7 @@ def test_second_pass_at_the_same_height_has_no_resistance():
 
 def test_lateral_stress_between_passes_affects_the_resistance():
     first = rolled()
-    unstressed = tuple(replace(c, lateral_stress=0.0) for c in first.exit.layer)
+    unstressed = tuple(c._replace(lateral_stress=0.0) for c in first.exit.layer)
     second = roll_over(unstressed, circle(first.exit_height - HEIGHT), MIX, SPEED)
     assert second.resistance == pytest.approx(4.1, abs=0.1)
 
@@ -299,13 +289,6 @@ def test_small_strain_error_matches_the_reference(fed, load, resistance, density
     assert abs(true.mass_residual) < 1e-10
     e = (height - HEIGHT) / height
     assert small.mass_residual == pytest.approx(e**2 / 2, rel=0.1)
-
-
-def test_mass_true_density_reduces_the_small_strain_error():
-    true, corrected = rolled(), rolled(strain="mass-true")
-    assert 100 * (corrected.load / true.load - 1) == pytest.approx(0.18, abs=6e-3)
-    assert 100 * (corrected.resistance / true.resistance - 1) == pytest.approx(-0.13, abs=6e-3)
-    assert corrected.exit_density_ratio - true.exit_density_ratio == pytest.approx(-0.00007, abs=6e-6)
 
 
 # hard cases
@@ -480,27 +463,17 @@ def test_evaluations_of_a_pass_are_bounded():
 
 
 @pytest.mark.parametrize("target", ["load", "peak_pressure", "exit_density_ratio"])
-def test_search_for_a_target_takes_few_passes(target):
-    spent = []
+def test_search_for_a_target_takes_few_passes(target, monkeypatch):
+    spent, compute = [], ColumnLayer.compute_pass
+    monkeypatch.setattr(ColumnLayer, "compute_pass", lambda *given: spent.append(1) or compute(*given))
     for layer, roller, material in random_scenes(40, seed=1):
         contact = roll(layer, roller, material, SPEED)
         value = {target: getattr(contact, target)}
-        given = {} if target == "exit_density_ratio" else {"roller": replace(roller, indentation=None, **value)}
-        found = roll(layer, given.get("roller", roller), material, SPEED, **({} if given else value))
+        if target != "exit_density_ratio":
+            roller, value = replace(roller, indentation=None, **value), {}
+        found = roll(layer, roller, material, SPEED, **value)
         assert found.indentation == pytest.approx(contact.indentation, rel=1e-8)
-        spent.append(found.own["evaluations"] / contact.own["evaluations"])
-    assert np.mean(spent) < 10  # passes with their error estimate
-    assert max(spent) < 15
-
-
-def test_step_underflow_ends_the_integration():
-    layer = column_layer((Column(1.0, FED),), MIX, 1.0, GapShape(R, 1.0), LOGARITHMIC)
-    with pytest.raises(
-        RuntimeError, match=r"the integration of the columns stopped after .* steps .*: shorter steps do not change x"
-    ):
-        layer.integrate(
-            0.01, layer.initial_state + np.nan, PathControl(0.0, np.inf, layer.error_scale(0.01, 1e-9), np.inf)
-        )
+    assert len(spent) / 40 < 13  # two of them by the indentation, two with the error estimate
 
 
 def test_integration_in_several_calls_agrees(monkeypatch):
@@ -547,12 +520,3 @@ def test_long_integration_is_interruptible(tmp_path):
     code, seconds, message = interrupted(LONG.format(scene=scene, out=str(tmp_path / "out")))
     assert (code, message) == (130, "compact: interrupted; every file already written is whole\n")
     assert seconds < 5  # one second on an idle machine
-
-
-def test_exhausted_steps_raise_with_the_position():
-    """The check of the stiffness is bypassed."""
-    stiff = column_layer((Column(1.0, FED),), mix(unloading_modulus=1e13), 1.0, PLATE, LOGARITHMIC)
-    with pytest.raises(
-        RuntimeError, match=r"the integration of the columns stopped after 40000 steps at x 0\.\d+ m between"
-    ):
-        stiff.compute_pass(0.05, 1e-9)

@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sampling import examples
 
-from compact.engines.column.column_ode import LOGARITHMIC, GapShape
-from compact.engines.column.column_pass import Column, column_layer
+from compact.engines.column.column_pass import Column
 from compact.engines.column.engine import roll, roll_over
 from compact.material import cap_plasticity
 from compact.rolling_contact import Layer, Roller
@@ -64,9 +63,7 @@ def test_stacked_lifts_of_one_mix_equal_a_single_layer(moisture, density_ratio, 
 @pytest.mark.parametrize("height", [0.05, 0.22, 0.2293617, 0.31, 1.7])
 @pytest.mark.parametrize("profile", ["parabola", "circle"])
 def test_load_target_is_reached_below_its_limit_and_refused_above(height, profile):
-    deepest = column_layer(
-        (Column(height, FED),), MIX, 1.0, GapShape(R, float(profile == "circle")), LOGARITHMIC
-    ).max_indentation
+    deepest = min(height * (1 - FED), R if profile == "circle" else np.inf)
     most = roll(Layer(height), Roller(R, indentation=0.9999999 * deepest, profile=profile), MIX, SPEED).load
     for share in (1e-9, 1e-3, 0.5, 0.99, 0.9999):
         contact = roll(Layer(height), Roller(R, load=share * most, profile=profile), MIX, SPEED)
@@ -136,7 +133,7 @@ def random_targets(count, seed):
 
 @pytest.mark.parametrize("count", [200, pytest.param(5_000, marks=pytest.mark.slow)])
 def test_any_target_is_reached_or_refused(count):
-    reached, wrong, refused = 0, [], "must be less than|must lie between|the rebound does not end"
+    reached, wrong, refused = 0, [], "must be less than|must lie between|the rebound does not end|more steps are needed"
     for target, value, layer, roller, material in random_targets(count, seed=count):
         options = {target: value} if target == "exit_density_ratio" else {}
         try:

@@ -71,14 +71,6 @@ def test_rate_belongs_to_the_depth_that_is_found(target):
     assert getattr(found, name) == pytest.approx(value, rel=1e-8)
 
 
-def test_search_at_a_rate_costs_no_more_than_without():
-    still, rated = (
-        roll(Layer(FED_HEIGHT), Roller(R, load=12e3, profile="circle"), material, SPEED).own["evaluations"]
-        for material in (MIX, RATED)
-    )
-    assert rated < 1.3 * still
-
-
 def test_feed_of_a_product_has_the_rate_of_its_own_depth():
     fed = required_feed(HEIGHT, 0.98, RATED, SPEED, radius=R)
     contact = roll(Layer(fed.height), circle(fed.indentation), RATED, SPEED)

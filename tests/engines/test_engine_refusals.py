@@ -9,7 +9,7 @@ from engine_calls import ROLL, expand_resistance
 
 from compact import fem, mesh
 from compact.engines.column.column_pass import Column
-from compact.engines.column.engine import required_feed, roll, simulate_oedometer
+from compact.engines.column.engine import required_feed, roll, roll_over, simulate_oedometer
 from compact.engines.fem.speed_derivative import expand_resistance as expand_by_elements
 from compact.engines.formula import roll as roll_by_formula
 from compact.material.laws import Elastic, Viscoelastic
@@ -20,7 +20,6 @@ LINEAR = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.05),))
 SOFT = Elastic(youngs_modulus=1e6, poisson=0.3)
 PLIES = Layer(0.22, plies=(Ply(thickness=0.12, stiffness=1.0), Ply(thickness=0.1, stiffness=2.0)))
 ROWS = mesh.graded_mesh(0.22, 0.02, 4)
-STIFF = mix(unloading_modulus=1e12)
 TURNING = {"indentation": 1e-3, "friction": 0.2}
 CASE = {  # accepted case of each engine
     "formula": {"layer": Layer(10.0), "roller": Roller(R, load=1e3), "material": SOFT, "speed": 0.2},
@@ -32,29 +31,56 @@ REFUSED = [
     *((engine, {"speed": 0}, "`speed` must not be 0, got 0: the resistance at rest is set-valued") for engine in CASE),
     *((engine, {"speed": np.nan}, "`speed` must be finite, got nan") for engine in CASE),
     *((engine, {"rolling": "stuck"}, "no rolling 'stuck'; choose from frictionless, sliding") for engine in CASE),
-    *((engine, {"profile": "cone"}, "no profile 'cone'|'parabola', got 'cone'; use fem") for engine in CASE),
-    *((engine, {"layer": Layer(0.22, base="glued")}, "no base 'glued'; choose") for engine in list(CASE)[1:]),
-    *((engine, {"material": "clay"}, "`material` .*, got str") for engine in CASE),
+    *((engine, {"profile": "cone"}, "no profile 'cone'; choose") for engine in CASE),
+    *((engine, {"layer": Layer(0.22, base="glued")}, "no base 'glued'; choose") for engine in CASE),
+    *((engine, {"material": "clay"}, "`material` .*, got ('clay'|str)") for engine in CASE),
     *((engine, {"rtol": 0.0}, "`rtol` must be positive and finite, got 0.0") for engine in ("column", "spectral")),
-    ("formula", {"layer": PLIES}, "the formula engine needs one modulus, got 2 `plies`; use spectral or fem"),
-    ("formula", {"indentation": 0.003}, "`indentation` is undefined.*0.003; use `load`"),
+    (
+        "formula",
+        {"layer": PLIES},
+        r"the engine formula takes no `plies` \(Ply.*, as it has one modulus for the whole layer",
+    ),
+    (
+        "formula",
+        {"indentation": 0.003},
+        "takes no `indentation` 0.003, as the depth of a contact on a half-plane is not def",
+    ),
     ("formula", {"profile": "circle"}, "'parabola', got 'circle'; use fem"),
     ("formula", {"load": 1e6}, "no capture angle"),
-    ("column", {"layer": Layer(0.22, base="slip")}, "needs a `base` that is bonded, got 'slip': mix"),
-    ("column", {"layer": PLIES}, "the engine column needs a layer of one mix, got 2 `plies`; use"),
+    (
+        "column",
+        {"layer": Layer(0.22, base="slip")},
+        "the engine column takes no `base` 'slip', as mix on a slipping base moves sideways",
+    ),
+    ("column", {"layer": PLIES}, r"takes no `plies` \(Ply.*, as its layer is of one mix"),
     ("column", {"material": SOFT}, "needs a `material` Compaction or StateUpdate, got Elastic; use"),
-    ("column", {"friction": 0.3, "rolling": "sliding"}, "the engine column carries no shear, got `rolling` 'slid"),
-    ("column", {"friction": 0.3, "rolling": "driven"}, "`friction` 0.3; use 'free' or the engine co"),
+    (
+        "column",
+        {"friction": 0.3, "rolling": "sliding"},
+        "no `rolling` 'sliding' with `friction` 0.3, as columns carry no shear",
+    ),
+    ("column", {"friction": 0.3, "rolling": "driven"}, "no `rolling` 'driven' with `friction` 0.3, as columns carry"),
     ("column", {"layer": Layer(0.22), "indentation": 0.0132}, "must be less than 0.0132 m, where grains and water"),
     ("column", {"layer": Layer(0.22), "load": 1e6}, "`load` must be less than .*, where grains and water alone fill"),
     ("column", {"layer": Layer(0.22), "peak_pressure": 1e6}, "`peak_pressure` must be less than .*, where grains"),
     ("column", {"layer": Layer(9.0), "indentation": 0.2}, "less than 0.11 m, where the circle is buried to its"),
-    ("column", {"strain": "engineering"}, "no strain 'engineering'; choose from logarithmic, small, mass-true"),
-    ("column", {"material": STIFF}, r"`unloading_modulus` must be less than 2.91e\+11 Pa .* got 1000000"),
+    ("column", {"strain": "engineering"}, "no strain 'engineering'; choose from logarithmic, small"),
     ("column", {"exit_density_ratio": 0.93}, "must lie between 0.94, before the pass, and 0.99.*got 0.93"),
-    ("spectral", {"profile": "deformed"}, "needs `profile` 'parabola' or 'circle', got 'deformed'; use fem"),
-    ("spectral", {"rolling": "free", "friction": 0.3}, "full slip only, got `rolling` 'free' with `friction` 0.3"),
-    ("spectral", {"layer": Layer(0.2, lower_lift=LowerLift(thickness=0.1, density_ratio=0.9))}, "`lower_lift` must"),
+    (
+        "spectral",
+        {"profile": "deformed"},
+        "takes no `profile` 'deformed', as its gap is measured on the undeformed surface",
+    ),
+    (
+        "spectral",
+        {"rolling": "free", "friction": 0.3},
+        "no `rolling` 'free' with `friction` 0.3, as its rollers have no friction or slip everyw",
+    ),
+    (
+        "spectral",
+        {"layer": Layer(0.2, lower_lift=LowerLift(thickness=0.1, density_ratio=0.9))},
+        "takes no `lower_lift` LowerLift.*, as its layer does not compact",
+    ),
     ("fem", {"tolerance": -1}, "`tolerance` must be positive and finite, got -1"),
     ("fem", {"layer": Layer(0.3), "mesh": ROWS}, "`mesh` must be as high as the layer, 0.3 m, got 0.22 m"),
     ("fem", {"layer": PLIES, "mesh": ROWS}, "a line of nodes at every interface of plies, got none at y = 0.12 m"),
@@ -82,18 +108,19 @@ def test_case_is_refused(engine, change, words):
 
 
 VALUES = [
-    (lambda: required_feed(HEIGHT, 1.0, MIX, 0.2), "must lie between 0.94, before the pass, and 0.99.*got 1.0"),
+    (lambda: required_feed(HEIGHT, 1.0, MIX, 0.2), "must lie between 0.94, before the pass, and 0.99.*got 1"),
     (lambda: required_feed(HEIGHT, 0.93, MIX, 0.2), "must lie between 0.94, before the pass, and .*got 0.93"),
     (lambda: required_feed(-1.0, 0.98, MIX, 0.2), "`height` must be positive and finite, got -1.0"),
     (lambda: required_feed(HEIGHT, 0.98, replace(MIX, rate_sensitivity=0.03), 0.2), "`radius` must be given for a mix"),
-    (lambda: required_feed(HEIGHT, 0.98, STIFF, 0.2), "`unloading_modulus` must be less than"),
-    (lambda: simulate_oedometer(STIFF, 1e5), "`unloading_modulus` must be less than"),
     (lambda: simulate_oedometer(MIX, -1.0), "`pressure` must be zero or positive, and finite, got .*-1.0"),
     (lambda: simulate_oedometer(MIX, [1e5, 1e7]), "less than the stress that closes all pores, got 10000000.0 Pa"),
     (lambda: simulate_oedometer(MIX, 1e5, rate_factor=0), "`rate_factor` must be positive and finite, got 0"),
-    (lambda: Column(0.2, 1.0), "`density_ratio` must be below 1, got 1.0"),
-    (lambda: Column(0.0, 0.9), "`height` must be positive and finite, got 0.0"),
-    (lambda: Column(0.2, 0.9, lateral_stress=np.inf), "`lateral_stress` must be finite, got inf"),
+    (lambda: roll_over((Column(0.2, 1.0),), circle(1e-3), MIX, 0.2), r"`density_ratio` must be below 1, got \[1.0\]"),
+    (lambda: roll_over((Column(0.0, 0.9),), circle(1e-3), MIX, 0.2), "`height` must be positive and finite, got"),
+    (
+        lambda: roll_over((Column(0.2, 0.9, np.inf),), circle(1e-3), MIX, 0.2),
+        "`lateral_stress` must be finite, got",
+    ),
     (
         lambda: rolled(
             mix(fed_density_ratio=0.8044),
@@ -101,7 +128,7 @@ VALUES = [
             Roller(0.0337, indentation=1e-3, profile="circle"),
             exit_density_ratio=0.95,
         ),
-        "must lie .* after a pass with the circle buried to its",
+        "must lie .* where the circle is buried to its axis",
     ),
     (
         lambda: rolled(

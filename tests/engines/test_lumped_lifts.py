@@ -25,7 +25,7 @@ MACHINE = FormingMachine(0.11, 0.4, 0.22, 0.45, 0.4 / 0.45, 1.05 / 60, 20.0)
 def row():
     problem = FormingProblem(MACHINE, MIX, Fill(0.22, 0.75), Feed(0.75), 2)
     closure = Closure("product_density_ratio", 0.93)
-    return RollerRow(problem, closure, solve_closure(problem, closure), 0.98)
+    return RollerRow(solve_closure(problem, closure), 0.98)
 
 
 FIELDS = ("heckel_slope", "unloading_modulus")
@@ -139,7 +139,7 @@ def test_profile_and_strip_stress_are_those_of_the_product(row):
 def test_mould_at_rest_has_no_work_of_the_throughput(row):
     machine = replace(MACHINE, mould_speed=0.0, strokes=5)
     problem = replace(row.problem, machine=machine)
-    still = RollerRow(problem, Closure("gap", 0.001), solve_closure(problem, Closure("gap", 0.001)), 0.98)
+    still = RollerRow(solve_closure(problem, Closure("gap", 0.001)), 0.98)
     found = TwoDimensionalRow(still, pair())
     assert found.resistance.value == 0
     assert np.isnan(found.specific_work)

@@ -28,10 +28,9 @@ def columns(permeability, occlusion=None, roller=ROLLER):
 
 
 def test_without_drainage_load_and_resistance_are_those_of_boyles_law():
-    under, found = columns(1e-22)
+    under, _ = columns(1e-22)
     load, resistance = under.forces(under.pressure(0.2))
-    x = np.linspace(found.trailing, found.leading, 20001)
-    heights = under.heights(x)
+    x, heights = under.surface[:, under.on_roller]
     initial = 1 / 0.94 - 1
     excess = under.air.ambient_pressure * (initial / (heights / LAYER.height / 0.94 - 1) - 1)
     assert load == pytest.approx(np.trapezoid(excess, x), rel=2e-4)
@@ -41,7 +40,7 @@ def test_without_drainage_load_and_resistance_are_those_of_boyles_law():
 @pytest.mark.parametrize("profile", ["circle", "parabola"])
 def test_heights_are_those_of_the_gap(profile):
     under, found = columns(1e-13, roller=replace(ROLLER, profile=profile))
-    at = under.heights(np.array([found.leading, 0.0, found.trailing]))
+    at = np.interp([found.leading, 0.0, found.trailing], *under.surface)
     np.testing.assert_allclose(at, [LAYER.height, LAYER.height - 0.0015, found.exit_height], rtol=1e-6)
 
 

@@ -12,10 +12,8 @@ from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.study import Study
 from compact.cli import program as cli
 from compact.engines import BUILT_IN, formula
-from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
-from compact.engines.spectral import engine as spectral
 from compact.report import text
 from compact.report import writer as report
 from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
@@ -31,12 +29,9 @@ OPEN = {"machine.roller_condition": "free", "machine.gap_geometry": "deformed"} 
 def doors(engine, layer, roller, material):
     """Call what an engine refuses before it computes."""
     if engine == "formula":
-        formula._require_in_scope(layer, roller, material, SPEED)
-    elif engine == "column":
-        column.require_column_layer(layer, roller)
-        column.require_column_range(roller, material, SPEED)
-    elif engine == "spectral":
-        spectral.require_spectral_range(layer, roller, material, SPEED)
+        formula.roll(layer, roller, material, SPEED)
+    elif engine in ("column", "spectral"):
+        BUILT_IN[engine].require(layer, roller, SPEED)
     elif engine == "fem":
         fem_engine.require_linear_range(layer, roller, material, SPEED, None, 0.01)
     else:

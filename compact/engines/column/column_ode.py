@@ -49,7 +49,6 @@ INITIAL_STEP_SHARE = 1 / 64  # [-], first step over the length of the path
 STEPS_MAX = 40_000  # [-], steps tried; 50 are usual, a mix 1000 times stiffer to unload needs 1000 times as many
 STEP_SAFETY = 0.9  # [-], factor on the step that the error estimate allows
 STEP_FACTOR_MIN, STEP_FACTOR_MAX = 0.2, 10.0  # [-], bounds of the change from one step to the next
-RELAXATION_INTERVALS = 16  # [-], trapezoids of `stiffness_ratio`, graded towards low density where pc varies fast
 EVENT_ITERATIONS_MAX = 60  # [-], of regula falsi on one step; 5 are usual
 EVENT_TOLERANCE = 1e-4  # [-], residual of the stress at an event over the error scale of s_v
 CORNER_SIDE = 1 - 1e-12  # [-], p + pt over that of the corner, below which mix is on the shear line
@@ -59,10 +58,8 @@ EVENT_ROUNDING = 1e-14  # [-], smallest residual at an event over s_v itself
 STRESS, LOAD_INTEGRAL, RESISTANCE_INTEGRAL, PLASTIC_WORK, ELASTIC_WORK, COLUMN_STATE = range(6)
 # Status codes of `integrate_path`
 REACHED, PAUSED, STEPS_EXHAUSTED, STEP_UNDERFLOW, EVENT_NOT_LOCATED = range(5)
-# Indices of `IntegrationState.counts`: last row of the path, evaluations of the rates, steps tried, next to yield
-ROW, EVALUATIONS, STEPS_TRIED, NEXT_COLUMN = range(4)
-# Strain measures: ln(h0/h); (h0 - h)/h0 with k = k0 exp V; (h0 - h)/h0 with k = k0/(1 - V)
-LOGARITHMIC, SMALL, MASS_TRUE = range(3)
+# Indices of `IntegrationState.counts`: last row of the path, evaluations of the rates, steps tried
+ROW, EVALUATIONS, STEPS_TRIED = range(3)
 
 
 class ColumnStack(NamedTuple):
@@ -121,8 +118,8 @@ class GapShape(NamedTuple):
         return u / (1 + c * (u / (2 * R)) ** 2) if R else u
 
 
-# material constants at the rolling speed, columns before the pass, shape of the roller, and strain measure
-ColumnProblem = tuple[CapConstants, ColumnStack, GapShape, int]
+# material constants at the rolling speed, columns before the pass, shape of the roller, True for logarithmic strain
+ColumnProblem = tuple[CapConstants, ColumnStack, GapShape, bool]
 
 
 class PathControl(NamedTuple):
@@ -160,9 +157,9 @@ class IntegrationState(NamedTuple):
     event_stress : ndarray
         Vertical stress at which each column changes its regime next [Pa].
     step : ndarray
-        Next step over u [m], shape (1,); 0 at the start and after an event.
+        Next step over u [m], shape (1,); 0 at the start.
     counts : ndarray
-        See ROW, EVALUATIONS, STEPS_TRIED, NEXT_COLUMN.
+        See ROW, EVALUATIONS, STEPS_TRIED.
     """
 
     max_density_ratio: Array
@@ -171,14 +168,6 @@ class IntegrationState(NamedTuple):
     event_stress: Array
     step: Array
     counts: IntArray
-
-
-class StepBuffers(NamedTuple):
-    """State vectors before and after a step, and the rates at its stages, shape (STAGES + 1, len(y))."""
-
-    start: Array
-    end: Array
-    rates: Array
 
 
 @compiled
@@ -207,56 +196,32 @@ def integrate_path(
     -----
     The return value is a bare number: boxing an array executes Python code, in which a keyboard interrupt gets lost.
     """
-    law, stack, _, measure = problem
+    law, stack, _, _ = problem
     counts, event_stress, n = state.counts, state.event_stress, len(stack.height)
-    y = path[counts[ROW], 1:]
+    u, y, u_end = path[counts[ROW], 0], path[counts[ROW], 1:].copy(), control.coordinate_end
+    z, K = np.empty(len(y)), np.empty((STAGES + 1, len(y)))
+    stages = y, z, K
     direction = 1.0 if control.stress_end > y[STRESS] else -1.0
     # an event closer to the end than the tolerance is ignored: at rest, mix without strength is on its yield surface
     slack = max(EVENT_TOLERANCE * control.error_scale[STRESS], EVENT_ROUNDING * abs(path[0, 1 + STRESS]))
-    end = control.stress_end - direction * slack
-    if counts[NEXT_COLUMN] < 0:
+    end, step = control.stress_end - direction * slack, state.step[0]
+    if step == 0:
+        step = (u_end - u) * INITIAL_STEP_SHARE
         for i in range(n):
-            event_stress[i] = yield_stress(law, _event_state(measure, stack, y, i), direction)
-        counts[NEXT_COLUMN] = _next_event(event_stress, end, direction)
+            event_stress[i] = yield_stress(law, _event_state(stack, y, i), direction)
+    _rates(u, y, K[0], problem, state)
     tries_end = counts[STEPS_TRIED] + max_tries
-    for _ in range(3 * n + 1):  # a column yields once and crosses to the supercritical side once
-        i = counts[NEXT_COLUMN]
-        stop = control.stress_end if i == n else event_stress[i]
-        status = _integrate_to_stress(problem, control, state, path, stop, direction, tries_end)
-        if status != REACHED or i == n or path[counts[ROW], 0] == control.coordinate_end:
-            return status
-        event_stress[i] = direction * np.inf
-        if not state.yielding[i]:
-            state.yielding[i] = True
-            point = _event_state(measure, stack, path[counts[ROW], 1:], i)
-            event_stress[i] = critical_stress(law, point, direction)
-            state.on_line[i] = is_on_line(law, point)
-        else:
-            state.on_line[i] = False
-        counts[NEXT_COLUMN] = _next_event(event_stress, end, direction)
-        state.step[0] = 0.0
-    return STEPS_EXHAUSTED
-
-
-@compiled
-def _next_event(event_stress, end, direction):
-    """Column with the first event before the stress `end`, or the number of columns if there is none."""
-    found, stop = len(event_stress), end
-    for i in range(len(event_stress)):
-        if direction * (stop - event_stress[i]) > 0:
-            found, stop = i, event_stress[i]
-    return found
-
-
-@inlined
-def _integrate_to_stress(problem, control, state, path, stop, direction, tries_end):
-    """Append steps to the path until s_v equals `stop` or u its end; return the status."""
-    counts, u_end = state.counts, control.coordinate_end
-    u, y = path[counts[ROW], 0], path[counts[ROW], 1:].copy()
-    buffers = StepBuffers(y, np.empty(len(y)), np.empty((STAGES + 1, len(y))))
-    _rates(u, y, buffers.rates[0], problem, state)
-    step = state.step[0] if state.step[0] != 0 else (u_end - u) * INITIAL_STEP_SHARE
-    while u != u_end and not direction * (stop - y[STRESS]) <= 0:
+    while u != u_end:
+        i = int(np.argmin(direction * event_stress))
+        is_event = direction * (end - event_stress[i]) > 0
+        stop = event_stress[i] if is_event else control.stress_end
+        if direction * (stop - y[STRESS]) <= 0:
+            if not is_event:
+                return REACHED
+            _change_regime(law, stack, y, i, direction, state)
+            _rates(u, y, K[0], problem, state)
+            step = (u_end - u) * INITIAL_STEP_SHARE
+            continue
         if counts[STEPS_TRIED] >= STEPS_MAX:
             return STEPS_EXHAUSTED
         if counts[STEPS_TRIED] >= tries_end or counts[ROW] + 1 == len(path):
@@ -266,23 +231,40 @@ def _integrate_to_stress(problem, control, state, path, stop, direction, tries_e
         step = np.sign(u_end - u) * min(abs(step), abs(u_end - u), control.max_step)
         if u + step == u:
             return STEP_UNDERFLOW
-        error = _runge_kutta_step(u, step, buffers, problem, state, control.error_scale)
+        error = _runge_kutta_step(u, step, stages, problem, state, control.error_scale)
         if error <= 1:
-            if direction * (stop - buffers.end[STRESS]) <= 0:
-                located, step = _locate_event(u, step, buffers, problem, state, control.error_scale, stop)
+            if direction * (stop - z[STRESS]) <= 0:
+                located, step = _locate_event(u, step, stages, problem, state, control.error_scale, stop)
                 if not located:
                     return EVENT_NOT_LOCATED
-                buffers.end[STRESS] = stop
+                z[STRESS] = stop
             u = u_end if step == u_end - u else u + step
-            _accept_step(u, buffers, problem, state, path)
+            counts[ROW] += 1
+            path[counts[ROW], 0] = u
+            for m in range(len(y)):  # assignments of arrays take seconds to compile
+                y[m] = path[counts[ROW], 1 + m] = z[m]
+                K[0, m] = K[STAGES, m]
+            for j in range(n if law.flat else 0):
+                k = stack.density_ratio[j] * np.exp(y[COLUMN_STATE + 2 * j + 1])
+                state.max_density_ratio[j] = max(state.max_density_ratio[j], k)
         step *= min(STEP_FACTOR_MAX, max(STEP_FACTOR_MIN, STEP_SAFETY * max(error, 1e-20) ** (-1 / ORDER)))
     return REACHED
 
 
 @compiled
-def _runge_kutta_step(u, step, buffers, problem, state, error_scale):
-    """Compute one Dormand-Prince step from `rates[0]`; return its error over `error_scale`."""
-    y, z, K = buffers
+def _change_regime(law, stack, y, i, direction, state):
+    """Let column i yield, or cross from the subcritical side or the shear line to the supercritical side."""
+    state.event_stress[i], state.on_line[i] = direction * np.inf, False
+    if not state.yielding[i]:
+        point = _event_state(stack, y, i)
+        state.yielding[i], state.on_line[i] = True, is_on_line(law, point)
+        state.event_stress[i] = critical_stress(law, point, direction)
+
+
+@compiled
+def _runge_kutta_step(u, step, stages, problem, state, error_scale):
+    """Compute one Dormand-Prince step from y to z by the rates K of its stages; return its error over `error_scale`."""
+    y, z, K = stages
     state.counts[EVALUATIONS] += STAGES
     for stage in range(1, STAGES + 1):
         for m in range(len(y)):
@@ -306,17 +288,17 @@ def _runge_kutta_step(u, step, buffers, problem, state, error_scale):
 
 
 @inlined
-def _locate_event(u, step, buffers, problem, state, error_scale, stop):
+def _locate_event(u, step, stages, problem, state, error_scale, stop):
     """Shorten a step by regula falsi (Illinois) so that it ends at s_v = `stop`; return success and the step."""
-    start_stress = buffers.start[STRESS]
-    low, high, below, above = 0.0, step, start_stress - stop, buffers.end[STRESS] - stop
-    tolerance = max(EVENT_TOLERANCE * error_scale[STRESS], EVENT_ROUNDING * max(abs(stop), abs(start_stress)))
+    y, z, _ = stages
+    low, high, below, above = 0.0, step, y[STRESS] - stop, z[STRESS] - stop
+    tolerance = max(EVENT_TOLERANCE * error_scale[STRESS], EVENT_ROUNDING * max(abs(stop), abs(y[STRESS])))
     for _ in range(EVENT_ITERATIONS_MAX + 1):
         if abs(above) <= tolerance or low == high:
             return True, high
         trial = high - above * (high - low) / (above - below)
-        _runge_kutta_step(u, trial, buffers, problem, state, error_scale)
-        residual = buffers.end[STRESS] - stop
+        _runge_kutta_step(u, trial, stages, problem, state, error_scale)
+        residual = z[STRESS] - stop
         if residual * above < 0:
             low, below = high, above
         else:
@@ -325,37 +307,19 @@ def _locate_event(u, step, buffers, problem, state, error_scale, stop):
     return False, high
 
 
-@inlined
-def _accept_step(u, buffers, problem, state, path):
-    """Make the end of a step the start of the next, update the largest density ratios and append a row."""
-    y, z, K = buffers
-    law, stack, _, measure = problem
-    for m in range(len(y)):
-        y[m], K[0, m] = z[m], K[STAGES, m]
-    if law.flat:
-        for i in range(len(stack.height)):
-            k = _density_ratio(measure, stack.density_ratio[i], y[COLUMN_STATE + 2 * i + 1])
-            state.max_density_ratio[i] = max(state.max_density_ratio[i], k)
-    state.counts[ROW] += 1
-    row = path[state.counts[ROW]]
-    row[0] = u
-    for m in range(len(y)):  # assignments of arrays take seconds to compile
-        row[1 + m] = y[m]
-
-
 @compiled
 def _rates(u, y, out, problem, state):
     """Write dy/du to `out`."""
-    law, stack, gap, measure = problem
+    law, stack, gap, logarithmic = problem
     stress, plastic, elastic, compliance = y[STRESS], 0.0, 0.0, 0.0
     for i in range(len(stack.height)):
         p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
         k0, k_max = stack.density_ratio[i], state.max_density_ratio[i]
-        k = _density_ratio(measure, k0, V) if state.yielding[i] else k0  # else at most the largest so far
-        point = stress, p, k, k_max, k / k0 if measure == MASS_TRUE else 1.0
+        k = k0 * np.exp(V) if state.yielding[i] else k0  # else at most the largest so far
+        point = stress, p, k, k_max
         dp, dV, dshear = _stress_rates(law, point, state.yielding[i], state.on_line[i])
         height, D = stack.height[i], 1.5 * (stress - p)
-        if measure == LOGARITHMIC:
+        if logarithmic:
             height *= np.exp(-(V + (p - stack.mean_stress[i]) / law.K))
         compliance += height * (dp / law.K + dV)
         plastic += height * (p * dV + D * dshear)
@@ -373,51 +337,19 @@ def _rates(u, y, out, problem, state):
         out[m] *= rate
 
 
-@compiled
-def stiffness_ratio(law: CapConstants, density_ratio: float) -> float:
-    """Estimate the stiffness of the differential equation from a density ratio to full density.
-
-        int 4 G A (1 + 9/(4 M^2))/(g B (pc + pt)) dV,    A = s_v/pc, B = (p + pt)/(pc + pt) of the rigid-plastic column
-
-    where b = 0: the derivative of dp/ds_v with respect to p, times ds_v = A H dV.
-
-    Parameters
-    ----------
-    density_ratio : float
-        Density ratio k at the start [-].
-
-    Returns
-    -------
-    float
-        Number of e-foldings by which p relaxes to its value at a given s_v [-]. One explicit step of order 8 is stable
-        over six of them.
-    """
-    M2, total, before, rate_before = law.M**2, 0.0, density_ratio, 0.0
-    root = np.sqrt(9 + 4 * M2)
-    stress_ratio = (1 + root / 3) / (1 + 3 / root)
-    for point in range(RELAXATION_INTERVALS + 1):
-        k = density_ratio + (1 - density_ratio) * (point / RELAXATION_INTERVALS) ** 3
-        rate = 1 / (hardening(law, k)[0] + law.pt)
-        total += (rate + rate_before) / 2 * np.log(k / before)
-        before, rate_before = k, rate
-    return 4 * law.G * stress_ratio * (1 + 9 / (4 * M2)) / (1.5 + 2 * law.G / law.K) * total
-
-
 @inlined
 def _stress_rates(law, point, yielding, on_line):
     """Return dp, dV and the plastic shear strain Q w per unit of s_v, in the symbols of the module docstring.
 
-    `point` has s_v, p, k, the largest density ratio so far and d ln k/dV.
+    `point` has s_v, p, k and the largest density ratio so far.
     """
-    stress, p, k, k_max, by_V = point
+    stress, p, k, k_max = point
     ratio, g = 2 * law.G / law.K, 1.5 + 2 * law.G / law.K
     if not yielding:
         return 1.5 / g, 0.0, 0.0
     pc, H = hardening(law, max(k, k_max))
     if k < k_max:
         H = 0.0
-    elif by_V != 1.0:
-        H *= by_V
     if on_line:
         sign = 1.0 if stress > p else -1.0
         dp = 1 / (1 + sign * law.friction / 1.5)
@@ -437,12 +369,6 @@ def _stress_rates(law, point, yielding, on_line):
 
 
 @compiled
-def _density_ratio(measure, k0, V):
-    """Density ratio after the plastic volume strain V."""
-    return k0 / (1 - V) if measure == MASS_TRUE else k0 * np.exp(V)
-
-
-@compiled
 def _yield_surface(law, pc):
     """Half the length a of the yield surface, its critical pressure c, and the largest p of its curved tensile part."""
     c = (pc - law.pt) / 2
@@ -456,9 +382,9 @@ def _corner_pressure(law, pc):
 
 
 @compiled
-def _event_state(measure, stack, y, i):
+def _event_state(stack, y, i):
     """Return s_v, p and the density ratio of the yield surface of column i."""
-    k = _density_ratio(measure, stack.density_ratio[i], y[COLUMN_STATE + 2 * i + 1])
+    k = stack.density_ratio[i] * np.exp(y[COLUMN_STATE + 2 * i + 1])
     return y[STRESS], y[COLUMN_STATE + 2 * i], max(k, stack.max_density_ratio[i])
 
 

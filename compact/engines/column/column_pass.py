@@ -11,10 +11,10 @@ one over the logarithms of both, in which they are nearly proportional.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import NoReturn
+from functools import cache, cached_property
+from typing import Any, NamedTuple, NoReturn, Protocol
 
 import numpy as np
 from scipy.optimize import brentq
@@ -24,30 +24,29 @@ from compact.engines.column.column_ode import STRESS, ColumnStack, GapShape, Pat
 from compact.material.elliptic_cap import CapConstants, cap_constants, hardening
 from compact.material.laws import Compaction
 from compact.numerics import Array
-from compact.numerics.validation import require_fields
+from compact.numerics.validation import require_finite, require_nonnegative, require_positive, require_that
 from compact.quantities import CONTACT
+from compact.rolling_contact import Contact, resistance_scale
 
 SAMPLED_STEP_SHARE = 1 / 32  # [-], largest step over the front of a pass whose pressure is returned at every step
 INDENTATION_SHARE_MAX = 1 - 1e-9  # [-], of the limit of the indentation; the last pore cannot be closed
 REBOUND_SHARE_MAX = 2.0  # [-], rise of the gap behind the roller over the indentation, in which unloading must end
-STIFFNESS_RATIO_MAX = 2e5  # [-], largest `stiffness_ratio` that is integrated; one step covers 6 of it
-STRAINS = {"logarithmic": ode.LOGARITHMIC, "small": ode.SMALL, "mass-true": ode.MASS_TRUE}  # measures by name
 PLATE = GapShape(0.0, 0.0)
 PATH_ROWS_INITIAL = 128  # [-], rows of a path, doubled on demand; room for all steps would cost more than most steps
 STEPS_PER_CALL = 20_000  # [-], steps in one compiled call over the number of columns; at most 0.1 s to an interrupt
 TARGET_TOLERANCE = 10.0  # [-], residual of a prescribed quantity that is guaranteed, over `rtol`
 SEARCH_TOLERANCE = 0.02  # [-], relative error of the indentation that is sought, over `rtol`
-MEAN_STRESS_SHARE = 0.8  # [-], mean over peak stress under the front, for the first guess of a load
-OVERSHOOT = 1.2  # [-], of the first step from that guess, so that it brackets the indentation
+SEARCH_STEP = (
+    1.0  # [-], of the logarithm of the indentation, from below the largest one to a bracket; downwards doubled
+)
 FAILURES = {
-    ode.STEPS_EXHAUSTED: "more steps are needed",
+    ode.STEPS_EXHAUSTED: "more steps are needed, as for nearly rigid mix",
     ode.STEP_UNDERFLOW: "shorter steps do not change x",
     ode.EVENT_NOT_LOCATED: "the stress at which a column yields was not located",
 }
 
 
-@dataclass(frozen=True)
-class Column:
+class Column(NamedTuple):
     """Mix at rest between two passes, free of vertical stress and confined laterally.
 
     Parameters
@@ -67,10 +66,21 @@ class Column:
     lateral_stress: float = 0.0
     max_density_ratio: float = 0.0
 
-    def __post_init__(self) -> None:
-        require_fields(self, positive="height density_ratio", nonnegative="max_density_ratio", finite="lateral_stress")
-        if not self.density_ratio < 1:
-            raise ValueError(f"`density_ratio` must be below 1, got {self.density_ratio!r}")
+
+class Columns(NamedTuple):
+    """Columns behind a pass, from the base upwards: of the layer, and of its lower lift."""
+
+    layer: tuple[Column, ...]
+    lower: tuple[Column, ...] = ()
+
+    def with_lift(self, thickness: float, material: Compaction) -> "Columns":
+        """Return the columns under fresh mix of a thickness [m]."""
+        return self._replace(layer=(*self.layer, Column(thickness, material.fed_density_ratio)))
+
+    @property
+    def density_rows(self) -> Array:
+        """Heights [m] and density ratios [-], shape (2, n)."""
+        return np.array((*self.lower, *self.layer)).T[:2]
 
 
 @dataclass(frozen=True)
@@ -81,8 +91,8 @@ class ColumnLayer:
     ----------
     law : CapConstants
         Material constants; with `law_at` those at the largest indentation.
-    strain_measure : int
-        One of the values of STRAINS.
+    logarithmic : bool
+        True for logarithmic strains, False for small ones.
     lower_count : int
         Number of columns of the lower lift, from the base upwards; 0 on the rigid base.
     law_at : callable, optional
@@ -92,7 +102,7 @@ class ColumnLayer:
     law: CapConstants
     stack: ColumnStack
     gap: GapShape
-    strain_measure: int
+    logarithmic: bool = True
     lower_count: int = 0
     law_at: Callable[[float], CapConstants] | None = None
 
@@ -109,13 +119,21 @@ class ColumnLayer:
     @property
     def max_indentation(self) -> float:
         """Indentation [m] just short of full density, or of the axis of the circle."""
-        limit = self.gap.radius if self.limited_by_axis else self.height - self.solid_height
-        return INDENTATION_SHARE_MAX * limit
+        pores = self.height - self.solid_height
+        return INDENTATION_SHARE_MAX * (min(self.gap.radius, pores) if self.gap.circular else pores)
 
     @property
-    def limited_by_axis(self) -> bool:
-        """True if the circle sinks to its axis before all pores are closed."""
-        return bool(self.gap.circular) and self.gap.radius < self.height - self.solid_height
+    def limit(self) -> str:
+        """Reason why no indentation is larger."""
+        if self.gap.circular and self.gap.radius < self.height - self.solid_height:
+            return "the circle is buried to its axis"
+        return f"grains and water alone fill the remaining {self.solid_height:.6g} m of {self.height:.6g} m"
+
+    @property
+    def loosest(self) -> float:
+        """Density ratio before the pass [-], mean over the height without the lower lift."""
+        heights, ratios = (values[self.lower_count :] for values in (self.stack.height, self.stack.density_ratio))
+        return float(ratios @ heights / heights.sum())
 
     @property
     def initial_state(self) -> Array:
@@ -124,50 +142,27 @@ class ColumnLayer:
         y[ode.COLUMN_STATE :: 2] = self.stack.mean_stress
         return y
 
-    @property
-    def stiffness_ratio(self) -> float:
-        """Stiffness of the differential equation up to full density [-], an upper bound over the columns."""
-        return max(ode.stiffness_ratio(self.law, k) for k in self.stack.density_ratio.tolist())
-
-    def stress_estimate(self, depth: float) -> float:
-        """Estimate the vertical stress [Pa] at the lowest generatrix for an indentation `depth` [m]."""
-        densest = max(max(self.stack.density_ratio.tolist()), self.solid_height / (self.height - depth))
-        strength = hardening(self.law, densest)[0] + self.law.pt
-        return min(float(self.law.K + 4 * self.law.G / 3) * -math.log1p(-depth / self.height), strength)
-
-    def estimate(self, name: str, depth: float) -> float:
-        """Estimate a load [N/m], peak pressure [Pa] or exit density ratio [-] for an indentation `depth` [m]."""
-        if name == "exit_density_ratio":
-            return self.loosest / (1 - depth / self.height)
-        stress = self.stress_estimate(depth)
-        return stress if name == "peak_pressure" else MEAN_STRESS_SHARE * stress * self.gap.edge(depth)
-
-    @property
-    def loosest(self) -> float:
-        """Density ratio before the pass [-], mean over the height without the lower lift."""
-        heights, ratios = (values[self.lower_count :] for values in (self.stack.height, self.stack.density_ratio))
-        return float(ratios @ heights / heights.sum())
-
     def error_scale(self, depth: float, rtol: float) -> Array:
         """Return the error of each component of y allowed in one step, relative to its size at a depth [m]."""
-        stress = self.stress_estimate(depth)
-        of_columns = [stress, -math.log1p(-depth / self.height)] * len(self.stack.height)
+        densest = max(max(self.stack.density_ratio.tolist()), self.solid_height / (self.height - depth))
+        strain = -math.log1p(-depth / self.height)
+        strength = hardening(self.law, densest)[0] + self.law.pt
+        stress = min(float(self.law.K + 4 * self.law.G / 3) * strain, strength)
+        of_columns = [stress, strain] * len(self.stack.height)
         return rtol * np.array([stress, stress * self.gap.edge(depth), *[stress * depth] * 3, *of_columns])
-
-    def density_ratios(self, y: Array) -> Array:
-        """Return the density ratio [-] of each column for a state vector."""
-        V, k0 = y[ode.COLUMN_STATE + 1 :: 2], self.stack.density_ratio
-        return k0 / (1 - V) if self.strain_measure == ode.MASS_TRUE else k0 * np.exp(V)
 
     def elastic_strains(self, y: Array) -> Array:
         """Return the elastic volume strain [-] of each column since the start of the pass."""
-        mean = y[ode.COLUMN_STATE :: 2]
-        return (mean - self.stack.mean_stress) / self.law.K
+        return (y[ode.COLUMN_STATE :: 2] - self.stack.mean_stress) / self.law.K
+
+    def density_ratios(self, y: Array) -> Array:
+        """Return the density ratio [-] of each column for a state vector."""
+        return self.stack.density_ratio * np.exp(y[ode.COLUMN_STATE + 1 :: 2])
 
     def heights(self, y: Array) -> Array:
         """Return the height [m] of each column for a state vector."""
         strain = y[ode.COLUMN_STATE + 1 :: 2] + self.elastic_strains(y)
-        return self.stack.height * (np.exp(-strain) if self.strain_measure == ode.LOGARITHMIC else 1 - strain)
+        return self.stack.height * (np.exp(-strain) if self.logarithmic else 1 - strain)
 
     def integrate(self, u: float, y: Array, control: PathControl) -> tuple[Array, "ColumnLayer", int]:
         """Integrate the columns from a coordinate u [m] and a state vector along a path.
@@ -177,29 +172,36 @@ class ColumnLayer:
         """
         n = len(self.stack.height)
         path, counts = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), np.array([0, 0, 0, -1])
-        densest = self.stack.max_density_ratio.copy()
         regime = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-        state = ode.IntegrationState(densest, *regime, np.empty(n), np.zeros(1), counts)
+        state = ode.IntegrationState(self.stack.max_density_ratio.copy(), *regime, np.empty(n), np.zeros(1), counts)
         path[0, 0], path[0, 1:] = u, y
-        problem = self.law, self.stack, self.gap, self.strain_measure
-        max_tries, status = max(STEPS_PER_CALL // n, 1), ode.PAUSED
+        problem = self.law, self.stack, self.gap, self.logarithmic
+        status = ode.PAUSED
         while status == ode.PAUSED:  # a keyboard interrupt is raised between two calls
-            status = ode.integrate_path(problem, control, state, path, max_tries)
-            if status == ode.PAUSED and state.counts[ode.ROW] + 1 == len(path):
+            status = ode.integrate_path(problem, control, state, path, max(STEPS_PER_CALL // n, 1))
+            if status == ode.PAUSED and counts[ode.ROW] + 1 == len(path):
                 path = np.concatenate([path, np.empty_like(path)])
-        path = path[: state.counts[ode.ROW] + 1]
+        path = path[: counts[ode.ROW] + 1]
         if status != ode.REACHED:
             x, x_end, x_start = self.gap.positions(np.array([path[-1, 0], control.coordinate_end, u])).tolist()
             raise RuntimeError(
-                f"the integration of the columns stopped after {state.counts[ode.STEPS_TRIED]} steps at x {x:.6g} m "
+                f"the integration of the columns stopped after {counts[ode.STEPS_TRIED]} steps at x {x:.6g} m "
                 f"between {x_start:.6g} and {x_end:.6g} m, vertical stress {path[-1, 1]:.6g} Pa: {FAILURES[status]}; "
                 "reduce the indentation or the `unloading_modulus`"
             )
         after = replace(self, stack=self.stack._replace(max_density_ratio=state.max_density_ratio))
-        return path, after, int(state.counts[ode.EVALUATIONS])
+        return path, after, int(counts[ode.EVALUATIONS])
 
-    def compute_pass(self, indentation: float, rtol: float, max_step_share: float = np.inf) -> "PassResult":
-        """Compute the pass at an indentation [m] with an error of a step and a largest step over the front [-]."""
+    def compute_pass(self, indentation: float, rtol: float, max_step_share: float = np.inf) -> Contact:
+        """Compute the contact along +x at an indentation [m], without an error estimate.
+
+        Parameters
+        ----------
+        rtol : float
+            Error of a step over the size of the whole pass [-].
+        max_step_share : float
+            Largest step over the front [-].
+        """
         layer = self if self.law_at is None else replace(self, law=self.law_at(indentation))
         gap, rise = layer.gap, REBOUND_SHARE_MAX * indentation
         front, rear = gap.front(indentation), gap.front(min(rise, gap.radius) if gap.circular else rise)
@@ -213,88 +215,53 @@ class ColumnLayer:
                 f"{float(gap.positions(np.array(rear))):.6g} m behind the lowest generatrix at an indentation of "
                 f"{indentation:.6g} m; use a stiffer mix or a smaller indentation"
             )
-        return PassResult(after, indentation, loading, unloading, evaluations + more)
-
-
-@dataclass(frozen=True)
-class PassResult:
-    """Pass of a roller over a `ColumnLayer`.
-
-    Parameters
-    ----------
-    layer : ColumnLayer
-        Columns with their initial heights and their largest density ratios after the pass.
-    indentation : float
-        Indentation of the lowest generatrix [m].
-    loading, unloading : ndarray
-        Paths (u, y) from the front edge to the lowest generatrix, and from there to the rear edge.
-    evaluations : int
-        Number of evaluations of the rates.
-    """
-
-    layer: ColumnLayer
-    indentation: float
-    loading: Array
-    unloading: Array
-    evaluations: int
-
-    @property
-    def load(self) -> float:
-        """Load P [N/m]; the integral under the front is negative, where u decreases."""
-        return float(self.unloading[-1, 1 + ode.LOAD_INTEGRAL] - 2 * self.loading[-1, 1 + ode.LOAD_INTEGRAL])
-
-    @property
-    def resistance(self) -> float:
-        """Resistance F [N/m]."""
-        return -float(self.unloading[-1, 1 + ode.RESISTANCE_INTEGRAL])
-
-    @property
-    def peak_pressure(self) -> float:
-        """Vertical stress at the lowest generatrix [Pa]."""
-        return float(self.loading[-1, 1 + STRESS])
-
-    @property
-    def work(self) -> tuple[float, float]:
-        """Plastic work and remaining elastic energy of the columns per unit length of travel [N/m]."""
-        return float(self.unloading[-1, 1 + ode.PLASTIC_WORK]), float(self.unloading[-1, 1 + ode.ELASTIC_WORK])
-
-    @property
-    def exit_density_ratio(self) -> float:
-        """Density ratio after the rebound [-], mean over the height without the lower lift."""
-        y, layer = self.unloading[-1, 1:], slice(self.layer.lower_count, None)
-        heights = self.layer.heights(y)[layer]
-        return float(self.layer.density_ratios(y)[layer] @ heights / heights.sum())
-
-    @property
-    def columns(self) -> tuple[Column, ...]:
-        """Columns after the pass with those of the lower lift, from the base upwards."""
-        y, layer = self.unloading[-1, 1:], self.layer
-        lateral_stress = 1.5 * y[ode.COLUMN_STATE :: 2]
-        rows = (layer.heights(y), layer.density_ratios(y), lateral_stress, layer.stack.max_density_ratio)
-        return tuple(Column(*values) for values in np.array(rows).T.tolist())
-
-    @property
-    def mass_residual(self) -> float:
-        """Relative excess of the height needed by the mass over the height at the lowest generatrix [-]."""
-        y, stack = self.loading[-1, 1:], self.layer.stack
-        solid = stack.density_ratio * stack.height
-        needed = solid / self.layer.density_ratios(y) * np.exp(-self.layer.elastic_strains(y))
-        return float(needed.sum() / (self.layer.height - self.indentation) - 1)
+        lowest, y, evaluations = loading[-1, 1:], unloading[-1, 1:], evaluations + more
+        unloading[:, 0] *= -1
+        path = np.concatenate([unloading[::-1], loading[-2::-1]])  # from the rear to the front edge
+        x, heights, ratios = gap.positions(path[:, 0]), layer.heights(y), layer.density_ratios(y)
+        # the integral under the front is negative, where u decreases
+        load, resistance = (
+            float(y[ode.LOAD_INTEGRAL] - 2 * lowest[ode.LOAD_INTEGRAL]),
+            -float(y[ode.RESISTANCE_INTEGRAL]),
+        )
+        plastic, elastic = y[[ode.PLASTIC_WORK, ode.ELASTIC_WORK]].tolist()
+        columns = np.array([heights, ratios, 1.5 * y[ode.COLUMN_STATE :: 2], after.stack.max_density_ratio]).T.tolist()
+        below, fresh = slice(layer.lower_count), slice(layer.lower_count, None)
+        settled: dict[str, Any] = {}
+        if layer.lower_count:
+            lower_height = float(heights[below].sum())
+            settled = {
+                "lower_height": lower_height,
+                "lower_density_ratio": ratios[below] @ heights[below] / lower_height,
+            }
+        solid = self.stack.density_ratio * self.stack.height / layer.density_ratios(lowest)
+        needed = float((solid * np.exp(-layer.elastic_strains(lowest))).sum())
+        return Contact(
+            load=load, resistance=resistance, leading=float(x[-1]), trailing=float(x[0]), x=x,
+            pressure=path[:, 1 + STRESS], shear_traction=np.zeros_like(x), peak_pressure=float(lowest[STRESS]),
+            indentation=float(indentation), exit_height=float(heights[fresh].sum()),
+            exit_density_ratio=float(ratios[fresh] @ heights[fresh] / heights[fresh].sum()),
+            work_residual=abs(resistance - plastic - elastic) / resistance_scale(resistance, load),
+            mass_residual=needed / (layer.height - indentation) - 1,
+            exit=Columns(*(tuple(Column(*each) for each in columns[part]) for part in (fresh, below))),
+            own={"plastic_work": plastic, "elastic_work": elastic, "evaluations": evaluations},
+            effort=f"evaluations: {evaluations}", **settled,
+        )  # fmt: skip
 
 
 def column_layer(
-    columns: tuple[Column, ...],
+    columns: Sequence[Column],
     material: Compaction,
     rate_factor: float,
     gap: GapShape,
-    strain_measure: int = ode.LOGARITHMIC,
+    logarithmic: bool = True,
     lower_count: int = 0,
 ) -> ColumnLayer:
     """Build the `ColumnLayer` of columns at rest.
 
     Parameters
     ----------
-    columns : tuple of Column
+    columns : sequence of Column
         Columns from the base upwards.
     material : Compaction
         Constitutive law.
@@ -302,73 +269,91 @@ def column_layer(
         Factor of pc [-].
     gap : GapShape
         Gap between roller and layer.
-    strain_measure : int
-        Measure of the strain, as of `column_ode`.
+    logarithmic : bool
+        True for logarithmic strains, False for small ones.
     lower_count : int
         Number of columns of a lower lift.
 
     Returns
     -------
     ColumnLayer
+
+    Raises
+    ------
+    ValueError
+        If a column is out of its range.
     """
-    rows = [(each.height, each.density_ratio, each.lateral_stress, each.max_density_ratio) for each in columns]
-    height, density_ratio, lateral_stress, max_density_ratio = np.array(rows, dtype=float).T.copy()
-    law, mean_stress = cap_constants(material, rate_factor), lateral_stress / 1.5
-    stack = ColumnStack(height, density_ratio, mean_stress, max_density_ratio)
-    return ColumnLayer(law, stack, gap, strain_measure, lower_count)
+    height, density_ratio, lateral_stress, max_density_ratio = np.array(columns, dtype=float).T.copy()
+    require_positive(height=height, density_ratio=density_ratio)
+    require_nonnegative(max_density_ratio=max_density_ratio)
+    require_finite(lateral_stress=lateral_stress)
+    require_that(density_ratio < 1, density_ratio, "`density_ratio` must be below 1, got")
+    stack = ColumnStack(height, density_ratio, lateral_stress / 1.5, max_density_ratio)
+    return ColumnLayer(cap_constants(material, rate_factor), stack, gap, logarithmic, lower_count)
 
 
-def solve_target(layer: ColumnLayer, name: str, value: float, rtol: float) -> tuple[PassResult, int]:
+class Compressible(Protocol):
+    """Layer whose indentation is limited, by pores or by the axis of the circle."""
+
+    @property
+    def max_indentation(self) -> float:
+        """Largest indentation [m]."""
+
+    @property
+    def limit(self) -> str:
+        """Reason why no indentation is larger."""
+
+    @property
+    def loosest(self) -> float:
+        """Density ratio before the pass [-]."""
+
+
+def solve_target(
+    layer: Compressible, compute: Callable[[float], Contact], name: str, value: float, tolerance: float
+) -> Contact:
     """Compute the pass with a prescribed quantity.
 
     Parameters
     ----------
-    layer : ColumnLayer
-        Columns under a roller or a plate.
+    layer : Compressible
+        Layer under a roller or a plate.
+    compute : callable
+        Computes the pass at an indentation [m].
     name : {"indentation", "load", "peak_pressure", "exit_density_ratio"}
         Prescribed quantity.
     value : float
         Its value in its unit.
-    rtol : float
-        Error of a step over the size of the whole pass [-].
-
-    Returns
-    -------
-    result : PassResult
-    evaluations : int
-        Evaluations of the rates in all other passes.
+    tolerance : float
+        Relative error of the indentation [-].
 
     Raises
     ------
     ValueError
         If no indentation has the value.
     """
-    limit = layer.max_indentation
+    deepest = math.log(layer.max_indentation)
     if name == "indentation":
-        if not value < limit:
-            _raise_unreachable(layer, name, value, limit)
-        return layer.compute_pass(value, rtol, SAMPLED_STEP_SHARE), 0
-    if name == "exit_density_ratio" and not layer.loosest < value < 1:
-        _raise_unreachable(layer, name, value, layer.compute_pass(limit, rtol).exit_density_ratio)
-    tried: dict[float, PassResult] = {}
+        if not value < layer.max_indentation:
+            raise_unreachable(layer, name, value, layer.max_indentation)
+        return compute(value)
+
+    @cache
+    def passed(log_depth: float) -> Contact:
+        return compute(min(math.exp(log_depth), layer.max_indentation))
 
     def residual(log_depth: float) -> float:
-        tried[log_depth] = passed = layer.compute_pass(min(math.exp(log_depth), limit), rtol, SAMPLED_STEP_SHARE)
-        return math.log(getattr(passed, name) / value)
+        return math.log(getattr(passed(log_depth), name) / value)
 
-    guess = limit
-    if layer.estimate(name, limit) > value:
-        guess = brentq(lambda depth: layer.estimate(name, depth) - value, 0, limit, rtol=1e-3)
-    low = high = math.log(guess)
-    error = last = residual(low)
-    step = -OVERSHOOT * error / (guess / layer.height if name == "exit_density_ratio" else 1.0)
-    while error * last > 0:
-        if last < 0 and high >= math.log(limit):
-            _raise_unreachable(layer, name, value, getattr(tried[high], name))
-        low, high = high, min(high + step, math.log(limit))
-        last, step = residual(high), 2 * step
-    root = brentq(residual, low, high, xtol=SEARCH_TOLERANCE * rtol, rtol=1e-15) if low != high else low
-    return tried[root], sum(passed.evaluations for log_depth, passed in tried.items() if log_depth != root)
+    if name == "exit_density_ratio" and not layer.loosest < value < 1:
+        raise_unreachable(layer, name, value, passed(deepest).exit_density_ratio)
+    low, high, step = deepest - SEARCH_STEP, deepest - SEARCH_STEP, SEARCH_STEP
+    while residual(high) < 0:
+        if high == deepest:
+            raise_unreachable(layer, name, value, getattr(passed(deepest), name))
+        low, high = high, min(high + SEARCH_STEP, deepest)
+    while residual(low) > 0:
+        low, high, step = low - step, low, 2 * step
+    return passed(brentq(residual, low, high, xtol=tolerance, rtol=1e-15) if low < high else low)
 
 
 def plate_indentation(layer: ColumnLayer, pressure: float, rtol: float) -> float:
@@ -377,18 +362,14 @@ def plate_indentation(layer: ColumnLayer, pressure: float, rtol: float) -> float
     control = PathControl(0.0, float(pressure), layer.error_scale(limit, rtol), np.inf)
     path, _, _ = plate.integrate(limit, layer.initial_state, control)
     if path[-1, 1 + STRESS] < pressure:
-        _raise_unreachable(layer, "peak_pressure", pressure, path[-1, 1 + STRESS])
+        raise_unreachable(layer, "peak_pressure", pressure, path[-1, 1 + STRESS])
     return float(limit - path[-1, 0])
 
 
-def _raise_unreachable(layer: ColumnLayer, name: str, value: float, limit: float) -> NoReturn:
-    """Raise ValueError for a target beyond its value at the largest indentation."""
+def raise_unreachable(layer: Compressible, name: str, value: float, largest: float) -> NoReturn:
+    """Raise ValueError for a target beyond its value at the largest indentation, or an initial density ratio."""
+    bounds = "be less than"
     if name == "exit_density_ratio":
-        reason = "with the circle buried to its axis" if layer.limited_by_axis else "that closes all pores"
-        raise ValueError(
-            f"`exit_density_ratio` must lie between {layer.loosest:.6g}, before the pass, and {limit:.6g}, after a "
-            f"pass {reason}, got {value!r}"
-        )
-    full = f"grains and water alone fill the remaining {layer.solid_height:.6g} m of {layer.height:.6g} m"
-    reason, unit = "the circle is buried to its axis" if layer.limited_by_axis else full, CONTACT[name].unit
-    raise ValueError(f"`{name}` must be less than {limit:.6g} {unit}, where {reason}, got {value:.6g} {unit}")
+        bounds = f"lie between {layer.loosest:.6g}, before the pass, and"
+    unit = "" if name == "exit_density_ratio" else f" {CONTACT[name].unit}"
+    raise ValueError(f"`{name}` must {bounds} {largest:.6g}{unit}, where {layer.limit}, got {value:.9g}{unit}")

@@ -15,15 +15,23 @@ So is a layer on a lower lift; its height and density after the pass do not cont
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from compact import rolling_contact
-from compact.engines.column import column_pass
+from compact.engines.column import COLUMN, column_pass
 from compact.engines.column.column_ode import COLUMN_STATE, STRESS, GapShape, PathControl
-from compact.engines.column.column_pass import PLATE, TARGET_TOLERANCE, Column, ColumnLayer, PassResult, column_layer
+from compact.engines.column.column_pass import (
+    PLATE,
+    SAMPLED_STEP_SHARE,
+    SEARCH_TOLERANCE,
+    TARGET_TOLERANCE,
+    Column,
+    ColumnLayer,
+    column_layer,
+)
 from compact.engines.column.state_update_columns import roll_state_update
 from compact.material.cap_plasticity import CapConstants, cap_constants, compacted_state
 from compact.material.laws import Compaction
@@ -35,22 +43,6 @@ from compact.rolling_contact import Contact, Layer, LowerLift, Roller
 INTEGRATION_RTOL = 1e-9  # [-], default error of a step over the size of the whole pass
 FEED_TRIALS_MAX = 20  # [-], of the rate factor of a feed; each reduces its error some thousandfold
 ERROR_RTOL_RATIO = 100.0  # [-], `rtol` of the comparison pass over `rtol`; the difference is the error estimate
-
-
-class Columns(NamedTuple):
-    """Columns behind a pass, from the base upwards: of the layer, and of its lower lift."""
-
-    layer: tuple[Column, ...]
-    lower: tuple[Column, ...] = ()
-
-    def with_lift(self, thickness: float, material: Compaction) -> "Columns":
-        """Return the columns under fresh mix of a thickness [m]."""
-        return self._replace(layer=(*self.layer, Column(thickness, material.fed_density_ratio)))
-
-    @property
-    def density_rows(self) -> Array:
-        """Heights [m] and density ratios [-], shape (2, n)."""
-        return np.array([(each.height, each.density_ratio) for each in (*self.lower, *self.layer)]).T
 
 
 @dataclass(frozen=True)
@@ -120,7 +112,7 @@ def roll(layer: Layer, roller: Roller, material: Compaction | StateUpdate, speed
     >>> f"P {rolled.load:.0f} N/m, F/P {rolled.resistance / rolled.load:.3f}, k {rolled.exit_density_ratio:.3f}"
     'P 10035 N/m, F/P 0.165, k 0.980'
     """
-    require_column_layer(layer, roller)
+    COLUMN.require(layer, roller, speed)
     if isinstance(material, StateUpdate):
         return roll_state_update(layer, roller, material, speed, **options)
     _require_compaction(material)
@@ -136,7 +128,7 @@ def roll_over(
     speed: float,
     *,
     exit_density_ratio: float | None = None,
-    strain: Literal["logarithmic", "small", "mass-true"] = "logarithmic",
+    strain: Literal["logarithmic", "small"] = "logarithmic",
     rtol: float = INTEGRATION_RTOL,
     lower: Sequence[Column] = (),
 ) -> Contact:
@@ -150,9 +142,8 @@ def roll_over(
         See `roll`.
     exit_density_ratio : float, optional
         Mean density ratio after the pass [-], in place of the target of the roller.
-    strain : {"logarithmic", "small", "mass-true"}
-        Strain measure: logarithmic, which conserves mass; small; or small with k = k_in/(1 - V). Small strains refer
-        to the heights before the pass.
+    strain : {"logarithmic", "small"}
+        Strain measure: logarithmic, which conserves mass, or small, which refers to the heights before the pass.
     rtol : float
         Error of a step over the size of the whole pass [-].
     lower : sequence of Column
@@ -163,13 +154,12 @@ def roll_over(
     RuntimeError
         If the integration or the search for the indentation does not converge.
     """
-    require_column_range(roller, material, speed)
-    require_known("strain", strain, column_pass.STRAINS)
+    _require_compaction(material)
+    COLUMN.require(None, roller, speed)
+    require_known("strain", strain, ("logarithmic", "small"))
     require_positive(rtol=rtol)
     gap = GapShape(float(roller.radius), 0.0 if roller.profile == "parabola" else 1.0)
-    stack = (*lower, *columns)
-    layer = column_layer(stack, material, 1.0, gap, column_pass.STRAINS[strain], len(lower))
-    require_integrable(layer, material)
+    layer = column_layer((*lower, *columns), material, 1.0, gap, strain == "logarithmic", len(lower))
     if material.rate_sensitivity:
         grains = sum(
             each.density_ratio * each.height * np.exp(each.lateral_stress / 1.5 / layer.law.K) for each in columns
@@ -185,9 +175,11 @@ def roll_over(
 
         layer = replace(layer, law=law_at(layer.max_indentation), law_at=law_at)
     target = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
-    result, evaluations = column_pass.solve_target(layer, *target, rtol)
+    result = _sampled_pass(layer, *target, rtol)
     coarse = layer.compute_pass(result.indentation, ERROR_RTOL_RATIO * rtol)
-    rolled = rolling_contact.for_travel(_build_result(result, coarse, rtol, evaluations), speed)
+    scale = rolling_contact.resistance_scale(result.resistance, result.load)
+    error = abs(coarse.load - result.load) / result.load, abs(coarse.resistance - result.resistance) / scale
+    rolled = rolling_contact.for_travel(replace(result, error=(error[0] + rtol, error[1] + rtol)), speed)
     rolling_contact.require_on_target(rolled, roller, TARGET_TOLERANCE * rtol, exit_density_ratio=exit_density_ratio)
     return rolled
 
@@ -255,16 +247,15 @@ def required_feed(
     factor, lower = 1.0, lower_columns(lower_lift, material, radius, speed)
     for _ in range(FEED_TRIALS_MAX):
         # the density after a pass depends on its lowest height alone, so that a plate stands for the roller
-        result, _ = column_pass.solve_target(
-            _unit_layer(material, factor), "exit_density_ratio", exit_density_ratio, rtol
-        )
+        fresh = column_layer((Column(1.0, material.fed_density_ratio),), material, factor, PLATE)
+        result = _sampled_pass(fresh, "exit_density_ratio", exit_density_ratio, rtol)
         rolling_contact.require_target_reached(
             "exit_density_ratio", exit_density_ratio, result.exit_density_ratio, TARGET_TOLERANCE * rtol
         )
-        scale, settlement = height / result.columns[0].height, 0.0
+        scale, settlement = height / result.exit_height, 0.0
         if lower:
             below = column_layer(lower, material, factor, PLATE)
-            settlement = column_pass.plate_indentation(require_integrable(below, material), result.peak_pressure, rtol)
+            settlement = column_pass.plate_indentation(below, result.peak_pressure, rtol)
         feed, before = RequiredFeed(height=scale, indentation=scale * result.indentation + settlement), factor
         if radius is not None:
             rate = rolling_contact.compaction_rate(speed, radius, feed.height, feed.indentation)
@@ -305,7 +296,7 @@ def simulate_oedometer(
     pressure = np.atleast_1d(np.asarray(pressure, dtype=float))
     require_nonnegative(pressure=pressure)
     require_positive(rate_factor=rate_factor, rtol=rtol)
-    layer = _unit_layer(material, rate_factor)
+    layer = column_layer((Column(1.0, material.fed_density_ratio),), material, rate_factor, PLATE)
     y, error_scale, rows = layer.initial_state, layer.error_scale(layer.max_indentation, rtol), []
     for stress in pressure.tolist():
         coordinate_end = -1.0 if stress > y[STRESS] else 1.0
@@ -318,74 +309,13 @@ def simulate_oedometer(
     return OedometerResult(*np.array(rows).T)
 
 
-def _unit_layer(material: Compaction, rate_factor: float) -> ColumnLayer:
-    """Fresh mix of unit height under a plate."""
-    column = Column(1.0, material.fed_density_ratio)
-    return require_integrable(column_layer((column,), material, rate_factor, PLATE), material)
+def _sampled_pass(layer: ColumnLayer, name: str, value: float, rtol: float) -> Contact:
+    """Compute the pass with a prescribed quantity and its pressure at many points."""
 
+    def compute(indentation: float) -> Contact:
+        return layer.compute_pass(indentation, rtol, SAMPLED_STEP_SHARE)
 
-def require_integrable(layer: ColumnLayer, material: Compaction) -> ColumnLayer:
-    """Return a layer; raise ValueError if its equation is too stiff for an explicit method."""
-    if not layer.stiffness_ratio < column_pass.STIFFNESS_RATIO_MAX:
-        limit = material.unloading_modulus * column_pass.STIFFNESS_RATIO_MAX / layer.stiffness_ratio
-        raise ValueError(
-            f"`unloading_modulus` must be less than {limit:.3g} Pa for this mix in the engine column, got "
-            f"{material.unloading_modulus!r}: the mix is nearly rigid-plastic; use a tenth of the limit, which changes "
-            "the resistance by less than 1e-3"
-        )
-    return layer
-
-
-def _build_result(result: PassResult, coarse: PassResult, rtol: float, evaluations: int) -> Contact:
-    """Return the contact along +x of a pass, with the error estimated from a coarser integration."""
-    path = np.concatenate([result.unloading[::-1], result.loading[-2::-1]])  # from the rear to the front edge
-    path[: len(result.unloading), 0] *= -1
-    x, load, resistance = result.layer.gap.positions(path[:, 0]), result.load, result.resistance
-    plastic, elastic = result.work
-    scale = rolling_contact.resistance_scale(resistance, load)
-    count = result.layer.lower_count
-    lower, columns = result.columns[:count], result.columns[count:]
-    lower_height, count_of_rates = sum(column.height for column in lower), result.evaluations + coarse.evaluations
-    count_of_rates += evaluations
-    return Contact(
-        load=load, resistance=resistance, leading=float(x[-1]), trailing=float(x[0]), x=x, pressure=path[:, 1 + STRESS],
-        shear_traction=np.zeros_like(x), peak_pressure=result.peak_pressure, indentation=float(result.indentation),
-        error=(abs(coarse.load - load) / load + rtol, abs(coarse.resistance - resistance) / scale + rtol),
-        work_residual=abs(resistance - plastic - elastic) / scale,
-        exit_height=sum(column.height for column in columns), exit_density_ratio=result.exit_density_ratio,
-        exit=Columns(columns, lower), lower_height=lower_height if lower else None,
-        lower_density_ratio=sum(each.density_ratio * each.height for each in lower) / lower_height if lower else None,
-        mass_residual=result.mass_residual, own={"plastic_work": plastic, "evaluations": count_of_rates},
-        effort=f"evaluations: {count_of_rates}",
-    )  # fmt: skip
-
-
-def require_column_layer(layer: Layer, roller: Roller) -> None:
-    """Raise ValueError unless a layer is of one mix, and bonded."""
-    require_known("base", layer.base, get_args(rolling_contact.BaseCondition))
-    require_known("rolling", roller.rolling, get_args(rolling_contact.RollerCondition))
-    if layer.base == "slip":
-        raise ValueError(
-            "the engine column needs a `base` that is bonded, got 'slip': mix on a frictionless base spreads laterally "
-            "and dilates, which columns do not; use the engine compaction"
-        )
-    if layer.plies:
-        raise ValueError(
-            f"the engine column needs a layer of one mix, got {len(layer.plies)} `plies`; use the engine compaction"
-        )
-
-
-def require_column_range(roller: Roller, material: Compaction, speed: float) -> None:
-    """Raise ValueError unless roller, material and speed are in the range of the engine."""
-    _require_compaction(material)
-    rolling_contact.require_moving(speed)
-    require_known("rolling", roller.rolling, get_args(rolling_contact.RollerCondition))
-    require_known("profile", roller.profile, get_args(rolling_contact.GapGeometry))
-    if roller.friction and roller.rolling in ("sliding", "driven"):
-        raise ValueError(
-            f"the engine column carries no shear, got `rolling` '{roller.rolling}' with `friction` "
-            f"{roller.friction!r}; use 'free' or the engine compaction"
-        )
+    return column_pass.solve_target(layer, compute, name, value, SEARCH_TOLERANCE * rtol)
 
 
 def _require_compaction(material: object) -> None:

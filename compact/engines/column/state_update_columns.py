@@ -18,7 +18,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from compact import rolling_contact
+from compact.engines.column import COLUMN
 from compact.engines.column.column_ode import GapShape
+from compact.engines.column.column_pass import REBOUND_SHARE_MAX, solve_target
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
@@ -26,9 +28,9 @@ from compact.rolling_contact import Contact, Layer, Roller
 
 INCREMENTS = 64  # [-], of the front, at first
 INCREMENTS_MAX = 16_384  # [-], of the front; some second of a law in Python
-REBOUND_MAX = 2.0  # [-], rise of the gap behind the roller over the indentation, in which the unloading must end
-LEAST_INDENTATION = 1e-6  # [-], of the largest one, in the search for a target
+CLOSED_PORES = 1e-6  # [-], share of the pores that the largest indentation leaves
 RTOL = 1e-4  # [-], default tolerance of load and resistance
+SEARCH_TOLERANCE = 1e-9  # [-], relative error of the indentation that is sought
 
 
 def roll_state_update(
@@ -68,27 +70,24 @@ def roll_state_update(
     RuntimeError
         If the increments do not suffice, or the rebound does not end.
     """
-    rolling_contact.require_moving(speed)
+    COLUMN.require(layer, roller, speed)
     require_positive(rtol=rtol)
     if layer.lower_lift is not None:
         raise ValueError("an own material needs a layer on the rigid base, got a `lower_lift`; use a law of the mix")
-    name, target = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
-    layer_of_law = _OwnLayer(layer, material, GapShape(roller.radius, 0.0 if roller.profile == "parabola" else 1.0))
-    count, before, change = INCREMENTS, layer_of_law.solve_target(name, target, INCREMENTS, rtol), np.inf
-    while change > rtol:
+    target = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
+    own = _OwnLayer(layer, material, GapShape(roller.radius, 0.0 if roller.profile == "parabola" else 1.0))
+    count, error, found = INCREMENTS, (np.inf, np.inf), own.at_target(target, INCREMENTS)
+    while max(error) > rtol:
         if count >= INCREMENTS_MAX:
             raise RuntimeError(
-                f"the contact over {material.name} changes by {change:.1e} from {count // 2} to {count} "
+                f"the contact over {material.name} changes by {max(error):.1e} from {count // 2} to {count} "
                 f"increments, tolerance {rtol:g}; the law may jump, so smooth it or raise `rtol`"
             )
-        count *= 2
-        found = layer_of_law.solve_target(name, target, count, rtol)
-        of_resistance = abs(found.resistance - before.resistance) / rolling_contact.resistance_scale(
-            found.resistance, found.load
-        )
-        found = replace(found, error=(abs(found.load - before.load) / found.load, of_resistance))
-        before, change = found, max(found.error or ())
-    result = rolling_contact.for_travel(before, speed)
+        count, before = 2 * count, found
+        found = own.at_target(target, count)
+        scale = rolling_contact.resistance_scale(found.resistance, found.load)
+        error = abs(found.load - before.load) / found.load, abs(found.resistance - before.resistance) / scale
+    result = rolling_contact.for_travel(replace(found, error=error), speed)
     rolling_contact.require_on_target(result, roller, 10 * rtol, exit_density_ratio=exit_density_ratio)
     return result
 
@@ -112,26 +111,25 @@ class _OwnLayer:
     material: StateUpdate
     gap: GapShape
 
-    def solve_target(self, name: str, target: float, count: int, rtol: float) -> Contact:
+    @property
+    def loosest(self) -> float:
+        """Density ratio before the pass [-]."""
+        return self.material.fed_density_ratio
+
+    @property
+    def max_indentation(self) -> float:
+        """Largest indentation [m]."""
+        pores = self.layer.height * (1 - self.loosest)
+        return (1 - CLOSED_PORES) * (min(pores, self.gap.radius) if self.gap.circular else pores)
+
+    @property
+    def limit(self) -> str:
+        """Reason why no indentation is larger."""
+        return f"the pores of {self.material.name} close, or the circle is buried to its axis"
+
+    def at_target(self, target: tuple[str, float], count: int) -> Contact:
         """Compute the pass in which a quantity equals its target, with a number of increments of the front."""
-        deepest = self.layer.height * (1 - self.material.fed_density_ratio)
-        deepest = min(deepest, self.gap.radius) if self.gap.circular else deepest
-        if name == "indentation":
-            if not target < deepest:
-                raise ValueError(
-                    f"`indentation` must be less than {deepest:.6g} m, got {target!r}: it closes all pores"
-                )
-            return self.compute_pass(target, count)
-
-        def excess(indentation: float) -> float:
-            return float(getattr(self.compute_pass(indentation, count), name)) - target
-
-        least, most = LEAST_INDENTATION * deepest, deepest * (1 - LEAST_INDENTATION)
-        if excess(most) < 0:
-            raise ValueError(
-                f"`{name}` {target:.6g} is not reached by {self.material.name} before its pores close; prescribe less"
-            )
-        return self.compute_pass(float(brentq(excess, least, most, rtol=min(rtol / 10, 1e-6))), count)
+        return solve_target(self, lambda depth: self.compute_pass(depth, count), *target, SEARCH_TOLERANCE)
 
     def compute_pass(self, indentation: float, count: int) -> Contact:
         """Compute the pass along +x at an indentation [m] with a number of increments of the front."""
@@ -140,7 +138,7 @@ class _OwnLayer:
         heights = lowest + self.gap.at(ahead)
         heights[0] = self.layer.height
         stresses, state = self._advance(self.material.initial_state, heights)
-        limit = self.gap.edge(min(REBOUND_MAX * indentation, self.gap.radius * (1 - 1e-9)))
+        limit = self.gap.edge(min(REBOUND_SHARE_MAX * indentation, self.gap.radius * (1 - 1e-9)))
         rear, behind = [0.0], [stresses[-1]]
 
         def unload(place: float) -> tuple[float, Any]:

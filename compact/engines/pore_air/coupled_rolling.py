@@ -10,8 +10,8 @@ Friction of a turning roller is limited by the total pressure.
 """
 
 from copy import copy
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -29,25 +29,20 @@ COUPLED_TOLERANCE = 1e-2  # [-], distance to the steady state; the air changes l
 RELAXATION = 0.5  # [-], share of the change of the pressure that the next step applies
 
 
-@dataclass(frozen=True, eq=False)
-class CoupledContact:
+class CoupledContact(NamedTuple):
     """Steady contact coupled with the pore air, per unit roller length.
 
     Parameters
     ----------
     load, resistance : float
         Total forces on the roller, those of skeleton and air [N/m].
-    air_load, air_resistance : float
-        Parts by the pressure of the air on the roller [N/m].
+    air_load : float
+        Part of the load by the pressure of the air on the roller [N/m].
     largest_excess_behind : float
         Largest excess pressure behind the contact [Pa].
-    exit_density_ratio : float
-        Mean density ratio behind the roller [-].
-    error : float
-        Estimated distance of load, resistance and exit density ratio from the steady state [-].
     pressure : AirPressure
         Pressure of the air.
-    rolling : IncrementalRolling
+    rolling : CoupledRolling
         Steady solution.
     relaxation : Relaxation
         Slow relaxation of the bow wave of the solution.
@@ -56,12 +51,9 @@ class CoupledContact:
     load: float
     resistance: float
     air_load: float
-    air_resistance: float
     largest_excess_behind: float
-    exit_density_ratio: float
-    error: float
     pressure: AirPressure
-    rolling: IncrementalRolling
+    rolling: "CoupledRolling"
     relaxation: Relaxation
 
 
@@ -115,21 +107,11 @@ def roll_coupled(
         search.run()
     rolling = search.rolling
     assert isinstance(rolling, CoupledRolling)  # copies of it
-    step, of_air, direction = rolling.steps[-1], RollerAir(rolling, air), float(np.sign(speed))
+    step, of_air = rolling.steps[-1], RollerAir(rolling, air)
     pressure = of_air.pressure(speed)
-    air_load, air_resistance = of_air.forces(pressure)
-    return CoupledContact(
-        step.load,
-        direction * step.resistance,
-        air_load,
-        direction * air_resistance,
-        of_air.largest_excess_behind(pressure),
-        step.exit_density_ratio,
-        search.errors.total,
-        pressure,
-        rolling,
-        search.relaxation,
-    )
+    resistance, (air_load, _) = float(np.sign(speed)) * step.resistance, of_air.forces(pressure)
+    behind = of_air.largest_excess_behind(pressure)
+    return CoupledContact(step.load, resistance, air_load, behind, pressure, rolling, search.relaxation)
 
 
 class CoupledRolling(IncrementalRolling):

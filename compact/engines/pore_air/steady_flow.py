@@ -23,9 +23,9 @@ engine "compaction"; the grid are its Gauss points, which know deformation and d
 
 `ColumnAir` has the heights of confined columns: of the gap under the roller, h(x) = h_min + gap(x), as fed ahead of the
 contact, and the exit height behind it. No air leaves through roller and base, so that the mean pressure of the height
-flows along x. Outside the contact the surface is drained. The mean pressure of a parabola over the height leaks there
-by s = 3 K_yy/H^2. Columns do not move sideways, so that air changes no height under the roller; it extends the contact
-behind by a length that is neglected.
+flows along x: both rows of its grid have this pressure, and no air flows between them. Outside the contact the surface
+is drained. The mean pressure of a parabola over the height leaks there by s = 3 K_yy/H^2. Columns do not move sideways,
+so that air changes no height under the roller; it extends the contact behind by a length that is neglected.
 
 References
 ----------
@@ -40,20 +40,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import spsolve
-from skfem import Basis, BilinearForm, ElementLineP1, ElementQuad1, MeshLine, MeshQuad
+from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
 from skfem.helpers import dot, grad, mul
 from threadpoolctl import threadpool_limits
 
 from compact.material.pore_air import PoreAir
 from compact.numerics import Array, BoolArray
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
-from compact.rolling_contact import Layer, Roller
+from compact.rolling_contact import Contact, Layer, Roller
 
 if TYPE_CHECKING:
     import meshio
 
     from compact.engines.compaction.rolling import IncrementalRolling
-    from compact.rolling_contact import Contact
 
 RESIDUAL_TOLERANCE = 1e-10  # [-], residual of a node over the sum of its fluxes
 MAX_ITERATIONS = 60  # [-], Newton iterations; 3 to 12 are usual
@@ -62,7 +61,6 @@ MAX_STEP_CUTS = 12  # [-], halvings of a step
 SMALL_PECLET = 1e-3  # [-], element Peclet number below which coth Pe - 1/Pe is Pe/3
 LARGE_PECLET = 1e9  # [-], bound of the element Peclet number where the mix is impermeable
 GAUSS = 0.5 + np.array([-1.0, 1.0]) / np.sqrt(12)  # [-], points of order 3 on the unit interval
-WEIGHTS = np.full(2, 0.5)  # [-], of the two points of Gauss, and of the two ends of an interval
 ELEMENTS = 480  # [-], along the contact of columns; the load changes by 3e-3 at most from 240
 OUTER_LENGTH = 6.0  # [-], length ahead and behind over the height as fed
 OUTER_GROWTH = 1.06  # [-], ratio of neighbouring elements there
@@ -78,16 +76,16 @@ class AirFlow:
     x : ndarray, shape (n,)
         Positions of the nodes along the travel [m], ascending.
     y : ndarray, shape (m,)
-        Heights of the nodes [m], ascending; one height for columns with the mean pressure of the height.
+        Heights of the nodes [m], ascending.
     air_volume : ndarray, shape (n, m)
         Volume of the air over that of the fed mix a [-], > 0.
     mobility : ndarray, shape (2, 2, n, m)
-        Permeability over viscosity in the fed configuration K [m2/(Pa s)]; of columns K_xx is used.
+        Permeability over viscosity in the fed configuration K [m2/(Pa s)].
     drained : ndarray of bool, shape (n, m)
         Nodes with the pressure of the surroundings, in addition to those ahead, where the mix enters.
     ambient_pressure : float
         Absolute pressure of the surroundings p0 [Pa].
-    leakage : ndarray, shape (n, m), optional
+    leakage : ndarray, shape (n, m)
         Leakage s to the surroundings [1/(Pa s)]; none by default.
 
     Raises
@@ -102,13 +100,12 @@ class AirFlow:
     mobility: Array
     drained: BoolArray
     ambient_pressure: float
-    leakage: Array | None = None
+    leakage: Array | float = 0.0
 
     def __post_init__(self) -> None:
         require_positive(air_volume=self.air_volume, ambient_pressure=self.ambient_pressure)
         require_finite(mobility=self.mobility)
-        if self.leakage is not None:
-            require_nonnegative(leakage=self.leakage)
+        require_nonnegative(leakage=self.leakage)
 
     def solve(self, speed: float, start: "AirPressure | None" = None) -> "AirPressure":
         """Solve for the pressure at a speed of the roller.
@@ -164,19 +161,6 @@ class AirFlow:
         )
 
     @cached_property
-    def basis(self) -> Basis:
-        """Linear elements; Gauss points along x, nodes across it, so that the convection is lumped across.
-
-        Node i, j of the grid has the number i m + j.
-        """
-        if len(self.y) == 1:
-            return Basis(MeshLine(self.x), ElementLineP1(), quadrature=(GAUSS[None], WEIGHTS))
-        across, along = np.meshgrid([0.0, 1.0], GAUSS)  # the first direction of an element of `init_tensor` is y
-        points = np.array([across.ravel(), along.ravel()])
-        mesh = MeshQuad.init_tensor(self.x, self.y)
-        return Basis(mesh, ElementQuad1(), quadrature=(points, np.outer(WEIGHTS, WEIGHTS).ravel()))
-
-    @cached_property
     def fixed(self) -> BoolArray:
         """Drained nodes and those ahead, shape (n m,)."""
         fixed = self.drained.copy()
@@ -184,42 +168,44 @@ class AirFlow:
         return fixed.ravel()
 
     @cached_property
+    def basis(self) -> Basis:
+        """Linear elements; Gauss points along x, nodes across it, so that the convection is lumped across.
+
+        Node i, j of the grid has the number i m + j.
+        """
+        across, along = np.meshgrid([0.0, 1.0], GAUSS)  # the first direction of an element of `init_tensor` is y
+        points = np.array([across.ravel(), along.ravel()])
+        return Basis(MeshQuad.init_tensor(self.x, self.y), ElementQuad1(), quadrature=(points, np.full(4, 0.25)))
+
+    @cached_property
     def diffusion(self) -> csr_array:
         """Matrix of the flow by p^2/2 [m2/(Pa s)], shape (n m, n m)."""
-        axes = range(self.basis.mesh.dim())
-        tensor = np.array([[self.basis.interpolate(self.mobility[i, j].ravel()) for j in axes] for i in axes])
+        tensor = np.array([[self.basis.interpolate(each.ravel()) for each in row] for row in self.mobility])
         return csr_array(BilinearForm(lambda u, w, _: dot(mul(tensor, grad(u)), grad(w))).assemble(self.basis))
 
     def operators(self, speed: float) -> tuple[csr_array, csr_array]:
-        """Return the matrices of a p and of (p^2 - p0^2)/2 at a speed [m/s], shape (n m, n m), upwinded along x."""
-        delay, diffusion = self._delays(speed), self.diffusion
-        convect = BilinearForm(lambda u, w, _: -speed * (w - speed * delay * grad(w)[0]) * grad(u)[0])
-        if self.leakage is not None:
-            rate = self.basis.interpolate(self.leakage.ravel())
-            leak = BilinearForm(lambda u, w, _: rate * u * (w - speed * delay * grad(w)[0]))
-            diffusion = diffusion + csr_array(leak.assemble(self.basis))
-        return csr_array(convect.assemble(self.basis)), diffusion
+        """Return the matrices of a p and of (p^2 - p0^2)/2 at a speed [m/s], shape (n m, n m), upwinded along x.
 
-    def _delays(self, speed: float) -> Array:
-        """Return the time by which the test functions of each element are shifted upstream [s], shape (elements, 1).
-
-        The residual of linear elements lacks the flow. The shift is therefore bounded by the times of diffusion in the
-        element along x and y, so that its error is of second order.
+        The test functions of each element are shifted upstream by a delay. The residual of linear elements lacks the
+        flow. The delay is therefore bounded by the times of diffusion in the element along x and y, so that its error
+        is of second order.
         """
 
         def of_elements(axis: int) -> Array:  # diffusivity of the pressure [m2/s], mean over the nodes
             rate = self.mobility[axis, axis] * self.ambient_pressure / self.air_volume
-            means = (rate[:-1] + rate[1:]) / 2
-            return means if means.shape[1] == 1 else (means[:, :-1] + means[:, 1:]) / 2
+            rows = (rate[:-1] + rate[1:]) / 2
+            return (rows[:, :-1] + rows[:, 1:]) / 2
 
         lengths = np.diff(self.x)[:, None]
-        diffusion = np.maximum(of_elements(0), np.finfo(float).tiny * speed)
-        peclet = np.minimum(speed * lengths / (2 * diffusion), LARGE_PECLET)
-        safe = np.maximum(peclet, SMALL_PECLET)
-        times = lengths / (2 * speed) * np.where(peclet < SMALL_PECLET, peclet / 3, 1 / np.tanh(safe) - 1 / safe)
-        if len(self.y) > 1:
-            times = times / np.hypot(1.0, times * 12 * of_elements(1) / np.diff(self.y) ** 2)
-        return times.reshape(-1, 1)  # element i, j has the number i (m - 1) + j
+        peclet = speed * lengths / (2 * np.maximum(of_elements(0), np.finfo(float).tiny * speed))
+        safe = np.clip(peclet, SMALL_PECLET, LARGE_PECLET)
+        delay = lengths / (2 * speed) * np.where(peclet < SMALL_PECLET, peclet / 3, 1 / np.tanh(safe) - 1 / safe)
+        delay = delay / np.hypot(1.0, delay * 12 * of_elements(1) / np.diff(self.y) ** 2)
+        delay = delay.reshape(-1, 1)  # element i, j has the number i (m - 1) + j
+        leakage = self.basis.interpolate(np.broadcast_to(self.leakage, self.air_volume.shape).ravel())
+        convect = BilinearForm(lambda u, w, _: -speed * (w - speed * delay * grad(w)[0]) * grad(u)[0])
+        leak = BilinearForm(lambda u, w, _: leakage * u * (w - speed * delay * grad(w)[0]))
+        return csr_array(convect.assemble(self.basis)), self.diffusion + csr_array(leak.assemble(self.basis))
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,24 +238,10 @@ class AirPressure:
         return self.flow.ambient_pressure + self.excess
 
     @property
-    def inflow(self) -> float:
-        """Air that enters with the fed mix, pressure times volume per time [Pa m2/s]; of columns [Pa m/s]."""
-        return self._convected(-1)
-
-    @property
-    def drained(self) -> float:
-        """Air that leaves through drained nodes, pressure times volume per time, as `inflow`."""
-        return float(-self.fluxes[self.flow.fixed].sum())
-
-    @property
     def mass_residual(self) -> float:
         """Air that enters less that which leaves, over the former [-]; leakage of columns counts as a residual."""
-        return (self.inflow - self._convected(0) - self.drained) / self.inflow
-
-    def _convected(self, column: int) -> float:
-        air = self.flow.air_volume[column] * self.pressure[column]
-        height = np.trapezoid(air, self.flow.y) if len(self.flow.y) > 1 else air[0]
-        return float(self.speed * height)
+        convected = np.asarray(self.speed * np.trapezoid(self.flow.air_volume * self.pressure, self.flow.y, axis=1))
+        return float(1 - (convected[0] - self.fluxes[self.flow.fixed].sum()) / convected[-1])
 
 
 class AirUnderContact:
@@ -293,51 +265,18 @@ class AirUnderContact:
     on_roller: slice | BoolArray = slice(None)
 
     def pressure(self, speed: float, start: AirPressure | None = None) -> AirPressure:
-        """Solve for the pressure of the air, of columns for its mean over the height.
-
-        Parameters
-        ----------
-        speed : float
-            Speed of the roller along x [m/s], not 0.
-        start : AirPressure, optional
-            Pressure at another speed as initial guess.
-
-        Returns
-        -------
-        AirPressure
-        """
+        """Solve for the pressure at a speed of the roller along x [m/s], not 0; `start` is one at another speed."""
         return self.flow.solve(abs(speed), start)
 
     def forces(self, pressure: AirPressure) -> tuple[float, float]:
-        """Return load and resistance of the air on the roller [N/m].
-
-        Parameters
-        ----------
-        pressure : AirPressure
-            Pressure of the air.
-
-        Returns
-        -------
-        load, resistance : float
-            Forces per unit length of the roller [N/m].
-        """
+        """Return load and resistance of the air on the roller [N/m]."""
         excess, (x, y) = pressure.excess[self.on_roller, -1], self.surface[:, self.on_roller]
         return float(np.trapezoid(excess, x)), float(np.trapezoid(excess, y))
 
     def largest_excess_behind(self, pressure: AirPressure) -> float:
-        """Return the largest excess pressure behind the contact [Pa].
+        """Return the largest excess pressure behind the contact [Pa], 0 if there is none.
 
         The total stress on horizontal planes vanishes there, so that it is a tensile stress of the skeleton.
-
-        Parameters
-        ----------
-        pressure : AirPressure
-            Pressure of the air.
-
-        Returns
-        -------
-        float
-            Excess pressure [Pa]; 0 if there is none.
         """
         return max(float(pressure.excess[pressure.flow.x < self.contact[0]].max()), 0.0)
 
@@ -357,32 +296,27 @@ class ColumnAir(AirUnderContact):
         Contact without air.
     """
 
-    def __init__(self, air: PoreAir, layer: Layer, roller: Roller, contact: "Contact") -> None:
-        self.air, self.height, self.roller = air, layer.height, roller
-        self.lowest, self.exit_height = layer.height - contact.indentation, contact.exit_height
+    def __init__(self, air: PoreAir, layer: Layer, roller: Roller, contact: Contact) -> None:
+        H, R, self.air = layer.height, roller.radius, air
         self.contact = trailing, leading = -abs(contact.trailing), abs(contact.leading)
         inner = np.linspace(trailing, leading, ELEMENTS + 1)
         step = inner[1] - inner[0]
-        count = int(np.ceil(np.log1p(OUTER_LENGTH * self.height / step * (OUTER_GROWTH - 1)) / np.log(OUTER_GROWTH)))
+        count = int(np.ceil(np.log1p(OUTER_LENGTH * H / step * (OUTER_GROWTH - 1)) / np.log(OUTER_GROWTH)))
         outer = np.cumsum(step * OUTER_GROWTH ** np.arange(1, count + 1))
         x = np.concatenate([inner[0] - outer[::-1], inner, inner[-1] + outer])
-        self.surface, self.on_roller = np.array([x, self.heights(x)]), (x >= trailing) & (x <= leading)
-        ratio = self.surface[1] / self.height
+        inside = np.clip(x, trailing, leading)
+        root = R if roller.profile == "parabola" else np.sqrt(np.maximum(R**2 - inside**2, 0.0))
+        heights = H - contact.indentation + inside**2 / (R + root)
+        heights = np.where(x > leading, H, np.where(x < trailing, contact.exit_height, heights))
+        self.surface, self.on_roller = np.array([x, heights]), (x >= trailing) & (x <= leading)
+        ratio = heights / H
         voids = air.bounded(ratio / air.fed_density_ratio - 1)
-        mobility = np.zeros((2, 2, len(x), 1))
-        mobility[0, 0, :, 0], mobility[1, 1, :, 0] = air.mobility(voids) * ratio, air.mobility(voids) / ratio
-        self.flow = AirFlow(
-            x, np.zeros(1), (air.fed_density_ratio * voids)[:, None], mobility, np.zeros((len(x), 1), dtype=bool),
-            air.ambient_pressure, leakage=DRAINAGE / self.height**2 * mobility[1, 1] * ~self.on_roller[:, None],
-        )  # fmt: skip
-
-    def heights(self, x: Array) -> Array:
-        """Return the heights of the columns [m] at x from the lowest generatrix [m], ascending along the travel."""
-        R, inside = self.roller.radius, np.clip(x, *self.contact)
-        root = R if self.roller.profile == "parabola" else np.sqrt(np.maximum(R**2 - inside**2, 0.0))
-        heights = self.lowest + inside**2 / (R + root)
-        trailing, leading = self.contact
-        return np.where(x > leading, self.height, np.where(x < trailing, self.exit_height, heights))
+        mobility = np.zeros((2, 2, len(x), 2))
+        mobility[0, 0] = (air.mobility(voids) * ratio)[:, None]
+        leakage = DRAINAGE / H**2 * air.mobility(voids) / ratio * ~self.on_roller
+        volume, leakage = (np.repeat(each[:, None], 2, axis=1) for each in (air.fed_density_ratio * voids, leakage))
+        drained = np.zeros_like(volume, dtype=bool)
+        self.flow = AirFlow(x, np.array([0.0, H]), volume, mobility, drained, air.ambient_pressure, leakage)
 
 
 class RollerAir(AirUnderContact):

@@ -175,21 +175,32 @@ class LiftSequence:
         """Return a field of all lifts, shape (lifts,)."""
         return np.array([getattr(lift, name) for lift in self.lifts])
 
-    def curve(self, name: str) -> tuple[Array, Array]:
-        """Return mean density ratios [-] and the force of the lifts there [N/m], over its thickness [N/m2].
-
-        A load, undivided, belongs to the density behind a lift, and a resistance to the mean of both sides. A section
-        pressed without a lift has no work per mix. The load of the air is over the thickness of the sequence.
-        """
-        ratio, force, thickness = self.values("density_ratio"), self.values(name), self.values("thickness")
-        if name.endswith("load"):
-            return ratio, force / self.thickness if name == "air_load" else force
-        fed = thickness > 0
-        return (ratio + self.values("density_before"))[fed] / 2, force[fed] / thickness[fed]
-
     def at(self, name: str, density: Array) -> Array:
-        """Interpolate a force of `curve` at mean density ratios, linearly in the logarithm, and extrapolate it."""
-        ratio, force = self.curve(name)
+        """Interpolate a force at mean density ratios [-], linearly in the logarithm, and extrapolate it.
+
+        A load belongs to the density behind a lift. A resistance belongs to the mean of both sides and is over the
+        thickness of the lift; a section pressed without a lift has no work per mix. A force of the air, which is not
+        extrapolated, is over the thickness of the sequence.
+
+        Parameters
+        ----------
+        name : {"load", "resistance", "air_load", "air_resistance"}
+            Force.
+        density : ndarray
+            Mean density ratios [-], that behind a stroke for a load, else that of both sides.
+
+        Returns
+        -------
+        ndarray
+            P [N/m], F/t and P_air/t [N/m2], or F_air/t^2 [N/m3].
+        """
+        ratio, force = self.values("density_ratio"), self.values(name)
+        if name.endswith("resistance"):
+            thickness = self.values("thickness")
+            fed = thickness > 0
+            ratio, force = ((ratio + self.values("density_before")) / 2)[fed], force[fed] / thickness[fed]
+        if name.startswith("air"):
+            return np.interp(density, ratio, force) / self.thickness
         if len(ratio) == 1:
             return np.full(len(density), force[0])
         slope, inside = np.diff(np.log(force)) / np.diff(ratio), np.interp(density, ratio, np.log(force))
@@ -333,37 +344,27 @@ def _lift(
     """Return the record of a pass, with its pore air at a speed [m/s]."""
     state, error, mesh = passed.exit, passed.error, field_mesh(passed)
     assert error is not None  # the engine estimates its error
-    ratio, behind, load, resistance = state.points.density_ratio, 0.0, 0.0, 0.0
+    ratio, of_air = state.points.density_ratio, {}
     if air is not None:
         coupled = roll_coupled(passed, air.pore_air, speed) if air.coupled else None
         under = RollerAir(passed.solution if coupled is None else coupled.rolling, air.pore_air)
         pressure = under.pressure(speed) if coupled is None else coupled.pressure
-        behind, (load, resistance) = under.largest_excess_behind(pressure), under.forces(pressure)
+        load, resistance = under.forces(pressure)
         if coupled is not None:
             load, resistance = coupled.load - passed.load, coupled.resistance - passed.resistance
+        excess = under.largest_excess_behind(pressure)
+        of_air = {"air_load": load, "air_resistance": resistance, "air_excess_behind": excess}
         under.add_field(mesh, pressure)
+    same = ("load", "resistance", "peak_pressure", "work_residual", "mass_residual")
     return LumpedLift(
-        thickness=thickness,
-        bite=passed.indentation,
-        load=passed.load,
-        resistance=passed.resistance,
-        load_error=error[0],
-        resistance_error=error[1],
-        density_before=density_before,
-        density_ratio=passed.exit_density_ratio,
+        thickness=thickness, bite=passed.indentation, load_error=error[0], resistance_error=error[1],
+        density_before=density_before, density_ratio=passed.exit_density_ratio,
         bottom_density_ratio=mean_over_height(state.heights, ratio, 0.0, QUARTER),
         top_density_ratio=mean_over_height(state.heights, ratio, 1 - QUARTER, 1.0),
-        overpressed_height=float(state.heights[ratio > 1].sum()),
-        surface=passed.exit_height,
-        peak_pressure=float(passed.peak_pressure or 0.0),
-        work_residual=passed.work_residual or 0.0,
-        mass_residual=passed.mass_residual,
+        overpressed_height=float(state.heights[ratio > 1].sum()), surface=passed.exit_height,
         rows=tuple(zip(state.heights, ratio, -state.points.stress[:, [0, 2]].mean(axis=1), strict=True)),
-        air_load=load,
-        air_resistance=resistance,
-        air_excess_behind=behind,
-        mesh=mesh,
-    )
+        mesh=mesh, **{name: getattr(passed, name) for name in same}, **of_air,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -389,6 +390,9 @@ class Estimate:
     def error(self) -> float:
         """Relative error of both causes [-]."""
         return float(np.hypot(self.lumping_error, self.mesh_error))
+
+
+NO_FORCE = Estimate(0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -435,29 +439,22 @@ class TwoDimensionalRow:
     @property
     def load(self) -> Estimate:
         """Load of the roller [N]."""
-        return self._estimate("load", self.row.lengths)
+        return self._estimate("load")
 
     @property
     def resistance(self) -> Estimate:
         """Resistance of the roller [N]; 0 of a mould at rest, whose work per stroke is not that of the row."""
-        return self._estimate("resistance", self._feed_weights)
-
-    @property
-    def _feed_weights(self) -> Array:
-        """Mix that each stroke presses over the advance of the mould [m2], of the last stroke its share."""
-        machine = self.row.problem.machine
-        shares = machine.stroke_shares if machine.strokes is None else 1.0
-        return np.asarray(machine.advance * self.row.history.make_up * shares)
+        return self._estimate("resistance")
 
     @property
     def air_load(self) -> Estimate:
         """Load by the excess pressure of the pore air [N]; 0 without air."""
-        return self._air_estimate("air_load", self.row.lengths)
+        return self._air_estimate("air_load")
 
     @property
     def air_resistance(self) -> Estimate:
         """Resistance by the excess pressure of the pore air [N]; 0 without air, and of a mould at rest."""
-        return self._air_estimate("air_resistance", self._feed_weights)
+        return self._air_estimate("air_resistance")
 
     @property
     def air_excess_behind(self) -> float:
@@ -527,12 +524,20 @@ class TwoDimensionalRow:
         states = np.array([state.density_ratio for state in self.row.history.states])
         return states[1:] if name.endswith("load") else (states[:-1] + states[1:]) / 2
 
-    def _estimate(self, name: str, weights: Array) -> Estimate:
-        lumpings, meshes = self.lumpings, self.meshes
+    def _weights(self, name: str) -> Array:
+        """Weights of the strokes in a sum: their lengths [m], or the mix that they press over an advance [m2]."""
+        if name.endswith("load"):
+            return self.row.lengths
+        machine = self.row.problem.machine
+        shares = machine.stroke_shares if machine.strokes is None else 1.0
+        return np.asarray(machine.advance * self.row.history.make_up * shares)
+
+    def _estimate(self, name: str) -> Estimate:
+        lumpings, meshes, weights = self.lumpings, self.meshes, self._weights(name)
         forces = self.at_strokes(name, lumpings)
         value = float(forces @ weights)
         if value == 0:
-            return Estimate(0.0, 0.0, 0.0, 0.0)
+            return NO_FORCE
         others = [self.at_strokes(name, lumpings, degree) for degree in ((0, 2) if len(lumpings) > 2 else (0,))]
         lumping = max(abs(float(other @ weights) / value - 1) for other in others)
         mesh_limit, mesh = 1.0, float(np.average(lumpings[0].values(f"{name}_error"), weights=lumpings[0].values(name)))
@@ -543,19 +548,13 @@ class TwoDimensionalRow:
         beyond = self.row.history.density_ratio > min(each.values("density_ratio").max() for each in lumpings)
         return Estimate(value * mesh_limit, lumping, mesh, float(forces[beyond] @ weights[beyond]) / value)
 
-    def _air_estimate(self, name: str, weights: Array) -> Estimate:
+    def _air_estimate(self, name: str) -> Estimate:
         """Return a force of the air by the thinnest lifts, with the differences to the thickest and between meshes."""
-        density, made_up = self._densities(name), self.row.history.make_up
-
-        def total(sequence: LiftSequence) -> float:
-            per_feed = 1.0 if name == "air_load" else sequence.thickness
-            return float(np.interp(density, *sequence.curve(name)) * made_up / per_feed @ weights) * self.air_scale
-
-        value, thickest = total(self.lumpings[0]), total(self.lumpings[-1])
-        if not value:
-            return Estimate(0.0, 0.0, 0.0, 0.0)
-        meshes = [total(sequence) for sequence in self.meshes]
-        return Estimate(value, abs(thickest / value - 1), abs(meshes[-1] / meshes[0] - 1), 0.0)
+        weights = self.row.history.make_up * self._weights(name) * self.air_scale
+        density = self._densities(name)
+        sequences = self.lumpings[0], self.lumpings[-1], self.meshes[0], self.meshes[-1]
+        value, thickest, finest, coarsest = (float(each.at(name, density) @ weights) for each in sequences)
+        return Estimate(value, abs(thickest / value - 1), abs(coarsest / finest - 1), 0.0) if value else NO_FORCE
 
 
 def process_frames(row: RollerRow, lifts: LiftSequence | None = None) -> Iterator[tuple[float, "meshio.Mesh"]]:

@@ -12,10 +12,12 @@ a factor of two.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from compact.engines.process.forming import Feed
 from compact.engines.process.section import BiteError, FormingProblem, OverfilledError
 from compact.numerics import Array
 
@@ -23,6 +25,26 @@ CURVE_LAYERS = 1  # [-], merged layers; the load differs by 1e-9 from that of 20
 CURVE_RTOL = 1e-6  # [-], error of a step of the integration
 GAP_FACTOR, GAP_FACTOR_LAST = 0.75, 0.97  # [-], from one gap to the next; nearer gaps at the end of the curve
 STROKES_MAX = 250  # [-], strokes of a curve; a smaller gap has no place on it
+
+
+class OperatingMap(NamedTuple):
+    """Forming at the required density over both speeds; arrays of shape (cart speeds, mould speeds).
+
+    Parameters
+    ----------
+    mould_speeds, cart_speeds : ndarray
+        Speeds [m/s].
+    strokes : ndarray
+        Strokes N on a section [-].
+    load, resistance : ndarray
+        Forces on one roller [N]; nan where the bite would exceed that at the nip angle.
+    """
+
+    mould_speeds: Array
+    cart_speeds: Array
+    strokes: Array
+    load: Array
+    resistance: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,35 +76,25 @@ class DensityCurve:
         """Least number of strokes [-], with the bite at the nip angle."""
         return float(self.strokes[0])
 
-    def at(self, strokes: Array) -> tuple[Array, Array, Array]:
+    def at(self, strokes: Array) -> Array:
         """Interpolate gap [m], load and work [N/m] over the logarithm of the strokes; nan outside the curve."""
         x, nodes = np.log(strokes), np.log(self.strokes)
         logarithms = np.log(np.array([self.gap, self.load, self.work]))
         if len(nodes) == 1:
-            return tuple(np.where(x == nodes, np.exp(logarithms), np.nan))
-        gap, load, work = np.exp(PchipInterpolator(nodes, logarithms, axis=1, extrapolate=False)(x))
-        return gap, load, work
+            return np.array([np.where(x == nodes, np.exp(each), np.nan) for each in logarithms])
+        return np.exp(PchipInterpolator(nodes, logarithms, axis=1, extrapolate=False)(x))
 
-
-@dataclass(frozen=True, eq=False)
-class OperatingMap:
-    """Forming at the required density over both speeds; arrays of shape (cart speeds, mould speeds).
-
-    Parameters
-    ----------
-    mould_speeds, cart_speeds : ndarray
-        Speeds [m/s].
-    strokes : ndarray
-        Strokes N on a section [-].
-    load, resistance : ndarray
-        Forces on one roller [N]; nan where the bite would exceed that at the nip angle.
-    """
-
-    mould_speeds: Array
-    cart_speeds: Array
-    strokes: Array
-    load: Array
-    resistance: Array
+    def map(self, stroke: float, mould_speeds: Array, cart_speeds: Array) -> OperatingMap:
+        """Interpolate the curve at speeds of mould and cart [m/s], with strokes of a length [m]."""
+        length = self.problem.machine.roller_length
+        advance = mould_speeds * stroke / cart_speeds[:, None]
+        strokes = length / advance
+        gap, load, work = self.at(strokes)
+        factor = np.ones_like(gap)
+        for row, speed in enumerate(cart_speeds.tolist()):
+            faster, gaps = self.problem.at_speed(speed), np.nan_to_num(gap[row]).tolist()
+            factor[row] = [faster.rate_factor(each) / self.problem.rate_factor(each) for each in gaps]
+        return OperatingMap(mould_speeds, cart_speeds, strokes, load * factor * length, work * factor * advance)
 
 
 def density_curve(problem: FormingProblem, density_ratio: float, most_strokes: float) -> DensityCurve:
@@ -107,18 +119,20 @@ def density_curve(problem: FormingProblem, density_ratio: float, most_strokes: f
         If no gap within the nip angle leads to the density.
     """
     limit = int(np.ceil(min(most_strokes, STROKES_MAX)))
-    feed = replace(problem.feed, law="room", count=0, positions=(), relative_thicknesses=())
+    feed = Feed(problem.feed.density_ratio, strokes=problem.feed.strokes)
     machine = replace(problem.machine, mould_speed=0.0, strokes=limit)
     base = replace(problem, machine=machine, feed=feed, layers=CURVE_LAYERS)
-    gap, factor, points = problem.machine.max_bite, GAP_FACTOR, list[tuple[float, ...]]()
+    gap, factor, points = machine.max_bite, GAP_FACTOR, list[tuple[float, ...]]()
     while factor < GAP_FACTOR_LAST:
         try:
-            point = _curve_point(base, gap, density_ratio)
+            history = base.with_amount(gap, base.rate_factor(gap), rtol=CURVE_RTOL, until_density_ratio=density_ratio)
         except OverfilledError:  # the stroke that passes the density closes the pores: few strokes leave such holes
             gap *= GAP_FACTOR_LAST
             continue
-        if point is not None:
-            points.append(point)
+        count = history.strokes_until(density_ratio)
+        if 0 < count < np.inf:
+            shares = np.clip(count - np.arange(history.count), 0, 1)
+            points.append((count, gap, float(history.load @ shares) / count, float(history.resistance @ shares)))
             gap *= factor
         elif points:  # the gap is too small: half the way back to the last one
             factor = np.sqrt(factor)
@@ -129,42 +143,3 @@ def density_curve(problem: FormingProblem, density_ratio: float, most_strokes: f
             )
     strokes, gaps, load, work = np.array(points).T
     return DensityCurve(strokes, gaps, load, work, problem)
-
-
-def operating_map(curve: DensityCurve, stroke: float, mould_speeds: Array, cart_speeds: Array) -> OperatingMap:
-    """Interpolate a curve at speeds of mould and cart.
-
-    Parameters
-    ----------
-    stroke : float
-        Length s of the stroke [m].
-    mould_speeds, cart_speeds : ndarray
-        Speeds [m/s].
-
-    Returns
-    -------
-    OperatingMap
-    """
-    machine = curve.problem.machine
-    strokes = machine.roller_length * cart_speeds[:, None] / (mould_speeds * stroke)
-    gap, load, work = curve.at(strokes)
-    factor = np.ones_like(gap)
-    for row, speed in enumerate(cart_speeds.tolist()):
-        faster = replace(curve.problem, machine=replace(machine, cart_speed=speed))
-        factor[row] = [faster.rate_factor(d) / curve.problem.rate_factor(d) for d in np.nan_to_num(gap[row]).tolist()]
-    advance = mould_speeds * stroke / cart_speeds[:, None]
-    load, resistance = load * factor * machine.roller_length, work * factor * advance
-    return OperatingMap(mould_speeds, cart_speeds, strokes, load, resistance)
-
-
-def _curve_point(problem: FormingProblem, gap: float, density_ratio: float) -> tuple[float, ...] | None:
-    """Return strokes, gap, mean load and work until a density ratio; None if it is not reached."""
-    rate_factor = problem.rate_factor(gap)
-    history = problem.with_amount(gap, rate_factor, rtol=CURVE_RTOL, until_density_ratio=density_ratio)
-    ratio = np.array([state.density_ratio for state in history.states])
-    if ratio[-1] < density_ratio:
-        return None
-    n = history.count
-    strokes = n - 1 + float((density_ratio - ratio[n - 1]) / (ratio[n] - ratio[n - 1]))
-    shares = np.clip(strokes - np.arange(n), 0, 1)
-    return strokes, gap, float(history.load @ shares) / strokes, float(history.resistance @ shares)

@@ -41,8 +41,7 @@ from functools import cached_property
 
 import numpy as np
 
-from compact.engines.process.forming import Closure
-from compact.engines.process.section import ClosedProcess, FormingProblem, SectionHistory
+from compact.engines.process.section import FormingProblem, SectionHistory
 from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_positive, require_that
@@ -92,25 +91,19 @@ class RollerRow:
 
     Parameters
     ----------
-    problem : FormingProblem
-        Machine, mix and feed.
-    closure : Closure
-        Condition on the feed.
-    closed : ClosedProcess
-        Strokes that satisfy it.
+    history : SectionHistory
+        Strokes on one section.
     required_density_ratio : float
         Density ratio that the product should have [-].
     """
 
-    problem: FormingProblem
-    closure: Closure
-    closed: ClosedProcess
+    history: SectionHistory
     required_density_ratio: float
 
     @property
-    def history(self) -> SectionHistory:
-        """Strokes on one section."""
-        return self.closed.history
+    def problem(self) -> FormingProblem:
+        """Machine, mix and feed."""
+        return self.history.problem
 
     @cached_property
     def lengths(self) -> Array:
@@ -162,41 +155,37 @@ class RollerRow:
         """Largest vertical stress under the roller [Pa]."""
         return float(self.history.peak_pressure.max())
 
-    def _of_product(self, name: str) -> float:
-        """Return the mean over the product of a quantity of its sections."""
-        return self.problem.machine.mean_of_product(*(getattr(state, name) for state in self.history.states[-2:]))
-
     @property
     def product_height(self) -> float:
         """Height of the product after its elastic recovery [m]."""
-        return self._of_product("height")
+        return self.history.of_product("height")
 
     @property
     def product_density_ratio(self) -> float:
         """Mean density ratio of the product [-]."""
-        return self._of_product("density_ratio")
+        return self.history.of_product("density_ratio")
 
     @property
     def bottom_density_ratio(self) -> float:
         """Mean density ratio of the bottom quarter of the product [-]."""
-        return self._of_product("bottom_density_ratio")
+        return self.history.of_product("bottom_density_ratio")
 
     @property
     def top_density_ratio(self) -> float:
         """Mean density ratio of the top quarter of the product [-]."""
-        return self._of_product("top_density_ratio")
+        return self.history.of_product("top_density_ratio")
 
     @property
     def overpressed_height(self) -> float:
-        """Height of the product whose density ratio exceeds 1 [m]; columns close their pores before that."""
-        return sum(column.height for column in self.history.states[-1].columns if column.density_ratio > 1)
+        """Height of the product whose density ratio exceeds 1 [m]: columns close their pores before that."""
+        return 0.0
 
     @cached_property
     def flow(self) -> MixFlow:
         """Grains of product, fill and feed per stroke."""
         history, mean, k = self.history, self.problem.machine.mean_of_product, self.problem.feed.density_ratio
-        fill, product = history.states[0].grain_height, self._of_product("grain_height")
-        strokes = (history.make_up, self.closed.offered - history.make_up)
+        fill, product = history.states[0].grain_height, history.of_product("grain_height")
+        strokes = history.make_up, history.offered - history.make_up
         fed, surplus = (k * mean(float(each[:-1].sum()), float(each.sum())) for each in strokes)
         extruded, lack = min(surplus, fill), self.required_density_ratio / self.product_density_ratio - 1
         return MixFlow(product, fill, fed, extruded, surplus - extruded, max(lack, 0.0) * product)
@@ -204,10 +193,14 @@ class RollerRow:
     @property
     def confined_work(self) -> float:
         """Work of confined compression in closed form per volume of the product [J/m3]; 0 without densification."""
-        problem, flow = self.problem, self.flow
+        return self.confined_work_of(self.problem, self.history.rate_factor)
+
+    def confined_work_of(self, problem: FormingProblem, rate_factor: float) -> float:
+        """Return the work of confined compression of another mix [J/m3] with the same grains of fill and feed."""
+        flow = self.flow
         total = flow.fill + flow.fed
         entries = (flow.fill / total, problem.fill.density_ratio), (flow.fed / total, problem.feed.density_ratio)
-        return confined_work(problem.material, entries, self.product_density_ratio, self.history.rate_factor)
+        return confined_work(problem.material, entries, self.product_density_ratio, rate_factor)
 
     @property
     def confined_floor(self) -> float:
@@ -223,12 +216,7 @@ class RollerRow:
     @property
     def strokes_for_density(self) -> float:
         """Strokes after which a section has the required density with this feed [-]; inf if it has not."""
-        ratio = np.array([state.density_ratio for state in self.history.states])
-        reached = np.flatnonzero(ratio >= self.required_density_ratio)
-        if not len(reached):
-            return float("inf")
-        n = int(reached[0])
-        return float(n - 1 + (self.required_density_ratio - ratio[n - 1]) / (ratio[n] - ratio[n - 1])) if n else 0.0
+        return self.history.strokes_until(self.required_density_ratio)
 
 
 def confined_stress(material: Compaction, density_ratio: np.ndarray, rate_factor: float = 1.0) -> np.ndarray:
@@ -309,11 +297,6 @@ class FeedSleeve:
     def __post_init__(self) -> None:
         require_fields(self, positive="width length head", nonnegative="wall_friction")
 
-    @property
-    def hydraulic_diameter(self) -> float:
-        """Four times the area over the perimeter [m]."""
-        return 2 * self.width * self.length / (self.width + self.length)
-
     def bed_stress(self, bulk_density: float, earth_pressure_coefficient: float) -> float:
         """Compute the vertical stress on the bed [Pa].
 
@@ -330,7 +313,8 @@ class FeedSleeve:
         '7382 Pa'
         """
         require_positive(bulk_density=bulk_density, earth_pressure_coefficient=earth_pressure_coefficient)
-        decay = 4 * self.wall_friction * earth_pressure_coefficient * self.head / self.hydraulic_diameter
+        diameter = 2 * self.width * self.length / (self.width + self.length)
+        decay = 4 * self.wall_friction * earth_pressure_coefficient * self.head / diameter
         carried = -np.expm1(-decay) / decay if decay else 1.0
         return float(GRAVITY * bulk_density * self.head * carried)
 

@@ -32,16 +32,15 @@ the rate is that of a single pass.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
 from compact.engines.column.column_ode import GapShape
-from compact.engines.column.column_pass import PLATE, Column, ColumnLayer, PassResult, column_layer, plate_indentation
-from compact.engines.column.engine import INTEGRATION_RTOL, require_integrable
+from compact.engines.column.column_pass import PLATE, Column, ColumnLayer, column_layer, plate_indentation
+from compact.engines.column.engine import INTEGRATION_RTOL
 from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
-from compact.material.cap_plasticity import CapConstants
 from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.rolling_contact import compaction_rate
@@ -68,19 +67,20 @@ class OverfilledError(ValueError):
     """Error for a section with more grains and water than fit below the lowest generatrix."""
 
 
-class SectionState(NamedTuple):
+@dataclass(frozen=True)
+class SectionState:
     """Section at rest.
 
     Parameters
     ----------
     columns : tuple of Column
         Layers from the base upwards.
-    law : CapConstants
-        Constants of the mix at the rate of the process.
+    bulk_modulus : float
+        Bulk modulus K of the mix [Pa].
     """
 
     columns: tuple[Column, ...]
-    law: CapConstants
+    bulk_modulus: float
 
     @property
     def height(self) -> float:
@@ -90,22 +90,49 @@ class SectionState(NamedTuple):
     @property
     def grain_height(self) -> float:
         """Mass of grains as a height [m], elastic strain included."""
-        return sum(grain_height(column, self.law.K) for column in self.columns)
+        return sum(grain_height(column, self.bulk_modulus) for column in self.columns)
 
     @property
     def density_ratio(self) -> float:
         """Mean density ratio over the height [-]."""
-        return mean_density_ratio(self.columns, 0.0, 1.0)
+        return self.mean_density_ratio(0.0, 1.0)
 
     @property
     def bottom_density_ratio(self) -> float:
         """Mean density ratio of the bottom quarter [-]."""
-        return mean_density_ratio(self.columns, 0.0, QUARTER)
+        return self.mean_density_ratio(0.0, QUARTER)
 
     @property
     def top_density_ratio(self) -> float:
         """Mean density ratio of the top quarter [-]."""
-        return mean_density_ratio(self.columns, 1 - QUARTER, 1.0)
+        return self.mean_density_ratio(1 - QUARTER, 1.0)
+
+    def mean_density_ratio(self, low: float, high: float) -> float:
+        """Return the mean density ratio [-] between two shares of the height, 0 at the base and 1 at the surface."""
+        heights, ratios, *_ = np.array(self.columns).T
+        return mean_over_height(heights, ratios, low, high)
+
+    def merged(self, count: int) -> "SectionState":
+        """Merge neighbours until `count` layers remain, those with the least difference of density over height first.
+
+        Layers that have yielded under the same stress have the same density; fill that is denser than the feed stays
+        apart until it yields. A merged layer has the height and the grains of its parts.
+        """
+        kept, K = list(self.columns), self.bulk_modulus
+        while len(kept) > count:
+            differences = [
+                abs(above.density_ratio - below.density_ratio) * min(below.height, above.height)
+                for below, above in pairwise(kept)
+            ]
+            place = int(np.argmin(differences))
+            below, above = kept[place : place + 2]
+            masses = np.array([grain_height(below, K), grain_height(above, K)])
+            total, height = float(masses.sum()), below.height + above.height
+            stress = float(masses / total @ [below.lateral_stress, above.lateral_stress])
+            densest = float(masses / total @ [below.max_density_ratio, above.max_density_ratio])
+            ratio = total / height * float(np.exp(-stress / 1.5 / K))
+            kept[place : place + 2] = [Column(height, ratio, stress, densest)]
+        return replace(self, columns=tuple(kept))
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,10 +153,14 @@ class SectionHistory:
         Plastic work and increase of the locked-in elastic energy per unit length of travel [N/m].
     states : tuple of SectionState
         Section before the first stroke and after each, length strokes + 1.
+    problem : FormingProblem
+        Machine, mix and feed.
     rate_factor : float
         Factor of the yield pressure by the rate of compaction [-].
-    fed_density_ratio : float
-        Density ratio of the mix as fed [-].
+    amount : float
+        Gap of the law "room", or largest make-up of the other laws [m]; nan with a pressure of extrusion.
+    offered : ndarray
+        Thickness that the sleeves offer before each stroke [m]; the make-up itself but for a pressure of extrusion.
     """
 
     make_up: Array
@@ -141,8 +172,10 @@ class SectionHistory:
     trailing: Array
     work: Array
     states: tuple[SectionState, ...]
+    problem: "FormingProblem"
     rate_factor: float
-    fed_density_ratio: float
+    amount: float
+    offered: Array
 
     @property
     def count(self) -> int:
@@ -160,9 +193,15 @@ class SectionHistory:
         return np.array([state.density_ratio for state in self.states[1:]])
 
     @property
+    def mean_bite(self) -> float:
+        """Mean bite [m], weighted by the make-up of the strokes; of equal weights without any."""
+        weights = self.make_up if self.make_up.any() else np.ones(self.count)
+        return float(np.average(np.maximum(self.bite, 0.0), weights=weights))
+
+    @property
     def mass_residual(self) -> float:
         """Grains in the section after the last stroke over those of fill and feed, less 1 [-]."""
-        fed = self.states[0].grain_height + self.fed_density_ratio * float(self.make_up.sum())
+        fed = self.states[0].grain_height + self.problem.feed.density_ratio * float(self.make_up.sum())
         return self.states[-1].grain_height / fed - 1
 
     @property
@@ -170,6 +209,31 @@ class SectionHistory:
         """Resistance of all strokes over the work left in the mix, less 1 [-]; 0 without resistance."""
         total = float(self.resistance.sum())
         return abs(total - float(self.work.sum())) / total if total else 0.0
+
+    def of_product(self, name: str) -> float:
+        """Return the mean over the product of a quantity of `SectionState`."""
+        return self.problem.machine.mean_of_product(*(getattr(state, name) for state in self.states[-2:]))
+
+    def strokes_until(self, density_ratio: float) -> float:
+        """Return the strokes until a section has a density ratio [-], with a fraction of the last one; inf if never."""
+        ratio = np.array([state.density_ratio for state in self.states])
+        n = int(np.argmax(ratio >= density_ratio))  # 0 also if none has
+        if n == 0:
+            return 0.0 if ratio[0] >= density_ratio else float("inf")
+        return float(n - 1 + (density_ratio - ratio[n - 1]) / (ratio[n] - ratio[n - 1]))
+
+    def within_nip(self) -> "SectionHistory":
+        """Return the strokes; raise BiteError unless the roller draws in the mix of each of them."""
+        stroke, machine = int(self.bite.argmax()), self.problem.machine
+        bite, limit = float(self.bite[stroke]), machine.max_bite
+        if bite > limit * (1 + BITE_ROUNDING):
+            raise BiteError(
+                f"stroke {stroke + 1} would have to draw in mix {bite * 1e3:.3g} mm above the lowest generatrix, and "
+                f"the nip angle of {machine.nip_angle:g} degrees admits {limit * 1e3:.3g} mm, R (1 - cos nip); more "
+                "strokes on a section, that is a slower mould, a faster cart or a longer roller, or less mix at a time "
+                "are needed"
+            )
+        return self
 
 
 @dataclass(frozen=True)
@@ -193,6 +257,18 @@ class FormingProblem:
     fill: Fill
     feed: Feed
     layers: int = DEFAULT_LAYERS
+
+    def at_speed(self, speed: float) -> "FormingProblem":
+        """Return the process at another speed of the cart [m/s]."""
+        return replace(self, machine=replace(self.machine, cart_speed=speed))
+
+    def rate_factor(self, bite: float) -> float:
+        """Return the factor of the yield pressure [-] for a mean bite [m]."""
+        if not (self.material.rate_sensitivity and bite > 0):
+            return 1.0
+        machine = self.machine
+        rate = compaction_rate(machine.cart_speed, machine.roller_radius, machine.height + bite, bite)
+        return self.material.rate_factor(rate)
 
     def with_amount(self, amount: float, rate_factor: float = 1.0, **options: float) -> SectionHistory:
         """Compute the strokes with a gap, or a largest make-up of the laws without a gap [m].
@@ -225,7 +301,7 @@ class FormingProblem:
                 return max(surface - state.height, 0.0) if shares[index] > 0 else 0.0
             return float(amount * shares[index])
 
-        return self._simulate(make_up, rate_factor, **options)
+        return self._simulate(make_up, rate_factor, amount, **options)
 
     def at_pressure(self, pressure: float, offered: Array, rate_factor: float) -> SectionHistory:
         """Compute the strokes with a make-up that brings the stress to a pressure [Pa], at most that offered [m].
@@ -258,25 +334,18 @@ class FormingProblem:
             left = max(self.machine.height - pressed_height(state.columns), 0.0)
             return min(most, left / pressed_height((Column(1.0, self.feed.density_ratio),)))
 
-        return self._simulate(make_up, rate_factor)
+        return replace(self._simulate(make_up, rate_factor, float("nan")), offered=offered)
 
-    def rate_factor(self, bite: float) -> float:
-        """Return the factor of the yield pressure [-] for a mean bite [m]."""
-        if not (self.material.rate_sensitivity and bite > 0):
-            return 1.0
-        machine = self.machine
-        rate = compaction_rate(machine.cart_speed, machine.roller_radius, machine.height + bite, bite)
-        return self.material.rate_factor(rate)
-
-    def product_density_ratio(self, history: SectionHistory) -> float:
-        """Return the mean density ratio of the product [-]."""
-        return self.machine.mean_of_product(*(state.density_ratio for state in history.states[-2:]))
-
-    def _stack(self, columns: tuple[Column, ...], rate_factor: float) -> ColumnLayer:
+    def _stack(self, columns: Sequence[Column], rate_factor: float) -> ColumnLayer:
         return column_layer(columns, self.material, rate_factor, GapShape(float(self.machine.roller_radius), 1.0))
 
     def _simulate(
-        self, make_up: MakeUp, rate_factor: float, rtol: float = INTEGRATION_RTOL, until_density_ratio: float = np.inf
+        self,
+        make_up: MakeUp,
+        rate_factor: float,
+        amount: float,
+        rtol: float = INTEGRATION_RTOL,
+        until_density_ratio: float = np.inf,
     ) -> SectionHistory:
         """Compute the strokes on a section."""
         fill, fed, height = self.fill, self.feed.density_ratio, self.machine.height
@@ -286,50 +355,35 @@ class FormingProblem:
                 f"{self.material.loose_density_ratio!r}, got {fill.density_ratio!r}"
             )
         columns = (Column(fill.height / self.layers, fill.density_ratio),) * self.layers
-        loosest = self._stack((*columns, Column(fill.height, fed)), rate_factor)
-        require_integrable(loosest, self.material)
-        states, rows = [SectionState(columns, loosest.law)], []
+        bulk_modulus = self.material.unloading_modulus / (3 - 6 * self.material.poisson)
+        states, rows = [SectionState(columns, bulk_modulus)], []
         for index in range(self.machine.stroke_count):
             state = states[-1]
             added = make_up(index, state)
             raised = (*state.columns, Column(added, fed)) if added > 0 else state.columns
-            bite = state.height + added - height
-            forces: tuple[float, ...] = (0.0,) * 6
+            bite, forces = state.height + added - height, (0.0,) * 6
             if bite > CONTACT_SHARE * height:
-                passed = _press(self._stack(raised, rate_factor), bite, index + 1, rtol)
-                edges = passed.layer.gap.edge(bite), float(passed.layer.gap.positions(passed.unloading[-1:, 0])[0])
-                forces, raised = (
-                    (passed.load, passed.resistance, passed.peak_pressure, *edges, sum(passed.work)),
-                    passed.columns,
-                )
+                layer = self._stack(raised, rate_factor)
+                if not bite < self.machine.roller_radius:
+                    raise BiteError(
+                        f"stroke {index + 1} would bury the roller to its axis, bite {bite:.3g} m; feed less"
+                    )
+                if not bite < layer.max_indentation:
+                    raise OverfilledError(f"stroke {index + 1} closes all pores: {layer.limit}; feed less mix")
+                passed = layer.compute_pass(bite, rtol)
+                raised, work = passed.exit.layer, passed.own["plastic_work"] + passed.own["elastic_work"]
+                edges = passed.leading, -passed.trailing
+                forces = passed.load, passed.resistance, passed.peak_pressure, *edges, work
             rows.append((added, bite, *forces))
-            states.append(SectionState(merge_layers(raised, self.layers, state.law.K), state.law))
+            states.append(replace(state, columns=raised).merged(self.layers))
             if states[-1].density_ratio >= until_density_ratio:
                 break
-        fields: list[Any] = [*np.array(rows).T, tuple(states), rate_factor, fed]
+        arrays = list(np.array(rows).T)
+        fields: list[Any] = [*arrays, tuple(states), self, rate_factor, amount, arrays[0]]
         return SectionHistory(*fields)
 
 
-@dataclass(frozen=True, eq=False)
-class ClosedProcess:
-    """Strokes on a section whose feed satisfies the closure.
-
-    Parameters
-    ----------
-    history : SectionHistory
-        Strokes.
-    amount : float
-        Gap of the law "room", or largest make-up of the other laws [m]; nan with a pressure of extrusion.
-    offered : ndarray
-        Thickness that the sleeves offer before each stroke [m]; the make-up itself but for a pressure of extrusion.
-    """
-
-    history: SectionHistory
-    amount: float
-    offered: Array
-
-
-def solve_closure(problem: FormingProblem, closure: Closure) -> ClosedProcess:
+def solve_closure(problem: FormingProblem, closure: Closure) -> SectionHistory:
     """Compute the strokes of a process.
 
     Parameters
@@ -341,7 +395,7 @@ def solve_closure(problem: FormingProblem, closure: Closure) -> ClosedProcess:
 
     Returns
     -------
-    ClosedProcess
+    SectionHistory
 
     Raises
     ------
@@ -359,126 +413,28 @@ def solve_closure(problem: FormingProblem, closure: Closure) -> ClosedProcess:
     factor = problem.rate_factor(closure.value if closure.kind == "gap" else machine.max_bite)
     for _ in range(RATE_ITERATIONS_MAX):
         if closure.kind == "extrusion_pressure":
-            closed = ClosedProcess(problem.at_pressure(closure.value, offered, factor), float("nan"), offered)
+            history = problem.at_pressure(closure.value, offered, factor)
         else:
             if closure.kind == "product_density_ratio":
                 amount = _amount_for_density(problem, closure.value, factor)
                 if problem.feed.law == "room":  # the bite is the gap itself
                     factor = problem.rate_factor(amount)
             history = problem.with_amount(amount, factor)
-            closed = ClosedProcess(history, amount, history.make_up)
-        before, factor = closed.history.rate_factor, problem.rate_factor(mean_bite(closed.history))
-        if abs(factor / before - 1) <= RATE_TOLERANCE:
-            break
-    else:
-        raise RuntimeError(f"the rate factor still changes by {abs(factor / before - 1):.1e} between two iterations")
-    require_bite(problem.machine, closed.history)
-    return closed
-
-
-def require_bite(machine: FormingMachine, history: SectionHistory) -> None:
-    """Raise BiteError unless the roller draws in the mix of every stroke.
-
-    Parameters
-    ----------
-    machine : FormingMachine
-        Machine, whose nip angle limits the bite.
-    history : SectionHistory
-        Strokes.
-    """
-    stroke = int(history.bite.argmax())
-    bite, limit = float(history.bite[stroke]), machine.max_bite
-    if bite > limit * (1 + BITE_ROUNDING):
-        raise BiteError(
-            f"stroke {stroke + 1} would have to draw in mix {bite * 1e3:.3g} mm above the lowest generatrix, and the "
-            f"nip angle of {machine.nip_angle:g} degrees admits {limit * 1e3:.3g} mm, R (1 - cos nip); more strokes on "
-            "a section, that is a slower mould, a faster cart or a longer roller, or less mix at a time are needed"
-        )
-
-
-def mean_bite(history: SectionHistory) -> float:
-    """Return the mean bite [m], weighted by the make-up of the strokes; of equal weights without any."""
-    weights = history.make_up if history.make_up.any() else np.ones(history.count)
-    return float(np.average(np.maximum(history.bite, 0.0), weights=weights))
-
-
-def merge_layers(columns: Sequence[Column], count: int, bulk_modulus: float) -> tuple[Column, ...]:
-    """Merge neighbours until `count` layers remain, those with the least difference of density over height first.
-
-    Layers that have yielded under the same stress have the same density; fill that is denser than the feed stays apart
-    until it yields.
-
-    Parameters
-    ----------
-    columns : sequence of Column
-        Layers from the base upwards.
-    count : int
-        Largest number of layers, at least 1.
-    bulk_modulus : float
-        Bulk modulus K of the mix [Pa].
-
-    Returns
-    -------
-    tuple of Column
-        Merged layers, of the same height and grains.
-    """
-    kept = list(columns)
-    while len(kept) > count:
-        differences = [
-            abs(above.density_ratio - below.density_ratio) * min(below.height, above.height)
-            for below, above in pairwise(kept)
-        ]
-        place = int(np.argmin(differences))
-        below, above = kept[place : place + 2]
-        masses = np.array([grain_height(below, bulk_modulus), grain_height(above, bulk_modulus)])
-        total, height = float(masses.sum()), below.height + above.height
-        stress = float(masses / total @ [below.lateral_stress, above.lateral_stress])
-        densest = float(masses / total @ [below.max_density_ratio, above.max_density_ratio])
-        ratio = total / height * float(np.exp(-stress / 1.5 / bulk_modulus))
-        kept[place : place + 2] = [Column(height, ratio, stress, densest)]
-    return tuple(kept)
-
-
-def grain_height(column: Column, bulk_modulus: float) -> float:
-    """Return the mass of grains of a column at rest as a height [m]."""
-    return column.density_ratio * column.height * float(np.exp(column.lateral_stress / 1.5 / bulk_modulus))
-
-
-def mean_density_ratio(columns: Sequence[Column], low: float, high: float) -> float:
-    """Return the mean density ratio of layers, from the base upwards, between two shares of their height [-]."""
-    ratios = np.array([column.density_ratio for column in columns])
-    return mean_over_height(np.array([column.height for column in columns]), ratios, low, high)
-
-
-def mean_over_height(heights: Array, values: Array, low: float, high: float) -> float:
-    """Return the mean of values of layers between two shares of the height.
-
-    Parameters
-    ----------
-    heights, values : ndarray, shape (layers,)
-        Heights [m] and values of the layers from the base upwards.
-    low, high : float
-        Shares of the height [-], low < high; 0 at the base and 1 at the surface.
-
-    Returns
-    -------
-    float
-        Mean in the unit of the values.
-    """
-    tops = np.append(0.0, np.cumsum(heights))
-    bounds = np.clip(tops, low * tops[-1], high * tops[-1])
-    return float(np.diff(bounds) @ values / (bounds[-1] - bounds[0]))
+        factor = problem.rate_factor(history.mean_bite)
+        change = abs(factor / history.rate_factor - 1)
+        if change <= RATE_TOLERANCE:
+            return history.within_nip()
+    raise RuntimeError(f"the rate factor still changes by {change:.1e} between two iterations")
 
 
 def _amount_for_density(problem: FormingProblem, target: float, rate_factor: float) -> float:
     """Return the amount [m] at which the product has a density ratio, by Brent's method with few layers."""
     machine, feed, fill = problem.machine, problem.feed, problem.fill
-
     few_layers = replace(problem, layers=SEARCH_LAYERS)
 
     def reached(amount: float) -> float:
         factor = problem.rate_factor(amount) if feed.law == "room" else rate_factor
-        return problem.product_density_ratio(few_layers.with_amount(amount, factor))
+        return few_layers.with_amount(amount, factor).of_product("density_ratio")
 
     def residual(amount: float) -> float:
         try:
@@ -505,13 +461,26 @@ def _amount_for_density(problem: FormingProblem, target: float, rate_factor: flo
     return float(brentq(residual, 0.0, most, xtol=DENSITY_TOLERANCE * machine.height / 100, rtol=AMOUNT_RTOL))
 
 
-def _press(layer: ColumnLayer, bite: float, number: int, rtol: float) -> PassResult:
-    """Compute a stroke of a number from 1; OverfilledError or BiteError where the section has no room."""
-    if not bite < layer.gap.radius:
-        raise BiteError(f"stroke {number} would bury the roller to its axis, {bite:.3g} m below the surface; feed less")
-    if not bite < layer.max_indentation:
-        raise OverfilledError(
-            f"stroke {number} closes all pores: grains and water fill {layer.solid_height:.6g} m, and "
-            f"{layer.height - bite:.6g} m remain below the lowest generatrix; feed less mix"
-        )
-    return layer.compute_pass(bite, rtol)
+def grain_height(column: Column, bulk_modulus: float) -> float:
+    """Return the mass of grains of a column at rest as a height [m]."""
+    return column.density_ratio * column.height * float(np.exp(column.lateral_stress / 1.5 / bulk_modulus))
+
+
+def mean_over_height(heights: Array, values: Array, low: float, high: float) -> float:
+    """Return the mean of values of layers between two shares of the height.
+
+    Parameters
+    ----------
+    heights, values : ndarray, shape (layers,)
+        Heights [m] and values of the layers from the base upwards.
+    low, high : float
+        Shares of the height [-], low < high; 0 at the base and 1 at the surface.
+
+    Returns
+    -------
+    float
+        Mean in the unit of the values.
+    """
+    tops = np.append(0.0, np.cumsum(heights))
+    bounds = np.clip(tops, low * tops[-1], high * tops[-1])
+    return float(np.diff(bounds) @ values / (bounds[-1] - bounds[0]))

@@ -32,6 +32,7 @@ from scipy.linalg import lu_factor, lu_solve
 from threadpoolctl import threadpool_limits
 
 from compact import rolling_contact
+from compact.engines.spectral import SPECTRAL
 from compact.engines.spectral.galerkin_system import (
     GalerkinSystem,
     LayerResponse,
@@ -338,14 +339,7 @@ def _work_residual(problem, contact):
 
 def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:
     """Require a contact in the range of the engine; ValueError outside."""
-    rolling_contact.require_known_case(layer, roller, speed)
-    if roller.profile == "deformed":
-        raise ValueError("the engine spectral needs `profile` 'parabola' or 'circle', got 'deformed'; use fem")
-    if roller.rolling == "free" and roller.friction > 0:
-        raise ValueError(
-            f"the engine spectral covers full slip only, got `rolling` 'free' with `friction` {roller.friction!r}; use "
-            "fem"
-        )
+    SPECTRAL.require(layer, roller, speed)
     if not isinstance(material, Elastic):
         raise ValueError(
             f"the engine spectral needs a `material` Elastic or Viscoelastic, got {type(material).__name__}; use fem"
