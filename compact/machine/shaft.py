@@ -40,12 +40,14 @@ from typing import Protocol
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
 
 from compact.machine import rigid_drive
 from compact.machine.cart import Cart, Resistance
 from compact.motion.profile import Cycle
 from compact.numerics import Array
-from compact.numerics.piecewise import clenshaw_curtis
+from compact.numerics.piecewise import clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_positive
 
 ORDER = 16  # [-], of the polynomial on an element
@@ -57,8 +59,6 @@ DIFFERENTIATION = np.linalg.solve(
 INTEGRATION = np.linalg.inv(DIFFERENTIATION[1:, 1:])  # nodal values after the first to integrals from the start
 TO_CHEBYSHEV = np.linalg.inv(chebyshev.chebvander(2 * NODES - 1, ORDER))
 END_INSET = 1e-13  # [rad]; the ends of an element are evaluated from inside
-COEFFICIENT_ROUNDING = 1e-15  # [-], of the largest coefficient of E on an element; smaller ones are rounding
-ROOT_ROUNDING = 1e-6  # [-], of half an element; imaginary part of a double root due to rounding
 NEWTON_ITERATIONS = 60  # [-], of Newton's method; 4 to 8 are usual
 NEWTON_TOLERANCE = 1e-12  # [-], of the largest E; change at convergence
 MIN_ENERGY_RATIO = 0.2  # [-], of E; a Newton step reduces E no further
@@ -344,17 +344,10 @@ class ShaftRevolution:
 
     @cached_property
     def energy_range(self) -> tuple[float, float]:
-        """Smallest and largest E [1/s^2], at the ends of elements and at the roots of its derivative."""
-        coefficients = self.energy @ TO_CHEBYSHEV.T
-        size = np.abs(coefficients).max(axis=1)
-        candidates = [self.energy[:, 0], self.energy[:, -1]]
-        for row, largest in zip(coefficients, size, strict=True):
-            count = np.flatnonzero(np.abs(row) > COEFFICIENT_ROUNDING * largest)[-1] + 1
-            roots = chebyshev.chebroots(chebyshev.chebder(row[:count])) if count > 2 else np.empty(0)
-            places = roots[np.abs(roots.imag) <= ROOT_ROUNDING].real
-            candidates.append(chebyshev.chebval(places[np.abs(places) <= 1], row))
-        extrema = np.concatenate(candidates)
-        return float(extrema.min()), float(extrema.max())
+        """Smallest and largest E [1/s^2], also between the nodes."""
+        grid = interior_grid(self.breaks)
+        least, largest = (find_maximum(lambda at, s=s: s * self.evaluate(at)[0], grid)[0] for s in (-1, 1))
+        return -least, largest
 
     def evaluate(self, angle: Array) -> tuple[Array, Array, Array]:
         """E [1/s^2], phi'' [rad/s^2] and the third derivative [rad/s^3] at angles in [0, 2 pi] of any shape."""
@@ -452,15 +445,11 @@ def _newton_step(residual, angle, width, energy, periodic):
 
 
 def _propagate(particular, propagation, gaps, periodic):
-    """Compute s at the starts of the elements: s_(i+1) = particular_i + propagation_i s_i - gap_(i+1)."""
-
-    def from_start(start: Array) -> tuple[Array, Array]:
-        starts = [start]
-        for i in range(len(particular) - 1):
-            starts.append(particular[i] + propagation[i] * starts[-1] - gaps[i + 1])
-        return np.array(starts), particular[-1] + propagation[-1] * starts[-1] - gaps[0]
-
+    """Solve for s at the starts of the elements: s_(i+1) = particular_i + propagation_i s_i - gap_(i+1)."""
+    right, before = np.roll(particular, 1) - gaps, np.roll(propagation, 1)
     if not periodic:
-        return from_start(0.0)[0]
-    zero, one = from_start(0.0)[1], from_start(1.0)[1]
-    return from_start(zero / (1 - (one - zero)))[0]
+        right[0] = before[0] = 0.0
+    rows = np.arange(len(right))
+    columns = np.concatenate([rows, np.roll(rows, 1)])
+    matrix = sparse.csc_array((np.append(np.ones(len(rows)), -before), (np.tile(rows, 2), columns)))
+    return spsolve(matrix, right)

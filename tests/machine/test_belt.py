@@ -7,7 +7,7 @@ import pytest
 from published import CART_OF_C
 from scipy.integrate import solve_ivp
 
-from compact.machine.motor_drive import Motor, simulate_acceleration_phase, simulate_motor
+from compact.machine.motor_drive import Motor, simulate_motor
 from compact.machine.shaft import Belt, Kloss, LinearTorqueCurve
 from compact.motion.profile import law
 
@@ -45,13 +45,6 @@ def test_linear_motor_behind_a_belt_in_closed_form():
     # near no load the curve is linear, with a slope reduced by the creep at stall
     slope = (motor.torque(15.7) - motor.torque(15.6)) / 1.0
     assert slope == pytest.approx(-10 * 80.0 / 157.0 / (1 + 80.0 / C), rel=1e-3)
-
-
-def test_creep_under_a_constant_torque():
-    assert BELT.motor_speed(lambda speed: 25.0 + 0 * speed, 150.0) == pytest.approx(150.0 / (1 - 25.0 / 5e3), rel=1e-14)
-    assert BELT.motor_speed(lambda speed: -25.0 + 0 * speed, 150.0) == pytest.approx(
-        150.0 / (1 + 25.0 / 5e3), rel=1e-14
-    )
 
 
 def test_slip_torque_is_eytelweins_limit():
@@ -134,20 +127,6 @@ def test_stiff_belt_has_no_effect():
     assert stiff.peak_motor_power == pytest.approx(none.peak_motor_power, rel=1e-7)
     assert none.belt_loss == pytest.approx(0, abs=1e-9)
     assert none.belt_creep == 0
-
-
-def test_creep_is_inversely_proportional_to_the_stiffness():
-    none, soft, stiff = (simulate(belt).period for belt in (None, STRONG, replace(STRONG, stiffness=100e3)))
-    assert soft > stiff > none
-    assert (soft - none) / (stiff - none) == pytest.approx(2, rel=0.02)
-
-
-def test_acceleration_phase_with_a_belt():
-    start = simulate_acceleration_phase(
-        CART, Motor(LinearTorqueCurve(30.0, 157.0), 150.0, 0.001, 5.0, belt=BELT), law("quintic", STROKE, 3.0), dry
-    )
-    assert start.energy_residual < 1e-6
-    assert start.speed[-1] == pytest.approx(start.periodic.speed[0], rel=2e-3)
 
 
 # errors
