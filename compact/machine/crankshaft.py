@@ -13,17 +13,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compact.machine.cart import Balance, Cart, Resistance, balance
-from compact.machine.rigid_drive import (
-    SAMPLES_PER_PIECE,
-    STANDSTILL_SPEED_RATIO,
-    Crank,
-    evaluate_resistance,
-    flattened,
-    revolution_breaks,
-)
+from compact.machine.cart import Balance, Cart, Resistance
+from compact.machine.rigid_drive import Crank, flattened, sample_pieces
+from compact.machine.shaft import CartsOnShaft
+from compact.motion.profile import law
 from compact.numerics import Array
-from compact.numerics.piecewise import clenshaw_curtis, find_maximum, interior_grid
+from compact.numerics.piecewise import find_maximum, interior_grid
 from compact.numerics.validation import require_finite, require_opposing, require_positive
 
 # [rad], phases of the published machines by number of carts: 90 degrees for 2 and 4, 120 degrees for 3 (paper C)
@@ -65,74 +60,20 @@ class CartRevolution(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Crankshaft:
-    """Identical carts on one crankshaft.
-
-    Parameters
-    ----------
-    angular_speed : float
-        omega [rad/s].
-    resistance : callable
-        Force of the mix on one cart [N] of velocity [m/s] and acceleration [m/s^2].
-    angles : tuple of float
-        Lead of each crank over the shaft [rad].
-    """
-
-    cart: Cart
-    crank: Crank
-    angular_speed: float
-    resistance: Resistance
-    angles: tuple[float, ...]
-
-    def carts_at(self, angle: Array) -> tuple[CartRevolution, ...]:
-        """Solve all carts at angles of the shaft [rad], shape (pieces, n), with one row between two dead centres."""
-        return tuple(self._cart_at(angle + lead) for lead in self.angles)
-
-    def dead_centres(self) -> Array:
-        """Angles of the shaft in [0, 2 pi] of dead centres and spring contacts, both ends included [rad]."""
-        places = np.concatenate([np.array([0.0, np.pi]) - lead for lead in self.angles])
-        if self.cart.end_springs is not None:
-            places = np.append(places, np.subtract.outer(self._zones.breaks, self.angles))
-        return revolution_breaks(places)
-
-    @cached_property
-    def _zones(self):
-        """Zones of the end springs over the crank angle."""
-        return self.cart.end_springs.zones(lambda psi: crank_kinematics(self.crank, psi)[0], [0.0, np.pi, 2 * np.pi])
-
-    def _cart_at(self, psi):
-        """One cart at its crank angles [rad]."""
-        middle = psi.mean(axis=1, keepdims=True)
-        direction = np.sign(np.sin(middle))
-        position, slope, curvature = crank_kinematics(self.crank, psi)
-        velocity, acceleration = self.angular_speed * slope, self.angular_speed**2 * curvature
-        slowest = STANDSTILL_SPEED_RATIO * self.angular_speed * self.crank.radius
-        moving = direction * np.maximum(np.abs(velocity), slowest)
-        resistance = evaluate_resistance(self.resistance, moving, acceleration)
-        beta = self.crank.rod_angle(psi)
-        springs, end_force = self.cart.end_springs, 0.0
-        if springs is not None:
-            end_force = springs.force(position, self._zones.side_at(np.mod(middle, 2 * np.pi)))
-        forces = balance(self.cart, acceleration, resistance, direction, np.tan(beta), end_force)
-        rod_force = forces.drive_force / np.cos(beta)
-        torque = rod_force * self.crank.radius * np.sin(psi + beta)
-        power = torque * self.angular_speed
-        return CartRevolution(psi, position, velocity, acceleration, resistance, beta, forces, rod_force, torque, power)
-
-
-@dataclass(frozen=True)
 class CrankshaftRevolution:
     """One sampled revolution of a crankshaft.
 
     Parameters
     ----------
+    shaft : CartsOnShaft
+        Carts under the law of the crank.
     angle, weights : ndarray, shape (n,)
         Angle and quadrature weights [rad].
     carts : tuple of CartRevolution
         Carts, arrays of shape (n,).
     """
 
-    shaft: Crankshaft
+    shaft: CartsOnShaft
     angle: Array
     weights: Array
     carts: tuple[CartRevolution, ...]
@@ -150,17 +91,28 @@ class CrankshaftRevolution:
     @cached_property
     def peak_torque(self) -> float:
         """Return the largest |torque| of the shaft [N m], also between samples."""
-        grid = interior_grid(self.shaft.dead_centres())
-        return find_maximum(lambda angle: np.abs(sum(cart.torque for cart in self.shaft.carts_at(angle))), grid)[0]
+        grid = interior_grid(self.shaft.breaks())
+        return find_maximum(lambda at: np.abs(sum(cart.torque for cart in carts_at(self.shaft, at))), grid)[0]
 
     @property
     def peak_power(self) -> float:
         """Largest |power| of the shaft [W]."""
-        return self.peak_torque * self.shaft.angular_speed
+        return self.peak_torque * 2 * np.pi / self.shaft.cycle.period
 
     def mean(self, values: Array) -> float:
         """Mean over the revolution."""
         return float(np.sum(self.weights * values) / (2 * np.pi))
+
+
+def carts_at(shaft: CartsOnShaft, angle: Array) -> tuple[CartRevolution, ...]:
+    """Solve all carts at angles of the shaft [rad], shape (pieces, n), with one row between two breaks."""
+    speed, carts = 2 * np.pi / shaft.cycle.period, []
+    states = shaft.states_at(angle, np.full(angle.shape, speed**2 / 2), np.zeros(angle.shape))
+    for psi, state in zip([angle + lead for lead in shaft.angles], states, strict=True):
+        beta, power, force = np.arctan(state.rod_tangent), state.drive_power, state.forces.drive_force
+        motion = state.position, state.velocity, state.acceleration, state.resistance
+        carts.append(CartRevolution(psi, *motion, beta, state.forces, force / np.cos(beta), power / speed, power))
+    return tuple(carts)
 
 
 def simulate_crankshaft(
@@ -193,25 +145,8 @@ def simulate_crankshaft(
     require_positive(angular_speed=angular_speed)
     require_finite(angles=angles)
     require_opposing(resistance, angular_speed * crank.radius)
-    shaft = Crankshaft(cart, crank, angular_speed, resistance, tuple(angles))
-    edges = shaft.dead_centres()
-    nodes, unit_weights = clenshaw_curtis(SAMPLES_PER_PIECE)
-    width = np.diff(edges)[:, None]
-    angle = edges[:-1, None] + width * nodes
-    carts = tuple(flattened(cart) for cart in shaft.carts_at(angle))
-    return CrankshaftRevolution(shaft, angle.ravel(), (width * unit_weights).ravel(), carts)
-
-
-def crank_kinematics(crank: Crank, psi: Array) -> tuple[Array, Array, Array]:
-    """Compute x [m], dx/dpsi and d2x/dpsi2 of a slider-crank at angles psi [rad] from the outer dead centre.
-
-        dx/dpsi = r sin(psi + beta)/cos(beta),   d2x/dpsi2 = r cos(psi + beta)/cos(beta) (1 + b') + dx/dpsi tan(beta) b'
-
-    with b' = dbeta/dpsi = r cos(psi)/(l cos(beta)).
-    """
-    beta = crank.rod_angle(psi)
-    rate = crank.radius * np.cos(psi) / (crank.rod_length * np.cos(beta))
-    position = 2 * crank.radius * np.sin(psi / 2) ** 2 + 2 * crank.rod_length * np.sin(beta / 2) ** 2
-    slope = crank.radius * np.sin(psi + beta) / np.cos(beta)
-    curvature = crank.radius * np.cos(psi + beta) / np.cos(beta) * (1 + rate) + slope * np.tan(beta) * rate
-    return position, slope, curvature
+    forward = law("crank", 2 * crank.radius, np.pi / angular_speed, rod_length=crank.rod_length)
+    shaft = CartsOnShaft(cart, forward.cycle(), resistance, tuple(angles), crank)
+    angle, weights = sample_pieces(shaft.breaks(), unit=2 * np.pi)
+    carts = tuple(flattened(each) for each in carts_at(shaft, angle))
+    return CrankshaftRevolution(shaft, angle.ravel(), weights.ravel(), carts)

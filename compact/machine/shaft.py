@@ -346,8 +346,8 @@ class ShaftRevolution:
     def energy_range(self) -> tuple[float, float]:
         """Smallest and largest E [1/s^2], also between the nodes."""
         grid = interior_grid(self.breaks)
-        least, largest = (find_maximum(lambda at, s=s: s * self.evaluate(at)[0], grid)[0] for s in (-1, 1))
-        return -least, largest
+        least = -find_maximum(lambda angle: -self.evaluate(angle)[0], grid)[0]
+        return least, find_maximum(lambda angle: self.evaluate(angle)[0], grid)[0]
 
     def evaluate(self, angle: Array) -> tuple[Array, Array, Array]:
         """E [1/s^2], phi'' [rad/s^2] and the third derivative [rad/s^3] at angles in [0, 2 pi] of any shape."""

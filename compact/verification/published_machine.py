@@ -20,7 +20,7 @@ from compact.machine.crankshaft import (
     CRANK_ANGLES,
     CartRevolution,
     CrankshaftRevolution,
-    crank_kinematics,
+    carts_at,
     simulate_crankshaft,
 )
 from compact.machine.rigid_drive import Crank
@@ -134,7 +134,7 @@ def mass_for_ratio() -> float:
 
 def dead_centre() -> float:
     """Compute the acceleration at the dead centre [m/s2]."""
-    return ANGULAR_SPEED**2 * float(crank_kinematics(CRANK, np.asarray(0.0))[2])
+    return float(turn().shaft.cycle.derivative(0.0, 2))
 
 
 def mean_on_upper_rail(towards: float, away: float) -> float:
@@ -146,7 +146,7 @@ def mean_on_upper_rail(towards: float, away: float) -> float:
 
     def power(psi: Array) -> Array:
         direction = np.where(np.mod(psi, 2 * np.pi) < np.pi, towards, away)
-        _, slope, curvature = crank_kinematics(CRANK, psi)
+        _, slope, curvature, _ = turn().shaft.travel(np.mod(psi, 2 * np.pi))
         slide = direction * CART.guide_friction
         needed = curvature * ANGULAR_SPEED**2 * CART.mass + direction * STATED_FORCE + slide * lift
         return needed / (1 - slide * np.tan(CRANK.rod_angle(psi))) * ANGULAR_SPEED * slope
@@ -184,7 +184,7 @@ def rear_over_front(cart: CartRevolution) -> Array:
 
 def _cart(turned: CrankshaftRevolution, psi: Array) -> CartRevolution:
     """Return the first cart at crank angles [rad] whose rows lie within one stroke."""
-    return turned.shaft.carts_at(np.atleast_2d(psi))[0]
+    return carts_at(turned.shaft, np.atleast_2d(psi))[0]
 
 
 def _roots(turned: CrankshaftRevolution, stroke: Array, quantity: Quantity) -> Array:
