@@ -25,7 +25,6 @@ from compact.cli import program as cli
 from compact.report import text, writer
 from compact.report.page import write_page
 from compact.scene import plausible_ranges
-from compact.scene.errors import limits_of
 from compact.scene.loader import load_scene
 from compact.scene.schema import Layer, Process, declared_keys, table_of
 
@@ -75,6 +74,7 @@ TABLES: dict[str, dict[str, Any]] = DRIVES | {  # with the optional keys and tab
     "pressure": {"contact.peak_pressure": 1e5, "contact.speeds": [0.05, 0.2]},
 }  # fmt: skip
 LISTS = {"layer.plies": Layer, "process.feed_table": Process}  # keys whose values are lists of tables
+BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length")
 SHORT = {"motion.laws": ["cubic"], "output.items": ["tables"]}  # changes of every scene, for speed
 
 
@@ -142,7 +142,7 @@ def ends(key: str, given: Any) -> list[Any]:
 
 def bounds(field: FieldInfo) -> tuple[float, float]:
     """Smallest and largest number that the schema allows."""
-    limits = limits_of(field)
+    limits = {name: getattr(part, name) for part in field.metadata for name in BOUNDS if hasattr(part, name)}
     low = limits.get("ge", math.nextafter(limits["gt"], math.inf) if "gt" in limits else -HUGE)
     high = limits.get("le", math.nextafter(limits["lt"], -math.inf) if "lt" in limits else HUGE)
     return low, high

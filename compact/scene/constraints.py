@@ -2,20 +2,23 @@
 
 A rule is a function of the values of its keys. It returns a sentence where the values contradict one another, else
 None. It is evaluated if none of its keys has been refused, and reported at its first key. The value of an absent
-optional key is None.
+optional key is None; without the table [process] its keys are absent too. Limits, keys that need another key and keys
+that belong to one choice are tables, `LIMITS`, `NEEDS` and `BELONGS`.
 """
 
 import math
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import pairwise
-from operator import gt, le, lt
+from operator import gt, lt
 from typing import Any
 
 from compact.engines import ENGINES
 from compact.material.earth_pressure import earth_pressure_bounds, matched_slopes
 from compact.material.mix import prior, scaled_fits
+from compact.scene.choices import NIP_ANGLE, STROKES_LIMIT
 from compact.scene.engine_capabilities import refusals
 from compact.scene.errors import Key, Mistake, Source
 from compact.scene.schema import unit_of
@@ -101,31 +104,148 @@ for _keys, _broken in refusals():
     rule(*_keys)(_broken)
 
 
-@rule("machine.roller_positions", "machine.rollers")
-def _one_position_per_roller(positions, rollers):
-    if len(positions) != rollers:
-        return f"needs one position per roller, machine.rollers = {rollers:g}, got {len(positions)}; make the two agree"
+HOLDS: dict[str, Callable[[float, float], bool]] = {
+    "below": lt,
+    "above": gt,
+    "at most": lambda value, limit: value <= limit * GUARD,
+    "at least": lambda value, limit: value * GUARD >= limit,
+}
+LIMITS = (  # key, relation, limit as a formula of other keys, remedy
+    ("machine.journal_diameter", "below", "machine.guide_wheel_diameter", "give the journal inside it"),
+    ("machine.roller_radius", "at most", "(motion.stroke - machine.feeder_sleeve) / 2", "see eqs 1.2 and 1.3"),
+    ("layer.fed_density_ratio", "below", "mix.density_ratio", "give the looser state before the first pass"),
+    ("layer.lower_lift.density_ratio", "above", "layer.fed_density_ratio", "give that behind the earlier pass"),
+    ("layer.lift_thickness", "at most", "product.height", "without it the product is one lift"),
+    ("contact.indentation", "below", "(layer.lift_thickness or product.height)", "the base lies there"),
+    ("motion.energy_weight", "at most", "1 - motion.acceleration_weight", "the rest up to 1 is the weight of jerk"),
+    ("motion.rod_length", "above", "motion.stroke / 2", "give a longer rod"),
+    ("drive.end_springs.length", "at most", "motion.stroke / 2", "give shorter springs"),
+    ("drive.motor.belt.stiffness", "at least", "20 * drive.motor.belt.preload", "the belt may stretch by 5 % at most"),
+    ("cam.breadth", "above", "motion.stroke", "give a broader cam"),
+    (
+        "process.mould_speed", "at most", "machine.roller_length / (motion.duration + motion.dwell)",
+        "parts of the product would pass between two strokes",
+    ),
+    (
+        "process.mould_speed", "at least",
+        f"machine.roller_length / (motion.duration + motion.dwell) / {STROKES_LIMIT}",
+        "give 0 with process.strokes for a mould at rest",
+    ),
+    (
+        "process.fill_height", "at most",
+        "product.height + machine.roller_radius * (1 - cos(process.nip_angle))", "the roller draws in no more",
+    ),
+    (
+        "process.gap", "at most", "machine.roller_radius * (1 - cos(process.nip_angle))", "the roller draws in no more",
+    ),
+    (
+        "process.product_density_ratio", "above", "max(process.feed_density_ratio, process.fill_density_ratio or 0)",
+        "give the density behind the last stroke",
+    ),
+)  # fmt: skip
+KEY_PATH = re.compile(r"[a-z]\w*(?:\.[a-z]\w*)+")
+
+
+def _cosine(angle):
+    return math.cos(math.radians(NIP_ANGLE if angle is None else angle))
+
+
+def _limited(key, word, formula, limit, remedy, value, *others: float | None):
+    if not value:  # 0 is none
+        return None
+    try:
+        bound = limit(*others)
+    except TypeError:  # a key of the limit is absent
+        return None
+    if not HOLDS[word](value, bound):
+        return f"must be {word} {formula} = {bound:.6g}{unit_of(key)}, got {value:.9g}; {remedy}"
+
+
+for _key, _word, _formula, _remedy in LIMITS:
+    _others = dict.fromkeys(KEY_PATH.findall(_formula))
+    _code = KEY_PATH.sub(lambda found: found[0].replace(".", "_"), f"lambda {', '.join(_others)}: {_formula}")
+    rule(_key, *_others)(partial(_limited, _key, _word, _formula, eval(_code, {"cos": _cosine}), _remedy))
+
+NEEDS = (  # key, and the one without which it means nothing
+    ("motion.optimise.pressure_angle", "cam"),
+    ("motion.optimise.radius_of_curvature", "cam"),
+    ("motion.optimise.profile_radius", "cam"),
+    ("process.fill_height", "process.fill_density_ratio"),
+    ("process.fill_density_ratio", "process.fill_height"),
+    ("process.offered_thickness", "process.extrusion_pressure"),
+    ("sleeve", "process"),
+)
+
+
+def _needed(needed, value, given):
+    if value is not None and given is None:
+        return f"needs {needed}, which is missing; give it, or take the key out"
+
+
+for _key, _other in NEEDS:
+    rule(_key, _other)(partial(_needed, _other))
+
+BELONGS = (  # key, key of the choice, choice to which it belongs, its content where it must be given
+    ("drive.stiffness", "drive.kind", "elastic", "it in N/m"),
+    ("drive.damping", "drive.kind", "elastic", "it in N s/m, 0 for none"),
+    ("drive.backlash", "drive.kind", "elastic", ""),
+    ("drive.include_added_mass", "drive.kind", "elastic", ""),
+    ("drive.motor", "drive.kind", "motor", "the table with curve, gear and inertias"),
+    ("drive.hydraulics", "drive.kind", "hydraulic", "the table with cylinders, pump and oil"),
+    ("drive.motor.breakdown_slip", "drive.motor.curve", "kloss", "the slip at the breakdown torque, such as 0.15"),
+    ("process.gap", "process.feed", "room", ""),
+    ("process.feed_count", "process.feed", "first", "the number of fed strokes"),
+    ("process.feed_table", "process.feed", "table", "points { position, relative_thickness }"),
+)
+
+
+def _belongs(choice, own, content, value, chosen):
+    chosen = chosen or ("room" if choice == "process.feed" else "none")  # the default
+    if chosen == own and value is None and content:
+        return f'is missing, and {choice} is "{own}"; give {content}'
+    if chosen != own and value is not None:
+        return f'is for {choice} = "{own}", got it with "{chosen}"; take it out, or choose "{own}"'
+
+
+for _key, _other, _own, _content in BELONGS:
+    rule(_key, _other)(partial(_belongs, _other, _own, _content))
+
+
+def _one_entry_each(counted, entries, count):
+    if entries is not None and len(entries) != count:
+        return f"needs one entry for each of {counted} = {count:g}, got {len(entries)}; make the two agree"
+
+
+for _key, _other in (("machine.roller_positions", "machine.rollers"), ("drive.angles", "drive.carts")):
+    rule(_key, _other)(partial(_one_entry_each, _other))
+
+
+def _no_duplicates(names):
+    if repeated := sorted({name for name in names or () if list(names).count(name) > 1}):
+        return f"must not repeat an entry, got {', '.join(map(repr, repeated))} more than once; keep one of each"
+
+
+for _key in ("motion.laws", "motion.tables", "drive.rank_by", "output.items"):
+    rule(_key)(_no_duplicates)
+
+
+def _wanted_is_computed(item, engines, wanted, engine):
+    if item in wanted and engine not in engines:
+        return (
+            f'holds "{item}", which accuracy.engine = "{engine}" does not compute; take it out, or choose '
+            f"{' or '.join(engines)}"
+        )
+
+
+for _key, _engines in (("fields", ("fem", "compaction")), ("model_spread", ("column", "compaction", "process"))):
+    rule("output.items", "accuracy.engine")(partial(_wanted_is_computed, _key, _engines))
 
 
 @rule("machine.roller_positions", "machine.roller_radius")
 def _rollers_do_not_overlap(positions, radius):
     gap = min((b - a for a, b in pairwise(sorted(positions))), default=2 * radius)
     if gap * GUARD < 2 * radius:
-        return (
-            f"rollers overlap: neighbours must be at least 2*roller_radius = {2 * radius:g} m apart, got {gap:g}; "
-            "move them apart or make machine.roller_radius smaller"
-        )
-
-
-@rule("machine.roller_radius", "machine.feeder_sleeve", "motion.stroke")
-def _roller_fits_the_stroke(radius, sleeve, stroke):
-    needed = 2 * radius + sleeve
-    if needed > stroke * GUARD:
-        return (
-            f"roller too large for the stroke: 2*roller_radius + feeder_sleeve must be at most motion.stroke = "
-            f"{stroke:g} m (eqs 1.2, 1.3), got {needed:g}; make the roller or the sleeve smaller, "
-            f"or the stroke at least {needed:g}"
-        )
+        return f"rollers overlap: neighbours must be at least 2*roller_radius = {2 * radius:g} m apart, got {gap:g}"
 
 
 @rule("machine.guide_positions")
@@ -133,21 +253,6 @@ def _front_guide_is_in_front(positions):
     front, rear = positions
     if front <= rear:
         return f"front must be greater than rear, got [{front:g}, {rear:g}]; give [front, rear], + towards the drive"
-
-
-def _compared(word, holds, key, remedy, value, other):
-    if value is not None and not holds(value, other):
-        return f"must be {word} {key} = {other:g}{unit_of(key)}, got {value:g}; {remedy}"
-
-
-for _key, _word, _holds, _other, _remedy in (
-    ("machine.journal_diameter", "below", lt, "machine.guide_wheel_diameter", "give the journal inside it"),
-    ("layer.fed_density_ratio", "below", lt, "mix.density_ratio", "give the looser state before the first pass"),
-    ("layer.lower_lift.density_ratio", "above", gt, "layer.fed_density_ratio", "give that behind the earlier pass"),
-    ("layer.lift_thickness", "at most", le, "product.height", "without it the product is one lift"),
-    ("cam.breadth", "greater than", gt, "motion.stroke", "give a broader cam"),
-):
-    rule(_key, _other)(partial(_compared, _word, _holds, _other, _remedy))
 
 
 @rule(
@@ -168,82 +273,138 @@ def _cap_has_the_earth_pressure(_, law, moisture, density_ratio, overrides, fitt
     if not low < mix.earth_pressure_coefficient <= high:
         return (
             f"must be between {low:.4f} and {high:.4f} for a friction angle of {mix.friction_angle:g} degrees and a "
-            f"cohesion of {mix.cohesion_loose / 1e3:g} kPa at {mix.required_pressure / 1e3:.4g} kPa, got "
-            f"{mix.earth_pressure_coefficient:.4g}: below, mix in confined compression would slide along the shear "
-            "line; above, the cap would be flatter than the line; change it, mix.overrides.friction_angle or "
-            "mix.overrides.cohesion_loose"
+            f"cohesion of {mix.cohesion_loose / 1e3:g} kPa, got {mix.earth_pressure_coefficient:.4g}: below, confined "
+            "mix would slide along the shear line; above, the cap would be flatter; change one of the three"
         )
-    return None
 
 
 @rule("layer.plies", "product.height", "layer.lift_thickness")
 def _plies_fill_the_layer(plies, height, lift):
-    total = sum(ply["thickness"] for ply in plies or ())
-    key, required = _pressed(height, lift)
+    total, required = sum(ply["thickness"] for ply in plies or ()), lift or height
     if plies and abs(total - required) > (GUARD - 1) * required:
-        return f"must be {key} = {required:g} m thick together, got {total:.9g}; change one thickness"
-
-
-def _pressed(height, lift):
-    return ("product.height", height) if lift is None else ("layer.lift_thickness", lift)
-
-
-@rule("motion.energy_weight", "motion.acceleration_weight")
-def _weights_leave_a_share(energy, acceleration):
-    if energy + acceleration > GUARD:
-        return (
-            f"energy_weight + acceleration_weight must be at most 1, got {energy + acceleration:g}; "
-            "the rest up to 1 is the weight of jerk"
-        )
+        return f"must be as thick together as the layer, {required:g} m, got {total:.9g}; change one thickness"
 
 
 @rule("contact.indentation", "contact.load", "contact.peak_pressure")
-def _one_target(indentation, load, pressure):
-    given = sum(target is not None for target in (indentation, load, pressure))
-    if given > 1:
+def _one_target(*targets: float | None):
+    if (given := sum(target is not None for target in targets)) > 1:
         return f"only one of indentation, load and peak_pressure can be prescribed, got {given}; take the others out"
 
 
-@rule("contact.indentation", "product.height", "layer.lift_thickness")
-def _roller_stays_above_the_base(indentation, height, lift):
-    key, most = _pressed(height, lift)
-    if indentation is not None and indentation >= most:
-        return f"must be below {key} = {most:g} m, got {indentation:g}; the base lies there"
-
-
-@rule("machine.roller_torque", "machine.roller_condition")
-def _torque_turns_a_roller(torque, rolling):
-    rolling = rolling or "free"  # the default
-    if torque is not None and rolling not in ("free", "driven"):
+@rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine")
+def _torque_turns_a_roller(torque, rolling, engine):
+    if torque is None:
+        if rolling == "driven" and ENGINES[engine].reads("machine.roller_torque"):
+            return f'is missing, and the engine "{engine}" rolls a "driven" roller by it; give the torque in N m'
+    elif rolling not in (None, "free", "driven"):
         return f'is for machine.roller_condition "free" or "driven", got {torque:g} with "{rolling}"; take it out'
-    if torque is not None and torque > 0 and rolling == "free":
+    elif torque > 0 and rolling != "driven":
         return (
             f'must not be positive for a "free" roller, which bearings only brake, got {torque:g}; give {-torque:g}, '
             'or machine.roller_condition = "driven"'
         )
 
 
-@rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine")
-def _driven_roller_has_a_torque(torque, rolling, engine):
-    if torque is None and rolling == "driven" and ENGINES[engine].reads("machine.roller_torque"):
-        words = f'the engine "{engine}" rolls a "driven" roller by it'
-        return f"is missing, and {words}; give the torque on one roller in N m"
-
-
 @rule("mix.pore_air", "contact.held", "contact.load", "contact.peak_pressure")
 def _air_needs_a_held_height(pore_air, held, load, pressure):
-    if pore_air in (None, "drained"):
-        return None
-    given = {
-        f'contact.held = "{held}"': held not in (None, "height"),
-        "contact.load": load,
-        "contact.peak_pressure": pressure,
-    }
-    if found := [name for name, value in given.items() if value]:
+    held = None if held == "height" else held
+    if pore_air not in (None, "drained") and (found := [each for each in (held, load, pressure) if each is not None]):
         return (
-            f'"{pore_air}" is computed at the height of the roller, got {" and ".join(found)}; take the key out, so '
-            'that the density or an indentation is prescribed, or choose "drained"'
+            f'"{pore_air}" is computed at the height of the roller, got {found[0]!r} in [contact]; prescribe the '
+            'density or an indentation, or choose "drained"'
         )
+
+
+def _rises(values):
+    return values[0] > 0 and all(b > a for a, b in pairwise(values))
+
+
+@rule("contact.speeds")
+def _speeds_rise(speeds):
+    if speeds is not None and not (speeds and _rises(speeds)):
+        return f"must be positive and rise one by one, got {list(speeds)}; give speeds such as [0.05, 0.1, 0.2]"
+
+
+@rule("motion.other_durations", "motion.duration")
+def _durations_are_positive_and_differ(others, duration):
+    if others and not _rises(sorted([*others, duration])):
+        return f"must be positive and differ, from motion.duration = {duration:g} s too, got {list(others)}"
+
+
+@rule("motion.rod_length", "motion.laws", "drive.kind", "output.items")
+def _crank_has_a_rod(rod, laws, kind, wanted):
+    users = {
+        "motion.laws": {"crank", "all"} & {*laws},
+        "drive.kind": kind == "crank",
+        "output.items": "crank" in wanted,
+    }
+    if rod is None and any(users.values()):
+        named = " and ".join(key for key, holds in users.items() if holds)
+        return f"is missing for the crank of {named}; give the length of the connecting rod in m"
+
+
+@rule("drive.catalogue", "drive.kind")
+def _catalogue_belongs_to_a_shaft(catalogue, kind):
+    if catalogue is not None and kind == "hydraulic":
+        return 'is for a drive with a shaft, got drive.kind = "hydraulic"; take the table out'
+
+
+@rule("cam", "output.items")
+def _cams_wanted_are_given(cam, wanted):
+    if cam is None and "cams" in wanted:
+        return 'the table [cam] is missing, and output.items holds "cams"; give it, or take "cams" out'
+
+
+@rule("compare", "accuracy.engine")
+def _compared_engines_are_others(compare, engine):
+    if engine in (compare or {}):
+        return f'holds "{engine}", which is accuracy.engine itself; take it out, or choose another accuracy.engine'
+
+
+@rule("motion.laws")
+def _all_stands_alone(laws):
+    if "all" in laws and set(laws) != {"all"}:
+        return '"all" already holds every law, got it with others; write ["all"] or the names'
+
+
+@rule("process.mould_speed", "process.strokes")
+def _mould_at_rest_has_strokes(speed, strokes):
+    if speed == 0 and strokes is None:
+        return "is 0, and process.strokes is missing; give the number of strokes over a mould at rest, or its speed"
+    if speed and strokes is not None:
+        return f"is {speed:g} m/s, which determines the number of strokes, got process.strokes too; take one out"
+
+
+@rule("accuracy.engine", "process")
+def _engine_has_a_process(engine, process):
+    if engine == "process" and not (process or {}).get("mould_speed"):
+        return (
+            'is "process", which needs the table [process] with a moving mould: only then the rollers have a steady '
+            "resistance; give process.mould_speed, the feed and one closure"
+        )
+
+
+@rule("process.mould_speed", "product.mould_speed")
+def _mould_has_one_speed(speed, of_product):
+    if None not in (speed, of_product) and speed != of_product:
+        return f"must be product.mould_speed = {of_product:g} m/s, got {speed:g}; take product.mould_speed out"
+
+
+@rule("process.gap", "process.product_density_ratio", "process.extrusion_pressure", "process")
+def _one_closure(*closures_and_process: Any):
+    *closures, process = closures_and_process
+    given = len(closures) - closures.count(None)
+    if process is not None and given != 1:
+        return f"exactly one of gap, product_density_ratio and extrusion_pressure must be given, got {given}"
+
+
+@rule("process.feed_table", "machine.roller_length")
+def _table_is_along_the_roller(table, length):
+    positions = [point["position"] for point in table or ()]
+    if any(b <= a for a, b in pairwise(positions)) or (positions and positions[-1] > length * GUARD):
+        return f"must have positions that rise one by one up to machine.roller_length = {length:g} m, got {positions}"
+    if table and not any(point["relative_thickness"] > 0 for point in table):
+        return "must have one positive relative_thickness at least, got none; give the thickness where mix is fed"
 
 
 @rule("mix.pore_air", "mix.overrides.air_permeability", into=ADVICE)
@@ -257,167 +418,11 @@ def _permeability_is_heeded(pore_air, permeability):
 
 @rule("mix.pore_air", "layer.passes", "layer.return_stroke", into=ADVICE)
 def _later_passes_have_no_air(pore_air, passes, return_stroke):
-    later = [f"layer.passes = {passes:g}"] if passes is not None and passes > 1 else []
-    if return_stroke == "compacted":
-        later.append('layer.return_stroke = "compacted"')
-    if later and pore_air not in (None, "drained"):
+    if pore_air not in (None, "drained") and (passes > 1 or return_stroke == "compacted"):
         return (
-            f'"{pore_air}" belongs to the first pass over fed mix alone: with {" and ".join(later)} later passes have '
-            'the forces of drained mix, which are too small; set "drained" to compute all passes alike'
+            f'"{pore_air}" belongs to the first pass over fed mix alone: later passes and the return stroke over '
+            'compacted mix have the forces of drained mix, which are too small; "drained" computes all passes alike'
         )
-
-
-@rule("contact.speeds")
-def _speeds_rise(speeds):
-    if speeds is not None and not (len(speeds) and speeds[0] > 0 and all(b > a for a, b in pairwise(speeds))):
-        return f"must be positive and rise one by one, got {list(speeds)}; give speeds such as [0.05, 0.1, 0.2]"
-
-
-@rule("motion.other_durations", "motion.duration")
-def _durations_are_positive_and_differ(others, duration):
-    if others and not (all(each > 0 for each in others) and len({*others, duration}) == len(others) + 1):
-        return (
-            f"must be positive, differ from one another and from motion.duration = {duration:g} s, got {list(others)}; "
-            "give times of one pass such as [1.0, 3.0]"
-        )
-
-
-@rule("motion.optimise", "cam")
-def _bounds_of_a_cam_have_a_cam(optimise, cam):
-    if optimise and cam is None:
-        bounds = "pressure_angle", "radius_of_curvature", "profile_radius"
-        if given := [key for key in bounds if optimise.get(key) is not None]:
-            return f"bounds {' and '.join(given)} of a cam, and the table [cam] is missing; give it, or take them out"
-
-
-@rule("motion.rod_length", "motion.stroke")
-def _rod_is_longer_than_the_crank(rod, stroke):
-    if rod is not None and rod <= stroke / 2:
-        return f"must be greater than the crank, stroke/2 = {stroke / 2:g} m, got {rod:g}; give a longer rod"
-
-
-@rule("motion.rod_length", "motion.laws", "drive.kind", "output.items")
-def _crank_has_a_rod(rod, laws, kind, wanted):
-    if rod is not None:
-        return None
-    users = {
-        'motion.laws holds "crank"': "crank" in laws,
-        'motion.laws is ["all"], crank included': "all" in laws,
-        'drive.kind is "crank"': kind == "crank",
-        'output.items holds "crank"': "crank" in wanted,
-    }
-    why = " and ".join(user for user, holds in users.items() if holds)
-    return f"is missing, and {why}; give the length of the connecting rod in m" if why else None
-
-
-@rule("drive.angles", "drive.carts")
-def _one_angle_per_cart(angles, carts):
-    if angles is not None and len(angles) != carts:
-        return f"needs one angle per cart, drive.carts = {carts:g}, got {len(angles)}; make the two agree"
-
-
-@rule("drive.kind", "drive.stiffness", "drive.damping", "drive.backlash", "drive.include_added_mass")
-def _spring_belongs_to_an_elastic_drive(kind, stiffness, damping, backlash, added_mass):
-    given = {"stiffness": stiffness, "damping": damping, "backlash": backlash, "include_added_mass": added_mass}
-    if kind == "elastic":
-        if missing := [name for name in ("stiffness", "damping") if given[name] is None]:
-            return f'"elastic" needs drive.{" and drive.".join(missing)}, got none; give N/m and N s/m'
-    elif strange := [name for name, value in given.items() if value is not None]:
-        return f'"{kind}" has no {", ".join(strange)}; take it out, or choose "elastic"'
-
-
-def _table_belongs_to_its_drive(own, table, content, kind, given):
-    if kind == own and given is None:
-        return f'"{own}" needs the table [drive.{table}], got none; give its {content}'
-    if kind != own and given is not None:
-        return f'"{kind}" has no {table}; take the table [drive.{table}] out, or choose "{own}"'
-
-
-rule("drive.kind", "drive.motor")(partial(_table_belongs_to_its_drive, "motor", "motor", "curve, gear and inertias"))
-rule("drive.kind", "drive.hydraulics")(
-    partial(_table_belongs_to_its_drive, "hydraulic", "hydraulics", "cylinders, pump and oil")
-)
-
-
-@rule("drive.catalogue", "drive.kind")
-def _catalogue_belongs_to_a_shaft(catalogue, kind):
-    if catalogue is not None and kind == "hydraulic":
-        return (
-            'is for a drive with a shaft, got drive.kind = "hydraulic"; take the table [drive.catalogue] out, or '
-            "choose another kind"
-        )
-    return None
-
-
-@rule("drive.end_springs.length", "motion.stroke")
-def _springs_leave_each_other_room(length, stroke):
-    if length is not None and 2 * length > stroke * GUARD:
-        return f"must be at most half of motion.stroke = {stroke:g} m, got {length:g}; give shorter springs"
-
-
-@rule("drive.motor.breakdown_slip", "drive.motor.curve")
-def _slip_belongs_to_kloss(slip, curve):
-    if curve == "kloss" and slip is None:
-        return 'is missing, and drive.motor.curve is "kloss"; give the slip at the breakdown torque, such as 0.15'
-    if curve == "linear" and slip is not None:
-        return f'is for drive.motor.curve "kloss", got {slip:g} with "linear"; take it out'
-
-
-@rule("drive.motor.belt.stiffness", "drive.motor.belt.preload")
-def _belt_creeps_little(stiffness, preload):
-    if stiffness is not None and preload is not None and 20 * preload > stiffness * GUARD:
-        return (
-            f"must be at least 20*drive.motor.belt.preload = {20 * preload:g} N, so that the belt stretches by 5 % at "
-            f"most, got {stiffness:g}; give a stiffer belt"
-        )
-
-
-@rule("cam", "output.items")
-def _cams_wanted_are_given(cam, wanted):
-    if cam is None and "cams" in wanted:
-        return (
-            'the table [cam] is missing, and output.items holds "cams"; give [cam] with breadth and '
-            'roller_follower_radius in m, or take "cams" out'
-        )
-
-
-@rule("output.items", "accuracy.engine")
-def _fields_wanted_are_computed(wanted, engine):
-    if "fields" in wanted and engine not in ("fem", "compaction"):
-        return (
-            f'holds "fields", which accuracy.engine = "{engine}" does not compute; take it out, or choose "fem" or '
-            '"compaction"'
-        )
-
-
-@rule("output.items", "accuracy.engine")
-def _model_spread_wanted_has_a_law(wanted, engine):
-    if "model_spread" in wanted and engine not in ("column", "compaction", "process"):
-        return (
-            f'holds "model_spread", the spread over the laws of the mix, which accuracy.engine = "{engine}" does not '
-            'have; take it out, or choose "column" or "compaction"'
-        )
-
-
-@rule("compare", "accuracy.engine")
-def _compared_engines_are_others(compare, engine):
-    if engine in (compare or {}):
-        return f'holds "{engine}", which is accuracy.engine itself; take it out, or choose another accuracy.engine'
-
-
-def _no_duplicates(names):
-    if repeated := sorted({name for name in names or () if list(names).count(name) > 1}):
-        return f"must not repeat an entry, got {', '.join(map(repr, repeated))} more than once; keep one of each"
-
-
-for _key in ("motion.laws", "motion.tables", "drive.rank_by", "output.items"):
-    rule(_key)(_no_duplicates)
-
-
-@rule("motion.laws")
-def _all_stands_alone(laws):
-    if "all" in laws and set(laws) != {"all"}:
-        return '"all" already holds every law, got it with others; write ["all"] or the names'
 
 
 @rule("machine.roller_radius", "product.height", into=ADVICE)
@@ -435,30 +440,40 @@ def _weight_suits_the_mass(weight, mass):
 
 @rule(
     "drive.hydraulics.bulk_modulus", "drive.hydraulics.supply_pressure", "drive.hydraulics.piston_area",
-    "drive.hydraulics.dead_volume", "motion.stroke", "drive.kind", into=ADVICE,
+    "drive.hydraulics.dead_volume", "motion.stroke", into=ADVICE,
 )  # fmt: skip
-def _oil_is_stiff(modulus, pressure, area, volume, stroke, kind):
-    if kind != "hydraulic" or modulus is None:
+def _oil_is_stiff(modulus, pressure, area, volume, stroke):
+    if modulus is None:
         return None
     yielding = pressure * (volume + area * stroke / 2) / (2 * modulus * area)  # of both columns, the cart in the middle
     if yielding > OIL_SHARE * stroke:
         return (
             f"under the supply pressure the oil yields by {yielding:.3g} m, more than {OIL_SHARE:.0%} of the stroke: "
-            "the cart leaves its law, and near rest it may stop and start until its passage has no result; a larger "
-            "bulk_modulus or piston_area, or a smaller dead_volume, makes the oil stiffer"
+            "the cart leaves its law, and may stop and start near rest; a larger bulk_modulus or piston_area, or a "
+            "smaller dead_volume, makes the oil stiffer"
         )
 
 
-@rule("machine.roller_condition", "accuracy.engine", into=ADVICE)
-def _driven_roller_may_stick(rolling, engine):
-    if not ENGINES[engine].reads("machine.roller_torque") and rolling == "driven":
+@rule("machine.roller_condition", "machine.roller_torque", "accuracy.engine", into=ADVICE)
+def _torque_is_heeded(rolling, torque, engine):
+    if ENGINES[engine].reads("machine.roller_torque"):
+        return None
+    if rolling == "driven":
         return f'the engine "{engine}" assumes full slip of a driven roller, whatever its torque; "fem" resolves stick'
-
-
-@rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine", into=ADVICE)
-def _torque_is_heeded(torque, rolling, engine):
-    if not ENGINES[engine].reads("machine.roller_torque") and torque and rolling != "driven":
+    if torque:
         return f'the engine "{engine}" neglects machine.roller_torque; "fem" and "compaction" use it'
+
+
+@rule("machine.rollers", "machine.overlap", "motion.stroke", "product.width", "process", into=ADVICE)
+def _rollers_cover_the_product(rollers, overlap, stroke, width, process):
+    covered = rollers * (stroke - overlap)
+    if process is not None and covered * GUARD < width:
+        needed = math.ceil(width / (stroke - overlap) / GUARD) if stroke > overlap else 0
+        remedy = f"machine.rollers = {needed}" if needed else "a stroke longer than machine.overlap"
+        return (
+            f"{rollers:g} rollers side by side, each over its own stroke, press rollers*(stroke - overlap) = "
+            f"{covered:.4g} m of product.width = {width:g} m; the whole width needs {remedy}, or another cart"
+        )
 
 
 def _is_file(path):

@@ -7,45 +7,11 @@ geometry), so the engine replaces the value in both cases.
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 from compact.engines import BUILT_IN, ENGINES
 from compact.engines.interface import Limit
-
-OPTIONAL = (
-    "machine.roller_condition",
-    "machine.gap_geometry",
-    "layer.plies",
-    "layer.lower_lift",
-    "layer.lift_thickness",
-    "contact.indentation",
-    "contact.load",
-    "contact.peak_pressure",
-    "contact.held",
-)  # keys that a scene need not have
-
-NAMES = {  # of values, in the sentences about replacements
-    ("machine.gap_geometry", "parabola"): "vertical gap to the parabola",
-    ("machine.gap_geometry", "circle"): "vertical gap to the circle",
-    ("machine.gap_geometry", "deformed"): "gap on the deformed surface",
-    ("layer.passes", 1): "one pass",
-    ("layer.plies", None): "layer of one ply",
-    ("layer.lower_lift", None): "rigid base",
-    ("contact.indentation", None): "pressure that the mix needs",
-}
-KINDS = {  # words for values that have no name of their own
-    "layer.passes": "{:g} passes",
-    "layer.plies": "{} plies",
-    "layer.lower_lift": "lower lift",
-    "layer.return_stroke": "{} mix under the return stroke",
-    "machine.roller_condition": "{} roller",
-    "layer.lift_thickness": "lift of {:g} m",
-    "contact.indentation": "prescribed depth of {:g} m",
-    "contact.load": "prescribed load of {:g} N",
-    "contact.peak_pressure": "prescribed pressure of {:g} Pa",
-    "contact.held": "constant {}",
-    "mix.pore_air": "{} pore air",
-}
 
 
 def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
@@ -72,46 +38,40 @@ def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
 
 def replaced(engine: str, limit: Limit, value: object) -> str:
     """Return the sentence on a replaced value."""
-    return f"{engine}: {_name(limit.key, limit.taken[0])} in place of the {_name(limit.key, value)}, as {limit.why}"
+    return f"{engine}: {limit.key} {_shown(limit.taken[0])} in place of {_shown(value)}, as {limit.why}"
 
 
-def _name(key, value):
-    if isinstance(value, tuple):  # plies
-        return KINDS[key].format(len(value))
-    if isinstance(value, dict):  # table of the lower lift
-        return KINDS[key]
-    return NAMES.get((key, value)) or KINDS[key].format(value)
+def _shown(value):
+    """Return a value in words; a table or a list of tables by its kind."""
+    if isinstance(value, tuple | dict):
+        return f"{len(value)} plies" if isinstance(value, tuple) else "lower lift"
+    return "absent" if value is None else f'"{value}"' if isinstance(value, str) else f"{value:g}"
 
 
 def refusals() -> Iterator[tuple[tuple[str, ...], Callable[..., str | None]]]:
     """Yield (keys, rule) for each key that an engine limits; the value of an absent key is None."""
     for key in dict.fromkeys(limit.key for engine in BUILT_IN.values() for limit in engine.limits):
-        yield (key, "accuracy.engine", "mix.overrides.steel_friction"), _refusal(key)
+        yield (key, "accuracy.engine", "mix.overrides.steel_friction"), partial(_refusal, key)
 
 
-def _refusal(key):
-    def broken(value: Any, chosen: str, friction: Any) -> str | None:
-        limits = [each for each in ENGINES[chosen].limits if each.key == key and not (each.fixed or each.late)]
-        if value is None or all(each.takes(value, friction) for each in limits):
-            return None
-        limit = limits[0]
-        remedies = [f"give {_listed(limit.taken)}"] if any(limit.taken) else []
-        remedies += ["take the key out"] if key in OPTIONAL else []
-        able = [
-            name
-            for name, engine in BUILT_IN.items()
-            if engine.takes != "process"  # no alternative to an engine of a single pass
-            and all(each.takes(value, friction) for each in engine.limits if each.key == key)
-        ]
-        got = f'"{value}"' if isinstance(value, str) else _name(key, value)
-        return (
-            f'the engine "{chosen}" takes no {got}, as {limit.why}; {", ".join(remedies)}, or choose accuracy.engine = '
-            f"{_listed(able)}"
-        )
-
-    return broken
+def _refusal(key, value, chosen, friction):
+    limits = [each for each in ENGINES[chosen].limits if each.key == key and not (each.fixed or each.late)]
+    if value is None or all(each.takes(value, friction) for each in limits):
+        return None
+    able = [
+        name
+        for name, engine in BUILT_IN.items()
+        if engine.takes != "process"  # no alternative to an engine of a single pass
+        and all(each.takes(value, friction) for each in engine.limits if each.key == key)
+    ]
+    remedy = f"give {_listed(limits[0].taken)}" if any(limits[0].taken) else "take the key out"
+    is_number = isinstance(value, int | float)
+    got = f"{key.rpartition('.')[2]} of {value:g}" if is_number else _shown(value)
+    return (
+        f'the engine "{chosen}" takes no {got}, as {limits[0].why}; {remedy}, or choose '
+        f"accuracy.engine = {_listed(able)}"
+    )
 
 
 def _listed(values):
-    *some, last = [f'"{value}"' if isinstance(value, str) else f"{value}" for value in values]
-    return f"{', '.join(some)} or {last}" if some else last
+    return " or ".join(map(_shown, values))

@@ -113,18 +113,11 @@ class Source:
 
 # --- fields: from pydantic's errors to sentences
 
-TYPE_WORDS = {
-    "float_type": "a number",
-    "finite_number": "finite",
-    "int_type": "a whole number",
-    "bool_type": "true or false",
-    "string_type": "a text in quotes",
-    "string_unicode": "a text in quotes",
-    "string_pattern_mismatch": "a text",
-    "tuple_type": "a list",
-    "dict_type": "a table",
-}
-LIMIT_WORDS = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
+
+PLAIN = {  # words of pydantic in the messages
+    "greater than 0$": "positive", "a valid tuple": "a list", "a valid dictionary": "a table",
+    "a valid boolean": "true or false", "valid ": "", " after validation": "",
+}  # fmt: skip
 
 
 def field_mistakes(error: ValidationError, scene: type[Table]) -> list[Mistake]:
@@ -137,50 +130,27 @@ def field_mistakes(error: ValidationError, scene: type[Table]) -> list[Mistake]:
 
 
 def _field_mistake(error: Mapping[str, Any], tables: Mapping[Key, type[Table]]) -> Mistake:
-    place, kind, value = error["loc"], error["type"], error["input"]
+    place, kind, got = error["loc"], error["type"], f"got {shown(error['input'])}"
     path = tuple(part for part in place if isinstance(part, str))
     key = tuple(takewhile(lambda part: isinstance(part, str), place))
-    inside = () if kind == "invalid_key" else place[len(key) :]
-    entry = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in inside)
+    entry = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place[len(key) :])
     if kind == "extra_forbidden":
-        return Mistake(key, _unknown(path, value, tables), entry)
+        return Mistake(key, _unknown(path, error["input"], tables), entry)
+    if kind == "invalid_key":
+        return Mistake(key, f"must have texts as keys, {got}")
     info = tables[path[:-1]].model_fields[path[-1]]
-    table, in_list = table_of(info), kind == "tuple_type" or kind == "too_short" or inside != ()
-    header, got = f"[{'.'.join(path)}]", f"got {shown(value)}"
-    if table and kind == "model_type" and inside:
-        words = f"must be a table, {got}; write {{ {', '.join(f'{name} = …' for name in table.model_fields)} }}"
-    elif kind == "invalid_key":
-        words = f"must have texts as keys, got {shown(place[-1])}"
-    elif table and not in_list and kind == "missing":
+    table, header = table_of(info), f"[{'.'.join(path)}]"
+    if table and kind == "missing" and not entry:
         words = f"the table {header} is missing; add it with its keys (`compact new DIR` writes a commented scene)"
-    elif table and not in_list:
-        words = f"must be a table, {got}; write {header} on a line of its own, its keys below"
+    elif table and kind == "model_type":
+        keys = ", ".join(f"{name} = …" for name in table.model_fields)
+        words = f"must be a table, {got}; write {f'{{ {keys} }}' if entry else f'{header} on a line of its own'}"
     else:
-        words = f"{_rule(error, info)}; {_remedy(error, info)}"
+        rule = re.sub(r"^(Input|Tuple|String) should", "must", error["msg"])
+        for old, new in PLAIN.items():
+            rule = re.sub(old, new, rule)
+        words = f"is missing; {_remedy(error, info)}" if kind == "missing" else f"{rule}, {got}; {_remedy(error, info)}"
     return Mistake(key, words, entry)
-
-
-def _rule(error: Mapping[str, Any], info: FieldInfo) -> str:
-    kind, value, limits = error["type"], error["input"], limits_of(info)
-    match kind:
-        case "missing":
-            return "is missing"
-        case "too_short" | "too_long":
-            low, high = limits.get("min_length"), limits.get("max_length")
-            return f"must have {f'exactly {low} entries' if high == low else f'at least {low} entry'}, got {len(value)}"
-        case "literal_error":
-            rule = f"one of {', '.join(_choices(error))}"
-        case "float_type" if isinstance(value, int) and not isinstance(value, bool):
-            rule = "finite and below 1.8e308"
-        case _ if kind in TYPE_WORDS:
-            rule = TYPE_WORDS[kind]
-        case _ if limits in ({"gt": 0}, {"ge": 0}):
-            rule = "positive" if "gt" in limits else "zero or positive"
-        case _ if limits.keys() == {"ge", "le"}:
-            rule = f"between {limits['ge']:.15g} and {limits['le']:.15g}"
-        case _:
-            rule = " and ".join(f"{LIMIT_WORDS[name]} {bound:.15g}" for name, bound in limits.items())
-    return f"must be {rule}, got {shown(value)}"
 
 
 def _remedy(error: Mapping[str, Any], info: FieldInfo) -> str:
@@ -189,19 +159,11 @@ def _remedy(error: Mapping[str, Any], info: FieldInfo) -> str:
         return f"did you mean '{near[0]}'?"
     if kind in ("float_type", "int_type") and isinstance(value, str):
         return f"{remedy}, without quotes, decimal comma or unit"
-    if kind == "int_type" and isinstance(value, float):
-        return f"{remedy}, without a decimal point"
     return f"{remedy} in square brackets" if kind == "tuple_type" else remedy
 
 
 def _choices(error: Mapping[str, Any]) -> list[str]:
     return re.findall(r"'([^']+)'", error["ctx"]["expected"])
-
-
-def limits_of(info: FieldInfo) -> dict[str, float]:
-    """Return the bounds of a field, such as {"ge": 0.9, "le": 0.99} or {"min_length": 2}."""
-    names = (*LIMIT_WORDS, "min_length", "max_length")
-    return {name: getattr(part, name) for part in info.metadata for name in names if hasattr(part, name)}
 
 
 def shown(value: object) -> str:
@@ -232,9 +194,6 @@ def _unknown(key: Key, value: object, tables: Mapping[Key, type[Table]]) -> str:
         return f"{unknown}; `{name}` belongs {' or '.join(homes)}"
     if near := get_close_matches(name, here, n=1):
         return f"{unknown}; did you mean `{near[0]}`?"
-    for path, table in tables.items():
-        if near := get_close_matches(name, table.model_fields, n=1, cutoff=0.8):
-            return f"{unknown}; did you mean `{near[0]}`, which belongs {_within(path)}?"
     return f"{unknown}; take it out, or choose from {', '.join(here)}"
 
 
@@ -297,32 +256,13 @@ def _scanned(text: str) -> tuple[dict[Key, int], dict[int, str]]:
 
 
 def syntax_sentence(error: Exception, text: str) -> str:
-    """Return `line: not valid TOML: …` for an error of tomllib, with the offending line."""
-    if isinstance(error, RecursionError):
-        return " not valid as a scene: brackets nested too deep; no key needs more than a list"
-    if str(error).startswith("Exceeds the limit"):
-        return " not valid TOML: a whole number has thousands of digits; write it as 1e300 or shorter"
-    said = str(error).split(" (at ")[0]
-    at = re.search(r"\(at line (\d+), column (\d+)\)$", str(error))
+    """Return `line: not valid TOML: …` for an error of tomllib, with the offending line where it states one."""
+    remedy = "write `key = value`, texts in quotes, units in comments after #; close every quote and bracket"
+    at = re.search(r" \(at line (\d+), column (\d+)\)$", str(error))
     if at is None:
-        return f" not valid TOML: {said}; is a quote or a bracket left open at the end?"
+        return f" not valid TOML: {error}; {remedy}"
     line = text.split("\n")[int(at[1]) - 1].split(" #")[0].strip()
-    rule, remedy = _syntax_words(said)
-    return f"{at[1]}: not valid TOML at column {at[2]}: {rule}, got {shown(line)}; {remedy}"
-
-
-def _syntax_words(said):
-    if said.startswith(("Cannot overwrite", "Duplicate")):
-        return "a key must be given once", "take one of the two out"
-    if said.startswith(("Cannot declare", "Cannot mutate")):
-        return "a table must be given once", "put its keys together"
-    return said, "write `key = value`, texts in quotes, decimal point, units only in comments after #"
-
-
-def undecodable_sentence(error: UnicodeDecodeError) -> str:
-    """Return `line: not UTF-8 …` for a file in another encoding."""
-    line = error.object[: error.start].count(b"\n") + 1
-    return f"{line}: not UTF-8 text (byte 0x{error.object[error.start]:02x}); save the file as UTF-8"
+    return f"{at[1]}: not valid TOML at column {at[2]}: {str(error)[: at.start()]}, got {shown(line)}; {remedy}"
 
 
 def unreadable_sentence(path: str | Path, error: Exception) -> str:
@@ -331,6 +271,4 @@ def unreadable_sentence(path: str | Path, error: Exception) -> str:
         similar = get_close_matches(Path(path).name, sorted(p.name for p in Path(path).parent.glob("*.toml")), n=1)
         hint = f"did you mean '{similar[0]}'?" if similar else "`compact new DIR` writes a scene to start from"
         return f"no such file; {hint}"
-    if isinstance(error, IsADirectoryError):
-        return "is a directory; give the scene file in it, DIR/NAME.toml"
-    return f"cannot be read: {error}; give the path of a scene file"
+    return f"cannot be read: {error}; give the path of a scene file, in UTF-8"

@@ -13,20 +13,19 @@ import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from hashlib import sha256
 from importlib.resources import files
-from os import PathLike
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
 from pydantic import PrivateAttr, ValidationError
 
 from compact.engines import ENGINES
+from compact.engines.interface import Limit
 from compact.files import checksum
 from compact.scene import errors, plausible_ranges
 from compact.scene.choices import LAW_NAMES
 from compact.scene.constraints import ADVICE, RULES, Rule, files_exist, sentences
 from compact.scene.engine_capabilities import adapt, replaced
 from compact.scene.errors import Mistake, SceneError, Source
-from compact.scene.process_constraints import PROCESS_ADVICE, PROCESS_RULES
 from compact.scene.schema import SceneTables
 
 __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change", "starter_scene"]
@@ -81,9 +80,9 @@ class Scene(SceneTables):
     def load(cls, path: str | Path, /, **changes: object) -> Self:
         """Read a scene from a TOML file; see `load_scene`."""
         try:
-            text = _bytes(path).decode("utf-8")
+            text = _bytes(path).decode("utf-8-sig")
         except UnicodeDecodeError as error:
-            raise SceneError([f"{path}:{errors.undecodable_sentence(error)}"]) from None
+            raise SceneError([f"{path}: {errors.unreadable_sentence(path, error)}"]) from None
         return _parsed(cls, text, str(path), changes)
 
     @classmethod
@@ -91,18 +90,18 @@ class Scene(SceneTables):
         """Read a scene from a TOML text; see `parse_scene`."""
         return _parsed(cls, text, file, {})
 
+    def _neglected(self, engine: str) -> list[Limit]:
+        """Return the limits of the formulas that the scene sets for the engine with which they are compared."""
+        limits = ENGINES[engine].limits if engine == "formula" else ()
+        return [limit for limit in limits if not limit.fixed and limit.value_in(self) not in limit.taken]
+
     def with_engine(self, engine: str) -> Self:
         """Return the scene of an engine of the comparison, with the keys of `[compare.ENGINE]` and no output items."""
         given = getattr(self.compare, engine, None)
         changes: dict[str, object] = {"accuracy.engine": engine, "compare": None, "output.items": ()}
         if self.mix.fitted_at is not None:  # its values are those of the file, not of a caller
             changes["mix.fitted_at"] = self.mix.fitted_at.model_dump()
-        if engine == "formula":  # compared with every engine, whatever the scene sets for that engine
-            changes |= {
-                limit.key: limit.taken[0]
-                for limit in ENGINES[engine].limits
-                if not limit.fixed and limit.value_in(self) not in limit.taken
-            }
+        changes |= {limit.key: limit.taken[0] for limit in self._neglected(engine)}
         for table, keys in (given.model_dump(exclude_none=True) if given else {}).items():
             changes |= {f"{table}.{key}": value for key, value in _flat(keys)}
         found = self.replaced(**changes)
@@ -124,11 +123,8 @@ class Scene(SceneTables):
         own, found = self.accuracy.engine, {}
         for name in (own, *self.compared_engines):
             scene = self if name == own else self.with_engine(name)
-            left_out = [  # keys that the formulas neglect where they are compared with another engine
-                replaced(name, limit, limit.value_in(self))
-                for limit in (ENGINES[name].limits if name == "formula" != own else ())
-                if not limit.fixed and limit.value_in(self) not in limit.taken
-            ]
+            neglected = self._neglected(name) if name != own else ()
+            left_out = [replaced(name, limit, limit.value_in(self)) for limit in neglected]
             fits = scene.mix.fit_remark
             told = fits and (name == own or fits != self.mix.fit_remark)
             found[name] = (*left_out, *adapt(scene, name)[1], *([f"{name}: {fits}"] if told else []))
@@ -137,7 +133,7 @@ class Scene(SceneTables):
     @property
     def advice(self) -> tuple[str, ...]:
         """Sentences on values that are valid but outside the rules of thumb."""
-        found = sentences((*ADVICE, *PROCESS_ADVICE, *plausible_ranges.ADVICE), self.model_dump(exclude_none=True))
+        found = sentences((*ADVICE, *plausible_ranges.ADVICE), self.model_dump(exclude_none=True))
         return tuple(f"{self._source.place(mistake.key)}: {mistake}" for mistake in found)
 
     @property
@@ -275,8 +271,6 @@ def starter_scene() -> str:
 
 
 def _bytes(path: str | Path) -> bytes:
-    if not isinstance(path, str | PathLike):
-        raise SceneError([f"a scene is read from the path of its file, got {errors.shown(path)}"])
     try:
         return Path(path).read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a null byte in the name
@@ -284,12 +278,6 @@ def _bytes(path: str | Path) -> bytes:
 
 
 def _parsed(kind: type[AnyScene], text: str, file: str, changes: Mapping[str, object]) -> AnyScene:
-    if not isinstance(text, str):
-        raise SceneError([f"{file}: a scene is a TOML text, got {errors.shown(text)}"])
-    if text.startswith("\ufeff"):
-        raise SceneError([f"{file}:1: starts with a byte-order mark; save the file as UTF-8 without BOM"])
-    if not text.strip():
-        raise SceneError([f"{file}: is empty; `compact new DIR` writes a commented scene to start from"])
     try:
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
@@ -308,7 +296,7 @@ def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, objec
 
 
 def _rules(source: Source) -> tuple[Rule, ...]:
-    return (*RULES, *PROCESS_RULES, *plausible_ranges.REFUSALS, *files_exist(source))
+    return (*RULES, *plausible_ranges.REFUSALS, *files_exist(source))
 
 
 def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:

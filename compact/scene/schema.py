@@ -44,6 +44,7 @@ TORQUES = "a load of tonnes at the friction limit of a roller"
 MOULDS = "moulds of forming machines advance by centimetres a second"
 CREEPING = "moulds creep by centimetres in a stroke"
 PRESSURES = "rolling presses with kilopascals to some megapascals"
+EVEN = "1 for even pressure"
 SECTIONS = "tens of strokes press a section"
 ERRORS = "engines estimate errors from about 1e-5 up"
 PASSES = "mix keeps its density after some tens of passes"
@@ -73,7 +74,8 @@ def key(meaning: str, low: float = 0.0, high: float = 0.0, why: str = "", *, def
 
 
 positive, nonnegative, share = partial(key, gt=0), partial(key, ge=0), partial(key, ge=0, le=1)
-optional = partial(positive, default=None)  # a positive number, or none
+optional, or_zero = partial(positive, default=None), partial(nonnegative, default=None)  # a number, or none
+Maybe = float | None
 
 
 class Table(BaseModel):
@@ -111,23 +113,13 @@ class Machine(Table):
     rolling_arm: float = nonnegative("the rolling-friction arm f4 of the guide wheels [m] (eq 1.9)", 1e-5, 0.01, ARMS)
     rib_factor: float = key("the factor f5 for rubbing of the wheel ribs, 1 for none (eq 1.9)", 1, 5, RIBS, ge=1)
     roller_friction: float = share("the friction f2 of the roller (eq 1.8)")
-    feeder_sleeve: float = nonnegative(
-        "the width B_T of the feeder sleeve along the travel [m] (eq 1.2)", 5e-3, 2, SLEEVES
-    )
-    overlap: float = nonnegative(
-        "the overlap b_n of neighbouring rollers' strips [m] (eqs 1.2, 1.3)", 5e-4, 0.5, PART_OF_ROLLER
-    )
-    pressure_nonuniformity: float = positive(
-        "the factor k2 for uneven pressure along the arc, 1 for even (eq 1.6)", 0.2, 5, "1 for even pressure"
-    )
+    feeder_sleeve: float = nonnegative("the width B_T of the feeder sleeve [m] (eq 1.2)", 5e-3, 2, SLEEVES)
+    overlap: float = nonnegative("the overlap b_n of neighbouring strips [m] (eqs 1.2, 1.3)", 5e-4, 0.5, PART_OF_ROLLER)
+    pressure_nonuniformity: float = positive("the factor k2 for uneven pressure, 1 for even (eq 1.6)", 0.2, 5, EVEN)
     one_sided: bool = key("true for contact on the front half only (rival reading of eq 1.6), else false")
     roller_condition: RollerCondition = key("how the roller turns", default="free")
-    roller_torque: float | None = key(
-        "the torque on one roller [N m], + driving it the way it travels, - braking it",
-        1e-3,
-        1e4,
-        TORQUES,
-        default=None,
+    roller_torque: Maybe = key(
+        "the torque on one roller [N m], + with its travel, - a brake", 1e-3, 1e4, TORQUES, default=None
     )
     gap_geometry: GapGeometry = key("where the gap is measured", default="deformed")
     guide_bearing: BearingTable | None = None
@@ -139,7 +131,7 @@ class Product(Table):
 
     height: float = positive("the height h0 of the product [m]", 0.01, 2, PRODUCTS)
     width: float = positive("the width B of the product, along the travel, [m]", 0.02, 20, PRODUCTS)
-    mould_speed: float | None = optional("the speed of the mould, across the travel, [m/s]", 2e-3, 0.1, MOULDS)
+    mould_speed: Maybe = optional("the speed of the mould, across the travel, [m/s]", 2e-3, 0.1, MOULDS)
 
 
 class Overrides(Table):
@@ -148,33 +140,27 @@ class Overrides(Table):
     Their plausible ranges follow from the prior, see `plausible_ranges`.
     """
 
-    required_pressure: float | None = optional("the pressure q that gives the density, [Pa]")
-    plastic_modulus: float | None = optional("the one-pass compaction modulus [Pa]")
-    relaxed_modulus: float | None = optional("the fully relaxed modulus [Pa]")
-    unloading_modulus: float | None = optional("the unloading modulus [Pa]")
-    poisson: float | None = nonnegative("Poisson's ratio", lt=0.5, default=None)
-    instant_over_relaxed: float | None = key("the ratio of instant to relaxed modulus", ge=1, default=None)
-    relaxation_time: float | None = optional("the relaxation time [s]")
-    pore_air_modulus: float | None = optional("the modulus of the trapped air [Pa]")
-    friction_angle: float | None = nonnegative("the angle of internal friction [deg]", le=60, default=None)
-    cohesion: float | None = nonnegative("the cohesion [Pa]", default=None)
-    steel_friction: float | None = nonnegative("the friction of mix on steel", le=1, default=None)
-    heckel_slope: float | None = optional("the one-dimensional Heckel slope K_H [1/Pa]")
-    cohesion_loose: float | None = nonnegative("the cohesion of loose mix on the shear line [Pa]", default=None)
-    earth_pressure_coefficient: float | None = optional(
-        "the lateral over the vertical stress of confined compression at the required pressure", lt=1
-    )
-    dilatancy_angle: float | None = nonnegative("the angle of dilatancy on the shear line [deg]", le=60, default=None)
-    shear_viscosity: float | None = nonnegative(
-        "the stress beyond the shear line per plastic shear strain over the travel [Pa m], 0 for none", default=None
-    )
-    rate_sensitivity: float | None = nonnegative(
-        "the increase m of the yield pressure over ln(rate of compaction), 0 for none", le=0.1, default=None
-    )
-    reference_rate: float | None = optional("the rate of compaction [1/s] below which the Heckel slope is valid")
-    effective_modulus: float | None = optional("the secant contact modulus E of eqs 1.5, 1.6 [Pa]")
-    air_permeability: float | None = optional("the intrinsic permeability of the fed mix to air [m2]")
-    occlusion_saturation: float | None = optional("the saturation above which the air is occluded", le=1)
+    required_pressure: Maybe = optional("the pressure q that gives the density, [Pa]")
+    plastic_modulus: Maybe = optional("the one-pass compaction modulus [Pa]")
+    relaxed_modulus: Maybe = optional("the fully relaxed modulus [Pa]")
+    unloading_modulus: Maybe = optional("the unloading modulus [Pa]")
+    poisson: Maybe = or_zero("Poisson's ratio", lt=0.5)
+    instant_over_relaxed: Maybe = key("the ratio of instant to relaxed modulus", ge=1, default=None)
+    relaxation_time: Maybe = optional("the relaxation time [s]")
+    pore_air_modulus: Maybe = optional("the modulus of the trapped air [Pa]")
+    friction_angle: Maybe = or_zero("the angle of internal friction [deg]", le=60)
+    cohesion: Maybe = or_zero("the cohesion [Pa]")
+    steel_friction: Maybe = or_zero("the friction of mix on steel", le=1)
+    heckel_slope: Maybe = optional("the one-dimensional Heckel slope K_H [1/Pa]")
+    cohesion_loose: Maybe = or_zero("the cohesion of loose mix on the shear line [Pa]")
+    earth_pressure_coefficient: Maybe = optional("the lateral over the vertical stress at the required pressure", lt=1)
+    dilatancy_angle: Maybe = or_zero("the angle of dilatancy on the shear line [deg]", le=60)
+    shear_viscosity: Maybe = or_zero("the stress per plastic shear strain over the travel [Pa m], 0 for none")
+    rate_sensitivity: Maybe = or_zero("the rise m of the yield pressure over ln(rate), 0 for none", le=0.1)
+    reference_rate: Maybe = optional("the rate of compaction [1/s] below which the Heckel slope is valid")
+    effective_modulus: Maybe = optional("the secant contact modulus E of eqs 1.5, 1.6 [Pa]")
+    air_permeability: Maybe = optional("the intrinsic permeability of the fed mix to air [m2]")
+    occlusion_saturation: Maybe = optional("the saturation above which the air is occluded", le=1)
 
 
 _moisture = partial(key, "the moisture W as water mass / dry mass, 0.10 for 10 %", ge=0.08, le=0.12)
@@ -193,13 +179,8 @@ class Mix(Table):
 
     moisture: float = _moisture()
     density_ratio: float = key("the required density ratio k of the product", ge=0.90, le=0.99)
-    law: choices.MixLaw = key(
-        "the yield surface of the engines that compact: an elliptic cap, or a cap with a shear line", default="ellipse"
-    )
-    pore_air: choices.PoreAirModel = key(
-        "the pore air: without pressure, at the deformation without air, or coupled with the deformation",
-        default="drained",
-    )
+    law: choices.MixLaw = key("the yield surface: an elliptic cap, or a cap with a shear line", default="ellipse")
+    pore_air: choices.PoreAirModel = key("the pore air: none, at drained deformation, or coupled", default="drained")
     overrides: Overrides = Overrides()
     fitted_at: FittedAt | None = None
 
@@ -232,9 +213,7 @@ class Ply(Table):
     """One ply of the layer."""
 
     thickness: float = positive("the thickness [m]", 1e-3, 2, PRODUCTS)
-    relative_modulus: float = positive(
-        "the moduli of the ply over those of the mix", 1e-3, 1e3, "moduli over those of the mix"
-    )
+    relative_modulus: float = positive("the moduli of the ply over those of the mix", 1e-3, 1e3, "stiff and soft plies")
 
 
 class LowerLift(Table):
@@ -242,9 +221,7 @@ class LowerLift(Table):
 
     thickness: float = positive("the thickness [m]", 5e-3, 2, PRODUCTS)
     density_ratio: float = key("the density ratio k of the lift", **STATES)
-    residual_stress: bool = key(
-        "true if the earlier pass has left its lateral stress, false for no stress", default=True
-    )
+    residual_stress: bool = key("true if the earlier pass has left its lateral stress, else false", default=True)
 
 
 Plies = Annotated[tuple[Ply, ...], Strict(False)]
@@ -254,16 +231,12 @@ class Layer(Table):
     """The layer under the roller; homogeneous without `plies`."""
 
     base: BaseCondition = key("the condition at the base of the layer")
-    lift_thickness: float | None = optional(
-        "the compacted thickness of one lift [m]; default the height of the product", 5e-3, 2, PRODUCTS
-    )
+    lift_thickness: Maybe = optional("the compacted thickness of a lift [m]; default the product", 5e-3, 2, PRODUCTS)
     plies: Plies | None = key("the plies from the base upwards, as tables", min_length=1, default=None)
     lower_lift: LowerLift | None = None
     fed_density_ratio: float = key("the density ratio of the mix as fed", **STATES)
     passes: int = key("the number of passes", 1, 100, PASSES, ge=1, le=choices.PASS_LIMIT)
-    return_stroke: Literal["fresh", "compacted"] = key(
-        "the mix under the return stroke: fresh as on the way out, or compacted by it", default="fresh"
-    )
+    return_stroke: Literal["fresh", "compacted"] = key("the mix under the return stroke", default="fresh")
 
 
 class Optimise(Table):
@@ -271,24 +244,14 @@ class Optimise(Table):
 
     objectives: choices.Objectives = key("the objectives to minimise, one law for each", min_length=1)
     smoothness: int = key("the order up to which derivatives are continuous", ge=1, le=3)
-    steady_tolerance: float | None = nonnegative(
-        "the deviation allowed from the constant speed between run-up and run-down, 0 for none", le=1, default=None
-    )
-    velocity: float | None = optional("the largest velocity [m/s]", 1e-3, 10, MOTIONS)
-    acceleration: float | None = optional("the largest acceleration [m/s2]", 1e-3, 1e3, MOTIONS)
-    jerk: float | None = optional("the largest jerk [m/s3]", 1e-3, 1e5, MOTIONS)
-    snap: float | None = optional("the largest snap [m/s4]", 1e-3, 1e7, MOTIONS)
-    pressure_angle: float | None = optional("the largest pressure angle of the cam [rad]", 0.05, 1.57, CAMS, lt=1.57)
-    radius_of_curvature: float | None = nonnegative(
-        "the least radius of curvature of a flat-faced cam [m]", 1e-3, 10, CAMS, default=None
-    )
-    profile_radius: float | None = nonnegative(
-        "the least radius of curvature of the profile of a cam for rollers [m], convex or hollow; 0 for no undercut",
-        1e-3,
-        10,
-        CAMS,
-        default=None,
-    )
+    steady_tolerance: Maybe = or_zero("the deviation from the constant speed between the ramps, 0 for none", le=1)
+    velocity: Maybe = optional("the largest velocity [m/s]", 1e-3, 10, MOTIONS)
+    acceleration: Maybe = optional("the largest acceleration [m/s2]", 1e-3, 1e3, MOTIONS)
+    jerk: Maybe = optional("the largest jerk [m/s3]", 1e-3, 1e5, MOTIONS)
+    snap: Maybe = optional("the largest snap [m/s4]", 1e-3, 1e7, MOTIONS)
+    pressure_angle: Maybe = optional("the largest pressure angle of the cam [rad]", 0.05, 1.57, CAMS, lt=1.57)
+    radius_of_curvature: Maybe = or_zero("the least radius of curvature of a flat-faced cam [m]", 1e-3, 10, CAMS)
+    profile_radius: Maybe = or_zero("the least radius of a cam for rollers [m], 0 for no undercut", 1e-3, 10, CAMS)
     spread: choices.Spreads = key("the parameters of the mix over whose spread the regret is minimised", default=())
 
 
@@ -301,15 +264,11 @@ class Motion(Table):
     # each at most a half, so together at most the whole pass
     run_up: float = key("the share of the pass for the acceleration phase", ge=1e-6, le=0.5)
     run_down: float = key("the share of the pass for the deceleration phase", ge=1e-6, le=0.5)
-    energy_weight: float = nonnegative("the weight of the speed term in the complex law")
-    acceleration_weight: float = nonnegative("the weight of the acceleration term in the complex law")
+    energy_weight: float = share("the weight of the speed term in the complex law")
+    acceleration_weight: float = share("the weight of the acceleration term in the complex law")
     dwell: float = nonnegative("the dwell at each end [s]", 1e-3, 3600, STROKES)
-    rod_length: float | None = optional(
-        "the length of the connecting rod [m]", 0.02, 40, "rods of a stroke of up to 20 m"
-    )
-    other_durations: choices.Numbers = key(
-        "further times of one pass [s], over which the laws are ranked as well", default=()
-    )
+    rod_length: Maybe = optional("the length of the connecting rod [m]", 0.02, 40, "rods of a stroke of up to 20 m")
+    other_durations: choices.Numbers = key("further times of one pass [s], at which the laws are ranked", default=())
     tables: choices.Names = key("CSV files of own laws, relative to the scene file", default=())
     optimise: Optimise | None = None
 
@@ -330,11 +289,9 @@ class Motor(Table):
     curve: Literal["kloss", "linear"] = key("the torque-speed curve")
     torque: float = positive("the breakdown torque (kloss) or the torque at rest (linear) [N m]", 0.01, 1e5, DRIVES)
     speed: float = positive("the synchronous speed (kloss) or that without load (linear) [rad/s]", 1, 2000, DRIVES)
-    breakdown_slip: float | None = optional("the slip at the breakdown torque", 0.01, 1, DRIVES, le=1)
+    breakdown_slip: Maybe = optional("the slip at the breakdown torque", 0.01, 1, DRIVES, le=1)
     inertia: float = nonnegative("the inertia of the rotor [kg m2]", 1e-6, 1e3, DRIVES)
-    gear_ratio: float = positive(
-        "the speed of the motor over that of the shaft, pulleys of a belt included", 0.01, 1e4, DRIVES
-    )
+    gear_ratio: float = positive("the speed of the motor over that of the shaft, belt included", 0.01, 1e4, DRIVES)
     flywheel_inertia: float = nonnegative("the inertia of flywheel and shaft [kg m2]", 1e-5, 1e5, DRIVES)
     belt: BeltTable | None = None
 
@@ -350,9 +307,7 @@ class Hydraulics(Table):
     oil_density: float = positive("the density of the oil [kg/m3]", 500, 2000, "oils, water and glycols")
     transition_drop: float = positive("the drop of pressure [Pa] below which a throttle is laminar", 1, 1e6, OILS)
     bulk_modulus: float = positive("the bulk modulus of the oil [Pa]", 1e8, 5e9, "oil with its air")
-    dead_volume: float = positive(
-        "the volume of a cylinder with its line, the piston at its end, [m3]", 1e-7, 0.1, OILS
-    )
+    dead_volume: float = positive("the volume of a cylinder with its line at its end, [m3]", 1e-7, 0.1, OILS)
 
 
 class EndSpringTable(Table):
@@ -369,28 +324,18 @@ class CatalogueTable(Table):
     file: str = key("the CSV file of the motors, relative to the scene file")
     margin: float = key("the factor of rms and peak torque that a motor must hold, 1 for none", ge=1, le=10)
     efficiency: float = positive("the efficiency of the gear between motor and shaft", 0.1, 1, DRIVES, le=1)
-    gear_ratio: float | None = optional("the speed of the motor over that of the shaft", 0.01, 1e4, DRIVES)
-    inertia_ratio: float | None = optional(
-        "the largest inertia of the carts over that of the rotor, at the motor", 0.01, 1e3, DRIVES
-    )
+    gear_ratio: Maybe = optional("the speed of the motor over that of the shaft", 0.01, 1e4, DRIVES)
+    inertia_ratio: Maybe = optional("the largest inertia of the carts over that of the rotor", 0.01, 1e3, DRIVES)
 
 
 class Drive(Table):
     """Drive of the carts, and the criteria of the ranking."""
 
     kind: Literal["rigid", "crank", "elastic", "motor", "hydraulic"] = key("the kind of drive")
-    stiffness: float | None = optional(
-        "the stiffness of an elastic drive [N/m]", 1e3, 1e10, "from a soft belt to a short steel bar"
-    )
-    damping: float | None = nonnegative(
-        "the damping of an elastic drive [N s/m], 0 for none", 1, 1e8, DRIVES, default=None
-    )
-    backlash: float | None = nonnegative(
-        "the backlash of an elastic drive [m]", 1e-6, 0.05, "play of couplings and gears", default=None
-    )
-    include_added_mass: bool | None = key(
-        "true if the resistance of an elastic drive includes the added mass, F + a M, else false", default=None
-    )
+    stiffness: Maybe = optional("the stiffness of an elastic drive [N/m]", 1e3, 1e10, "soft belts to short steel bars")
+    damping: Maybe = or_zero("the damping of an elastic drive [N s/m], 0 for none", 1, 1e8, DRIVES)
+    backlash: Maybe = or_zero("the backlash of an elastic drive [m]", 1e-6, 0.05, "play of couplings and gears")
+    include_added_mass: bool | None = key("true for F + a M, with the added mass, else false", default=None)
     carts: int = key("the number of carts on one shaft", ge=1, le=4)
     angles: choices.Numbers | None = key("the crank angle of each cart [rad]", 1e-3, 6.3, "one turn", default=None)
     motor: Motor | None = None
@@ -405,7 +350,7 @@ class Cam(Table):
 
     breadth: float = positive("the constant breadth b of the cam [m]", 0.02, 10, CAMS)
     roller_follower_radius: float = positive("the radius of the roller followers [m]", 1e-3, 0.5, CAMS)
-    bore: float | None = optional("the diameter of the bore for the shaft [m]", 1e-3, 1, CAMS)
+    bore: Maybe = optional("the diameter of the bore for the shaft [m]", 1e-3, 1, CAMS)
 
 
 class FeedPoint(Table):
@@ -421,33 +366,21 @@ FeedPoints = Annotated[tuple[FeedPoint, ...], Strict(False)]
 class Process(Table):
     """The forming process: strokes over a mould that moves along the axis of the rollers, with feed before each."""
 
-    mould_speed: float = nonnegative(
-        "the speed of the mould along the axis of the rollers [m/s], 0 at rest", 1e-4, 1, CREEPING
-    )
+    mould_speed: float = nonnegative("the speed of the mould along the roller [m/s], 0 at rest", 1e-4, 1, CREEPING)
     strokes: int | None = key(
         "the number of strokes of a mould at rest", 1, 2000, SECTIONS, ge=1, le=choices.STROKES_LIMIT, default=None
     )
-    fill_height: float | None = optional(
-        "the height of the loose mix in the mould before the first stroke [m]", 5e-3, 2, PRODUCTS
-    )
-    fill_density_ratio: float | None = key("the density ratio of that mix", **STATES, default=None)
+    fill_height: Maybe = optional("the height of the mix in the mould before the first stroke [m]", 5e-3, 2, PRODUCTS)
+    fill_density_ratio: Maybe = key("the density ratio of that mix", **STATES, default=None)
     feed_density_ratio: float = key("the density ratio of the mix as fed", **STATES)
     feed: choices.FeedLaw = key("the distribution of the feed over the strokes", default="room")
-    feed_count: int | None = key(
-        'the number of fed strokes of the feed "first"', ge=1, le=choices.STROKES_LIMIT, default=None
-    )
+    feed_count: int | None = key('the fed strokes of "first"', ge=1, le=choices.STROKES_LIMIT, default=None)
     feed_table: FeedPoints | None = key('the points of the feed "table"', min_length=1, default=None)
     feeds: Literal["both", "forward"] = key("the strokes before which mix is fed", default="both")
-    gap: float | None = nonnegative(
-        "the gap above the lowest generatrix up to which mix is fed [m]", 1e-5, 0.2, PART_OF_ROLLER, default=None
-    )
-    product_density_ratio: float | None = key("the mean density ratio of the product", **STATES, default=None)
-    extrusion_pressure: float | None = optional(
-        "the pressure under the roller that mix evades [Pa]", 1e3, 5e6, "pressures that rollers reach"
-    )
-    offered_thickness: float | None = nonnegative(
-        "the thickness that the sleeves offer in a stroke [m]", 1e-5, 0.5, PART_OF_ROLLER, default=None
-    )
+    gap: Maybe = or_zero("the gap above the lowest generatrix up to which mix is fed [m]", 1e-5, 0.2, PART_OF_ROLLER)
+    product_density_ratio: Maybe = key("the mean density ratio of the product", **STATES, default=None)
+    extrusion_pressure: Maybe = optional("the pressure that the mix evades [Pa]", 1e3, 5e6, PRESSURES)
+    offered_thickness: Maybe = or_zero("the thickness that a stroke offers [m]", 1e-5, 0.5, PART_OF_ROLLER)
     nip_angle: float = positive(
         "the largest angle at which a roller draws mix in, [deg]",
         1,
@@ -456,11 +389,9 @@ class Process(Table):
         default=choices.NIP_ANGLE,
         le=60,
     )
-    largest_grain: float | None = optional("the size of the largest grains [m]", 1e-4, 0.05, "sand to coarse aggregate")
+    largest_grain: Maybe = optional("the size of the largest grains [m]", 1e-4, 0.05, "sand to coarse aggregate")
     layers: int = key("the number of merged layers of a section", default=20, ge=1, le=500)
-    detail: choices.ProcessDetail | None = key(
-        'the model: columns, or lumped lifts in two dimensions; default "quick" for the engine "process"', default=None
-    )
+    detail: choices.ProcessDetail | None = key('columns, or lumped lifts; default "quick" for "process"', default=None)
 
 
 class Sleeve(Table):
@@ -469,9 +400,7 @@ class Sleeve(Table):
     width: float = positive("the width along the travel [m]", 5e-3, 2, SLEEVES)
     head: float = positive("the height of the mix above the bed [m]", 0.01, 5, SLEEVES)
     wall_friction: float = share("the friction coefficient of the mix on the wall")
-    count: int = key(
-        "the number of sleeves of one cart", 1, 20, "a few sleeves feed one cart", ge=1, le=choices.COUNT_LIMIT
-    )
+    count: int = key("the number of sleeves of one cart", 1, 20, SLEEVES, ge=1, le=choices.COUNT_LIMIT)
 
 
 TOUCHES = "(zero means no contact)"
@@ -480,19 +409,11 @@ TOUCHES = "(zero means no contact)"
 class Contact(Table):
     """Prescribed quantity and speeds of the contact; default the pressure that the mix requires."""
 
-    indentation: float | None = optional(
-        f"the depth of the roller below the undisturbed surface [m] {TOUCHES}", 1e-5, 0.5, PART_OF_PRODUCT
-    )
-    load: float | None = optional(f"the normal force on one roller [N] {TOUCHES}", 10, 1e6, CARTS)
-    peak_pressure: float | None = optional(f"the largest contact pressure [Pa] {TOUCHES}", 1e3, 1e7, PRESSURES)
-    held: choices.HeldQuantity | None = key(
-        "the quantity held constant over speed; default a prescribed load or peak pressure, else the height of the "
-        "roller",
-        default=None,
-    )
-    speeds: choices.Numbers | None = key(
-        "the speeds of the computed contacts [m/s]", 1e-4, 5, "speeds of rolling", default=None
-    )
+    indentation: Maybe = optional(f"the depth below the undisturbed surface [m] {TOUCHES}", 1e-5, 0.5, PART_OF_PRODUCT)
+    load: Maybe = optional(f"the normal force on one roller [N] {TOUCHES}", 10, 1e6, CARTS)
+    peak_pressure: Maybe = optional(f"the largest contact pressure [Pa] {TOUCHES}", 1e3, 1e7, PRESSURES)
+    held: choices.HeldQuantity | None = key("the quantity held over speed; default the prescribed one", default=None)
+    speeds: choices.Numbers | None = key("the speeds of the contacts [m/s]", 1e-4, 5, "rolling", default=None)
 
 
 def _installed_engine(value: Any, validate: Callable[[Any], Any]) -> Any:

@@ -188,9 +188,12 @@ def test_comparison_takes_the_process():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"process": None, "sleeve": None}, r"accuracy.engine: is \"process\", and the table \[process\] is missing"),
-        ({"contact.load": 5e3}, r'the engine "process" takes no prescribed load of 5000 N, as the closure'),
-        ({"layer.passes": 2}, r'the engine "process" takes no 2 passes, as the strokes of \[process\] are its passes'),
+        ({"process": None, "sleeve": None}, "accuracy.engine: is .process., which needs the table"),
+        ({"contact.load": 5e3}, r'the engine "process" takes no load of 5000, as the closure'),
+        (
+            {"layer.passes": 2},
+            r'the engine "process" takes no passes of 2, as the strokes of \[process\] are its passes',
+        ),
     ],
 )
 def test_scenes_without_a_steady_process_are_refused(changes, words):

@@ -9,21 +9,10 @@ from refusals import HYDRAULICS
 from compact.cli import program as cli
 from compact.material import mix
 from compact.scene import plausible_ranges
-from compact.scene.loader import SceneError, load_scene
+from compact.scene.loader import load_scene
 from compact.scene.schema import Overrides
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
-
-
-def test_a_pressure_in_kilopascals_is_refused_with_unit_and_remedy():
-    with pytest.raises(SceneError) as caught:
-        load_scene(SMALL, **{"mix.overrides.required_pressure": 203})
-    (mistake,) = caught.value.mistakes
-    assert mistake.endswith(
-        "mix.overrides.required_pressure: 203 Pa is far outside the plausible 7.33e+03 to 3.5e+06 Pa (the prior over "
-        "all moistures and densities, threefold wider); was 203 kPa = 203000 Pa meant? Give the value in Pa; a value "
-        'that is meant as it is needs unusual = ["mix.overrides.required_pressure"] at the top of the scene'
-    )
 
 
 def test_every_key_of_the_mix_is_checked_against_the_spread_of_the_prior():
@@ -69,21 +58,6 @@ def test_a_key_named_unusual_is_neither_refused_nor_advised_against():
     assert scene.mix.overrides.heckel_slope == 13.0
     assert scene.advice == ()
     assert scene.replaced(**{"mix.overrides.heckel_slope": 2e-4}).advice == ()
-
-
-def test_unusual_changes_no_number():
-    insisted = load_scene(SMALL, unusual=["product.height"])
-    assert insisted.hash == load_scene(SMALL).hash
-
-
-def test_zero_is_no_magnitude():
-    none = {"mix.overrides.cohesion": 0.0, "mix.overrides.steel_friction": 0.0, "machine.rolling_arm": 0.0}
-    assert load_scene(SMALL, **none).advice == ()
-
-
-def test_a_sweep_refuses_implausible_values_before_it_computes():
-    with pytest.raises(SceneError, match=r"mix\.overrides\.heckel_slope: 13 1/Pa is far outside"):
-        load_scene(SMALL).require_fields(**{"mix.overrides.heckel_slope": 13.0})
 
 
 def test_the_speed_of_a_contact_is_checked(tmp_path, capsys):
