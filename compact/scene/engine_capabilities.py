@@ -42,10 +42,12 @@ def replaced(engine: str, limit: Limit, value: object) -> str:
 
 
 def _shown(value):
-    """Return a value in words; a table or a list of tables by its kind."""
-    if isinstance(value, tuple | dict):
-        return f"{len(value)} plies" if isinstance(value, tuple) else "lower lift"
-    return "absent" if value is None else f'"{value}"' if isinstance(value, str) else f"{value:g}"
+    """Return a value in words; a table and a list of tables by their kind."""
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, int | float):
+        return f"{value:g}"
+    return "absent" if value is None else f"{len(value)} plies" if isinstance(value, tuple) else "lower lift"
 
 
 def refusals() -> Iterator[tuple[tuple[str, ...], Callable[..., str | None]]]:
