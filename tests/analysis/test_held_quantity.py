@@ -193,7 +193,9 @@ def test_contact_by_formula_equals_the_engineering_summary(prescribed):
 
 def test_indentation_is_refused_by_formulas():
     case = study(**{"contact.indentation": 0.003})
-    with pytest.raises(ValueError, match=r"`indentation` is undefined on a half-plane.*use `load`"):
+    with pytest.raises(
+        ValueError, match=r"takes no `indentation` .*, as the depth of a contact on a half-plane is not defined"
+    ):
         case.stages.contacts.passes_at(case.scene.mean_speed)
 
 

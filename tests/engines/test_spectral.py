@@ -134,8 +134,8 @@ def test_high_viscoelastic_layer_is_hunter(deborah, ratio):
 def test_error_falls_geometrically_with_the_modes():
     problem, _ = build_rolling_problem(LAYER, pressed(), SOLID, 0.1)
     modes = np.array([4, 8, 12])
-    reference = solve_contact(problem, 40, 0.013, [])
-    contacts = [solve_contact(problem, int(count), 0.013, []) for count in modes]
+    reference = solve_contact(problem, 40, 0.013)
+    contacts = [solve_contact(problem, int(count), 0.013) for count in modes]
     errors = [abs(contact.resistance / reference.resistance - 1) for contact in contacts]
     rate = -np.polyfit(modes, np.log(errors), 1)[0]
     assert rate > 1, f"error falls by exp(-{rate:.2f}) a mode"
@@ -256,7 +256,7 @@ def test_error_estimate_covers_the_true_error(scenes, modes):
                 build_rolling_problem(layer, roller, mix, SPEED),
                 (rolled.leading - rolled.trailing) / 2,
             )
-            return solve_contact(problem, max(modes, 2 * rolled.history[-1].modes), half_width, [])
+            return solve_contact(problem, max(modes, 2 * rolled.history[-1].modes), half_width)
 
         estimated.append(rolled.error)
         true.append(true_errors(rolled, target_roller, reference))
@@ -299,7 +299,7 @@ def test_free_roller_without_friction_is_frictionless():
 def test_insufficient_modes_raise_with_the_history(monkeypatch):
     monkeypatch.setattr(spectral, "MODE_COUNTS", (4, 6, 8))
     mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((30.0, 0.01),))
-    with pytest.raises(RuntimeError, match=r"6 modes reach a relative error of .*; history: 4 modes: a 0\.01"):
+    with pytest.raises(RuntimeError, match=r"6 modes reach a relative error of .*; before them 4 modes "):
         spectral.roll(LAYER, pressed(), mix, 0.03)
 
 
@@ -313,7 +313,7 @@ def test_unconverged_half_width_raises_with_the_history(monkeypatch):
 
 def test_unconverged_centre_raises(monkeypatch):
     problem, _ = build_rolling_problem(LAYER, pressed(profile="circle"), SOLID, 0.3)
-    system = assemble_system(problem.response, 16, 0.01)
+    system = assemble_system(problem, 16, 0.01)
     monkeypatch.setattr(spectral, "HALF_WIDTH_STEPS_MAX", 1)
     with pytest.raises(RuntimeError, match="centre of the contact not found in 1 steps, last"):
         solve_pressure(problem, system, 16)

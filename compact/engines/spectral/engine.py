@@ -35,7 +35,7 @@ from compact import rolling_contact
 from compact.engines.spectral import SPECTRAL
 from compact.engines.spectral.galerkin_system import (
     GalerkinSystem,
-    LayerResponse,
+    RollingProblem,
     assemble_system,
     creep_compliance,
     power_spectrum,
@@ -87,48 +87,6 @@ class ModeRefinement(NamedTuple):
     load: float
     resistance: float
     error: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class RollingProblem:
-    """Steady rolling contact without its half-width.
-
-    Parameters
-    ----------
-    contact_modulus : float
-        Relaxed E* of the top ply [Pa].
-    radius : float
-        Roller radius R [m].
-    profile : str
-        "parabola" or "circle".
-    target, value : str, float
-        Prescribed "indentation" [m], "load" [N/m] or "peak_pressure" [Pa], and its value.
-    """
-
-    response: LayerResponse
-    contact_modulus: float
-    radius: float
-    profile: str
-    target: str
-    value: float
-
-    @property
-    def max_half_width(self) -> float:
-        """Largest half-width of the search [m]; a circle ends at its radius."""
-        return CIRCLE_SHARE_MAX * self.radius if self.profile == "circle" else np.inf
-
-    def gap(self, x: Array) -> Array:
-        """Return the height [m] of the roller above its lowest generatrix at x [m], free of cancellation."""
-        R = self.radius
-        return x**2 / (2 * R if self.profile == "parabola" else R + np.sqrt(R**2 - x**2))
-
-    def slope(self, x: Array) -> tuple[Array, Array]:
-        """Return gap' [-] and gap'' [1/m] at x [m]."""
-        R = self.radius
-        if self.profile == "parabola":
-            return x / R, np.full_like(x, 1 / R)
-        root = np.sqrt((R - x) * (R + x))
-        return x / root, R**2 / root**3
 
 
 @dataclass(frozen=True)
@@ -235,7 +193,7 @@ def roll(layer: Layer, roller: Roller, material: Elastic, speed: float, *, rtol:
     history: list[ModeRefinement] = []
     with threadpool_limits(1):  # the matrices are too small for threads
         for modes, next_modes in pairwise(MODE_COUNTS):
-            contact = solve_contact(problem, modes, half_width, history)
+            contact = solve_contact(problem, modes, half_width)
             half_width, (*error, peak_error) = contact.half_width, _estimate_errors(problem, contact, next_modes)
             resistance = np.sign(speed) * contact.resistance
             history.append(ModeRefinement(modes, half_width, contact.load, resistance, tuple(error)))
@@ -245,8 +203,8 @@ def roll(layer: Layer, roller: Roller, material: Elastic, speed: float, *, rtol:
         allowed = max(rtol, SPECTRAL_RTOL_MAX)
         if not largest <= allowed:
             raise RuntimeError(
-                f"{modes} modes reach a relative error of {max(error):.1g}, allowed is {allowed:.1g}; "
-                f"{describe_history(history)}"
+                f"{modes} modes reach a relative error of {max(error):.1g}, allowed is {allowed:.1g}; before them "
+                + ", ".join(f"{step.modes} modes {max(step.error):.1g}" for step in history[:-1])
             )
         xi = -np.cos(np.linspace(0, np.pi, PRESSURE_SAMPLES))
         pressure, x = contact.pressure(xi), contact.centre + contact.half_width * xi
@@ -257,7 +215,7 @@ def roll(layer: Layer, roller: Roller, material: Elastic, speed: float, *, rtol:
             trailing=float(contact.centre - contact.half_width),
             x=x,
             pressure=pressure,
-            shear_traction=problem.response.friction * pressure,
+            shear_traction=problem.friction * pressure,
             error=history[-1].error,
             work_residual=_work_residual(problem, contact),
             indentation=float(contact.indentation),
@@ -277,8 +235,8 @@ def _estimate_errors(problem, contact, next_modes):
     the indentation found.
     """
     modes, a = len(contact.coefficients), contact.half_width
-    wider = solve_pressure(problem, assemble_system(problem.response, modes, a * (1 + HALF_WIDTH_STEP)), modes)
-    finer = solve_pressure(problem, assemble_system(problem.response, next_modes, a), next_modes)
+    wider = solve_pressure(problem, assemble_system(problem, modes, a * (1 + HALF_WIDTH_STEP)), modes)
+    finer = solve_pressure(problem, assemble_system(problem, next_modes, a), next_modes)
     names = ("load", "resistance", "peak_pressure", "indentation")
     of_contact, of_wider, of_finer = (np.array([getattr(c, name) for name in names]) for c in (contact, wider, finer))
 
@@ -292,10 +250,8 @@ def _estimate_errors(problem, contact, next_modes):
     scale = np.array(
         [contact.load, rolling_contact.resistance_scale(contact.resistance, contact.load), contact.peak_pressure]
     )
-    load_error = contact.load * (
-        _fast_branch_error(problem, contact) + ARITHMETIC_ERROR / problem.response.creep.instant
-    )
-    resistance_share = max(abs(problem.response.friction), 2 * a / problem.radius)
+    load_error = contact.load * (_fast_branch_error(problem, contact) + ARITHMETIC_ERROR / problem.creep.instant)
+    resistance_share = max(abs(problem.friction), 2 * a / problem.radius)
     error = (MODE_ERROR_FACTOR * np.abs(changes) + load_error * np.array([1.0, resistance_share, 0.0])) / scale
     return tuple(error.tolist())
 
@@ -310,7 +266,7 @@ def _fast_branch_error(problem, contact):
     of all slower ones. The sum is a fit: 0.5-1 times the error of systems of 600 modes with y 1e-5 to 0.01, shares 0.1
     to 10, contacts 0.2 and 1.5 heights wide on both bases, friction 0 and 0.6.
     """
-    creep, modes = problem.response.creep, len(contact.coefficients)
+    creep, modes = problem.creep, len(contact.coefficients)
     shares = creep.shares / (creep.instant + np.cumsum(creep.shares))
     y = (1 - shares) * creep.lengths / contact.half_width
     return float(np.sum(0.5 * modes * (shares / (1 - shares)) ** 2 * y**3 * np.exp(-(modes**2) * y)))
@@ -325,15 +281,15 @@ def _work_residual(problem, contact):
     it uses none of the closed forms from which the pressure is computed. The work of f p on slip and on the stretching
     of the surface is equal on both sides and left out. Beyond SPECTRUM_LIMIT |p|^2 is a power law.
     """
-    response, basis, a = problem.response, contact.system.basis, contact.half_width
+    basis, a = contact.system.basis, contact.half_width
     tau, weight, squared = power_spectrum(basis, contact.coefficients, SPECTRUM_LIMIT)
     tail = np.geomspace(SPECTRUM_LIMIT, 1e9 * SPECTRUM_LIMIT, 2001)
     power = 2 + 2 * min(basis.trailing_exponent, 1 - basis.trailing_exponent)
     level = np.average(squared * tau**power, weights=weight * (tau > SPECTRUM_LIMIT / 2))
-    dissipated = np.sum(weight * response.dissipation_symbol(tau / a) * squared)
-    dissipated += np.trapezoid(response.dissipation_symbol(tail / a) * level * tail ** (1 - power), np.log(tail))
+    dissipated = np.sum(weight * problem.dissipation_symbol(tau / a) * squared)
+    dissipated += np.trapezoid(problem.dissipation_symbol(tail / a) * level * tail ** (1 - power), np.log(tail))
     dissipated *= 2 * a * contact.scale**2 / (np.pi * problem.contact_modulus)
-    work = contact.resistance - response.friction * contact.load
+    work = contact.resistance - problem.friction * contact.load
     return float(abs(work - dissipated) / rolling_contact.resistance_scale(contact.resistance, contact.load))
 
 
@@ -366,43 +322,44 @@ def build_rolling_problem(
         )
     friction = TRACTION_SIGN[roller.rolling] * roller.friction
     creep = creep_compliance(getattr(material, "branches", ()), abs(speed), layer.height)
-    response = LayerResponse(layer, material.poisson, friction, creep)
-    problem = RollingProblem(response, modulus, radius, roller.profile, target, value)
-    return problem, float(min(half_width, INITIAL_WIDTH_MAX * layer.top.thickness, problem.max_half_width))
+    problem = RollingProblem(layer, material.poisson, friction, creep, modulus, radius, roller.profile, target, value)
+    widest = min(INITIAL_WIDTH_MAX * layer.top.thickness, _widest(roller.profile, radius))
+    return problem, float(min(half_width, widest))
+
+
+def _widest(profile, radius):
+    """Largest half-width of the search [m]; a circle ends at its radius."""
+    return CIRCLE_SHARE_MAX * radius if profile == "circle" else np.inf
 
 
 def solve_contact(
-    problem: RollingProblem,
-    modes: int,
-    half_width: float,
-    history: list[ModeRefinement],
-    tolerance: float = HALF_WIDTH_TOLERANCE,
+    problem: RollingProblem, modes: int, half_width: float, tolerance: float = HALF_WIDTH_TOLERANCE
 ) -> ContactSolution:
-    """Find the half-width at which the contact has its target, from a first guess [m]; messages state the history.
+    """Find the half-width at which the contact has its target, from a first guess [m].
 
     Notes
     -----
     Secant method for the logarithm of the target over the logarithm of the half-width.
     """
+    widest = _widest(problem.profile, problem.radius)
     log_a, residual, power, step = np.log(half_width), None, 2.0, 0.0
     for _ in range(HALF_WIDTH_STEPS_MAX):
-        contact = solve_pressure(problem, assemble_system(problem.response, modes, np.exp(log_a)), modes)
+        contact = solve_pressure(problem, assemble_system(problem, modes, np.exp(log_a)), modes)
         value = getattr(contact, problem.target)
         if not 0 < value < np.inf:
             raise RuntimeError(
-                f"`{problem.target}` must be positive, got {value:.3g} at the half-width {np.exp(log_a):.3g} m; "
-                f"{describe_history(history)}"
+                f"`{problem.target}` must be positive, got {value:.3g} at the half-width {np.exp(log_a):.3g} m"
             )
         previous, residual = residual, np.log(value / problem.value)
         if abs(step) > HALF_WIDTH_STEP**2:
             power = np.clip((residual - previous) / step, 0.5, 20)
-        step = np.clip(-residual / power, -1, min(1, np.log(problem.max_half_width) - log_a))
+        step = np.clip(-residual / power, -1, min(1, np.log(widest) - log_a))
         if abs(residual) < tolerance:
             return contact
         log_a += step
     raise RuntimeError(
         f"half-width not found in {HALF_WIDTH_STEPS_MAX} steps with {modes} modes, relative residual of "
-        f"`{problem.target}` {residual:.1g}; {describe_history(history)}"
+        f"`{problem.target}` {residual:.1g}"
     )
 
 
@@ -418,7 +375,7 @@ def solve_pressure(problem: RollingProblem, system: GalerkinSystem, modes: int) 
     load = scale * a * basis.unit_load * b[0]
     depth = a**2 / R * (system.depths[:modes] @ b) + tests[0] @ problem.gap(centre + a * basis.nodes)
     inclination = basis.pressures[:modes] @ problem.slope(centre + a * basis.pressure_nodes)[0]
-    resistance = scale * a * (b @ inclination) + problem.response.friction * load
+    resistance = scale * a * (b @ inclination) + problem.friction * load
     return ContactSolution(system, centre, b, scale, depth / tests[0].sum(), load, resistance)
 
 
@@ -464,7 +421,7 @@ def _elastic_half_width(layer, roller, modulus, poisson):
     """Estimated half-width [m] on an elastic layer."""
     elastic = Elastic(youngs_modulus=modulus, poisson=poisson)
     problem, half_width = build_rolling_problem(layer, roller, elastic, 1.0)
-    return float(solve_contact(problem, ESTIMATE_MODES, half_width, [], ESTIMATE_TOLERANCE).half_width)
+    return float(solve_contact(problem, ESTIMATE_MODES, half_width, ESTIMATE_TOLERANCE).half_width)
 
 
 def quantise_half_width(half_width: float, widest: float) -> float:
@@ -476,13 +433,4 @@ def contact_of_half_width(layer: Layer, material: Elastic, radius: float, half_w
     """Estimate the elastic frictionless contact of a half-width [m] under a parabola of a radius [m]."""
     elastic = Elastic(youngs_modulus=material.youngs_modulus, poisson=material.poisson)
     problem, _ = build_rolling_problem(layer, Roller(radius, indentation=half_width**2 / radius), elastic, 1.0)
-    return solve_pressure(problem, assemble_system(problem.response, ESTIMATE_MODES, half_width), ESTIMATE_MODES)
-
-
-def describe_history(history: list[ModeRefinement]) -> str:
-    """Describe the solutions with fewer modes in one line, for messages."""
-    steps = (
-        f"{step.modes} modes: a {step.half_width:.6g} m, load {step.load:.8g} N/m, error {max(step.error):.1g}"
-        for step in history
-    )
-    return f"history: {'; '.join(steps) or 'none'}"
+    return solve_pressure(problem, assemble_system(problem, ESTIMATE_MODES, half_width), ESTIMATE_MODES)

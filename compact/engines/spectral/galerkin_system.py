@@ -220,21 +220,51 @@ def creep_compliance(branches: tuple[tuple[float, float], ...], speed: float, he
 
 
 @dataclass(frozen=True)
-class LayerResponse:
-    """Response of a layer to a pressure and a proportional traction that move at a steady speed.
+class RollingProblem:
+    """Steady rolling contact without its half-width.
 
     Parameters
     ----------
+    layer : Layer
+        Layer of plies.
     poisson : float
         Poisson's ratio nu [-].
     friction : float
         Traction on the mix over the pressure, f [-], positive along the travel.
+    creep : CreepCompliance
+        Creep along the path of the mix.
+    contact_modulus : float
+        Relaxed E* of the top ply [Pa].
+    radius : float
+        Roller radius R [m].
+    profile : str
+        "parabola" or "circle".
+    target, value : str, float
+        Prescribed "indentation" [m], "load" [N/m] or "peak_pressure" [Pa], and its value.
     """
 
     layer: Layer
     poisson: float
     friction: float
     creep: CreepCompliance
+    contact_modulus: float
+    radius: float
+    profile: str
+    target: str
+    value: float
+
+    def gap(self, x: Array) -> Array:
+        """Return the height [m] of the roller above its lowest generatrix at x [m], free of cancellation."""
+        R = self.radius
+        return x**2 / (2 * R if self.profile == "parabola" else R + np.sqrt(R**2 - x**2))
+
+    def slope(self, x: Array) -> tuple[Array, Array]:
+        """Return gap' [-] and gap'' [1/m] at x [m]."""
+        R = self.radius
+        if self.profile == "parabola":
+            return x / R, np.full_like(x, 1 / R)
+        root = np.sqrt((R - x) * (R + x))
+        return x / root, R**2 / root**3
 
     @property
     def trailing_exponent(self) -> float:
@@ -440,17 +470,17 @@ class GalerkinSystem:
     depths: Array
 
 
-def assemble_system(response: LayerResponse, modes: int, half_width: float) -> GalerkinSystem:
+def assemble_system(problem: RollingProblem, modes: int, half_width: float) -> GalerkinSystem:
     """Assemble the `GalerkinSystem` of half-plane and layer with pressure modes on a half-width [m]."""
-    if half_width > HALF_WIDTH_MAX * response.top_thickness:
+    if half_width > HALF_WIDTH_MAX * problem.top_thickness:
         raise RuntimeError(
             f"the half-width of the contact, {half_width:.3g} m, is more than {HALF_WIDTH_MAX:g} times the thickness "
-            f"of the top ply, {response.top_thickness:.3g} m; join that ply to the next"
+            f"of the top ply, {problem.top_thickness:.3g} m; join that ply to the next"
         )
-    waves = 0.75 * DECAY_DEPTH * half_width / response.top_thickness
-    basis = build_jacobi_basis(response.trailing_exponent, modes, _gauss_point_count(max(waves + modes / 2, modes)))
-    matrix, depths = _half_plane_part(response, basis, half_width)
-    layer_matrix, layer_depths = _layer_part(response, basis, half_width)
+    waves = 0.75 * DECAY_DEPTH * half_width / problem.top_thickness
+    basis = build_jacobi_basis(problem.trailing_exponent, modes, _gauss_point_count(max(waves + modes / 2, modes)))
+    matrix, depths = _half_plane_part(problem, basis, half_width)
+    layer_matrix, layer_depths = _layer_part(problem, basis, half_width)
     return GalerkinSystem(basis, half_width, matrix + layer_matrix, depths + layer_depths)
 
 
@@ -459,14 +489,14 @@ def _gauss_point_count(least):
     return int(24 * 1.25 ** np.ceil(max(np.log((least + 2) / 24) / np.log(1.25), 0)))
 
 
-def _half_plane_part(response, basis, a):
+def _half_plane_part(problem, basis, a):
     """Matrix and depths of the half-plane with creep: u = u_relaxed + sum share length u'_branch."""
-    creep, modes = response.creep, basis.modes
+    creep, modes = problem.creep, basis.modes
     matrix = creep.instant / basis.sine * np.eye(modes + 1)[:, 1:]
     depths = np.zeros(modes)
-    mean = (np.log(response.top_thickness / a) - digamma(basis.trailing_exponent) - np.euler_gamma) / np.pi
+    mean = (np.log(problem.top_thickness / a) - digamma(basis.trailing_exponent) - np.euler_gamma) / np.pi
     rigid = creep.relaxed * basis.unit_test * basis.unit_load
-    depths[0] = rigid * (mean - (response.coupling + response.far_coupling) / 2)
+    depths[0] = rigid * (mean - (problem.coupling + problem.far_coupling) / 2)
     if len(creep.lengths):
         beta = a / creep.lengths
         branches = creep_branch_matrices(beta, basis.trailing_exponent, modes)
@@ -475,24 +505,22 @@ def _half_plane_part(response, basis, a):
     return matrix, depths
 
 
-def _layer_part(response, basis, a):
+def _layer_part(problem, basis, a):
     """Contribution of the finite height to matrix and depths.
 
         (1/pi) Re int_0^inf C (-i (L - 1) - f (M - b)) <T_m, e^(i tau x)> <Q_{k-1}, e^(-i tau x)> dtau
 
     and the same over -i tau for the depths, less the logarithm of two depths as exp(-2 zeta)/tau.
     """
-    zeta, weight, normal, shear, creep = response.symbols(a)
-    tau, order = zeta * a / response.top_thickness, np.arange(1, basis.modes + 1)
+    zeta, weight, normal, shear, creep = problem.symbols(a)
+    tau, order = zeta * a / problem.top_thickness, np.arange(1, basis.modes + 1)
     G = basis.transforms(tau)
     tests = 1j * tau * G / np.maximum(np.arange(basis.modes + 1), 1)[:, None]
     tests[0] += basis.unit_test
     pressures = (-1.0) ** (order - 1)[:, None] * G[1:]
-    waves = (
-        pressures * creep * (-1j * normal - response.friction * shear) * weight * (a / response.top_thickness / np.pi)
-    )
+    waves = pressures * creep * (-1j * normal - problem.friction * shear) * weight * (a / problem.top_thickness / np.pi)
     depths = np.real((waves * (1j / tau)) @ tests[0])
-    logarithm = response.creep.relaxed * np.sum(np.exp(-2 * zeta) / zeta * weight) / np.pi
+    logarithm = problem.creep.relaxed * np.sum(np.exp(-2 * zeta) / zeta * weight) / np.pi
     depths[0] += basis.unit_test * basis.unit_load * logarithm
     return tests.real @ waves.real.T - tests.imag @ waves.imag.T, depths
 

@@ -27,7 +27,12 @@ from scipy.linalg import lu_factor, lu_solve
 from threadpoolctl import threadpool_limits
 
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral.galerkin_system import CreepCompliance, assemble_system, pressure_polynomials
+from compact.engines.spectral.galerkin_system import (
+    CreepCompliance,
+    RollingProblem,
+    assemble_system,
+    pressure_polynomials,
+)
 from compact.material.laws import Elastic
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
@@ -80,9 +85,9 @@ def expand_resistance(
 
 def _refine_modes(problem, half_width, rtol, length):
     """Return F_ss, v dF_ss/dv, v^2 M and the error of M, with the modes that `rtol` requires; `length` is v tau [m]."""
-    masses, errors, longest = [], [], problem.response.creep.lengths[-1]
+    masses, errors, longest = [], [], problem.creep.lengths[-1]
     for modes in spectral.MODE_COUNTS:
-        contact = spectral.solve_contact(problem, modes, half_width, [])
+        contact = spectral.solve_contact(problem, modes, half_width)
         half_width = contact.half_width
         if not LENGTH_ERROR * half_width < ADDED_MASS_RTOL_MAX * longest:
             raise RuntimeError(
@@ -108,7 +113,7 @@ def _refine_modes(problem, half_width, rtol, length):
 
 def _expansion(problem, contact):
     """Compute v dF_ss/dv and v^2 M of a contact."""
-    linear, creep = ContactLinearisation(problem, contact), problem.response.creep
+    linear, creep = ContactLinearisation(problem, contact), problem.creep
     length, gradient = creep.lengths, linear.resistance_gradient
     speed_load = linear.surface(_creep_polynomial(creep, -1, 1, 0))  # of v C_v
     change = linear.solve(speed_load)
@@ -134,7 +139,7 @@ class ContactLinearisation:
     A surface is represented by -u' under T_0 ... T_modes and u under T_0, also of shape (modes + 2,).
     """
 
-    problem: spectral.RollingProblem
+    problem: RollingProblem
     contact: spectral.ContactSolution
 
     @property
@@ -144,8 +149,8 @@ class ContactLinearisation:
 
     def surfaces(self, creep: CreepCompliance, widening: float = 0.0) -> Array:
         """Compute the surfaces under the pressures b_k = 1 on a contact widened by a share [-], (modes + 2, modes)."""
-        response, a = replace(self.problem.response, creep=creep), self.contact.half_width * (1 + widening)
-        system = assemble_system(response, len(self.contact.coefficients), a)
+        a = self.contact.half_width * (1 + widening)
+        system = assemble_system(replace(self.problem, creep=creep), len(self.contact.coefficients), a)
         return a / self.problem.radius * np.vstack([system.matrix, a * system.depths])
 
     def surface(self, creep: CreepCompliance, widening: float = 0.0) -> Array:
@@ -176,8 +181,8 @@ class ContactLinearisation:
         problem, contact = self.problem, self.contact
         tests, (slope, curvature) = contact.system.basis.tests, problem.slope(contact.centre + self.x)
         rows = np.zeros((len(tests) + 1, len(tests) + 1))
-        rows[:, :-2] = self.surfaces(problem.response.creep)
-        rows[:, -2] = self.width_derivative(problem.response.creep)
+        rows[:, :-2] = self.surfaces(problem.creep)
+        rows[:, -2] = self.width_derivative(problem.creep)
         for column, shift in ((-2, self.x), (-1, 1.0)):
             rows[:-1, column] -= tests @ (shift * curvature)
             rows[-1, column] += tests[0] @ (shift * slope)
@@ -208,7 +213,7 @@ class ContactLinearisation:
     @cached_property
     def resistance_gradient(self) -> Array:
         """Return the derivative of the resistance [N/m] with respect to the contact, shape (modes + 2,)."""
-        contact, basis, friction = self.contact, self.contact.system.basis, self.problem.response.friction
+        contact, basis, friction = self.contact, self.contact.system.basis, self.problem.friction
         x = contact.half_width * basis.pressure_nodes
         slope, curvature = self.problem.slope(contact.centre + x)
         force, b = contact.scale * contact.half_width, contact.coefficients
