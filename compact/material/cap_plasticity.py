@@ -34,7 +34,6 @@ from compact.numerics.validation import require_finite, require_positive
 __all__ = ["CapConstants", "cap_constants", "hardening", "return_map"]  # re-exported
 
 FIELDS = ("stress", "density_ratio", "max_density_ratio", "plastic_work")  # of a `MaterialPoint`
-BATCH_POINTS = 20_000  # [-], points of one compiled call; some 20 ms, so that an interrupt is handled between calls
 NO_STRAIN = 1e-13  # [-], of a path that is elastic from any state; above the rounding of the strain
 CONFINED_STEPS = 200  # [-], of the compression of mix by an earlier pass
 
@@ -158,30 +157,26 @@ def integrate_points(
     before = (strain, state.stress, state.density_ratio, state.max_density_ratio, state.plastic_work)
     strain, *arrays = (np.ascontiguousarray(values, dtype=float) for values in before)  # one layout, compiled once
     n, constants = len(strain), cap_constants(law, rate_factor)
-    stress, scalars = np.empty((n, 4)), np.empty((3, n))
-    tangents = np.empty((n, 3, 3) if tangent else (0, 3, 3))
-    for first in range(0, n, BATCH_POINTS):
-        end = min(first + BATCH_POINTS, n)
-        failed = _integrate_batch(
-            (first, end), constants, constants.line or None, tuple(arrays), strain, (stress, scalars, tangents)
+    stress, scalars, tangents = np.empty((n, 4)), np.empty((3, n)), np.empty((n if tangent else 0, 3, 3))
+    results = stress, scalars, tangents
+    failed = _integrate_all(constants, constants.line or None, tuple(arrays), strain, results)
+    if failed >= 0:
+        require_finite(strain=strain, stress=state.stress, density_ratio=state.density_ratio)
+        raise RuntimeError(
+            f"the return mapping did not converge for a strain increment of {np.abs(strain[failed]).max():.3g} "
+            f"from a stress of {np.abs(state.stress[failed]).max():.3g} Pa at density ratio "
+            f"{state.density_ratio[failed]:.6g} (point {failed}); use smaller increments"
         )
-        if failed >= 0:
-            require_finite(strain=strain, stress=state.stress, density_ratio=state.density_ratio)
-            raise RuntimeError(
-                f"the return mapping did not converge for a strain increment of {np.abs(strain[failed]).max():.3g} "
-                f"from a stress of {np.abs(state.stress[failed]).max():.3g} Pa at density ratio "
-                f"{state.density_ratio[failed]:.6g} (point {failed}); use smaller increments"
-            )
     return MaterialPoint(stress, *scalars), tangents if tangent else None
 
 
 @compiled
-def _integrate_batch(block, law, line, state, strain, results):
-    """Integrate the points of a block (first, end); return the first that did not converge, or -1."""
+def _integrate_all(law, line, state, strain, results):
+    """Integrate all points; return the first that did not converge, or -1."""
     stress, density_ratio, max_density_ratio, work = state
     new_stress, new_scalars, tangents = results
     derivatives = np.empty((6, 3 if len(tangents) else 0))
-    for i in range(block[0], block[1]):
+    for i in range(len(strain)):
         before = (stress[i, 0], stress[i, 1], stress[i, 2], stress[i, 3], density_ratio[i], max_density_ratio[i])
         part = (strain[i, 0], strain[i, 1], strain[i, 2])
         derivatives[:] = 0.0
@@ -202,15 +197,7 @@ def _integrate_batch(block, law, line, state, strain, results):
 
 
 @compiled
-def integrate_path(
-    law: CapConstants,
-    line: bool | None,
-    before: tuple,
-    strain: tuple,
-    multipliers: Array,
-    carried: float,
-    derivatives: Array,
-) -> tuple:
+def integrate_path(law, line, before, strain, multipliers, carried, derivatives) -> tuple:
     """Integrate the constitutive law of one point along a straight strain path; one step if the path is elastic.
 
     The yield surface is convex, so that a path is elastic if its ends are.
@@ -279,16 +266,7 @@ def _work(before, after, strain):
 
 
 @compiled
-def integrate_point(
-    law: CapConstants,
-    line: bool | None,
-    before: tuple,
-    strain: tuple,
-    guess: float,
-    share: float,
-    carried: float,
-    derivatives: Array,
-) -> tuple:
+def integrate_point(law, line, before, strain, guess, share, carried, derivatives) -> tuple:
     """Integrate the constitutive law at one point in one step.
 
     Parameters

@@ -25,7 +25,7 @@ J. P. Boyd, Chebyshev and Fourier Spectral Methods, 2nd ed., Dover 2001, section
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -39,65 +39,41 @@ TERMS = 3  # [-], of the polynomial; residual 2e-8 of the stress at 60 MPa, 2e-6
 CACHED_LAWS = 256  # [-], whose polynomials are kept
 
 
-class ConfinedMix(NamedTuple):
-    """Constants that determine confined compression.
-
-    Parameters
-    ----------
-    bulk_modulus, shear_modulus : float
-        Moduli K and G [Pa].
-    critical_slope : float
-        Slope M of the cap [-].
-    tensile_strength : float
-        Isotropic tensile strength pt [Pa].
-    heckel_slope : float
-        K_H of confined compression [1/Pa].
-    loose_density_ratio, max_density_ratio : float
-        Start and end of the Heckel curve [-].
-    """
-
-    bulk_modulus: float
-    shear_modulus: float
-    critical_slope: float
-    tensile_strength: float
-    heckel_slope: float
-    loose_density_ratio: float
-    max_density_ratio: float
-
-
 @lru_cache(CACHED_LAWS)
-def elastic_polynomial(mix: ConfinedMix) -> tuple[float, float, float]:
-    """Fit g = x^2 (c0 + c1 x + c2 x^2) over the Heckel curve.
+def elastic_polynomial(law: Any, end: float) -> tuple[float, float, float]:
+    """Fit g = x^2 (c0 + c1 x + c2 x^2) over the Heckel curve of a law up to a density ratio.
 
     Parameters
     ----------
-    mix : ConfinedMix
-        Constants of the mix.
+    law : Compaction
+        Law of the mix.
+    end : float
+        Density ratio at the end of the curve [-].
 
     Returns
     -------
     tuple of float
         Coefficients c0, c1, c2 [-].
     """
-    if mix.loose_density_ratio >= mix.max_density_ratio:
+    if law.loose_density_ratio >= end:
         return 0.0, 0.0, 0.0
-    x, angle = stress_angle(mix)
+    x, angle = stress_angle(law, end)
     scaled = x / x.max()
     powers = scaled[:, None] ** (2 + np.arange(TERMS))
-    share = np.sqrt(1 + 4 * mix.critical_slope**2 / 9)
+    share = np.sqrt(1 + 4 * law.critical_slope**2 / 9)
     factor = (1 + share) / (1 + share * np.cos(angle)) - 1
     found = np.linalg.lstsq(powers, factor, rcond=None)[0]
     c0, c1, c2 = found / x.max() ** (2 + np.arange(TERMS))
     return float(c0), float(c1), float(c2)
 
 
-def stress_angle(mix: ConfinedMix) -> tuple[Array, Array]:
+def stress_angle(law: Any, end: float) -> tuple[Array, Array]:
     """Solve the equation of flow for the deviation of the stress from that of rigid-plastic mix.
 
     Parameters
     ----------
-    mix : ConfinedMix
-        Constants of the mix.
+    end : float
+        Density ratio at the end of the curve [-].
 
     Returns
     -------
@@ -111,16 +87,16 @@ def stress_angle(mix: ConfinedMix) -> tuple[Array, Array]:
     RuntimeError
         If Newton's method does not converge.
     """
-    M, K, G3 = mix.critical_slope, mix.bulk_modulus, 3 * mix.shear_modulus
-    end = np.log((1 - mix.loose_density_ratio) / (1 - mix.max_density_ratio))
+    M, K, G3 = law.critical_slope, law.bulk_modulus, 3 * law.shear_modulus
+    length = np.log((1 - law.loose_density_ratio) / (1 - end))
     nodes = chebyshev.chebpts2(NODES)
-    curve = end * (1 + nodes) / 2  # ln[(1 - k0)/(1 - k)], whose derivative by V is x
-    x = np.exp(curve) / (1 - mix.loose_density_ratio) - 1
+    curve = length * (1 + nodes) / 2  # ln[(1 - k0)/(1 - k)], whose derivative by V is x
+    x = np.exp(curve) / (1 - law.loose_density_ratio) - 1
     unit = np.eye(NODES)
     derivatives = np.array([chebyshev.chebval(nodes, chebyshev.chebder(each)) for each in unit]).T
-    by_volume = x[:, None] * (derivatives @ np.linalg.inv(chebyshev.chebvander(nodes, NODES - 1))) * 2 / end
+    by_volume = x[:, None] * (derivatives @ np.linalg.inv(chebyshev.chebvander(nodes, NODES - 1))) * 2 / length
     share, rigid = np.sqrt(1 + 4 * M**2 / 9), np.arctan(2 * M / 3)
-    total = curve / mix.heckel_slope + mix.tensile_strength
+    total = curve / law.heckel_slope + law.tensile_strength
     angle = np.zeros(NODES)
     for _ in range(MAX_ITERATIONS):
         t, ratio = rigid + angle, 1 + share * np.cos(angle)

@@ -74,9 +74,7 @@ def is_elastic_in_line(law: CapConstants, p: float, q: float, densest: float, ca
 
 
 @compiled
-def return_to_line(
-    law: CapConstants, p: float, q: float, k: float, densest: float, guess: float, carried: float, share: float
-) -> tuple:
+def return_to_line(law, p, q, k, densest, guess, carried, share) -> tuple:
     """Map a trial state back to cap, line, corner or apex.
 
     Parameters
@@ -263,11 +261,4 @@ def _corner_slopes(law, solution, P, q, slope, viscosity, rate):
     V_p, l_p = (-f_p * g_l + f_l * g_p) / determinant, (-f_V * g_p + g_V * f_p) / determinant
     V_q, l_q = -f_l / determinant, f_V / determinant
     V_x, l_x = (-f_x * g_l + f_l * g_x) / determinant, (-f_V * g_x + g_V * f_x) / determinant
-    return (
-        V_p,
-        V_q,
-        slope + q_V * V_p + q_l * l_p,
-        q_V * V_q + q_l * l_q,
-        V_x,
-        q_V * V_x + q_l * l_x,
-    )
+    return V_p, V_q, slope + q_V * V_p + q_l * l_p, q_V * V_q + q_l * l_q, V_x, q_V * V_x + q_l * l_x

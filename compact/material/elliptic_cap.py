@@ -98,11 +98,10 @@ def cap_constants(law: Compaction, rate_factor: float, travel: float = np.inf) -
     -------
     CapConstants
     """
-    E, nu, offset = float(law.unloading_modulus), float(law.poisson), float(law.isotropic_offset)
-    line = law if isinstance(law, DruckerPragerCap) else None
+    offset, line = float(law.isotropic_offset), law if isinstance(law, DruckerPragerCap) else None
     return CapConstants(
-        K=E / (3 - 6 * nu),
-        G=E / (2 + 2 * nu),
+        K=law.bulk_modulus,
+        G=law.shear_modulus,
         M=float(law.critical_slope),
         pt=float(law.tensile_strength),
         slope=float(law.isotropic_slope / rate_factor),
@@ -260,9 +259,7 @@ def is_elastic(law: CapConstants, p: float, q: float, surface: tuple) -> bool:
 
 
 @internal
-def return_to_curve(
-    law: CapConstants, surface: tuple, p_trial: float, q_trial: float, k: float, densest: float, guess: float
-) -> tuple:
+def return_to_curve(law, surface, p_trial, q_trial, k, densest, guess) -> tuple:
     """Map a trial state outside a curved part back to it.
 
     Parameters

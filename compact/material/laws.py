@@ -15,7 +15,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compact.material.confined_compression import ConfinedMix, elastic_polynomial
+from compact.material.confined_compression import elastic_polynomial
 from compact.numerics import Array
 from compact.numerics.validation import as_numbers, require_fields, require_known, require_number, require_positive
 
@@ -184,6 +184,16 @@ class Compaction:
         require_known("heckel_test", self.heckel_test, get_args(HeckelTest))
 
     @property
+    def bulk_modulus(self) -> float:
+        """Bulk modulus of unloading K [Pa]."""
+        return float(self.unloading_modulus) / (3 - 6 * float(self.poisson))
+
+    @property
+    def shear_modulus(self) -> float:
+        """Shear modulus of unloading G [Pa]."""
+        return float(self.unloading_modulus) / (2 + 2 * float(self.poisson))
+
+    @property
     def confined_stress_ratio(self) -> float:
         """Ratio A of s_v + pt to pc + pt in confined compression of rigid-plastic mix [-]."""
         return float(1 + np.sqrt(1 + 4 * self.critical_slope**2 / 9)) / 2
@@ -212,20 +222,7 @@ class Compaction:
 
         g = x^2 (c0 + c1 x + c2 x^2) with x = k/(1 - k); zero for an isotropic curve.
         """
-        if self.heckel_test == "isotropic":
-            return 0.0, 0.0, 0.0
-        modulus, poisson = float(self.unloading_modulus), float(self.poisson)
-        return elastic_polynomial(
-            ConfinedMix(
-                bulk_modulus=modulus / (3 - 6 * poisson),
-                shear_modulus=modulus / (2 + 2 * poisson),
-                critical_slope=float(self.critical_slope),
-                tensile_strength=float(self.tensile_strength),
-                heckel_slope=float(self.heckel_slope),
-                loose_density_ratio=float(self.loose_density_ratio),
-                max_density_ratio=HECKEL_MAX_DENSITY_RATIO,
-            )
-        )
+        return elastic_polynomial(self, HECKEL_MAX_DENSITY_RATIO) if self.heckel_test == "confined" else (0.0, 0.0, 0.0)
 
     def yield_pressure(self, density_ratio: ArrayLike) -> Array:
         """Compute the preconsolidation pressure pc(k) [Pa] at rest.

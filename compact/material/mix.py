@@ -103,25 +103,6 @@ class Parameter:
 
 
 @dataclass(frozen=True)
-class Achievability:
-    """Result of the check that rolling can achieve a density.
-
-    Parameters
-    ----------
-    possible : bool
-        True if rolling can achieve the density.
-    reason : str
-        Reason in words; empty if possible.
-    """
-
-    possible: bool
-    reason: str
-
-    def __bool__(self) -> bool:
-        return self.possible
-
-
-@dataclass(frozen=True)
 class Mix:
     """Mix at one moisture and density ratio, built by `prior`.
 
@@ -150,8 +131,11 @@ class Mix:
         raise AttributeError(f"a mix has no '{name}'; it has {', '.join(PARAMETER_NAMES)}")
 
     @property
-    def density_achievable(self) -> Achievability:
-        """Achievability of the density: required pressure <= 0.5 MPa and saturation <= 0.95."""
+    def not_achievable(self) -> str:
+        """Reason why rolling does not achieve the density; empty if it does.
+
+        Rolling requires a pressure of at most 0.5 MPa and a saturation of at most 0.95.
+        """
         reasons = []
         if self.required_pressure > ROLLING_PRESSURE:
             reasons.append(
@@ -163,10 +147,8 @@ class Mix:
                 f"the saturation of {self.saturation:.4f} exceeds {ROLLING_SATURATION:g}, and pore water would carry "
                 "the roller; use less water or reduce the density ratio"
             )
-        if not reasons:
-            return Achievability(True, "")
-        state = f"density ratio {self.density_ratio:g} at moisture {self.moisture:g}"
-        return Achievability(False, f"{state} is not achievable by rolling: {'; '.join(reasons)}")
+        state = f"density ratio {self.density_ratio:g} at moisture {self.moisture:g} is not achievable by rolling"
+        return f"{state}: {'; '.join(reasons)}" if reasons else ""
 
 
 _HECKEL_CURVE = "Heckel curve through the published operating point; curve and moisture factor assumed"
@@ -198,12 +180,7 @@ PARAMETERS: dict[str, tuple[str, str, str, tuple[str, *tuple[float, ...]]]] = {
     "cohesion_loose": ("Pa", "assumed", _LOOSE, ("x", 4.0, 2.0)),
     "earth_pressure_coefficient": ("-", "analogous", _JAKY, ("+-", 0.05)),
     "dilatancy_angle": ("deg", "assumed", "loose mix shears at constant volume", ("to", 0.0, 5.0)),
-    "shear_viscosity": (
-        "Pa m",
-        "assumed",
-        "keeps bands of shear wider than elements; not measured",
-        ("to", 0.0, 1200.0),
-    ),
+    "shear_viscosity": ("Pa m", "assumed", _VISCOSITY, ("to", 0.0, 1200.0)),
     "rate_sensitivity": ("-", "analogous", "secondary compression of granular soils, C_alpha/C_c", ("to", 0.01, 0.03)),
     "reference_rate": ("1/s", "assumed", "laboratory compression test", ("x", 10.0)),
     "effective_modulus": ("Pa", "assumed", "secant modulus of (1.5)-(1.6): relaxed_modulus", ("x", 2.5)),
@@ -253,19 +230,16 @@ def prior(moisture: float, density_ratio: float, overrides: Mapping[str, float] 
         require_number(**{name: value})
         if name == "poisson":
             require_poisson(value)
-        elif name in MAY_BE_ZERO:
-            require_nonnegative(**{name: value})
         else:
-            require_positive(**{name: value})
-    values.update(overrides)
+            (require_nonnegative if name in MAY_BE_ZERO else require_positive)(**{name: value})
+    values |= overrides
     if "heckel_slope" not in overrides:
         values["heckel_slope"] *= 1 + values["rate_sensitivity"] * np.log1p(OPERATING_RATE / values["reference_rate"])
     if "relaxed_modulus" in overrides:
         overrides.setdefault("effective_modulus", values["relaxed_modulus"])
-    values["effective_modulus"] = overrides.get("effective_modulus", values["relaxed_modulus"])
-    values["cohesion_loose"] = overrides.get("cohesion_loose", values["cohesion"])
     jaky = 1 - float(np.sin(np.radians(values["friction_angle"])))
-    values["earth_pressure_coefficient"] = overrides.get("earth_pressure_coefficient", jaky)
+    following = {"effective_modulus": values["relaxed_modulus"], "cohesion_loose": values["cohesion"]}
+    values |= following | {"earth_pressure_coefficient": jaky} | overrides
     published = is_same_state((moisture, density_ratio), (PUBLISHED_MOISTURE, PUBLISHED_DENSITY_RATIO))
     parameters = (_parameter(name, float(values[name]), name in overrides, published) for name in PARAMETER_NAMES)
     return Mix(float(moisture), float(density_ratio), tuple(parameters))
@@ -411,15 +385,15 @@ def _table_values(moisture: float, density_ratio: float) -> dict[str, float]:
     nodes and is monotone where the nodes are. The required pressure is Heckel's: linear in u, its logarithm linear in W
     as that of 1/K_H.
     """
-    moistures, ratios, columns, transformed = _table()
+    moistures, ratios, names, columns = _table()
     require_between(moistures[0], moistures[-1], moisture=moisture)
     require_between(ratios[0], ratios[-1], density_ratio=density_ratio)
-    rows = _linear(-np.log1p(-ratios), transformed, -np.log1p(-density_ratio))
-    pressure = tuple(columns).index("required_pressure")
+    rows = _linear(-np.log1p(-ratios), columns, -np.log1p(-density_ratio))
+    pressure = names.index("required_pressure")
     rows[pressure] = np.log(rows[pressure])
-    values = dict(zip(columns, _linear(moistures, rows, moisture).tolist(), strict=True))
     exponential = LOGARITHMIC | {"required_pressure"}
-    values = {name: float(np.exp(value)) if name in exponential else value for name, value in values.items()}
+    interpolated = zip(names, _linear(moistures, rows, moisture).tolist(), strict=True)
+    values = {name: float(np.exp(value)) if name in exponential else value for name, value in interpolated}
     return values | {
         "bulk_density": float(bulk_density(moisture, density_ratio)),
         "saturation": float(saturation(moisture, density_ratio)),
@@ -441,18 +415,13 @@ def _linear(nodes: Array, values: Array, x: float) -> Array:
 
 
 @cache
-def _table() -> tuple[Array, Array, dict[str, Array], Array]:
-    """Moistures and density ratios, columns of mix.csv, shape (moistures, ratios), and all as interpolated over u."""
+def _table() -> tuple[Array, Array, list[str], Array]:
+    """Moistures, density ratios, names and columns of mix.csv as interpolated, shape (names, moistures, ratios)."""
     from importlib.resources import files  # its import costs 40 ms, which scenes without a mix avoid
 
-    text = files("compact").joinpath("data/mix.csv").read_text("utf-8").splitlines()
-    header = text[0].split(",")
-    cells = np.array([line.split(",") for line in text[1:]], dtype=float).T
-    moistures, ratios = np.unique(cells[0]), np.unique(cells[1])
-    columns = {
-        name: cell.reshape(len(moistures), len(ratios))
-        for name, cell in zip(header, cells, strict=True)
-        if name in PARAMETER_NAMES
-    }
-    transformed = np.array([np.log(column) if name in LOGARITHMIC else column for name, column in columns.items()])
-    return moistures, ratios, columns, transformed
+    header, *lines = files("compact").joinpath("data/mix.csv").read_text("utf-8").splitlines()
+    cells = dict(zip(header.split(","), np.array([line.split(",") for line in lines], float).T, strict=True))
+    moistures, ratios = np.unique(cells["moisture"]), np.unique(cells["density_ratio"])
+    names = [name for name in cells if name in PARAMETER_NAMES]
+    columns = np.array([np.log(cells[name]) if name in LOGARITHMIC else cells[name] for name in names])
+    return moistures, ratios, names, columns.reshape(len(names), len(moistures), len(ratios))

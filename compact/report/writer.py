@@ -221,7 +221,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
     files : list of str
         Paths of its files, relative to the directory of the results.
     """
-    scene, stages, reach = study.scene, study.stages, study.mix.density_achievable
+    scene, stages, unreachable = study.scene, study.stages, study.mix.not_achievable
     heaping = "depth_m wave_height_m travel_m contact_angle_rad"
     unsteady = "depth_m wave_height_m travel_m distance load_N/m resistance_N/m"
     return {
@@ -242,7 +242,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "verdict": _verdict(study),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
-        "reachable": {"density_achievable": reach.possible, "reason": reach.reason},
+        "reachable": {"density_achievable": not unreachable, "reason": unreachable},
         "numbers": {name: asdict(number) for name, number in stages.contacts.numbers.items()},
         "contacts": [contact.to_json() for contact in study.contacts],
         "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},

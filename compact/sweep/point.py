@@ -56,7 +56,7 @@ def headline(scene: Scene, rank: bool = False, initial_guess: Contact | None = N
             study = Study(scene)
             found["required_pressure"] = float(study.mix.required_pressure)
             found["saturation"] = float(study.mix.saturation)
-            found["not_reachable"] = study.mix.density_achievable.reason
+            found["not_reachable"] = study.mix.not_achievable
             numbers, contact = _computed(study, initial_guess)
             numbers["power"] = numbers["resistance"] * scene.mean_speed
             for by, (best, *_) in study.rankings.items() if rank else ():

@@ -7,9 +7,9 @@ import pytest
 from mixes import oedometer, shear_line
 from scipy.integrate import solve_ivp
 
-from compact.material import cap_plasticity, confined_compression
-from compact.material.confined_compression import ConfinedMix, elastic_polynomial, stress_angle
-from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction
+from compact.material import confined_compression
+from compact.material.confined_compression import stress_angle
+from compact.material.laws import Compaction
 
 HECKEL_SLOPE = 14.96e-6
 
@@ -17,34 +17,16 @@ HECKEL_SLOPE = 14.96e-6
 def ellipse(friction_angle, modulus=120e6, **other):
     angle = np.radians(friction_angle)
     return Compaction(
-        unloading_modulus=modulus,
-        poisson=0.3,
-        heckel_slope=HECKEL_SLOPE,
-        loose_density_ratio=0.72,
-        critical_slope=float(np.sqrt(3) * np.sin(angle)),
-        tensile_strength=float(10e3 / np.tan(angle)),
-        fed_density_ratio=0.9,
-        heckel_test="confined",
-        **other,
-    )
-
-
-def constants(law):
-    K, G = law.unloading_modulus / (3 - 6 * law.poisson), law.unloading_modulus / (2 + 2 * law.poisson)
-    return ConfinedMix(
-        bulk_modulus=K,
-        shear_modulus=G,
-        critical_slope=law.critical_slope,
-        tensile_strength=law.tensile_strength,
-        heckel_slope=law.heckel_slope,
-        loose_density_ratio=law.loose_density_ratio,
-        max_density_ratio=0.99,
-    )
+        unloading_modulus=modulus, poisson=0.3, heckel_slope=HECKEL_SLOPE, loose_density_ratio=0.72,
+        critical_slope=float(np.sqrt(3) * np.sin(angle)), tensile_strength=float(10e3 / np.tan(angle)),
+        fed_density_ratio=0.9, heckel_test="confined", **other,
+    )  # fmt: skip
 
 
 def angle_by_time_steps(law):
     """Angle at k .97 by an implicit Runge-Kutta method, from the rigid-plastic state at k .8."""
-    K, G, M, pt, slope, k0, _ = constants(law)
+    K, G, M, pt = law.bulk_modulus, law.shear_modulus, law.critical_slope, law.tensile_strength
+    slope, k0 = law.heckel_slope, law.loose_density_ratio
     S, rigid = np.sqrt(1 + 4 * M * M / 9), np.arctan(2 * M / 3)
 
     def rate(V, d):
@@ -62,7 +44,7 @@ def angle_by_time_steps(law):
 @pytest.mark.parametrize("modulus", [20e6, 120e6])
 def test_angle_is_that_of_a_time_integration(modulus):
     law = ellipse(35, modulus)
-    x, angle = stress_angle(constants(law))
+    x, angle = stress_angle(law, 0.99)
     at = np.polynomial.Polynomial.fit(np.log1p(x), angle, len(x) - 1)(-np.log1p(-0.97))
     assert at == pytest.approx(angle_by_time_steps(law), rel=1e-6)
 
@@ -70,11 +52,10 @@ def test_angle_is_that_of_a_time_integration(modulus):
 def test_factor_is_of_second_order_in_the_elastic_strain():
     """The first coefficient, of small x, is that of the expansion (1 - cos d) S/(1 + S) with d proportional to x/E."""
     law = ellipse(35, 1e10)
-    mix = constants(law)
-    M, S, t = mix.critical_slope, np.sqrt(1 + 4 * mix.critical_slope**2 / 9), np.arctan(2 * mix.critical_slope / 3)
-    change = 2 / 3 * (1 + np.cos(t)) / mix.bulk_modulus - M * np.sin(t) / (3 * mix.shear_modulus)
+    M, S, t = law.critical_slope, np.sqrt(1 + 4 * law.critical_slope**2 / 9), np.arctan(2 * law.critical_slope / 3)
+    change = 2 / 3 * (1 + np.cos(t)) / law.bulk_modulus - M * np.sin(t) / (3 * law.shear_modulus)
     d = M * np.cos(t) ** 2 * change / (1 + S) / HECKEL_SLOPE
-    assert elastic_polynomial(mix)[0] == pytest.approx(S / (1 + S) * d * d / 2, rel=2e-3)
+    assert law.elastic_polynomial[0] == pytest.approx(S / (1 + S) * d * d / 2, rel=2e-3)
 
 
 def test_isotropic_curve_and_curve_beyond_measured_densities_have_no_factor():
@@ -97,20 +78,7 @@ def test_oedometer_follows_heckel_and_the_earth_pressure(law, error, friction_an
     assert stress == pytest.approx(np.log(0.28 / (1 - k)) / HECKEL_SLOPE, rel=error)
 
 
-@pytest.mark.parametrize("modulus", [3e6, 60e6])
-def test_compiled_hardening_equals_that_of_the_law(modulus):
-    law = ellipse(28, modulus)
-    k = np.concatenate((np.linspace(0.8, 1.2, 400), [HECKEL_MAX_DENSITY_RATIO]))
-    compiled = cap_plasticity.cap_constants(law, 1.0)
-    pc, rate = np.array([cap_plasticity.hardening(compiled, value) for value in k]).T
-    assert pc == pytest.approx(law.yield_pressure(k), rel=1e-13)
-    h = 1e-6
-    smooth = abs(k - HECKEL_MAX_DENSITY_RATIO) > 2 * h
-    central = (law.yield_pressure(k * np.exp(h)) - law.yield_pressure(k * np.exp(-h))) / (2 * h)
-    assert rate[smooth] == pytest.approx(central[smooth], rel=1e-6)
-
-
 def test_path_that_does_not_converge_names_the_modulus(monkeypatch):
     monkeypatch.setattr(confined_compression, "MAX_ITERATIONS", 1)
     with pytest.raises(RuntimeError, match="`unloading_modulus` may be too small for the stresses of the Heckel curve"):
-        stress_angle(constants(ellipse(28, 1e6)))
+        stress_angle(ellipse(28, 1e6), 0.99)

@@ -1,4 +1,4 @@
-"""Drucker-Prager cap at a point: closed forms, Koiter's conditions, tangents, order, carried pressure, refusals."""
+"""Drucker-Prager cap at a point: closed forms, Koiter's conditions, carried pressure, order, viscosity, refusals."""
 
 from dataclasses import replace
 from functools import partial
@@ -6,34 +6,19 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from material_points import split, von_mises, walked
 from mixes import oedometer, shear_line
 from scipy.optimize import brentq
 
 from compact.material import cap_plasticity
 from compact.material.drucker_prager_cap import is_elastic_in_line, return_to_line
 from compact.material.earth_pressure import cap_slope, earth_pressure_bounds, matched_slopes
-from compact.material.laws import DruckerPragerCap
 
 PRESSURE = 200e3  # Pa, at which K0 holds
 HECKEL_SLOPE = 14.96e-6
 DENSE = 0.94
 ROUNDING = 1e-12
 law = partial(shear_line, 0.9)
-
-
-def walked(mix, steps, state=None):
-    """State of one point after strain increments (xx, yy, 2 xy), compression positive."""
-    state = cap_plasticity.initial_state(mix, 1) if state is None else state
-    for strain in -np.atleast_2d(np.asarray(steps, dtype=float)):
-        state, _ = cap_plasticity.integrate_points(mix, state, strain[None], tangent=False)
-    return state
-
-
-def invariants(stress):
-    """Mean pressure and von Mises stress of stresses of shape (n, 4)."""
-    p = -stress[:, :3].mean(axis=1)
-    s = stress + p[:, None] * [1, 1, 1, 0]
-    return p, np.sqrt(1.5 * (s * s) @ [1, 1, 1, 2])
 
 
 # (a) closed forms
@@ -87,7 +72,7 @@ def test_shear_below_the_corner_leaves_the_density():
         stress=-5e3 * np.array([[1.0, 1, 1, 0]]), max_density_ratio=np.array([DENSE]),
     )  # fmt: skip
     end = walked(mix, [(0, 0, 1e-3)] * 20, state)
-    (p,), (q,) = invariants(end.stress)
+    (p,), (q,) = -split(end.stress)[0], von_mises(end.stress)
     assert p == pytest.approx(5e3, rel=1e-9)
     assert q == pytest.approx(mix.friction_slope * (5e3 + mix.tensile_strength), rel=1e-12)
     assert end.density_ratio[0] == 0.9
@@ -192,50 +177,7 @@ def test_carried_pressure_at_the_solution_gives_the_same_stress():
         assert carried[3] == pytest.approx(direct[3], rel=1e-9)
 
 
-# (c) tangents and order
-
-
-def admissible(mix, count, seed):
-    """Random admissible states."""
-    random = np.random.default_rng(seed)
-    state = cap_plasticity.initial_state(mix, count)
-    for _ in range(4):
-        strain = random.normal(size=(count, 3)) * 8e-3 - [5e-3, 5e-3, 0]
-        state, _ = cap_plasticity.integrate_points(mix, state, strain, tangent=False)
-    return state, random
-
-
-@pytest.mark.parametrize("viscosity", [0.0, 4000.0])
-@pytest.mark.parametrize("dilatancy_angle", [0.0, 12.0])
-@pytest.mark.parametrize("is_carried", [False, True])
-def test_tangents_are_the_derivatives(dilatancy_angle, is_carried, viscosity):
-    """Central differences of one step from random states on cap, corner, line and apex."""
-    mix = law(dilatancy_angle=dilatancy_angle, shear_viscosity=viscosity)
-    constants = cap_plasticity.cap_constants(mix, 1.0, travel=1e-3)
-    state, random = admissible(mix, 400, 5)
-    unit, size, worst, kinds = constants.K + 4 * constants.G / 3, 3e-8, 0.0, set()
-    for i in range(400):
-        before = (*state.stress[i], state.density_ratio[i], state.max_density_ratio[i])
-        strain = random.normal(size=3) * 10 ** random.uniform(-4, -2)
-        carried = -state.stress[i, :3].mean() * random.uniform(0.5, 1.5) if is_carried else np.nan
-
-        def step(e, before=before, carried=carried):
-            derivatives = np.zeros((6, 3))
-            good, after, _, _ = cap_plasticity.integrate_point(
-                constants, True, before, tuple(e), 0.0, 1.0, carried, derivatives
-            )
-            assert good
-            return np.array(after[:4]), derivatives
-
-        middle, slopes = step(strain)
-        ahead = np.array([step(strain + e)[0] for e in size * np.eye(3)]).T
-        back = np.array([step(strain - e)[0] for e in size * np.eye(3)]).T
-        kink = np.abs(ahead + back - 2 * middle[:, None]).max()
-        if kink < 1e-6 * size * unit:
-            worst = max(worst, np.abs((ahead - back) / (2 * size) - slopes[:4]).max() / unit)
-            kinds.add(bool(np.abs(slopes[:4]).max() > 0.9 * unit))
-    assert worst < 1e-7
-    assert kinds == {True, False}
+# (c) order and viscosity
 
 
 def test_error_is_of_first_order_in_the_step():
@@ -264,7 +206,8 @@ def test_viscous_stress_is_proportional_to_the_shear_over_the_travel():
                 constants, True, before, (0.0, 0.0, 1e-3), 0.0, 1.0, np.nan, np.empty((6, 0))
             )
             assert good
-        (p,), (q,) = invariants(np.array([before[:4]]))
+        stress = np.array(before[:4])
+        p, q = -split(stress)[0], von_mises(stress)
         excess = q - mix.friction_slope * (p + mix.tensile_strength)
         assert excess == pytest.approx(600.0 * 1e-3 / np.sqrt(3) / travel, rel=1e-9)
 
@@ -304,23 +247,17 @@ def test_steeper_cap_than_the_bound_slides_on_the_line():
     assert coefficient > 0.29
 
 
-def test_cap_flatter_than_the_line_is_refused():
-    with pytest.raises(ValueError, match=r"`earth_pressure_coefficient` must lie between .* got 0.8500"):
-        law(35.0, 0.85)
-
-
-@pytest.mark.parametrize(("angles", "message"), [((0.0, 0.0), "friction_angle"), ((30.0, 31.0), "dilatancy_angle")])
-def test_angles_out_of_range_are_refused(angles, message):
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: law(35.0, 0.85), r"`earth_pressure_coefficient` must lie between .* got 0.8500"),
+        (lambda: matched_slopes(0.0, 0.0), "friction_angle"),
+        (lambda: matched_slopes(30.0, 31.0), "dilatancy_angle"),
+        (lambda: replace(law(), friction_slope=2.0), "`friction_slope` must be at most"),
+        (lambda: replace(law(), dilatancy_slope=1.1), "`dilatancy_slope` must be at most"),
+        (lambda: replace(law(), dry_side="ellipse"), "dry_side"),
+    ],
+)
+def test_angles_and_slopes_out_of_order_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
-        matched_slopes(*angles)
-
-
-def test_slopes_out_of_order_are_refused():
-    mix = law()
-    with pytest.raises(ValueError, match="`friction_slope` must be at most"):
-        replace(mix, friction_slope=2.0)
-    with pytest.raises(ValueError, match="`dilatancy_slope` must be at most"):
-        replace(mix, dilatancy_slope=1.1)
-    with pytest.raises(ValueError, match="dry_side"):
-        replace(mix, dry_side="ellipse")
-    assert isinstance(mix, DruckerPragerCap)
+        call()

@@ -47,14 +47,17 @@ def test_curve_is_smooth_at_its_transitions(joint):
     assert (here - before) / (after - here) == pytest.approx(1, abs=1e-4)
 
 
-def test_compiled_hardening_equals_that_of_the_law():
+@pytest.mark.parametrize(
+    "mix", [MIX, *(replace(MIX, heckel_test="confined", unloading_modulus=E) for E in (3e6, 60e6))]
+)
+def test_compiled_hardening_equals_that_of_the_law(mix):
     k = np.concatenate((np.linspace(0.01, 1.5, 600), [LOOSEST, HECKEL_MAX_DENSITY_RATIO]))
-    constants = cap_plasticity.cap_constants(MIX, 1.0)
+    constants = cap_plasticity.cap_constants(mix, 1.0)
     pc, modulus = np.array([cap_plasticity.hardening(constants, value) for value in k]).T
-    assert pc == pytest.approx(MIX.yield_pressure(k), rel=1e-13)
+    assert pc == pytest.approx(mix.yield_pressure(k), rel=1e-13)
     h = 1e-6
     smooth = np.minimum(abs(k - LOOSEST), abs(k - HECKEL_MAX_DENSITY_RATIO)) > 2 * h  # not across a joint
-    central = (MIX.yield_pressure(k * np.exp(h)) - MIX.yield_pressure(k * np.exp(-h))) / (2 * h)
+    central = (mix.yield_pressure(k * np.exp(h)) - mix.yield_pressure(k * np.exp(-h))) / (2 * h)
     assert modulus[smooth] == pytest.approx(central[smooth], rel=1e-6, abs=1e-3)
 
 
@@ -62,11 +65,6 @@ def test_compiled_hardening_equals_that_of_the_law():
 def test_rate_factor_grows_with_the_logarithm_of_the_rate(rate, factor):
     assert replace(MIX, rate_sensitivity=0.02).rate_factor(rate) == pytest.approx(factor, rel=1e-14)
     assert MIX.rate_factor(rate) == 1.0
-
-
-def test_yield_pressure_rises_by_2_3_m_in_a_decade():
-    factor = replace(MIX, rate_sensitivity=0.02).rate_factor
-    assert factor(10.0) - factor(1.0) == pytest.approx(0.02 * np.log(10), rel=1e-3)
 
 
 # errors
