@@ -24,37 +24,19 @@ if TYPE_CHECKING:  # for type checkers and editors, and the one list of public n
     from compact.api.scene import Scene as Scene, load_scene as load_scene, parse_scene as parse_scene
     from compact.api.study import Process as Process, Study as Study
     from compact.cams.machining import Cut as Cut, cut as cut
-    from compact.cams.profile import (
-        Cam as Cam,
-        FlatFace as FlatFace,
-        Pointed as Pointed,
-        RollerFollower as RollerFollower,
-    )
+    from compact.cams.profile import Cam as Cam, FlatFace as FlatFace, Pointed as Pointed
+    from compact.cams.profile import RollerFollower as RollerFollower
     from compact.drive import Crank as Crank, Rigid as Rigid, Run as Run, rank as rank, simulate as simulate
     from compact.engines.halfplane import galin as galin, hertz as hertz, pressure_exponent as pressure_exponent
     from compact.files import ResultsError as ResultsError
-    from compact.machine.cart import (
-        Balance as Balance,
-        Cart as Cart,
-        MotionResistance as MotionResistance,
-        balance as balance,
-    )
-    from compact.machine.elastic_drive import (
-        ElasticDrive as ElasticDrive,
-        ElasticRun as ElasticRun,
-        simulate_elastic as simulate_elastic,
-    )
-    from compact.machine.shaft import (
-        Belt as Belt,
-        Kloss as Kloss,
-        LinearTorqueCurve as LinearTorqueCurve,
-    )
+    from compact.machine.cart import Balance as Balance, Cart as Cart, MotionResistance as MotionResistance
+    from compact.machine.cart import balance as balance
+    from compact.machine.elastic_drive import ElasticDrive as ElasticDrive, ElasticRun as ElasticRun
+    from compact.machine.elastic_drive import simulate_elastic as simulate_elastic
+    from compact.machine.shaft import Belt as Belt, Kloss as Kloss, LinearTorqueCurve as LinearTorqueCurve
     from compact.machine.motor_drive import Motor as Motor, MotorRun as MotorRun, simulate_motor as simulate_motor
-    from compact.machine.roller_motors import (
-        CreepFreeRoller as CreepFreeRoller,
-        DrivenRoller as DrivenRoller,
-        RollerMotor as RollerMotor,
-    )
+    from compact.machine.roller_motors import CreepFreeRoller as CreepFreeRoller, DrivenRoller as DrivenRoller
+    from compact.machine.roller_motors import RollerMotor as RollerMotor
     from compact.material.laws import Elastic as Elastic, Viscoelastic as Viscoelastic
     from compact.material.mix import Mix as Mix, prior as prior
     from compact.material.state_update import StateUpdate as StateUpdate
@@ -63,13 +45,9 @@ if TYPE_CHECKING:  # for type checkers and editors, and the one list of public n
     from compact.motion.optimal_motion import optimise as optimise
     from compact.motion.profile import Cycle as Cycle, MotionProfile as MotionProfile, law as law
     from compact.motion.tabulated import from_function as from_function, from_table as from_table
-    from compact.resistance import (
-        DryResistance as DryResistance,
-        ResistanceMap as ResistanceMap,
-        dry_resistance as dry_resistance,
-        sample_resistance as sample_resistance,
-        tabulated_resistance as tabulated_resistance,
-    )
+    from compact.resistance import DryResistance as DryResistance, ResistanceMap as ResistanceMap
+    from compact.resistance import dry_resistance as dry_resistance, sample_resistance as sample_resistance
+    from compact.resistance import tabulated_resistance as tabulated_resistance
     from compact.rolling_contact import ContactResult as ContactResult, Layer as Layer, Roller as Roller
     from compact.scene.loader import SceneError as SceneError
 # isort: on

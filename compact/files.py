@@ -342,29 +342,18 @@ def claimed_directory(directory: str | Path, scene_hash: str, force: bool = Fals
     Raises
     ------
     ResultsError
-        As of `claim_directory`, and if the directory is deleted, or claimed by another command, inside the block. A
-        deleted directory with new files is marked again, so that the same command continues.
+        As of `claim_directory`, and if another command claims or deletes the directory inside the block.
     """
     directory = claim_directory(directory, scene_hash, force)
-    deleted = ResultsError(f"{directory}: was deleted while its results were written; repeat the command")
     try:
         yield directory
-    except BaseException as error:
-        owner = _owner(directory)
-        with suppress(OSError, ResultsError):
+    except BaseException:
+        with suppress(OSError):
             if [path.name for path in directory.iterdir()] == [OWNER_FILE]:
                 (directory / OWNER_FILE).unlink()
-            elif owner is None:
-                _mark(directory, scene_hash)
-        if owner is None and isinstance(error, OSError):  # of a file that is gone
-            raise deleted from error
         raise
-    owner = _owner(directory)
-    if owner is None:
-        _mark(directory, scene_hash)
-        raise deleted
-    if owner != scene_hash:
-        raise ResultsError(f"{directory}: was overwritten by another command; repeat this one with another --out")
+    if _owner(directory) != scene_hash:
+        raise ResultsError(f"{directory}: was deleted or overwritten by another command; repeat this one")
 
 
 def claim_directory(directory: str | Path, scene_hash: str, force: bool = False) -> Path:
@@ -391,7 +380,8 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
         raise ResultsError(f"{directory}: contains files of other programs; use another --out, or --force")
     if owner not in (None, scene_hash) and not force:
         raise ResultsError(f"{directory}: holds results of another scene; use another --out, or --force")
-    _mark(directory, scene_hash)
+    with atomic_file(directory / OWNER_FILE) as stream:
+        stream.write(scene_hash + "\n")
     return directory
 
 
@@ -399,8 +389,3 @@ def _owner(directory: Path) -> str | None:
     """Return the hash of the scene that a directory is marked with; None without a mark."""
     mark = directory / OWNER_FILE
     return mark.read_text(encoding="utf-8", errors="replace").strip() if mark.exists() else None
-
-
-def _mark(directory: Path, scene_hash: str) -> None:
-    with atomic_file(directory / OWNER_FILE) as stream:
-        stream.write(scene_hash + "\n")

@@ -106,22 +106,20 @@ CONTACT = _table("""
     speed                | m/s |      | v | speed
     load                 | N/m | kN/m | P | load
     resistance           | N/m | kN/m |   | rolling resistance
-    coefficient          | 1   |      |   | rolling-resistance coefficient | \
-rolling-resistance coefficient: resistance over load
+    coefficient          | 1   |      |   | rolling-resistance coefficient | resistance over load
     leading              | m   | mm   |   | leading edge
     trailing             | m   | mm   |   | trailing edge
     peak_pressure        | Pa  | kPa  |   | peak contact pressure
     indentation          | m   | mm   |   | indentation
     creep                | 1   |      |   | creepage
-    work_residual        | 1   |      |   | energy-balance residual | relative residual of the energy balance
+    work_residual        | 1   |      |   | energy-balance residual | relative residual
     exit_density_ratio   | 1   |      | k | exit density ratio
     exit_height          | m   | mm   |   | exit height
     lower_height         | m   | mm   |   | height of the lower lift
     lower_density_ratio  | 1   |      | k | density ratio of the lower lift
     peak_density_ratio   | 1   |      | k | peak density ratio
     overdense_work       | 1   |      |   | plastic work beyond the pressure curve over all of it
-    mass_residual        | 1   |      |   | mass-balance residual | \
-relative residual of the mass balance; compacting layers only
+    mass_residual        | 1   |      |   | mass-balance residual | relative, of compacting layers only
     yield_residual       | 1   |      |   | yield-condition residual
     equilibrium_residual | 1   |      |   | equilibrium residual
     air_load             | N/m | kN/m |   | load by pore air
@@ -144,8 +142,7 @@ FORMULA = _table("""
     roller_force           | N   | kN  |   | load on one roller
     contact_length         | m   | mm  |   | contact length | contact length: from trailing to leading edge
     roller_resistance      | N   | kN  |   | rolling resistance of one roller
-    resistance_coefficient | 1   |     |   | rolling-resistance coefficient | \
-rolling-resistance coefficient: resistance over load
+    resistance_coefficient | 1   |     |   | rolling-resistance coefficient | resistance over load
     cart_resistance        | N   | kN  |   | resistance of one cart
     guide_coefficient      | 1   |     |   | friction coefficient of the guide wheels
     cart_power             | W   |     |   | power of one cart
@@ -161,20 +158,16 @@ rolling-resistance coefficient: resistance over load
 SWEEP_POINT = _table("""
     load                   | N   | kN  |   | load on one roller | normal force on one roller
     resistance             | N   | kN  |   | resistance of one cart | rolling resistance of all rollers of one cart
-    resistance_coefficient | 1   |     |   | rolling-resistance coefficient | \
-rolling-resistance coefficient: resistance over load
+    resistance_coefficient | 1   |     |   | rolling-resistance coefficient | resistance over load
     power                  | W   |     |   | power at the mean speed | resistance of one cart times the mean speed
-    capture_angle          | rad | °   | φ | contact angle | \
-contact (entry) angle, from the lowest generatrix to the leading edge
+    capture_angle          | rad | °   | φ | contact angle | entry angle, from the lowest generatrix
     contact_length         | m   | mm  |   | contact length | from the trailing to the leading edge; eq 1.7 by formula
     peak_pressure          | Pa  | kPa |   | peak contact pressure
-    exit_density_ratio     | 1   |     | k | exit density ratio | \
-mean density ratio behind the last pass; compacting layers only
+    exit_density_ratio     | 1   |     | k | exit density ratio | mean behind the last pass, of compacting layers
     load_error             | 1   |     |   | relative error estimate of the load
     resistance_error       | 1   |     |   | relative error estimate of the resistance
-    work_residual          | 1   |     |   | energy-balance residual | relative residual of the energy balance
-    mass_residual          | 1   |     |   | mass-balance residual | \
-relative residual of the mass balance; compacting layers only
+    work_residual          | 1   |     |   | energy-balance residual | relative residual
+    mass_residual          | 1   |     |   | mass-balance residual | relative, of compacting layers only
     required_pressure      | Pa  | kPa |   | required pressure | pressure at which the mix reaches its density ratio
     saturation             | 1   |     |   | degree of saturation | share of the pore volume filled with water
 """)
@@ -182,10 +175,8 @@ relative residual of the mass balance; compacting layers only
 SWEEP_CORRECTION = _table("""
     load_factor              | 1 |  |   | load over that of columns
     resistance_factor        | 1 |  |   | resistance over that of columns
-    load_surface_error       | 1 |  |   | relative error estimate of the load by interpolation | \
-part of load_error: twice the rms leave-one-out error of the response surface
-    resistance_surface_error | 1 |  |   | relative error estimate of the resistance by interpolation | \
-part of resistance_error: twice the rms leave-one-out error of the response surface
+    load_surface_error       | 1 |  |   | error of the load by interpolation | twice its rms leave-one-out error
+    resistance_surface_error | 1 |  |   | error of the resistance by interpolation | twice its rms leave-one-out error
 """)
 # Criteria by which laws are ranked
 CRITERIA = _table("""
@@ -198,11 +189,9 @@ CRITERIA = _table("""
     energy                | J     |    |   | energy per cycle
     drawn_energy          | J     |    |   | energy drawn per cycle
     peak_jerk             | m/s^3 |    |   | peak jerk
-    dynamic_factor        | 1     |    |   | dynamic factor | \
-peak drive force over that of steady motion at the mean speed
+    dynamic_factor        | 1     |    |   | dynamic factor | peak drive force over that at the mean speed
     nonuniformity         | 1     |    |   | speed non-uniformity in the working phase
-    dynamic_amplification | 1     |    |   | dynamic amplification | \
-peak drive force over that of a rigid drive with the same law
+    dynamic_amplification | 1     |    |   | dynamic amplification | peak drive force over that of a rigid drive
 """)
 # Further results of a run with a compliant, hydraulic or motor drive
 RUN = _table("""
@@ -214,15 +203,8 @@ RUN = _table("""
     throttle_heat    | J    |     |   | heat of the throttles per cycle
     relief_heat      | J    |     |   | heat of the relief valve per cycle
     peak_motor_power | W    |     |   | peak motor power
-    energy_residual  | 1    |     |   | energy-balance residual | relative residual of the energy balance
+    energy_residual  | 1    |     |   | energy-balance residual | relative residual
     unsteady_share   | 1    |     |   | share of the cycle beyond first order in the acceleration
-""")
-# Requirements of a law on the motor in a roller
-ROLLER_MOTOR = _table("""
-    peak_torque | Nm |  |   | peak torque
-    peak_power  | W  |  |   | peak power
-    peak_creep  | 1  |  |   | peak creepage
-    share       | 1  |  |   | share of the friction limit
 """)
 # Time histories of a cycle
 MOTION = _table("""
@@ -275,9 +257,8 @@ PROCESS = _table("""
     fastest_mould         | m/s  |       |   | fastest mould for the required density ratio
     least_strokes         | 1    |       |   | least strokes for the required density ratio
     rate_factor           | 1    |       |   | factor of the yield pressure by the rate of compaction
-    mass_residual         | 1    |       |   | mass-balance residual | \
-relative residual of the mass balance; compacting layers only
-    work_residual         | 1    |       |   | energy-balance residual | relative residual of the energy balance
+    mass_residual         | 1    |       |   | mass-balance residual | relative, of compacting layers only
+    work_residual         | 1    |       |   | energy-balance residual | relative residual
 """)
 # One stroke on a section, per unit roller length
 STROKE = _table("""

@@ -16,12 +16,7 @@ from typing import Any, Literal, NamedTuple, Protocol, Self, TypeVar, get_args
 import numpy as np
 
 from compact.files import write_vtu_series
-from compact.material.layer import HEIGHT_TOLERANCE as HEIGHT_TOLERANCE
-from compact.material.layer import BaseCondition as BaseCondition
-from compact.material.layer import Layer as Layer
-from compact.material.layer import LowerLift as LowerLift
-from compact.material.layer import Ply as Ply
-from compact.material.layer import compaction_rate as compaction_rate
+from compact.material.layer import HEIGHT_TOLERANCE, BaseCondition, Layer, LowerLift, Ply, compaction_rate  # noqa: F401
 from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_finite, require_known, require_positive
 from compact.quantities import CONTACT, PASS
