@@ -34,14 +34,13 @@ _LOG = logging.getLogger(__name__)
 _threads = threading.RLock()  # of this process; taken before the lock of a file, so that no two threads wait in turn
 
 
-def compiled(function: Callable[..., Any], nogil: bool = False) -> Callable[..., Any]:
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function of numbers and arrays by numba; division by zero gives inf or nan as in numpy.
 
-    The compiled function is cached on disk until a source file that it depends on changes. With `nogil`, threads may
-    call it at the same time.
+    The compiled function is cached on disk until a source file that it depends on changes.
     """
     # an entry from C has no caller
-    options: dict[str, Any] = {"no_cfunc_wrapper": True, "error_model": "numpy", "nogil": nogil}
+    options: dict[str, Any] = {"no_cfunc_wrapper": True, "error_model": "numpy"}
     try:
         dispatcher: Any = njit(cache=True, **options)(function)
     except RuntimeError:  # of numba: neither the package, nor the home, nor NUMBA_CACHE_DIR can be written

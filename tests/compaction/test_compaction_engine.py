@@ -10,13 +10,11 @@ from mixes import THIN
 
 from compact import fem
 from compact.engines.column import engine as column
-from compact.engines.compaction.engine import build_result, field_mesh, roll
+from compact.engines.compaction.engine import field_mesh, roll
 from compact.engines.compaction.layer_state import relax_rows
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
-from compact.engines.compaction.rolling import IncrementalRolling
 from compact.engines.compaction.steady_state import DepthTarget
 from compact.material import cap_plasticity
-from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller, compaction_rate
 
 HEIGHT = 0.22 * 0.98 / 0.94
@@ -24,7 +22,6 @@ DEPTH = 0.03 * HEIGHT
 # bonded base, parabola, small strain, independent solution: contact length ahead over height, load and resistance over
 # those of columns, elements per contact length
 COLUMN_LIMIT = [(5, 1.0157, 1.034, 24), (10, 1.0052, 1.0096, 12), (20, 1.0011, 1.0019, 12)]
-MODULES = "compact.engines.compaction."
 
 
 def wide_roller(ratio, **changes):
@@ -160,19 +157,6 @@ def test_sliding_roller_balances_its_work():
     assert rolled.shear_traction == pytest.approx(0.3 * rolled.pressure)
 
 
-def test_pressure_integrates_to_the_load(rolled):
-    tolerance = 0.03 if rolled.error else 0.09  # the edges of 4 elements
-    assert np.trapezoid(rolled.pressure, rolled.x) == pytest.approx(rolled.load, rel=tolerance)
-
-
-def test_exit_is_dense_at_the_top_and_as_fed_at_the_base(rolled):
-    k = rolled.exit.points.density_ratio
-    assert k[0] < k[-2]
-    assert rolled.exit_density_ratio * rolled.exit_height == pytest.approx(0.94 * 0.1, rel=2e-3)
-    assert rolled.exit_height == pytest.approx(0.1 - 0.002 + rolled.elastic_recovery)
-    assert rolled.exceeds_full_density == (rolled.peak_density_ratio > 1)
-
-
 def test_fields_agree_with_the_result(rolled):
     content = field_mesh(rolled)
     assert {"stress", "pressure", "density_ratio", "plastic_work"} == set(content.cell_data)
@@ -244,39 +228,6 @@ def test_transfer_to_a_finer_mesh_is_exact_for_a_linear_state(mix):
     assert transferred.points.density_ratio == pytest.approx(0.94)
 
 
-@pytest.mark.slow
-def test_large_contact_angle_becomes_steady_and_balances():
-    """Contact angle of 23 degrees; the bow wave is higher than the depth."""
-    mix = Compaction(
-        unloading_modulus=120e6,
-        poisson=0.3,
-        heckel_slope=28e-6,
-        loose_density_ratio=0.72,
-        critical_slope=1.2,
-        tensile_strength=14e3,
-        fed_density_ratio=0.935,
-    )
-    rolled = roll(Layer(0.23), Roller(0.11, indentation=0.009, profile="deformed"), mix, 0.2, increments=6)
-    assert rolled.mass_residual < 2e-3
-    assert rolled.work_residual < 0.02
-    assert rolled.bow_wave > rolled.indentation
-
-
-@pytest.mark.parametrize(
-    ("depth", "advice"),
-    [(0.002, "reduce the depth"), (0.0055, r"reduce the depth to at most 3\.\d+ mm")],
-    ids=["2 mm", "5.5 mm"],
-)
-def test_unsteady_rolling_reports_its_last_step_and_remedies(monkeypatch, layer, roller, mix, depth, advice):
-    monkeypatch.setattr(MODULES + "steady_search.MAX_FIRST_CYCLES", 1)
-    message = (
-        rf"not steady at depth {1e3 * depth:g} mm after 0\.\d+ m of travel: estimated distance \S+ % of load, "
-        rf"resistance or exit density; load \d+ N/m, resistance \d+ N/m, bow wave \S+ mm; {advice}"
-    )
-    with pytest.raises(RuntimeError, match=message):
-        roll(layer, replace(roller, indentation=depth), mix, 0.2, increments=4)
-
-
 def test_yielding_exit_column_is_relaxed(mix):
     """Strained by 0.47 along x it yields; with the elastic stiffness 4 kPa remain after 2000 iterations."""
     points = cap_plasticity.MaterialPoint(
@@ -288,37 +239,9 @@ def test_yielding_exit_column_is_relaxed(mix):
     assert volume_ratio[0] > 1
 
 
-def test_inverted_exit_column_is_refused(mix):
-    frame = coarse_frame(mix)
-    state = frame.initial_state()
-    state.displacement[:, 0] = -1.5 * frame.nodes[:, 0]
-    with pytest.raises(RuntimeError, match="elements of the exit column invert along the travel; reduce the depth"):
-        frame.exit_layer(state)
-
-
-@pytest.mark.parametrize("node", [0, -1], ids=["rear", "front"])
-def test_contact_at_the_end_of_the_mesh_is_refused(mix, node):
-    rolling = IncrementalRolling(coarse_frame(mix), 0.11)
-    pressure = np.zeros(len(rolling.frame.surface_nodes))
-    pressure[node] = 1.0
-    rolling.contact = SimpleNamespace(pressure=pressure)
-    with pytest.raises(RuntimeError, match=r"the contact reaches the end of the mesh, from .* m; reduce the depth"):
-        build_result(rolling, Layer(0.1), Roller(0.11, indentation=0.002), mix, 0.2)
-
-
-def test_negative_extrapolated_load_requires_more_depth(layer, mix):
-    target = DepthTarget(layer, Roller(0.11, load=1e3), mix, None, None)
-    assert target.log_miss(-5.0) == pytest.approx(np.log(1e-3))
-
-
 def test_initial_depth_of_a_small_roller_is_above_its_axle(mix):
     target = DepthTarget(Layer(1.0), Roller(0.002, load=1e5), replace(mix, fed_density_ratio=0.8), None, None)
     assert 0 < target.initial_depth() < 0.002
-
-
-def test_roller_above_the_layer_has_no_load(mix):
-    rolling = IncrementalRolling(coarse_frame(mix), 0.11)
-    assert rolling.advance(0.101).load == 0
 
 
 # (f) properties
@@ -330,11 +253,6 @@ def test_opposite_direction_is_the_mirror_image(thin):
     assert back.x == pytest.approx(-thin.x[::-1])
 
 
-def test_speed_has_no_effect_without_rate_effect(thin):
-    faster = roll_thin(10, speed=2.0)
-    assert (faster.load, faster.resistance) == pytest.approx((thin.load, thin.resistance), rel=1e-9)
-
-
 def test_rate_effect_is_that_of_the_yield_pressure(thin):
     rated, roller = replace(THIN, rate_sensitivity=0.02), wide_roller(10)
     factor = rated.rate_factor(compaction_rate(2.0, roller.radius, HEIGHT, DEPTH))
@@ -343,14 +261,6 @@ def test_rate_effect_is_that_of_the_yield_pressure(thin):
     assert (faster.load, faster.resistance) == pytest.approx((stronger.load, stronger.resistance), rel=1e-9)
     assert 1.05 < factor < 1.08
     assert faster.load / thin.load == pytest.approx(factor**0.95, rel=5e-3)
-
-
-@pytest.mark.slow
-def test_speed_has_no_effect_from_a_neighbour(fine, layer, roller, mix):
-    faster = roll(layer, roller, mix, 2.0, increments=8, start=fine)
-    assert faster.error_parts.mesh == fine.error_parts.mesh
-    assert faster.load == pytest.approx(fine.load, rel=2e-3)
-    assert faster.resistance == pytest.approx(fine.resistance, rel=2e-3)
 
 
 def test_rate_effect_from_a_neighbour(rolled, layer, roller, mix):
@@ -405,16 +315,3 @@ def test_progress_is_reported_and_can_interrupt():
 
 
 # (h) refusals
-
-
-def test_load_that_is_not_reached_reports_the_nearest_depth(monkeypatch):
-    monkeypatch.setattr(MODULES + "steady_state.TARGET_TOLERANCE", 1e-12)
-    message = r"`load` 400000 N/m not reached after \d+ depths from \S+ to \S+ mm; the nearest was \S+ N/m at \S+ mm$"
-    with pytest.raises(RuntimeError, match=message):
-        roll_thin(10, increments=4, indentation=None, load=4e5)
-
-
-def test_two_threads_change_no_digit(coarse, layer, roller, mix):
-    rolled = roll(layer, roller, mix, 0.2, increments=4, threads=2)
-    assert (rolled.load, rolled.resistance) == (coarse.load, coarse.resistance)
-    assert np.array_equal(rolled.solution.state.points.stress, coarse.solution.state.points.stress)

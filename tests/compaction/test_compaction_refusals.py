@@ -35,7 +35,6 @@ DEPTH = {"indentation": 0.002, "friction": 0.3}
         ),
         ({"layer": PLIES}, "`plies` are for linear layers, got 2"),
         ({"exit_density_ratio": 1.0}, "`exit_density_ratio` must lie between that of the fed mix 0.94 and 1, got 1.0"),
-        ({"threads": 0}, "`threads` must be positive and finite, got 0"),
         ({"increments": 0}, "`increments` must be positive and finite, got 0"),
         ({"material": "mix"}, "`material` must be Compaction, got str; use the engine fem"),
         *(({"max_contact_angle": angle}, "`max_contact_angle` must be") for angle in (0.0, 2.0, np.nan)),

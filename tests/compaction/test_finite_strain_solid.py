@@ -9,13 +9,11 @@ from mixes import STIFF as MIX
 from scipy.linalg import logm, polar
 from skfem import MeshQuad
 
-from compact.engines.compaction import finite_strain_kernels
-from compact.engines.compaction.finite_strain_kernels import announce_compilation, strain_derivatives, strain_increment
+from compact.engines.compaction.finite_strain_kernels import strain_derivatives, strain_increment
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
 from compact.engines.compaction.roller_contact import ContactForces
 from compact.engines.compaction.rolling import IncrementSolver
 from compact.material import cap_plasticity
-from compact.rolling_contact import EquilibriumError
 
 SQUARE = MeshQuad.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 1, 3))
 PATHS = {  # strain (xx, yy, 2 xy), with the published stresses of `test_cap`
@@ -177,12 +175,6 @@ def test_rigid_rotation_rotates_the_stress_and_changes_nothing_else():
     assert rotated.after.points.density_ratio == pytest.approx(pressed.after.points.density_ratio, rel=1e-12)
 
 
-def test_small_displacements_give_the_strain_of_small_kinematics():
-    for before, after in random_gradients(20, 1e-5):
-        small, finite = (strain_increment(before, after, finite)[1] for finite in (False, True))
-        assert finite == pytest.approx(small, abs=1e-8)
-
-
 @pytest.mark.parametrize("finite", [False, True], ids=["small", "finite"])
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_stiffness_is_the_derivative_of_the_forces(finite, substeps):
@@ -210,30 +202,6 @@ def test_points_without_strain_keep_their_state_and_are_elastic():
     assert np.array_equal(still.after.points.plastic_work, outside.points.plastic_work)
     size = np.abs(elastic.element_stiffness).max()
     assert still.element_stiffness == pytest.approx(elastic.element_stiffness, abs=2 * scale / 100e6 * size)
-
-
-def test_initial_guess_of_the_return_mappings_changes_nothing_but_rounding():
-    solid = FiniteStrainSolid(skewed(SQUARE), MIX)
-    before, displacement = pressed_and_sheared(solid)
-    near = solid.increment(before, displacement + 1e-4 * solid.basis.doflocs.T**2)
-    guessed, plain = (solid.increment(before, displacement, near=guess) for guess in (near, None))
-    scale = np.abs(plain.after.points.stress).max()
-    assert (plain.multipliers > 0).any()
-    assert guessed.after.points.stress == pytest.approx(plain.after.points.stress, abs=1e-11 * scale)
-    assert guessed.element_stiffness == pytest.approx(plain.element_stiffness, rel=1e-9, abs=1e-3)
-
-
-def test_threads_change_no_digit():
-    one, two = (FiniteStrainSolid(skewed(SQUARE), MIX, threads=threads) for threads in (1, 2))
-    before, displacement = pressed_and_sheared(one)
-    alone, shared = (solid.increment(before, displacement) for solid in (one, two))
-    assert np.array_equal(shared.internal_forces, alone.internal_forces)
-    assert np.array_equal(shared.element_stiffness, alone.element_stiffness)
-    assert np.array_equal(shared.after.points.stress, alone.after.points.stress)
-    inverted = displacement.copy()
-    inverted[20] += 5.0
-    with pytest.raises(ValueError, match="must not invert elements"):
-        two.increment(before, inverted)
 
 
 def test_newtons_method_converges_quadratically():
@@ -279,43 +247,4 @@ def test_factors_have_single_precision_only_if_these_suffice(softness, monkeypat
     assert precisions == [np.float32, np.float64][: 1 if softness == 1 else 2]
 
 
-def test_compilation_is_announced_on_first_use_alone(monkeypatch):
-    solid, lines = FiniteStrainSolid(SQUARE, MIX), []
-    solid.increment(solid.undeformed_state(), solid.undeformed_state().displacement)
-    announce_compilation(lines.append)
-    monkeypatch.setattr(finite_strain_kernels, "is_compiled", lambda function: False)
-    announce_compilation(lines.append)
-    announce_compilation(None)
-    assert lines == ["compiling the kernels of `compaction`, once, some 10 s"]
-
-
 # (c) failures
-
-
-def test_failed_equilibrium_reports_its_residual():
-    solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=np.arange(8))
-    prediction = solid.undeformed_state().displacement
-    prediction[:, 1] = -0.4 * solid.basis.doflocs[1] ** 2
-    solver = IncrementSolver(solid, np.array([20]), tolerance=1e-30)
-    with pytest.raises(
-        EquilibriumError, match=r"no equilibrium: residual \S+ of the nodal forces after \d+ iterations"
-    ):
-        solver.solve(solid.undeformed_state(), NoRoller(), prediction)
-
-
-def test_iteration_starts_from_the_displacement_before_if_elements_invert_in_the_prediction():
-    solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=np.arange(8))
-    inverted = solid.undeformed_state().displacement
-    inverted[20] = [2.0, 0.0]  # beyond the far side of the mesh
-    with np.errstate(all="ignore"), pytest.raises(ValueError, match="must not invert elements"):
-        solid.increment(solid.undeformed_state(), inverted)
-    solution = IncrementSolver(solid, np.array([20])).solve(solid.undeformed_state(), NoRoller(), inverted)
-    assert np.abs(solution.state.displacement).max() == 0
-
-
-def test_fixed_nodes_that_invert_elements_are_refused():
-    solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=[40, 41])
-    inverted = solid.undeformed_state().displacement
-    inverted[20] = [2.0, 0.0]
-    with pytest.raises(EquilibriumError, match="elements of the layer invert before the first iteration"):
-        IncrementSolver(solid, np.array([19])).solve(solid.undeformed_state(), NoRoller(), inverted)

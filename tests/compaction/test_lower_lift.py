@@ -1,15 +1,12 @@
 """Lower lift below the fed one: columns in series, the rigid base as limit, chain of passes, balances, refusals."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from mixes import LIFT, THIN, free_roller
 from mixes import LIFT_MIX as MIX
 
-from compact.analysis.contact_cases import contact_inputs, contact_record
-from compact.analysis.mix_laws import scene_mix
 from compact.analysis.multipass import Pass, density, passes
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
@@ -18,10 +15,8 @@ from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, t
 from compact.engines.spectral import engine as spectral
 from compact.material.cap_plasticity import compacted_state
 from compact.material.laws import Elastic
-from compact.rolling_contact import Contact, Layer, LowerLift, Ply, Roller
-from compact.scene.loader import load_scene
+from compact.rolling_contact import Layer, LowerLift, Ply, Roller
 
-SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015.toml"
 ROLLER = free_roller()
 CIRCLE = replace(ROLLER, profile="circle")
 LOWER = LowerLift(thickness=0.06, density_ratio=0.98)
@@ -54,12 +49,6 @@ def test_residual_stress_is_that_of_a_column_after_its_pass(ratio):
     assert point.max_density_ratio[0] == pytest.approx(expected.max_density_ratio, abs=1e-9)
 
 
-def test_lower_lift_without_residual_stress_keeps_its_preconsolidation():
-    points = compacted_lift(replace(LOWER, residual_stress=False), MIX).points
-    assert not points.stress.any()
-    assert points.max_density_ratio[0] == pytest.approx(0.98, abs=1e-12)
-
-
 def test_rows_of_both_lifts_are_stacked_and_split():
     lower = compacted_lift(LOWER, MIX)
     layer = replace(fresh_layer(MIX, np.full(3, 0.02)), lower=lower)
@@ -84,15 +73,6 @@ def test_transfer_between_meshes_keeps_the_jump_of_density_at_the_interface():
     assert new.row_heights[: new.lower_rows].sum() == pytest.approx(0.06, rel=1e-12)
 
 
-def test_lower_lift_of_a_lower_lift_belongs_to_it():
-    lower = replace(fresh_layer(MIX, np.array([0.03])), lower=compacted_lift(LOWER, MIX))
-    fed = replace(fresh_layer(MIX, np.array([0.06])), lower=lower)
-    frame = RollerFrame(rolling_mesh(0.06, 0.02, 0.01, 0.09), MIX, "bonded", 0.02, fed_layer=fed)
-    assert frame.lower_height == pytest.approx(0.09)
-    assert frame.fed_layer.height == pytest.approx(0.06, rel=1e-12)
-    assert frame.fed_layer.lower.density_ratio == pytest.approx((0.03 * MIX.fed_density_ratio + 0.06 * 0.98) / 0.09)
-
-
 # columns in series
 
 
@@ -113,14 +93,6 @@ def test_column_on_an_elastic_lower_lift_settles_by_its_oedometric_strain():
     assert lifted.resistance == pytest.approx(rigid.resistance, rel=1e-8)
     assert lifted.load > 1.04 * rigid.load  # a longer contact, in front and behind
     assert (lifted.lower_height, lifted.lower_density_ratio) == pytest.approx((0.06, 0.98), rel=1e-12)
-
-
-def test_column_reaches_an_exit_density_that_yields_the_lower_lift_too():
-    layer = replace(LIFT, lower_lift=LowerLift(thickness=0.06, density_ratio=0.95))
-    rolled = column.roll(layer, CIRCLE, MIX, 0.13, exit_density_ratio=0.97)
-    assert rolled.exit_density_ratio == pytest.approx(0.97, abs=1e-8)
-    assert rolled.lower_density_ratio == pytest.approx(0.97, abs=1e-4)  # nearly the same path to the same stress
-    assert rolled.mass_residual < 1e-12
 
 
 @pytest.mark.parametrize("ratio", [0.98, 0.95], ids=["elastic", "yielding"])
@@ -153,17 +125,6 @@ def test_difference_from_the_rigid_base_is_inverse_to_the_modulus():
 
 
 @pytest.mark.slow
-def test_thinner_lower_lifts_tend_to_the_rigid_base(on_base, on_lift):
-    lifts = [
-        roll(replace(LIFT, lower_lift=replace(LOWER, thickness=thickness)), ROLLER, MIX, 0.13, increments=4)
-        for thickness in (0.002, 0.12)
-    ]
-    losses = [1 - rolled.resistance / on_base.resistance for rolled in (lifts[0], on_lift, lifts[1])]
-    assert 0 < losses[0] < 2e-3
-    assert losses[0] < losses[1] < losses[2] < 2 * losses[1]
-
-
-@pytest.mark.slow
 def test_lower_lift_takes_some_of_the_depth(on_base, on_lift):
     assert 0.005 < 1 - on_lift.load / on_base.load < 0.02
     assert 0.01 < 1 - on_lift.resistance / on_base.resistance < 0.03
@@ -177,13 +138,6 @@ def test_lower_lift_takes_some_of_the_depth(on_base, on_lift):
 def test_mass_of_both_lifts_and_work_balance(on_lift):
     assert on_lift.mass_residual < 3e-4
     assert on_lift.work_residual < 0.02
-
-
-@pytest.mark.slow
-def test_exit_density_refers_to_the_fed_lift(on_lift):
-    rolled = roll(ON_LIFT, ROLLER, MIX, 0.13, increments=4, exit_density_ratio=0.98, start=on_lift)
-    assert rolled.exit_density_ratio == pytest.approx(0.98, rel=1e-3)
-    assert rolled.indentation > on_lift.indentation
 
 
 @pytest.mark.slow
@@ -230,27 +184,6 @@ def test_second_pass_by_finite_elements_carries_both_lifts():
 
 
 # scenes, records and refusals
-
-
-def test_scene_on_a_lower_lift_differs_by_its_settlement():
-    rigid = load_scene(SCENE, **{"layer.lift_thickness": 0.06, "accuracy.engine": "column"})
-    lifted = rigid.replaced(**{"layer.lower_lift": {"thickness": 0.06, "density_ratio": 0.98}})
-    (layer, roller, _), (lifted_layer, lifted_roller, _) = (
-        contact_inputs(scene, scene_mix(scene), "column", 0.13) for scene in (rigid, lifted)
-    )
-    assert lifted_layer == replace(layer, height=lifted_layer.height, lower_lift=LOWER)
-    assert lifted_layer.height == pytest.approx(layer.height, rel=1e-6)  # the settlement adds to the rate of compaction
-    assert 5e-5 < lifted_roller.indentation - roller.indentation < 1e-4
-
-
-def test_record_holds_the_lower_lift():
-    rolled = column.roll(ON_LIFT, CIRCLE, MIX, 0.13)
-    record = contact_record("column", 0.13, (rolled,))
-    content = record.to_json()
-    assert content["lower_density_ratio"] == {"value": rolled.lower_density_ratio, "unit": "1"}
-    assert Contact.from_json(content) == record
-    on_base = contact_record("column", 0.13, (column.roll(LIFT, CIRCLE, MIX, 0.13),)).to_json()
-    assert "lower_height" not in on_base
 
 
 @pytest.mark.parametrize(

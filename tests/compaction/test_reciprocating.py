@@ -11,10 +11,10 @@ from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.reciprocating import (
     MULTIPLIER_TOLERANCE,
-    ReciprocatingCase,
     ReciprocatingRoller,
     simulate_reciprocating,
 )
+from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh
 from compact.engines.stroke_schedule import stroke_schedule
 from compact.motion.profile import law
 from compact.rolling_contact import Layer, Roller
@@ -157,23 +157,6 @@ def test_rotating_roller_becomes_steady(torque):
     assert run.work_residual < 5e-3
 
 
-@pytest.mark.slow
-def test_free_roller_on_a_high_layer_continues_in_steady_motion(layer, roller, mix):
-    """Friction moves the mix: creepage -0.069, 2 % less load.
-
-    The resistance of steady rolling has an error of its own, as its steps are elements, not half elements: with 8
-    increments it is 772 N/m and the creepage -0.066, with 12 784 N/m; the run with 8 keeps 790 N/m and -0.069.
-    """
-    roller = replace(roller, friction=0.3, rolling="free")
-    steady = roll(layer, roller, mix, 0.2, increments=8)
-    motion = law("quintic", 2.5 * LENGTH, 1.0)
-    run = simulate_reciprocating(layer, roller, mix, motion, start=steady, increments=8, estimate=False)
-    assert element_means(run.load)[-6:] == pytest.approx(steady.load, rel=steady.error[0])
-    assert element_means(run.resistance)[-6:] == pytest.approx(steady.resistance, rel=steady.error[1])
-    creepage = roller.radius * np.diff(run.angle[-9:]) / np.diff(run.position[-9:]) - 1
-    assert element_means(creepage)[-6:] == pytest.approx(steady.creep, rel=0.06)
-
-
 # (b) order and balance
 
 
@@ -182,8 +165,8 @@ def free_strokes():
     """Free roller over two strokes; of each step the stroke, contact, slip of the nodes and roller state."""
     strokes = stroke_schedule(two_strokes(WIDE_LENGTH))
     element = WIDE_LENGTH / 8
-    case = ReciprocatingCase(free_roller(), THIN, strokes, 0.0, element, WIDE_LENGTH, True)
-    roller = ReciprocatingRoller(case, HEIGHT, None, 0.0)
+    mesh = rolling_mesh(HEIGHT, WIDE_LENGTH, element, stroke=round(strokes.span / element))
+    roller = ReciprocatingRoller(RollerFrame(mesh, THIN, "bonded", WIDE_LENGTH), free_roller(), strokes)
     roller.press(HEIGHT - DEPTH, 1.0)
     steps = []
     for stroke in (0, 1):
@@ -257,15 +240,6 @@ def test_error_is_the_change_from_steps_twice_as_long():
 # (c) hard cases
 
 
-@pytest.mark.slow
-def test_dwell_has_no_effect():
-    motion = law("quintic", WIDE_LENGTH, 1.0)
-    without, with_dwell = (simulate_thin(motion.cycle(far_dwell=dwell)) for dwell in (0.0, 3.0))
-    zero = 1e-8 * without.resistance.max()  # the resistance changes its sign
-    assert with_dwell.resistance == pytest.approx(without.resistance, rel=1e-7, abs=zero)
-    assert with_dwell.time[-1] == pytest.approx(without.time[-1] + 3.0)
-
-
 # (d) properties
 
 
@@ -313,29 +287,6 @@ def test_sliding_roller_becomes_steady_in_both_directions():
     assert run.work_residual < 0.01
 
 
-@pytest.mark.slow
-def test_return_stroke_over_compacted_mix_has_little_resistance(from_steady, steady):
-    back = from_steady.resistance[(from_steady.stroke == 2) & (from_steady.position < 4 * LENGTH)]
-    assert (back < 0).all()
-    assert np.abs(back).max() < 0.1 * steady.resistance
-
-
-@pytest.mark.slow
-def test_strokes_with_lifts_repeat(roller, mix):
-    motion = RepeatedMotion(two_strokes(0.1), 4)
-    run = simulate_reciprocating(Layer(0.2), roller, mix, motion, lift_thickness=0.05, increments=4, estimate=False)
-    peaks = [np.abs(run.resistance[run.stroke == k]).max() for k in (1, 2, 3, 4)]
-    assert np.abs(np.diff(peaks)).max() < 0.01 * peaks[0]
-    assert run.work_residual < 0.02
-
-
-def test_vanishing_friction_has_no_effect():
-    motion = law("quintic", WIDE_LENGTH / 2, 2.0)
-    slight, none = simulate_thin(motion, roller=free_roller(1e-7)), simulate_thin(motion)
-    assert slight.load == pytest.approx(none.load, rel=1e-5)
-    assert slight.resistance == pytest.approx(none.resistance, abs=1e-5 * none.resistance.max())
-
-
 def test_friction_of_a_sliding_roller_changes_sign_at_rest():
     run = simulate_thin(two_strokes(WIDE_LENGTH / 2), roller=free_roller(rolling="sliding"))
     before, after = np.flatnonzero(np.abs(run.time - 2.0) < 1e-2)[:2]
@@ -357,13 +308,4 @@ def test_frames_are_at_the_requested_instants(thin, tmp_path):
     assert thin.write_frames(tmp_path).exists()
 
 
-def test_steps_require_few_iterations(thin):
-    assert thin.iterations < 8 * len(thin.time)
-
-
 # (f) refusals
-
-
-def test_torque_beyond_the_friction_limit_is_refused():
-    with pytest.raises(RuntimeError, match=r"the roller skids at .* m: the torque requires \S+ times the friction"):
-        simulate_thin(law("quintic", WIDE_LENGTH / 4, 1.0), roller=free_roller(1e-3), torque=60.0 * WIDE.radius)

@@ -10,7 +10,7 @@ from mixes import MIX
 
 from compact import fem
 from compact.engines.compaction.engine import build_result, roll
-from compact.engines.compaction.roller_contact import RollingSurface
+from compact.engines.compaction.roller_contact import ContactTractions, RollerSurface
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh
 from compact.engines.compaction.rolling import IncrementalRolling
 from compact.material.laws import Elastic
@@ -53,13 +53,11 @@ def total_shear(rolled):
 def surface_and_displacement(profile, seed, share=0.2):
     """Nodes inside and outside a contact after one step of 5 mm, with a share of the friction limit as torque."""
     rng, x = np.random.default_rng(seed), np.linspace(-0.02, 0.02, 9)
-    geometry = np.stack([x, np.full(9, H)], axis=-1), np.full(9, 0.005), R, H, 1e9, np.full(9, 1e5), profile
-    surface = RollingSurface(
-        *geometry,
-        friction=FRICTION,
-        tangential_force=share * FRICTION * 7 * 500,
-        multiplier_shear=2e4 * rng.normal(size=9),
-    )
+    multipliers = ContactTractions(np.full(9, 1e5), 2e4 * rng.normal(size=9))
+    surface = RollerSurface(
+        np.stack([x, np.full(9, H)], axis=-1), np.full(9, 0.005), R, H, 1e9, profile, FRICTION,
+        share * FRICTION * 7 * 500, multipliers,
+    )  # fmt: skip
     surface = surface.moved_to(H, -0.005).begin_increment(1e-5 * rng.normal(size=(9, 2))).moved_to(H - 0.0019)
     displacement = np.stack([np.zeros(9), np.where(np.abs(x) < 0.018, x**2 / (2 * R), 0) - 0.0019], axis=-1)
     return surface, displacement + rng.normal(size=(9, 2)) * [1e-4, 1e-5]
@@ -103,16 +101,11 @@ def roll_unyielding(profile, torque, count):
     length = np.sqrt(2 * R * SHALLOW)
     mesh = rolling_mesh(H, length, length / count)
     frame = RollerFrame(mesh, UNYIELDING, "bonded", length, finite=False)
-    rolling = IncrementalRolling(frame, R, profile=profile, friction=FRICTION, torque=torque)
+    roller = Roller(R, indentation=SHALLOW, friction=FRICTION, rolling="driven", profile=profile)
+    rolling = IncrementalRolling(frame, roller, torque)
     for bottom_height in H - SHALLOW * np.minimum(np.arange(1, 6 * count) / count, 1):
         rolling.advance(bottom_height, damping=0.0)
-    return build_result(
-        rolling,
-        LAYER,
-        Roller(R, indentation=SHALLOW, friction=FRICTION, rolling="driven", profile=profile),
-        UNYIELDING,
-        0.2,
-    )
+    return build_result(rolling, LAYER, roller, UNYIELDING, 0.2)
 
 
 def roll_both(profile, share, count):
@@ -160,29 +153,6 @@ def test_creepage_converges_to_that_of_the_linear_layer():
 
 
 @pytest.mark.slow
-def test_creepage_tends_to_the_median_slip_without_friction(free):
-    """Half of the load of a frictionless roller slips ahead and half behind."""
-    slight = roll_high_layer(replace(FREE, friction=1e-3), start=free)
-    frictionless = roll_high_layer(replace(FREE, rolling="frictionless", friction=0.0), start=slight)
-    assert frictionless.creep is None
-    assert slight.load == pytest.approx(frictionless.load, rel=2e-3)
-    assert slight.resistance == pytest.approx(frictionless.resistance, rel=2e-3)
-    rates, _ = slip_and_shear(replace(frictionless, creep=0.0))
-    solution = frictionless.solution
-    weights = (solution.surface.weights * solution.contact.pressure)[solution.contact.pressure > 0]
-    order = np.argsort(rates)
-    median = rates[order][np.searchsorted(np.cumsum(weights[order]), weights.sum() / 2)]
-    assert slight.creep == pytest.approx(-median, abs=1e-3)
-
-
-@pytest.mark.slow
-def test_high_friction_sticks_except_at_the_edges():
-    rates, _ = slip_and_shear(roll_high_layer(replace(FREE, friction=3.0)))
-    assert np.abs(rates[3:-2]).max() < 5e-4
-    assert np.abs(rates).max() > 5e-3
-
-
-@pytest.mark.slow
 def test_roller_braked_to_its_limit_slides():
     """The limit is that of the tractions normal to the roller, 2.6 % more here than friction times load."""
     sliding = roll_high_layer(
@@ -210,18 +180,6 @@ def test_coulombs_law_holds_at_every_node_of_a_free_roller(free):
 
 
 @pytest.mark.slow
-def test_torque_reduces_the_resistance():
-    """The work balances to 0.6 % on 12 increments and to 3.4 % on 6."""
-    free = roll_high_layer(increments=12)
-    torque = 0.5 * FRICTION * R * free.load
-    driven = roll_high_layer(replace(FREE, rolling="driven"), torque=torque, start=free, increments=12)
-    assert driven.creep > free.creep
-    assert total_shear(driven) == pytest.approx(-torque / R)
-    assert driven.resistance - free.resistance == pytest.approx(-torque / R, rel=0.15)  # of first order in the slope
-    assert driven.work_residual < 0.03
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "options"),
     [
@@ -240,20 +198,4 @@ def test_work_of_roller_and_torque_balances(changes, options):
     assert rolled.equilibrium_residual < 1e-3
 
 
-@pytest.mark.slow
-def test_opposite_directions_are_mirror_images():
-    roller = Roller(2.0, indentation=0.002, friction=FRICTION, rolling="driven", profile="circle")
-    options = {"torque": 500.0, "strain": "small", "increments": 6}
-    there, back = (roll(LAYER, roller, MIX, sign * 0.2, **options) for sign in (1, -1))
-    assert (back.load, -back.resistance, back.creep) == (there.load, there.resistance, there.creep)
-    assert back.shear_traction == pytest.approx(-there.shear_traction[::-1])
-    assert total_shear(there) == pytest.approx(-500.0 / 2.0)
-
-
 # (e) refusals
-
-
-def test_torque_beyond_the_friction_limit_is_refused():
-    message = r"the roller skids: the torque requires 1\.\d* times the friction limit; reduce the torque"
-    with pytest.raises(RuntimeError, match=message):
-        roll_unyielding("parabola", 700.0, 4)

@@ -9,11 +9,11 @@ from mixes import shear_line as law
 
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
-from compact.engines.compaction.steady_search import SCATTER, ShearLineSearch, SteadySearch, mesh_errors, search_class
+from compact.engines.compaction.steady_search import SCATTER, ShearLineSearch, mesh_errors
 from compact.engines.compaction.steady_state import WaveGrowth
 from compact.material.earth_pressure import earth_pressure_bounds, matched_slopes
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
-from compact.rolling_contact import HeapingError, Layer, Roller, UnsteadyError
+from compact.rolling_contact import HeapingError, Layer, Roller
 
 DEPTH, LENGTH = 0.003, np.sqrt(2 * 0.11 * 0.003)
 
@@ -34,11 +34,6 @@ def search_with(steps, quantity="indentation", fed=0.9):
     rolling = IncrementalRolling.__new__(IncrementalRolling)
     rolling.steps, rolling.frame, rolling.surface = tuple(steps), frame, SimpleNamespace(radius=0.11)
     return ShearLineSearch(rolling, SimpleNamespace(quantity=quantity, value=DEPTH), DEPTH, 2e-3, 1e-3, None)
-
-
-def test_law_selects_the_search():
-    assert search_class(law()) is ShearLineSearch
-    assert search_class(SimpleNamespace()) is SteadySearch
 
 
 def test_distance_of_a_relaxation_is_what_it_still_lacks():
@@ -171,12 +166,3 @@ def test_random_lifts_heap_up(seed, message):
     with pytest.raises(HeapingError, match=message) as raised:
         roll(*scene, 0.13, **torque)
     assert raised.value.heaping.wave_height > 2 * scene[1].indentation
-
-
-def test_motion_that_does_not_become_steady_has_its_numbers():
-    search = search_with([*(step(s) for s in (0.0, 0.1, 0.2, 0.25)), step(0.3, load=4e3, resistance=500.0)])
-    search._estimate_distance()
-    error = search._unsteady_error()
-    assert isinstance(error, UnsteadyError)
-    assert (error.unsteady.travel, error.unsteady.load, error.unsteady.resistance) == (0.3, 4e3, 500.0)
-    assert str(error).startswith("not steady at depth 3 mm after 0.3 m of travel: estimated distance")

@@ -11,7 +11,6 @@ from compact.engines.compaction.rolling import RollingStep
 from compact.engines.compaction.rolling_case import STEADY_TOLERANCE
 from compact.engines.compaction.steady_state import (
     QUANTITIES,
-    BowWaveMode,
     DepthSecant,
     DepthTarget,
     WaveDrift,
@@ -19,7 +18,6 @@ from compact.engines.compaction.steady_state import (
     crossing_length,
     relaxation_length,
 )
-from compact.rolling_contact import Layer, Roller
 
 PUBLISHED = LIFT, free_roller(), LIFT_MIX
 # load and resistance of the published lift by 600 steps from two bow waves, 10 % above and below the steady one, on 12
@@ -94,11 +92,6 @@ def test_jump_along_the_mode_changes_the_wave_by_its_area(coarse):
         solution.state, solution.surface = before
 
 
-def test_mode_between_equal_states_has_no_wave(coarse):
-    mode = BowWaveMode.between(coarse.solution, coarse.solution, np.zeros(4))
-    assert mode.wave_area == 0
-
-
 def test_rolled_state_is_steady(coarse):
     """Streamed by one element and held at its displacement, it is out of balance by less than 0.1 of the load.
 
@@ -112,11 +105,6 @@ def test_rolled_state_is_steady(coarse):
     forces.ravel()[frame.solid.fixed_dofs] = 0.0
     near = frame.nodes[:, 0] > -1.2 * frame.contact_length
     assert np.linalg.norm(forces[near]) < 0.1 * np.linalg.norm(solution.contact.forces)
-
-
-def test_gap_vanishes_in_the_contact(coarse):
-    contact = coarse.solution.contact
-    assert np.abs(contact.gap[contact.pressure > 0]).max() < 1e-4 * coarse.indentation
 
 
 def test_five_percent_deeper_and_back_gives_the_first_solution(coarse, layer, roller, mix):
@@ -169,18 +157,6 @@ def test_exit_density_is_met_in_the_same_loop():
     layer, roller, mix = PUBLISHED
     rolled = roll(layer, replace(roller, indentation=0.0025), mix, 0.13, exit_density_ratio=0.98)
     assert rolled.indentation == pytest.approx(0.003, rel=0.01)
-
-
-def test_error_has_three_parts(layer, roller, mix):
-    rolled = roll(Layer(0.06), Roller(0.5, indentation=0.002), mix, 0.2, increments=6)
-    parts = rolled.error_parts
-    assert rolled.error == pytest.approx(np.sum([parts.mesh, parts.drift, parts.start], axis=0))
-    assert all(value >= 0 for pair in (parts.mesh, parts.drift, parts.start) for value in pair)
-
-
-def test_one_mesh_has_no_error_estimate(coarse):
-    assert coarse.error is None
-    assert coarse.error_parts.mesh is None
 
 
 def test_secant_uses_distant_depths_alone(layer, roller, mix):

@@ -25,9 +25,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact.engines.compaction.finite_strain_kernels import announce_compilation
-from compact.engines.compaction.heaping import remedy, require_no_heaping
+from compact.engines.compaction.heaping import require_no_heaping
 from compact.engines.compaction.layer_state import LayerState
-from compact.engines.compaction.roller_contact import RollingSurface
 from compact.engines.compaction.rolling import IncrementalRolling
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.engines.compaction.steady_search import SteadySearch, mesh_errors, search_class
@@ -130,12 +129,11 @@ def build_result(
         raise RuntimeError(
             f"the contact reaches the end of the mesh, from {edges[0]:.3g} to {edges[1]:.3g} m; reduce the depth"
         )
-    if isinstance(solution.surface, RollingSurface):
-        utilisation = solution.surface.friction_utilisation(solution.contact)
-        if utilisation >= 1:  # the creepage of a skidding roller is undetermined
-            raise RuntimeError(
-                f"the roller skids: the torque requires {utilisation:.3g} times the friction limit; reduce the torque"
-            )
+    utilisation = solution.surface.friction_utilisation(solution.contact)
+    if utilisation >= 1:  # the creepage of a skidding roller is undetermined
+        raise RuntimeError(
+            f"the roller skids: the torque requires {utilisation:.3g} times the friction limit; reduce the torque"
+        )
 
     last = solution.steps[-1]
     # the edges lie half-way to the first node without contact
@@ -285,23 +283,25 @@ def roll(
     announce_compilation(numerics.progress)
     if case.heaping is not None and fed_layer is None and not isinstance(material, DruckerPragerCap):
         require_no_heaping(case.heaping, target.quantity, target.value, target.required_depth)
+    last = case.numerics.increments
     with threadpool_limits(1):
         if start is not None and _is_neighbour(case, target, start):
-            depth = target.depth_from(getattr(start, target.quantity), start.indentation)
-            rolling, mesh = case.stretched(start.solution, depth), start.error_parts.mesh
-            search = _run(_create_search(case, target, rolling, depth, relaxation=start.relaxation), case)
-        else:
-            searches: list[SteadySearch] = []
-            for count in mesh_cascade(numerics.increments):
-                depth = searches[-1].depth if searches else target.initial_depth()
-                rolling = case.roller_at_rest(case.create_frame(depth, count))
-                searches.append(_create_search(case, target, rolling, depth, is_last=count == case.numerics.increments))
-                if len(searches) > 1:
-                    searches[-1].start_from(searches[-2])
-                _run(searches[-1], case)
-            *coarser, search = searches
-            mesh = mesh_errors(coarser[-1], search, *coarser[-2:-1]) if coarser else None
-        return _to_result(case, search, mesh)
+            depth, mesh = target.depth_from(getattr(start, target.quantity), start.indentation), start.error_parts.mesh
+            stretched = case.stretched(start.solution, depth)
+            search = _create_search(case, target, stretched, depth, relaxation=start.relaxation)
+            search.run()
+            return _to_result(case, search, mesh)
+        searches: list[SteadySearch] = []
+        for count in mesh_cascade(last):
+            depth = searches[-1].depth if searches else target.initial_depth()
+            rolling = case.roller_at_rest(case.create_frame(depth, count))
+            search = _create_search(case, target, rolling, depth, is_last=count == last)
+            if searches:
+                search.start_from(searches[-1])
+            search.run()
+            searches.append(search)
+        *coarser, search = searches
+        return _to_result(case, search, mesh_errors(coarser[-1], search, *coarser[-2:-1]) if coarser else None)
 
 
 def mesh_cascade(increments: int) -> list[int]:
@@ -318,7 +318,7 @@ def _create_search(
     rolling: IncrementalRolling,
     depth: float,
     is_last: bool = True,
-    **other: Any,
+    relaxation: Relaxation = Relaxation(),  # noqa: B008 - frozen
 ) -> SteadySearch:
     """Return the search on a mesh."""
     return search_class(case.material)(
@@ -330,21 +330,8 @@ def _create_search(
         stretch=case.stretched,
         rate_factor=case.rate_factor,
         is_last=is_last,
-        **other,
+        relaxation=relaxation,
     )
-
-
-def _run(search: SteadySearch, case: RollingCase) -> SteadySearch:
-    """Run a search; its errors name a remedy for a depth in fresh mix without a steady state."""
-    try:
-        search.run()
-    except RuntimeError as error:
-        depth = search.target.required_depth
-        if case.heaping is None or depth is None or case.fed_layer is not None:
-            raise
-        advice = remedy(case.heaping, depth, for_density=search.target.quantity == "exit_density_ratio")
-        raise type(error)(f"{error}; {advice}", *error.args[1:]) from error
-    return search
 
 
 def _is_neighbour(case: RollingCase, target: DepthTarget, start: CompactionContactResult) -> bool:

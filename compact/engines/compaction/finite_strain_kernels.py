@@ -14,7 +14,6 @@ ratio and the largest density ratio. All derivatives are exact, except at the on
 """
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -219,9 +218,8 @@ def stress_derivatives(
         derivatives[2, j] = xy + (values[0] - values[1]) * angle
 
 
-@partial(compiled, nogil=True)
+@compiled
 def integrate_elements(
-    block: tuple[int, int],
     law: tuple,
     mesh: tuple,
     displacements: tuple,
@@ -230,12 +228,10 @@ def integrate_elements(
     guesses: tuple,
     results: tuple,
 ) -> int:
-    """Integrate an increment in a range of elements.
+    """Integrate an increment in all elements.
 
     Parameters
     ----------
-    block : tuple of int
-        First element and end of the range.
     law : tuple
         `CapConstants`, True for a shear line or None, True for finite strain.
     mesh : tuple of ndarray
@@ -263,7 +259,7 @@ def integrate_elements(
     tangent = len(stiffness) > 0
     path_derivatives, kinematics = np.empty((6, 3 if tangent else 0)), np.empty((4, 4))
     derivatives, by_gradient, products = np.empty((3, 4)), np.empty((4, 4)), np.empty((4, 16))
-    for element in range(block[0], block[1]):
+    for element in range(len(forces)):
         forces[element] = 0.0
         if tangent:
             stiffness[element] = 0.0

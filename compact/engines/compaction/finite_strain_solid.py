@@ -12,11 +12,8 @@ Gradients have the components (xx, xy, yx, yy), g_ij = du_i/dx_j, along the seco
 """
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, cached_property
-from itertools import pairwise
-from os import getpid
+from functools import cached_property
 from typing import cast
 
 import numpy as np
@@ -79,8 +76,6 @@ class FiniteStrainSolid:
         Travel of the roller in one increment [m], over which a shear viscosity acts.
     substeps : int
         Substeps of the stress integration in one increment.
-    threads : int
-        Threads that share the elements. Each element has its own results, so that the number changes no digit.
     """
 
     def __init__(
@@ -93,13 +88,12 @@ class FiniteStrainSolid:
         rate_factor: float = 1.0,
         travel: float = np.inf,
         substeps: int = SUBSTEPS,
-        threads: int = 1,
     ) -> None:
         if not isinstance(mesh, MeshQuad):
             mesh = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
         self.basis = Basis(mesh, ElementQuadS2(), intorder=GAUSS_ORDER)
         self.material, self.rate_factor, self.substeps = material, rate_factor, substeps
-        self.finite, self.travel, self.threads = finite, travel, threads
+        self.finite, self.travel = finite, travel
         self.element_dofs = element_unknowns(self.basis)
         self.fixed_dofs = np.unique(np.asarray(fixed_dofs, dtype=int))
 
@@ -184,14 +178,8 @@ class FiniteStrainSolid:
         constants = cap_plasticity.cap_constants(self.material, self.rate_factor, self.travel)
         law = constants, constants.line or None, self.finite
         carried = np.empty(0) if before.carried_pressure is None else np.ascontiguousarray(before.carried_pressure)
-        inputs = law, self._mesh, displacements, state, after, (multipliers, carried), (forces, stiffness)
-        if self.threads == 1:
-            failed = integrate_elements((0, elements), *inputs)
-        else:  # equal blocks; the first point that fails, or -1
-            ends = np.linspace(0, elements, self.threads + 1, dtype=int).tolist()
-            executor = _executor(self.threads, getpid())
-            found = list(executor.map(lambda block: integrate_elements(block, *inputs), pairwise(ends)))
-            failed = min((point for point in found if point >= 0), default=-1)
+        guesses, results = (multipliers, carried), (forces, stiffness)
+        failed = integrate_elements(law, self._mesh, displacements, state, after, guesses, results)
         if failed >= 0:
             raise ValueError(
                 "`displacement` must not invert elements, got one in which the stress integration fails at point "
@@ -297,12 +285,6 @@ class FiniteStrainSolid:
     def _probe(self):
         """Random displacements of the free degrees of freedom, which excite all modes."""
         return np.random.default_rng(0).uniform(-1, 1, self.ordered_dofs.size)
-
-
-@cache
-def _executor(threads: int, _process: int) -> ThreadPoolExecutor:
-    """Return the executor of a process, which all increments share; one that is forked has none of its threads."""
-    return ThreadPoolExecutor(threads)
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ References
 L. Prandtl, Ueber die Haerte plastischer Koerper, Nachr. Ges. Wiss. Goettingen (1920) 74-85.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +32,10 @@ from compact.rolling_contact import Heaping, HeapingError
 
 FloatArray = NDArray[np.float64]
 MAX_CONTACT_ANGLE = np.pi / 4  # [rad], beyond which a roller pushes the mix ahead
-REMEDY_CONTACT_ANGLE = np.pi / 9  # [rad], of remedies; that of most of the lifts with a steady state
 LENGTH_RATIO = 1.07  # [-], contact length over that ahead of the lowest generatrix; fitted
 BEARING_RATIO = 1.3  # [-], mean pressure over the bearing capacity of a half-plane of fresh mix; fitted
 CONFINEMENT = 0.5  # [-], increase of the bearing capacity with contact length over height by the rigid base
 LOAD_RATIO = 2.0  # [-], load over pressure times length, with the hardening of the mix
-REMEDY_RESERVE = 1.2  # [-], limit over required depth of a remedy
 DENSEST_TABULATED = 1.3  # [-], density ratio up to which confined compression is tabulated
 TABLE_SIZE = 3000  # [-], points of that table
 INTEGRATION_ROWS = 200  # [-], of the integral over the height
@@ -129,58 +127,30 @@ def require_no_heaping(estimate: HeapingEstimate, name: str, value: float, depth
     HeapingError
         If the limit is exceeded; the message contains the limit and a remedy from the same estimate.
     """
-    angle = f"{np.degrees(estimate.contact_angle):.3g} degrees"
+    angle, heaping = f"{np.degrees(estimate.contact_angle):.3g} degrees", Heaping(depth, estimate.contact_angle)
     contact = f"a contact of {angle}, {_millimetres(estimate.contact_length)} long,"
     if name == "load" and value > estimate.max_load:
         raise HeapingError(
             f"`load` must be at most about {estimate.max_load:.0f} N/m, the bearing capacity over {contact} before the "
             f"mix heaps up in front of the roller (an estimate), got {value:.0f} N/m; reduce the load or use a larger "
             "roller",
-            Heaping(None, estimate.contact_angle),
+            heaping,
         )
     if depth is None or depth <= min(estimate.max_depth, estimate.contact_height):
         return
-    heaping = Heaping(depth, estimate.contact_angle)
     if depth > estimate.contact_height:
         raise HeapingError(
             f"`{name}` requires a depth of {_millimetres(depth)}, at which the contact angle exceeds {angle} and the "
             f"roller pushes the mix ahead; stay below {_millimetres(estimate.contact_height)} or use a larger roller",
             heaping,
         )
-    limit = _millimetres(estimate.max_depth)
-    rule = f"`indentation` must be at most about {limit}, got {_millimetres(depth)}"
-    if name == "exit_density_ratio":
-        rule = f"`exit_density_ratio` {value:.4g} requires a depth of {_millimetres(depth)}, more than about {limit}"
+    given = "" if name == "indentation" else f" {value:.4g}"
     raise HeapingError(
-        f"{rule}: the bearing capacity is about {estimate.bearing_pressure / 1e3:.3g} kPa over {contact} which "
-        "compacts the voids no further, and the rest heaps up in front of the roller (an estimate); "
-        + remedy(estimate, depth, for_density=name == "exit_density_ratio"),
+        f"`{name}`{given} requires a depth of {_millimetres(depth)}, more than about {_millimetres(estimate.max_depth)}"
+        f": the bearing capacity is about {estimate.bearing_pressure / 1e3:.3g} kPa over {contact} which compacts the "
+        "voids no further, and the rest heaps up in front of the roller (an estimate); reduce the depth, use a larger "
+        "roller, or feed the mix denser (`layer.fed_density_ratio`) or in lifts (`layer.lift_thickness`)",
         heaping,
-    )
-
-
-def remedy(estimate: HeapingEstimate, depth: float, *, for_density: bool) -> str:
-    """Return a clause with the depth, or the exit density, at the limit of the estimate.
-
-    Parameters
-    ----------
-    estimate : HeapingEstimate
-        Limits of the layer; the remedy uses REMEDY_CONTACT_ANGLE if that is smaller, and REMEDY_RESERVE.
-    depth : float
-        Required depth [m].
-    for_density : bool
-        True if the depth follows from the exit density.
-    """
-    angle = min(estimate.contact_angle, REMEDY_CONTACT_ANGLE)
-    limit = replace(estimate, contact_angle=angle).max_depth / REMEDY_RESERVE
-    if depth <= limit:
-        return "reduce the depth, feed the mix in lifts, or use a larger roller"
-    if not for_density:
-        return f"reduce the depth to at most {_millimetres(limit)} (`contact.indentation`)"
-    ratio = estimate.material.fed_density_ratio * estimate.height / (estimate.height - limit)
-    return (
-        f"this layer reaches a density ratio of {ratio:.3f}; feed it denser (`layer.fed_density_ratio`) or in lifts "
-        "(`layer.lift_thickness`)"
     )
 
 

@@ -47,17 +47,15 @@ from threadpoolctl import threadpool_limits
 from compact.engines.compaction.engine import CompactionContactResult, require_compactable
 from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.engines.compaction.layer_state import LayerState, rate_factor_at
-from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
+from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
 from compact.engines.compaction.rolling import (
     CARRIED_SHARE,
-    PENALTY,
-    PENALTY_REDUCTION,
-    PENALTY_ROWS,
     Equilibrium,
     IncrementalRolling,
     IncrementSolver,
     mean_pressure,
+    roller_surface,
 )
 from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, Strokes, stroke_schedule
 from compact.material.laws import Compaction, DruckerPragerCap
@@ -162,67 +160,29 @@ class CompactionTransientResult(TransientResult):
         return tuple(layer.density_ratio for layer in self.exit_layers)
 
 
-@dataclass(frozen=True, eq=False)
-class ReciprocatingCase:
-    """Arguments of `simulate_reciprocating` that determine a roller.
-
-    Parameters
-    ----------
-    roller, material : Roller, Compaction
-        Roller and constitutive law.
-    strokes : Strokes
-        Motion, cut at its reversals.
-    torque : float
-        Torque per unit length on a rotating roller, + along its travel [N].
-    element, contact_length : float
-        Lengths of an element and of the contact [m].
-    finite : bool
-        True for finite strain.
-    """
-
-    roller: Roller
-    material: Compaction
-    strokes: Strokes
-    torque: float
-    element: float
-    contact_length: float
-    finite: bool
-
-
 class ReciprocatingRoller:
     """Roller on one layer, at first just in touch with it.
 
     Parameters
     ----------
-    case : ReciprocatingCase
-        Roller, mix and strokes.
-    height : float
-        Height of the layer [m].
-    fed_layer : LayerState or None
-        Layer of an earlier pass, None for fresh mix.
+    frame : RollerFrame
+        Mesh of the layer, along the whole stroke.
+    roller : Roller
+        Roller of a constant indentation.
+    strokes : Strokes
+        Motion, cut at its reversals.
+    torque : float
+        Torque per unit length on a rotating roller, + along its travel [N].
     position : float
         x of the roller [m].
     """
 
-    def __init__(self, case: ReciprocatingCase, height: float, fed_layer: LayerState | None, position: float) -> None:
-        roller = case.roller
-        self.strokes, self.element = strokes, element = case.strokes, case.element
-        # for travel along +x: traction over pressure of a sliding roller, sum of the tractions of a rotating one
-        self.traction_ratio = roller.friction if roller.rolling == "sliding" else 0.0
-        self.tangential_force = -case.torque / roller.radius
-        mesh = rolling_mesh(height, case.contact_length, element, stroke=round(strokes.span / element))
-        self.frame = frame = RollerFrame(
-            mesh, case.material, "bonded", case.contact_length, fed_layer=fed_layer, finite=case.finite
-        )
-        coordinates = frame.nodes[frame.surface_nodes] + [strokes.low, 0.0]
-        penalty = PENALTY * case.material.unloading_modulus / min(element, height / PENALTY_ROWS)
-        zero = np.zeros(len(coordinates))
-        geometry = coordinates, frame.surface_weights, roller.radius, height, penalty, zero, roller.profile
-        self.surface: RollerSurface = RollerSurface(*geometry, position=float(position))
-        if roller.rolling in ("free", "driven") and roller.friction > 0:
-            self.surface = RollingSurface(
-                *geometry, position=float(position), friction=roller.friction, multiplier_shear=zero
-            )
+    def __init__(
+        self, frame: RollerFrame, roller: Roller, strokes: Strokes, torque: float = 0.0, position: float = 0.0
+    ) -> None:
+        self.frame, self.strokes = frame, strokes
+        self.surface = roller_surface(frame, roller, torque, low=strokes.low, position=float(position))
+        self._friction, self._tangential_force = self.surface.friction, self.surface.tangential_force  # along +x
         self.solver = IncrementSolver(frame.solid, frame.surface_nodes, STEP_TOLERANCE)
         self.state, self.iterations = frame.initial_state(), 0
         self._past: list[tuple[float, float, ContactForces, FloatArray]] = []  # place, travel, contact, change of steps
@@ -232,7 +192,7 @@ class ReciprocatingRoller:
     @property
     def is_set_valued(self) -> bool:
         """True if the friction or torque change sign with the travel."""
-        return bool(self.traction_ratio or self.tangential_force)
+        return bool(self._tangential_force if self.surface.rotates else self._friction)
 
     @property
     def record(self) -> dict[str, float]:
@@ -275,9 +235,8 @@ class ReciprocatingRoller:
         )
         self.state = transfer_state(solution.state, solution.frame, self.frame)
         tractions = ContactTractions(pressure, shear, solution.contact.creepage)
-        surface = self._surface_along(1.0).with_multipliers(tractions)
-        surface = replace(surface, bottom_height=solution.steps[-1].bottom_height)
-        self.surface = surface.begin_increment(self._surface_displacement)
+        surface = replace(self._surface_along(1.0), bottom_height=solution.steps[-1].bottom_height)
+        self.surface = surface.with_multipliers(tractions).begin_increment(self._surface_displacement)
         self.contact = self.surface.contact_forces(self._surface_displacement)
 
     def rate_factor(self, speed: float, bottom_height: float | None = None) -> float:
@@ -314,23 +273,27 @@ class ReciprocatingRoller:
         sign : float, optional
             Direction of friction and torque along x [-]; that of the step by default.
         """
-        old, travel = self.surface, x - self.surface.position
+        old, travel, solid, nodes = self.surface, x - self.surface.position, self.frame.solid, self.frame.surface_nodes
         sign = float(np.sign(travel)) if sign is None else sign
         forces_before = old.load_and_resistance(self.contact)
         tractions, prediction = self._predict(travel)
         surface = self._surface_along(sign).with_multipliers(tractions)
         surface = surface.begin_increment(self._surface_displacement).moved_to(bottom_height, x)
-        solid, nodes = self.frame.solid, self.frame.surface_nodes
-        solid.rate_factor, solid.travel = rate_factor, abs(travel) or self.element
-        equilibrium = self._solve_augmented(surface, self.state.displacement + prediction)
+        solid.rate_factor, solid.travel = rate_factor, abs(travel) or self.frame.step
+        try:
+            equilibrium = self._solve_augmented(surface, self.state.displacement + prediction)
+        except EquilibriumError as reason:
+            raise RuntimeError(
+                f"step from {old.position:.6g} to {x:.6g} m, lowest generatrix at {bottom_height:.6g} m: {reason}; "
+                f"last step: load {forces_before[0]:.6g} N/m, resistance {forces_before[1]:.6g} N/m"
+            ) from reason
         contact, change = equilibrium.contact, equilibrium.state.displacement - self.state.displacement
-        if isinstance(surface, RollingSurface) and surface.tangential_force:
-            utilisation = surface.friction_utilisation(contact)
-            if utilisation >= 1:  # the creepage of a skidding roller is undetermined
-                raise RuntimeError(
-                    f"the roller skids at {surface.position:.6g} m: the torque requires {utilisation:.3g} times the "
-                    "friction limit; reduce the torque"
-                )
+        utilisation = surface.friction_utilisation(contact)
+        if utilisation >= 1:  # the creepage of a skidding roller is undetermined
+            raise RuntimeError(
+                f"the roller skids at {x:.6g} m: the torque requires {utilisation:.3g} times the friction limit; "
+                "reduce the torque"
+            )
         rotation = 0.0 if contact.creep_travel is None else travel + contact.creep_travel
         load, resistance = np.add(forces_before, surface.load_and_resistance(contact)) / 2
         # of slip along the roller surface, which has moved back by the rotation
@@ -341,7 +304,7 @@ class ReciprocatingRoller:
         self.input_work += (
             resistance * travel
             - load * (bottom_height - old.bottom_height)
-            - sign * self.tangential_force * rotation
+            - sign * (self._tangential_force or 0.0) * rotation
             - slip_work
         )
         self.slip_work += slip_work
@@ -357,19 +320,19 @@ class ReciprocatingRoller:
 
     def _surface_along(self, sign: float) -> RollerSurface:
         """Return the surface of a roller with travel along `sign` x, 0 for none."""
-        if isinstance(self.surface, RollingSurface):
-            return replace(self.surface, tangential_force=sign * self.tangential_force)
-        return replace(self.surface, traction_ratio=sign * self.traction_ratio)
+        if self._tangential_force is not None:
+            return replace(self.surface, tangential_force=sign * self._tangential_force)
+        return replace(self.surface, friction=sign * self._friction)
 
     def _predict(self, travel: float) -> tuple[ContactTractions, FloatArray]:
         """Predict tractions and displacement change: as one element before, or with the last tractions."""
-        x, sign = self.surface.position + travel, np.sign(travel)
+        x, sign, element = self.surface.position + travel, np.sign(travel), self.frame.step
         shift, tractions = travel, self.contact
         change = np.zeros_like(self.state.displacement)
         for place, past_travel, contact, past_change in self._past:
-            distance = abs(x - place - sign * self.element) + abs(travel - past_travel)
-            if travel and distance < PLACE_TOLERANCE * self.element:
-                shift, tractions, change = sign * self.element, contact, self._shift_matrices[sign] @ past_change
+            distance = abs(x - place - sign * element) + abs(travel - past_travel)
+            if travel and distance < PLACE_TOLERANCE * element:
+                shift, tractions, change = sign * element, contact, self._shift_matrices[sign] @ past_change
         change.ravel()[self.frame.solid.fixed_dofs] = 0.0
         nodes = self.surface.coordinates[:, 0]
         pressure, shear = (
@@ -382,38 +345,25 @@ class ReciprocatingRoller:
         """Matrices that shift nodal fields by one element, by the sign of the travel."""
         (x, y), probes = self.frame.nodes.T, self.frame.solid.basis.probes
         low, high = x.min(), x.max()
-        return {sign: probes(np.array([np.clip(x - sign * self.element, low, high), y])) for sign in (1.0, -1.0)}
+        return {sign: probes(np.array([np.clip(x - sign * self.frame.step, low, high), y])) for sign in (1.0, -1.0)}
 
     def _solve_augmented(self, surface: RollerSurface, guess: FloatArray) -> Equilibrium:
         """Solve a step, with updates of the multipliers until they no longer change."""
         iterations = 0
         for _ in range(MAX_AUGMENTATIONS):
-            equilibrium = self._solve_penalised(surface, guess)
+            try:
+                equilibrium = self.solver.solve(self.state, surface, guess)
+            except EquilibriumError:
+                self.solver.solve_tangent = None
+                if not isinstance(self.frame.solid.material, DruckerPragerCap):
+                    raise
+                equilibrium = self._solve_carrying(surface)
             iterations += equilibrium.iterations
             contact = equilibrium.contact
             if surface.multiplier_error(contact) <= MULTIPLIER_TOLERANCE * contact.pressure.max():
                 break
             surface, guess = surface.with_multipliers(contact), equilibrium.state.displacement
         return replace(equilibrium, iterations=iterations)
-
-    def _solve_penalised(self, surface: RollerSurface, guess: FloatArray) -> Equilibrium:
-        """Solve a step with constant multipliers, with a lower penalty or a carried pressure if necessary."""
-        try:
-            return self.solver.solve(self.state, surface, guess)
-        except EquilibriumError:
-            self.solver.solve_tangent = None
-        try:
-            if isinstance(self.frame.solid.material, DruckerPragerCap):
-                return self._solve_carrying(surface)
-            soft = replace(surface, penalty=PENALTY_REDUCTION * surface.penalty)
-            return self.solver.solve(self.state, soft, self.state.displacement)
-        except EquilibriumError as reason:
-            load, resistance = self.surface.load_and_resistance(self.contact)
-            raise RuntimeError(
-                f"step from {self.surface.position:.6g} to {surface.position:.6g} m, lowest generatrix at "
-                f"{surface.bottom_height:.6g} m: {reason}; last step: load {load:.6g} N/m, resistance "
-                f"{resistance:.6g} N/m"
-            ) from reason
 
     def _solve_carrying(self, surface: RollerSurface) -> Equilibrium:
         """Solve a step with the carried pressure that equals the pressure after it."""
@@ -480,25 +430,38 @@ def simulate_reciprocating(
     numerics = ReciprocatingNumerics(**options)
     strokes = stroke_schedule(motion)
     depth = _require_simulable(layer, roller, material, strokes, lift_thickness, fed_layer)
-    if start is not None:
-        same = start.layer == layer and start.solution.frame.inflow is fed_layer
-        if not same or abs(start.indentation - depth) > PLACE_TOLERANCE * depth:
-            raise ValueError(
-                "`start` must have the same `layer`, `fed_layer` and `indentation`, got a result of others"
-            )
-        if start.speed < 0 or strokes.places[1] < strokes.places[0]:
-            raise ValueError(
-                f"`start` must roll along +x and the `motion` begin along +x, got {start.speed!r} m/s and a first "
-                f"stroke from {strokes.places[0]:.6g} to {strokes.places[1]:.6g} m"
-            )
+    _require_start(start, layer, depth, fed_layer, strokes)
     require_torque_allowed(roller, torque)
     length = float(np.sqrt(2 * roller.radius * depth))
     element = strokes.span / np.ceil(strokes.span * numerics.increments / length * (1 - PLACE_TOLERANCE))
-    case = ReciprocatingCase(roller, material, strokes, torque or 0.0, element, length, numerics.strain == "finite")
-    program = case, layer.height, lift_thickness, fed_layer, start
+
+    def roller_on(fed: LayerState | None, position: float) -> ReciprocatingRoller:
+        height = layer.height if fed is None else fed.height
+        mesh = rolling_mesh(height, length, element, stroke=round(strokes.span / element))
+        frame = RollerFrame(mesh, material, "bonded", length, fed_layer=fed, finite=numerics.strain == "finite")
+        frame.step = element  # that of the strokes, without the rounding of the nodes
+        return ReciprocatingRoller(frame, roller, strokes, torque or 0.0, position)
+
+    def simulate(every: int) -> _History:
+        """Simulate all strokes in all steps, or in every second one; a new roller presses each lift."""
+        run, fed = _History(), fed_layer
+        for stroke in range(strokes.count):
+            times, positions = strokes.steps(stroke, element, every)
+            speeds = (np.diff(positions) / np.diff(times)).tolist()
+            is_new = stroke == 0 or lift_thickness > 0
+            if is_new:
+                fed = run.exit_layers[-1].with_lift(lift_thickness, material) if stroke else fed
+                run.add(roller_on(fed, positions[0]))
+                if start is not None and stroke == 0:
+                    run.roller.initialise_from(start.solution)
+                else:
+                    run.roller.press(run.roller.surface.bottom_height - depth, speeds[0], every)
+            run.add_stroke(stroke, times, positions, speeds, is_new, strokes.nearest(stroke, times, numerics.instants))
+        return run
+
     with threadpool_limits(1):
-        run = _simulate(*program, 1, numerics.instants)
-        coarse = _simulate(*program, 2) if numerics.estimate else None
+        run = simulate(1)
+        coarse = simulate(2) if numerics.estimate else None
     error = None
     if coarse is not None:  # largest difference of the resistance at common steps over the largest resistance
         fine, rough = ({step[:2]: step[2]["resistance"] for step in each.steps} for each in (run, coarse))
@@ -526,49 +489,36 @@ class _History:
     frames: list[tuple[float, Any]] = field(default_factory=list)
     rollers: list[ReciprocatingRoller] = field(default_factory=list)
 
+    @property
+    def roller(self) -> ReciprocatingRoller:
+        """Roller on the present layer."""
+        return self.rollers[-1]
 
-def _simulate(
-    case: ReciprocatingCase,
-    height: float,
-    lift_thickness: float,
-    fed_layer: LayerState | None,
-    start: CompactionContactResult | None,
-    every: int,
-    instants: Sequence[float] = (),
-) -> _History:
-    """Simulate all strokes in all steps, or in every second one; a new roller presses each lift."""
-    run, strokes = _History(), case.strokes
-    for stroke in range(strokes.count):
-        times, positions = strokes.steps(stroke, case.element, every)
-        speeds = (np.diff(positions) / np.diff(times)).tolist()
-        frames_at = strokes.nearest(stroke, times, instants)
-        is_new = stroke == 0 or lift_thickness > 0
-        if is_new:
-            fed = run.exit_layers[-1].with_lift(lift_thickness, case.material) if stroke else fed_layer
-            roller = ReciprocatingRoller(case, height if fed is None else fed.height, fed, positions[0])
-            if run.rollers:
-                roller.input_work, roller.stored_work = run.rollers[-1].input_work, run.rollers[-1].stored_work
-            run.rollers.append(roller)
-            if start is not None and stroke == 0:
-                roller.initialise_from(start.solution)
-            else:
-                assert case.roller.indentation is not None  # required of a constant height
-                roller.press(roller.surface.bottom_height - case.roller.indentation, speeds[0], every)
+    def add(self, roller: ReciprocatingRoller) -> None:
+        """Continue with a roller on another layer, and the works of the one before."""
+        if self.rollers:
+            roller.input_work, roller.stored_work = self.roller.input_work, self.roller.stored_work
+        self.rollers.append(roller)
+
+    def add_stroke(
+        self, stroke: int, times: FloatArray, positions: FloatArray, speeds: list[float], is_new: bool, kept: set[int]
+    ) -> None:
+        """Move the roller by one stroke; fields are kept after some steps."""
+        roller = self.roller
         rate_factors = [roller.rate_factor(speed) for speed in speeds]
         if roller.is_set_valued:
             if is_new:
-                run.steps.append((stroke, times[0], roller.record))
+                self.steps.append((stroke, times[0], roller.record))
             sign = float(np.sign(positions[1] - positions[0]))  # friction and torque change theirs at rest
             roller.move_to(roller.surface.position, roller.surface.bottom_height, rate_factors[0], sign)
         for k, (time, position) in enumerate(zip(times, positions, strict=True)):
             if k:
                 roller.move_to(position, roller.surface.bottom_height, rate_factors[k - 1])
             if k or is_new or roller.is_set_valued:
-                run.steps.append((stroke, time, roller.record))
-            if k in frames_at:
-                run.frames.append((float(time), roller.fields))
-        run.exit_layers.append(roller.middle_layer)
-    return run
+                self.steps.append((stroke, time, roller.record))
+            if k in kept:
+                self.frames.append((float(time), roller.fields))
+        self.exit_layers.append(roller.middle_layer)
 
 
 def _require_simulable(
@@ -598,3 +548,19 @@ def _require_simulable(
             f"{lift_thickness!r} m"
         )
     return depth
+
+
+def _require_start(
+    start: CompactionContactResult | None, layer: Layer, depth: float, fed_layer: LayerState | None, strokes: Strokes
+) -> None:
+    """Require a steady contact from which the motion can begin."""
+    if start is None:
+        return
+    same = start.layer == layer and start.solution.frame.inflow is fed_layer
+    if not same or abs(start.indentation - depth) > PLACE_TOLERANCE * depth:
+        raise ValueError("`start` must have the same `layer`, `fed_layer` and `indentation`, got a result of others")
+    if start.speed < 0 or strokes.places[1] < strokes.places[0]:
+        raise ValueError(
+            f"`start` must roll along +x and the `motion` begin along +x, got {start.speed!r} m/s and a first stroke "
+            f"from {strokes.places[0]:.6g} to {strokes.places[1]:.6g} m"
+        )

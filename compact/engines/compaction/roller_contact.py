@@ -100,14 +100,20 @@ class RollerSurface:
         Height of the lowest generatrix above the base [m].
     penalty : float
         Normal penalty [Pa/m].
-    multiplier_pressure : ndarray, shape (n,)
-        Multiplier of the normal contact [Pa].
     profile : {"deformed", "circle", "parabola"}
         Geometry of the gap.
-    traction_ratio : float or ndarray, shape (n,)
-        Traction on the mix along +x over pressure [-].
+    friction : float
+        Coulomb's coefficient of a roller that rotates, else traction on the mix along +x over pressure [-].
+    tangential_force : float or None
+        Required sum of weight times shear of a roller that rotates, - torque/radius [N/m]; else None.
+    multipliers : ContactTractions
+        Multipliers of the contact, and the creepage of the last increment.
     position : float
         x of the lowest generatrix [m].
+    start_arcs : ndarray, shape (n,)
+        Arcs of the nodes at the begin of the increment [m].
+    start_position : float
+        x of the lowest generatrix at the begin of the increment [m].
     """
 
     coordinates: FloatArray
@@ -115,10 +121,18 @@ class RollerSurface:
     radius: float
     bottom_height: float
     penalty: float
-    multiplier_pressure: FloatArray
-    profile: GapGeometry = "deformed"
-    traction_ratio: FloatArray | float = 0.0
+    profile: GapGeometry
+    friction: float
+    tangential_force: float | None
+    multipliers: ContactTractions
     position: float = 0.0
+    start_arcs: FloatArray | float = 0.0
+    start_position: float = 0.0
+
+    @property
+    def rotates(self) -> bool:
+        """True for a roller that sticks and slips."""
+        return self.tangential_force is not None
 
     def moved_to(self, bottom_height: float, position: float = 0.0) -> Self:
         """Return the surface with the lowest generatrix at a height and a position [m]."""
@@ -126,20 +140,59 @@ class RollerSurface:
 
     def with_multipliers(self, tractions: ContactTractions) -> Self:
         """Return the surface with the tractions of the last increment as multipliers."""
-        return replace(self, multiplier_pressure=tractions.pressure)
+        return replace(self, multipliers=tractions)
 
     def multiplier_error(self, contact: ContactForces) -> float:
         """Return the largest difference between the tractions and their multipliers [Pa]."""
-        return float(np.abs(contact.pressure - self.multiplier_pressure).max())
+        names = ("pressure", "shear") if self.rotates else ("pressure",)
+        return max(float(np.abs(getattr(contact, name) - getattr(self.multipliers, name)).max()) for name in names)
 
     def begin_increment(self, displacement: FloatArray) -> Self:
         """Return the surface at the begin of an increment from nodal displacements [m], shape (n, 2)."""
-        del displacement  # needed by the slip of a rotating roller alone
-        return self
+        return replace(self, start_arcs=self.arcs(displacement), start_position=self.position)
 
     def contact_forces(self, displacement: FloatArray) -> ContactForces:
         """Return the contact forces on nodes with displacements [m] of shape (n, 2)."""
-        return self.normal_contact(displacement)
+        normal = self.normal_contact(displacement)
+        if self.tangential_force is None:
+            return normal
+        # normals and tangents, rotation and arc growth per tangential motion of the nodes
+        n, t = np.tile([0.0, -1.0], (len(displacement), 1)), self.tangents(displacement)
+        rotation, growth = np.zeros(len(t)), np.ones(len(t))
+        if self.profile == "deformed":
+            n, distance = self._normals(displacement)
+            rotation, growth = 1 / distance, self.radius / distance
+        bound, travel = self.friction * normal.pressure, self.position - self.start_position
+        stiffness = SHEAR_PENALTY_RATIO * self.penalty
+        without_creep = self.multipliers.shear - stiffness * (self.arcs(displacement) - self.start_arcs + travel)
+        creepage, touching = self.multipliers.creepage or 0.0, bound > 0
+        if touching.any():  # every shear is linear in creepage times travel between its bounds
+            trial, limit = without_creep[touching], bound[touching]
+            ends = np.sort(np.concatenate([trial - limit, trial + limit])) / stiffness
+            sums = np.clip(trial - stiffness * ends[:, None], -limit, limit) @ self.weights[touching]
+            creep_travel = float(np.interp(self.tangential_force, sums[::-1], ends[::-1]))
+        else:
+            creep_travel = creepage * travel
+        trial_shear = without_creep - stiffness * creep_travel
+        shear, sticking = np.clip(trial_shear, -bound, bound), np.abs(trial_shear) < bound
+        # minus the derivatives of the nodal shear by the displacement at constant creepage
+        gradient = np.where(sticking, stiffness * self.weights * growth, 0.0)[:, None] * t
+        slipping = np.sign(shear) * self.friction * self._penalty_stiffness(normal.pressure)
+        gradient += np.where(sticking, 0.0, slipping)[:, None] * n
+        geometric = (self.weights * shear * rotation)[:, None, None] * n[:, :, None] * t[:, None, :]
+        coupling = None
+        if sticking.any():  # the sticking nodes take the loss of the sum of the shears
+            share = np.where(sticking, self.weights, 0.0)
+            coupling = (share / (self.weights * sticking).sum())[:, None] * t, -gradient
+        return replace(
+            normal,
+            shear=shear,
+            forces=normal.forces + (self.weights * shear)[:, None] * t,
+            stiffness=normal.stiffness + t[:, :, None] * gradient[:, None, :] + geometric,
+            creepage=creep_travel / travel if travel else creepage,
+            creep_travel=creep_travel,
+            creep_coupling=coupling,
+        )
 
     def normal_contact(self, displacement: FloatArray) -> ContactForces:
         """Return the contact forces of pressure and sliding friction alone.
@@ -149,9 +202,34 @@ class RollerSurface:
         displacement : ndarray, shape (n, 2)
             Displacement of the nodes [m].
         """
+        ratio = 0.0 if self.rotates else self.friction
         if self.profile == "deformed":
-            return self._normal_to_circle(*self._normals(displacement))
-        return self._vertical(displacement)
+            n, distance = self._normals(displacement)
+            t = _turned(n)
+            gap = np.where(n[:, 1] < 0, distance - self.radius, np.inf)  # the upper half of the roller has no contact
+            pressure, direction = self._pressure(gap), n + ratio * t
+            # rotation of the normal as the node moves along the roller
+            stiffness = self._penalty_stiffness(pressure)[:, None, None] * direction[:, :, None] * n[:, None, :]
+            geometric = (self.weights * pressure / distance)[:, None, None]
+            stiffness -= geometric * (t - ratio * n)[:, :, None] * t[:, None, :]
+        else:
+            x = self.coordinates[:, 0] - self.position
+            circle = x**2 / (self.radius + np.sqrt(np.maximum(self.radius**2 - x**2, 0)))
+            outside = np.where(np.abs(x) < self.radius, circle, np.inf)
+            rise = x**2 / (2 * self.radius) if self.profile == "parabola" else outside
+            gap = self.bottom_height + rise - self.coordinates[:, 1] - displacement[:, 1]
+            pressure, direction = (
+                self._pressure(gap),
+                np.stack([np.full_like(x, ratio), np.full_like(x, -1.0)], axis=-1),
+            )
+            stiffness = self._penalty_stiffness(pressure)[:, None, None] * direction[:, :, None] * np.array([0.0, -1.0])
+        return ContactForces(
+            pressure=pressure,
+            shear=ratio * pressure,
+            gap=gap,
+            forces=(self.weights * pressure)[:, None] * direction,
+            stiffness=stiffness,
+        )
 
     def profile_slope(self) -> FloatArray:
         """Return dy/dx of the roller above the nodes; 0 for a pressure normal to the circle [-], shape (n,)."""
@@ -173,131 +251,10 @@ class RollerSurface:
             return np.tile([1.0, 0.0], (len(self.coordinates), 1))
         return _turned(self._normals(displacement)[0])
 
-    def _normals(self, displacement):
-        """Return unit vectors from the roller axis to the nodes, and their distances from it."""
-        ray = self.coordinates + displacement - np.array([self.position, self.bottom_height + self.radius])
-        distance = np.hypot(*ray.T)
-        return ray / distance[:, None], distance
-
-    def _normal_to_circle(self, n, distance):
-        t = _turned(n)
-        lower_half = n[:, 1] < 0  # the upper half of the roller has no contact
-        gap = np.where(lower_half, distance - self.radius, np.inf)
-        pressure = self._pressure(gap)
-        direction = n + np.reshape(self.traction_ratio, (-1, 1)) * t
-        # rotation of the normal as the node moves along the roller
-        stiffness = self._penalty_stiffness(pressure)[:, None, None] * direction[:, :, None] * n[:, None, :]
-        geometric = (self.weights * pressure / distance)[:, None, None]
-        stiffness -= geometric * (t - np.reshape(self.traction_ratio, (-1, 1)) * n)[:, :, None] * t[:, None, :]
-        return self._normal_forces(gap, pressure, direction, stiffness)
-
-    def _vertical(self, displacement):
-        x = self.coordinates[:, 0] - self.position
-        inside = np.abs(x) < self.radius
-        circle = x**2 / (self.radius + np.sqrt(np.maximum(self.radius**2 - x**2, 0)))
-        rise = x**2 / (2 * self.radius) if self.profile == "parabola" else np.where(inside, circle, np.inf)
-        gap = self.bottom_height + rise - self.coordinates[:, 1] - displacement[:, 1]
-        pressure = self._pressure(gap)
-        direction = np.stack([np.broadcast_to(self.traction_ratio, x.shape), np.full_like(x, -1.0)], axis=-1)
-        stiffness = self._penalty_stiffness(pressure)[:, None, None] * direction[:, :, None] * np.array([0.0, -1.0])
-        return self._normal_forces(gap, pressure, direction, stiffness)
-
-    def _normal_forces(self, gap, pressure, direction, stiffness):
-        return ContactForces(
-            pressure=pressure,
-            shear=self.traction_ratio * pressure,
-            gap=gap,
-            forces=(self.weights * pressure)[:, None] * direction,
-            stiffness=stiffness,
-        )
-
-    def _pressure(self, gap):
-        relieved = np.multiply(self.penalty, gap, out=np.full_like(gap, np.inf), where=np.isfinite(gap))
-        return np.maximum(self.multiplier_pressure - relieved, 0.0)
-
-    def _penalty_stiffness(self, pressure):
-        """Return minus the derivative of the nodal force by the gap [N/m2], shape (n,)."""
-        return np.where(pressure > 0, self.penalty * self.weights, 0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class RollingSurface(RollerSurface):
-    """Roller that rotates, with Coulomb friction under a given torque; its own `traction_ratio` is 0.
-
-    Parameters
-    ----------
-    friction : float
-        Coulomb's coefficient [-].
-    tangential_force : float
-        Required sum of weight times shear, - torque/radius [N/m].
-    multiplier_shear : ndarray, shape (n,)
-        Multiplier of the tangential contact [Pa].
-    creepage : float
-        Creepage of the last increment [-].
-    start_arcs : ndarray, shape (n,)
-        Arcs of the nodes at the begin of the increment [m].
-    start_position : float
-        x of the lowest generatrix at the begin of the increment [m].
-    """
-
-    friction: float = 0.0
-    tangential_force: float = 0.0
-    multiplier_shear: FloatArray | float = 0.0
-    creepage: float = 0.0
-    start_arcs: FloatArray | float = 0.0
-    start_position: float = 0.0
-
-    def with_multipliers(self, tractions: ContactTractions) -> Self:
-        """Return the surface with the tractions of the last increment as multipliers, and its creepage."""
-        creepage = self.creepage if tractions.creepage is None else tractions.creepage
-        return replace(
-            self, multiplier_pressure=tractions.pressure, multiplier_shear=tractions.shear, creepage=creepage
-        )
-
-    def multiplier_error(self, contact: ContactForces) -> float:
-        """Return the largest difference between the tractions and their multipliers [Pa]."""
-        return max(super().multiplier_error(contact), float(np.abs(contact.shear - self.multiplier_shear).max()))
-
-    def begin_increment(self, displacement: FloatArray) -> Self:
-        """Return the surface at the begin of an increment from nodal displacements [m], shape (n, 2)."""
-        return replace(self, start_arcs=self.arcs(displacement), start_position=self.position)
-
-    def contact_forces(self, displacement: FloatArray) -> ContactForces:
-        """Return the contact forces on nodes with displacements [m] of shape (n, 2)."""
-        # normals and tangents, rotation and arc growth per tangential motion of the nodes
-        n, t = np.tile([0.0, -1.0], (len(displacement), 1)), self.tangents(displacement)
-        rotation, growth, normal = np.zeros(len(t)), np.ones(len(t)), self.normal_contact(displacement)
-        if self.profile == "deformed":
-            n, distance = self._normals(displacement)
-            rotation, growth = 1 / distance, self.radius / distance
-        bound, travel = self.friction * normal.pressure, self.position - self.start_position
-        stiffness = SHEAR_PENALTY_RATIO * self.penalty
-        without_creep = self.multiplier_shear - stiffness * (self.arcs(displacement) - self.start_arcs + travel)
-        creep_travel = self._creep_travel(without_creep, bound, stiffness)
-        trial_shear = without_creep - stiffness * creep_travel
-        shear, sticking = np.clip(trial_shear, -bound, bound), np.abs(trial_shear) < bound
-        # minus the derivatives of the nodal shear by the displacement at constant creepage
-        gradient = np.where(sticking, stiffness * self.weights * growth, 0.0)[:, None] * t
-        slipping = np.sign(shear) * self.friction * self._penalty_stiffness(normal.pressure)
-        gradient += np.where(sticking, 0.0, slipping)[:, None] * n
-        geometric = (self.weights * shear * rotation)[:, None, None] * n[:, :, None] * t[:, None, :]
-        coupling = None
-        if sticking.any():  # the sticking nodes take the loss of the sum of the shears
-            share = np.where(sticking, self.weights, 0.0)
-            coupling = (share / (self.weights * sticking).sum())[:, None] * t, -gradient
-        total = normal.stiffness + t[:, :, None] * gradient[:, None, :] + geometric
-        return replace(
-            normal,
-            shear=shear,
-            forces=normal.forces + (self.weights * shear)[:, None] * t,
-            stiffness=total,
-            creepage=creep_travel / travel if travel else self.creepage,
-            creep_travel=creep_travel,
-            creep_coupling=coupling,
-        )
-
     def friction_utilisation(self, contact: ContactForces) -> float:
-        """Return the required tangential force over the friction limit [-]; the roller skids from 1 on."""
+        """Return the required tangential force over the friction limit [-], 0 without one; it skids from 1 on."""
+        if not self.tangential_force:
+            return 0.0
         return float(abs(self.tangential_force) / (self.friction * (self.weights @ contact.pressure)))
 
     def arcs(self, displacement: FloatArray) -> FloatArray:
@@ -307,15 +264,19 @@ class RollingSurface(RollerSurface):
             return x - self.position
         return self.radius * np.arctan2(x - self.position, self.bottom_height + self.radius - y)
 
-    def _creep_travel(self, without_creep, bound, stiffness):
-        """Return creepage times travel that satisfies the torque; every shear is linear in it between its bounds."""
-        touching = bound > 0
-        if not touching.any():
-            return self.creepage * (self.position - self.start_position)
-        without_creep, bound, weights = without_creep[touching], bound[touching], self.weights[touching]
-        ends = np.sort(np.concatenate([without_creep - bound, without_creep + bound])) / stiffness
-        sums = np.clip(without_creep - stiffness * ends[:, None], -bound, bound) @ weights
-        return float(np.interp(self.tangential_force, sums[::-1], ends[::-1]))
+    def _normals(self, displacement):
+        """Return unit vectors from the roller axis to the nodes, and their distances from it."""
+        ray = self.coordinates + displacement - np.array([self.position, self.bottom_height + self.radius])
+        distance = np.hypot(*ray.T)
+        return ray / distance[:, None], distance
+
+    def _pressure(self, gap):
+        relieved = np.multiply(self.penalty, gap, out=np.full_like(gap, np.inf), where=np.isfinite(gap))
+        return np.maximum(self.multipliers.pressure - relieved, 0.0)
+
+    def _penalty_stiffness(self, pressure):
+        """Return minus the derivative of the nodal force by the gap [N/m2], shape (n,)."""
+        return np.where(pressure > 0, self.penalty * self.weights, 0.0)
 
 
 def _turned(normals):

@@ -35,10 +35,10 @@ from compact.engines.compaction.finite_strain_solid import (
     SolidIncrement,
     SolidState,
 )
-from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface, RollingSurface
+from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface
 from compact.engines.compaction.roller_frame import RollerFrame
 from compact.material.laws import DruckerPragerCap
-from compact.rolling_contact import EquilibriumError, GapGeometry, Heaping, HeapingError
+from compact.rolling_contact import EquilibriumError, Heaping, HeapingError, Roller
 
 RESIDUAL_TOLERANCE = 1e-6  # [-], of the nodal forces
 MAX_ITERATIONS = 60  # [-], Newton iterations of one increment
@@ -54,7 +54,6 @@ PENALTY_ROWS = 20  # [-], layer height over the largest length that limits the p
 PENALTY_REDUCTION = 0.1  # [-], factor of the penalty if an increment has no equilibrium
 DAMPING = 0.02  # [-], share of the elastic stiffness; without it a high bow wave takes five times the iterations
 FINAL_DAMPING_RATIO = 0.25  # [-], of the damping once the roller is at its height
-MAX_HALVINGS = 3  # [-], halvings of a step that has no equilibrium
 ROLLING_TOLERANCE = 1e-4  # [-], residual of a step over the nodal forces
 CARRIED_SHARE = 0.5  # [-], of the change of the carried pressure in a step; with 1 it oscillates
 PREDICTION_TAPER = 0.5  # [-], distance ahead of the roller over the contact length from which jumps are predicted
@@ -295,6 +294,38 @@ class RollingStep:
         return f"load {self.load:.0f} N/m, resistance {self.resistance:.0f} N/m, {wave}"
 
 
+def roller_surface(
+    frame: RollerFrame, roller: Roller, torque: float, *, low: float = 0.0, position: float = 0.0
+) -> RollerSurface:
+    """Return a roller just in touch with the layer of a frame, for travel along +x.
+
+    Parameters
+    ----------
+    frame : RollerFrame
+        Mesh of the layer.
+    roller : Roller
+        Roller; its target is not used.
+    torque : float
+        Torque on a roller that rotates, + along the travel [N].
+    low, position : float
+        x of the origin of the frame and of the roller [m].
+    """
+    coordinates, height = frame.nodes[frame.surface_nodes] + [low, 0.0], frame.mesh.height
+    rotates = roller.rolling in ("free", "driven") and roller.friction > 0
+    return RollerSurface(
+        coordinates,
+        frame.surface_weights,
+        roller.radius,
+        height,
+        PENALTY * frame.solid.material.unloading_modulus / min(frame.step, height / PENALTY_ROWS),
+        roller.profile,
+        0.0 if roller.rolling == "frictionless" else roller.friction,
+        -torque / roller.radius if rotates else None,
+        ContactTractions(*np.zeros((2, len(coordinates)))),
+        position,
+    )
+
+
 class IncrementalRolling:
     """Roller in a `RollerFrame`, moved by one element in each step.
 
@@ -302,14 +333,10 @@ class IncrementalRolling:
     ----------
     frame : RollerFrame
         Mesh with its inflow.
-    radius : float
-        Roller radius [m].
-    profile : {"deformed", "circle", "parabola"}
-        Geometry of the gap.
-    friction : float
-        Coulomb's coefficient of a rotating roller, else the traction ratio of a sliding one [-].
-    torque : float or None
-        Torque on a rotating roller, + along the travel [N]; None for a roller that does not rotate.
+    roller : Roller
+        Roller.
+    torque : float
+        Torque on a roller that rotates, + along the travel [N].
     max_wave_height : float
         Height above the lowest generatrix that the bow wave may reach [m].
     progress : callable, optional
@@ -334,27 +361,20 @@ class IncrementalRolling:
     def __init__(
         self,
         frame: RollerFrame,
-        radius: float,
+        roller: Roller,
+        torque: float = 0.0,
         *,
-        profile: GapGeometry = "deformed",
-        friction: float = 0.0,
-        torque: float | None = None,
         max_wave_height: float = np.inf,
         progress: Progress | None = None,
     ) -> None:
         self.frame, self.max_wave_height, self.progress = frame, max_wave_height, progress
-        material, height, nodes = frame.solid.material, frame.mesh.height, frame.surface_nodes
-        penalty = PENALTY * material.unloading_modulus / min(frame.step, height / PENALTY_ROWS)
-        geometry = frame.nodes[nodes], frame.surface_weights, radius, height, penalty, np.zeros(len(nodes)), profile
-        self.surface: RollerSurface = RollerSurface(*geometry, friction)
-        if torque is not None:
-            self.surface = RollingSurface(*geometry, friction=friction, tangential_force=-torque / radius)
-        self.solver = IncrementSolver(frame.solid, nodes, ROLLING_TOLERANCE)
+        self.surface = roller_surface(frame, roller, torque)
+        self.solver = IncrementSolver(frame.solid, frame.surface_nodes, ROLLING_TOLERANCE)
         self.state = frame.initial_state()
         self.displacement_change = np.zeros_like(self.state.displacement)
         self.carried_pressure: FloatArray | None = None
         self.steps: tuple[RollingStep, ...] = ()
-        self.contact: ContactForces = self.surface.normal_contact(self.state.displacement[nodes])
+        self.contact: ContactForces = self.surface.normal_contact(self.state.displacement[frame.surface_nodes])
 
     @property
     def depth(self) -> float:
@@ -396,9 +416,14 @@ class IncrementalRolling:
         surface = surface.begin_increment(convected.displacement[frame.surface_nodes]).moved_to(bottom_height)
         try:
             equilibrium = self.solver.solve(convected, surface, prediction, damping)
-        except EquilibriumError:
-            equilibrium = self._solve_with_soft_penalty(convected, surface, prediction)
-
+        except EquilibriumError as reason:
+            reached = (
+                f"last step: travel {self.steps[-1].travel:.3g} m, {self.steps[-1]}" if self.steps else "no step before"
+            )
+            depth = 1e3 * (frame.mesh.height - bottom_height)
+            raise EquilibriumError(
+                f"step {len(self.steps) + 1} of rolling at depth {depth:.4g} mm: {reason}; {reached}"
+            ) from reason
         self.state, self.contact = equilibrium.state, equilibrium.contact
         self.displacement_change = self.state.displacement - convected.displacement
         if carried is not None:
@@ -424,34 +449,6 @@ class IncrementalRolling:
                 f"travel {step.travel:.3g} m, bow wave {1e3 * step.bow_wave:.3g} mm, residual {step.residual:.1e}"
             )
         return step
-
-    def _solve_with_soft_penalty(
-        self, convected: SolidState, surface: RollerSurface, prediction: FloatArray
-    ) -> Equilibrium:
-        """Solve a step with a lower penalty, else in halves, quarters, eighths; the multipliers compensate it later."""
-        penalty, step = self.surface.penalty * PENALTY_REDUCTION, self.frame.step
-        self.solver.solve_tangent = None
-        try:
-            return self.solver.solve(convected, replace(surface, penalty=penalty), prediction)
-        except EquilibriumError as error:
-            reason = error
-        start, end = self.surface.bottom_height, surface.bottom_height
-        for halving in range(1, MAX_HALVINGS + 1):
-            parts, iterations, state = 2**halving, 0, convected
-            moved = replace(self.surface, penalty=penalty).moved_to(start, -step)
-            try:
-                for k in range(1, parts + 1):
-                    moved = moved.begin_increment(state.displacement[self.frame.surface_nodes])
-                    moved = moved.moved_to(start + (end - start) * k / parts, step * (k / parts - 1))
-                    equilibrium = self.solver.solve(state, moved, state.displacement)
-                    state, iterations = equilibrium.state, iterations + equilibrium.iterations
-                return replace(equilibrium, iterations=iterations)
-            except EquilibriumError as error:
-                reason = error
-        depth, reached = 1e3 * (self.frame.mesh.height - end), "no step converged before"
-        if self.steps:
-            reached = f"last step: travel {self.steps[-1].travel:.3g} m, {self.steps[-1]}"
-        raise EquilibriumError(f"step {len(self.steps) + 1} of rolling at depth {depth:.4g} mm: {reason}; {reached}")
 
     def initialise_from(self, other: "IncrementalRolling", state: SolidState, depth: float | None = None) -> None:
         """Continue from the state of another roller.

@@ -37,8 +37,6 @@ class RollingNumerics:
     max_contact_angle : float or None
         Contact angle at which a bow wave counts as unbounded [rad], up to pi/2. Depths and loads in fresh mix that
         require more are refused, and incremental rolling ends there. None omits both.
-    threads : int
-        Threads that share the elements; the number changes no digit. Two idle cores save a fifth of the time.
     progress : callable, optional
         Called with a line of text after each step.
 
@@ -52,12 +50,11 @@ class RollingNumerics:
     increments: int = INCREMENTS
     steady_tolerance: float = STEADY_TOLERANCE
     max_contact_angle: float | None = MAX_CONTACT_ANGLE
-    threads: int = 1
     progress: Progress | None = None
 
     def __post_init__(self) -> None:
         require_known("strain", self.strain, ("finite", "small"))
-        require_positive(increments=self.increments, steady_tolerance=self.steady_tolerance, threads=self.threads)
+        require_positive(increments=self.increments, steady_tolerance=self.steady_tolerance)
         if self.max_contact_angle is not None:
             require_positive(max_contact_angle=self.max_contact_angle)
             require_between(0.0, np.pi / 2, max_contact_angle=self.max_contact_angle)
@@ -120,7 +117,7 @@ class RollingCase:
         return self._frame_on(mesh, depth, self.numerics.strain == "finite")
 
     def _frame_on(self, mesh: RowMesh, depth: float, finite: bool) -> RollerFrame:
-        frame = RollerFrame(
+        return RollerFrame(
             mesh,
             self.material,
             self.layer.base,
@@ -130,22 +127,12 @@ class RollingCase:
             finite=finite,
             rate_factor=self.rate_factor(depth),
         )
-        frame.solid.threads = self.numerics.threads
-        return frame
 
     def roller_at_rest(self, frame: RollerFrame) -> IncrementalRolling:
         """Create the roller above the fed layer of a frame."""
-        roller = self.roller
-        rotates = roller.rolling in ("free", "driven") and roller.friction > 0
-        return IncrementalRolling(
-            frame,
-            roller.radius,
-            profile=roller.profile,
-            friction=0.0 if roller.rolling == "frictionless" else roller.friction,
-            torque=(self.torque or 0.0) if rotates else None,
-            max_wave_height=np.inf if self.heaping is None else self.heaping.contact_height,
-            progress=self.numerics.progress,
-        )
+        limit = np.inf if self.heaping is None else self.heaping.contact_height
+        options = {"max_wave_height": limit, "progress": self.numerics.progress}
+        return IncrementalRolling(frame, self.roller, self.torque or 0.0, **options)
 
     def stretched(self, old: IncrementalRolling, depth: float) -> IncrementalRolling:
         """Return the roller of this case at the state of another one stretched to a depth.
