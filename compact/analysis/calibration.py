@@ -9,7 +9,7 @@ is the initial guess on the required mesh. Each trial is computed from scratch, 
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -66,14 +66,12 @@ class Calibration:
     ----------
     scene : Scene
         Scene with the calibrated parameters.
-    unknowns : tuple of str
-        Names of the parameters.
-    names, measured : tuple
-        Names and values of the data.
+    model : _Model
+        Data and unknowns.
     fit : SpaceMappingFit
         In (ln K_H, logit of k), with misfit, sensitivity and the runs of the finite elements.
-    refits : tuple of Refit
-        At every bound of data and assumptions.
+    rolled : tuple of Contact
+        Contact of each measurement.
     elements : optional
         Finite-element model; None for columns.
     coarse : Calibration, optional
@@ -81,14 +79,21 @@ class Calibration:
     """
 
     scene: Scene
-    unknowns: tuple[str, ...]
-    names: tuple[str, ...]
-    measured: tuple[float, ...]
+    model: "_Model"
     fit: SpaceMappingFit
     rolled: tuple[ContactResult, ...]
-    refits: tuple[Refit, ...]
     elements: "_FiniteElements | None" = None
     coarse: "Calibration | None" = None
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return self.model.unknowns
+
+    @cached_property
+    def refits(self) -> tuple[Refit, ...]:
+        """Parameters at every bound of data and assumptions."""
+        return tuple(self.model.refits(self.fit))
 
     @property
     def heckel_slope(self) -> float:
@@ -162,41 +167,25 @@ def calibrate(
         unfit = [f'mix.pore_air: {words}, got "{scene.mix.pore_air}"']
     if unfit:
         raise SceneError(unfit)
-    count = len(measured.measurements)
-    if initial_guess is not None and initial_guess.elements is None:
-        raise ValueError("`initial_guess` must be a calibration of finite elements, got one of columns")
-    if initial_guess is not None and initial_guess.unknowns != tuple(unknowns):
-        fitted = f"{', '.join(unknowns)}, got {', '.join(initial_guess.unknowns)}"
-        raise ValueError(f"`initial_guess` must have fitted {fitted}")
-    if initial_guess is not None and len(initial_guess.rolled) != count:
-        raise ValueError(f"`initial_guess` must have {count} measurements, got {len(initial_guess.rolled)}")
-
-    model = _Model(scene, measured, tuple(unknowns))
-    coarse = elements = None
+    for key, bounds in measured.assumptions.items():
+        scene.require_fields(**{key: bounds[0]})
+    model, guess, count = _Model(scene, measured, tuple(unknowns)), initial_guess, len(measured.measurements)
+    if guess and (guess.elements is None or guess.unknowns != model.unknowns or len(guess.rolled) != count):
+        fitted = f"has fitted {', '.join(unknowns)} to {count} measurements"
+        raise ValueError(f"`initial_guess` must be a calibration of finite elements that {fitted}")
+    coarse, contact = None, _column
     if engine == "compaction":
-        if initial_guess is None and options.get("increments") != COARSE_INCREMENTS:
-            coarse = calibrate(scene, measured, engine, unknowns, **options | {"increments": COARSE_INCREMENTS})
-        guess = initial_guess or coarse
+        if guess is None and options.get("increments") != COARSE_INCREMENTS:
+            guess = coarse = calibrate(scene, measured, engine, unknowns, **options | {"increments": COARSE_INCREMENTS})
         before = guess.elements.excess.values() if guess and guess.elements else ()
-        elements = _FiniteElements(options, dict(zip(measured.measurements, before, strict=False)))
+        contact = _FiniteElements(options, dict(zip(measured.measurements, before, strict=False)))
     try:
-        fit = model.fit() if elements is None else model.fit_elements(elements, guess.fit if guess else None)
+        fit = model.fit() if engine == "column" else model.fit_elements(contact, guess.fit if guess else None)
     except ValueError as error:
         raise SceneError([str(error)]) from error
-    found = model.scene_at(fit.unknowns)
+    found, elements = model.scene_at(fit.unknowns), contact if isinstance(contact, _FiniteElements) else None
     rolled = (elements.rolled[each] if elements else _column(found, each) for each in measured.measurements)
-    names = tuple(name for name, _ in model.data)
-    return Calibration(
-        found,
-        tuple(unknowns),
-        names,
-        tuple(model.values),
-        fit,
-        tuple(rolled),
-        tuple(model.refits(fit)),
-        elements,
-        coarse,
-    )
+    return Calibration(found, model, fit, tuple(rolled), elements, coarse)
 
 
 @dataclass(frozen=True)
@@ -216,7 +205,13 @@ class _Model:
         return [each for measurement in self.measured.measurements for each in measurement.data]
 
     @property
+    def names(self) -> list[str]:
+        """Names of the data."""
+        return [name for name, _ in self.data]
+
+    @property
     def values(self) -> list[float]:
+        """Values of the data."""
         return [band.value for _, band in self.data]
 
     def logit(self, density_ratio: float) -> float:
@@ -227,22 +222,18 @@ class _Model:
     @property
     def start(self) -> NDArray[np.float64]:
         logit = self.logit(self.scene.layer.fed_density_ratio)
-        known = {
-            "heckel_slope": np.log(scene_mix(self.scene).heckel_slope),
-            "fed_density_ratio": START_LOGIT if np.isnan(logit) else logit,
-        }
-        return np.array([known[name] for name in self.unknowns])
+        known = (np.log(scene_mix(self.scene).heckel_slope), START_LOGIT if np.isnan(logit) else logit)
+        return np.array([known[UNKNOWNS.index(name)] for name in self.unknowns])
 
     def scene_at(self, u: NDArray[np.float64]) -> Scene:
-        """Return the scene with the unknowns `u`."""
-        changes: dict[str, Any] = {}
-        required = self.scene.mix.density_ratio
-        for name, value in zip(self.unknowns, u, strict=True):
-            if name == "heckel_slope":
-                changes["mix.overrides.heckel_slope"] = float(np.exp(value))
-                changes["unusual"] = (*self.scene.unusual, "mix.overrides.heckel_slope")  # no limits for trials
-            else:
-                changes["layer.fed_density_ratio"] = float(LOOSE + (required - LOOSE) / (1 + np.exp(-value)))
+        """Return the scene with the unknowns `u`; the Heckel slope of a trial has no limits."""
+        known, required, changes = dict(zip(self.unknowns, u.tolist(), strict=True)), self.scene.mix.density_ratio, {}
+        if "heckel_slope" in known:
+            changes["mix.overrides.heckel_slope"] = float(np.exp(known["heckel_slope"]))
+            changes["unusual"] = (*self.scene.unusual, "mix.overrides.heckel_slope")
+        if "fed_density_ratio" in known:
+            share = 1 / (1 + np.exp(-known["fed_density_ratio"]))
+            changes["layer.fed_density_ratio"] = float(LOOSE + (required - LOOSE) * share)
         return self.scene.replaced(**changes)
 
     def predicted(self, u: NDArray[np.float64], contact: Contact) -> NDArray[np.float64]:
@@ -268,7 +259,7 @@ class _Model:
         if guess is not None:
             start, correction = guess.unknowns, guess.correction
         else:
-            start, correction, names = self.start, None, [name for name, _ in self.data]
+            start, correction, names = self.start, None, self.names
             strain = START_ANGLE**2 * self.scene.machine.roller_radius / (2 * self.scene.lift_thickness)
             least = self.logit(self.scene.mix.density_ratio * (1 - strain))
             start = np.where(np.array(self.unknowns) == "fed_density_ratio", np.fmax(start, least), start)
@@ -351,9 +342,9 @@ class _FiniteElements:
 
 def calibration_digest(calibration: Calibration) -> str:
     """Describe a calibration in text: data, parameters, sensitivity, bounds."""
-    names, fit, coarse = calibration.names, calibration.fit, calibration.coarse
+    names, fit, coarse = calibration.model.names, calibration.fit, calibration.coarse
     lines = ["measured"]
-    for name, value, off in zip(names, calibration.measured, fit.misfit, strict=True):
+    for name, value, off in zip(names, calibration.model.values, fit.misfit, strict=True):
         lines.append(f"  {name:<24}{value:>12.6g}  fitted to {abs(np.expm1(off)):.1e}")
     if fit.history:
         assert fit.correction is not None  # every run updates it
@@ -380,7 +371,8 @@ def calibration_digest(calibration: Calibration) -> str:
 
 def calibration_summary(calibration: Calibration) -> dict[str, Any]:
     """Convert a calibration to plain numbers for JSON, SI."""
-    data = zip(calibration.names, calibration.measured, calibration.fit.misfit, calibration.sensitivity.T, strict=True)
+    model, misfit = calibration.model, calibration.fit.misfit
+    data = zip(model.names, model.values, misfit, calibration.sensitivity.T, strict=True)
     return {
         "scene_hash": calibration.scene.hash,
         "scene_changes": calibration.scene_changes,

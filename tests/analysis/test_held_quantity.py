@@ -1,6 +1,5 @@
 """Quantity held constant over speed, formulas for one contact, guide friction and return stroke."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from compact.engines.spectral.speed_derivative import expand_resistance
 from compact.machine.cart import balance
 from compact.report import text
 from compact.report import writer as report
-from compact.scene.loader import SceneError, load_scene
+from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
 PLAIN = {"machine.roller_condition": "frictionless", "machine.gap_geometry": "circle", "accuracy.engine": "spectral"}
@@ -135,45 +134,6 @@ def test_every_engine_of_the_comparison_holds_a_height_of_its_own():
     assert depths == pytest.approx(compared.held.value, rel=1e-9)
 
 
-def test_single_contact_at_another_speed_holds_the_height():
-    case = study(**PLAIN)
-    (rolled,) = case.stages.contacts.passes_at(0.5)
-    assert rolled.indentation == pytest.approx(case.stages.contacts.held.value, rel=1e-9)
-    assert "height of the roller" in text.say("held", case)
-
-
-@pytest.mark.slow
-def test_summary_page_and_digest_state_the_held_quantity(tmp_path):
-    case = study(**PLAIN, **{"output.items": ["report"], "motion.laws": ["cubic"], "contact.speeds": [0.1]})
-    summary = report.write_study(case, tmp_path / "out")
-    assert summary["held"]["quantity"] == "height"
-    assert summary["held"]["indentation"] == {"value": case.stages.contacts.held.value, "unit": "m"}
-    line = text.say("held", case)
-    assert line.startswith("constant over speed: the height of the roller")
-    assert "203 kPa that the density requires" in line
-    assert line[:40] in " ".join(text.study_digest(case).split())
-    page = (tmp_path / "out" / "report.html").read_text()
-    assert "Constant over speed: the height of the roller" in page
-
-
-def test_stored_run_holds_the_same_quantity(tmp_path):
-    first = study(**PLAIN, **{"output.items": [], "motion.laws": ["cubic"]})
-    report.write_study(first, tmp_path / "out")
-    again = Study(first.scene, directory=tmp_path / "out")
-    assert again.stages.contacts.held == first.stages.contacts.held
-    assert not again.counts["rolled"]
-
-
-@pytest.mark.slow
-def test_compaction_engine_holds_the_height_of_the_product():
-    case = study(**LIFT, **{"contact.speeds": [0.05, 0.4]})
-    slow, fast = case.contacts
-    assert slow.indentation == pytest.approx(case.stages.contacts.held.value, rel=1e-9)
-    assert fast.indentation == pytest.approx(case.stages.contacts.held.value, rel=1e-9)
-    assert case.stages.contacts.reference[0].exit_density_ratio == pytest.approx(0.98, abs=2e-4)
-    assert fast.load > slow.load
-
-
 # one contact by formula
 
 
@@ -189,14 +149,6 @@ def test_contact_by_formula_equals_the_engineering_summary(prescribed):
         assert formulas.roller_force == pytest.approx(9740, rel=1e-12)
     if "contact.peak_pressure" in prescribed:
         assert rolled.peak_pressure == formulas.pressure == 1.5e5
-
-
-def test_indentation_is_refused_by_formulas():
-    case = study(**{"contact.indentation": 0.003})
-    with pytest.raises(
-        ValueError, match=r"takes no `indentation` .*, as the depth of a contact on a half-plane is not defined"
-    ):
-        case.stages.contacts.passes_at(case.scene.mean_speed)
 
 
 def test_contact_outside_the_range_of_the_formulas_is_compared_at_the_required_pressure():
@@ -256,12 +208,6 @@ def test_every_drive_uses_the_resistance_of_the_return_stroke(kind):
     assert driven.runs["cubic"].energy == pytest.approx(rigid.runs["cubic"].energy, rel=2e-3)
 
 
-@pytest.mark.parametrize("name", ["formula", "spectral", "fem"])
-def test_return_stroke_over_compacted_mix_requires_an_engine_with_compaction(name):
-    with pytest.raises(SceneError, match=r"layer.return_stroke: the engine .* takes no .*compacts no mix"):
-        study(**PLAIN | {"accuracy.engine": name, "layer.return_stroke": "compacted"})
-
-
 def test_moments_balance_on_both_strokes():
     cart = study(**{"accuracy.engine": "column", "layer.return_stroke": "compacted"}).stages.resistance.cart
     direction = np.array([1.0, -1.0])
@@ -269,13 +215,3 @@ def test_moments_balance_on_both_strokes():
     assert moment_residual(cart, forces, direction * 2000.0, direction) == pytest.approx(0, abs=1e-9)
     net_force = forces.front_reaction + forces.rear_reaction + cart.weight
     assert net_force[1] / net_force[0] == pytest.approx(cart.return_load_ratio, rel=1e-12)
-
-
-def test_summary_and_digest_state_the_layer_of_the_return_stroke(tmp_path):
-    case = study(**{"accuracy.engine": "column", "output.items": []})
-    summary = report.write_study(case, tmp_path / "out")
-    stored = json.loads((tmp_path / "out" / "summary.json").read_text())["return_stroke"]
-    assert stored["over"] == "fresh"
-    assert stored["energy"]["fresh"]["value"] == pytest.approx(case.stages.drive.cycle_energies["fresh"])
-    assert summary["steady_forces"]["guide_friction"]["unit"] == "N"
-    assert "return stroke: over fresh mix" in " ".join(text.study_digest(case).split())

@@ -1,21 +1,17 @@
 """Pore air of a scene: its curve, load, resistance, map, summary, and refusals."""
 
-import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pydantic import TypeAdapter
 
-from compact.analysis.calibration import calibrate
-from compact.analysis.pore_air import AirCurve, CoupledSample, air_answer, coupled_forces, pore_air_of
+from compact.analysis.pore_air import AirCurve, CoupledSample, air_answer
 from compact.analysis.study import Study
 from compact.report import text
 from compact.report.writer import study_summary
 from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
-from compact.scene.plant_data import read_measurements
 from compact.sweep.point import headline
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -68,11 +64,6 @@ def test_coupled_contacts_correct_the_curve(curve):
     assert coupled.load == pytest.approx(2.5 * alone.load)
     assert coupled.resistance == pytest.approx(6.0 * alone.resistance)
     assert corrected.at(1e-4, 1e-13).load == pytest.approx(2.0 * curve.at(1e-4, 1e-13).load)
-
-
-def test_curve_survives_its_file(curve):
-    stored = json.loads(json.dumps(asdict(curve.with_coupled([CoupledSample(1e14, 3.0, 8.0)]))))
-    assert TypeAdapter(AirCurve).validate_python(stored) == curve.with_coupled([CoupledSample(1e14, 3.0, 8.0)])
 
 
 def test_drained_mix_has_no_air_in_its_forces_but_a_deaeration_speed(drained):
@@ -130,20 +121,6 @@ def test_point_of_a_sweep_contains_the_air(drained, one_way):
     assert without["load"] == pytest.approx(machine.roller_length * drained.contacts[4].load, rel=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("changes", "named"),
-    [
-        ({"layer.passes": 3}, "with layer.passes = 3 later passes have the forces of drained mix"),
-        ({"layer.return_stroke": "compacted"}, 'with layer.return_stroke = "compacted" later passes'),
-    ],
-)
-def test_later_passes_without_air_are_stated(changes, named):
-    scene = lift(**{"mix.pore_air": "one-way"} | changes)
-    assert any("mix.pore_air: " in sentence and named in sentence for sentence in scene.advice)
-    assert not any("later passes" in sentence for sentence in lift(**changes).advice)
-    assert not any("later passes" in sentence for sentence in lift(**{"mix.pore_air": "one-way"}).advice)
-
-
 @pytest.mark.slow
 def test_point_of_a_sweep_yields_to_its_air():
     """The coupled contact of a sweep is that of a study at the same speed."""
@@ -157,15 +134,6 @@ def test_point_of_a_sweep_yields_to_its_air():
     (record,), machine = Study(scene).contacts, scene.machine
     assert found["load"] == pytest.approx(machine.roller_length * record.load, rel=1e-6)
     assert found["resistance"] == pytest.approx(machine.rollers * machine.roller_length * record.resistance, rel=1e-6)
-
-
-def test_point_of_a_sweep_without_a_coupled_state_states_the_speed(monkeypatch):
-    def heaps_up(*_, **__):
-        raise RuntimeError("the wave grows")
-
-    monkeypatch.setattr("compact.engines.pore_air.coupled_rolling.roll_coupled", heaps_up)
-    with pytest.raises(RuntimeError, match=r'no steady state at 0\.2 m/s: the wave grows; .* mix.pore_air = "one-way"'):
-        coupled_forces(None, None, 0.2)
 
 
 def test_tension_behind_the_roller_is_compared_with_the_strength(one_way):
@@ -188,10 +156,6 @@ def test_results_of_an_earlier_run_contain_the_curve(tmp_path):
 @pytest.mark.parametrize(("changes", "message"), [
     ({"contact.load": 9740.0}, "is computed at the height of the roller"),
     ({"contact.held": "load"}, 'contact.held = "load"'),
-    ({"mix.overrides.air_permeability": 0.0}, "must be positive"),
-    ({"mix.overrides.air_permeability": 1e-3}, "far outside the plausible"),
-    ({"mix.overrides.occlusion_saturation": 1.2}, "at most 1"),
-    ({"mix.pore_air": "wet"}, "one-way"),
 ])  # fmt: skip
 def test_scenes_that_contradict_the_air_are_refused(changes, message):
     with pytest.raises(SceneError, match=message):
@@ -205,29 +169,6 @@ def test_mix_that_is_occluded_as_fed_is_refused_with_the_bound():
     dry = Study(lift(**{"mix.overrides.occlusion_saturation": 0.75}))
     assert dry.pore_air is None
     assert "occluded" in text.say("air", dry)
-
-
-def test_linear_layers_have_no_air_and_say_so():
-    scene = lift(**{"mix.pore_air": "one-way", "accuracy.engine": "spectral"})
-    assert any("drained pore air" in sentence for sentence in scene.replacements["spectral"])
-    assert Study(scene).pore_air is None
-
-
-def test_permeability_without_its_use_is_advised():
-    assert any(
-        "de-aeration speed alone" in advice for advice in lift(**{"mix.overrides.air_permeability": 1e-13}).advice
-    )
-
-
-def test_pore_air_of_a_mix_has_its_parameters(one_way):
-    air = pore_air_of(one_way.mix, 0.936)
-    assert (air.permeability, air.occlusion_saturation) == (1e-13, 0.90)
-    assert one_way.mix.parameter("air_permeability").at(0.25) == pytest.approx(10**-13.5)
-
-
-def test_calibration_has_no_air():
-    with pytest.raises(SceneError, match="without pore air"):
-        calibrate(lift(**{"mix.pore_air": "one-way"}), read_measurements(SCENES / "loveikin-2015-printed.toml"))
 
 
 @pytest.mark.slow

@@ -10,8 +10,7 @@ from lift_sequences import sequence
 from compact.analysis import process
 from compact.analysis.process import ProcessStudy
 from compact.cli import program as cli
-from compact.report.process import process_digest, process_summary
-from compact.scene.loader import SceneError, load_scene
+from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 SCENE = SCENES / "process.toml"
@@ -87,11 +86,6 @@ def test_remarks_state_under_feed_over_feed_and_thin_lifts(study):
     )
 
 
-def test_scene_without_a_process_is_refused():
-    with pytest.raises(SceneError, match=r"small.toml: the table \[process\] is missing; give the mould's speed"):
-        ProcessStudy(load_scene(SCENES / "small.toml"))
-
-
 def test_command_writes_results_of_a_mould_at_rest(tmp_path, capsys):
     changes = SHORT | {key: value for key, value in AT_REST.items() if value is not None}
     text = SCENE.read_text("utf-8").replace("product_density_ratio = 0.98          # -; published\nnip", "nip")
@@ -154,13 +148,3 @@ def test_lumped_lifts_enter_forces_files_and_words(monkeypatch, tmp_path, capsys
     assert summary["air_load"]["value"] > 0
     assert not summary["air_is_counted"]
     assert summary["sequences"][0]["lifts"] == 11
-
-
-@pytest.mark.slow
-def test_summary_and_digest_state_the_model(study):
-    summary = process_summary(study)
-    assert summary["model"].startswith("confined columns: the load is a lower estimate")
-    assert [part["cause"] for part in summary["parts"]][1] == "shear, uneven density, bow wave (two dimensions)"
-    digest = process_digest(study)
-    assert "printed: load on one roller 9740 N, computed" in digest
-    assert "not fitted, but the Heckel slope of the prior passes through the published point" in digest

@@ -16,9 +16,8 @@ from compact.analysis.stages.verdict import reason_against
 from compact.analysis.study import Study
 from compact.engines.process.lifts import simulate_lifts
 from compact.report import writer
-from compact.report.text import model_table
 from compact.resistance import ResistanceMap
-from compact.scene.loader import SceneError, load_scene
+from compact.scene.loader import load_scene
 
 SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "process.toml"
 MOTOR = {
@@ -157,48 +156,11 @@ def test_lumped_lifts_are_kept_with_the_results(monkeypatch, tmp_path):
     )
 
 
-@pytest.mark.slow
-def test_report_has_the_row_of_the_process(monkeypatch, tmp_path):
-    monkeypatch.setattr(process, "simulate_lifts", lifts)
-    found = Study(scene(**{"process.detail": "deep", "output.items": ["report"]}))
-    writer.write_study(found, tmp_path)
-    assert (tmp_path / "section.png").exists()
-    page = (tmp_path / "report.html").read_text("utf-8")
-    assert "forming process" in page
-    table = model_table(found)
-    assert table["model"] == ["forming process", "formula"]
-    assert table["for sizing?"][0] == "yes"
-    assert {"formula", "process"} == set(found.verdicts[found.scene.motion.duration, "rigid", "peak_force"].values)
-
-
 def test_columns_are_not_for_sizing():
     assert reason_against(scene(), None) == "confined floor"
     assert reason_against(scene(**{"process.detail": None}), None) == ""
     linear = {"accuracy.engine": "spectral", "machine.roller_condition": "frictionless"}
     assert reason_against(scene(**linear), None) == "viscoelastic part only"
-
-
-def test_comparison_takes_the_process():
-    given = scene(**{"accuracy.engine": "column", "compare": {"process": {"process": {"detail": "columns"}}}})
-    assert given.compared_engines == ("formula", "process")
-    other = given.with_engine("process")
-    assert (other.accuracy.engine, other.process.detail) == ("process", "columns")
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"process": None, "sleeve": None}, "accuracy.engine: is .process., which needs the table"),
-        ({"contact.load": 5e3}, r'the engine "process" takes no load of 5000, as the closure'),
-        (
-            {"layer.passes": 2},
-            r'the engine "process" takes no passes of 2, as the strokes of \[process\] are its passes',
-        ),
-    ],
-)
-def test_scenes_without_a_steady_process_are_refused(changes, words):
-    with pytest.raises(SceneError, match=words):
-        load_scene(SCENE, **{"accuracy.engine": "process"} | changes)
 
 
 def test_another_speed_keeps_the_feed(study):

@@ -1,20 +1,16 @@
 """Ties in the results of `compact run`: every criterion under a rigid drive, in tables, page and digest."""
 
 import csv
-import json
 import math
-import re
 from pathlib import Path
 
 import pytest
-from pages import section_html
 
 from compact.analysis.study import Study
 from compact.drive import CRITERIA
 from compact.machine.ranking import BUILD_TOLERANCE
 from compact.report import text
 from compact.report import writer as report
-from compact.report.sections import section
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
@@ -60,25 +56,3 @@ def test_laws_of_constant_velocity_share_the_first_rank_by_nonuniformity(written
     first = [row for row in rows(written[1], "nonuniformity") if row["rank"] == "1"]
     assert {row["law"] for row in first} == set(CONSTANT_VELOCITY)
     assert {row["value"] for row in first} == {"0"}
-
-
-def test_page_summary_and_digest_print_ties_as_such(written):
-    study, directory, digest = written
-    found = rows(directory, "peak_force")
-    assert {row["tie"] for row in found} == {row["resolved"] for row in found} == {"True", "False"}
-    ties = {row["law"] for row in found if row["tie"] == "True"}
-    page = section_html(section("ranking", study))
-    table = re.search(r"<caption>Laws by peak drive force, rigid.*?</table>", page, re.DOTALL).group(0)
-    cells = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", table)[1:]]
-    assert {cell[1] for cell in cells if cell[3] == "tie"} == ties
-    assert {cell[1] for cell in cells if cell[5] == "–"} == {"constant-velocity"}
-    assert not [cell for cell in cells if cell[3] == "tie" and cell[5] != "tie"]
-    assert not re.search(r"\d × 10[⁴-⁹¹][⁰-⁹]* %", page)
-    ranked = json.loads((directory / "summary.json").read_text())["rankings"]["peak_force"]
-    assert {place["law"] for place in ranked if place["tie"]} == ties
-    best = re.search(r"laws by peak drive force (.*?)laws by", digest, re.DOTALL)[1].split(";")
-    assert (
-        {law for law in ties if any(law in each.split() for each in best)}
-        == {law for law in ties if any(law in each.split() and "tie" in each for each in best)}
-        != set()
-    )

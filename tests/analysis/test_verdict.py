@@ -1,6 +1,5 @@
 """Verdict of all models, ranking under uncertainty, and the ten questions of a designer."""
 
-import importlib.util
 import math
 import re
 from functools import cache
@@ -12,13 +11,10 @@ from pages import PageReader, answer_html
 
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages import uncertainty as stage
-from compact.analysis.stages.model_spread import LawVariant, ModelSpread
 from compact.analysis.stages.uncertainty import DRIVE, MIX, drive_variants, mix_spread
 from compact.analysis.stages.verdict import ModelAnswer, contenders, fitted_inputs, reason_against, verdict
 from compact.analysis.study import Study
 from compact.report import text
-from compact.report import writer as report
-from compact.rolling_contact import Heaping
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -138,16 +134,6 @@ def test_margin_of_the_other_peak_is_that_of_the_same_law():
     assert float(text.plain(first[1]).split(", a margin")[0].split()[-2]) == pytest.approx(required / 1e3, rel=5e-3)
 
 
-def test_margin_names_the_mix_that_heaps_up(monkeypatch):
-    heaped = LawVariant("drucker-prager-cap", 2500.0, heaping=Heaping(0.003, 0.7, 0.008, 0.27))
-    monkeypatch.setitem(study().__dict__, "model_spread", ModelSpread((heaped,)))
-    sentences = ["; ".join(each) for each in text.recommendations(study())]
-    assert all(
-        re.search(r"a margin of \d+ % and \d+ % without mix that heaps up \(cohesion 2.5 kPa\); ", each)
-        for each in sentences
-    )
-
-
 def test_peak_changes_by_less_than_the_resistance_because_of_inertia():
     known = study().uncertainty
     assert 0.1 < known.peak_change(FORCE, 2.0) < 0.9
@@ -163,12 +149,6 @@ def test_linear_lead_has_peaks_and_margin_of_a_valid_model():
     first = text.plain("; ".join(text.recommendations(case)[0]))
     assert re.match(r"least peak drive force: parabolic, 5\.\d+ kN and 5\.\d+ kW by formula; ", first)
     assert case.uncertainty.source(MIX).changes("parabolic", FORCE)[1] == pytest.approx(0.3, abs=0.05)
-
-
-def test_stalled_drive_has_no_peak_and_leaves_the_recommended_law_first():
-    base = {FORCE: {"cubic": 100.0}}
-    end = stage._end("stalled", {FORCE: {}}, base, {FORCE: "cubic"})
-    assert (end.change, end.first) == ({"cubic": {FORCE: math.inf}}, {FORCE: "cubic"})
 
 
 # the drive, which nobody has measured
@@ -346,39 +326,9 @@ def test_question_of_a_designer_is_answered_by_terminal_and_first_screen(questio
         assert re.search(QUESTIONS[question], words, re.IGNORECASE)
 
 
-def test_digest_fits_a_terminal_and_counts_the_sentences_that_do_not_fit(monkeypatch):
-    lines = text.study_digest(study()).splitlines()
-    assert len(lines) <= 40
-    assert max(map(len, lines)) <= 120
-    monkeypatch.setattr(text, "DIGEST_LINES", 20)
-    lines = text.study_digest(study()).splitlines()
-    assert len(lines) <= 20
-    assert lines[-1].endswith("more in report.html and summary.json")
-
-
-def test_no_table_of_more_than_25_rows_is_unfolded():
-    html = answer_html(study())
-    unfolded = html.split("<details")[0]
-    assert 0 < unfolded.count("<tr>") <= 25
-
-
-def test_models_at_both_durations_are_tabulated_with_the_ratio_to_the_old_lead():
-    """`python studies/duration.py models`; the linear layer has a part of the resistance at either duration."""
-    specification = importlib.util.spec_from_file_location("duration", SCENES.parent / "duration.py")
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    rows = [line.split(" | ") for line in module.model_rows(study(), "spectral").splitlines()[2:]]
-    assert [row[0].strip("| ") for row in rows] == ["0.889 s"] * 3 + ["3 s"] * 3
-    assert [row[1] for row in rows[:3]] == ["`column`", "`formula`", "`spectral`"]
-    ratios = [float(row[5].strip(" |")) for row in rows]
-    assert ratios == pytest.approx([11.5, 11.2, 1, 10.5, 10.4, 1], rel=0.02)
-
-
-def test_laws_without_a_finite_peak_leave_no_verdict_and_no_uncertainty(tmp_path):
+def test_laws_without_a_finite_peak_leave_no_verdict_and_no_uncertainty():
     study = Study(
         load_scene(SCENES / "small.toml", **{"motion.laws": ["constant-velocity"], "output.items": ["report"]})
     )
     assert study.uncertainty is None
     assert study.verdicts == {}
-    report.write_study(study, tmp_path / "out")
-    assert "the velocity jumps: impulsive force" in (tmp_path / "out" / "report.html").read_text()

@@ -94,10 +94,6 @@ def test_further_points_are_where_the_error_is_largest():
     assert PLACES[further[:2]].sum(axis=1).min() > 1.5
 
 
-def test_few_points_have_no_surface():
-    assert fit_surface(PLACES[:4], PLACES[:4, 0]) is None
-
-
 def test_hull_excludes_a_corner_without_a_solution():
     solved = PLACES[PLACES.sum(axis=1) <= 1.2]
     inside = inside_hull(PLACES, solved, convex=True)
@@ -225,12 +221,6 @@ def test_words_have_one_surface_each(solved, tmp_path):
     assert (table.two_dimensions == "solved").sum(dim="moisture").values.tolist() == [9, 9]
     assert (table.reason == "").all()
     assert len(table.attrs["correction"].splitlines()) == 2
-
-
-def test_too_few_solutions_have_no_surface(solved, tmp_path):
-    table, _ = swept(tmp_path, varied=("mix.moisture=0.09,0.101:0.12", "mix.density_ratio=0.975,0.98")[1:], direct=1)
-    assert table.two_dimensions.values.tolist() == ["solved", ""]
-    assert "too few for a response surface" in str(table.reason.values[1])
 
 
 # (d) choice of the sweep

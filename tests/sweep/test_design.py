@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from compact.material import mix
-from compact.scene.loader import SceneError, load_scene
+from compact.scene.loader import load_scene
 from compact.sweep import design as vary
 
 SCENE = load_scene(Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015.toml")
@@ -123,18 +123,6 @@ def test_invalid_variation_is_refused(text, words):
 def test_invalid_keys_are_refused_before_any_computation(texts, words):
     with pytest.raises(ValueError, match=words):
         vary.design(SCENE, [vary.read_design(text) for text in texts])
-
-
-def test_indices_without_a_sample_are_refused():
-    with pytest.raises(ValueError, match="Sobol indices need a sample"):
-        vary.design(SCENE, [vary.read_design("mix.moisture=0.1")], indices=True)
-
-
-def test_rules_between_keys_are_checked_at_each_point():
-    design = vary.design(SCENE, [vary.read_design("mix.density_ratio=0.92,0.98")])  # fed at 0.94
-    with pytest.raises(SceneError, match=r"layer.fed_density_ratio: must be below mix.density_ratio = 0.92"):
-        vary.scene_at(SCENE, *design.point(0))
-    assert vary.scene_at(SCENE, *design.point(1))[0].mix.density_ratio == 0.98
 
 
 @pytest.mark.parametrize(

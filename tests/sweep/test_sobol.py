@@ -69,12 +69,6 @@ def test_constant_function_has_zero_indices():
     assert found.first.tolist() == found.total.tolist() == [0.0, 0.0]
 
 
-def test_large_mean_does_not_change_the_indices():
-    f_A, f_B, f_AB = rows(ishigami, 3, 256, -np.pi, np.pi)
-    far = indices(f_A + 1e6, f_B + 1e6, f_AB + 1e6)
-    assert far.first == pytest.approx(indices(f_A, f_B, f_AB).first, abs=1e-7)
-
-
 @pytest.mark.parametrize(("n", "value", "words"), [(8, 1.0, "16 rows without a failure, got 8"), (32, np.nan, "fini")])
 def test_insufficient_or_infinite_rows_are_refused(n, value, words):
     with pytest.raises(ValueError, match=words):

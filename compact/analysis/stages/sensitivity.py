@@ -24,6 +24,7 @@ from compact.analysis.pore_air import NO_FORCES, has_air
 from compact.analysis.stages.drives import Stages, build_stages
 from compact.analysis.stages.ensemble import Change, Peaks, ensemble, first_law, peaks_at
 from compact.analysis.stages.resistance import ResistanceLaw
+from compact.engines import ENGINES
 from compact.machine.cart import Cart
 from compact.machine.ranking import BUILD_TOLERANCE
 from compact.motion.profile import Cycle
@@ -33,18 +34,6 @@ from compact.scene.loader import Scene
 
 VARIATION = 0.1  # [-], relative variation of an input without spread
 SPEED_MARGIN = 1.2  # [-], range of new contacts over the largest speed; a duration shorter by a tenth is within it
-MIX_INPUTS = {  # engine -> parameters of the mix that it depends on
-    "formula": ("required_pressure", "effective_modulus", "poisson", "steel_friction"),
-    "spectral": (
-        "required_pressure", "effective_modulus", "poisson", "steel_friction", "instant_over_relaxed",
-        "relaxation_time",
-    ),
-    "column": (
-        "heckel_slope", "friction_angle", "cohesion", "unloading_modulus", "poisson", "steel_friction",
-        "rate_sensitivity",
-    ),
-}  # fmt: skip
-AIR_INPUTS = ("air_permeability", "occlusion_saturation")  # of a compacting engine with pore air
 MACHINE_INPUTS = (  # inputs of the machine and the motion
     "machine.roller_length", "machine.roller_friction", "machine.bearing_friction", "machine.guide_friction",
     "machine.mass", "motion.duration",
@@ -124,13 +113,9 @@ def sensitivities(stages: Stages) -> list[Shift]:
 def _ranges(stages: Stages) -> dict[str, tuple[float, float, str, str]]:
     """Return low and high value, kind of variation and unit of each input by its scene key."""
     scene, mix, engine = stages.contacts.scene, stages.contacts.mix, stages.contacts.engine
-    own_inputs = MIX_INPUTS.get(engine.name, engine.mix_parameters)  # the latter of an engine of another package
-    names = list(own_inputs if engine.affordable else MIX_INPUTS["formula"])
     new_layer = engine.affordable and stages.contacts.compacts
-    if scene.mix.law == "drucker-prager-cap":
-        names = ["cohesion_loose" if name == "cohesion" else name for name in names]
-    if new_layer and has_air(scene):
-        names += AIR_INPUTS
+    varied = engine if engine.affordable else ENGINES["formula"]
+    names = varied.parameters_of(scene.mix.law, new_layer and has_air(scene))
     by_formula = not (engine.affordable and stages.contacts.speeds)
     keys = [key for key in MACHINE_INPUTS if by_formula or key not in FORMULA_INPUTS]
 

@@ -34,6 +34,7 @@ from compact.analysis.stages.drives import Stages, simulate_laws
 from compact.analysis.stages.ensemble import (
     Change,
     Peaks,
+    Run,
     drive_peaks,
     ensemble,
     first_law,
@@ -50,8 +51,6 @@ from compact.motion.profile import Cycle
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
-    import xarray
-
     from compact.analysis.process import ProcessStudy
 
 SAMPLES = 128  # [-], of the mix by columns; three times the coefficients of a quadratic in seven parameters
@@ -247,70 +246,66 @@ def ranking_uncertainty(
     """
     scene, contacts, model = stages.contacts.scene, stages.contacts, sizing_model(models)
     leads, duration, kind, met = models[0].valid, scene.motion.duration, scene.drive.kind, model.resistance
-    laws, cart = {by: each.law for by, each in verdicts.items()}, stages.resistance.cart
+    laws, cart, cycles = {by: each.law for by, each in verdicts.items()}, stages.resistance.cart, stages.laws.cycles
     base = {by: model.values(duration, kind, by) for by in laws}
     mix = mix_spread(scene, contacts.process, executor)
-    sources: list[Source] = []
+    answers: list[tuple[str, str, Mapping[str, Peaks]]] = []  # source, variation, peaks at its ends
 
     def near(share: float) -> dict[str, Cycle]:
         """Return the recommended laws, and those within a share of the least peak by any criterion."""
         close = {law for each in base.values() for law, value in each.items() if value <= share * min(each.values())}
-        return {law: cycle for law, cycle in stages.laws.cycles.items() if law in {*close, *laws.values()}}
+        return {law: cycle for law, cycle in cycles.items() if law in {*close, *laws.values()}}
 
-    def add(name: str, variation: str, table: "xarray.Dataset") -> None:
-        labels = table["change"].values.tolist()
-        ends = tuple(_end(label, peaks_at(table, i), base, laws) for i, label in enumerate(labels))
-        sources.extend([Source(name, variation, ends)] if ends else [])
-
-    def known(answers: Mapping[str, Peaks]) -> "xarray.Dataset":
-        return ensemble(scene, map(Change, answers), lambda _, change: answers[change.label])
+    def solved(changes: Sequence[Change], run: Run) -> dict[str, Peaks]:
+        table = ensemble(scene, changes, run, executor)
+        return {each.label: peaks_at(table, number) for number, each in enumerate(changes)}
 
     under = partial(drive_peaks, cart, near(CONTENDER_SHARE), met, tuple(laws))
-    own_model = model.engine == scene.accuracy.engine
     ratios: dict[str, tuple[float, float] | None] = {
         name: None if error is None else (1 - error, 1 + error)
         for name, error in ((MESH, getattr(met, "engine_error", None)), (MAP, getattr(met, "error", None)))
     }
     ratios |= {MIX: (mix.low, mix.high) if mix else None, LAW: spread if leads else None}
-    ratios |= {AIR: _air_ratios(stages), HELD: _held_ratios(stages)} if own_model else {}
+    if model.engine == scene.accuracy.engine:
+        ratios |= {AIR: _air_ratios(stages), HELD: _held_ratios(stages)}
     for name, pair in ratios.items():
         if pair and max(abs(ratio - 1) for ratio in pair) >= LEAST_EFFECT:
             words = f"{pair[0]:.2f} to {pair[1]:.2f} times the resistance"
             ends = [Change(f"{each:.2f} times", resistance=met.scaled(each)) for each in pair]
-            table = ensemble(scene, ends, under, executor)
-            add(name, f"one-way to undrained, {words}" if name == AIR else words, table)
-
+            answers.append((name, f"one-way to undrained, {words}" if name == AIR else words, solved(ends, under)))
     others = [each for each in models if each.valid and each is not model and model.valid]
     at_once = {each.engine: {by: each.values(duration, kind, by) for by in laws} for each in others}
-    add(MODELS, ", ".join(at_once), known(at_once))
-    variants = drive_variants(scene)
-    moved = partial(drive_peaks, cart, stages.laws.cycles, met, tuple(laws))
+    answers.append((MODELS, ", ".join(at_once), at_once))
+    moved: Run = partial(drive_peaks, cart, cycles, met, tuple(laws))
     if kind == "hydraulic":
         moved = partial(_oil_peaks, scene, cart, near(OIL_SHARE), met, tuple(laws))
-    add(DRIVE, ", ".join(each.label for each in variants), ensemble(scene, variants, moved, executor))
+    by_drive = solved(drive_variants(scene), moved)
+    answers.append((DRIVE, ", ".join(by_drive), by_drive))
     if leads and contacts.second_pass is not None and scene.layer.return_stroke != "compacted":
         returned = replace(stages.resistance.map, return_ratio=contacts.second_pass[1])
         compacted = under(scene, Change("compacted", resistance=returned))
-        add(RETURN, "over fresh or compacted mix", known({"compacted": compacted, "fresh": base}))
-    for other in model.places:
-        if other != duration:
-            words = f"{other:.3g} s"
-            add(DURATION, words, known({words: {by: model.values(other, kind, by) for by in laws}}))
+        answers.append((RETURN, "over fresh or compacted mix", {"compacted": compacted, "fresh": base}))
+    for other in (each for each in model.places if each != duration):
+        words = f"{other:.3g} s"
+        answers.append((DURATION, words, {words: {by: model.values(other, kind, by) for by in laws}}))
+    sources = tuple(
+        Source(name, words, tuple(_end(label, each, base, laws) for label, each in ends.items()))
+        for name, words, ends in answers
+        if ends
+    )
 
     extremes = [1.0, *((mix.low, mix.high) if mix else ()), *(spread or ())]
-    scales = np.linspace(SCALE_ENDS[0] * min(extremes), SCALE_ENDS[1] * max(extremes), SCALES)
-    recommended = {law: stages.laws.cycles[law] for law in laws.values()}
-    scaled = [Change(f"{scale}", resistance=met.scaled(scale)) for scale in scales]
-    run = partial(drive_peaks, cart, recommended, met, tuple(laws))
-    table = ensemble(scene, scaled, run, executor).reindex(law=list(recommended))
+    scales = np.linspace(SCALE_ENDS[0] * min(extremes), SCALE_ENDS[1] * max(extremes), SCALES).tolist()
+    run = partial(drive_peaks, cart, {law: cycles[law] for law in laws.values()}, met, tuple(laws))
+    found = solved([Change(f"{scale}", resistance=met.scaled(scale)) for scale in scales], run)
     peaks = {}
     for by, law in laws.items():
-        values = table["value"].sel(criterion=by, law=law).values
-        finite = np.isfinite(values)
-        peaks[by] = tuple(scales[finite].tolist()), tuple(values[finite].tolist())
+        values = [each.get(by, {}).get(law, math.inf) for each in found.values()]
+        known = [(scale, value) for scale, value in zip(scales, values, strict=True) if math.isfinite(value)]
+        peaks[by] = tuple(scale for scale, _ in known), tuple(value for _, value in known)
     if mix is not None:
         mix = replace(mix, shares={by: _shares(mix, *peaks[by]) for by in laws})
-    return RankingUncertainty(tuple(sources), mix, peaks, laws)
+    return RankingUncertainty(sources, mix, peaks, laws)
 
 
 def _end(words: str, values: Peaks, base: Peaks, laws: Mapping[str, str]) -> SourceEnd:
