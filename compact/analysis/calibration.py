@@ -227,7 +227,8 @@ class _Model:
 
     def scene_at(self, u: NDArray[np.float64]) -> Scene:
         """Return the scene with the unknowns `u`; the Heckel slope of a trial has no limits."""
-        known, required, changes = dict(zip(self.unknowns, u.tolist(), strict=True)), self.scene.mix.density_ratio, {}
+        known, required = dict(zip(self.unknowns, u.tolist(), strict=True)), self.scene.mix.density_ratio
+        changes: dict[str, Any] = {}
         if "heckel_slope" in known:
             changes["mix.overrides.heckel_slope"] = float(np.exp(known["heckel_slope"]))
             changes["unusual"] = (*self.scene.unusual, "mix.overrides.heckel_slope")
