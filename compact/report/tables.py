@@ -101,6 +101,11 @@ def json_number(value: Any, unit: str) -> dict[str, Any]:
     return {"value": value, "unit": unit}
 
 
+def json_values(record: Any, *names: str) -> dict[str, Any]:
+    """Return values of a record for a JSON file, by the names of `columns`."""
+    return {name: value_of(record, getter) for name, getter in columns(*names).items()}
+
+
 def json_numbers(record: Any, *names: str) -> dict[str, dict[str, Any]]:
     """Return values of a record with their units for a JSON file, in the columns of `columns`."""
     found = {}

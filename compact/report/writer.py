@@ -26,11 +26,21 @@ from compact.files import (
 )
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import results
-from compact.report.tables import columns, json_number, json_numbers, write_arrays
-from compact.report.tables import value_of as getter_value
+from compact.report.tables import json_number, json_numbers, json_values, write_arrays
 from compact.rolling_contact import Contact
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
+SHAFT = (
+    "speed_rad/s=requirement.speed mean_torque_Nm=requirement.mean_torque rms_torque_Nm=requirement.rms_torque "
+    "peak_torque_Nm=requirement.peak_torque driving_share=requirement.driving_share "
+    "braking_share=requirement.braking_share largest_inertia_kgm2=requirement.largest_inertia required_power_W"
+)
+MOTOR = (
+    "by chosen=chosen.motor.name gear_ratio=chosen.gear_ratio inertia_ratio=chosen.inertia_ratio "
+    "next_smaller=next_smaller.motor.name next_smaller_fails=next_smaller.failures"
+)
+HEAPING = "depth_m wave_height_m travel_m contact_angle_rad"
+UNSTEADY = "depth_m wave_height_m travel_m distance load_N/m resistance_N/m"
 HELD = {"height": "indentation_m", "load": "load_N/m", "peak_pressure": "peak_pressure_Pa"}
 
 
@@ -222,8 +232,6 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         Paths of its files, relative to the directory of the results.
     """
     scene, stages, unreachable = study.scene, study.stages, study.mix.not_achievable
-    heaping = "depth_m wave_height_m travel_m contact_angle_rad"
-    unsteady = "depth_m wave_height_m travel_m distance load_N/m resistance_N/m"
     return {
         "schema": SCHEMA,
         "title": scene.title,
@@ -252,12 +260,12 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "roller_motors": _roller_motors(study),
         "comparison": _comparison(study),
         "heaping": {
-            name: json_numbers(error.heaping, heaping)
+            name: json_numbers(error.heaping, HEAPING)
             | {"is_estimate": error.heaping.travel is None, "reason": str(error)}
             for name, error in study.heaping.items()
         },
         "unsteady": {
-            name: json_numbers(error.unsteady, unsteady) | {"reason": str(error)}
+            name: json_numbers(error.unsteady, UNSTEADY) | {"reason": str(error)}
             for name, error in study.unsteady.items()
         },
         "no_equilibrium": {name: {"reason": str(error)} for name, error in study.without_equilibrium.items()},
@@ -284,12 +292,11 @@ def _held(held: HeldQuantity | None) -> dict[str, Any] | None:
 
 def _drive_resistance(study: Study) -> dict[str, Any]:
     """Convert the resistance to the cart and its error estimates."""
-    if not bool(study.stages.contacts.speeds):
+    if not study.stages.contacts.speeds:
         return {"by": "eq 1.8"}
-    found = columns("speeds error_between_speeds=error engine_error added_masses relaxation_time")
-    numbers = {name: getter_value(study.stages.resistance.map, getter) for name, getter in found.items()}
-    kept = {"kept": study.stages.contacts.kept is not None}
-    return {"by": study.scene.accuracy.engine} | numbers | kept
+    names = "speeds error_between_speeds=error engine_error added_masses relaxation_time"
+    numbers = json_values(study.stages.resistance.map, names)
+    return {"by": study.scene.accuracy.engine} | numbers | {"kept": study.stages.contacts.kept is not None}
 
 
 def _return_stroke(study: Study) -> dict[str, Any]:
@@ -336,25 +343,18 @@ def _verdict(study: Study) -> dict[str, Any] | None:
     known = study.uncertainty
     if known is None:
         return None
-    models = [
-        {
-            "engine": each.engine,
-            "sizing": each.valid,
-            "mean_resistance": {f"{time:g}": json_number(force, "N") for time, force in each.mean_resistance.items()},
-            "resistance_error": each.error,
-            "law_spread": each.spread,
-        }
-        for each in study.models
-    ]
-    verdicts = [
-        asdict(each) | {"value": json_number(each.value, CRITERIA[each.by].unit)} for each in study.verdicts.values()
-    ]
+    models = []
+    for each in study.models:
+        forces = {f"{time:g}": json_number(force, "N") for time, force in each.mean_resistance.items()}
+        models.append(json_values(each, "engine sizing=valid resistance_error=error law_spread=spread"))
+        models[-1]["mean_resistance"] = forces
+    verdicts = study.verdicts.values()
     return {
         "models": models,
-        "verdicts": verdicts,
+        "verdicts": [asdict(each) | {"value": json_number(each.value, CRITERIA[each.by].unit)} for each in verdicts],
         "margins": {by: known.margin(by) for by in known.peaks},
         "sources": [asdict(each) for each in known.sources],
-        "mix": None if known.mix is None else asdict(known.mix),
+        "mix": known.mix and asdict(known.mix),
     }
 
 
@@ -368,50 +368,37 @@ def _steady_forces(study: Study) -> dict[str, Any]:
 
 def _over_durations(found: DurationStudy) -> dict[str, Any]:
     """Convert the first laws over the duration, and where they change."""
+    firsts = {by: [order[0] for order in orders] for by, orders in found.orders.items()}
     return {
         by: {
             "unit": CRITERIA[by].unit,
             "first": [
-                {"duration": duration, "law": order[0].run.name, "value": order[0].value, "margin": order[0].margin}
-                for duration, order in zip(found.durations, orders, strict=True)
+                {"duration": duration} | json_values(each, "law=run.name value margin")
+                for duration, each in zip(found.durations, order, strict=True)
             ],
             "crossovers": [
-                {name: getattr(each, name) for name in ("duration", "shorter", "longer", "value")}
-                for each in found.crossovers
-                if each.by == by
+                json_values(each, "duration shorter longer value") for each in found.crossovers if each.by == by
             ],
         }
-        for by, orders in found.orders.items()
+        for by, order in firsts.items()
     }
 
 
 def sizing_numbers(sizing: MachineSizing) -> dict[str, Any]:
     """Convert shaft, motor, wheel loads and lives of bearings of the first law to the content of summary.json."""
-    first = sizing.first
-    shaft = motor = None
-    if first is not None and first.requirement is not None:
-        shaft = json_numbers(
-            first, "speed_rad/s=requirement.speed mean_torque_Nm=requirement.mean_torque "
-            "rms_torque_Nm=requirement.rms_torque peak_torque_Nm=requirement.peak_torque "
-            "driving_share=requirement.driving_share braking_share=requirement.braking_share "
-            "largest_inertia_kgm2=requirement.largest_inertia required_power_W",
-        )  # fmt: skip
+    first, motor = sizing.first, None
     if first is not None and first.choice is not None:
-        names = columns(
-            "by chosen=chosen.motor.name gear_ratio=chosen.gear_ratio inertia_ratio=chosen.inertia_ratio "
-            "next_smaller=next_smaller.motor.name next_smaller_fails=next_smaller.failures"
-        )
-        motor = {name: getter_value(first.choice, getter) for name, getter in names.items()}
+        motor = json_values(first.choice, MOTOR)
         motor["next_smaller_fails"] = list(motor["next_smaller_fails"] or ())
     return {
         "law": sizing.first_law,
         "margin": sizing.rule.margin,
         "efficiency": sizing.rule.efficiency,
-        "shaft": shaft,
+        "shaft": json_numbers(first, SHAFT) if first is not None and first.requirement is not None else None,
         "motor": motor,
         "wheels": {
             wheel.name: json_numbers(wheel, "least_N largest_N")
-            | {"cycles": [{"range": each.range, "mean": each.mean, "count": each.count} for each in wheel.cycles]}
+            | {"cycles": [json_values(each, "range mean count") for each in wheel.cycles]}
             for wheel in sizing.wheels
         },
         "bearings": {
@@ -433,7 +420,7 @@ def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
 
 def _comparison(study: Study) -> dict[str, Any]:
     """Convert the results of each engine of the comparison."""
-    agreed = study.agreements if study.comparison else []
+    agreed = [(each.other_engine, each) for each in study.agreements] if study.comparison else []
     return {
         name: {
             "contacts": [contact.to_json() for contact in other.records],
@@ -442,10 +429,9 @@ def _comparison(study: Study) -> dict[str, Any]:
             "roller_load": json_number(other.roller_load, "N"),
             "rankings": {kind: _rankings(order) for kind, order in study.places_by_engine[name].items()},
             "agreement": [
-                {"drive": each.drive, "criterion": each.by, **each.agreement._asdict()}
-                | {"first": each.first, "other_first": each.other_first}
-                for each in agreed
-                if each.other_engine == name
+                json_values(each, "drive criterion=by first other_first") | each.agreement._asdict()
+                for engine, each in agreed
+                if engine == name
             ],
             "evaluation_counts": dict(other.counts),
         }
@@ -455,10 +441,8 @@ def _comparison(study: Study) -> dict[str, Any]:
 
 def _rankings(orders: Mapping[str, Iterable[Place]]) -> dict[str, list[dict[str, Any]]]:
     """Convert the places by criterion; `reason` is of infinite values only."""
+    names = "rank law value margin error resolved tie"
     return {
-        by: [
-            {key: value for key, value in each._asdict().items() if key != "reason" or value} | {"tie": each.tie}
-            for each in found
-        ]
+        by: [json_values(each, names) | ({"reason": each.reason} if each.reason else {}) for each in found]
         for by, found in orders.items()
     }

@@ -116,13 +116,6 @@ def test_laboratory_tests_of_an_elastic_material_have_closed_forms(spring):
     assert "axial stress [kPa]" in tests._repr_html_()
 
 
-def test_laboratory_tests_of_a_scene_are_those_of_the_command():
-    tests = compact.load_scene("studies/scenes/small.toml").laboratory_tests()
-    assert tests.programme is not None
-    assert tests[0] is tests.programme.test("oedometer")
-    assert set(tests.to_dataframe()["specimen"]) == {"loose", "compacted"}
-
-
 @pytest.mark.parametrize(
     ("update", "words"),
     [

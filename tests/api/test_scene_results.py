@@ -134,32 +134,12 @@ def test_own_resistance_replaces_that_of_the_engine(scene):
         scene.rank(resistance=lambda v, a: 3e3 + 0 * v + 0 * a)
 
 
-@pytest.mark.parametrize(
-    ("speeds", "forces", "words"),
-    [
-        ([0.1], [1e3], "columns of one length >= 2"),
-        ([0.2, 0.1], [1e3, 1e3], "must ascend"),
-        ([0.1, 0.2], [1e3], "shapes"),
-    ],
-)
-def test_table_of_resistance_is_checked(speeds, forces, words):
-    with pytest.raises(ValueError, match=words):
-        compact.tabulated_resistance(speeds, forces)
-
-
 def test_sweep_is_a_dataset_whose_points_are_contacts(scene):
     table = scene.sweep({"mix.moisture": np.array([0.09, 0.1]), "motion.duration": "2:4:2"})
     assert isinstance(table, xarray.Dataset)
     assert dict(table.sizes) == {"moisture": 2, "duration": 2}
     point = scene.replaced(**{"mix.moisture": 0.1, "motion.duration": 2.0}).roll([0.2])[0]
     assert float(table["load"].sel(moisture=0.1, duration=2)) == pytest.approx(point.load * scene.machine.roller_length)
-
-
-@pytest.mark.slow
-def test_process_has_strokes():
-    process = compact.load_scene(SCENES / "process.toml", **{"process.mould_speed": 0.1}).forming_process()
-    assert len(process.to_dataframe()) == process.row.history.count
-    assert repr(process).startswith("<process of Forming process of the published machine, columns, 13.09 strokes")
 
 
 @pytest.mark.slow
@@ -187,14 +167,6 @@ def test_fields_survive_writing_and_reading(fields, tmp_path):
     single = compact.read_fields(next((tmp_path / "fields").iterdir()))
     assert single.names == ("density_ratio",)
     assert repr(again) == "<fields density_ratio on 1 elements, 2 frames>"
-
-
-@pytest.mark.slow
-def test_fields_become_grids_of_the_displaced_layer(fields):
-    blocks = fields.to_pyvista()
-    assert blocks.keys() == ["speed=0.01", "speed=0.02"]
-    assert blocks[0].bounds[2:4] == pytest.approx((-0.01, 0.09))
-    assert compact.Fields(fields.frames[:1]).to_pyvista(displaced=False).bounds[2:4] == pytest.approx((0.0, 0.1))
 
 
 def test_files_without_fields_are_refused(tmp_path):

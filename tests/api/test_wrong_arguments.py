@@ -95,58 +95,35 @@ def scene():
     return compact.load_scene("studies/scenes/small.toml")
 
 
-REFUSED = {  # call of a scene, and the beginning of the refusal
-    "roll text": (lambda scene: scene.roll(["0,1"]), "`speeds` must be real numbers below 1.8e308, got"),
-    "roll complex": (lambda scene: scene.roll(1 + 2j), r"`speeds` must be real numbers below 1.8e308, got \(1\+2j\)"),
-    "roll ragged": (lambda scene: scene.roll([[0.1], [0.1, 0.2]]), "`speeds` must be real numbers"),
-    "roll table": (lambda scene: scene.roll([[0.1, 0.2]]), "`speeds` must hold at least one speed"),
-    "rank by a list": (lambda scene: scene.rank(by=[]), r"no criterion '\[\]'; choose from peak_force"),
-    "rank by nothing": (lambda scene: scene.rank(by=""), "no criterion ''; choose from"),
-    "rank laws": (
-        lambda scene: scene.rank(laws={"own": None}),
-        "the law 'own' is none, got None; give a MotionProfile",
-    ),
-    "rank resistance": (lambda scene: scene.rank(resistance=100.0), "`resistance` must be a function of velocity"),
-    "sweep nothing": (
-        lambda scene: scene.sweep({"mix.moisture": []}),
-        "--vary mix.moisture: takes one or more numbers",
-    ),
-    "sweep a number": (
-        lambda scene: scene.sweep({"mix.moisture": 0.1}),
-        "`vary` must have a list of values for mix.mo",
-    ),
-    "sweep a list": (lambda scene: scene.sweep(["mix.moisture"]), "`vary` must be values by key path, got"),
-    "sweep tables": (lambda scene: scene.sweep({"mix.moisture": [{}]}), "--vary mix.moisture: takes one or more numb"),
-    "sweep no key": (lambda scene: scene.sweep({1: [0.1]}), "--vary takes key paths such as mix.moisture, got 1"),
-    "workers": (
-        lambda scene: scene.sweep({"mix.moisture": [0.1]}, workers="2"),
-        "--workers must be at least 1, got '2'",
-    ),
-    "material": (lambda scene: scene.roll(0.1, engine="column", material=1), "`material` must be a StateUpdate, got 1"),
-    "load a table": (lambda _: compact.load_scene({"a": 1}), "a scene is read from the path of its file, got a table"),
-    "load nothing": (lambda _: compact.load_scene(None), "a scene is read from the path of its file, got None"),
-    "parse bytes": (lambda _: compact.parse_scene(b"[machine]"), "<text>: a scene is a TOML text, got b'"),
-    "fields": (lambda _: compact.read_fields(1), "`path` must be the path of a file, got 1"),
-    "tests": (lambda _: compact.laboratory_tests(1, 1e5), "`material` must be a StateUpdate, got 1"),
-    "short pass": (lambda _: compact.law("cubic", 0.4, 1e-320), r"`duration` must be between 1e-20 and 1e\+20, got"),
-    "long stroke": (lambda _: compact.law("cubic", 1e300, 1.0), r"`stroke` must be between 1e-20 and 1e\+20, got"),
-    "no law": (lambda _: compact.law([], 0.4, 1.0), r"no motion law '\[\]'; choose from"),
-    "no cart": (lambda _: compact.simulate(1, compact.Rigid(), LAW, 1.0), "`cart` must be a Cart, got 1"),
-    "no drive": (
-        lambda _: compact.simulate(compact.Cart(**CART), "rigid", LAW, compact.dry_resistance(1.0)),
-        "`drive` must be a drive, such as",
-    ),
-    "no runs": (lambda _: compact.rank([1]), "`runs` must be runs of a drive, got 1"),
-    "no cycle": (lambda _: compact.Cam(LAW, 0.9, compact.FlatFace()), "`cycle` must be the Cycle of a motion law, got"),
-    "no objective": (
-        lambda _: compact.optimise(1, 0.4, 3.0, 1e3, compact.dry_resistance(1.0)),
-        "`objective` must be the name of an objective",
-    ),
+REFUSED = {  # call, and the beginning of the refusal
+    'scene.roll(["0,1"])': "`speeds` must be real numbers below 1.8e308, got",
+    "scene.roll([[0.1], [0.1, 0.2]])": "`speeds` must be real numbers",
+    "scene.roll([[0.1, 0.2]])": "`speeds` must hold at least one speed",
+    "scene.rank(by=[])": r"no criterion '\[\]'; choose from peak_force",
+    'scene.rank(laws={"own": None})': "the law 'own' is none, got None; give a MotionProfile",
+    "scene.rank(resistance=100.0)": "`resistance` must be a function of velocity",
+    'scene.sweep({"mix.moisture": []})': "--vary mix.moisture: takes one or more numbers",
+    'scene.sweep({"mix.moisture": 0.1})': "`vary` must have a list of values for mix.mo",
+    'scene.sweep(["mix.moisture"])': "`vary` must be values by key path, got",
+    "scene.sweep({1: [0.1]})": "--vary takes key paths such as mix.moisture, got 1",
+    'scene.sweep({"mix.moisture": [0.1]}, workers="2")': "--workers must be at least 1, got '2'",
+    'scene.roll(0.1, engine="column", material=1)': "`material` must be a StateUpdate, got 1",
+    'compact.load_scene({"a": 1})': "a scene is read from the path of its file, got a table",
+    'compact.parse_scene(b"[machine]")': "<text>: a scene is a TOML text, got b'",
+    "compact.read_fields(1)": "`path` must be the path of a file, got 1",
+    "compact.laboratory_tests(1, 1e5)": "`material` must be a StateUpdate, got 1",
+    'compact.law("cubic", 0.4, 1e-320)': r"`duration` must be between 1e-20 and 1e\+20, got",
+    "compact.law([], 0.4, 1.0)": r"no motion law '\[\]'; choose from",
+    "compact.simulate(1, compact.Rigid(), LAW, 1.0)": "`cart` must be a Cart, got 1",
+    'compact.simulate(compact.Cart(**CART), "rigid", LAW, compact.dry_resistance(1.0))': "`drive` must be a drive",
+    "compact.rank([1])": "`runs` must be runs of a drive, got 1",
+    "compact.Cam(LAW, 0.9, compact.FlatFace())": "`cycle` must be the Cycle of a motion law, got",
+    "compact.optimise(1, 0.4, 3.0, 1e3, compact.dry_resistance(1.0))": "`objective` must be the name of an objective",
 }
 
 
-@pytest.mark.parametrize(("call", "words"), REFUSED.values(), ids=REFUSED)
-def test_a_wrong_argument_is_refused(call, words, scene):
-    with pytest.raises(ValueError, match=f"^{words}") as refused:
-        call(scene)
+@pytest.mark.parametrize("call", REFUSED)
+def test_a_wrong_argument_is_refused(call, scene):
+    with pytest.raises(ValueError, match=f"^{REFUSED[call]}") as refused:
+        eval(call, globals(), {"scene": scene})
     assert is_refusal(refused.value)

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm, to_rgb
 
 from compact.analysis.ranking_uncertainty import Place
@@ -65,23 +64,6 @@ def test_colours_of_engines_are_distinct_with_colour_blindness(sight):
     assert min(np.linalg.norm(one - other) for one, other in combinations(shades, 2)) > 16
 
 
-def test_curves_differ_without_colour():
-    styles = figures.ENGINE_STYLES.values()
-    assert len({str(dash) for _, _, dash in styles}) == len({mark for _, mark, _ in styles}) == len(styles)
-    assert len({str(dash) for dash, _ in figures.BEST_STYLES}) == len(figures.BEST_STYLES)
-    assert len({str(dash) for _, dash in figures.LEVELS.values()}) == len(figures.LEVELS)
-
-
-def test_labels_of_a_logarithmic_axis_do_not_overlap():
-    contacts = [
-        SimpleNamespace(speed=v, load=8e3, coefficient=0.18, load_error=None, resistance_error=None)
-        for v in (0.028, 0.45)
-    ]
-    axis = contact_figures.draw_loads(contacts).axes[0].xaxis
-    assert [label.get_text() for label in axis.get_ticklabels()] == ["0.03", "0.05", "0.1", "0.2", "0.3", "0.5"]
-    assert not any(label.get_text() for label in axis.get_ticklabels(minor=True))
-
-
 # laws and drives
 
 
@@ -127,20 +109,6 @@ def test_drive_figure_names_infinite_forces_and_no_law_within_its_scale():
 
 
 # cams
-
-
-def test_undercut_cam_has_the_colour_of_its_law_and_a_label():
-    def cam(undercut):
-        return SimpleNamespace(
-            undercut=undercut, radius=lambda phi: 0.5 + 0 * phi, profile=lambda phi: 0.4 * np.array([phi, phi])
-        )
-
-    names = ["constant-velocity", "reversal-4-free-acceleration"]
-    figure = figures.draw_cams({(names[0], "roller"): cam(True), (names[1], "roller"): cam(False)}, names, "roller")
-    bad, good = figure.axes
-    assert [ax.lines[0].get_color() for ax in figure.axes] == [law_style(name)["color"] for name in names]
-    assert ["UNDERCUT" in ax.get_title() for ax in (bad, good)] == [True, False]
-    assert bad.get_facecolor() != good.get_facecolor()
 
 
 # fields
@@ -211,54 +179,3 @@ def test_marks_of_engines_in_a_ranking_do_not_overlap():
     heights = np.array([line.get_ydata() for line in marks])
     assert np.diff(np.sort(heights, axis=0), axis=0).min() > 0.2  # of a row
     assert np.abs(heights - np.arange(3)).max() < 0.4  # still in its row
-
-
-def test_ranking_is_one_narrow_column_with_a_common_legend():
-    order = {by: places(VALUES) for by in ("peak_force", "peak_power", "rms_force", "rms_power")}
-    none = {name: place._replace(value=np.inf, reason="velocity jumps") for name, place in by_law(VALUES).items()}
-    comparisons = {"peak_force": {"column": none}, "peak_power": {"column": by_law(VALUES)}}
-    figure = figures.draw_rankings(order, comparisons)
-    assert [text.get_text() for text in figure.legends[0].texts] == ["by column"]
-    assert len(figure.axes) == 4
-    assert len({round(ax.get_position().x0, 9) for ax in figure.axes}) == 1
-    assert figure.get_figwidth() < 6.0
-
-
-def test_marks_of_engines_do_not_overlap_and_have_no_bar_without_error():
-    orders = {
-        engine: {"rigid": {"peak_force": places(VALUES, error)}} for engine, error in (("fem", 5.0), ("column", 0.0))
-    }
-    figure = figures.draw_engines(orders)
-    fem, column = figure.axes[0].containers
-    assert np.abs(fem.lines[0].get_ydata() - column.lines[0].get_ydata()).min() > 0.2
-    bars = column.lines[2][0].get_segments()
-    assert not any(len(bar) for bar in bars)
-
-
-@pytest.mark.parametrize("figure", ["ranking", "engines"])
-def test_labels_of_rankings_are_within_the_figure(figure):
-    long = {"reversal-3-free-acceleration": 700.0, "reversal-4-free-acceleration": 1234.0}
-    order = {by: places(long, 5.0) for by in ("peak_force", "peak_power")}
-    drawn = (
-        figures.draw_rankings(order, {}) if figure == "ranking" else figures.draw_engines({"fem": {"elastic": order}})
-    )
-    FigureCanvasAgg(drawn).draw()
-    for ax in drawn.axes:
-        for text in (ax.xaxis.label, *ax.get_yticklabels()):
-            box = text.get_window_extent()
-            assert 0 <= box.x0 < box.x1 <= drawn.bbox.x1
-
-
-def test_lines_of_equal_resistances_are_both_visible():
-    met = SimpleNamespace(speeds=np.array([0.1, 0.5]), forces=np.array([400.0, 300.0]))
-
-    class Map:
-        speeds, forces = met.speeds, met.forces
-
-        def __call__(self, speed, acceleration):
-            return 400.0 + 0 * speed
-
-    flat = lambda speed, acceleration: 3500.0 + 0 * speed  # noqa: E731
-    figure = contact_figures.draw_resistances({"fem": Map(), "formula": flat, "column": flat})
-    widths = {line.get_label(): line.get_linewidth() for line in figure.axes[0].lines if line.get_linestyle() != "None"}
-    assert widths["column"] > widths["formula"] + 1  # the broader below

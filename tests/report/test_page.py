@@ -8,24 +8,20 @@ from dataclasses import replace
 from html import unescape
 from importlib.resources import files
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from jinja2 import UndefinedError
-from markupsafe import Markup
 from pages import PageReader, answer_words, section_html
 
 from compact.analysis.study import Study
-from compact.drive import CRITERIA
 from compact.quantities import CRITERIA as TERMS
 from compact.report import writer as report
-from compact.report.page import answer, render_block, render_page
+from compact.report.page import answer, render_page
 from compact.report.sections import Picture, Section, Table, section
 from compact.report.tables import PREFIX_FACTORS, format_column, format_number, format_percent, format_quantity
-from compact.scene.choices import RankBy
 from compact.scene.loader import load_scene, parse_scene, starter_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -131,17 +127,6 @@ def test_every_section_is_present_and_linked(written):
     assert [link["href"] for link in page.all("a")] == [f"#{name}" for name in SECTIONS]
 
 
-def test_ranks_by_engine_and_formula_are_in_one_row(written):
-    study, _, path = written
-    text = path.read_text("utf-8")
-    for by, places in study.rankings.items():
-        formula = {place.law: place.rank for place in study.places_by_engine["formula"]["rigid"][by]}
-        rows = re.findall(
-            r'<td class="n">(\d+)</td><td>([\w-]+)</td>.*?<td class="n">[\d.\skNW]+ \((\d+)\)</td><td></td></tr>', text
-        )
-        assert {(str(p.rank), p.run.name, str(formula[p.run.name])) for p in places} <= set(rows)
-
-
 def test_origins_of_inputs_are_marked_by_the_first_word_of_a_clause(written):
     text = written[2].read_text("utf-8")
     told = section_html(section("scene", Study(parse_scene(starter_scene()))))
@@ -157,51 +142,6 @@ def test_origins_of_inputs_are_marked_by_the_first_word_of_a_clause(written):
         assert f'<span class="mark {kind}">{mark}</span>' in row(key, text)
     assert "mark" not in row("guide_positions", told)  # its remark: measured in the same way
     assert '<span class="mark assumed">guess</span>' in row("rib_factor", told)
-
-
-def test_every_criterion_has_a_term():
-    assert TERMS.keys() == CRITERIA.keys() == set(get_args(RankBy))
-
-
-@pytest.mark.slow
-def test_figures_of_the_page_are_those_of_the_files(tmp_path):
-    study = Study(scene(**{"output.items": ["report", "figures"], "motion.laws": ["cubic"]}))
-    report.write_study(study, tmp_path / "out")
-    from base64 import b64encode
-
-    text = (tmp_path / "out" / "report.html").read_text("utf-8")
-    for drawn in (tmp_path / "out").glob("*.png"):
-        assert b64encode(drawn.read_bytes()).decode() in text
-    assert study.counts["figures"] == 6
-
-
-@pytest.mark.parametrize(("pixels", "wide"), [(600, False), (1700, True)])
-def test_only_wide_pictures_scroll_on_a_narrow_screen(pixels, wide):
-    from matplotlib.figure import Figure
-
-    from compact.files import FIGURE_DPI, render_png
-
-    text = render_block(Picture(render_png(Figure(figsize=(pixels / FIGURE_DPI, 1))), "a picture"))
-    assert ("scroll it sideways" in text) == ('<figure class="wide">' in text) == wide
-
-
-def test_resistance_is_drawn_over_speed_and_acceleration(written):
-    from compact.report.contact_figures import draw_resistance
-
-    study, _, _ = written
-    met = study.stages.resistance.map
-    ax, second = draw_resistance(met, 0.2).axes
-    lines = {line.get_label(): line.get_xydata() for line in ax.lines}
-    for acceleration in (-0.2, -0.1, 0.1, 0.2):
-        speed, force = lines[f"a = {acceleration:+.2g} m/s²"].T
-        drawn = np.isfinite(force)
-        assert force[drawn] == pytest.approx(met(speed[drawn], acceleration) / 1e3)
-        assert np.array_equal(~drawn, met.is_unsteady(speed, acceleration))  # dotted there, by a line of its own
-    speed, mass = second.lines[0].get_xydata().T
-    inside = speed > met.speeds[0]
-    assert np.interp(met.speeds[1:-1], speed[inside], mass[inside]) == pytest.approx(
-        met.added_masses[1:-1], abs=1e-3 * np.abs(met.added_masses).max()
-    )
 
 
 def test_number_and_unit_stay_on_one_line():
@@ -234,16 +174,6 @@ def test_open_energy_balance_of_a_cycle_fails_its_check():
     failed = [check for check in study.checks if not check.passed]
     assert [check.name for check in failed] == ["work over a cycle, cubic"]
     assert "Built-in checks that fail: work over a cycle, cubic." in answer_words(study, failed)
-
-
-@pytest.mark.slow
-def test_open_energy_balance_of_a_contact_fails_its_check(written):
-    study, _, _ = written
-    broken = Study(study.scene.replaced(**{"output.items": []}))
-    (speed, (rolled,)), *others = study.stages.contacts.passes
-    broken.stages.contacts.passes = [(speed, (replace(rolled, work_residual=0.5),)), *others]
-    failed = [check.name for check in broken.checks if not check.passed]
-    assert failed == [f"work of the contact at {speed:.4g} m/s"]
 
 
 LAYERS = {
@@ -293,13 +223,6 @@ def test_sensitivities_of_an_expensive_engine_are_by_its_map_or_by_formula():
     )
     told = PageReader(section_html(section("sensitivity", dear))).words
     assert "Inputs that do not change the layer are by the resistance map of the engine" in told
-
-
-def test_answer_counts_ends_out_of_range():
-    study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"], "mix.overrides.effective_modulus": 0.5e6}))
-    shifts = study.sensitivities
-    assert next(shift for shift in shifts if shift.name.endswith("required_pressure")).high is None  # sin phi > 1
-    assert "1 of the ends are out of range" in answer_words(study, shifts=shifts)
 
 
 def test_answer_names_inputs_that_change_the_first_law():
@@ -428,12 +351,3 @@ def test_browser_shows_the_page_whole_on_a_screen_and_a_phone(written, tmp_path)
         assert len(shown["images"]) == len(PageReader(text).all("img"))
         assert min(shown["images"]) > 0
         assert (shown["shut"], shown["still"]) == (len(SECTIONS) + 3, 0)  # on paper every section is open
-
-
-@needs_chromium
-def test_browser_test_detects_defects(tmp_path):
-    wide = '<div style="width: 900px">wide</div><img src="data:image/png;base64,AAAA" alt="broken">'
-    told = browsed(render_page("wrong", content=Markup(f"{wide}<script>nothing.at.all</script>")), tmp_path)
-    assert told[400]["scroll"] >= 900
-    assert told[1280]["images"] == [0]
-    assert any("nothing is not defined" in words for words in told[1280]["told"])

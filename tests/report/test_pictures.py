@@ -49,12 +49,6 @@ def test_picture_shows_both_densities_the_roller_and_the_paper(layer, contact):
 
 
 @pytest.mark.slow
-def test_whole_layer_is_shown_without_a_contact(layer, tmp_path):
-    path = pictures.write_picture(tmp_path / "layer.jpg", layer)
-    assert path.read_bytes().startswith(b"\xff\xd8")
-
-
-@pytest.mark.slow
 def test_displaced_grid_keeps_data_and_moves_points(layer):
     grid = pictures.displaced_grid(layer)
     assert grid.bounds[2:4] == pytest.approx((-0.01, 0.09))

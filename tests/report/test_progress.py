@@ -1,7 +1,6 @@
 """Progress: stage, counts and elapsed time; no output without a terminal."""
 
 import io
-import re
 import sys
 import time
 from pathlib import Path
@@ -32,26 +31,6 @@ def terminal(monkeypatch):
     """A terminal of 100 columns, whatever that of the tests is."""
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "100")
-
-
-def test_a_dumb_terminal_has_no_line(monkeypatch):
-    monkeypatch.setenv("TERM", "dumb")
-    stream = Terminal()
-    with spinning("contact by fem", stream=stream, after=0.0):
-        time.sleep(0.4)
-    assert stream.getvalue().strip() == ""
-
-
-def test_line_of_a_narrow_terminal_fits_and_is_erased(monkeypatch):
-    monkeypatch.setenv("COLUMNS", "40")
-    stream = Terminal()
-    for _ in tracked(range(3), "contact", stream=stream, after=0.0):
-        time.sleep(0.3)
-    seen = stream.getvalue()
-    plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", seen)
-    assert max(map(len, re.split(r"[\r\n]+", plain))) <= 40
-    assert all(word in plain for word in ("contact,", "elapsed", "3 of 3"))
-    assert seen.endswith("\x1b[2K")
 
 
 def test_line_shows_stage_count_and_detail_is_refreshed_and_erased():
