@@ -20,7 +20,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial, chebyshev, polynomial
 from numpy.typing import ArrayLike
-from scipy.optimize import elementwise
 
 from compact.numerics import Array
 
@@ -29,6 +28,7 @@ Function = Callable[[Array], Array]
 BREAK_OFFSET = 4 * np.finfo(float).eps  # [-], distance from a break over the unit interval; resolved in 1 - z too
 HALVINGS = 40  # [-], halvings of a piece towards each of its ends, down to 1e-12 of it
 ZOOM_CELLS, ZOOM_LEVELS = 20, 7  # [-], cells and levels of the search; to 1e-7 of a cell, a smooth maximum to rounding
+BISECTIONS = 60  # [-], halvings of an interval that contains a root, to rounding
 GAUSS_POINTS = 12  # [-], per cell; exact for polynomials up to degree 23
 
 DEGREE = 8  # [-], of the polynomial on each piece
@@ -86,11 +86,16 @@ def find_maximum(function: Function, grid: Array) -> tuple[float, float]:
 
 
 def find_roots(function: Function, breaks: Array) -> Array:
-    """Find the roots at which a function changes its sign between breaks, ascending and to rounding."""
+    """Find the roots at which a function changes its sign between breaks, ascending and bisected to rounding."""
     grid = graded_grid(breaks)
     values = function(grid)
     change = np.flatnonzero(values[:-1] * values[1:] < 0)
-    return np.asarray(elementwise.find_root(function, (grid[change], grid[change + 1])).x)
+    low, high, sign = grid[change], grid[change + 1], np.sign(values[change])
+    for _ in range(BISECTIONS if change.size else 0):
+        middle = (low + high) / 2
+        left = np.sign(function(middle)) == sign
+        low, high = np.where(left, middle, low), np.where(left, high, middle)
+    return (low + high) / 2
 
 
 def integrate(function: Function, breaks: ArrayLike) -> float:
