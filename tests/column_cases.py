@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from compact.engines.column.engine import roll
+from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.material.mix import prior
 from compact.rolling_contact import Layer, Roller
@@ -38,6 +39,18 @@ def circle(depth=DEPTH, **other):
 def rolled(material=MIX, height=FED_HEIGHT, roller=None, **options):
     """One pass over a fresh layer."""
     return roll(Layer(height), roller or circle(), material, SPEED, **options)
+
+
+def stepped(material, strains, steps):
+    """(s_v, s_h, k, largest k) of confined compression at each strain, by equal implicit steps of `cap_plasticity`."""
+    state, before, rows = cap_plasticity.initial_state(material, 1), 0.0, []
+    for strain in strains:
+        increment = np.array([[0.0, (before - strain) / steps, 0.0]])
+        for _ in range(steps):
+            state, _ = cap_plasticity.integrate_points(material, state, increment, tangent=False)
+        rows.append([*-state.stress[0, [1, 0]], state.density_ratio[0], state.max_density_ratio[0]])
+        before = strain
+    return np.array(rows)
 
 
 def mix_of(moisture, density_ratio, fed, dry_side="flat"):

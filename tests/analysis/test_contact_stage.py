@@ -64,7 +64,7 @@ def test_plies_of_a_scene_are_passed_to_the_engine():
     direct = spectral.roll(layer, Roller(0.11, indentation=0.003), mix, 0.3)
     assert (rolled.load, rolled.resistance) == pytest.approx((direct.load, direct.resistance), rel=1e-4)
     with pytest.raises(
-        ValueError, match="the engine formula takes no `indentation` 0.003, as the depth of a contact on a half-plane"
+        ValueError, match=r"the engine formula takes no `indentation` 0.003, as the depth of a contact on a half-plane"
     ):
         contact_cases.roll_scene(case.scene, case.mix, 0.3, "formula")
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from column_cases import stepped
 
 from compact.engines.column.engine import roll, simulate_oedometer
-from compact.material import cap_plasticity
 from compact.material.earth_pressure import drucker_prager_cap
 from compact.rolling_contact import Layer, Roller
 
@@ -24,18 +24,6 @@ def law(friction_angle=35.0, **other):
         "fed_density_ratio": 0.9,
     }
     return drucker_prager_cap(**others | other)
-
-
-def stepped(mix, strains, steps):
-    """Vertical and lateral stress and density ratio of confined compression by equal steps between strains."""
-    state, before, rows = cap_plasticity.initial_state(mix, 1), 0.0, []
-    for strain in strains:
-        increment = np.array([[0.0, (before - strain) / steps, 0.0]])
-        for _ in range(steps):
-            state, _ = cap_plasticity.integrate_points(mix, state, increment, tangent=False)
-        rows.append([*-state.stress[0, [1, 0]], state.density_ratio[0]])
-        before = strain
-    return np.array(rows)
 
 
 @pytest.mark.parametrize("changes", [{}, {"friction_angle": 25.0, "poisson": 0.2}, {"dilatancy_angle": 10.0}], ids=str)
@@ -79,12 +67,3 @@ def test_release_slides_on_the_passive_line():
     assert released[0] == pytest.approx(0, abs=2e-4 * loaded[0])
     assert released[1] == pytest.approx(column.lateral_stress, abs=2e-4 * loaded[0])
     assert released[2] == pytest.approx(contact.exit_density_ratio, rel=1e-7)
-
-
-def test_resistance_of_stiff_mix_is_that_of_heckel():
-    """Both laws follow one curve of confined compression: the resistance differs by elastic strain only."""
-    mix = law(unloading_modulus=4e9)
-    contact = roll(Layer(0.06), Roller(0.11, indentation=0.003, profile="circle"), mix, 0.1)
-    depth = np.linspace(0, 0.003, 20001)
-    heckel = np.log(0.28 / (1 - 0.9 * 0.06 / (0.06 - depth))) / HECKEL_SLOPE
-    assert contact.resistance == pytest.approx(np.trapezoid(heckel, depth), rel=2e-3)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from column_cases import FED, MIX, SPEED, R, mix, random_scenes, rolled, scene
+from column_cases import FED, SPEED, R, mix, rolled, scene
 from hypothesis import given
 from hypothesis import strategies as st
 from sampling import examples
@@ -58,19 +58,6 @@ def test_stacked_lifts_of_one_mix_equal_a_single_layer(moisture, density_ratio, 
     many = roll_over((fed,) * lifts, roller, material, SPEED)
     assert (many.load, many.resistance) == pytest.approx((one.load, one.resistance), rel=1e-8)
     assert many.exit_density_ratio == pytest.approx(one.exit_density_ratio, rel=1e-10)
-
-
-@pytest.mark.parametrize("height", [0.05, 0.22, 0.2293617, 0.31, 1.7])
-@pytest.mark.parametrize("profile", ["parabola", "circle"])
-def test_load_target_is_reached_below_its_limit_and_refused_above(height, profile):
-    deepest = min(height * (1 - FED), R if profile == "circle" else np.inf)
-    most = roll(Layer(height), Roller(R, indentation=0.9999999 * deepest, profile=profile), MIX, SPEED).load
-    for share in (1e-9, 1e-3, 0.5, 0.99, 0.9999):
-        contact = roll(Layer(height), Roller(R, load=share * most, profile=profile), MIX, SPEED)
-        assert contact.load == pytest.approx(share * most, rel=1e-8)
-    for share in (1.001, 1.2, 10, 1e3, 1e12):
-        with pytest.raises(ValueError, match=r"`load` must be less than \d.*got"):
-            roll(Layer(height), Roller(R, load=share * most, profile=profile), MIX, SPEED)
 
 
 @pytest.mark.parametrize("rise", [1e-9, 1e-6, 1e-4, 0.03])
@@ -167,30 +154,3 @@ def test_load_agrees_with_the_implicit_cap(count):
         compared += 1
         assert 2 * fine - coarse == pytest.approx(contact.load, rel=3e-3)
     assert compared > count / 4
-
-
-@pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=pytest.mark.slow)])
-def test_random_scenes_satisfy_the_balances(count):
-    contacts = [roll(*arguments, SPEED) for arguments in random_scenes(count, seed=count)]
-    assert max(contact.work_residual for contact in contacts) < 1e-10
-    assert max(abs(contact.mass_residual) for contact in contacts) < 1e-9
-    assert max(max(contact.error) for contact in contacts) < 1e-6
-    assert min(contact.resistance / contact.load for contact in contacts) > 0.01
-
-
-@pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=pytest.mark.slow)])
-def test_only_impossible_indentations_are_refused(count):
-    rng = np.random.default_rng(count)
-    wrong = []
-    for layer, roller, material in random_scenes(count, seed=count + 1):
-        impossible = rng.random() < 0.2
-        lowest = layer.height - roller.indentation
-        if impossible:  # 90 to 100 % of the height of grains and water
-            lowest = rng.uniform(0.9, 1) * material.fed_density_ratio * layer.height
-        try:
-            roll(layer, replace(roller, indentation=layer.height - lowest), material, SPEED)
-            refused = False
-        except ValueError:
-            refused = True
-        wrong += [(layer, roller, material)] if refused != impossible else []
-    assert not wrong

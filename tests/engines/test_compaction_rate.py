@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from column_cases import DEPTH, FED, FED_HEIGHT, HEIGHT, MIX, SPEED, R, circle, mix_of
+from column_cases import DEPTH, FED, FED_HEIGHT, HEIGHT, MIX, SPEED, R, circle
 
 from compact.analysis.multipass import Pass, passes
 from compact.engines.column.engine import required_feed, roll
@@ -29,17 +29,6 @@ def test_rate_is_speed_times_strain_over_contact_length():
     rate = compaction_rate(-SPEED, R, FED_HEIGHT, DEPTH)
     assert rate == pytest.approx(SPEED * np.log(0.98 / FED) / np.sqrt(2 * R * DEPTH), rel=1e-12)
     assert compaction_rate(0.0, R, HEIGHT, DEPTH) == compaction_rate(SPEED, R, HEIGHT, 0.0) == 0
-
-
-@pytest.mark.parametrize("scale", [0.1, 7.0])
-def test_rate_transfers_between_radii_and_depths(scale):
-    """A machine of another size has the rate, hence the pressures, of this one at a speed in proportion."""
-    here = roll(Layer(FED_HEIGHT), circle(), RATED, SPEED)
-    there = roll(
-        Layer(scale * FED_HEIGHT), Roller(scale * R, indentation=scale * DEPTH, profile="circle"), RATED, scale * SPEED
-    )
-    assert there.peak_pressure == pytest.approx(here.peak_pressure, rel=1e-9)
-    assert there.load == pytest.approx(scale * here.load, rel=1e-9)
 
 
 # engine "column"
@@ -86,16 +75,3 @@ def test_second_pass_at_the_same_height_stays_elastic():
     at_once = roll(Layer(FED_HEIGHT), circle(FED_HEIGHT - 0.99 * HEIGHT), RATED, SPEED)
     assert third.peak_pressure == pytest.approx(at_once.peak_pressure, rel=1e-8)
     assert first.peak_pressure < third.peak_pressure
-
-
-@pytest.mark.parametrize("fed", [0.90, 0.936, 0.96])
-@pytest.mark.parametrize("reduction", [0.01, 0.03])
-def test_nominal_rate_has_the_factor_of_the_actual_contact(fed, reduction):
-    """By density ratio and contact length of the result, whose rear part only recovers, it is lower by .3 to .8 %."""
-    material = replace(mix_of(0.1, 0.98, fed), rate_sensitivity=0.02)
-    contact = roll(Layer(HEIGHT), circle(reduction * HEIGHT), material, SPEED)
-    length = contact.leading - contact.trailing
-    actual = SPEED * np.log(contact.exit_density_ratio / fed) / length
-    nominal = compaction_rate(SPEED, R, HEIGHT, reduction * HEIGHT)
-    assert 0.6 < actual / nominal < 0.9
-    assert 0.99 < material.rate_factor(actual) / material.rate_factor(nominal) < 0.998

@@ -188,15 +188,6 @@ def test_fill_above_the_generatrix_is_pressed_alone(fake_roll, row):
     assert np.isfinite(both.resistance.value)
 
 
-def test_dense_fill_takes_one_lift(fake_roll):
-    assert len(lifts_of(Fill(0.22, 0.93), 0.94).lifts) == 1
-
-
-def test_sequence_ends_where_nothing_becomes_denser(fake_roll, monkeypatch):
-    monkeypatch.setattr(lumped_lifts, "roll", lambda *a, fed_layer, **k: SimpleNamespace(exit=fed_layer))
-    assert len(lifts_of(Fill(0.22, 0.75)).lifts) == lumped_lifts.LIFTS_MAX
-
-
 def test_lift_without_a_steady_state_ends_the_sequence_or_is_refused(fake_roll, monkeypatch):
     def fail(*args, **options):
         if fake_roll:

@@ -92,23 +92,6 @@ layers = st.builds(
 waves = np.geomspace(1e-7, 1e3, 41)
 
 
-@given(layers, st.floats(0, 0.49), st.integers(0, 3), st.floats(0.1, 0.9))
-def test_dividing_a_ply_leaves_the_compliance_unchanged(layer, poisson, which, share):
-    which %= len(layer.stack)
-    ply = layer.stack[which]
-    moduli = [ply.stiffness for ply in layer.stack]
-    rounding = min(1e-10 * max(moduli) / min(moduli), 2e-8)  # grows with the contrast; 7e-9 in 4000 random layers
-    halves = (
-        Ply(thickness=ply.thickness * share, stiffness=ply.stiffness),
-        Ply(thickness=ply.thickness * (1 - share), stiffness=ply.stiffness),
-    )
-    cut = Layer(layer.height, base=layer.base, plies=(*layer.plies[:which], *halves, *layer.plies[which + 1 :]))
-    for whole, parts in zip(
-        compliance_deviation(waves, layer, poisson), compliance_deviation(waves, cut, poisson), strict=True
-    ):
-        assert parts == pytest.approx(whole, abs=rounding)
-
-
 @given(layers, st.floats(0, 0.49), st.floats(1.1, 10))
 def test_stiffer_lower_ply_reduces_the_compliance(layer, poisson, factor):
     soft = Layer(layer.height + 0.5, base=layer.base, plies=(Ply(thickness=0.5, stiffness=1.0), *layer.plies))
@@ -257,29 +240,6 @@ def test_engines_agree_for_plies(case):
     assert_engines_agree(layer, roller, SLS, 0.01, **tolerances)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("base", ["bonded", "slip"])
-def test_engines_agree_for_sliding_on_two_plies(base):
-    """The load is prescribed, since the engines define the indentation on a frictionless base differently."""
-    layer = two_plies(0.005, 1 / 20, base)
-    roller = Roller(R, load=8e3, friction=0.5, rolling="sliding")
-    exact, rolled = (engine.roll(layer, roller, SLS, 0.01) for engine in (spectral, fem))
-    assert rolled.resistance - 4e3 == pytest.approx(exact.resistance - 4e3, rel=5e-3)
-    assert (rolled.leading, rolled.trailing) == pytest.approx((exact.leading, exact.trailing), rel=3e-3)
-    assert rolled.work_residual < 5e-3
-
-
-@pytest.mark.slow
-def test_stiff_crust_has_two_pressure_peaks():
-    """A plate on a soft bed bends to the curvature of the roller, with the largest pressure near the edges."""
-    layer = two_plies(0.003, 20.0)
-    rolled, exact = (engine.roll(layer, Roller(R, load=20e3), MIX, 1.0) for engine in (fem, spectral))
-    middle = np.interp(0.0, rolled.x, rolled.pressure)
-    assert middle < 0.9 * rolled.peak_pressure
-    assert middle == pytest.approx(np.interp(0.0, exact.x, exact.pressure), rel=3e-3)
-    assert rolled.peak_pressure == pytest.approx(exact.peak_pressure, rel=3e-3)
-
-
 # balances
 
 
@@ -310,36 +270,3 @@ def test_fields_of_plies_balance_load_and_work():
     transfer = (width * relaxed.cell_data["stress"][0][:, 1]).reshape(rolled.mesh.shape).sum(axis=1)
     assert -transfer == pytest.approx(transfer[0] * -np.ones(len(transfer)), rel=1e-6)
     assert -transfer[0] == pytest.approx(roll(layer, PRESSED, MIX, 1.0, mesh=rolled.mesh).load, rel=1e-6)
-
-
-def test_stress_along_x_jumps_with_the_stiffness_at_an_interface():
-    """s_xx = c E* e_xx + nu/(1 - nu) s_yy with continuous e_xx and s_yy; the bent crust is stretched below."""
-    layer = two_plies(0.01, 20.0)
-    rows = mesh.graded_mesh(H, 0.0138, 10, interfaces=layer.interfaces, growth=1.25)
-    content = fem.fields(roll(layer, PRESSED, MIX, 1.0, mesh=rows))
-    x, y = content.points[content.cells[0].data[:, 8], :2].T
-    column = np.flatnonzero(x == x[x > 0].min())
-    bed, crust = (
-        np.polyfit(y[side] - H + 0.01, content.cell_data["stress"][0][side, :2], 2)[2]
-        for side in (column[y[column] < H - 0.01][-3:], column[y[column] > H - 0.01][:3])
-    )
-    assert crust[1] == pytest.approx(bed[1], rel=0.05)
-    stretch = [stress[0] - 0.3 / 0.7 * stress[1] for stress in (bed, crust)]
-    assert stretch[1] == pytest.approx(20 * stretch[0], rel=0.05)
-    assert crust[0] > 0 > bed[0]
-
-
-# cost
-
-
-@pytest.mark.slow
-def test_speeds_share_one_factorisation():
-    layer = two_plies(0.01, 20.0)
-    compliance.layer_stiffness.cache_clear()
-    compliance.surface_compliance.cache_clear()
-    for speed in (0.003, -0.3):
-        fem.roll(layer, PRESSED, SLS, speed, tolerance=0.05)
-    assert compliance.layer_stiffness.cache_info().misses == 2  # the mesh and the coarser one of the error estimate
-
-
-# refused arguments and failures
