@@ -16,8 +16,18 @@ from collections.abc import Callable, Iterator
 from functools import cache, partial
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, Strict, WrapValidator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    Strict,
+    ValidationError,
+    WrapValidator,
+    model_validator,
+)
 from pydantic.fields import FieldInfo
+from pydantic_core import InitErrorDetails
 
 from compact.engines import BUILT_IN, installed_engines
 from compact.material.mix import CALIBRATED, is_same_state, scaled_fits
@@ -445,12 +455,26 @@ class Given(Table):
 class Compare(Table):
     """Engines of the comparison, one table each; the formulas are compared with every engine of a layer."""
 
+    model_config = ConfigDict(extra="allow")  # tables of the engines of other packages
+    __pydantic_extra__: dict[str, Given] = Field(init=False)
+
     formula: Given | None = None
     column: Given | None = None
     spectral: Given | None = None
     fem: Given | None = None
     compaction: Given | None = None
     process: Given | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_engines(cls, given: Any) -> Any:
+        """Refuse tables of other names than those of engines."""
+        known = {*cls.model_fields, *installed_engines()}
+        unknown = [name for name in given if name not in known] if isinstance(given, dict) else []
+        if unknown:
+            found = [InitErrorDetails(type="extra_forbidden", loc=(name,), input=given[name]) for name in unknown]
+            raise ValidationError.from_exception_data(cls.__name__, found)
+        return given
 
 
 class Output(Table):

@@ -66,6 +66,18 @@ def test_engine_of_another_package_ranks_and_reports(installed, tmp_path):
     assert (tmp_path / "out" / "report.html").exists()
 
 
+def test_engine_of_another_package_is_compared(installed, tmp_path):
+    scene = compact.load_scene(
+        SMALL, **{"accuracy.engine": "column", "compare": {"winkler": {}}, "output.items": ["tables"]}
+    )
+    assert [*scene.run(tmp_path / "out").places_by_engine] == ["column", "formula", "winkler"]
+    assert (tmp_path / "out" / "comparison" / "winkler").is_dir()
+    with pytest.raises(compact.SceneError, match='the engine "winkler" takes no "slip", as springs do not slip'):
+        scene.replaced(compare={"winkler": {"layer": {"base": "slip"}}})
+    with pytest.raises(compact.SceneError, match=r"compare\.spring: unknown"):
+        scene.replaced(compare={"spring": {}})
+
+
 def test_faulty_entry_point_is_named(installed):
     with pytest.raises(ValueError, match=r"the entry point broken of the group compact.engines must be an Engine"):
         compact.load_scene(SMALL).roll(0.2, engine="broken")
