@@ -71,12 +71,6 @@ def test_energy_of_a_spring_is_the_integral_of_its_force():
 # every drive
 
 
-@pytest.mark.parametrize("name", WITHOUT_IMPULSE)
-def test_springs_do_no_net_work(name):
-    run = simulate(cart_with_springs(), Rigid(), published_law(name), dry)
-    assert run.energy == pytest.approx(0.8 * SIZE, rel=1e-9)
-
-
 def test_energy_balance_of_four_carts_with_springs_on_a_motor():
     motor = Motor(Kloss(40.0, 0.15, 157.0), 150.0, 1e-3, 20.0, CRANK_ANGLES[4])
     bare, run = (simulate(cart, motor, published_law("cubic"), dry) for cart in (CART, cart_with_springs()))
