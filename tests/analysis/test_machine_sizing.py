@@ -89,12 +89,6 @@ def test_shorter_passes_never_have_a_smaller_motor():
     assert "no motor of the catalogue holds; the largest, M-15, has" in sentence(found)
 
 
-def test_two_carts_at_a_right_angle_need_less_than_twice_the_motor():
-    one, two = sizing(**RULE), sizing(**RULE, **{"drive.carts": 2})
-    assert two.first.requirement.mean_torque == pytest.approx(2 * one.first.requirement.mean_torque, rel=1e-9)
-    assert one.first.required_power < two.first.required_power < 2 * one.first.required_power
-
-
 def elastic(**changes):
     spring = {"drive.kind": "elastic", "drive.stiffness": 1e8, "drive.damping": 3e5, "motion.laws": ["cubic"]}
     return sizing(**spring | changes).first
@@ -151,15 +145,6 @@ def test_life_of_the_roller_bearing_by_hand():
     assert life.million_revolutions == pytest.approx((40e3 / load) ** (10 / 3), rel=1e-4)
     assert life.valid
     assert life.hours == pytest.approx((40e3 / load) ** (10 / 3) * 1e6 * 2 * np.pi * 0.11 / 0.8 * 6 / 3600, rel=1e-4)
-
-
-@pytest.mark.slow
-def test_return_over_compacted_mix_unloads_the_rollers():
-    columns = BEARINGS | {"accuracy.engine": "column"}
-    fresh, compacted = (sizing(**columns | {"layer.return_stroke": each}) for each in ("fresh", "compacted"))
-    assert compacted.lives["roller"].hours > 1.5 * fresh.lives["roller"].hours
-    lift = next(each for each in compacted.wheels if each.name == "roller, lift")
-    assert [each.count for each in lift.cycles] == [1.0]
 
 
 def test_results_reach_files_summary_figure_and_page(small, tmp_path):

@@ -171,14 +171,6 @@ def test_acceleration_jump_requires_an_infinite_jerk_only(name):
     assert math.isfinite(run.peak_force)
 
 
-def test_dwell_causes_an_acceleration_jump_of_the_harmonic_law():
-    through, rested = (simulate(CART, Rigid(), published_law("harmonic").cycle(d, d), free) for d in (0.0, 0.5))
-    assert through.shocks == ()
-    assert through.peak_jerk == pytest.approx(np.pi**3 / 2 * 0.4 / 27, rel=1e-9)
-    assert rested.peak_jerk == math.inf
-    assert len(rested.shocks) == 4
-
-
 @pytest.mark.parametrize("run_up", [1e-2, 1e-4, 1e-6])
 def test_short_acceleration_phase_keeps_peaks_and_energy(run_up):
     motion = published_law("reversal-4", run_up=run_up, run_down=run_up)

@@ -5,8 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from published import CART_OF_C
 
 from compact.drive import Crank, Rigid, simulate
@@ -141,22 +139,3 @@ def test_given_gear_ratio_and_inertia_ratio_are_limits():
     assert fast.failures[0].startswith("turns at 188.5 rad/s, above the rated 150")
     light = check_motor(MOTORS[2], found, SizingRule(inertia_ratio=0.1))
     assert light.failures == ("has an inertia ratio of 0.877, above 0.1",)
-
-
-@given(
-    st.floats(1, 4), st.floats(1, 4), st.floats(1, 4), st.floats(0.5, 1), st.floats(1, 3),
-    st.none() | st.floats(0.1, 10), st.none() | st.floats(1, 47),
-)  # fmt: skip
-def test_larger_motor_holds_where_a_smaller_one_does(rated, peak, inertia, efficiency, margin, limit, ratio):
-    rule = SizingRule(margin, efficiency, ratio, limit)
-    for motor in MOTORS:
-        larger = replace(
-            motor, rated_torque=motor.rated_torque * rated, peak_torque=motor.peak_torque * rated * peak,
-            inertia=motor.inertia * inertia,
-        )  # fmt: skip
-        if check_motor(motor, FOUND, rule).holds:
-            assert check_motor(larger, FOUND, rule).holds
-    assert choose_motor(MOTORS, FOUND, rule).chosen in (None, *choose_motor(MOTORS, FOUND, rule).fits)
-
-
-FOUND = requirement(cart=CART_OF_C, force=FORCE)

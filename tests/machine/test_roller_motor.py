@@ -18,7 +18,6 @@ from compact.analysis.stages.torque_response import torque_response
 from compact.analysis.study import Study
 from compact.contact import dry_resistance
 from compact.drive import Rigid, simulate
-from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
 from compact.machine.cart import Cart, EndSprings, balance
 from compact.machine.rigid_drive import InverseDynamics
@@ -247,26 +246,6 @@ def test_samples_end_at_the_coulomb_limit_or_have_no_creep(by_fem, monkeypatch):
     with pytest.warns(UserWarning, match="creep of the driven rollers is left out: the roller slides"):
         result = torque_response(contacts, (-100.0, 900.0))
     assert result == CreepFreeRoller(R, contacts.roller_load, by_fem.mix.steel_friction)
-
-
-@pytest.mark.slow
-def test_creep_of_the_compaction_engine():
-    """The free roller of the scene has no torque and is the initial guess of the others."""
-    changes = {"accuracy.engine": "compaction", "contact.indentation": 0.002, "product.height": 0.1}
-    wanted = {"mix.density_ratio": 0.95, "output.items": ["roller_motors"]}
-    scene = load_scene(SCENES / "small.toml", **changes, **wanted)
-    study, speed = Study(scene), scene.motion.stroke / scene.motion.duration
-    free = compaction.roll(*contact_inputs(scene, study.mix, "compaction", speed), speed, increments=6)
-    contacts = study.stages.contacts
-    contacts.records = [contact_cases.contact_record("compaction", each, (free,)) for each in (speed, 2 * speed)]
-    contacts.passes = [(speed, (free,))]
-    load = scene.machine.roller_length * free.load
-    roller = torque_response(contacts, (0.0, 0.2 * load))
-    assert roller.speeds == pytest.approx([speed])
-    assert roller.pulls[0, 0] == pytest.approx(0, abs=1e-4 * load)
-    assert roller.creeps[0, 0] == pytest.approx(free.creep, rel=1e-3)
-    assert roller.pulls[0, -1] > 0.2 * load
-    assert roller.pulls[0] * R == pytest.approx(roller.torques[0], rel=0.2, abs=1e-4 * load)
 
 
 # beyond the Coulomb limit
