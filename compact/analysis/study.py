@@ -18,7 +18,6 @@ from typing import Any
 
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import Progress
-from compact.analysis.mix_laws import scene_mix
 from compact.analysis.pore_air import AirAnswer, air_answer
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
@@ -112,9 +111,9 @@ class Study:
         self.scene, self.counts, self.durations = scene, Counter[str](), tuple(durations)
         self._step, self._directory = step, directory
         self._executor: Executor = SerialExecutor()
-        self.mix: Mix = scene_mix(scene)
         shortest = min(self.durations, default=None)
-        self.stages = build_stages(scene, self.mix, self.count, directory, progress, shortest=shortest)
+        self.stages = build_stages(scene, self.count, directory, progress, shortest=shortest)
+        self.mix: Mix = self.stages.contacts.mix
 
     def count(self, stage: str) -> None:
         """Count one run of a stage."""

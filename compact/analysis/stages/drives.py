@@ -26,7 +26,6 @@ from compact.machine.crankshaft import CRANK_ANGLES, CrankshaftRevolution, simul
 from compact.machine.ranking import Ranked
 from compact.machine.rigid_drive import InverseDynamics
 from compact.machine.roller_motors import RollerMotor, pull_range
-from compact.material.mix import Mix
 from compact.motion.profile import Cycle, MotionProfile
 from compact.scene.loader import Scene
 
@@ -231,9 +230,8 @@ class Stages:
     drive: DriveStage
 
 
-def build_stages(  # noqa: PLR0913, each argument is one input of a study
+def build_stages(
     scene: Scene,
-    mix: Mix | None = None,
     count: Count = no_count,
     directory: Path | None = None,
     progress: Progress | None = None,
@@ -257,7 +255,7 @@ def build_stages(  # noqa: PLR0913, each argument is one input of a study
         by default.
     """
     laws = LawStage(scene, count, shortest, own_laws)
-    contacts = contact_stage(scene, mix or scene_mix(scene), count, directory, progress)
+    contacts = contact_stage(scene, scene_mix(scene), count, directory, progress)
     laws.resistance = ResistanceStage(contacts, laws.largest_speed, own_resistance)
     if known_laws:
         laws.prescribed, laws.cycles = map(dict, known_laws)
