@@ -43,11 +43,6 @@ def test_galin_without_friction_is_hertz(target):
     assert galin.centroid == hertz.centroid == 0
 
 
-def test_hertz_accepts_the_contact_modulus_or_its_parts():
-    plain = contact.hertz(radius=0.11, contact_modulus=0.75e6 / 0.91, load=8e3)
-    assert plain.half_width == pytest.approx(contact.hertz(radius=0.11, load=8e3, **MIX).half_width, rel=1e-15)
-
-
 @pytest.mark.parametrize("friction", [-0.8, -0.1, 0.0, 0.35, 2.0])
 @pytest.mark.parametrize("share", [0.1, 0.37, 0.9])
 def test_pressure_satisfies_the_equation_of_sliding_contact(friction, share):
@@ -79,12 +74,6 @@ def test_engineering_contact_length_is_that_of_a_driven_roller():
     alpha = contact.pressure_exponent(0.3, 0.35)
     length = contact.contact_length(np.arcsin(driven.leading / 0.11), 0.11, alpha)
     assert length == pytest.approx(driven.contact_length, rel=1e-13)
-
-
-def test_one_sided_force_lacks_the_exponent_in_the_denominator():
-    both = contact.roller_force(0.3, 0.75e6, 0.3, 0.4, 0.11, 1.164)
-    front = contact.roller_force(0.3, 0.75e6, 0.3, 0.4, 0.11, 1.164, one_sided=True)
-    assert front == pytest.approx(0.4 * both, rel=1e-14)
 
 
 # published numbers
@@ -195,23 +184,12 @@ def test_capture_angle_keeps_its_digits_at_tiny_pressure(pressure):
         assert contact.capture_angle(pressure, 1e6, 0.3, 0.5) == pytest.approx(float(exact), rel=1e-14)
 
 
-def test_capture_angle_reaches_a_right_angle():
-    pressure = 0.9999999999 * 1e6 / (7.53 / 4)
-    assert contact.capture_angle(pressure, 1e6, 0.0, 0.5) == pytest.approx(np.pi / 2, abs=2e-5)
-
-
 @pytest.mark.parametrize(
     ("quotient", "rollers"),
     [(2.9999999999999996, 3), (3.0, 3), (3.0000000000000004, 3), (1e-6, 1), (3.00001, 4), (2.00001, 3)],
 )
 def test_rollers_are_rounded_up_but_for_rounding(quotient, rollers):
     assert contact.rollers_needed(quotient, 0.5, 0.0, 0.0) == rollers
-
-
-def test_pressure_is_zero_at_and_beyond_the_edges():
-    c = contact.galin(radius=0.11, friction=0.35, load=8e3, **MIX)
-    outside = np.array([-1.0, c.trailing, c.leading, np.nextafter(c.leading, 1), 1.0])
-    assert np.all(c.pressure(outside) == 0)
 
 
 def test_formulas_broadcast():
@@ -224,21 +202,6 @@ def test_formulas_broadcast():
     one = contact.pressure_exponent(0.3, 0.4)
     assert alpha[1, 1] == one
     assert phi[1, 1] == pytest.approx(contact.capture_angle(0.1e6, 1e6, 0.3, one), rel=1e-14)
-
-
-def test_galin_broadcasts():
-    friction, load = np.array([[-0.3], [0.0], [5.0]]), np.array([1e3, 1e4])
-    many = contact.galin(radius=0.11, friction=friction, load=load, **MIX)
-    one = contact.galin(radius=0.11, friction=-0.3, load=1e4, **MIX)
-    assert many.pressure(0.01).shape == (3, 2)
-    assert many.pressure(0.01)[0, 1] == pytest.approx(one.pressure(0.01), rel=1e-13)
-
-
-def test_dry_resistance_is_zero_at_rest():
-    resistance = contact.dry_resistance(3486.0)
-    assert resistance(np.array([-2.0, 0.0, 1e-300]), 0.5).tolist() == [-3486.0, 0.0, 3486.0]
-    assert resistance(1.0, np.zeros(3)).shape == (3,)
-    assert resistance.force == 3486.0
 
 
 # properties
@@ -277,12 +240,6 @@ def test_reversed_traction_mirrors_the_contact(poisson, friction):
     assert one.centroid == pytest.approx(-other.centroid, rel=1e-13)
 
 
-@given(loads, st.floats(1e-6, 1e3))
-def test_width_is_proportional_to_the_root_of_the_load(load, scale):
-    width = contact.hertz(radius=0.11, load=load, **MIX).half_width
-    assert contact.hertz(radius=0.11, load=scale * load, **MIX).half_width == pytest.approx(width * np.sqrt(scale))
-
-
 ROLLINGS = ["frictionless", "free", "sliding", "driven"]
 
 
@@ -317,65 +274,26 @@ def test_engine_equals_the_formulas_in_every_roller_condition(rolling):
 
 # errors
 
-GOOD = {
-    "radius_range": {"height": 0.22},
-    "rollers_needed": {"width": 1.164, "radius": 0.11, "feeder_sleeve": 0.18, "overlap": 0.012},
-    "stroke_needed": {"width": 1.164, "rollers": 3, "overlap": 0.012},
-    "pressure_exponent": {"poisson": 0.3, "friction": 0.35},
-    "capture_angle": {"pressure": 1e5, "youngs_modulus": 1e6, "poisson": 0.3, "exponent": 0.47},
-    "roller_force": {
-        "capture_angle": 0.3, "youngs_modulus": 1e6, "poisson": 0.3, "exponent": 0.47, "radius": 0.11, "length": 1.0,
-        "nonuniformity": 1.0,
-    },
-    "contact_length": {"capture_angle": 0.3, "radius": 0.11, "exponent": 0.47},
-    "roller_resistance": {"force": 1e4, "contact_length": 0.1, "radius": 0.11, "exponent": 0.47, "friction": 0.1},
-    "cart_resistance": {"force": 1e4, "roller_resistance": 3e3, "rollers": 2, "weight": 1e4, **GUIDE},
-    "cart_power": {"resistance": 3e3, "velocity": 0.16},
-    "hertz": {"radius": 0.11, "contact_modulus": 1e6, "load": 1e3},
-    "galin": {"radius": 0.11, "youngs_modulus": 1e6, "poisson": 0.3, "friction": 0.35, "load": 1e3},
-    "dry_resistance": {"force": 1e3},
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("bad", [np.nan, np.inf, np.array([0.1, np.nan])], ids=["nan", "inf", "in an array"])
-@pytest.mark.parametrize(("formula", "name"), [(formula, name) for formula in GOOD for name in GOOD[formula]])
-def test_nonfinite_values_raise_an_error_with_their_name(formula, name, bad):
-    with pytest.raises(ValueError, match=f"`{name}` must .*got .*(nan|inf)"):
-        getattr(contact, formula)(**{**GOOD[formula], name: bad})
-
 
 @pytest.mark.parametrize(
-    ("formula", "change", "message"),
+    ("call", "message"),
     [
-        ("radius_range", {"height": -0.22}, "`height` must be positive and finite, got -0.22"),
-        ("rollers_needed", {"overlap": 0.5}, r"`overlap` must be less than 2 `radius` \+ `feeder_sleeve`.*-0\.0(9|10)"),
-        ("rollers_needed", {"overlap": -0.1}, "`overlap` must be zero or positive, and finite, got -0.1"),
-        ("stroke_needed", {"overlap": 0.5}, "`overlap` must be less than .* `width`/`rollers`, exceeds by 0.1(1|2)"),
-        ("stroke_needed", {"rollers": 2.5}, "`rollers` must be a whole number >= 1, got 2.5"),
-        ("stroke_needed", {"rollers": 0}, "`rollers` must be a whole number >= 1, got 0"),
-        ("pressure_exponent", {"poisson": 0.6}, "`poisson` must be between 0 and 0.5, got 0.6"),
-        ("capture_angle", {"pressure": 1e6}, r"lower `pressure` or raise `youngs_modulus`: sin phi would be .*1\.8"),
-        ("capture_angle", {"exponent": 1.0}, "`exponent` must lie between 0 and 1, got 1.0"),
-        ("capture_angle", {"pressure": 0.0}, "`pressure` must be positive and finite, got 0.0"),
-        ("contact_length", {"capture_angle": 1.6}, "`capture_angle` must lie between 0 and pi/2, got 1.6"),
-        ("roller_force", {"length": 0.0}, "`length` must be positive and finite, got 0.0"),
-        ("roller_resistance", {"friction": -0.1}, "`friction` must be zero or positive, and finite, got -0.1"),
-        ("cart_resistance", {"rollers": 1.5}, "`rollers` must be a whole number >= 1, got 1.5"),
-        ("hertz", {"poisson": 0.3}, "either `contact_modulus`, or `youngs_modulus` with `poisson`, must be set"),
-        ("hertz", {"contact_modulus": None}, "or `youngs_modulus` with `poisson`, must be set"),
-        ("hertz", {"half_width": 0.1}, "`half_width`, `peak_pressure` must be set, got load, half_width"),
-        ("galin", {"load": None}, "exactly one of `load`, `contact_length`, `peak_pressure` must be set, got none"),
-        ("galin", {"load": -1.0}, "`load` must be positive and finite, got -1"),
-        ("dry_resistance", {"force": -1.0}, "`force` must be zero or positive, and finite, got -1"),
+        (lambda: contact.radius_range(-0.22), "`height` must be positive and finite, got -0.22"),
+        (lambda: contact.rollers_needed(1.164, 0.11, 0.18, 0.5), r"`overlap` must be less than 2 `radius` \+ `feeder"),
+        (lambda: contact.stroke_needed(1.164, 2.5, 0.012), "`rollers` must be a whole number >= 1, got 2.5"),
+        (lambda: contact.stroke_needed(1.164, 3, 0.5), "`overlap` must be less than .* `width`/`rollers`, exceeds by"),
+        (lambda: contact.pressure_exponent(0.6, 0.35), "`poisson` must be between 0 and 0.5, got 0.6"),
+        (lambda: contact.capture_angle([1e5, 1e6], 1e6, 0.3, 0.47), r"sin phi would be .*1\.8.*"),
+        (lambda: contact.capture_angle(1e5, 1e6, 0.3, 1.0), "`exponent` must lie between 0 and 1, got 1.0"),
+        (lambda: contact.contact_length(1.6, 0.11, 0.47), "`capture_angle` must lie between 0 and pi/2, got 1.6"),
+        (lambda: contact.roller_force(0.3, 1e6, 0.3, 0.47, 0.11, np.nan), "`length` must be positive and finite, got"),
+        (lambda: contact.roller_resistance(1e4, 0.1, 0.11, 0.47, -0.1), "`friction` must be zero or positive, and"),
+        (lambda: contact.hertz(radius=0.11, contact_modulus=1e6, poisson=0.3, load=1e3), "either `contact_modulus`"),
+        (lambda: contact.hertz(radius=0.11, load=1e3), "or `youngs_modulus` with `poisson`, must be set"),
+        (lambda: contact.galin(radius=0.11, friction=0.3, **MIX), "exactly one of `load`, .* must be set, got none"),
+        (lambda: contact.galin(radius=0.11, friction=0.3, load=-1.0, **MIX), "`load` must be positive and finite"),
     ],
 )
-def test_impossible_values_raise_an_error(formula, change, message):
+def test_impossible_values_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
-        getattr(contact, formula)(**{**GOOD[formula], **change})
-
-
-def test_error_contains_the_index_in_a_large_array():
-    pressure = np.full(1000, 1e5)
-    pressure[7] = 1e6
-    with pytest.raises(ValueError, match=r"sin phi would be .*1\.8.* at index 7"):
-        contact.capture_angle(pressure, 1e6, 0.3, 0.47)
+        call()

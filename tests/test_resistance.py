@@ -99,12 +99,6 @@ def test_acceleration_is_limited():
     assert law.unsteadiness([0.0, 0.0, -2.0], [0.0, 1.0, -1.0]).tolist() == [0.0, np.inf, 0.5]
 
 
-def test_mix_without_memory_has_no_limit_of_the_acceleration():
-    law = replace(foundation(), relaxation_time=0.0)
-    assert law(0.1, 7.0) == pytest.approx(0.05309453 - 7 * 0.323041, rel=1e-12)
-    assert not law.is_unsteady(1e-9, 1e9)
-
-
 # (b) order of convergence and error estimate
 
 
@@ -164,15 +158,6 @@ def test_force_with_a_change_of_sign_is_interpolated():
     assert law(0.02) < 0 < law(0.5)
 
 
-# (d) cost
-
-
-def test_known_samples_are_not_computed_again():
-    known, asked = [(v, *relaxing(v)) for v in np.geomspace(1e-4, 1, 60).tolist()], []
-    mapped(lambda speed: asked.append(speed) or relaxing(speed), known=known)
-    assert asked in ([], [1.0])  # the last of a geomspace may miss 1 by rounding
-
-
 # (e) files
 
 
@@ -193,7 +178,6 @@ def test_map_is_read_as_written(tmp_path):
     ("content", "message"),
     [
         (None, r"map\.nc: computed by another program or from other inputs; compute it again"),
-        (b"CDF", r"map\.nc: no resistance map"),
         (b"no netCDF", r"map\.nc: no resistance map: .* is not a valid NetCDF 3 file; compute it"),
     ],
 )
@@ -219,12 +203,10 @@ def test_noise_raises_an_error():
     ("call", "words"),
     [
         (lambda: mapped(tolerance=0.0), "`tolerance` must be positive"),
-        (lambda: mapped(fastest=np.inf), "`fastest` must be positive and finite"),
         (lambda: mapped(lambda speed: (np.nan, None)), "`resistance` must be finite, got nan"),
         (lambda: mapped()(np.array([0.1, -1.2])), r"computed up to 1 m/s, got 1\.2 m/s; sample it over the speeds"),
         (lambda: tabulated_resistance((0.1, 0.2), (1.0,)), "must be columns of one length >= 2, got shapes"),
         (lambda: tabulated_resistance((0.2, 0.1), (1.0, 2.0)), "`speeds` must ascend from a value above 0, got"),
-        (lambda: tabulated_resistance((0.1, 0.2), (1.0, np.nan)), "`forces` must be finite, got"),
         (lambda: dry_resistance(-1.0), "`force` must be zero or positive, and finite, got -1.0"),
     ],
 )

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from pages import answer_words
 
 from compact.analysis.contact_cases import contact_inputs
 from compact.analysis.study import Study
@@ -14,7 +13,6 @@ from compact.cli import program as cli
 from compact.engines import BUILT_IN, formula
 from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
-from compact.report import text
 from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
 from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import load_scene, parse_scene, starter_scene
@@ -90,11 +88,6 @@ def test_spectral_replaces_roller_and_gap_and_states_it():
     assert (scene.machine.roller_condition, scene.machine.gap_geometry) == ("free", "deformed")
 
 
-def test_spectral_accepts_a_free_roller_without_friction():
-    scene = load_scene(SMALL, **{"mix.overrides.steel_friction": 0.0, "machine.gap_geometry": "parabola"})
-    assert adapt(scene, "spectral") == (scene, ())
-
-
 @pytest.mark.parametrize(("key", "default"), OPEN.items())
 def test_a_key_set_to_its_default_stays_set_through_changes(key, default):
     scene = load_scene(SMALL)
@@ -136,16 +129,6 @@ def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, 
     contact = json.loads(Path("out/contact.json").read_text())
     assert all(sentence in told for sentence in contact["replaced"])
     assert bool(contact["replaced"]) == (engine != "fem")
-
-
-def test_a_run_away_from_its_fit_says_so_in_the_terminal_and_on_the_page():
-    few = {"motion.laws": ["cubic"], "output.items": [], "mix.moisture": 0.09}
-    study = Study(load_scene(SMALL, **few))
-    told, page = " ".join(text.study_digest(study).split()), answer_words(study)
-    remark = study.scene.mix.fit_remark
-    assert "scaled by the prior: effective_modulus; not scaled, as the prior lacks them: roller_friction" in remark
-    assert told.count(remark) == 1
-    assert remark in page
 
 
 @pytest.mark.parametrize("load", [2000.0, 9740.0, 15000.0])

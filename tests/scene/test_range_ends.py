@@ -43,20 +43,3 @@ def test_a_process_at_the_ends_of_a_key_has_results_or_is_refused(key, tmp_path)
     given = at(load_scene(SCENES / "process.toml").model_dump(exclude_none=True), key)
     for end in ends(key, given):
         assert not fault("process.toml", {"output.items": [], "accuracy.engine": "column", key: end}, tmp_path)
-
-
-def test_most_keys_have_a_value_whose_ends_are_reached():
-    def given(key):
-        return at(load_scene(SCENES / "small.toml", **complete(key)).model_dump(exclude_none=True), key)
-
-    alone = (
-        "process.",
-        "sleeve.",
-        "mix.",
-        "layer.",
-        "motion.tables",
-        "motion.optimise.method",
-        "cam.bore",
-        "product.mould_speed",
-    )
-    assert all(given(key) is not None for key in KEYS if not key.startswith(alone))
