@@ -116,7 +116,7 @@ class Source:
 
 PLAIN = {  # words of pydantic in the messages
     "greater than 0$": "positive", "a valid tuple": "a list", "a valid dictionary": "a table",
-    "a valid boolean": "true or false", "valid ": "", " after validation": "",
+    "a valid boolean": "true or false", "valid ": "", " after validation": "", "match pattern .*": "be a text",
 }  # fmt: skip
 
 

@@ -32,6 +32,10 @@ class Band:
     low: float
     high: float
 
+    def __post_init__(self) -> None:
+        if not self.low <= self.value <= self.high:
+            raise ValueError(f"low <= value <= high must hold, got {self.low:g}, {self.value:g}, {self.high:g}")
+
 
 @dataclass(frozen=True)
 class Measurement:
@@ -98,77 +102,56 @@ def read_measurements(path: str | Path) -> Measured:
     path = Path(path)
     try:
         if path.suffix.lower() == ".csv":
-            data: dict[str, Any] = {"measurement": [_nested(cells) for _, cells in read_table(path)]}
+            data: dict[str, Any] = {"measurement": [cells for _, cells in read_table(path)]}
         else:
             data = tomllib.loads(path.read_text(encoding="utf-8"))
-        _require_keys(data, ("measurement", "assumptions"), "the file")
-        tables, assumptions = data.get("measurement", []), data.get("assumptions", {})
-        if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
-            raise ValueError("`measurement` must be tables, each under [[measurement]]")
-        if not tables:
+        tables, assumptions = data.pop("measurement", None), data.pop("assumptions", {})
+        if data:
+            raise ValueError(f"the file has no key `{next(iter(data))}`; it takes measurement, assumptions")
+        if not (tables and isinstance(tables, list) and all(isinstance(each, dict) for each in (*tables, assumptions))):
             raise ValueError("contains no measurement; add a table [[measurement]], or a row of a CSV file")
-        measurements = (_measurement(table, f"measurement {i}") for i, table in enumerate(tables, 1))
-        return Measured(tuple(measurements), {key: _range(key, value) for key, value in assumptions.items()})
+        measurements = tuple(_measurement(table, f"measurement {i}") for i, table in enumerate(tables, 1))
+        return Measured(measurements, {key: _range(key, value) for key, value in assumptions.items()})
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:  # also of a text that is not UTF-8 or not TOML
         raise ValueError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
 
 
-def _nested(cells: dict[str, str]) -> dict[str, Any]:
-    """Return the nonempty cells of a CSV row, with bands nested as in TOML."""
-    bands: dict[str, dict[str, float]] = {}
-    for name, cell in cells.items():
-        quantity, _, end = name.rpartition("_")
-        try:
-            value = float(cell) if cell else None
-        except ValueError:
-            raise ValueError(f"`{name}` must be a number, got {cell!r}") from None
-        if value is not None:
-            of_band = end in EDGES and quantity in FITTED
-            bands.setdefault(quantity if of_band else name, {})[end if of_band else "value"] = value
-    return {name: band.get("value") if band.keys() == {"value"} else band for name, band in bands.items()}
+def positive(value: Any, where: str) -> float:
+    """Return a number of TOML or a cell of CSV, which must be positive and finite."""
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not 0 < number < math.inf:
+        raise ValueError(f"{where} must be a positive number, got {value!r}")
+    return number
 
 
 def _measurement(table: dict[str, Any], where: str) -> Measurement:
-    _require_keys(table, FITTED + STATED, where)
-    if "resistance" in table and "resistance_coefficient" in table:
-        raise ValueError(f"{where}: give `resistance` or `resistance_coefficient`, not both")
-    bands: dict[str, Any] = {name: _band(table[name], f"{where}, `{name}`") for name in FITTED if name in table}
-    if not bands:
-        raise ValueError(f"{where}: give at least one of {', '.join(FITTED)}")
-    stated: dict[str, Any] = {name: _positive(table[name], f"{where}, `{name}`") for name in STATED if name in table}
-    return Measurement(**bands, **stated)
-
-
-def _band(value: Any, where: str) -> Band:
-    if not isinstance(value, dict):
-        return Band(*[_positive(value, where)] * 3)
-    _require_keys(value, ("value", *EDGES), where)
-    middle = _positive(value.get("value"), f"{where} value")
-    low, high = (_positive(value.get(end, middle), f"{where} {end}") for end in EDGES)
-    if not low <= middle <= high:
-        raise ValueError(f"{where}: low <= value <= high must hold, got {low:g}, {middle:g}, {high:g}")
-    return Band(middle, low, high)
+    flat: dict[str, Any] = {}  # by the names of the columns of CSV
+    for name, value in table.items():
+        ends = value if isinstance(value, dict) else {"value": value}
+        flat |= {name if end == "value" else f"{name}_{end}": each for end, each in ends.items() if each != ""}
+    known = (*FITTED, *STATED, *(f"{name}_{end}" for name in FITTED for end in EDGES))
+    if unknown := [name for name in flat if name not in known]:
+        raise ValueError(f"{where} has no key `{unknown[0]}`; it takes {', '.join(known)}")
+    given = {name: positive(value, f"{where}, `{name}`") for name, value in flat.items()}
+    values = {name: given[name] for name in FITTED if name in given}
+    if not values or {"resistance", "resistance_coefficient"} <= values.keys():
+        raise ValueError(f"{where}: give `load`, and `resistance` or `resistance_coefficient`; at least one, not all")
+    bands: dict[str, Any] = {
+        name: Band(value, *(given.get(f"{name}_{end}", value) for end in EDGES)) for name, value in values.items()
+    }
+    return Measurement(**bands, **{name: given[name] for name in STATED if name in given})
 
 
 def _range(key: str, value: Any) -> tuple[float, float]:
     where = f"assumptions, `{key}`"
     if not isinstance(value, list) or len(value) != 2:
         raise ValueError(f"{where} must be [low, high], got {value!r}")
-    low, high = (_positive(end, where) for end in value)
+    low, high = (positive(end, where) for end in value)
     if not low < high:
         raise ValueError(f"{where}: low < high must hold, got {low:g}, {high:g}")
     return low, high
-
-
-def _positive(value: Any, where: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
-        raise ValueError(f"{where} must be a positive number, got {value!r}")
-    return float(value)
-
-
-def _require_keys(table: dict[str, Any], allowed: tuple[str, ...], where: str) -> None:
-    for name in table:
-        if name not in allowed:
-            raise ValueError(f"{where} has no key `{name}`; it takes {', '.join(allowed)}")

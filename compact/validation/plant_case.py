@@ -26,6 +26,7 @@ from compact.analysis.mix_laws import scene_mix
 from compact.engines import ENGINES
 from compact.files import read_table
 from compact.scene.loader import Scene, SceneError, read_value
+from compact.scene.plant_data import positive
 from compact.scene.schema import Table, key, optional
 from compact.validation.case import PREDICTED, Comparison, Computed, Panel, Rows, ValidationCase, ours, theirs
 
@@ -126,20 +127,10 @@ def _trial(place: str, key: str, row: Mapping[str, str], expected: Mapping[str, 
         )
     given = {name: cell for name, cell in row.items() if cell}
     changes = {name: read_value(cell) for name, cell in given.items() if "." in name}
-    values = {name: _positive(cell, f"{place}: `{name}`") for name, cell in given.items() if "." not in name}
+    values = {name: positive(cell, f"{place}: `{name}`") for name, cell in given.items() if "." not in name}
     if not values.keys() & expected.keys():
         raise ValueError(f"{place}: nothing is measured; give at least one of {', '.join(expected)}")
     return Trial(place, key, changes, values)
-
-
-def _positive(cell: str, place: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        raise ValueError(f"{place} must be a number, got {cell!r}") from None
-    if not 0 < value < math.inf:
-        raise ValueError(f"{place} must be positive and finite, got {cell}")
-    return value
 
 
 def _compute(scene: Scene, trials: Sequence[Trial], rows: Rows) -> Computed:
