@@ -76,14 +76,6 @@ def test_new_scene_runs_as_it_is(compact, tmp_path):
     assert "laws by peak drive force [N]" in done.stdout
 
 
-def test_new_never_overwrites_a_scene(compact, tmp_path):
-    (tmp_path / "scene.toml").write_text("mine")
-    told = compact("new", tmp_path)
-    assert told.returncode == 1
-    assert "exists already; give another directory" in told.stderr
-    assert (tmp_path / "scene.toml").read_text() == "mine"
-
-
 def test_run_succeeds_if_one_optimal_law_is_infeasible(compact, tmp_path):
     bounds = '[motion.optimise]\nobjectives = ["peak_force"]\nsmoothness = 1\nacceleration = 0.1\n'
     (tmp_path / "scene.toml").write_text(f"{SMALL.read_text()}\n{bounds}")
@@ -134,27 +126,15 @@ BAD_CALLS = {
     "a directory": (("run", "."), 2, "."),
     "unknown option": (("run", SMALL, "--engin", "fem"), 2, "Did you mean --engine?"),
     "unknown command": (("rnu", SMALL), 2, 'Did you mean "run"?'),
-    "unknown engine": (("run", SMALL, "--engine", "magic"), 2, "Choose from"),
-    "driven by nothing over mix that compacts": (
-        ("run", SMALL, "--engine", "compaction", "--set", "machine.roller_condition=driven"),
-        2,
-        'machine.roller_torque: is missing, and the engine "compaction" rolls',
-    ),
     "engine that does not cover it": (
         ("roll", SMALL, "--engine", "spectral", "--set", "machine.gap_geometry=deformed"),
         2,
         'machine.gap_geometry: the engine "spectral" takes no "deformed"',
     ),
     "change without a value": (("run", SMALL, "--set", "mix.moisture"), 2, "--set takes KEY=VALUE"),
-    "change of an unknown key": (("run", SMALL, "--set", "mix.moistur=0.1"), 2, "moisture"),
-    "change out of range": (("run", SMALL, "--set", "mix.moisture=0.5"), 2, "mix.moisture"),
     "speed of nothing": (("roll", SMALL, "--engine", "formula", "--speed", "0"), 2, "`speed` must not be 0"),
     "tolerance not a number": (("run", SMALL, "--tolerance", "tight"), 2, "tight"),
-    "tolerance out of range": (("run", SMALL, "--tolerance", "3"), 2, "accuracy.tolerance"),
-    "tolerance nan": (("run", SMALL, "--tolerance", "nan"), 2, "accuracy.tolerance"),
-    "no argument": (("run",), 2, "SCENE"),
     "unknown law": (("cam", SMALL, "--law", "cubc"), 2, "cubic"),
-    "no law": (("cam", SMALL), 2, "--law"),
     "cutter that does not fit": (("cam", SMALL, "--law", "reversal-3", "--cutter", "0.8"), 2, "use a smaller cutter"),
     "output is a file": (("run", SMALL, "--out", SMALL), 1, "small.toml"),
     "output cannot be made": (("run", SMALL, "--out", "/proc/none/out"), 1, "/proc/none"),
@@ -253,15 +233,6 @@ def test_a_refusal_from_a_worker_process_is_told_from_an_error_of_a_library(work
     assert is_refusal(pickle.loads(pickle.dumps(found.value))) is ours
 
 
-@pytest.mark.slow
-def test_a_law_without_finite_peaks_over_durations_writes_its_report(compact, tmp_path):
-    words = ("--over", "duration=0.3:3:2", "--set", 'motion.laws=["constant-velocity"]')
-    done = compact("run", SMALL, *words, "--out", tmp_path)
-    assert done.returncode == 0, done.stderr
-    assert "least peak drive force: no law with finite forces" in done.stdout
-    assert (tmp_path / "report.html").exists()
-
-
 def test_digest_of_a_mix_whose_spread_leaves_the_formulas(compact, tmp_path):
     stiff = ("--set", "mix.moisture=0.08", "--set", 'mix.fitted_at.parameters=["roller_friction"]')
     done = compact("run", SMALL, *stiff, "--set", "output.items=[]", "--out", tmp_path)
@@ -297,11 +268,6 @@ def test_default_directory_has_the_name_of_the_scene_or_of_its_folder(path, suff
     assert default_directory(path, suffix) == Path(directory)
 
 
-def test_default_directory_of_a_scene_in_the_current_folder_has_its_name(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert default_directory("scene.toml") == Path("out") / tmp_path.name
-
-
 def test_cam_of_a_tabulated_law(compact, tmp_path):
     z = np.linspace(0, 1, 201)
     rows = np.column_stack([3 * z, 0.4 * z**3 * (10 - 15 * z + 6 * z**2)])  # s and m, the law "quintic"
@@ -335,16 +301,10 @@ ERRORS = [  # what reading a scene ends with, exit code, words
     (lambda: raising(TypeError("boom")), 1, "internal error, please report it: TypeError: boom"),
     (lambda: float("a"), 1, "internal error, please report it: "),
     (lambda: np.zeros(2) + np.zeros(3), 1, "internal error, please report it: "),  # numpy in C
-    (lambda: np.linspace(0, 1, -1), 1, "internal error, please report it: "),  # numpy in Python
-    (lambda: brentq(lambda x: 1.0, 0, 1), 1, "internal error, please report it: "),  # no root
     (lambda: brentq(lambda x: x - 0.3, 0, 1, maxiter=1), 1, "internal error, please report it: "),
-    (lambda: next(iter(())), 1, "internal error, please report it: "),
     (lambda: np.sqrt(np.array([-1.0])), 1, f"an operation has no result….*{UNITS}"),
-    (lambda: np.exp(np.array([1e4])), 1, f"a number exceeds the range of floating-point numbers….*{UNITS}"),
-    (lambda: np.array([1.0]) / 0, 1, f"a number is divided by zero….*{UNITS}"),
     (lambda: 1 / 0, 1, f"a number is divided by zero….*{UNITS}"),
     (lambda: math.exp(1e4), 1, f"the computation failed in options….*{UNITS}"),
-    (lambda: 1e200**2, 1, f"a number exceeds the range of floating-point numbers….*{UNITS}"),
     (lambda: np.linalg.inv(np.zeros((2, 2))), 1, f"an equation has no finite solution….*{UNITS}"),
 ]
 

@@ -16,7 +16,7 @@ from compact.cli import INTERRUPTED, options
 from compact.cli import program as cli
 from compact.files import write_json
 from compact.scene.json_schemas import scene_schema, summary_schema
-from compact.scene.loader import Scene, SceneError, parse_scene, starter_scene
+from compact.scene.loader import SceneError, parse_scene, starter_scene
 
 ROOT = Path(__file__).parents[1]
 SMALL = ROOT / "studies" / "scenes" / "small.toml"
@@ -48,23 +48,6 @@ def call(monkeypatch, capsys):
 def test_documented_exit_codes_are_those_of_the_program():
     table = dict(re.findall(r"^\| (\d+) \| ([a-z ]+) \|", ERRORS_PAGE, re.MULTILINE))
     assert {int(code): meaning for code, meaning in table.items()} == KNOWN_BY_CODE
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code"),
-    [
-        (("--help",), options.SUCCESS),
-        (("--version",), options.SUCCESS),
-        (("rnu",), options.INVALID_INPUT),
-        (("run", "nowhere.toml"), options.INVALID_INPUT),
-        (("roll", SMALL, "--set", "mix.moisture=3"), options.INVALID_INPUT),
-        (("roll", SMALL, "--out", SMALL), options.NO_RESULT),
-    ],
-)
-def test_exit_code_of_a_call(call, arguments, code):
-    found, output, _ = call(*arguments)
-    assert found == code
-    assert (output == "") == (code != options.SUCCESS)
 
 
 def test_interrupt_states_what_is_kept(capsys, monkeypatch, tmp_path):
@@ -184,15 +167,6 @@ def test_schema_and_scene_refuse_the_same(given, wrong):
         fastjsonschema.compile(scene_schema())(tomllib.loads(text))
     with pytest.raises(SceneError):
         parse_scene(text)
-
-
-def test_schema_has_every_table_and_names_no_null():
-    schema = scene_schema()
-    assert schema["properties"].keys() == Scene.model_fields.keys()
-    assert '"null"' not in json.dumps(schema)
-    assert all(
-        key.get("description") or "$ref" in key for key in schema["definitions"]["Machine"]["properties"].values()
-    )
 
 
 def test_new_scene_names_the_schema_that_lies_next_to_it(call, tmp_path):

@@ -188,5 +188,7 @@ def _cart(turned: CrankshaftRevolution, psi: Array) -> CartRevolution:
 
 
 def _roots(turned: CrankshaftRevolution, stroke: Array, quantity: Quantity) -> Array:
-    cells = np.linspace(stroke[0], stroke[1], STEPS)
-    return find_roots(lambda psi: quantity(_cart(turned, psi)).reshape(psi.shape), cells)
+    def at(psi: Array) -> Array:
+        return quantity(_cart(turned, psi)).reshape(psi.shape) if psi.size else psi  # the search ends with no angles
+
+    return find_roots(at, np.linspace(stroke[0], stroke[1], STEPS))
