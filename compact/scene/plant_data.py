@@ -141,10 +141,10 @@ def _measurement(table: dict[str, Any], where: str) -> Measurement:
     values = {name: given[name] for name in FITTED if name in given}
     if not values or {"resistance", "resistance_coefficient"} <= values.keys():
         raise ValueError(f"{where}: give `load`, and `resistance` or `resistance_coefficient`; at least one, not all")
-    bands: dict[str, Any] = {
-        name: Band(value, *(given.get(f"{name}_{end}", value) for end in EDGES)) for name, value in values.items()
-    }
-    return Measurement(**bands, **{name: given[name] for name in STATED if name in given})
+    read: dict[str, Any] = {name: given[name] for name in STATED if name in given}
+    for name, value in values.items():
+        read[name] = Band(value, *(given.get(f"{name}_{end}", value) for end in EDGES))
+    return Measurement(**read)
 
 
 def _range(key: str, value: Any) -> tuple[float, float]:
