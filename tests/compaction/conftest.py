@@ -4,6 +4,7 @@ import pytest
 from mixes import MIX
 
 from compact.engines.compaction.engine import roll
+from compact.engines.compaction.rolling_case import RollingCase
 from compact.rolling_contact import Layer, Roller
 
 # 2 mm depth in a layer of 100 mm: contact length 21 mm, bow wave of the height of the depth
@@ -38,3 +39,18 @@ def coarse():
 def fine():
     """Steady rolling on 8 increments per contact length, for slow tests."""
     return roll(LAYER, ROLLER, MIX, 0.2, increments=8)
+
+
+class SolutionReached(Exception):  # noqa: N818 - no error of the package
+    """The arguments are accepted and the solution begins."""
+
+
+@pytest.fixture
+def no_solution(monkeypatch):
+    """End `roll` before any finite elements by the exception that the fixture is."""
+
+    def reached(*arguments):
+        raise SolutionReached
+
+    monkeypatch.setattr(RollingCase, "create_frame", reached)
+    return SolutionReached

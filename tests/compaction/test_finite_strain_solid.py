@@ -1,6 +1,5 @@
 """Finite elements of compacting mix: uniform paths equal those of a material point on any mesh."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -102,22 +101,6 @@ def test_work_of_deformation_is_that_of_the_boundary_forces():
     assert np.sum(solid.point_areas * state.work) == pytest.approx(work, rel=1e-4)
 
 
-def test_damping_resists_departures_from_the_prediction_alone():
-    """It vanishes at the equilibrium; elsewhere the solution lags, and the residual contains the damping forces."""
-    x, y = FiniteStrainSolid(SQUARE, MIX).basis.doflocs
-    ends = np.flatnonzero((y == 0) | (y == 1))
-    solid = FiniteStrainSolid(SQUARE, MIX, fixed_dofs=np.concatenate([2 * ends, 2 * ends + 1]))
-    start, prediction = solid.undeformed_state(), np.stack([0 * x, -0.01 * y**2], axis=-1)
-    solver = IncrementSolver(solid, np.array([20]), tolerance=1e-9)
-    free = solver.solve(start, NoRoller(), prediction)
-    again = solver.solve(start, NoRoller(), free.state.displacement, damping=0.5)
-    damped = solver.solve(start, NoRoller(), prediction, damping=0.5)
-    assert again.state.displacement == pytest.approx(free.state.displacement, abs=1e-9)
-    lagging, moved = (np.abs(solution.state.displacement - prediction).max() for solution in (damped, free))
-    assert lagging < 0.95 * moved
-    assert free.residual < 1e-9 < damped.residual
-
-
 # (b) finite kinematics
 
 
@@ -187,21 +170,6 @@ def test_stiffness_is_the_derivative_of_the_forces(finite, substeps):
     ahead, behind = (solid.increment(before, u + sign * size * direction).internal_forces for sign in (1, -1))
     expected = ((ahead - behind) / (2 * size)).ravel()
     assert product == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
-
-
-def test_points_without_strain_keep_their_state_and_are_elastic():
-    """Even outside the yield surface, as interpolation between states may leave them."""
-    solid = FiniteStrainSolid(skewed(SQUARE), MIX)
-    state, _ = pressed_and_sheared(solid)
-    outside = replace(state, points=replace(state.points, stress=1.01 * state.points.stress))
-    still = solid.increment(outside, outside.displacement)
-    elastic = solid.increment(replace(state, points=solid.undeformed_state().points), state.displacement)
-    scale = np.abs(outside.points.stress).max()
-    assert still.after.points.stress == pytest.approx(outside.points.stress, abs=1e-9 * scale)
-    assert np.array_equal(still.after.points.density_ratio, outside.points.density_ratio)
-    assert np.array_equal(still.after.points.plastic_work, outside.points.plastic_work)
-    size = np.abs(elastic.element_stiffness).max()
-    assert still.element_stiffness == pytest.approx(elastic.element_stiffness, abs=2 * scale / 100e6 * size)
 
 
 def test_newtons_method_converges_quadratically():

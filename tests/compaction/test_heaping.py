@@ -13,7 +13,6 @@ from compact.engines.compaction.engine import HeapingError, roll
 from compact.engines.compaction.heaping import HeapingEstimate
 from compact.engines.compaction.layer_state import fresh_layer
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
-from compact.engines.compaction.rolling_case import RollingCase
 from compact.engines.compaction.steady_search import SteadySearch
 from compact.rolling_contact import Layer, Roller
 
@@ -21,20 +20,6 @@ from compact.rolling_contact import Layer, Roller
 MIX = replace(STIFF, heckel_slope=14.75e-6, critical_slope=0.99345, tensile_strength=14281.0, dry_side="flat")
 WEAK = replace(MIX, critical_slope=0.3)
 PRODUCT = HeapingEstimate(0.2294, 0.11, MIX)
-
-
-class SolutionReached(Exception):  # noqa: N818 - no error of the package
-    """The arguments are accepted and the solution begins."""
-
-
-@pytest.fixture
-def no_solution(monkeypatch):
-    """End `roll` before any finite elements."""
-
-    def reached(*arguments):
-        raise SolutionReached
-
-    monkeypatch.setattr(RollingCase, "create_frame", reached)
 
 
 # (a) closed forms
@@ -117,7 +102,7 @@ def test_estimate_is_omitted_where_it_does_not_apply(no_solution, changes):
         "material": MIX,
         "speed": 0.13,
     } | changes
-    with pytest.raises(SolutionReached):
+    with pytest.raises(no_solution):
         roll(**arguments)
 
 

@@ -12,10 +12,8 @@ from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.layer_state import compacted_lift, fresh_layer
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
-from compact.engines.spectral import engine as spectral
 from compact.material.cap_plasticity import compacted_state
-from compact.material.laws import Elastic
-from compact.rolling_contact import Layer, LowerLift, Ply, Roller
+from compact.rolling_contact import Layer, LowerLift, Roller
 
 ROLLER = free_roller()
 CIRCLE = replace(ROLLER, profile="circle")
@@ -47,19 +45,6 @@ def test_residual_stress_is_that_of_a_column_after_its_pass(ratio):
     assert point.density_ratio[0] == pytest.approx(ratio, abs=1e-12)
     assert -point.stress[0, [0, 2]] == pytest.approx(expected.lateral_stress, rel=1e-4)
     assert point.max_density_ratio[0] == pytest.approx(expected.max_density_ratio, abs=1e-9)
-
-
-def test_rows_of_both_lifts_are_stacked_and_split():
-    lower = compacted_lift(LOWER, MIX)
-    layer = replace(fresh_layer(MIX, np.full(3, 0.02)), lower=lower)
-    assert layer.height == pytest.approx(0.06)
-    assert layer.stacked.points.density_ratio == pytest.approx([0.98, *[MIX.fed_density_ratio] * 3])
-    again = layer.stacked.split(1)
-    assert np.array_equal(again.heights, layer.heights)
-    assert np.array_equal(again.lower.points.stress, lower.points.stress)
-    covered = layer.with_lift(0.05, MIX)
-    assert covered.lower is lower
-    assert covered.heights == pytest.approx([0.02, 0.02, 0.02, 0.05])
 
 
 def test_transfer_between_meshes_keeps_the_jump_of_density_at_the_interface():
@@ -141,6 +126,13 @@ def test_mass_of_both_lifts_and_work_balance(on_lift):
 
 
 @pytest.mark.slow
+def test_exit_density_refers_to_the_fed_lift(on_lift):
+    rolled = roll(ON_LIFT, ROLLER, MIX, 0.13, increments=4, exit_density_ratio=0.98, start=on_lift)
+    assert rolled.exit_density_ratio == pytest.approx(0.98, rel=1e-3)
+    assert rolled.indentation > on_lift.indentation
+
+
+@pytest.mark.slow
 def test_neighbour_on_a_lower_lift_equals_a_solution_from_scratch(on_lift):
     layer = replace(ON_LIFT, height=1.03 * LIFT.height)
     deeper = replace(ROLLER, indentation=0.00312)
@@ -184,26 +176,3 @@ def test_second_pass_by_finite_elements_carries_both_lifts():
 
 
 # scenes, records and refusals
-
-
-@pytest.mark.parametrize(
-    ("compute", "message"),
-    [
-        (
-            lambda: LowerLift(thickness=0.06, density_ratio=1.0),
-            "of the lower lift must be below 1, got 1",
-        ),
-        (lambda: LowerLift(thickness=0.0, density_ratio=0.98), "`thickness` must be positive and finite, got 0.0"),
-        (
-            lambda: Layer(0.06, plies=(Ply(thickness=0.06, stiffness=1.0),), lower_lift=LOWER),
-            "with a `lower_lift` must have no `plies`",
-        ),
-        (
-            lambda: spectral.roll(ON_LIFT, Roller(0.11, load=1e3), Elastic(youngs_modulus=1e6, poisson=0.3), 0.13),
-            "takes no `lower_lift` .*, as its layer does not compact",
-        ),
-    ],
-)
-def test_impossible_lower_lifts_are_refused(compute, message):
-    with pytest.raises(ValueError, match=message):
-        compute()

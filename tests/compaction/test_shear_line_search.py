@@ -9,7 +9,7 @@ from mixes import shear_line as law
 
 from compact.engines.compaction.engine import roll
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
-from compact.engines.compaction.steady_search import SCATTER, ShearLineSearch, mesh_errors
+from compact.engines.compaction.steady_search import ShearLineSearch, mesh_errors
 from compact.engines.compaction.steady_state import WaveGrowth
 from compact.material.earth_pressure import earth_pressure_bounds, matched_slopes
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
@@ -44,15 +44,6 @@ def test_distance_of_a_relaxation_is_what_it_still_lacks():
     lacks = 0.1 * np.exp(-travel[-1] / 0.1)
     assert lacks < search.errors.drift[0] / 5e3 < 2.5 * lacks
     assert search.errors.start[1] == pytest.approx(0.0, abs=1e-9)
-
-
-def test_scatter_is_twice_the_standard_deviation():
-    steps = [step(s * 1e-3, load=5e3 + 50 * np.sin(2 * np.pi * s / 20), resistance=700.0) for s in range(400)]
-    search = search_with(steps)
-    search._estimate_distance()
-    assert search.errors.start[0] == pytest.approx(SCATTER * 50 / np.sqrt(2), rel=0.02)
-    assert search.errors.total == pytest.approx(SCATTER * 50 / np.sqrt(2) / 5e3, rel=0.2)
-    assert search.values[:2] == pytest.approx([5e3, 700.0], rel=1e-3)
 
 
 def grow(slopes):

@@ -11,11 +11,8 @@ from compact.engines.compaction.rolling import RollingStep
 from compact.engines.compaction.rolling_case import STEADY_TOLERANCE
 from compact.engines.compaction.steady_state import (
     QUANTITIES,
-    DepthSecant,
-    DepthTarget,
     WaveDrift,
     WaveGrowth,
-    crossing_length,
     relaxation_length,
 )
 
@@ -48,15 +45,6 @@ def test_relaxation_length_follows_from_two_settled_states():
     drifts = [WaveDrift.of_steps(decay(start)) for start in (0.05, 0.1, 0.2)]
     assert relaxation_length(drifts) == pytest.approx(0.24, rel=0.03)
     assert relaxation_length(drifts[:1]) is None
-
-
-def test_waves_that_oscillate_bracket_the_steady_one():
-    above, below = (
-        WaveDrift.of_steps([step(s, area + slope * s) for s in np.linspace(0, 0.02, 8)])
-        for area, slope in ((1.2e-4, -2e-4), (0.9e-4, 1e-4))
-    )
-    assert crossing_length([below, above, below]) == pytest.approx(0.08)
-    assert crossing_length([above, below]) is crossing_length([below, below, above]) is None
 
 
 def test_wave_that_doubles_at_an_unchanged_rate_has_no_steady_state():
@@ -150,23 +138,3 @@ def test_load_is_met_in_the_same_loop():
     assert rolled.indentation == pytest.approx(0.003, rel=0.02)
     same_depth = roll(layer, replace(roller, indentation=rolled.indentation), mix, 0.13)
     assert rolled.resistance == pytest.approx(same_depth.resistance, rel=5e-3)
-
-
-@pytest.mark.slow
-def test_exit_density_is_met_in_the_same_loop():
-    layer, roller, mix = PUBLISHED
-    rolled = roll(layer, replace(roller, indentation=0.0025), mix, 0.13, exit_density_ratio=0.98)
-    assert rolled.indentation == pytest.approx(0.003, rel=0.01)
-
-
-def test_secant_uses_distant_depths_alone(layer, roller, mix):
-    """Values of depths that differ by less than 4 % scatter too much for a slope."""
-    target = DepthTarget(layer, replace(roller, indentation=None, load=1000.0), mix, None, None)
-    secant = DepthSecant(target)
-    assert not secant.is_started
-    assert secant.next_depth(0.0020, 900.0) == pytest.approx(0.0020 * (1000 / 900) ** (1 / 1.2))
-    secant.next_depth(0.0021, 930.0)
-    assert secant.slope == pytest.approx(np.log(930 / 900) / np.log(21 / 20))
-    secant.next_depth(0.00211, 900.0)
-    assert secant.slope == pytest.approx(np.log(1.0) / np.log(0.0021 / 0.002), abs=0.35)
-    assert "not reached after 3 depths from 2 to 2.11 mm" in secant.failure()

@@ -131,8 +131,8 @@ class RollingCase:
     def roller_at_rest(self, frame: RollerFrame) -> IncrementalRolling:
         """Create the roller above the fed layer of a frame."""
         limit = np.inf if self.heaping is None else self.heaping.contact_height
-        options = {"max_wave_height": limit, "progress": self.numerics.progress}
-        return IncrementalRolling(frame, self.roller, self.torque or 0.0, **options)
+        torque, progress = self.torque or 0.0, self.numerics.progress
+        return IncrementalRolling(frame, self.roller, torque, max_wave_height=limit, progress=progress)
 
     def stretched(self, old: IncrementalRolling, depth: float) -> IncrementalRolling:
         """Return the roller of this case at the state of another one stretched to a depth.

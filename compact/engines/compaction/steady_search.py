@@ -27,7 +27,7 @@ or to a largest travel, with both in the error estimate:
     start   twice the standard deviation from that line, or the distance of the last state from it
 
 A residual of `SETTLING_TOLERANCE` suffices up to half a per cent, since it is random from step to step where nothing
-restarts; half of the Newton iterations remain. The last state is one near the mean. A wave that takes up most of the
+restarts; half of the Newton iterations remain. A wave that takes up most of the
 mix above the lowest generatrix or grows threefold, without slowing down, or that still grows by a third in the second
 half of the largest travel on the first mesh, has no steady state.
 """
@@ -95,13 +95,9 @@ SCATTER = 2.0  # [-], standard deviations of the last state from the steady mean
 GROWTH, SLOWING = 0.3, 0.8  # [-], of the wave in the last half of the travel, and of its slope over the largest one
 GROWN = 3.0  # [-], area of a wave over that of the first cycle, beyond which it must slow down
 MAX_ERROR = 0.2  # [-], estimated distance from the steady state beyond which there is no answer
-MEAN_CYCLES, MEAN_SHARE = 2.0, 0.25  # [-], largest travel to a state near the mean, and its distance over the scatter
 PLOUGHED = 0.8  # [-], growth of the wave over the depth, from which most of the mix in the way is pushed ahead
 TARGET_ERROR = 0.05  # [-], estimated distance below which the depth is corrected for a target
 MIN_TARGET_CYCLES = 6  # [-], cycles after which it is corrected anyway
-MAX_TRIMS = 12  # [-], steps that trim the depth to a prescribed load or pressure
-LARGEST_TRIM = 5e-3  # [-], relative change of the depth by one of them
-FIRST_EXPONENT, LEAST_EXPONENT = 5.0, 1.0  # [-], of the load over the depth within a step, which is mostly elastic
 
 
 @dataclass
@@ -401,11 +397,11 @@ class ShearLineSearch(SteadySearch):
         from_rest, first, self._waves = not self.rolling.steps, len(self.rolling.steps), ()
         max_steps = MAX_STEPS if self.is_last else MAX_FIRST_STEPS if from_rest else MAX_COARSE_STEPS
         self.rolling.solver.tolerance = SETTLING_TOLERANCE
-        self._roll_on(FIRST_SETTLING, DAMPING)
+        self._roll(FIRST_SETTLING, DAMPING)
         self._begin = len(self.rolling.steps) - 1
         cycle, count = 0, 0
         while count < max_steps:
-            self._roll_on(CYCLE)
+            self._roll(CYCLE)
             cycle, count = cycle + 1, len(self.rolling.steps) - first
             drift = self._estimate_distance()
             self._require_slowing(growth)
@@ -431,17 +427,6 @@ class ShearLineSearch(SteadySearch):
             raise RuntimeError(secant.failure())
         if self.is_last:
             self._finish()
-
-    def _roll_on(self, share: float, damping: float = FINAL_DAMPING_RATIO * DAMPING) -> None:
-        """Roll a share of the contact length, with more iterations and damping if a step has no equilibrium."""
-        before = copy(self.rolling)
-        try:
-            self._roll(share, damping)
-        except EquilibriumError:
-            self.rolling, tolerance = before, self.rolling.solver.tolerance
-            self.rolling.solver.tolerance, self.rolling.solver.solve_tangent = FINAL_TOLERANCE, None
-            self._roll(share, DAMPING)
-            self.rolling.solver.tolerance = tolerance
 
     def _estimate_distance(self) -> WaveDrift:
         """Return the drift in the second half of the travel; set steady values and errors by it."""
@@ -481,7 +466,7 @@ class ShearLineSearch(SteadySearch):
             return True
         self.depth, self._waves = depth, ()
         self._fit_mesh()
-        self._roll_on(CYCLE)
+        self._roll(CYCLE)
         self._begin = len(self.rolling.steps) - 1
         return False
 
@@ -495,32 +480,12 @@ class ShearLineSearch(SteadySearch):
         return abs(secant.last_miss) < max(self.target_tolerance, scatter)
 
     def _finish(self) -> None:
-        """Roll the last steps to the full tolerance, and trim the depth to a prescribed load or pressure."""
+        """Roll the last steps to the full tolerance; the distance of the last one from the mean is an error too."""
         self.rolling.solver.tolerance = FINAL_TOLERANCE
         self._roll(FINAL_SHARE)
-        forces = np.array([self.errors.load, self.errors.resistance])
-        for _ in range(self._steps_of(MEAN_CYCLES * CYCLE)):  # to load and resistance near the steady mean
-            scatter = np.maximum(MEAN_SHARE * self.errors.start[:2], self.tolerance * forces)
-            if (self._last_distance[:2] < scatter).all():
-                break
-            self.rolling.advance(self._height, FINAL_DAMPING_RATIO * DAMPING)
         self._advance_exactly()
-        exponent, target = FIRST_EXPONENT, self.target
-        miss = target.log_miss_of(self.rolling.steps[-1])
-        for _ in range(MAX_TRIMS if target.quantity in ("load", "peak_pressure") else 0):
-            if abs(miss) < target.tolerance:
-                break
-            change = float(np.clip(-miss / exponent, -LARGEST_TRIM, LARGEST_TRIM))
-            self.depth *= np.exp(change)
-            self._advance_exactly()
-            before, miss = miss, target.log_miss_of(self.rolling.steps[-1])
-            exponent = max((miss - before) / change, LEAST_EXPONENT)
-        self.errors = replace(self.errors, start=np.maximum(self.errors.start, self._last_distance))
-
-    @property
-    def _last_distance(self) -> FloatArray:
-        """Distance of `QUANTITIES` of the last step from the steady mean."""
-        return np.abs([getattr(self.rolling.steps[-1], name) for name in QUANTITIES] - self.values)
+        distance = np.abs([getattr(self.rolling.steps[-1], name) for name in QUANTITIES] - self.values)
+        self.errors = replace(self.errors, start=np.maximum(self.errors.start, distance))
 
 
 def search_class(material: Compaction) -> type[SteadySearch]:

@@ -43,7 +43,6 @@ EXPONENTS = {  # [-], first, least and largest exponent of a quantity over the d
 }  # fmt: skip
 CROSSING_SHARE = 0.5  # [-], of a correction after one that was too large
 MIN_SECANT = 0.04  # [-], least difference of logarithms of depths for a secant; values of closer ones scatter
-UNITS = {"load": " N/m", "peak_pressure": " Pa"}
 GROWTH, MAX_GROWTHS = 0.3, 7  # [-], required jump over the area, and number of successive ones with a steady state
 MAX_UNSLOWED, SLOWING = 2, 0.8  # [-], such jumps if the growth per travel remains above that share of the first one
 QUANTITIES = ("load", "resistance", "exit_density_ratio", "peak_pressure")  # of a `RollingStep`
@@ -150,6 +149,7 @@ class DepthSecant:
     slope: float | None = None
     _logs: list[float] = field(default_factory=list, init=False)
     _misses: list[float] = field(default_factory=list, init=False)
+    _values: list[float] = field(default_factory=list, init=False)
 
     @property
     def is_started(self) -> bool:
@@ -173,6 +173,7 @@ class DepthSecant:
         if target.quantity == "indentation":
             return target.value
         self._logs.append(float(np.log(depth)))
+        self._values.append(value)
         self._misses.append(target.log_miss(value))
         if depth == target.max_depth and self.last_miss < 0:
             raise RuntimeError(self.failure())
@@ -190,17 +191,11 @@ class DepthSecant:
 
     def failure(self) -> str:
         """Return the message for a target that no depth satisfies."""
-        target, misses = self.target, self._misses
-        nearest, unit = int(np.argmin(np.abs(misses))), UNITS.get(target.quantity, "")
-        found = target.value * np.exp(misses[nearest])
-        if target.quantity == "exit_density_ratio":
-            found = target.fed_ratio + np.exp(misses[nearest]) * (target.value - target.fed_ratio)
-        deepest = 1e3 * np.exp(max(self._logs))
-        limit = " down to full density" if deepest >= 1e3 * target.max_depth * (1 - 1e-9) else ""
+        depths, nearest = 1e3 * np.exp(self._logs), int(np.argmin(np.abs(self._misses)))
         return (
-            f"`{target.quantity}` {target.value:g}{unit} not reached{limit} after {len(self._logs)} depths from "
-            f"{1e3 * np.exp(min(self._logs)):.4g} to {deepest:.4g} mm; the nearest was {found:.5g}{unit} at "
-            f"{1e3 * np.exp(self._logs[nearest]):.4g} mm"
+            f"`{self.target.quantity}` {self.target.value:g} not reached after {len(depths)} depths from "
+            f"{depths.min():.4g} to {depths.max():.4g} mm, at most {1e3 * self.target.max_depth:.4g} mm; the nearest "
+            f"was {self._values[nearest]:.5g} at {depths[nearest]:.4g} mm"
         )
 
 
