@@ -24,14 +24,12 @@ from compact.material.mix import Mix
 from compact.numerics.validation import NotFiniteError, require_finite
 from compact.rolling_contact import (
     Contact,
-    EquilibriumError,
     HeapingError,
     Layer,
     LowerLift,
     PassRecord,
     Ply,
     Roller,
-    UnsteadyError,
 )
 from compact.scene.engine_capabilities import adapt
 from compact.scene.loader import Scene
@@ -337,17 +335,12 @@ def named_errors(scene: Scene, engine: str, speed: float) -> Iterator[None]:
             raise
         load, length = scene.target["load"], scene.machine.roller_length
         raise ValueError(f"{error} (contact.load = {load:g} N over roller_length = {length:g} m)") from error
-    except HeapingError as error:
-        hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same'
-        raise HeapingError(f"{case}: {error}{hint}", error.heaping) from error
-    except UnsteadyError as error:
-        raise UnsteadyError(f"{case}: {error}", error.unsteady) from error
-    except EquilibriumError as error:
-        raise EquilibriumError(f"{case}: {error}") from error
     except RuntimeError as error:
         if not is_refusal(error):
             raise
-        raise RuntimeError(f"{case}: {error}") from error
+        hint = f'; unusual = ["{_target_key(scene)}"] computes it all the same'
+        words = f"{case}: {error}{hint if isinstance(error, HeapingError) else ''}"
+        raise type(error)(words, *error.args[1:]) from error  # the rest are numbers of the contact
 
 
 def _target_key(scene: Scene) -> str:

@@ -215,12 +215,10 @@ class ProcessStudy:
         return self._in_two_dimensions(self.row)
 
     def _in_two_dimensions(self, row: RollerRow) -> TwoDimensionalRow | None:
-        if self.lifts is None:
+        if (known := self.lifts) is None:
             return None
-        rate_scale = row.history.rate_factor / self.lifts.rate_factor
-        return TwoDimensionalRow(
-            row, self.lifts.sequences, rate_scale, row.problem.machine.cart_speed / self.lifts.cart_speed
-        )
+        shares = row.history.rate_factor / known.rate_factor, row.problem.machine.cart_speed / known.cart_speed
+        return TwoDimensionalRow(row, known.sequences, *shares)
 
     def row_at(self, speed: float) -> RollerRow:
         """Compute the strokes under one roller at another speed of the cart [m/s], in strokes of the same duration.
@@ -283,18 +281,18 @@ class ProcessStudy:
     @property
     def load(self) -> float:
         """Load of one roller by the best model computed [N]."""
-        found = self.two_dimensions
-        if found is None:
-            return self.row.load
-        return found.load.value + (found.air_load.value if self.counts_air else 0.0)
+        return self._by_the_best("load")
 
     @property
     def resistance(self) -> float:
         """Resistance of one roller by the best model computed [N]."""
+        return self._by_the_best("resistance")
+
+    def _by_the_best(self, name: str) -> float:
         found = self.two_dimensions
         if found is None:
-            return self.row.resistance
-        return found.resistance.value + (found.air_resistance.value if self.counts_air else 0.0)
+            return float(getattr(self.row, name))
+        return getattr(found, name).value + (getattr(found, f"air_{name}").value if self.counts_air else 0.0)
 
     def resistance_with(self, scene: Scene) -> float:
         """Estimate the resistance to one cart with another mix [N], by the confined floor and the drag of the sleeves.
@@ -399,13 +397,13 @@ class ProcessStudy:
     @property
     def printed(self) -> tuple[PrintedForce, ...]:
         """Forces of the published machine, if the scene has its roller and product."""
-        radius, height = published_machine.CART.roller_radius, published_machine.HEIGHT
         given = (self.scene.machine.roller_radius, self.scene.product.height)
-        if not np.allclose(given, (radius, height), rtol=PRINTED_TOLERANCE):
+        known = (published_machine.CART.roller_radius, published_machine.HEIGHT)
+        if not np.allclose(given, known, rtol=PRINTED_TOLERANCE):
             return ()
         load, force = published_machine.ROLLER_REACTION, published_machine.MOVING_FORCE
-        known = [(part.cause, part.force) for part in self.parts if part.force is not None]
-        computed = sum(each for _, each in known)
+        parts = [(part.cause, part.force) for part in self.parts if part.force is not None]
+        computed = sum(each for _, each in parts)
         loads = [("columns, a lower estimate", self.row.load)]
         rest = "density over the height and shear, roller length: not in columns"
         if self.two_dimensions is not None:
@@ -416,27 +414,18 @@ class ProcessStudy:
             rest = "roller length, law of the mix, other causes: not computed"
         loads.append((rest, load - self.load))
         unknown = f"{'' if self.two_dimensions else 'shear in two dimensions, '}other causes: not computed"
-        causes = (*known, (unknown, force - computed))
+        causes = (*parts, (unknown, force - computed))
         return (
             PrintedForce("load on one roller", load, self.load, tuple(loads)),
             PrintedForce("force that moves one cart", force, computed, causes),
         )
 
     @property
-    def strokes_below_grain(self) -> int:
-        """Number of strokes whose make-up is thinner than the largest grain; 0 without its size."""
-        table = self.scene.process
-        assert table is not None
-        if table.largest_grain is None:
-            return 0
-        fed = self.row.history.make_up
-        return int(np.sum((fed > 0) & (fed < table.largest_grain)))
-
-    @property
     def remarks(self) -> tuple[str, ...]:
         """Sentences on results that need attention."""
         row, flow, machine = self.row, self.row.flow, self.problem.machine
-        count = self.strokes_below_grain
+        fed, grain = row.history.make_up, (self.scene.process and self.scene.process.largest_grain) or 0.0
+        count = int(np.sum((fed > 0) & (fed < grain)))
         lack = self.scene.mix.density_ratio - row.product_density_ratio
         short = flow.missing > UNFED_SHARE * flow.product
         sentences = (
@@ -505,12 +494,16 @@ class StrokeForces:
     @property
     def load(self) -> float:
         """Load in a forward stroke [N]."""
-        return self._totals[0] * self._share("load", 0)
+        return self._forward("load")
 
     @property
     def resistance(self) -> float:
         """Resistance in a forward stroke [N]."""
-        return self._totals[1] * self._share("resistance", 0)
+        return self._forward("resistance")
+
+    def _forward(self, name: str) -> float:
+        mean = getattr(self.row, name) if self.found is None else getattr(self.found, name).value
+        return float(mean * self._share(name, 0))
 
     @property
     def return_ratios(self) -> tuple[float, float]:
@@ -539,12 +532,6 @@ class StrokeForces:
         if self.found is None:
             return COLUMNS_ERROR, COLUMNS_ERROR
         return self.found.load.error, self.found.resistance.error
-
-    @property
-    def _totals(self) -> tuple[float, float]:
-        if self.found is None:
-            return self.row.load, self.row.resistance
-        return self.found.load.value, self.found.resistance.value
 
     def _share(self, name: str, direction: int) -> float:
         """Return the force in a direction, 0 forward and 1 return, over the mean of both in the product [-]."""

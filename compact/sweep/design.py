@@ -93,8 +93,7 @@ def read_design(text: str) -> Axis | Sampled:
         return Sampled(key, whole(values[1:]))
     if values.count(":") != 2:
         return Axis(key, tuple(value(part.strip()) for part in values.split(",")))
-    parts = values.split(":")
-    low, high, count = value(parts[0]), value(parts[1]), whole(parts[2])
+    low, high, count = (read(part) for read, part in zip((value, value, whole), values.split(":"), strict=True))
     if not all(isinstance(end, int | float) for end in (low, high)) or count < 2 or not low < high:
         raise ValueError(
             f"--vary {key}: a grid runs from LOW up to HIGH in N >= 2 values, got {low}:{high}:{count}; "

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from compact.analysis.contact_cases import Passes, air_forces_of, roll_passes
+from compact.analysis.contact_cases import Passes, air_forces_of, contact_record, roll_passes
 from compact.analysis.failures import internal_sentence, is_numeric, is_refusal, memory_sentence, numeric_sentence
 from compact.analysis.pore_air import AirForces, coupled_forces, is_coupled, pore_air_of
 from compact.analysis.study import Study
@@ -29,6 +29,8 @@ WORDS = {
     "replaced": "keys with a default that the engine replaced by the nearest value it accepts",
     "reason": "reason of a failure; empty for a point with results",
 }
+SHAPE = ("capture_angle", "contact_length")
+RECORDED = ("contact_length", "peak_pressure", "load_error", "resistance_error", "work_residual", "mass_residual")
 MAX_TEXT_LENGTH = 400  # characters of a reason
 
 
@@ -88,47 +90,34 @@ def reason(error: Exception) -> str:
 
 
 def _computed(study: Study, initial_guess: Contact | None) -> tuple[Results, Contact | None]:
-    """Return the results of the first pass at the mean speed, and its contact; None for eqs 1.4-1.8."""
-    scene, mix, machine = study.scene, study.mix, study.scene.machine
+    """Return the results of the first pass at the mean speed, and its contact; None for eqs 1.4-1.8.
+
+    The contact starts from the initial guess if that converges, else from scratch.
+    """
+    scene, mix, machine, speed = study.scene, study.mix, study.scene.machine, study.scene.mean_speed
     if not study.stages.contacts.speeds:
         formulas = study.stages.contacts.engineering
-        same = ("resistance_coefficient", "capture_angle", "contact_length")
-        return {name: getattr(formulas, name) for name in same} | {
+        return {name: getattr(formulas, name) for name in ("resistance_coefficient", *SHAPE)} | {
             "load": formulas.roller_force,
             "resistance": machine.rollers * formulas.roller_resistance,
             "peak_pressure": formulas.pressure,
         }, None
-    first, last = _first_and_last(study, initial_guess)
-    air: AirForces | None
-    if is_coupled(scene):
-        air = coupled_forces(first, pore_air_of(mix, scene.layer.fed_density_ratio), scene.mean_speed)
-    else:
-        air = air_forces_of(scene, mix, first, scene.mean_speed)
-    load, resistance = first.load, first.resistance
-    if air is not None:
-        load, resistance = load + air.load, resistance + air.resistance
-    load_error, resistance_error = first.error or (np.nan, np.nan)
-    known = {
-        "load": machine.roller_length * load,
-        "resistance": machine.rollers * machine.roller_length * resistance,
-        "resistance_coefficient": resistance / load,
-        "capture_angle": np.arcsin(first.leading / machine.roller_radius),
-        "contact_length": first.leading - first.trailing,
-        "peak_pressure": first.peak_pressure,
-        "exit_density_ratio": getattr(last, "exit_density_ratio", None),
-        "load_error": load_error,
-        "resistance_error": resistance_error,
-        "work_residual": first.work_residual,
-        "mass_residual": getattr(first, "mass_residual", None),
-    }
-    return {name: np.nan if value is None else value for name, value in known.items()}, first
-
-
-def _first_and_last(study: Study, initial_guess: Contact | None) -> Passes:
-    """Compute all passes, from the initial guess if that converges, else from scratch; return first and last."""
-    scene, speed = study.scene, study.scene.mean_speed
+    passes: Passes = ()
     if initial_guess is not None and scene.layer.passes == 1:
         with suppress(RuntimeError):
-            return 2 * roll_passes(scene, study.mix, speed, (initial_guess,))
-    passes = roll_passes(scene, study.mix, speed)
-    return passes[0], passes[-1]
+            passes = roll_passes(scene, mix, speed, (initial_guess,))
+    passes = passes or roll_passes(scene, mix, speed)
+    first = passes[0]
+    if is_coupled(scene):
+        air: AirForces | None = coupled_forces(first, pore_air_of(mix, scene.layer.fed_density_ratio), speed)
+    else:
+        air = air_forces_of(scene, mix, first, speed)
+    record = contact_record(scene.accuracy.engine, speed, passes, air)
+    known = {name: getattr(record, name) for name in RECORDED} | {
+        "load": machine.roller_length * record.load,
+        "resistance": machine.rollers * machine.roller_length * record.resistance,
+        "resistance_coefficient": record.coefficient,
+        "capture_angle": np.arcsin(first.leading / machine.roller_radius),
+        "exit_density_ratio": passes[-1].exit_density_ratio,
+    }
+    return {name: np.nan if value is None else value for name, value in known.items()}, first

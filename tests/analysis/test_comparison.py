@@ -102,12 +102,6 @@ def test_error_of_a_criterion_follows_from_the_error_of_the_resistance(written):
         assert (tabulated[name]["unit"], summary["units"]["energy"]) == ("J", "J")
 
 
-def test_formulas_have_no_error_estimate():
-    stages = Study(load_scene(SMALL)).stages
-    assert stages.resistance.error is None
-    assert all(place.error is None for places in stages.drive.places["rigid"].values() for place in places)
-
-
 def test_rankings_by_engines_of_proportional_resistance_agree(written):
     """The peak of m a + F is ranked as a for any constant F."""
     study, _, directory = written

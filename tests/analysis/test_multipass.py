@@ -62,13 +62,6 @@ def lifts():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("ratio", "share"), [(4, 0.005), (2, 0.01), (1, 0.03)])
-def test_second_pass_over_a_thin_layer_has_negligible_resistance(ratio, share):
-    first, second = passes(LAYER, wide(ratio), MIX, 0.2, 2, engine="compaction", increments=8)
-    assert abs(second.resistance) < share * first.resistance
-
-
-@pytest.mark.slow
 def test_second_pass_over_a_thin_layer_agrees_with_columns():
     """Load of elastic recovery, symmetric contact, negligible resistance."""
     first, second = passes(LAYER, wide(8), MIX, 0.2, 2, engine="compaction", increments=8)

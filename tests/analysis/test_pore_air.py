@@ -10,7 +10,6 @@ from compact.analysis.pore_air import AirCurve, CoupledSample, air_answer
 from compact.analysis.study import Study
 from compact.report import text
 from compact.report.writer import study_summary
-from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
 from compact.sweep.point import headline
 
@@ -151,15 +150,6 @@ def test_results_of_an_earlier_run_contain_the_curve(tmp_path):
     assert again.stages.contacts.kept is not None
     assert again.stages.contacts.air_curve == first.stages.contacts.air_curve
     assert again.counts["rolled"] == 0
-
-
-@pytest.mark.parametrize(("changes", "message"), [
-    ({"contact.load": 9740.0}, "is computed at the height of the roller"),
-    ({"contact.held": "load"}, 'contact.held = "load"'),
-])  # fmt: skip
-def test_scenes_that_contradict_the_air_are_refused(changes, message):
-    with pytest.raises(SceneError, match=message):
-        lift(**{"mix.pore_air": "one-way"} | changes)
 
 
 def test_mix_that_is_occluded_as_fed_is_refused_with_the_bound():

@@ -162,22 +162,6 @@ def test_motor_drive_of_a_scene_is_summarised(tmp_path):
     assert summary["laws"]["cubic"]["fluctuation"] == pytest.approx(float(rows[0]["fluctuation"]), rel=1e-9)
 
 
-BELT = {"pulley_radius": 0.1, "stiffness": 50e3, "preload": 500.0, "friction": 0.4, "wrap": 3.0}
-
-
-def test_belt_of_a_scene_is_tabulated(tmp_path):
-    given = {"drive.kind": "motor", "drive.motor": MOTOR | {"belt": BELT}, "motion.laws": ["cubic"]}
-    study = Study(scene("small", **given, **{"output.items": ["tables"]}))
-    report.write_study(study, tmp_path / "out")
-    row = np.genfromtxt(tmp_path / "out" / "motor.csv", delimiter=",", names=True)
-    assert row["belt_creep"] == pytest.approx(study.runs["cubic"].belt_creep, rel=1e-9)
-    assert row["belt_creep"] > 1e-3
-    assert row["work_of_a_cycle_J"] == pytest.approx(study.runs["cubic"].energy + row["belt_loss_J"], rel=1e-6)
-    weak = Study(scene("small", **given, **{"drive.motor.belt.preload": 50.0}))
-    with pytest.raises(RuntimeError, match=r"the belt slips under 'cubic'.* use a preload of at least"):
-        _ = weak.runs
-
-
 HYDRAULICS = {
     "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5, "discharge_coefficient": 0.62,
     "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
@@ -243,20 +227,6 @@ def test_run_without_outputs_writes_the_summary_alone(tmp_path):
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["scene.hash", "summary.json"]
 
 
-def test_each_stage_is_run_once_and_counted(written):
-    _, summary, _ = written
-    assert summary["evaluation_counts"] == {
-        "contact": 1, "laws": 3, "runs": 3, "rankings": 1, "cams": 9, "cams measured": 9, "crank": 5, "figures": 7,
-    }  # fmt: skip
-
-
-def test_summary_lists_every_file_and_no_other(written):
-    _, summary, directory = written
-    found = {str(path.relative_to(directory)) for path in directory.rglob("*") if path.is_file()}
-    assert found == {*summary["files"], "summary.json", "scene.hash"}
-    assert not [name for name in found if name.endswith((".vtu", ".pvd", ".part"))]
-
-
 def test_cycle_table_integrates_to_the_energy(written):
     study, _, directory = written
     with (directory / "cycles" / "cubic.csv").open() as stream:
@@ -279,20 +249,6 @@ def test_angle_of_a_stepper_in_the_roller_follows_the_travel(written):
     assert np.abs(rows["traction"]).max() == pytest.approx(
         run.peak_force / rollers / study.stages.contacts.roller_load, rel=1e-2
     )
-
-
-def test_roller_motors_are_in_the_table_and_the_summary(written):
-    study, summary, directory = written
-    with (directory / "roller-motors.csv").open(newline="") as stream:
-        rows = {row["law"]: row for row in csv.DictReader(stream)}
-    assert list(rows) == list(study.cycles)
-    for law, entry in summary["roller_motors"].items():
-        assert entry["peak_torque"] == study.stages.drive.roller_motors[law].peak_torque
-        assert float(rows[law]["peak_torque_Nm"]) == pytest.approx(entry["peak_torque"], rel=1e-9)
-        assert entry["peak_torque"] == pytest.approx(study.runs[law].peak_force * 0.11 / 2, rel=1e-3)
-        assert entry["lack"] == rows[law]["lack"]
-        assert math.isnan(float(rows[law]["peak_creep"]))  # formulas have no creepage
-    assert not (directory / "driven-roller.csv").exists()
 
 
 @pytest.mark.slow

@@ -89,15 +89,11 @@ def test_rows_for_indices_change_one_input_each():
     ("text", "words"),
     [
         ("mix.moisture", "--vary takes KEY=LOW:HIGH:N"),
-        ("mix.moisture=", "--vary takes KEY=LOW:HIGH:N"),
         ("mix.moisture=0.1:0.08:5", "runs from LOW up to HIGH in N >= 2 values, got 0.1:0.08:5"),
-        ("mix.moisture=0.1:0.12:1", "in N >= 2 values"),
         ("mix.moisture=0.1:0.12:x", "takes a whole number of values, got 'x'"),
         ("mix.moisture=0.1,0.1", "must differ from one another"),
         ("mix.moisture=0.1,,0.2", "takes numbers, words, true and false, got ''"),
-        ("mix.moisture=nan", "takes numbers"),
         ("mix.overrides=~6", "powers of 2, got 6; give ~8"),
-        ("mix.overrides=~-6", "powers of 2"),
     ],
 )
 def test_invalid_variation_is_refused(text, words):
@@ -111,11 +107,9 @@ def test_invalid_variation_is_refused(text, words):
         ((), "nothing to vary"),
         (("mix.moistur=0.1",), "unknown key in .mix., got 0.1; did you mean `moisture`"),
         (("mix.moisture=0.1,0.5",), "mix.moisture: must be less than or equal to 0.12, got 0.5"),
-        (("mix.moisture=wet",), "mix.moisture: must be a number, got 'wet'"),
         (("mix.moisture=0.1", "mix.moisture=0.11"), "given twice"),
         (("output.items=tables",), "decides no number"),
         (("mix.moisture=~8",), "only mix.overrides and its keys have a spread"),
-        (("mix.overrides.poison=~8",), "no mix parameter 'poison'; did you mean 'poisson'"),
         (("mix.overrides.effective_modulus=~8",), "is given, so it has no spread to sample"),
         (("mix.overrides.poisson=~8", "mix.overrides.steel_friction=~16"), "all samples share their points"),
     ],

@@ -344,8 +344,8 @@ def _held_ratios(stages: Stages) -> tuple[float, float] | None:
 
     The contacts agree at the mean speed.
     """
-    scene, engine = stages.contacts.scene, stages.contacts.engine
-    if engine.takes != "compacting layer" or scene.contact is not None:
+    scene, contacts = stages.contacts.scene, stages.contacts
+    if not contacts.compacts or contacts.process is not None or scene.contact is not None:
         return None
     with suppress(ValueError, RuntimeError):
         columns = scene.with_engine("column")
