@@ -122,14 +122,11 @@ class LaboratoryProgramme:
     @cached_property
     def tests(self) -> tuple[MaterialTest, ...]:
         """All tests: oedometer, isotropic compression, and shear tests of both specimens."""
-        return tuple(self._run())
-
-    def _run(self) -> Iterator[MaterialTest]:
-        yield oedometer(self.material, self.pressure)
-        yield isotropic_compression(self.material, self.pressure)
+        found = [oedometer(self.material, self.pressure), isotropic_compression(self.material, self.pressure)]
         for specimen, ratio in (("loose", self.material.fed_density_ratio), ("compacted", self.density_ratio)):
             path = partial(_path_of_mix, self.material, self.pressure, density_ratio=ratio)
-            yield from _shear_tests(path, self.pressure, specimen)
+            found += _shear_tests(path, self.pressure, specimen)
+        return tuple(found)
 
     def test(self, name: str, specimen: str = "loose", lateral_pressure: float | None = None) -> MaterialTest:
         """Return the first test with a name and a specimen.
@@ -337,13 +334,20 @@ class StrainPath:
         """Axial stress [Pa]."""
         return -float(self.stress[AXIAL])
 
-    def _axial_stress_after(self, strain: Array) -> float:
-        return -float(self.law.advance(self.state, strain)[0][AXIAL])
+    def _approach(self, direction: Array, pressure: float, step: float) -> bool:
+        """Advance by a step in a direction, or by its part after which the axial stress equals a pressure [Pa].
 
-    def _advance_to(self, direction: Array, pressure: float, ends: tuple[float, float]) -> None:
-        """Advance by the strain in a direction, between two ends, after which the axial stress equals a pressure."""
-        strain = brentq(lambda part: self._axial_stress_after(part * direction) - pressure, *ends, xtol=STRAIN_ROUNDING)
-        self.advance(float(strain) * direction)
+        Returns True for a part.
+        """
+
+        def excess(part: float) -> float:
+            return -float(self.law.advance(self.state, part * direction)[0][AXIAL]) - pressure
+
+        beyond = excess(step) * np.sign(step) > 0
+        if beyond:
+            step = float(brentq(excess, min(0.0, step), max(0.0, step), xtol=STRAIN_ROUNDING))
+        self.advance(step * direction)
+        return beyond
 
     def compress(self, direction: Array, pressure: float) -> None:
         """Strain in a direction until the axial stress equals a pressure [Pa]."""
@@ -354,12 +358,9 @@ class StrainPath:
                     f"{self.law.name} bears {reached:.4g} Pa at a density ratio of {VOLUME_LIMIT}, required "
                     f"{pressure:.4g} Pa; lower the pressure of the tests"
                 )
-            after = self._axial_stress_after(step * direction)
-            if after > pressure:  # the last increment ends at the pressure
-                self._advance_to(direction, pressure, (0.0, step))
+            if self._approach(direction, pressure, step):
                 return
-            self.advance(step * direction)
-            step = min(LARGEST, step * (2.0 if after - reached < pressure / STEPS else 0.7))
+            step = min(LARGEST, step * (2.0 if self.axial_stress - reached < pressure / STEPS else 0.7))
 
     def oedometer(self) -> MaterialTest:
         """Compress the point without lateral strain up to the pressure, and release it."""
@@ -368,10 +369,8 @@ class StrainPath:
             step = -self.pressure / (STEPS // 4 - 1) / max(float(self.tangent[AXIAL, AXIAL]), self.stiffness)
             if not np.isfinite(step) or step >= 0:
                 raise RuntimeError(f"the tangent of {self.law.name} in confined compression must be positive")
-            if self._axial_stress_after(step * CONFINED) < 0:
-                self._advance_to(CONFINED, 0.0, (step, 0.0))
+            if self._approach(CONFINED, 0.0, step):
                 break
-            self.advance(step * CONFINED)
             if self.axial_stress >= stress:
                 raise RuntimeError(f"{self.law.name} does not unload in confined compression")
         return self.test("oedometer")

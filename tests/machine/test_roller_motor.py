@@ -14,7 +14,7 @@ from scipy.integrate import quad
 from compact import fem
 from compact.analysis import contact_cases
 from compact.analysis.contact_cases import contact_inputs
-from compact.analysis.stages.torque_response import torque_response
+from compact.analysis.stages.drives import torque_response
 from compact.analysis.study import Study
 from compact.contact import dry_resistance
 from compact.drive import Rigid, simulate
