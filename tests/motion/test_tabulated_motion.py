@@ -89,11 +89,6 @@ def test_standard_error_is_zero_at_the_fixed_ends():
 # ---- (d) hard cases --------------------------------------------------------------------------------------------------
 
 
-def test_uneven_rows_reproduce_the_law():
-    time = DURATION * np.sort(np.append(np.random.default_rng(0).uniform(0, 1, 58), [0, 1]))
-    assert from_table(time, QUINTIC.position(time)).jerk(INSIDE) == pytest.approx(QUINTIC.jerk(INSIDE), abs=1e-6)
-
-
 def test_gap_in_the_rows_increases_the_error_estimate():
     z = np.concatenate([np.linspace(0, 0.3, 20), np.linspace(0.7, 1, 20)])
     noise = NOISE * np.random.default_rng(0).standard_normal(40) * (z > 0) * (z < 1)
@@ -133,16 +128,6 @@ def test_end_rows_are_interpolated_at_rest(rows, noise, seed):
     travel = [0.0, position[-1] - position[0]]
     assert motion.position(ENDS) == pytest.approx(travel, rel=1e-12, abs=1e-12 * size * DURATION)
     assert motion.velocity(ENDS) == pytest.approx([0.0, 0.0], abs=1e-10 * size)
-
-
-@settings(max_examples=20, deadline=None)
-@given(st.integers(0, 2**31), st.floats(1e-3, 1e3))
-def test_curve_scales_with_the_table(seed, scale):
-    time, position = table_of("quintic", 31)
-    position = position + NOISE * np.random.default_rng(seed).standard_normal(31)
-    one, other = from_table(time, position), from_table(time, scale * position)
-    assert other.velocity(INSIDE) / scale == pytest.approx(one.velocity(INSIDE), rel=1e-6, abs=1e-8)
-    assert other.scatter / scale == pytest.approx(one.scatter, rel=1e-6)
 
 
 # ---- (g) refusals ----------------------------------------------------------------------------------------------------
