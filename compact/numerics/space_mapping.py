@@ -49,8 +49,6 @@ class Correction:
         B [-].
     at : ndarray, shape (m,)
         u_last.
-    broyden_length : float
-        Step that updates half of a slope [-].
     close_runs : int
         Number of consecutive evaluations after a short step.
     """
@@ -58,24 +56,23 @@ class Correction:
     ratio: Array
     slope: Array
     at: Array
-    broyden_length: float = BROYDEN_LENGTH
     close_runs: int = 0
 
     def __call__(self, u: ArrayLike) -> Array:
         """Return ln(fine/coarse) at u, shape (n,)."""
         return self.ratio + self.slope @ (np.asarray(u) - self.at)
 
-    def updated(self, ratio: Array, u: Array) -> "Correction":
+    def updated(self, ratio: Array, u: Array, broyden_length: float) -> "Correction":
         """Return the correction updated by ln(fine/coarse) found at u.
 
         After a long step the ratio is adopted; after a short one it is averaged, and changes the slope little.
         """
         step, error = u - self.at, ratio - self(u)
-        share = float(step @ step / (step @ step + self.broyden_length**2))
+        size = step @ step + broyden_length**2
+        share = float(step @ step / size)
         close_runs = self.close_runs + 1 if share < 0.5 else 0
         adopted = self(u) + max(share, MIN_WEIGHT, 1 / max(close_runs, 1)) * error
-        change = np.outer(error, step) / (step @ step + self.broyden_length**2)
-        return replace(self, ratio=adopted, slope=self.slope + change, at=u, close_runs=close_runs)
+        return Correction(adopted, self.slope + np.outer(error, step) / size, u, close_runs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +83,6 @@ class SpaceMappingFit:
     ----------
     unknowns : ndarray, shape (m,)
         u.
-    predicted : ndarray, shape (n,)
-        Predicted data.
     misfit : ndarray, shape (n,)
         ln(predicted/measured) [-].
     slopes : ndarray, shape (n, m)
@@ -99,7 +94,6 @@ class SpaceMappingFit:
     """
 
     unknowns: Array
-    predicted: Array
     misfit: Array
     slopes: Array
     correction: Correction | None = None
@@ -108,9 +102,8 @@ class SpaceMappingFit:
     @property
     def scatter(self) -> Array:
         """Largest |ln(predicted/measured)| of the fine evaluations close to u [-], shape (n,)."""
-        assert self.correction is not None
-        close = self.history[-max(self.correction.close_runs, 1) :]
-        return np.nanmax(np.abs([misfit for _, misfit in close]), axis=0)
+        close = max(self.correction.close_runs, 1) if self.correction else 1
+        return np.nanmax(np.abs([misfit for _, misfit in self.history[-close:]]), axis=0)
 
     @property
     def sensitivity(self) -> Array:
@@ -161,11 +154,9 @@ def fit_parameters(
             f"{start.size} unknowns cannot be determined from {measured.size} data; measure more or fit fewer unknowns"
         )
     if fine_model is None:
-        u, slopes, predicted = _least_squares(coarse_model, measured, start, correction)
-        return SpaceMappingFit(u, predicted, np.log(predicted / measured), slopes, correction)
+        return _fit(coarse_model, measured, start, correction)
     slope = np.zeros((measured.size, start.size)) if correction is None else correction.slope
-    correction = Correction(np.full(measured.size, np.nan), slope, start, broyden_length)
-    u, last, max_step, at_optimum = start, None, MAX_STEP, False
+    u, last, max_step, at_optimum, found = start, None, MAX_STEP, False, Correction(np.array(np.nan), slope, start)
     history: list[tuple[list[float], list[float]]] = []
     for _ in range(MAX_FINE_RUNS):
         try:
@@ -176,28 +167,26 @@ def fit_parameters(
                 raise RuntimeError(f"the fine model failed at the initial unknowns {u.tolist()}: {error}") from error
             u, max_step, at_optimum = (u + last) / 2, max_step / 2, False
             continue
-        history.append((u.tolist(), np.log(predicted / measured).tolist()))
-        ratio = np.log(predicted / np.asarray(coarse_model(u)))
+        misfit, ratio = np.log(predicted / measured), np.log(predicted / np.asarray(coarse_model(u)))
+        history.append((u.tolist(), misfit.tolist()))
         if last is None:  # no prediction to compare with
-            correction = replace(correction, ratio=ratio)
-        converged, last = at_optimum and np.abs(ratio - correction(u)).max() <= AGREEMENT, u
-        correction = correction.updated(ratio, u)
-        optimum, slopes, _ = _least_squares(coarse_model, measured, u, correction)
+            found = replace(found, ratio=ratio)
+        converged, last = at_optimum and np.abs(ratio - found(u)).max() <= AGREEMENT, u
+        found = found.updated(ratio, u, broyden_length)
+        optimum = _fit(coarse_model, measured, u, found)
         if converged:
-            return SpaceMappingFit(u, predicted, np.log(predicted / measured), slopes, correction, tuple(history))
-        longest = np.abs(optimum - u).max()
+            return SpaceMappingFit(u, misfit, optimum.slopes, found, tuple(history))
+        longest = np.abs(optimum.unknowns - u).max()
         at_optimum = longest <= max_step
-        u = optimum if at_optimum else u + (optimum - u) * max_step / longest
+        u = optimum.unknowns if at_optimum else u + (optimum.unknowns - u) * max_step / longest
     raise RuntimeError(
         f"the calibration did not converge in {MAX_FINE_RUNS} evaluations of the fine model: u and "
         f"ln(predicted/measured) were {history}"
     )
 
 
-def _least_squares(
-    model: Model, measured: Array, start: Array, correction: Correction | None = None
-) -> tuple[Array, Array, Array]:
-    """Least-squares u, slopes and predictions of the coarse model with its correction."""
+def _fit(model: Model, measured: Array, start: Array, correction: Correction | None) -> SpaceMappingFit:
+    """Least-squares fit of the coarse model with its correction."""
 
     def misfit(u: Array) -> Array:
         return np.log(np.asarray(model(u)) / measured) + (0.0 if correction is None else correction(u))
@@ -215,4 +204,4 @@ def _least_squares(
             f"the data do not determine the unknowns (condition number {condition:.1e}); measure another quantity or "
             "fit fewer unknowns"
         )
-    return result.x, result.jac, np.exp(misfit(result.x)) * measured
+    return SpaceMappingFit(result.x, result.fun, result.jac, correction)
