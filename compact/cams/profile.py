@@ -22,7 +22,7 @@ R. L. Norton, Cam Design and Manufacturing Handbook, Industrial Press 2009, ch. 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from operator import itemgetter
 from typing import NamedTuple
@@ -126,11 +126,7 @@ class Pointed(_RadialFollower):
         0 [m].
     """
 
-    radius: float = 0.0
-
-    def __post_init__(self) -> None:
-        if self.radius != 0:
-            raise ValueError(f"a pointed follower has `radius` 0, got {self.radius!r}; use RollerFollower")
+    radius: float = field(default=0.0, init=False)
 
     def base_radius(self, x: Array, slope: Array, second: Array) -> Array:  # noqa: ARG002, protocol of followers
         """Return the smallest (b - stroke)/2 [m]: any value with rho > 0 is valid."""

@@ -72,7 +72,9 @@ class LawParameters:
     rod_ratio: float | None = None
 
     def __post_init__(self) -> None:
-        require_between(0, 1, run_up=self.run_up, run_down=self.run_down)
+        shares = {"run_up": self.run_up, "run_down": self.run_down}
+        require_number(**shares, energy_weight=self.energy_weight, acceleration_weight=self.acceleration_weight)
+        require_between(0, 1, **shares)
         require_phases(self.run_up, self.run_down)
 
 

@@ -65,13 +65,11 @@ def law(
     """
     validation.require_known("motion law", name, tuple(LAWS))
     sizes = {"stroke": stroke, "duration": duration} | ({} if rod_length is None else {"rod_length": rod_length})
-    shares = {"run_up": run_up, "run_down": run_down}
-    weights = {"energy_weight": energy_weight, "acceleration_weight": acceleration_weight}
-    validation.require_number(**sizes, **shares, **weights)
+    validation.require_number(**sizes)
     validation.require_positive(**sizes)
-    definition, rod_ratio = LAWS[name], None if rod_length is None else stroke / 2 / rod_length
-    curve = definition.build(LawParameters(**shares, **weights, rod_ratio=rod_ratio))
-    return MotionProfile(name, float(stroke), float(duration), curve, definition.retraces)
+    rod_ratio = None if rod_length is None else stroke / 2 / rod_length
+    parameters = LawParameters(run_up, run_down, energy_weight, acceleration_weight, rod_ratio)
+    return MotionProfile(name, float(stroke), float(duration), LAWS[name].build(parameters), LAWS[name].retraces)
 
 
 @dataclass(frozen=True)

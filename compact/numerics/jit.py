@@ -2,8 +2,8 @@
 
 numba keeps a compiled function until its own file changes. The machine code contains the functions and constants of
 other modules, so a change there would go unnoticed. `compiled` stamps the cache with every source file of the same
-package that the module of the function imports, directly or through other modules. A cache file without its checksum is
-written again; where no file can be written, functions are compiled in every process.
+package that the module of the function imports, directly or through other modules. A damaged cache file is written
+again; where no file can be written, functions are compiled in every process.
 
 Processes that need the same function at the same time compile it once: one of them compiles, the others wait for its
 file. Compilation is a third of the processor time of a first run.
@@ -14,11 +14,10 @@ import logging
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from hashlib import sha256
-from io import BytesIO
 from multiprocessing import parent_process
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,6 @@ from numba import njit
 from numba.core.caching import IndexDataCacheFile
 
 LOCK_TIMEOUT = 300.0  # [s], that one process compiles a function; then another process compiles it too
-DIGEST_SIZE = sha256().digest_size  # [byte], of the checksum at the end of a cache file
 
 _LOG = logging.getLogger(__name__)
 _threads = threading.RLock()  # of this process; taken before the lock of a file, so that no two threads wait in turn
@@ -51,7 +49,7 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     if getattr(files, "_cache_file", None):  # absent where numba does not cache
         sources = sorted(source_files(function.__module__))
         stamp = tuple(sha256(Path(path).read_bytes()).hexdigest() for path in sources)
-        files._cache_file = _CheckedFile(files._cache_path, files._impl.filename_base, stamp)
+        files._cache_file = _KeptFile(files._cache_path, files._impl.filename_base, stamp)
         dispatcher.compile = _once(dispatcher.compile, Path(files._cache_file._index_path).with_suffix(".lock"))
     return dispatcher
 
@@ -103,44 +101,28 @@ def _once(compile_types: Callable[[Any], Any], path: Path) -> Callable[[Any], An
     return compile_once
 
 
-class _CheckedFile(IndexDataCacheFile):
-    """Cache file of numba that ends with a checksum; one that is damaged or cannot be written counts as absent."""
-
-    @contextmanager
-    def _open_for_write(self, path: str) -> Iterator[BytesIO]:
-        content = BytesIO()
-        with super()._open_for_write(path) as stream:
-            yield content
-            stream.write(content.getvalue() + sha256(content.getvalue()).digest())
+class _KeptFile(IndexDataCacheFile):
+    """Cache file of numba; one that is damaged, of another version, or cannot be written counts as absent."""
 
     def _load_index(self) -> dict[Any, Any]:
         try:
-            return super()._load_index() if _is_sound(self._index_path) else {}
-        except (AttributeError, ImportError):  # pickled argument types of another version of the package
+            return super()._load_index()
+        except Exception:
+            _tell("compiled code on disk is damaged, or of another version; it is compiled again")
             return {}
 
     def _load_data(self, name: str) -> Any:
-        if not _is_sound(self._data_path(name)):
-            raise FileNotFoundError(name)  # numba compiles
-        return super()._load_data(name)
+        try:
+            return super()._load_data(name)
+        except Exception as error:
+            _tell("compiled code on disk is damaged, or of another version; it is compiled again")
+            raise OSError(name) from error  # numba compiles
 
     def save(self, key: Any, data: Any) -> None:
         try:
             super().save(key, data)
         except OSError as error:
             _tell(f"compiled code cannot be kept: {error.strerror or error}; the next run compiles again")
-
-
-def _is_sound(path: str) -> bool:
-    """Return True for a cache file that ends with its checksum; False for a missing or damaged one."""
-    try:
-        content = Path(path).read_bytes()
-    except OSError:
-        return False
-    sound = sha256(content[:-DIGEST_SIZE]).digest() == content[-DIGEST_SIZE:]
-    if not sound:
-        _tell("compiled code on disk is damaged, or of another version; it is compiled again")
-    return sound
 
 
 @cache

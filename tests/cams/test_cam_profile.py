@@ -297,7 +297,6 @@ def test_table_is_the_cam_along_a_closed_turn():
         (lambda: made("quintic", Pointed(), STROKE), "`breadth` must be greater than .* set more than `least_breadth`"),
         (lambda: made("quintic", Pointed(), np.nan), "`breadth` must be positive and finite, got nan"),
         (lambda: RollerFollower(0.0), "`radius` must be positive and finite, got 0.0"),
-        (lambda: Pointed(0.1), "a pointed follower has `radius` 0, got 0.1; use RollerFollower"),
         (lambda: made("quintic", Pointed()).radius(np.nan), "`angle` must be finite, got nan"),
         (lambda: made("quintic", Pointed()).table(1), "`points` must be at least 2, got 1"),
         (lambda: made("quintic", Pointed()).table(10**9), "`points` must be at most 1000000, got 1000000000; "),

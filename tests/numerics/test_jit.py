@@ -2,8 +2,6 @@
 
 import errno
 import importlib
-import os
-import subprocess
 import sys
 import threading
 from pathlib import Path
@@ -16,7 +14,6 @@ from numba.core import caching
 from compact.numerics import jit
 from compact.numerics.jit import is_compiled, source_files
 
-ROOT = Path(__file__).parents[2]
 CALLER = """\
 from compact.numerics.jit import compiled
 {imports}
@@ -88,13 +85,6 @@ def test_a_change_in_another_module_recompiles_the_caller(sample, change):
     assert compiled_result(module) == (expected, 0)
 
 
-def test_source_files_contain_indirect_imports_of_the_package():
-    from compact.engines.column import column_ode
-
-    files = {path.rpartition("compact/")[2] for path in source_files(column_ode.__name__)}
-    assert {"engines/column/column_ode.py", "material/elliptic_cap.py", "material/laws.py"} <= files
-
-
 def test_function_counts_as_compiled_while_its_cache_is_up_to_date(sample):
     folder, module = sample
     function = imported(module)
@@ -137,23 +127,19 @@ def test_function_is_compiled_where_no_folder_can_be_written(sample, told, monke
     assert told() == ["no folder for compiled code can be written: each run compiles; NUMBA_CACHE_DIR may name one"]
 
 
+DAMAGES = {
+    "empty": lambda content: b"",
+    "truncated": lambda content: content[:-40],
+}
+
+
 @pytest.mark.parametrize("suffix", ["nbi", "nbc"])
-@pytest.mark.parametrize(
-    "damage",
-    [
-        lambda content: b"",
-        lambda content: content[:-40],
-        lambda content: content[:200] + bytes([content[200] ^ 1]) + content[201:],
-    ],
-    ids=["empty", "truncated", "flipped bit"],
-)
+@pytest.mark.parametrize("damage", DAMAGES)
 def test_damaged_cache_is_compiled_again(sample, told, suffix, damage):
     folder, module = sample
     assert compiled_result(module) == (1060, 0)
-    damaged = list((folder / "__pycache__").glob(f"caller*.{suffix}"))
-    assert damaged
-    for path in damaged:
-        path.write_bytes(damage(path.read_bytes()))
+    (damaged,) = (folder / "__pycache__").glob(f"caller*.{suffix}")
+    damaged.write_bytes(DAMAGES[damage](damaged.read_bytes()))
     assert compiled_result(module) == (1060, 0)
     assert told() == ["compiled code on disk is damaged, or of another version; it is compiled again"]
     assert compiled_result(module) == (1060, 1)
@@ -166,25 +152,3 @@ def test_function_is_compiled_though_the_disk_is_full(sample, told, monkeypatch)
     monkeypatch.setattr(caching.IndexDataCacheFile, "_save_index", full)
     assert compiled_result(sample[1]) == (1060, 0)
     assert told() == ["compiled code cannot be kept: No space left on device; the next run compiles again"]
-
-
-# without the locks of Unix
-
-WITHOUT_FCNTL = """
-import sys, warnings
-
-warnings.simplefilter("ignore")  # of filelock, that its locks are soft
-sys.modules |= dict.fromkeys(("fcntl", "resource", "termios", "pwd", "grp"))
-import caller
-
-print(caller.result())
-"""
-
-
-def test_package_compiles_without_modules_of_unix(sample):
-    folder, module = sample
-    code = WITHOUT_FCNTL.replace("caller", module)
-    path = str(folder.parent if "." in module else folder)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([path, str(ROOT)])}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
-    assert (done.stdout, done.stderr) == ("1060\n", "")

@@ -124,19 +124,13 @@ FINE, FLAT, CORNERS = SMALL.refined(), [[0, 1], [0, 1]], {"height": 0.2, "half_w
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (
-            lambda: row_mesh(RAISED, SMALL.quads),
-            r"the corners of element 0 lie at the heights \[0\.0",
-        ),
+        (lambda: row_mesh(RAISED, SMALL.quads), r"the corners of element 0 lie at the heights \[0\.0"),
         (lambda: row_mesh(FINE.points, np.delete(FINE.quads, 5, axis=0)), "gap or overlap: 16 expected .*, 15 got, 15"),
         (
             lambda: row_mesh(SMALL.points, [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6]]),
             "must have equally many nodes, got 3, 3, 2 from the base upwards",
         ),
-        (
-            lambda: row_mesh(SMALL.points, [[0, 1, 2]]),
-            r"quadrilaterals of 4 corners, got shape \(1, 3\)",
-        ),
+        (lambda: row_mesh(SMALL.points, [[0, 1, 2]]), r"quadrilaterals of 4 corners, got shape \(1, 3\)"),
         (lambda: RowMesh(FLAT, [0.1, 1]), "the base must lie at `y` = 0, got 0.1"),
         (lambda: RowMesh([[0, 1], [1, 0]], [0, 1]), "`x` must increase along every line, line 1 does not"),
         (lambda: RowMesh(FLAT, [0, 0]), "`y` must increase from the base up"),

@@ -10,7 +10,6 @@ from compact.numerics.piecewise import (
     clenshaw_curtis,
     find_maximum,
     find_roots,
-    graded_grid,
     integrate,
     interior_grid,
 )
@@ -26,14 +25,6 @@ def test_quadrature_is_exact_for_polynomials(count):
     assert np.all(weights > 0)
     assert weights.sum() == pytest.approx(1, rel=1e-14)
     assert [nodes[0], nodes[-1]] == [0, 1]
-
-
-def test_quadrature_of_an_analytic_function_converges_geometrically():
-    rules = [clenshaw_curtis(count) for count in (9, 17, 25, 33)]
-    errors = [abs(weights @ (1 / (1 + nodes**2)) - np.pi / 4) for nodes, weights in rules]
-    assert errors[0] < 1e-6
-    assert errors[1] < 1e-12
-    assert max(errors[2:]) < 1e-15
 
 
 @pytest.mark.parametrize("degree", [0, 1, 7, 23])
@@ -91,9 +82,3 @@ def test_undefined_values_are_ignored():
 def test_roots_are_found_to_rounding():
     found = find_roots(lambda z: np.sin(7 * np.pi * z), BREAKS)
     assert found == pytest.approx(np.arange(1, 7) / 7, rel=1e-14)
-
-
-def test_grid_contains_the_breaks_and_ascends():
-    grid = graded_grid(BREAKS)
-    assert np.all(np.diff(grid) > 0)
-    assert set(BREAKS) <= set(grid)
