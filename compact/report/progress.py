@@ -29,9 +29,7 @@ from time import monotonic, process_time
 from typing import TYPE_CHECKING, Any, Self, TextIO, TypeVar
 
 if TYPE_CHECKING:
-    from rich.live import Live
-    from rich.spinner import Spinner
-    from rich.table import Table
+    from rich.progress import Progress as Line
 
 DELAY = 2.0  # [s], before the line appears
 REFRESH_RATE = 4  # [1/s]
@@ -55,8 +53,6 @@ class Progress:
         Number of parts of the job, which `advance` counts.
     after : float, optional
         Delay before the line appears [s]; `DELAY` by default.
-    clock : callable
-        Monotonic time [s].
 
     Attributes
     ----------
@@ -67,21 +63,12 @@ class Progress:
     """
 
     def __init__(
-        self,
-        *,
-        total: int | None = None,
-        quiet: bool = False,
-        stream: TextIO | None = None,
-        after: float | None = None,
-        clock: Callable[[], float] = monotonic,
+        self, *, total: int | None = None, quiet: bool = False, stream: TextIO | None = None, after: float | None = None
     ) -> None:
         self._stream = sys.stderr if stream is None else stream
-        self.silent = quiet or not self._stream.isatty()
-        self._delay, self._clock = DELAY if after is None else after, clock
-        self._start = clock()
-        self._line: Live | None = None
-        self._timer: Timer | None = None
-        self._spinner: Spinner | None = None
+        self._silent = quiet or not self._stream.isatty()
+        self._timer, self._start = Timer(DELAY if after is None else after, self._show), monotonic()
+        self._line: Line | None = None
         self.stage, self.detail, self.total = "", "", total
         self.done = self._runs = 0
 
@@ -90,74 +77,51 @@ class Progress:
         _LOG.info("%s", stage)
         self._runs = self._runs + 1 if stage == self.stage else 1
         self.stage, self.detail = stage, ""
+        self._update()
 
     def advance(self, parts: int = 1) -> None:
         """Count parts of the job that are done."""
         self.done += parts
+        self._update()
 
     def report(self, detail: str) -> None:
         """Show a line of text on the running stage; the callback of solvers."""
         self.detail = detail
         if detail:
             _LOG.debug("%s", detail)
-
-    @property
-    def elapsed(self) -> float:
-        """Time since the start of the job [s]."""
-        return self._clock() - self._start
+        self._update()
 
     def __enter__(self) -> Self:
-        self._start = self._clock()
-        if not self.silent:
-            self._timer = Timer(self._delay, self._show)
+        self._start = monotonic()
+        if not self._silent:
             self._timer.daemon = True
             self._timer.start()
         return self
 
     def __exit__(self, *error: object) -> None:
-        if self._timer is not None:
+        if not self._silent:
             self._timer.cancel()
             self._timer.join()  # a line that is about to appear must exist before it is erased
         if self._line is not None:
             self._line.stop()
 
+    def _update(self) -> None:
+        if self._line is not None:
+            stage = f"{self.stage} {self._runs}" if self._runs > 1 else self.stage
+            parts = "" if self.total is None else f"{self.done} of {self.total}"
+            self._line.update(self._line.task_ids[0], description=", ".join(filter(None, (stage, parts, self.detail))))
+
     def _show(self) -> None:
+        from rich import progress
         from rich.console import Console
-        from rich.live import Live
 
-        console = Console(file=self._stream)
-        self._line = Live(get_renderable=self._render, console=console, transient=True, refresh_per_second=REFRESH_RATE)
-        self._line.start(refresh=True)
-
-    def _render(self) -> "Table":
-        from rich.spinner import Spinner
-        from rich.table import Table
-
-        self._spinner = self._spinner or Spinner("line")
-        stage = f"{self.stage} {self._runs}" if self._runs > 1 else self.stage
-        parts = "" if self.total is None else f"{self.done} of {self.total}"
-        line = Table.grid(padding=(0, 1))
-        text = ", ".join(filter(None, (stage, parts, self.detail)))
-        line.add_row(self._spinner, f"{format_time(self.elapsed)} elapsed", text)
-        return line
-
-
-def format_time(seconds: float) -> str:
-    """Format a time as minutes:seconds, from an hour as hours:minutes:seconds.
-
-    Parameters
-    ----------
-    seconds : float
-        Time [s].
-
-    Examples
-    --------
-    >>> format_time(82.4), format_time(3725)
-    ('1:22', '1:02:05')
-    """
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
+        columns = progress.SpinnerColumn("line"), progress.TimeElapsedColumn(), "elapsed", "{task.description}"
+        options: dict[str, Any] = {"transient": True, "refresh_per_second": REFRESH_RATE}
+        self._line = progress.Progress(*columns, console=Console(file=self._stream), **options)
+        self._line.add_task("", total=None)
+        self._line.tasks[0].start_time = self._start
+        self._update()
+        self._line.start()
 
 
 def tracked(items: Iterable[Item], stage: str | Callable[[Item], str] = "case", **options: Any) -> Iterator[Item]:
@@ -266,16 +230,11 @@ def logged(verbose: int, profile: bool) -> Iterator[None]:
         True to print the time of every stage.
     """
     package, measured = logging.getLogger(PACKAGE), StageProfile()
-    handlers: list[tuple[logging.Logger, logging.Handler]] = []
-    if verbose:
-        stream = logging.StreamHandler(sys.stderr)
-        stream.setFormatter(_Line())
-        handlers.append((package, stream))
-    if profile:
-        handlers.append((logging.getLogger(STAGES), measured))
+    stream, level = logging.StreamHandler(sys.stderr), package.level
+    stream.setFormatter(_Line())
+    handlers = [(package, stream)] * bool(verbose) + [(logging.getLogger(STAGES), measured)] * profile
     for logger, handler in handlers:
         logger.addHandler(handler)
-    level = package.level
     package.setLevel(logging.DEBUG if verbose > 1 else logging.INFO if verbose or profile else logging.ERROR)
     try:
         yield

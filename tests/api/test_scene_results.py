@@ -70,8 +70,6 @@ def test_contacts_equal_those_of_a_study_and_have_units(scene, contacts):
     assert float(dataset["load"].sel(speed=0.1)) == contacts[1].load
     assert "creep" not in frame  # which no column has
     assert isinstance(contacts.plot(), Figure)
-    with pytest.raises(ValueError, match=r"`speeds` must hold at least one speed"):
-        scene.roll([])
     assert repr(contacts) == "<3 contacts by column, 0.05 to 0.2 m/s, Small: the published machine, three laws>"
     assert "load [kN/m]" in contacts._repr_html_()
 
@@ -81,8 +79,6 @@ def test_contacts_of_another_engine_and_of_the_formulas(scene):
         [compact.Study(scene).stages.contacts.engineering.roller_force / scene.machine.roller_length]
     )
     assert len(scene.roll(engine="spectral")) == 6
-    with pytest.raises(ValueError, match=r"no engine with fields 'column'; choose from fem, compaction"):
-        _ = scene.roll(0.2).fields
 
 
 def test_resistance_is_a_function_and_a_table(scene):
@@ -103,8 +99,6 @@ def test_ranking_equals_that_of_a_study(scene):
     assert ranking.to_dataframe()["peak_force"].tolist() == study.to_dataframe()["peak_force"].tolist()
     assert isinstance(ranking.plot(), Figure)
     assert repr(ranking) == f"<3 laws by peak drive force, rigid drive; first {ranking[0].law}>"
-    with pytest.raises(ValueError, match=r"did you mean 'peak_force'"):
-        scene.rank(by="peak_forc")
 
 
 def test_own_law_in_three_forms_has_one_value(scene):
@@ -116,12 +110,6 @@ def test_own_law_in_three_forms_has_one_value(scene):
     values = scene.rank(laws=laws).to_dataframe().set_index("law")["peak_force"]
     assert values["function"] == pytest.approx(values["profile"], rel=1e-6)
     assert values["table"] == pytest.approx(values["profile"], rel=1e-6)
-    with pytest.raises(ValueError, match=r"the law 'far' has the stroke 0.8, the scene motion.stroke = 0.4"):
-        scene.rank(laws={"far": lambda time: 2 * travel(time)})
-    with pytest.raises(ValueError, match=r"the scene has a law 'cubic' already"):
-        scene.rank(laws={"cubic": travel})
-    with pytest.raises(ValueError, match=r"the law 'jumps' deviates from its fit by .* begin and end at rest"):
-        scene.rank(laws={"jumps": lambda time: 0.4 * time / 3.0})
 
 
 def test_own_resistance_replaces_that_of_the_engine(scene):
@@ -130,8 +118,6 @@ def test_own_resistance_replaces_that_of_the_engine(scene):
     table = scene.rank(resistance=compact.tabulated_resistance([0.01, 0.1, 0.5], [3e3, 3e3, 3e3]))
     assert dry[0].value == same[0].value == pytest.approx(table[0].value, rel=1e-12)
     assert dry[0].error is None
-    with pytest.raises(ValueError, match=r"oppose"):
-        scene.rank(resistance=lambda v, a: 3e3 + 0 * v + 0 * a)
 
 
 def test_sweep_is_a_dataset_whose_points_are_contacts(scene):
@@ -167,18 +153,6 @@ def test_fields_survive_writing_and_reading(fields, tmp_path):
     single = compact.read_fields(next((tmp_path / "fields").iterdir()))
     assert single.names == ("density_ratio",)
     assert repr(again) == "<fields density_ratio on 1 elements, 2 frames>"
-
-
-def test_files_without_fields_are_refused(tmp_path):
-    other = tmp_path / "a.pvd"
-    other.write_text("<VTKFile></VTKFile>")
-    with pytest.raises(ValueError, match=r"a.pvd: not a PVD collection, as it names no file"):
-        compact.read_fields(other)
-    other.write_text("text")
-    with pytest.raises(ValueError, match=r"a.pvd: not a readable PVD collection"):
-        compact.read_fields(other)
-    with pytest.raises(ValueError, match=r"b.vtu: not a mesh that meshio reads"):
-        compact.read_fields(tmp_path / "b.vtu")
 
 
 def test_type_checkers_see_every_public_name():
