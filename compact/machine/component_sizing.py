@@ -84,22 +84,22 @@ class ShaftRequirement:
     @property
     def mean_torque(self) -> float:
         """Mean torque [N m]; times 2 pi the work of a cycle."""
-        return self._mean(self.torque)
+        return self.mean(self.torque)
 
     @property
     def rms_torque(self) -> float:
         """Root mean square of the torque [N m]."""
-        return math.sqrt(self._mean(self.torque**2))
+        return math.sqrt(self.mean(self.torque**2))
 
     @property
     def driving_share(self) -> float:
         """Share of the cycle in which the shaft drives the carts, to 1 % [-]."""
-        return self._mean(self.torque > ROUNDING_SHARE * self.peak_torque)
+        return self.mean(self.torque > ROUNDING_SHARE * self.peak_torque)
 
     @property
     def braking_share(self) -> float:
         """Share of the cycle in which the carts drive the shaft, to 1 % [-]."""
-        return self._mean(self.torque < -ROUNDING_SHARE * self.peak_torque)
+        return self.mean(self.torque < -ROUNDING_SHARE * self.peak_torque)
 
     @cached_property
     def excess_energy(self) -> float:
@@ -118,9 +118,10 @@ class ShaftRequirement:
         """
         driving, braking = 1 / (gear_ratio * efficiency), efficiency / gear_ratio
         torque = np.where(self.torque > 0, driving, braking) * self.torque
-        return math.sqrt(self._mean(torque**2)), max(driving * self.peak_driving, braking * self.peak_braking)
+        return math.sqrt(self.mean(torque**2)), max(driving * self.peak_driving, braking * self.peak_braking)
 
-    def _mean(self, values: Array | BoolArray) -> float:
+    def mean(self, values: Array | BoolArray) -> float:
+        """Mean over the revolution."""
         return float(np.sum(self.weights * values) / (2 * np.pi))
 
 

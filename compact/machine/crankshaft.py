@@ -8,17 +8,16 @@ Paper C; errata C-1 to C-8.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from compact.machine.cart import Balance, Cart, Resistance
-from compact.machine.rigid_drive import Crank, flattened, sample_pieces
+from compact.machine.component_sizing import ShaftRequirement, shaft_requirement
+from compact.machine.rigid_drive import SAMPLES_PER_PIECE, Crank, flattened
 from compact.machine.shaft import CartsOnShaft
 from compact.motion.profile import law
 from compact.numerics import Array
-from compact.numerics.piecewise import find_maximum, interior_grid
 from compact.numerics.validation import require_finite, require_opposing, require_positive
 
 # [rad], phases of the published machines by number of carts: 90 degrees for 2 and 4, 120 degrees for 3 (paper C)
@@ -59,49 +58,30 @@ class CartRevolution(NamedTuple):
     power: Array
 
 
-@dataclass(frozen=True)
-class CrankshaftRevolution:
-    """One sampled revolution of a crankshaft.
+@dataclass(frozen=True, eq=False)
+class CrankshaftRevolution(ShaftRequirement):
+    """One revolution of a crankshaft.
 
     Parameters
     ----------
     shaft : CartsOnShaft
         Carts under the law of the crank.
-    angle, weights : ndarray, shape (n,)
-        Angle and quadrature weights [rad].
     carts : tuple of CartRevolution
         Carts, arrays of shape (n,).
     """
 
     shaft: CartsOnShaft
-    angle: Array
-    weights: Array
     carts: tuple[CartRevolution, ...]
-
-    @property
-    def torque(self) -> Array:
-        """Torque of all carts on the shaft [N m]."""
-        return sum((cart.torque for cart in self.carts), start=np.zeros(()))
 
     @property
     def power(self) -> Array:
         """Power of all carts [W]."""
-        return sum((cart.power for cart in self.carts), start=np.zeros(()))
-
-    @cached_property
-    def peak_torque(self) -> float:
-        """Return the largest |torque| of the shaft [N m], also between samples."""
-        grid = interior_grid(self.shaft.breaks())
-        return find_maximum(lambda at: np.abs(sum(cart.torque for cart in carts_at(self.shaft, at))), grid)[0]
+        return self.torque * self.speed
 
     @property
     def peak_power(self) -> float:
         """Largest |power| of the shaft [W]."""
-        return self.peak_torque * 2 * np.pi / self.shaft.cycle.period
-
-    def mean(self, values: Array) -> float:
-        """Mean over the revolution."""
-        return float(np.sum(self.weights * values) / (2 * np.pi))
+        return self.peak_torque * self.speed
 
 
 def carts_at(shaft: CartsOnShaft, angle: Array) -> tuple[CartRevolution, ...]:
@@ -147,6 +127,6 @@ def simulate_crankshaft(
     require_opposing(resistance, angular_speed * crank.radius)
     forward = law("crank", 2 * crank.radius, np.pi / angular_speed, rod_length=crank.rod_length)
     shaft = CartsOnShaft(cart, forward.cycle(), resistance, tuple(angles), crank)
-    angle, weights = sample_pieces(shaft.breaks(), unit=2 * np.pi)
-    carts = tuple(flattened(each) for each in carts_at(shaft, angle))
-    return CrankshaftRevolution(shaft, angle.ravel(), weights.ravel(), carts)
+    found = shaft_requirement(shaft)
+    carts = carts_at(shaft, found.angle.reshape(-1, SAMPLES_PER_PIECE))
+    return CrankshaftRevolution(**vars(found), shaft=shaft, carts=tuple(flattened(each) for each in carts))

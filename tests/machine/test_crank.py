@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from published import CART_OF_C
+from sampling import examples
 
 from compact.drive import Crank
 from compact.machine.crankshaft import CRANK_ANGLES, simulate_crankshaft
@@ -118,6 +119,7 @@ def mean_power_of_one_cart(cart, resistance):
 # properties
 
 
+@examples(20, slow=100)
 @given(st.floats(0.05, 0.6), speeds, masses)
 def test_shaft_power_equals_rod_power_with_friction(ratio, speed, mass):
     cart = simulate_crankshaft(replace(CART, mass=mass), Crank(0.2, 0.2 / ratio), speed, dry(15924.0)).carts[0]
@@ -126,6 +128,7 @@ def test_shaft_power_equals_rod_power_with_friction(ratio, speed, mass):
     assert cart.power == pytest.approx(work, rel=1e-12, abs=1e-12 * np.abs(work).max())
 
 
+@examples(20, slow=100)
 @given(radii, ratios, speeds, masses, st.floats(1, 3e4))
 def test_mean_power_depends_on_neither_rod_nor_mass(radius, ratio, speed, mass, resistance):
     shaft = simulate_crankshaft(
@@ -136,6 +139,7 @@ def test_mean_power_depends_on_neither_rod_nor_mass(radius, ratio, speed, mass, 
     assert shaft.mean(shaft.power) == pytest.approx(closed, rel=1e-11, abs=rounding)
 
 
+@examples(20, slow=100)
 @given(ratios, st.floats(1, 3e4), speeds)
 def test_four_massless_carts_have_a_fixed_power_fluctuation(ratio, resistance, speed):
     shaft = simulate_crankshaft(MASSLESS, Crank(0.2, 0.2 / ratio), speed, dry(resistance), CRANK_ANGLES[4])
@@ -143,6 +147,7 @@ def test_four_massless_carts_have_a_fixed_power_fluctuation(ratio, resistance, s
     assert shaft.power.min() / shaft.mean(shaft.power) == pytest.approx(np.pi / 4, rel=1e-12)
 
 
+@examples(20, slow=100)
 @given(st.lists(st.floats(-10, 10), min_size=1, max_size=4))
 def test_mean_of_the_sum_equals_the_sum_of_the_means(angles):
     """Errata C-5: an identity for any crank angles."""
