@@ -17,26 +17,12 @@ The forces are per unit roller length, means over the roller. The load depends o
 a drive along the travel does not meet.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from compact.numerics import Array
+from compact.engines.column.column_pass import Column, Columns
 from compact.rolling_contact import Contact
-
-NO_PROFILE = np.empty(0)  # the strokes under a roller have no common pressure along the contact
-
-
-class ProductRows(NamedTuple):
-    """Rows of the product from the base upwards.
-
-    Parameters
-    ----------
-    density_rows : ndarray, shape (2, n)
-        Heights [m] and density ratios [-], above 1 where the law of the mix is left.
-    """
-
-    density_rows: Array
 
 
 def process_contact(study: Any, speed: float) -> Contact:
@@ -64,11 +50,9 @@ def process_contact(study: Any, speed: float) -> Contact:
     row, found, length = forces.row, forces.found, study.problem.machine.roller_length
     history, weights = row.history, row.history.load * row.lengths
     weights = weights / weights.sum() if weights.any() else np.full(len(weights), 1 / len(weights))
-    if found is None:
-        rows = np.array([(each.height, each.density_ratio) for each in history.states[-1].columns]).T
-        peak, residual = row.peak_pressure, 0.0
-    else:
-        rows = found.lumpings[0].profile_at(row.product_density_ratio)[:2]
+    columns, peak, residual = history.states[-1].columns, row.peak_pressure, 0.0
+    if found is not None:
+        columns = tuple(Column(*each) for each in found.lumpings[0].profile_at(row.product_density_ratio).T.tolist())
         peak = found.rate_scale * found.of_product("peak_pressure")
         residual = max(sequence.largest_work_residual for sequence in found.sequences)
     return Contact(
@@ -76,7 +60,6 @@ def process_contact(study: Any, speed: float) -> Contact:
         resistance=float(np.copysign(forces.resistance, speed)) / length,
         leading=float(weights @ history.leading),
         trailing=float(weights @ history.trailing),
-        x=NO_PROFILE, pressure=NO_PROFILE, shear_traction=NO_PROFILE,
         error=forces.errors,
         work_residual=max(history.work_residual, residual),
         peak_pressure=peak,
@@ -85,5 +68,5 @@ def process_contact(study: Any, speed: float) -> Contact:
         exit_density_ratio=row.product_density_ratio,
         mass_residual=history.mass_residual,
         speed=speed,
-        exit=ProductRows(rows),
+        exit=Columns(columns),
     )  # fmt: skip

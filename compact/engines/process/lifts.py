@@ -474,8 +474,7 @@ class TwoDimensionalRow:
     @property
     def specific_work(self) -> float:
         """Work of the roller per volume of the product [J/m3]; nan of a mould at rest."""
-        advance = self.row.problem.machine.advance
-        return self.resistance.value / (advance * self.row.product_height) if advance else float("nan")
+        return self.row.work_per_volume(self.resistance.value)
 
     def of_product(self, name: str) -> float:
         """Return a field of the thinnest lifts at the density of the product, or behind the last lift if that is less.

@@ -140,11 +140,6 @@ class RollerRow:
         return float(load @ middle / load.sum()) if load.sum() else self.problem.machine.roller_length / 2
 
     @property
-    def skew_moment(self) -> float:
-        """Moment of the load about the middle of the roller [N m], + towards the finished product."""
-        return self.load * (self.load_centre - self.problem.machine.roller_length / 2)
-
-    @property
     def load_unevenness(self) -> float:
         """Largest over mean load per unit length [-]; 1 without load."""
         mean = self.load / self.problem.machine.roller_length
@@ -208,10 +203,19 @@ class RollerRow:
         return self.problem.machine.advance * self.product_height * self.confined_work
 
     @property
+    def skew_moment(self) -> float:
+        """Moment of the load about the middle of the roller [N m], + towards the finished product."""
+        return self.load * (self.load_centre - self.problem.machine.roller_length / 2)
+
+    @property
     def specific_work(self) -> float:
         """Work of the roller per volume of the product [J/m3]; nan of a mould at rest, which yields none."""
+        return self.work_per_volume(self.resistance)
+
+    def work_per_volume(self, resistance: float) -> float:
+        """Return the work of a resistance [N] per volume of the product [J/m3]; nan of a mould at rest."""
         advance = self.problem.machine.advance
-        return self.resistance / (advance * self.product_height) if advance else float("nan")
+        return resistance / (advance * self.product_height) if advance else float("nan")
 
     @property
     def strokes_for_density(self) -> float:

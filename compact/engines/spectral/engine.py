@@ -70,22 +70,9 @@ INITIAL_WIDTH_MAX = 2.0  # [-], initial half-width over the top ply, since wide 
 
 
 class ModeRefinement(NamedTuple):
-    """Solution with one number of modes.
-
-    Attributes
-    ----------
-    modes, half_width : int, float
-        Number of pressure polynomials, and half-width a [m].
-    load, resistance : float
-        Forces per unit roller length [N/m].
-    error : tuple of float
-        Estimated relative errors of load and resistance [-].
-    """
+    """Number of pressure polynomials of a solution, and its estimated relative errors of load and resistance [-]."""
 
     modes: int
-    half_width: float
-    load: float
-    resistance: float
     error: tuple[float, float]
 
 
@@ -195,8 +182,7 @@ def roll(layer: Layer, roller: Roller, material: Elastic, speed: float, *, rtol:
         for modes, next_modes in pairwise(MODE_COUNTS):
             contact = solve_contact(problem, modes, half_width)
             half_width, (*error, peak_error) = contact.half_width, _estimate_errors(problem, contact, next_modes)
-            resistance = np.sign(speed) * contact.resistance
-            history.append(ModeRefinement(modes, half_width, contact.load, resistance, tuple(error)))
+            history.append(ModeRefinement(modes, tuple(error)))
             largest = max(*error, peak_error / PEAK_ERROR_RATIO)
             if largest <= rtol:
                 break

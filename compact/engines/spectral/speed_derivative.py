@@ -18,21 +18,14 @@ computed by central differences of the exact matrices at five lengths. The logar
 differentiation, which requires v C_v, v Y and v^2 Z.
 """
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 from threadpoolctl import threadpool_limits
 
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral.galerkin_system import (
-    CreepCompliance,
-    RollingProblem,
-    assemble_system,
-    pressure_polynomials,
-)
+from compact.engines.spectral.galerkin_system import CreepCompliance, assemble_system, pressure_polynomials
 from compact.material.laws import Elastic
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
@@ -112,14 +105,74 @@ def _refine_modes(problem, half_width, rtol, length):
 
 
 def _expansion(problem, contact):
-    """Compute v dF_ss/dv and v^2 M of a contact."""
-    linear, creep = ContactLinearisation(problem, contact), problem.creep
-    length, gradient = creep.lengths, linear.resistance_gradient
-    speed_load = linear.surface(_creep_polynomial(creep, -1, 1, 0))  # of v C_v
-    change = linear.solve(speed_load)
-    acceleration_load = linear.surface(_creep_polynomial(creep, 0, -length, length))  # of v^2 Z
-    acceleration_load += linear.surface_change(_creep_polynomial(creep, 0, length, 0), change, speed_load)  # of v Y
-    return gradient @ change, gradient @ linear.solve(-acceleration_load)
+    """Compute v dF_ss/dv and v^2 M of a contact.
+
+    A change is a vector of the coefficients b, the logarithm of the half-width and the centre [m], shape (modes + 2,).
+    A surface is represented by -u' under T_0 ... T_modes and u under T_0, also of shape (modes + 2,).
+    """
+    a, b, basis, creep = contact.half_width, contact.coefficients, contact.system.basis, problem.creep
+    x, tests = a * basis.nodes, basis.tests
+
+    def surfaces(of: CreepCompliance, widening: float = 0.0) -> Array:
+        """Surfaces under the pressures b_k = 1 on a contact widened by a share, shape (modes + 2, modes)."""
+        system = assemble_system(replace(problem, creep=of), len(b), a * (1 + widening))
+        return a * (1 + widening) / problem.radius * np.vstack([system.matrix, a * (1 + widening) * system.depths])
+
+    def widened(of: CreepCompliance) -> Array:
+        """Return the derivative of the surface with respect to the log half-width at constant b and xi."""
+        return (surfaces(of, WIDTH_STEP) - surfaces(of, -WIDTH_STEP)) @ b / (2 * WIDTH_STEP)
+
+    def at_nodes(moments: Array) -> Array:
+        """Values at the nodes of a field with given moments under T_0 ... T_modes."""
+        polynomials = tests / tests[0] * (2 / basis.unit_test)
+        return moments[0] / 2 * polynomials[0] + moments[1:] @ polynomials[1:]
+
+    # derivative of the surface less the roller by a change; the last row is the prescribed quantity
+    slope, curvature = problem.slope(contact.centre + x)
+    tangent = np.zeros((len(b) + 2, len(b) + 2))
+    tangent[:, :-2], tangent[:, -2] = surfaces(creep), widened(creep)
+    for column, shift in ((-2, x), (-1, 1.0)):
+        tangent[:-1, column] -= tests @ (shift * curvature)
+        tangent[-1, column] += tests[0] @ (shift * slope)
+    if problem.target != "indentation":
+        tangent[-1] = _target_gradient(problem, contact)
+    factors = lu_factor(tangent)
+
+    def compensating(surface: Array) -> Array:
+        """Change of the contact that compensates an additional surface."""
+        prescribed = surface[-1] if problem.target == "indentation" else 0.0
+        return lu_solve(factors, -np.append(surface[:-1], prescribed))
+
+    speed_load = surfaces(_creep_polynomial(creep, -1, 1, 0)) @ b  # of v C_v
+    change = compensating(speed_load)
+    acceleration_load = surfaces(_creep_polynomial(creep, 0, -creep.lengths, creep.lengths)) @ b  # of v^2 Z
+    # v Y of the change of the pressure, at fixed x: that at fixed xi less the shift of the field
+    memory, shift = _creep_polynomial(creep, 0, creep.lengths, 0), change[-1] + change[-2] * x
+    retarded = surfaces(memory)
+    acceleration_load += retarded @ change[:-2] + change[-2] * widened(memory)
+    acceleration_load[:-1] -= tests @ (shift * at_nodes(speed_load[:-1]))
+    acceleration_load[-1] += tests[0] @ (shift * at_nodes(retarded[:-1] @ b))
+
+    x = a * basis.pressure_nodes
+    slope, curvature = problem.slope(contact.centre + x)
+    force = contact.scale * a
+    of_b = force * (basis.pressures @ slope)
+    of_b[0] += force * problem.friction * basis.unit_load
+    of_width = 2 * contact.resistance + force * b @ (basis.pressures @ (x * curvature))
+    gradient = np.append(of_b, [of_width, force * b @ (basis.pressures @ curvature)])  # of the resistance
+    return gradient @ change, gradient @ compensating(-acceleration_load)
+
+
+def _target_gradient(problem, contact):
+    """Return the derivative of the load or the peak pressure with respect to the contact, over its scale."""
+    gradient = np.zeros(len(contact.coefficients) + 2)
+    if problem.target == "load":
+        gradient[0], gradient[-2] = 1.0, 2 * contact.coefficients[0]
+        return gradient
+    xi, alpha = contact.peak_position, contact.system.basis.trailing_exponent
+    gradient[:-2] = pressure_polynomials(xi, alpha, len(gradient) - 2) * (1 - xi) ** (1 - alpha) * (1 + xi) ** alpha
+    gradient[-2] = gradient[:-2] @ contact.coefficients
+    return gradient
 
 
 def _creep_polynomial(creep, first, second, third):
@@ -129,97 +182,3 @@ def _creep_polynomial(creep, first, second, third):
     shares = shares + np.multiply.outer(creep.shares * second, ratio * FIRST_DERIVATIVE / LENGTH_STEP)
     shares = shares + np.multiply.outer(creep.shares * third, ratio**2 * SECOND_DERIVATIVE / (2 * LENGTH_STEP**2))
     return CreepCompliance(0.0, shares.ravel(), np.outer(creep.lengths, ratio).ravel())
-
-
-@dataclass(frozen=True)
-class ContactLinearisation:
-    """Contact and its linear response to small changes.
-
-    A change is a vector of the coefficients b, the logarithm of the half-width and the centre [m], shape (modes + 2,).
-    A surface is represented by -u' under T_0 ... T_modes and u under T_0, also of shape (modes + 2,).
-    """
-
-    problem: RollingProblem
-    contact: spectral.ContactSolution
-
-    @property
-    def x(self) -> Array:
-        """Nodes of the tests [m] from the middle of the contact, shape (n,)."""
-        return self.contact.half_width * self.contact.system.basis.nodes
-
-    def surfaces(self, creep: CreepCompliance, widening: float = 0.0) -> Array:
-        """Compute the surfaces under the pressures b_k = 1 on a contact widened by a share [-], (modes + 2, modes)."""
-        a = self.contact.half_width * (1 + widening)
-        system = assemble_system(replace(self.problem, creep=creep), len(self.contact.coefficients), a)
-        return a / self.problem.radius * np.vstack([system.matrix, a * system.depths])
-
-    def surface(self, creep: CreepCompliance, widening: float = 0.0) -> Array:
-        """Compute the surface under the pressure of the contact, with another `creep`."""
-        return self.surfaces(creep, widening) @ self.contact.coefficients
-
-    def width_derivative(self, creep: CreepCompliance) -> Array:
-        """Return the derivative of the surface with respect to the log half-width at constant b and xi."""
-        return (self.surface(creep, WIDTH_STEP) - self.surface(creep, -WIDTH_STEP)) / (2 * WIDTH_STEP)
-
-    def surface_change(self, creep: CreepCompliance, change: Array, gradient: Array) -> Array:
-        """Compute the change of a surface at fixed x under that of the pressure; `gradient` is the surface of du/dx."""
-        surfaces, (b, width, centre) = self.surfaces(creep), (change[:-2], *change[-2:])
-        tests, shift = self.contact.system.basis.tests, centre + width * self.x
-        slope_change = -tests @ (shift * self._nodal_values(gradient[:-1]))
-        depth_change = tests[0] @ (shift * self._nodal_values(surfaces[:-1] @ self.contact.coefficients))
-        return surfaces @ b + width * self.width_derivative(creep) + np.append(slope_change, depth_change)
-
-    def _nodal_values(self, moments):
-        """Values at the nodes of a field with given moments under T_0 ... T_modes."""
-        basis = self.contact.system.basis
-        polynomials = basis.tests / basis.tests[0] * (2 / basis.unit_test)
-        return moments[0] / 2 * polynomials[0] + moments[1:] @ polynomials[1:]
-
-    @cached_property
-    def tangent(self) -> tuple[Array, NDArray[np.int32]]:
-        """LU factors of the derivative of the surface less the roller; the last row is the prescribed quantity."""
-        problem, contact = self.problem, self.contact
-        tests, (slope, curvature) = contact.system.basis.tests, problem.slope(contact.centre + self.x)
-        rows = np.zeros((len(tests) + 1, len(tests) + 1))
-        rows[:, :-2] = self.surfaces(problem.creep)
-        rows[:, -2] = self.width_derivative(problem.creep)
-        for column, shift in ((-2, self.x), (-1, 1.0)):
-            rows[:-1, column] -= tests @ (shift * curvature)
-            rows[-1, column] += tests[0] @ (shift * slope)
-        if problem.target != "indentation":
-            rows[-1] = self.target_gradient
-        return lu_factor(rows)
-
-    @property
-    def target_gradient(self) -> Array:
-        """Return the derivative of the load or the peak pressure with respect to the contact, over its scale."""
-        contact, gradient = self.contact, np.zeros(len(self.contact.coefficients) + 2)
-        if self.problem.target == "load":
-            gradient[0], gradient[-2] = 1.0, 2 * contact.coefficients[0]
-            return gradient
-        xi, alpha = contact.peak_position, contact.system.basis.trailing_exponent
-        polynomials = pressure_polynomials(xi, alpha, len(gradient) - 2)
-        gradient[:-2] = polynomials * (1 - xi) ** (1 - alpha) * (1 + xi) ** alpha
-        gradient[-2] = gradient[:-2] @ contact.coefficients
-        return gradient
-
-    def solve(self, surface: Array) -> Array:
-        """Solve for the change of the contact that compensates an additional surface, shape (modes + 2,)."""
-        residual = surface.copy()
-        if self.problem.target != "indentation":
-            residual[-1] = 0.0
-        return lu_solve(self.tangent, -residual)
-
-    @cached_property
-    def resistance_gradient(self) -> Array:
-        """Return the derivative of the resistance [N/m] with respect to the contact, shape (modes + 2,)."""
-        contact, basis, friction = self.contact, self.contact.system.basis, self.problem.friction
-        x = contact.half_width * basis.pressure_nodes
-        slope, curvature = self.problem.slope(contact.centre + x)
-        force, b = contact.scale * contact.half_width, contact.coefficients
-        gradient = np.empty(len(b) + 2)
-        gradient[:-2] = force * (basis.pressures @ slope)
-        gradient[0] += force * friction * basis.unit_load
-        gradient[-2] = 2 * contact.resistance + force * b @ (basis.pressures @ (x * curvature))
-        gradient[-1] = force * b @ (basis.pressures @ curvature)
-        return gradient
