@@ -377,12 +377,9 @@ class RateEngine(Engine):
         self,
         resistance: Callable[[float], "ForceSample"],
         rate_factor: Callable[[], Callable[[float], float]],
-        slowest: float,
-        fastest: float,
-        tolerance: float,
-        known: Iterable["ForceSample"] = (),
+        *given: Any,
     ) -> "ResistanceMap":
         """Sample the law of the resistance over the rate factor."""
         from compact.engines.rate_law import sample_rate_law
 
-        return sample_rate_law(resistance, rate_factor(), slowest, fastest, tolerance, known)
+        return sample_rate_law(resistance, rate_factor(), *given)

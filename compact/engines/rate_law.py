@@ -57,7 +57,8 @@ class RateLaw:
 
     def __call__(self, speeds: Array) -> Array:
         """Return the resistance [N] at speeds [m/s]."""
-        return np.exp(self._terms(speeds) @ self._coefficients)
+        coefficients, _ = self._regression
+        return np.exp(self._terms(speeds) @ coefficients)
 
     def standard_error(self, speeds: Array) -> Array:
         """Compute the relative standard error by the scatter of the contacts and the prior.
@@ -72,8 +73,8 @@ class RateLaw:
         ndarray
             Relative standard errors [-].
         """
-        terms = self._terms(speeds)
-        return np.sqrt(np.sum((terms @ self._covariance) * terms, axis=1))
+        terms, (_, covariance) = self._terms(speeds), self._regression
+        return np.sqrt(np.sum((terms @ covariance) * terms, axis=1))
 
     @property
     def noise(self) -> float:
@@ -90,34 +91,28 @@ class RateLaw:
             errors.append(abs(predicted / sample.force - 1))
         return max(errors)
 
-    def _log_factors(self, speeds: Array) -> Array:
-        return np.log([self.rate_factor(speed) for speed in speeds.tolist()])
+    def map(self, speeds: Array, error: float) -> ResistanceMap:
+        """Return the map with the values of the law at speeds [m/s], and an error of interpolation [-]."""
+        return ResistanceMap(speeds, self(speeds), error, _largest_error(self.samples), contacts=self.samples)
 
     def _terms(self, speeds: Array) -> Array:
         """Return x^k/k!, shape (speeds, coefficients)."""
-        samples = np.array([each.speed for each in self.samples])
-        x = self._log_factors(speeds) - self._log_factors(samples).mean()
+        of_samples, here = (
+            np.log([self.rate_factor(speed) for speed in each])
+            for each in ([sample.speed for sample in self.samples], speeds.tolist())
+        )
+        x = here - of_samples.mean()
         return np.stack([x**k / factorial(k) for k in range(len(LAW_DERIVATIVES) + 1)], axis=-1)
 
     @cached_property
-    def _weighted(self) -> tuple[Array, Array]:
-        """Terms of the contacts and of the prior over their scatter, and values of the contacts over theirs."""
+    def _regression(self) -> tuple[Array, Array]:
+        """Coefficients of the law, and their covariance, by contacts and prior over their scatter."""
         speeds, forces = np.array([each[:2] for each in self.samples]).T
         scatter = np.maximum([each.noise for each in self.samples], MIN_NOISE)
-        prior = np.diag(1 / np.array(LAW_DERIVATIVES))
-        prior = np.pad(prior, ((0, 0), (1, 0)))
+        prior = np.pad(np.diag(1 / np.array(LAW_DERIVATIVES)), ((0, 0), (1, 0)))
         terms = np.vstack([self._terms(speeds) / scatter[:, None], prior])
-        return terms, np.append(np.log(forces) / scatter, np.zeros(len(prior)))
-
-    @cached_property
-    def _covariance(self) -> Array:
-        terms, _ = self._weighted
-        return np.asarray(np.linalg.inv(terms.T @ terms), dtype=float)
-
-    @cached_property
-    def _coefficients(self) -> Array:
-        terms, values = self._weighted
-        return np.asarray(np.linalg.lstsq(terms, values)[0], dtype=float)
+        values = np.append(np.log(forces) / scatter, np.zeros(len(prior)))
+        return np.linalg.lstsq(terms, values)[0], np.linalg.inv(terms.T @ terms)
 
 
 def sample_rate_law(
@@ -160,7 +155,10 @@ def sample_rate_law(
     require_positive(slowest=slowest, fastest=fastest, tolerance=tolerance)
     samples = {each.speed: each for each in known} or {fastest: resistance(fastest)}
     if rate_factor(slowest) == rate_factor(fastest):
-        return _flat_map(tuple(sorted(samples.values())), slowest, fastest)
+        contacts = tuple(sorted(samples.values()))  # without an error of interpolation
+        forces = np.full(2, contacts[0].force)
+        require_finite(resistance=forces)
+        return ResistanceMap(np.array([slowest, fastest]), forces, 0.0, _largest_error(contacts), contacts=contacts)
     speeds = np.geomspace(slowest, fastest, LAW_SPEEDS)
     while True:
         require_finite(resistance=[each.force for each in samples.values()])
@@ -183,22 +181,10 @@ def sample_rate_law(
             stacklevel=2,
         )
     for count in LAW_NODES:
-        found = _map_of_law(law, np.geomspace(slowest, fastest, count), error)
+        found = law.map(np.geomspace(slowest, fastest, count), error)
         if np.abs(found(speeds) / law(speeds) - 1).max() <= LAW_REPRODUCTION:
             break
     return found
-
-
-def _flat_map(samples: tuple[ForceSample, ...], slowest: float, fastest: float) -> ResistanceMap:
-    """Return the map of a constant resistance, without an error of interpolation."""
-    forces = np.full(2, samples[0].force)
-    require_finite(resistance=forces)
-    return ResistanceMap(np.array([slowest, fastest]), forces, 0.0, _largest_error(samples), contacts=samples)
-
-
-def _map_of_law(law: RateLaw, speeds: Array, error: float) -> ResistanceMap:
-    """Return the map with the values of a law at speeds [m/s]."""
-    return ResistanceMap(speeds, law(speeds), error, _largest_error(law.samples), contacts=law.samples)
 
 
 def _largest_error(samples: Iterable[ForceSample]) -> float | None:
