@@ -137,7 +137,7 @@ def drives(settings, repeats, stiffness=1e6, ratio=0.05):
             run = simulate_elastic(
                 CART, drive, cycle, lambda v, a: np.zeros_like(v), regime="rest", tolerance=tolerance
             )
-            return run.trajectory.at(*run.trajectory.locate(time)).position, run.cost.evaluations
+            return run.trajectory.at(time).position, run.cost.evaluations
         solution = solve_ivp(
             rates, (0, 2 * DURATION), [0.0, 0.0], method, time, rtol=tolerance, atol=tolerance * STROKE
         )

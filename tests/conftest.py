@@ -39,7 +39,7 @@ compaction.roll(layer, roller, mix, 0.2, increments=4)
 def pytest_configure(config: pytest.Config) -> None:
     """Compile what most tests need, unless it is compiled or this is a worker or a single process."""
     sampling.slow_run = config.getoption("markexpr", "") in ("", "slow")
-    compiled = any((ROOT / "compact" / "machine" / "__pycache__").glob("elastic_motion.*.nbi"))
+    compiled = any((ROOT / "compact" / "machine" / "__pycache__").glob("spring_cart.*.nbi"))
     if compiled or hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         return
     environment = os.environ | {"PYTHONPATH": str(ROOT)}

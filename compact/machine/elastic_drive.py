@@ -4,15 +4,14 @@
 
 y is the law, x the cart, H the drive force, positive towards the driven end. With a backlash b the spring is engaged
 for e > b/2 (o = b/2) and e < -b/2 (o = -b/2), and slack between; the damper acts throughout. The resistance W is that
-of the steady speed, or depends on the acceleration to first order, F(v) + a M(v). During oscillations the added-mass
-term is saturated for most of the time; the solution then takes several times as long. A resistance with the attribute
+of the steady speed, or depends on the acceleration to first order, F(v) + a M(v). A resistance with the attribute
 `travels` is called with the travel s since the last turn [m] as a third argument.
 
 W and the guide friction jump at rest and hold the cart there, as does the plate of a preloaded end spring. A
 resistance that vanishes with a small power of the speed, such as v^0.02 of a compacting mix, acts like dry friction: a
 cart slower than a millionth of the peak speed counts as at rest, and the resistance at that speed holds it.
 
-Two regimes are available: the first cycle from rest, and the periodic regime (`elastic_cycle`).
+Two regimes are available: the first cycle from rest, and the periodic regime (`elastic_motion`).
 
 References
 ----------
@@ -26,24 +25,18 @@ from functools import cached_property
 import numpy as np
 
 from compact.machine import rigid_drive
-from compact.machine.cart import Balance, Cart, balance
-from compact.machine.elastic_cycle import CartMotion, SolutionCost
-from compact.machine.elastic_motion import MIN_STEP
-from compact.machine.spring_cart import (
-    CELL_ANGLE,
-    CELL_POINTS,
-    MAX_SAMPLES,
-    OSCILLATION_FLOOR,
-    Kinematics,
-    Trajectory,
-    oscillation_time,
-)
+from compact.machine.cart import Balance, Cart, Resistance, balance
+from compact.machine.elastic_motion import MAX_STEPS, SAMPLES, WEIGHTS, CartMotion, Kinematics, SolutionCost, Trajectory
+from compact.machine.rigid_drive import evaluate_resistance
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_known, require_opposing, require_positive
 
 REGIMES = ("periodic", "rest")
 JUMP_TOLERANCE = 1e-6  # [-], of the largest acceleration; smaller jumps are rounding
+MAX_STIFFNESS_RATIO = 1e9  # [-], of a piece of the law to a radian of the oscillation; rounding of the speed is felt
+STEP_ANGLE = 6.0  # [rad], of an oscillation in one step
+OSCILLATION_FLOOR = 1e-9  # [-], of the initial amplitude; a smaller oscillation is not resolved
 
 
 @dataclass(frozen=True)
@@ -66,9 +59,7 @@ class ElasticDrive:
     def __post_init__(self) -> None:
         require_fields(self, positive="stiffness", nonnegative="damping backlash")
 
-    def run(
-        self, cart: Cart, cycle: Cycle, resistance: rigid_drive.Resistance, working: tuple[float, float]
-    ) -> "ElasticRun":
+    def run(self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]) -> "ElasticRun":
         """Simulate the periodic regime, for `rigid_drive.simulate`."""
         return simulate_elastic(cart, self, cycle, resistance, working=working)
 
@@ -77,7 +68,7 @@ def simulate_elastic(
     cart: Cart,
     drive: ElasticDrive,
     motion: MotionProfile | Cycle,
-    resistance: rigid_drive.Resistance,
+    resistance: Resistance,
     *,
     regime: str = "periodic",
     working: tuple[float, float] = rigid_drive.WORKING_PART,
@@ -104,74 +95,49 @@ def simulate_elastic(
     working : tuple of float
         Start and end of the working part of the forward stroke [-], for `nonuniformity`.
     tolerance : float
-        Of the resistance, relative to the largest force of inertia and resistance [-].
+        Of the forces, relative to the largest force of inertia and resistance [-].
 
     Raises
     ------
     ValueError
-        If the resistance does not oppose the motion or jumps at a speed other than 0, if the period of the oscillation
-        is not resolved, or if the oscillation needs more than `MAX_SAMPLES` samples.
+        If the resistance does not oppose the motion or jumps at a speed other than 0, or if the period of the
+        oscillation is not resolved.
     RuntimeError
         If the integration ends early or no periodic regime is found.
 
     Notes
     -----
-    In double precision a step shorter than `MIN_STEP` of a piece of the law, of duration T, is rounding. A radian of
-    the oscillation must last as long, sqrt(m/k) >= MIN_STEP T, which limits the stiffness to m/(MIN_STEP T)^2.
+    A radian of the oscillation must last a billionth of a piece of the law of duration T, k <= 1e18 m/T^2, and the
+    oscillation must decay within `MAX_STEPS` steps.
     """
     require_positive(mass=cart.mass, tolerance=tolerance)
     require_known("regime", regime, REGIMES)
     cycle = motion if isinstance(motion, Cycle) else motion.cycle()
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
-    _require_resolved_period(cart, drive, cycle)
-    _require_resolvable(cart, drive, cycle, _expected_samples(cart, drive, cycle))
+    _require_resolvable(cart, drive, cycle)
     problem = CartMotion(cart, drive, cycle, resistance, tolerance)
     periodic = regime == "periodic"
     trajectory = problem.solve_periodic() if periodic else problem.integrate(problem.law, problem.rest_state)
-    _require_resolvable(cart, drive, cycle, trajectory.sample_count)
     return ElasticRun(cart, cycle, resistance, working, trajectory, problem.cost, drive.include_added_mass)
 
 
-def _require_resolved_period(cart, drive, cycle):
-    """Require an oscillation of which a radian is no shorter than the shortest step."""
-    shortest = MIN_STEP * max(leg.duration * np.diff(leg.breakpoints()).max() for leg in cycle.legs())
-    if math.sqrt(cart.mass / drive.stiffness) < shortest:
+def _require_resolvable(cart, drive, cycle):
+    """Require an oscillation that double precision and `MAX_STEPS` steps resolve."""
+    frequency, decay = math.sqrt(drive.stiffness / cart.mass), drive.damping / (2 * cart.mass)
+    pieces = np.concatenate([leg.duration * np.diff(leg.breakpoints()) for leg in cycle.legs() if leg.direction])
+    lasting = np.minimum(pieces, -math.log(OSCILLATION_FLOOR) / max(decay, 1e-300)).sum() if decay < frequency else 0.0
+    if frequency * lasting > STEP_ANGLE * MAX_STEPS or frequency * pieces.max() > MAX_STIFFNESS_RATIO:
         raise ValueError(
-            f"`stiffness` {drive.stiffness:g} N/m: the cart oscillates with a period of "
-            f"{2 * math.pi * math.sqrt(cart.mass / drive.stiffness):.3g} s, of which steps of {shortest:.3g} s, the "
-            f"shortest in double precision, resolve no radian; use at most {cart.mass / shortest**2:.3g} N/m, or a "
-            "rigid drive"
+            f"`stiffness` {drive.stiffness:g} N/m with `damping` {drive.damping:g} N s/m: the cart oscillates "
+            f"{frequency * lasting / (2 * math.pi):.2g} times per cycle with a period of "
+            f"{2 * math.pi / frequency:.3g} s, allowed are {STEP_ANGLE * MAX_STEPS / (2 * math.pi):.2g} times and "
+            f"{2 * math.pi * pieces.max() / MAX_STIFFNESS_RATIO:.3g} s; use a rigid drive, or more damping"
         )
-
-
-def _expected_samples(cart, drive, cycle):
-    """Estimate the samples that resolve the oscillation after each join of the law, outside dwells."""
-    decay = drive.damping / (2 * cart.mass)
-    square = drive.stiffness / cart.mass - decay**2
-    if square <= 0:
-        return 0
-    pieces = [leg.duration * np.diff(leg.breakpoints()) for leg in cycle.legs() if leg.direction]
-    resolved = float(oscillation_time(decay, np.concatenate(pieces)).sum())
-    return CELL_POINTS * resolved * math.sqrt(drive.stiffness / cart.mass) / CELL_ANGLE
-
-
-def _require_resolvable(cart, drive, cycle, samples):
-    """Require at most `MAX_SAMPLES` samples; the error states a sufficient damping."""
-    if samples <= MAX_SAMPLES:
-        return
-    frequency = math.sqrt(drive.stiffness / cart.mass)
-    excitations = sum(len(leg.breakpoints()) for leg in cycle.legs())
-    decay = 2 * excitations * CELL_POINTS * -math.log(OSCILLATION_FLOOR) * frequency / CELL_ANGLE / MAX_SAMPLES
-    raise ValueError(
-        f"`stiffness` {drive.stiffness:g} N/m with `damping` {drive.damping:g} N s/m: the cart oscillates "
-        f"{samples * CELL_ANGLE / CELL_POINTS / (2 * math.pi):.2g} times per cycle, which needs {samples:.2g} samples, "
-        f"allowed are {MAX_SAMPLES}; use a rigid drive, or a damping of at least {2 * cart.mass * decay:.2g} N s/m"
-    )
 
 
 @dataclass(frozen=True)
 class ElasticRun(rigid_drive.CycleStatistics):
-    """One cycle of a cart behind a spring; arrays of shape (n,) resolve the oscillation, intervals in order of time.
+    """One cycle of a cart behind a spring; arrays of shape (n,) resolve the oscillation, steps in order of time.
 
     Force and power are those of the driven end, which follows the law.
 
@@ -187,38 +153,31 @@ class ElasticRun(rigid_drive.CycleStatistics):
 
     cart: Cart
     cycle: Cycle
-    resistance: rigid_drive.Resistance
+    resistance: Resistance
     working: tuple[float, float]
     trajectory: Trajectory
     cost: SolutionCost
     include_added_mass: bool
 
     @cached_property
-    def _points(self):
-        """Interval indices, places and weights of the samples."""
-        return self.trajectory.sample_points()
-
-    @property
-    def weights(self) -> Array:
-        """Quadrature weights over the cycle [s]."""
-        return self._points[2]
-
-    @cached_property
     def time(self) -> Array:
         """Time since the start of the forward stroke [s]."""
-        i, u, _ = self._points
-        return self.trajectory.intervals.start[i] + self.trajectory.intervals.scale[i] * u
+        return (self.trajectory.begin[:, None] + self.trajectory.duration[:, None] * SAMPLES).ravel()
+
+    @cached_property
+    def weights(self) -> Array:
+        """Quadrature weights over the cycle [s]."""
+        return (self.trajectory.duration[:, None] * WEIGHTS).ravel()
 
     @cached_property
     def direction(self) -> Array:
         """Direction of the law: +1 forward, -1 on the return stroke, 0 in a dwell."""
-        return self.cycle.direction(self.trajectory.intervals.start + 1e-9 * self.period)[self._points[0]]
+        return np.repeat(self.cycle.direction(self.trajectory.begin + 1e-9 * self.period), len(SAMPLES))
 
     @cached_property
     def motion(self) -> Kinematics:
         """Motion and forces of the cart and its spring."""
-        i, u, _ = self._points
-        return self.trajectory.at(i, u)
+        return self.trajectory.samples
 
     @cached_property
     def state(self) -> rigid_drive.DriveState:
@@ -226,14 +185,14 @@ class ElasticRun(rigid_drive.CycleStatistics):
 
         Slower than the integration resolves, mix and guides share its resistance in the ratio of their limits.
         """
-        motion, i = self.motion, self._points[0]
-        slip, zero = self.trajectory.intervals.slip[i], np.zeros(len(i))
-        slowest, acceleration = self.trajectory.cart.knots[0], motion.acceleration
+        motion, trajectory = self.motion, self.trajectory
+        slip, turn = (np.repeat(each, len(SAMPLES)) for each in (trajectory.slip, trajectory.turn))
+        slowest, acceleration, zero = trajectory.cart.knots[0], motion.acceleration, np.zeros(len(slip))
         direction = np.where(slip != 0, slip, np.sign(motion.drive_force + motion.end_spring_force))
         velocity = np.where(slip * motion.velocity > 0, motion.velocity, 0.0)  # rounding at the ends of a slip
         moving = direction * np.maximum(np.abs(velocity), slowest)  # limit from inside the motion
-        travel = slip * (motion.position - self.trajectory.intervals.turn[i])
-        mix = rigid_drive.evaluate_resistance(self.resistance, moving, self.include_added_mass * acceleration, travel)
+        travel = slip * (motion.position - turn)
+        mix = evaluate_resistance(self.resistance, moving, self.include_added_mass * acceleration, travel)
         limit = balance(self.cart, zero, mix, direction).drive_force
         share = np.divide(mix, limit, out=np.zeros(mix.shape), where=limit != 0)
         mix = np.where(np.abs(velocity) < slowest, motion.resistance * share, mix)
@@ -254,7 +213,7 @@ class ElasticRun(rigid_drive.CycleStatistics):
     @cached_property
     def _peaks(self):
         """Largest |H| [N] and |H y'| [W]."""
-        return self.trajectory.peak_force_and_power()
+        return self.trajectory.largest_force_and_power()
 
     @property
     def peak_force(self) -> float:
@@ -279,36 +238,29 @@ class ElasticRun(rigid_drive.CycleStatistics):
     @cached_property
     def peak_jerk(self) -> float:
         """Largest |jerk| of the cart [m/s^3]; infinite if its acceleration jumps, as at a stop by friction."""
-        return math.inf if self.shocks else float(np.abs(self.state.jerk).max())
+        return math.inf if self.shocks else float(np.abs(self.motion.jerk).max())
 
     @cached_property
     def shocks(self) -> tuple[Discontinuity, ...]:
         """Jumps of the acceleration of the cart."""
-        intervals = self.trajectory.intervals
-        rows = np.arange(len(intervals.start))
-        after = self.trajectory.at(rows, np.zeros(len(rows))).acceleration
-        before = self.trajectory.at(rows, intervals.duration / intervals.scale).acceleration
-        largest = np.abs(self.state.acceleration).max()
-        jumps = [(i, before[i - 1], after[i]) for i in rows]
-        return tuple(
-            Discontinuity(float(intervals.start[i]), 2, float(a), float(b))
-            for i, a, b in jumps
-            if abs(a - b) > JUMP_TOLERANCE * largest
-        )
+        acceleration = self.motion.acceleration.reshape(-1, len(SAMPLES))
+        before, after = np.roll(acceleration[:, -1], 1), acceleration[:, 0]
+        jumps = np.abs(after - before) > JUMP_TOLERANCE * np.abs(acceleration).max()
+        columns = zip(*(each[jumps].tolist() for each in (self.trajectory.begin, before, after)), strict=True)
+        return tuple(Discontinuity(time, 2, one, other) for time, one, other in columns)
 
     @cached_property
     def nonuniformity(self) -> float:
         """(v_max - v_min)/v_mean of the cart over the working part of the forward stroke [-]."""
         time = np.linspace(*self.working, rigid_drive.NONUNIFORMITY_SAMPLES) * self.cycle.forward.duration
-        position, velocity, *_ = self.trajectory.at(*self.trajectory.locate(time))
-        mean = (position[-1] - position[0]) / (time[-1] - time[0])
-        return float((velocity.max() - velocity.min()) / mean)
+        motion = self.trajectory.at(time)
+        mean = (motion.position[-1] - motion.position[0]) / (time[-1] - time[0])
+        return float((motion.velocity.max() - motion.velocity.min()) / mean)
 
     @property
     def stick_time(self) -> float:
         """Stick time: time during which friction holds the cart at rest [s]; named as in summary.json."""
-        intervals = self.trajectory.intervals
-        return float(intervals.duration[intervals.slip == 0].sum())
+        return float(self.trajectory.duration[self.trajectory.slip == 0].sum())
 
     @cached_property
     def energy_residual(self) -> float:

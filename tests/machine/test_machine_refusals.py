@@ -11,8 +11,8 @@ from compact.drive import Crank, Rigid, rank, simulate
 from compact.machine.cart import EndSprings, balance
 from compact.machine.component_sizing import Bearing, CatalogueMotor
 from compact.machine.crankshaft import simulate_crankshaft
-from compact.machine.elastic_cycle import CartMotion
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
+from compact.machine.elastic_motion import CartMotion
 from compact.machine.hydraulic_drive import Hydraulic, simulate_stroke
 from compact.machine.motor_drive import Motor, simulate_acceleration_phase, simulate_motor
 from compact.machine.rigid_drive import InverseDynamics
@@ -187,18 +187,14 @@ VALUES = [
     (lambda: elastic(resistance=mixed), "`resistance` must be a product of a function of velocity and one of travel"),
     (
         lambda: elastic(ElasticDrive(1e15, 0.0), name="gear-sector"),
-        r"`stiffness` 1e\+15 N/m with `damping` 0 N s/m: the cart oscillates 9.5e\+05 times per cycle, .*rigid",
+        r"`stiffness` 1e\+15 N/m with `damping` 0 N s/m: the cart oscillates 9.5e\+05 times per cycle .*rigid",
     ),
-    (
-        lambda: elastic(ElasticDrive(1e6, 0.0), free, "parabolic", dwell=600.0, regime="rest"),
-        r"`stiffness` 1e\+06 N/m .* the cart oscillates \S+ times per cycle",
-    ),
-    *(  # k <= m/(1e-13 T)^2 = 1000/(3e-13)^2, whatever the damping, and whatever rounding makes of the motion
+    *(  # k <= m (1e9/T)^2, whatever the damping
         (
             lambda k=k: elastic(ElasticDrive(k, 0.1 * math.sqrt(k * 1e3)), dry, "septic"),
-            r"`stiffness` \S+ N/m: the cart oscillates with a period of \S+ s, .* use at most 1\.11e\+28 N/m",
+            r"`stiffness` \S+ N/m .* with a period of \S+ s, allowed are .* 1.88e-08 s; use a rigid drive",
         )
-        for k in (1.2e28, 1e120)
+        for k in (1.2e20, 1e100)
     ),
 ]
 FAILURES = [
@@ -206,7 +202,7 @@ FAILURES = [
         lambda: elastic(ElasticDrive(CART.mass * (5 * np.pi / 3.0) ** 2, 0.0), free),
         r"no periodic regime found in .* possibly by resonance of the spring",
     ),
-    (with_nan_tables, r"the integration of the cart ended at 0 s of 6 s after 0 intervals"),
+    (with_nan_tables, r"the integration of the cart ended at 0 s of 6 s after 0 steps"),
     (
         lambda: on_motor(Kloss(4.0, 0.15, 157.0), 100.0, 0.0, 10.0),
         r"the motor stalls: the mean load torque is .* N m at .* the motor delivers",
