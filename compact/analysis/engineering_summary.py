@@ -3,7 +3,8 @@
 The formulas themselves, their limits and sources are in `compact.contact`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,11 @@ from compact.scene.loader import Scene
 LENGTH_ROUNDING = 1e-6  # [-], of a tenth of a millimetre; excess that rounding up ignores
 
 
+def _by(confidence: str) -> Any:
+    """Return a field of the formulas, with its equation or origin and the confidence in it."""
+    return field(metadata={"by": confidence})
+
+
 @dataclass(frozen=True)
 class Engineering:
     """Results of eqs 1.1-1.10 for one machine and mix, SI; units are those of `quantities.FORMULA`.
@@ -24,20 +30,20 @@ class Engineering:
     Forces are those of one roller, but `cart_resistance`, the resistance of the whole cart.
     """
 
-    pressure: float
-    exponent: float
-    capture_angle: float
-    roller_force: float
-    contact_length: float
-    roller_resistance: float
-    resistance_coefficient: float
-    cart_resistance: float
-    guide_coefficient: float
-    cart_power: float
-    radius_low: float
-    radius_high: float
-    rollers_needed: int
-    stroke_needed: float
+    pressure: float = _by("mix: pressure that the density requires")
+    exponent: float = _by("eq 1.4, exact theory")
+    capture_angle: float = _by("eq 1.5, reconstructed (80 %)")
+    roller_force: float = _by("eq 1.6, reconstructed (65 %)")
+    contact_length: float = _by("eq 1.7, reconstructed (95 %)")
+    roller_resistance: float = _by("eq 1.8, reconstructed (60 %)")
+    resistance_coefficient: float = _by("eqs 1.6 and 1.8")
+    cart_resistance: float = _by("eq 1.9, reconstructed (60 %); its guide friction is not that of the drives")
+    guide_coefficient: float = _by("eq 1.9: (f3 d + 2 f4) f5/D, guide friction over the load of the guide wheels")
+    cart_power: float = _by("eq 1.10 at mean speed")
+    radius_low: float = _by("eq 1.1, printed")
+    radius_high: float = _by("eq 1.1, printed")
+    rollers_needed: int = _by("eq 1.2, reconstructed (80 %)")
+    stroke_needed: float = _by("eq 1.3, reconstructed (80 %)")
 
 
 def peak_pressure(scene: Scene, mix: Mix) -> float:
@@ -152,23 +158,6 @@ def _rounded_up(length: float) -> float:
 
 
 PRESCRIBED = "contact: as prescribed, or the pressure of the load that is"
-# Field of Engineering -> confidence
-CONFIDENCES = {
-    "pressure": "mix: pressure that the density requires",
-    "exponent": "eq 1.4, exact theory",
-    "capture_angle": "eq 1.5, reconstructed (80 %)",
-    "roller_force": "eq 1.6, reconstructed (65 %)",
-    "contact_length": "eq 1.7, reconstructed (95 %)",
-    "roller_resistance": "eq 1.8, reconstructed (60 %)",
-    "resistance_coefficient": "eqs 1.6 and 1.8",
-    "cart_resistance": "eq 1.9, reconstructed (60 %); its guide friction is not that of the drives",
-    "guide_coefficient": "eq 1.9: (f3 d + 2 f4) f5/D, guide friction over the load of the guide wheels",
-    "cart_power": "eq 1.10 at mean speed",
-    "radius_low": "eq 1.1, printed",
-    "radius_high": "eq 1.1, printed",
-    "rollers_needed": "eq 1.2, reconstructed (80 %)",
-    "stroke_needed": "eq 1.3, reconstructed (80 %)",
-}
 
 
 @dataclass(frozen=True)
@@ -204,7 +193,7 @@ def numbers(scene: Scene, mix: Mix, formulas: Engineering, exact: LineContact) -
     required = () if prescribed else (needed.low, needed.high)
     ends = [_at_pressure(scene, mix, pressure) for pressure in required] or [None, None]
     found = {}
-    for name, confidence in CONFIDENCES.items():
+    for name, confidence in ((each.name, each.metadata["by"]) for each in fields(Engineering)):
         low, high = (None if end is None else getattr(end, name) for end in ends)
         value = getattr(formulas, name)
         known_by = PRESCRIBED if prescribed and name == "pressure" else confidence

@@ -279,17 +279,12 @@ def air_curve(under: AirUnderRoller, permeability: float, contact: Contact) -> A
     -------
     AirCurve
     """
-    rows = list(_solutions(under, permeability))
-    loads, resistances, excesses = (tuple(column) for column in np.array(rows).T.tolist())
-    return AirCurve(contact.load, abs(contact.resistance), tuple(RATIOS.tolist()), loads, resistances, excesses)
-
-
-def _solutions(under: AirUnderRoller, permeability: float) -> Iterator[tuple[float, float, float]]:
-    """Yield load, resistance and excess pressure behind the contact at each of `RATIOS`."""
-    start = None
+    rows, start = [], None
     for ratio in RATIOS.tolist():
         start = under.pressure(ratio * permeability, start)
-        yield (*under.forces(start), under.largest_excess_behind(start))
+        rows.append((*under.forces(start), under.largest_excess_behind(start)))
+    loads, resistances, excesses = (tuple(column) for column in np.array(rows).T.tolist())
+    return AirCurve(contact.load, abs(contact.resistance), tuple(RATIOS.tolist()), loads, resistances, excesses)
 
 
 def air_answer(curve: AirCurve, mix: Mix, mean_speed: float) -> AirAnswer:

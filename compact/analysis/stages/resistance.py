@@ -15,7 +15,7 @@ import numpy as np
 from compact import contact, resistance
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import nearest_speed
-from compact.analysis.pore_air import nodes_of_map
+from compact.analysis.pore_air import NO_FORCES, nodes_of_map
 from compact.analysis.stages.contacts import ContactStage
 from compact.contact import DryResistance
 from compact.engines.interface import RateEngine
@@ -119,27 +119,18 @@ class ResistanceStage:
             Largest speed [m/s].
         """
         stage = self.contacts
-        samples = list(known.computed) if known is not None else self._contact_samples
+        samples = [self._sample(*each) for each in self._rolled] if known is None else list(known.computed)
         least = min(LEAST_SPEED_SHARE * speed, min(each.speed for each in samples))
         tolerance = self.scene.accuracy.tolerance
         sampled = stage.engine.sample(self._new_sample, stage.rate_factor, least, speed, tolerance, samples)
-        if stage.has_air:
-            sampled = self._with_air(sampled)
-        return self._with_added_masses(replace(sampled, return_ratio=self._return_ratio(sampled)))
-
-    def _return_ratio(self, sampled: ResistanceMap) -> float:
-        """Return the resistance of the return stroke over that of the forward stroke [-]; sleeves drag in both."""
-        ratio, drag = self.contacts.return_ratios[1], self.contacts.sleeve_drag
-        share = drag / float(sampled(self.scene.mean_speed)) if drag else 0.0
-        return ratio * (1 - share) + share
-
-    def _with_air(self, skeleton: ResistanceMap) -> ResistanceMap:
-        """Return the map of a skeleton with the resistance by its pore air; its contacts remain those without."""
-        speeds = nodes_of_map(skeleton.speeds)
-        found = [self.contacts.air_forces(speed) for speed in speeds.tolist()]
-        air = np.array([0.0 if each is None else each.resistance for each in found])
-        forces = skeleton(speeds) + self._roller_length * air
-        return replace(skeleton, speeds=speeds, forces=forces, contacts=skeleton.computed)
+        if stage.has_air:  # the contacts of the map remain those without
+            speeds = nodes_of_map(sampled.speeds)
+            air = [(stage.air_forces(each) or NO_FORCES).resistance for each in speeds.tolist()]
+            forces = sampled(speeds) + self._roller_length * np.array(air)
+            sampled = replace(sampled, speeds=speeds, forces=forces, contacts=sampled.computed)
+        # sleeves drag in both directions
+        share = stage.sleeve_drag / float(sampled(self.scene.mean_speed)) if stage.sleeve_drag else 0.0
+        return self._with_added_masses(replace(sampled, return_ratio=stage.return_ratios[1] * (1 - share) + share))
 
     @property
     def _roller_length(self) -> float:
@@ -156,11 +147,6 @@ class ResistanceStage:
             found += [] if mean in dict(found) else [(mean, stage.reference[0])]
         return found
 
-    @property
-    def _contact_samples(self) -> list[ForceSample]:
-        """Samples by the contacts of the scene."""
-        return [self._sample(speed, result) for speed, result in self._rolled]
-
     def _new_sample(self, speed: float) -> ForceSample:
         """Compute a contact at a speed [m/s], from the nearest one as initial guess."""
         stage, rolled = self.contacts, self._rolled
@@ -171,12 +157,10 @@ class ResistanceStage:
         return self._sample(speed, result)
 
     def _sample(self, speed: float, result: Contact) -> ForceSample:
-        error = (result.error or (None, None))[1]
-        drag, force = self.contacts.sleeve_drag, self._roller_length * result.resistance
-        if drag:
-            error = None if error is None else error * force / (force + drag)
-            force += drag
-        return ForceSample(speed, force, error, self.contacts.engine.noise(result))
+        drag, force, error = self.contacts.sleeve_drag, self._roller_length * result.resistance, result.resistance_error
+        if drag and error is not None:
+            error *= force / (force + drag)
+        return ForceSample(speed, force + drag, error, self.contacts.engine.noise(result))
 
     def _with_added_masses(self, sampled: ResistanceMap) -> ResistanceMap:
         """Return the map with the added mass at its speeds; without it where the engine does not find it."""
