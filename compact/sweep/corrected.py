@@ -126,19 +126,24 @@ class CorrectedSweep(Sweep):
         return places, [np.flatnonzero(group == number).tolist() for number in range(group.max() + 1)]
 
     def _results(self, computed: Computed) -> list[Results]:
-        """Return the results of all points: columns, chosen points, and the correction."""
-        columns = self._by_columns(computed)
-        exact = self._by_engine(columns, computed)
-        corrections = [Correction(self.places, group, columns, exact, not self.design.names) for group in self.groups]
-        self.notes = tuple(correction.note for correction in corrections)
-        found = {number: result for correction in corrections for number, result in correction.results().items()}
+        """Return the results of all points: columns, chosen points, and the correction.
+
+        Chosen points without a result are replaced by others.
+        """
+        groups = in_parts(range(self.size), ENGINES[self.low_fidelity].points_per_task)
+        columns = self._solved(computed, groups, more=self._accepted, silent=True)
+        exact: dict[int, Results] = {}
+        for _ in range(ROUNDS):
+            chosen = [each.further(self.direct) for each in self._corrections(columns, exact)]
+            parts = [part for numbers in chosen for part in connected_parts(self.places, numbers)]
+            exact |= self._solved(computed, parts, self.places)
+        corrections = self._corrections(columns, exact)
+        self.notes = tuple(each.note for each in corrections)
+        found = {number: result for each in corrections for number, result in each.results().items()}
         return [found[number] for number in range(self.size)]
 
-    def _by_columns(self, computed: Computed) -> list[Results]:
-        """Return the results of the engine of low fidelity at all points."""
-        groups = in_parts(range(self.size), ENGINES[self.low_fidelity].points_per_task)
-        found = self._solved(computed, groups, more=self._accepted, silent=True)
-        return [found[number] for number in range(self.size)]
+    def _corrections(self, columns: Mapping[int, Results], exact: Mapping[int, Results]) -> list["Correction"]:
+        return [Correction(self.places, group, columns, exact, not self.design.names) for group in self.groups]
 
     def _accepted(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Return the keys that turn a scene into one that the engine of low fidelity accepts."""
@@ -150,32 +155,6 @@ class CorrectedSweep(Sweep):
         if self.scene.machine.roller_torque is not None:
             accepted["machine.roller_torque"] = None
         return accepted
-
-    def _by_engine(self, columns: list[Results], computed: Computed) -> dict[int, Results]:
-        """Return the results at the chosen points by their number; points without a result are replaced by others."""
-        exact: dict[int, Results] = {}
-        for _ in range(ROUNDS):
-            chosen = [self._chosen(group, columns, exact) for group in self.groups]
-            parts = [part for numbers in chosen for part in connected_parts(self.places, numbers)]
-            if not parts:
-                break
-            exact |= self._solved(computed, parts, self.places)
-        return exact
-
-    def _chosen(self, group: list[int], columns: list[Results], exact: dict[int, Results]) -> list[int]:
-        """Return the next chosen points of a group: first evenly, then by the error; none if all are without result."""
-        able = [number for number in group if not columns[number].get("reason")]
-        taken = [order for order, number in enumerate(able) if number in exact]
-        solved = sum(not exact[able[order]].get("reason") for order in taken)
-        if not taken:
-            return [able[order] for order in choose_points(self.places[able], ceil(FIRST_SHARE * self.direct))]
-        if not solved:
-            return []
-        known = Correction(self.places, group, columns, exact, not self.design.names)
-        surface, weights = known.surfaces.get("resistance"), None
-        if surface is not None:
-            weights = refinement_weights(self.places[able], self.places[known.solved], surface.residuals)
-        return [able[order] for order in choose_points(self.places[able], self.direct - solved, taken, weights)]
 
     def _variables(self) -> tuple[dict[str, Quantity], dict[str, str]]:
         numbers, words = super()._variables()
@@ -194,8 +173,8 @@ class Correction:
         Coordinates of all points of the sweep [-].
     group : list of int
         Numbers of the points.
-    columns : sequence of dict
-        Results of the engine of low fidelity at all points.
+    columns : mapping
+        Results of the engine of low fidelity at all points by their number.
     exact : mapping
         Results at the chosen points by their number.
     convex : bool
@@ -206,14 +185,14 @@ class Correction:
         self,
         places: FloatArray,
         group: list[int],
-        columns: Sequence[Results],
+        columns: Mapping[int, Results],
         exact: Mapping[int, Results],
         convex: bool,
     ) -> None:
         self.places, self.columns, self.exact, self.convex = places, columns, exact, convex
         self.failed = [number for number in group if columns[number].get("reason")]
-        self.chosen = [number for number in group if number in exact]
-        self.rest = [number for number in group if number not in {*self.failed, *self.chosen}]
+        self.able = [number for number in group if number not in self.failed]
+        self.chosen = [number for number in self.able if number in exact]
         fine, coarse = (
             np.array([[results[number].get(name, np.nan) for name in CORRECTED] for number in self.chosen], float)
             for results in (exact, columns)
@@ -240,6 +219,20 @@ class Correction:
             counts += f"; {name} {span}, error of interpolation {surface.error:.2%} ({surface.kind} surface)"
         return counts
 
+    def further(self, count: int) -> list[int]:
+        """Return the next chosen points, of a number in all: first evenly, then by the error."""
+        places, taken = self.places[self.able], [i for i, number in enumerate(self.able) if number in self.exact]
+        if not taken:
+            found = choose_points(places, ceil(FIRST_SHARE * count))
+        elif not self.solved:
+            return []
+        else:
+            surface, weights = self.surfaces.get("resistance"), None
+            if surface is not None:
+                weights = refinement_weights(places, self.places[self.solved], surface.residuals)
+            found = choose_points(places, count - len(self.solved), taken, weights)
+        return [self.able[i] for i in found]
+
     def results(self) -> dict[int, Results]:
         """Return the results of all points of the group by their number."""
         results = {number: self.columns[number] for number in self.failed}
@@ -249,19 +242,18 @@ class Correction:
         for number, row in zip(self.solved, self.factors, strict=True):
             for name, factor in zip(FORCES, row.tolist(), strict=False):
                 results[number] |= {f"{name}_factor": factor, f"{name}_surface_error": 0.0}
-        if not self.rest or not set(FORCES) <= set(self.surfaces):
-            return results | {number: {"reason": self.note} for number in self.rest}
+        rest = [number for number in self.able if number not in self.exact]
+        if not rest or not set(FORCES) <= set(self.surfaces):
+            return results | {number: {"reason": self.note} for number in rest}
         reason = (
             f"beyond the hull of the {len(self.solved)} points with a result in two dimensions, of "
             f"{len(self.chosen)} chosen; --direct all computes this point"
         )
-        is_inside = inside_hull(self.places[self.rest], self.places[self.solved], self.convex)
-        inside = np.array(self.rest)[is_inside].tolist()
-        results |= {number: {"reason": reason} for number in {*self.rest} - {*inside}}
-        factors = {name: np.exp(surface(self.places[inside])) for name, surface in self.surfaces.items() if inside}
-        for order, number in enumerate(inside):
-            factor = {name: float(values[order]) for name, values in factors.items()}
-            results[number] = self._corrected(number, factor)
+        inside = inside_hull(self.places[rest], self.places[self.solved], self.convex)
+        factors = {name: np.exp(surface(self.places[rest])) for name, surface in self.surfaces.items()}
+        for i, number in enumerate(rest):
+            factor = {name: float(values[i]) for name, values in factors.items()}
+            results[number] = self._corrected(number, factor) if inside[i] else {"reason": reason}
         return results
 
     def _corrected(self, number: int, factor: Mapping[str, float]) -> Results:
