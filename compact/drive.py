@@ -6,29 +6,20 @@ A rigid drive and a crank impose the law (`machine.rigid_drive`). `ElasticDrive`
 periodic cycle; their modules in `machine` are imported on first use.
 """
 
+from importlib import import_module
 from typing import Any
 
 from compact.machine.ranking import CRITERIA, Ranked, rank
 from compact.machine.rigid_drive import Crank, Rigid, Run, simulate
 
-_ELASTIC = ("ElasticDrive", "ElasticRun")
-_MOTOR = ("Motor", "MotorRun")
-_HYDRAULIC = ("Hydraulic", "HydraulicRun")
-
-__all__ = ["CRITERIA", "Crank", "Ranked", "Rigid", "Run", "rank", "simulate", *_ELASTIC, *_MOTOR, *_HYDRAULIC]
+_HOMES = {  # modules of the drives that solve for a cycle
+    "ElasticDrive": "elastic_drive", "ElasticRun": "elastic_drive", "Motor": "motor_drive", "MotorRun": "motor_drive",
+    "Hydraulic": "hydraulic_drive", "HydraulicRun": "hydraulic_drive",
+}  # fmt: skip
+__all__ = ["CRITERIA", "Crank", "Ranked", "Rigid", "Run", "rank", "simulate", *_HOMES]
 
 
 def __getattr__(name: str) -> Any:
-    if name in _ELASTIC:
-        from compact.machine import elastic_drive
-
-        return getattr(elastic_drive, name)
-    if name in _MOTOR:
-        from compact.machine import motor_drive
-
-        return getattr(motor_drive, name)
-    if name in _HYDRAULIC:
-        from compact.machine import hydraulic_drive
-
-        return getattr(hydraulic_drive, name)
+    if name in _HOMES:
+        return getattr(import_module(f"compact.machine.{_HOMES[name]}"), name)
     raise AttributeError(f"module 'compact.drive' has no attribute {name!r}")

@@ -238,15 +238,6 @@ def row_mesh(points: ArrayLike, quads: ArrayLike) -> RowMesh:
     order = np.argsort(y)  # heights counted from below
     steps = np.diff(y[order], prepend=-np.inf) > HEIGHT_TOLERANCE * np.ptp(y)
     level, heights = (np.cumsum(steps) - 1)[np.argsort(order)], y[order][steps]
-    ordered = np.sort(level[corners], axis=1)
-    lower, upper = ordered[:, 0], ordered[:, 3]
-    skewed = (ordered[:, 1] != lower) | (ordered[:, 2] != upper) | (upper != lower + 1)
-    if skewed.any():
-        k = skewed.argmax()
-        raise ValueError(
-            f"rows must be straight: the corners of element {k} lie at the heights {np.sort(y[corners[k]]).tolist()}, "
-            "not in pairs on neighbouring lines"
-        )
     numbering, counts = np.lexsort((x, level)), np.bincount(level)  # line by line
     if np.ptp(counts):
         counted = ", ".join(map(str, counts))

@@ -58,6 +58,7 @@ BLOCK_SIZE = 8192  # [-], speeds evaluated together; they fit in the processor c
 MIN_SPEED_RATIO = 1e-6  # [-], slowest sample over the fastest speed
 SPEED_REDUCTION = 4.0  # [-], ratio of the slowest samples added while the power law fails
 SPEED_ROUNDING = 1e-9  # [-], by which a speed may exceed the fastest sample
+COLUMNS, UNITS = ("speed", "resistance", "added_mass"), ("m/s", "N", "kg")  # of the file of a map
 NUMBERS = ("error", "engine_error", "relaxation_time", "return_ratio")  # of a map, attributes of its file
 
 
@@ -138,29 +139,6 @@ class ResistanceExpansion:
     added_mass: float
     error: float | None
     relaxation_time: float
-
-    def unsteadiness(self, acceleration: ArrayLike) -> Array:
-        """Compute the unsteadiness |a| tau/|v| of accelerations.
-
-        Parameters
-        ----------
-        acceleration : array_like
-            Acceleration a [m/s2].
-
-        Returns
-        -------
-        ndarray
-            Unsteadiness [-]. The expansion is valid below `UNSTEADINESS_LIMIT` and void from 1 on. For a short contact,
-            2b/v < tau with the half-width b, the weaker condition |a| 2b/v^2 << 1 suffices.
-
-        Examples
-        --------
-        >>> expansion = ResistanceExpansion(0.5, 100.0, 20.0, -3.0, error=0.0, relaxation_time=0.1)
-        >>> f"{expansion.unsteadiness(-0.25):.2f}"
-        '0.05'
-        """
-        require_finite(acceleration=acceleration)
-        return np.abs(acceleration) * self.relaxation_time / abs(self.speed)
 
 
 class ForceSample(NamedTuple):
@@ -302,10 +280,10 @@ class ResistanceMap:
 
         from compact.files import NETCDF_CLASSIC, results_key, versions, write_netcdf
 
-        variables = {"speed": (self.speeds, "m/s"), "resistance": (self.forces, "N")}
-        variables |= {} if self.added_masses is None else {"added_mass": (self.added_masses, "kg")}
         columns: dict[str, Any] = {
-            name: ("speed", values, {"units": unit}, {"_FillValue": None}) for name, (values, unit) in variables.items()
+            name: ("speed", values, {"units": unit}, {"_FillValue": None})
+            for name, values, unit in zip(COLUMNS, (self.speeds, self.forces, self.added_masses), UNITS, strict=True)
+            if values is not None
         }
         if self.contacts:
             table = np.array(self.contacts, dtype=float)  # an unknown error is nan
@@ -374,12 +352,9 @@ def tabulated_resistance(
     """
     given = {"speeds": speeds, "forces": forces, "added_masses": 0.0 if added_masses is None else added_masses}
     speeds, forces, masses = (np.asarray(as_numbers(name, column), float) for name, column in given.items())
-    lengths = {speeds.shape, forces.shape} | (set() if added_masses is None else {masses.shape})
-    if lengths != {(speeds.size,)} or speeds.size < MIN_ROWS:
-        raise ValueError(
-            f"`speeds`, `forces` and `added_masses` must be columns of one length >= {MIN_ROWS}, got shapes "
-            f"{sorted(lengths)}"
-        )
+    if speeds.ndim != 1 or speeds.size < MIN_ROWS or len({speeds.shape, forces.shape, masses.shape} - {()}) > 1:
+        shapes = speeds.shape, forces.shape, masses.shape
+        raise ValueError(f"`{'`, `'.join(given)}` must be columns of one length >= {MIN_ROWS}, got shapes {shapes}")
     require_finite(speeds=speeds, forces=forces, added_masses=masses)
     require_nonnegative(relaxation_time=relaxation_time)
     if not (speeds[0] > 0 and np.all(np.diff(speeds) > 0)):

@@ -13,7 +13,6 @@ from compact.engines.column.engine import required_feed, roll, roll_over, simula
 from compact.engines.fem.speed_derivative import expand_resistance as expand_by_elements
 from compact.engines.formula import roll as roll_by_formula
 from compact.material.laws import Elastic, Viscoelastic
-from compact.resistance import ResistanceExpansion
 from compact.rolling_contact import Layer, LowerLift, Ply, Roller
 
 LINEAR = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.05),))
@@ -149,7 +148,6 @@ VALUES = [
     (lambda: expand_by_elements(**changed("fem", {"speed": np.inf})), "`speed` must be finite, got inf"),
     (lambda: expand_by_elements(**changed("fem", {"tolerance": 0.0})), "`tolerance` must be positive and finite"),
     (lambda: expand_by_elements(**changed("fem", {"rolling": "free", "friction": 0.3})), "without stick and slip only"),
-    (lambda: ResistanceExpansion(1.0, 1.0, 1.0, 1.0, 0.0, 0.1).unsteadiness(np.nan), "`acceleration` must be finite"),
 ]
 
 

@@ -124,7 +124,7 @@ FINE, FLAT, CORNERS = SMALL.refined(), [[0, 1], [0, 1]], {"height": 0.2, "half_w
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: row_mesh(RAISED, SMALL.quads), r"the corners of element 0 lie at the heights \[0\.0"),
+        (lambda: row_mesh(RAISED, SMALL.quads), "must have equally many nodes"),
         (lambda: row_mesh(FINE.points, np.delete(FINE.quads, 5, axis=0)), "gap or overlap: 16 expected .*, 15 got, 15"),
         (
             lambda: row_mesh(SMALL.points, [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6]]),
