@@ -19,10 +19,6 @@ SUCCESS, NO_RESULT, INVALID_INPUT = 0, 1, 2
 MESSAGE_LIMIT, MESSAGE_END = 1000, 400  # [characters], longest message; kept of each end of a longer one
 
 ScenePath = Annotated[Path, Parameter(help="scene file in TOML")]
-Engine = Annotated[
-    Literal["formula", "column", "spectral", "fem", "compaction", "process"] | None,
-    Parameter(help="contact engine that replaces the engine of the scene"),
-]
 
 
 def _flag(meaning: str) -> Parameter:
@@ -135,7 +131,22 @@ class OwningJob(Job):
             yield directory, progress
 
 
-CONSOLE, JOB, OWNING_JOB = Console(), Job(), OwningJob()  # without options
+@Parameter(name="*")
+@dataclass(frozen=True)
+class EngineJob(OwningJob):
+    """Options of a command that computes contacts."""
+
+    engine: Annotated[
+        Literal["formula", "column", "spectral", "fem", "compaction", "process"] | None,
+        Parameter(help="contact engine that replaces the engine of the scene"),
+    ] = None
+
+    def read(self, path: Path, **replacements: object) -> "Scene":
+        """Load a scene file with the engine of the option, as `Job.read`."""
+        return super().read(path, **{"accuracy.engine": self.engine} | replacements)
+
+
+CONSOLE, JOB, OWNING_JOB, ENGINE_JOB = Console(), Job(), OwningJob(), EngineJob()  # without options
 
 
 @contextmanager

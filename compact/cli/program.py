@@ -19,7 +19,7 @@ from cyclopts import App, CycloptsError, Parameter
 from compact.analysis.failures import internal_sentence, is_numeric, is_refusal, memory_sentence, numeric_sentence
 from compact.cli import INTERRUPTED, INTERRUPTED_MESSAGE, checks
 from compact.cli import options as cli
-from compact.cli.options import JOB, OWNING_JOB, SUCCESS, Console, Engine, Job, OwningJob, ScenePath
+from compact.cli.options import ENGINE_JOB, JOB, OWNING_JOB, SUCCESS, Console, EngineJob, Job, OwningJob, ScenePath
 from compact.files import ResultsError, default_directory, json_text, read_json
 
 Format = Literal["csv", "fmu", "vtu", "vtk", "xdmf", "gmsh"]
@@ -120,13 +120,7 @@ def schema(name: Literal["scene", "summary"] = "scene", /) -> None:
 
 @app.command
 def run(
-    scene: ScenePath,
-    /,
-    *,
-    engine: Engine = None,
-    tolerance: float | None = None,
-    over: str | None = None,
-    job: OwningJob = OWNING_JOB,
+    scene: ScenePath, /, *, tolerance: float | None = None, over: str | None = None, job: EngineJob = ENGINE_JOB
 ) -> None:
     """Compute the whole scene: resistance, motion laws, drive forces, ranking, cams, tables, figures and report.
 
@@ -137,8 +131,7 @@ def run(
     over
         duration=LOW:HIGH:N, durations of a pass in s at which the laws are ranked again, with their crossovers
     """
-    replacements = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
-    given = job.read(scene, **replacements)
+    given = job.read(scene, **{"accuracy.tolerance": tolerance})
 
     from compact.analysis.sizing.durations import read_durations
     from compact.analysis.study import Study
@@ -166,13 +159,7 @@ def run(
 
 @app.command
 def roll(
-    scene: ScenePath,
-    /,
-    *,
-    speed: float | None = None,
-    engine: Engine = None,
-    picture: Path | None = None,
-    job: OwningJob = OWNING_JOB,
+    scene: ScenePath, /, *, speed: float | None = None, picture: Path | None = None, job: EngineJob = ENGINE_JOB
 ) -> None:
     """Compute one contact of roller and layer: load, resistance, edges, pressure and fields, for every pass.
 
@@ -184,7 +171,7 @@ def roll(
         file for a picture of the displaced layer with its density ratio or pressure, such as layer.png; needs an engine
         with fields, fem or compaction, and pyvista
     """
-    given = job.read(scene, **{"accuracy.engine": engine})
+    given = job.read(scene)
 
     from compact.analysis.study import Study
     from compact.report import text, writer
@@ -292,9 +279,8 @@ def sweep(
     rank: bool = False,
     sobol: bool = False,
     direct: int | Literal["all"] | None = None,
-    engine: Engine = None,
     tolerance: float | None = None,
-    job: OwningJob = OWNING_JOB,
+    job: EngineJob = ENGINE_JOB,
 ) -> int:
     """Compute many scenes with keys varied on grids, lists or samples, and write one labelled netCDF file.
 
@@ -324,8 +310,8 @@ def sweep(
     from compact.sweep.corrected import create_sweep
 
     workforce = choose_executor(workers, scheduler)
-    asked = {"accuracy.engine": engine, "accuracy.tolerance": tolerance}
-    given, varied = job.read(scene, **asked), [varying.read_design(text) for text in vary]
+    given = job.read(scene, **{"accuracy.tolerance": tolerance})
+    varied = [varying.read_design(text) for text in vary]
     many = create_sweep(given, varied, rank=rank, indices=sobol, direct=direct)
     directory, failed = job.place(scene, "sweep"), 0
 
@@ -343,11 +329,11 @@ def sweep(
         table = many.run(directory, executor=workforce, resume=resume, force=job.force, step=step)
     indices = sobol_indices.of_table(table)
     write_sweep_report(directory, table, indices)
-    for name in () if job.quiet else many.broken:
-        print(f"compact: {name} was incomplete; its points have been computed again", file=sys.stderr)
-    if many.unused and many.computed and not job.quiet:
-        why = "they are of another sweep, or of other sources or tables"
-        print(f"compact: {many.unused} points of earlier runs in {directory} are not used: {why}", file=sys.stderr)
+    notes = [f"{name} was incomplete; its points have been computed again" for name in many.broken]
+    if many.unused and many.computed:
+        notes.append(f"{many.unused} points of earlier runs in {directory} are of another sweep or program: not used")
+    for note in () if job.quiet else notes:
+        print(f"compact: {note}", file=sys.stderr)
     counts = f"{many.computed} of {many.needed} computed now"
     job.show(
         lambda: f"{sweep_digest(table, indices)}\n\n{counts}", directory,
@@ -364,8 +350,7 @@ def export(
     formats: Annotated[tuple[Format, ...], Parameter(name="--format", negative="", consume_multiple=True)],
     tolerance: float | None = None,
     speed: float | None = None,
-    engine: Engine = None,
-    job: OwningJob = OWNING_JOB,
+    job: EngineJob = ENGINE_JOB,
 ) -> None:
     """Write the force on the cart over velocity and acceleration, or the fields of one contact, for other programs.
 
@@ -381,7 +366,7 @@ def export(
     speed
         speed of the fields in m/s; default the mean speed
     """
-    given = job.read(scene, **{"accuracy.engine": engine})
+    given = job.read(scene)
 
     from compact.analysis.study import Study
     from compact.interfaces.field_formats import FIELD_FORMATS, write_fields
