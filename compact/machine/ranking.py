@@ -129,13 +129,12 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
     for group, behind in zip_longest(groups, groups[1:], fillvalue=()):
         first, larger = len(ranked) + 1, min((values[i] for i in behind), default=math.nan)
         for i in group:
-            if not math.isfinite(values[i]):
-                reason = criterion.infinite_because if runs[i].shocks else "zero force at the mean speed"
-                ranked.append(Ranked(len(runs), runs[i], values[i], math.nan, reason))
-                continue
-            scale = criterion.scale(values[i])
-            margin = (larger - values[i]) / scale if scale else math.nan
-            ranked.append(Ranked(first, runs[i], values[i], margin, ""))
+            finite, scale = math.isfinite(values[i]), criterion.scale(values[i])
+            margin = (larger - values[i]) / scale if finite and scale else math.nan
+            infinite = criterion.infinite_because if not finite and runs[i].shocks else "zero force at the mean speed"
+            ranked.append(
+                Ranked(first if finite else len(runs), runs[i], values[i], margin, "" if finite else infinite)
+            )
     return ranked
 
 
