@@ -72,6 +72,7 @@ POINTS_OF_A_LAW = 400  # [-]
 FIRST_LINE_WIDTH, LINE_RATIO = 2.4, 0.87  # [points, -]; each line is narrower, so that none hides another
 CAM_COLUMNS = 7  # [-], panels of cams in a row
 DRIVE_PANELS = 2  # [-], number of criteria of the comparison of engines, for each drive
+EXCESS_ROWS = 12  # [-], laws of a panel: those that are first by any engine
 RANKING_PANELS = 4  # [-], number of criteria of the rankings, the first of the scene
 LETTER_WIDTH = 0.061  # [inch], of a letter of 8 points
 ROW_HEIGHT, PANEL_WIDTH = 0.24, 2.8  # [inch]; a panel and its labels fit a narrow screen
@@ -536,15 +537,13 @@ def _draw_marks(ax: Axes, by: str, order: list[Place], comparison: Mapping[str, 
             ax.set_xlim(0, max(ax.get_xlim()[1], 1.05 * value.max()))
 
 
-def draw_engines(orders: Mapping[str, Mapping[str, Mapping[str, list[Place]]]], most: int = 12) -> Figure:
+def draw_engines(orders: Mapping[str, Mapping[str, Mapping[str, list[Place]]]]) -> Figure:
     """Draw the excess of the laws over the first one, a mark with its error for each engine.
 
     Parameters
     ----------
     orders : mapping
         Rankings by engine, drive and criterion, the engine of the scene first.
-    most : int
-        Largest number of laws in a panel: those that are first by any engine, in the order of the first engine.
 
     Returns
     -------
@@ -554,21 +553,21 @@ def draw_engines(orders: Mapping[str, Mapping[str, Mapping[str, list[Place]]]], 
     reference = orders[next(iter(orders))]
     shown = [(kind, by) for kind, found in reference.items() for by in islice(found, DRIVE_PANELS)]
     names = (place.law for kind, by in shown for place in reference[kind][by])
-    rows = min(most, max(len(reference[kind][by]) for kind, by in shown))
+    rows = min(EXCESS_ROWS, max(len(reference[kind][by]) for kind, by in shown))
     figure, axes = _stacked_panels(len(shown), rows, names)
     for ax, (kind, by) in zip(axes, shown, strict=True):
-        _draw_excess(ax, {engine: _excess(found[kind][by], by) for engine, found in orders.items()}, by, most)
+        _draw_excess(ax, {engine: _excess(found[kind][by], by) for engine, found in orders.items()}, by)
         ax.set_xlabel(f"excess {CRITERIA[by].quantity.term} [%], {kind} drive", fontsize=9)
     _common_legend(figure, axes)
     return figure
 
 
-def _draw_excess(ax: Axes, excess: Mapping[str, Mapping[str, tuple[float, float]]], by: str, most: int) -> None:
+def _draw_excess(ax: Axes, excess: Mapping[str, Mapping[str, tuple[float, float]]], by: str) -> None:
     """Mark the excess of the laws by each engine, with its error."""
     reference = next(iter(excess.values()))
     least = {law: min(found[law][0] for found in excess.values() if law in found) for law in reference}
     nearest = chain(*group_equal(list(least.values()), floor=100.0))
-    shown = {list(least)[i] for i in islice(nearest, most)}
+    shown = {list(least)[i] for i in islice(nearest, EXCESS_ROWS)}
     laws = [law for law in reference if law in shown]  # in their order by the first engine
     for (engine, found), offset in zip(excess.items(), mark_offsets(len(excess)), strict=True):
         color, mark, _ = engine_style(engine)

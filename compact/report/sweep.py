@@ -7,7 +7,7 @@ cannot reach the density, and grey where there is no number.
 import re
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -179,14 +179,8 @@ def _plane(table: "Dataset", x: str, y: str) -> "Dataset":
     return table.isel(others).transpose(y, x, ...)
 
 
-def draw_maps(table: "Dataset", point: tuple[float, float] | None = None) -> Figure:
-    """Draw every quantity over the last two varied keys, with a second row for the bands of a sample.
-
-    Parameters
-    ----------
-    point : tuple of float, optional
-        Position of a mark, in the units of the table.
-    """
+def draw_maps(table: "Dataset") -> Figure:
+    """Draw every quantity over the last two varied keys, with a second row for the bands of a sample."""
     y, x = numeric_axes(table)[-2:]
     table = _plane(table, x, y)
     names, deep = varying_quantities(table), 2 if "sample" in table.dims else 1
@@ -199,8 +193,6 @@ def draw_maps(table: "Dataset", point: tuple[float, float] | None = None) -> Fig
             _draw_map(axes[row + 1, column], table, high / low, "magma_r", f"{shown.term}: upper over lower band [-]")
     for ax in axes.ravel():
         ax.tick_params(labelbottom=True)
-        if point is not None:
-            ax.plot(*point, "o", color="white", markeredgecolor="black", markersize=6)
     marks = []
     if np.nanmax(required_share(table).values, initial=0.0) > 1:
         marks.append(Patch(facecolor="none", edgecolor="black", hatch="////", label="not reachable by rolling"))
@@ -233,14 +225,8 @@ def _draw_map(ax: Axes, table: "Dataset", values: "DataArray", cmap: str, title:
         ax.contourf(table[x], table[y], share, [1, np.inf], colors="none", hatches=["////"])
 
 
-def draw_bands(table: "Dataset", point: Mapping[str, float] | None = None) -> Figure:
-    """Draw every quantity over the last varied key, a line for each value of the key before, with bands of a sample.
-
-    Parameters
-    ----------
-    point : mapping of str to float, optional
-        Coordinates of a mark by the names of keys and quantities.
-    """
+def draw_bands(table: "Dataset") -> Figure:
+    """Draw every quantity over the last varied key, a line for each value of the key before, with bands of a sample."""
     *_, x = numeric_axes(table)
     before = [str(name) for name in table["load"].dims if name not in (x, "sample")][-1:]
     names = varying_quantities(table)
@@ -255,9 +241,6 @@ def draw_bands(table: "Dataset", point: Mapping[str, float] | None = None) -> Fi
         ax.margins(x=0)
         if np.nanmin(values) > 0 and np.nanmax(values) > LOGARITHMIC_RATIO * np.nanmin(values):
             ax.set_yscale("log")
-        if point is not None and name in point:
-            value = point[name] * quantity.plot_factor
-            ax.plot(point[x], value, "o", color="white", markeredgecolor="black", label="calibrated")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     if any(labels):
         title, columns = f"bands: {BAND_LABEL}" if "sample" in table.dims else None, min(8, len(labels))

@@ -58,12 +58,6 @@ def case_summaries(results: Sequence[CaseResult]) -> list[dict[str, Any]]:
     ]
 
 
-def markdown(results: Sequence[CaseResult]) -> str:
-    """Format evaluated cases as tables of Markdown below the count of their verdicts."""
-    cases = "\n".join(f"### {each.case.name}\n\n{markdown_case(each)}" for each in results)
-    return f"{markdown_overview(results)}\n{cases}"
-
-
 def markdown_case(result: CaseResult) -> str:
     """Format one case as a table of Markdown, with numbered remarks and the source."""
     remarks: dict[str, int] = {}
