@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING, Any
 
 from compact.analysis import process, study
 from compact.machine.ranking import CRITERIA
-from compact.quantities import PROCESS, STROKE
+from compact.quantities import STROKE
 from compact.report.tables import TableSpec, Tabular
 
 if TYPE_CHECKING:
-    import pandas
     from matplotlib.figure import Figure
 
 CRITERION_QUANTITIES = {name: criterion.quantity for name, criterion in CRITERIA.items()}
@@ -81,16 +80,6 @@ class Process(Tabular, process.ProcessStudy):
         from compact.report.process import stroke_columns
 
         return stroke_columns(self)
-
-    def summary(self) -> "pandas.Series":
-        """Return the results of one roller by columns, in SI units; nan where a result does not exist."""
-        import pandas
-
-        from compact.report.process import process_numbers
-
-        found = pandas.Series(dict(process_numbers(self)), dtype=float)
-        found.attrs["units"] = {name: quantity.unit for name, quantity in PROCESS.items()}
-        return found
 
     def plot(self) -> "Figure":
         """Draw the section of the mix along the roller."""

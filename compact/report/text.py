@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache
-from itertools import islice, permutations
+from itertools import islice
 from textwrap import wrap
 from typing import Any
 
@@ -71,7 +71,7 @@ def _macros() -> Any:
     }
     environment.tests |= {"finite": math.isfinite, "all_true": all}
     functions = (
-        assumed_inputs, changed_firsts, conflicts, coverage, first_criteria, first_measurement, fitted_inputs,
+        assumed_inputs, changed_firsts, coverage, first_criteria, first_measurement, fitted_inputs,
         infinite_laws, methods, other_verdicts,
     )  # fmt: skip
     environment.globals |= {each.__name__: each for each in functions}
@@ -171,19 +171,6 @@ def infinite_laws(orders: Mapping[str, list[Place]]) -> dict[str, list[str]]:
     for place in (place for order in orders.values() for place in order if place.reason):
         reasons.setdefault(place.reason, {})[place.law] = None
     return {reason: list(laws) for reason, laws in reasons.items()}
-
-
-def conflicts(orders: Mapping[str, list[Place]]) -> list[tuple[str, str, str, float, float]]:
-    """Return first laws that are not first by another criterion: law, both criteria, its value and the least one."""
-    found = []
-    firsts = {by: [each for each in order if each.rank == 1 and not each.reason] for by, order in orders.items()}
-    for by, other in permutations(orders, 2):
-        first, best = firsts[by], firsts[other]
-        if first and best and best[0].law not in [place.law for place in first]:
-            value = next(place.value for place in orders[other] if place.law == first[0].law)
-            if math.isfinite(value):
-                found.append((first[0].law, by, other, value, best[0].value))
-    return found
 
 
 def changed_firsts(study: Study) -> dict[str, set[str]]:
