@@ -27,11 +27,11 @@ DEPTH = {"indentation": 0.002, "friction": 0.3}
         ({"roller": Roller(0.11, indentation=0.02)}, "than 0.006 m, got 0.02 m: it would press mix fed at 0.94"),
         (
             {"roller": Roller(0.001, indentation=0.002, profile="circle")},
-            "must be less than the roller's `radius`",
+            "than 0.001 m, got 0.002 m: the axle",
         ),
         (
             {"roller": Roller(0.11, indentation=0.08), "layer": Layer(0.1, base="slip")},
-            "at most 0.07 m on a",
+            "than 0.07 m, got 0.08 m: mix on a frict",
         ),
         ({"layer": PLIES}, "`plies` are for linear layers, got 2"),
         ({"exit_density_ratio": 1.0}, "`exit_density_ratio` must lie between that of the fed mix 0.94 and 1, got 1.0"),

@@ -47,6 +47,7 @@ from compact.rolling_contact import (
     Layer,
     Roller,
     RollerCondition,
+    for_travel,
     require_moving,
     require_on_target,
     require_torque_allowed,
@@ -140,7 +141,6 @@ def build_result(
     trailing, leading = positions[first - 1 : first + 1, 0].mean(), positions[end - 1 : end + 1, 0].mean()
     x = np.concatenate([[trailing], positions[first:end, 0], [leading]])
     pressure, shear = (np.pad(each[first:end], 1) for each in (solution.surface_pressure, solution.surface_shear))
-    order, direction = (slice(None), 1.0) if speed > 0 else (slice(None, None, -1), -1.0)
     exit_state, length_ratio = frame.exit_layer(solution.state)
     solid, lower = frame.solid.material, exit_state.lower
     lifts = ((exit_state, frame.fed_layer), (lower, frame.fed_layer.lower))
@@ -149,14 +149,14 @@ def build_result(
     rest, _ = cap_plasticity.integrate_points(solid, points, still, frame.solid.rate_factor, tangent=False)
     yield_pressure = solid.yield_pressure(points.max_density_ratio) * frame.solid.rate_factor
     wave = float(max(positions[:, 1].max() - frame.mesh.height, 0.0))
-    return CompactionContactResult(
+    result = CompactionContactResult(
         load=last.load,
-        resistance=direction * last.resistance,
+        resistance=last.resistance,
         leading=float(leading),
         trailing=float(trailing),
-        x=direction * x[order],
-        pressure=pressure[order],
-        shear_traction=direction * shear[order],
+        x=x,
+        pressure=pressure,
+        shear_traction=shear,
         work_residual=work_residual(solution),
         peak_pressure=float(pressure.max()),
         indentation=frame.mesh.height - last.bottom_height,
@@ -185,6 +185,7 @@ def build_result(
         effort=f"force residual {last.residual:.1e}; {len(solution.steps)} steps on the last mesh; bow wave "
         f"{wave * 1e3:.2f} mm",
     )
+    return for_travel(result, speed)
 
 
 def field_mesh(rolled: CompactionContactResult) -> "meshio.Mesh":
@@ -397,24 +398,16 @@ def require_compactable(
             f"{exit_density_ratio!r}"
         )
     depth, height = roller.indentation, layer.height
-    if depth is None:
-        return
-    if roller.profile != "parabola" and depth >= roller.radius:
-        raise ValueError(
-            f"`indentation` must be less than the roller's `radius` {roller.radius!r} m, or its axle would be below "
-            f"the mix in front, got {depth!r} m"
-        )
-    if layer.base == "slip":  # beyond full density the mix leaves along the travel
-        if depth > MAX_ELONGATED_SHARE * height:
-            raise ValueError(
-                f"`indentation` must be at most {MAX_ELONGATED_SHARE * height:.6g} m on a frictionless base, got "
-                f"{depth!r} m in a layer of {height!r} m"
-            )
-        return
     lower = layer.lower_lift if fed_layer is None else fed_layer.lower  # the depth includes its settlement
-    full = height * (1 - fed_ratio)
-    if depth >= full and lower is None:
-        raise ValueError(
-            f"`indentation` must be less than {full:.6g} m, got {depth!r} m: it would press mix fed at {fed_ratio:.6g} "
-            f"and {height!r} m beyond full density"
-        )
+    slips, filled = (
+        layer.base == "slip",
+        f"it would press mix fed at {fed_ratio:.6g} and {height!r} m beyond full density",
+    )
+    limits = (
+        (roller.profile != "parabola", roller.radius, "the axle would be below the mix in front"),
+        (slips, MAX_ELONGATED_SHARE * height, "mix on a frictionless base leaves along the travel"),
+        (not slips and lower is None, height * (1 - fed_ratio), filled),
+    )
+    for applies, limit, why in limits:
+        if depth is not None and applies and depth >= limit:
+            raise ValueError(f"`indentation` must be less than {limit:.6g} m, got {depth!r} m: {why}")

@@ -228,13 +228,8 @@ class ReciprocatingRoller:
 
     def initialise_from(self, solution: IncrementalRolling) -> None:
         """Continue from a steady solution with x = 0 at the lower end of the stroke."""
-        x, old = (frame.nodes[frame.surface_nodes, 0] for frame in (self.frame, solution.frame))
-        pressure, shear = (
-            np.interp(x, old, traction, left=0.0, right=0.0)
-            for traction in (solution.contact.pressure, solution.contact.shear)
-        )
+        tractions = solution.contact.at(self.frame.surface_x, solution.frame.surface_x)
         self.state = transfer_state(solution.state, solution.frame, self.frame)
-        tractions = ContactTractions(pressure, shear, solution.contact.creepage)
         surface = replace(self._surface_along(1.0), bottom_height=solution.steps[-1].bottom_height)
         self.surface = surface.with_multipliers(tractions).begin_increment(self._surface_displacement)
         self.contact = self.surface.contact_forces(self._surface_displacement)
@@ -335,10 +330,7 @@ class ReciprocatingRoller:
                 shift, tractions, change = sign * element, contact, self._shift_matrices[sign] @ past_change
         change.ravel()[self.frame.solid.fixed_dofs] = 0.0
         nodes = self.surface.coordinates[:, 0]
-        pressure, shear = (
-            np.interp(nodes - shift, nodes, traction) for traction in (tractions.pressure, tractions.shear)
-        )
-        return ContactTractions(pressure, shear, self.contact.creepage), change
+        return replace(tractions.at(nodes - shift, nodes), creepage=self.contact.creepage), change
 
     @cached_property
     def _shift_matrices(self) -> dict[float, csr_matrix]:

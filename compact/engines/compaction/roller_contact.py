@@ -58,6 +58,10 @@ class ContactTractions:
     shear: FloatArray
     creepage: float | None = None
 
+    def at(self, x: FloatArray, known: FloatArray) -> "ContactTractions":
+        """Interpolate from nodes at `known` to nodes at x [m]."""
+        return ContactTractions(np.interp(x, known, self.pressure), np.interp(x, known, self.shear), self.creepage)
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ContactForces(ContactTractions):

@@ -142,6 +142,7 @@ class RollerFrame:
         )
         surface = np.flatnonzero(y > mesh.height * (1 - SAME_PLACE))
         self.surface_nodes = surface[np.argsort(x[surface])]
+        self.surface_x = x[self.surface_nodes]
         # from nodal displacements to those one step upstream, 0 beyond the front
         inside = np.flatnonzero(x + self.step < x.max() + SAME_PLACE * self.step)
         source = np.array([np.minimum(x[inside] + self.step, x.max()), y[inside]])

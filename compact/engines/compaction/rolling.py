@@ -462,13 +462,11 @@ class IncrementalRolling:
         depth : float, optional
             Depth of the state [m], stretched node by node; that of the other roller by default.
         """
-        x, old = (rolling.frame.nodes[rolling.frame.surface_nodes, 0] for rolling in (self, other))
-        old = old if depth is None else x
-        pressure, shear = (np.interp(x, old, values) for values in (other.contact.pressure, other.contact.shear))
+        x = self.frame.surface_x
         height = self.frame.mesh.height - (other.depth if depth is None else depth)
         self.steps = (replace(other.steps[-1], bottom_height=height),)
         self.surface = self.surface.moved_to(height)
-        self.restart(state, ContactTractions(pressure, shear, other.contact.creepage))
+        self.restart(state, other.contact.at(x, other.frame.surface_x if depth is None else x))
         self.displacement_change = state.displacement - self.frame.convect(state).displacement
 
     def restart(self, state: SolidState, tractions: ContactTractions, displacement: FloatArray | None = None) -> None:
@@ -519,7 +517,7 @@ class IncrementalRolling:
 
     def _surface_traction(self, nodal: FloatArray) -> FloatArray:
         """Return a traction on the deformed surface, linear between corners; midside nodes oscillate about it."""
-        forces, x = self.surface.weights * nodal, self.frame.nodes[self.frame.surface_nodes, 0]
+        forces, x = self.surface.weights * nodal, self.frame.surface_x
         corner_forces = forces[::2].copy()
         corner_forces[:-1] += forces[1::2] / 2
         corner_forces[1:] += forces[1::2] / 2

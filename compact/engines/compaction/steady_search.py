@@ -78,7 +78,6 @@ MIN_WAVE = 0.1  # [-], least area of a wave over depth and contact length whose 
 SIGNIFICANCE = 3.0  # [-], standard errors from which a change of the wave counts
 WAVE_EXPONENT = 3.4  # [-], of the area of the wave over the depth, roughly
 SAME_DEPTH = 1e-3  # [-], relative change of the depth below which settled states belong to one depth
-MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
 STRETCHED_DEPTH = 1.25  # [-], ratio of a depth to that of the mesh from which the mesh is stretched
 MIN_ERROR_SCALE = 1e-3  # [-], least scale of the error of the resistance over the load
 DEPTH_EXPONENTS = np.array([1.2, 2.3, 1.0, 0.6])  # [-], of `QUANTITIES` over the depth; of the density: its increase
@@ -289,14 +288,9 @@ class SteadySearch:
         self.values = drift.values + slopes * jump
         transient = self._length * np.abs(drift.slopes - slopes * drift.wave_slope)
         self.errors = SteadyErrors(
-            LENGTH_ERROR * np.abs(slopes * jump), np.abs(slopes) * scatter + transient, *self._scales(drift)
+            LENGTH_ERROR * np.abs(slopes * jump), np.abs(slopes) * scatter + transient, drift.values
         )
         return jump
-
-    def _scales(self, drift: WaveDrift) -> tuple[float, float]:
-        """Return load and resistance, the latter not too small, as scales of the distance [N/m]."""
-        load, resistance = np.abs(drift.values[:2])
-        return float(load), float(max(resistance, MIN_RESISTANCE * load))
 
     def _target_value(self) -> float:
         """Extrapolated steady value of the prescribed quantity."""
@@ -438,7 +432,7 @@ class ShearLineSearch(SteadySearch):
         scatter = SCATTER * (table - drift.values - travel[:, None] * drift.slopes).std(axis=0)
         start = np.maximum(scatter, np.abs(table[-1] - drift.values))
         self.values = drift.values
-        self.errors = SteadyErrors(np.abs(drift.slopes) * drift.travel, start, *self._scales(drift))
+        self.errors = SteadyErrors(np.abs(drift.slopes) * drift.travel, start, drift.values)
         return drift
 
     def _require_slowing(self, growth: WaveGrowth) -> None:

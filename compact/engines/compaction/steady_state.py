@@ -45,6 +45,7 @@ CROSSING_SHARE = 0.5  # [-], of a correction after one that was too large
 MIN_SECANT = 0.04  # [-], least difference of logarithms of depths for a secant; values of closer ones scatter
 GROWTH, MAX_GROWTHS = 0.3, 7  # [-], required jump over the area, and number of successive ones with a steady state
 MAX_UNSLOWED, SLOWING = 2, 0.8  # [-], such jumps if the growth per travel remains above that share of the first one
+MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
 QUANTITIES = ("load", "resistance", "exit_density_ratio", "peak_pressure")  # of a `RollingStep`
 MIN_SLOPE_ERROR = 0.02  # [-], least error of a slope of the wave over the largest one in a fit
 MIN_CROSSING_CHANGE = 0.01  # [-], least change of the wave between states that bracket the steady one
@@ -162,21 +163,13 @@ class DepthSecant:
         return self._misses[-1] if self._misses else 0.0
 
     def next_depth(self, depth: float, value: float) -> float:
-        """Return the next depth [m] from the quantity at a depth.
-
-        Raises
-        ------
-        RuntimeError
-            If the largest depth does not suffice.
-        """
+        """Return the next depth [m] from the quantity at a depth."""
         target = self.target
         if target.quantity == "indentation":
             return target.value
         self._logs.append(float(np.log(depth)))
         self._values.append(value)
         self._misses.append(target.log_miss(value))
-        if depth == target.max_depth and self.last_miss < 0:
-            raise RuntimeError(self.failure())
         crossed = len(self._misses) > 1 and self._misses[-1] * self._misses[-2] < 0
         share = CROSSING_SHARE if crossed else 1.0  # the quantity scatters with the elements
         first, low, high = EXPONENTS[target.quantity]
@@ -234,9 +227,8 @@ class BowWaveMode:
 
     def on_mesh(self, old: IncrementalRolling, new: IncrementalRolling) -> Self:
         """Return the mode interpolated from the mesh of one roller to that of another."""
-        x, known = (rolling.frame.nodes[rolling.frame.surface_nodes, 0] for rolling in (new, old))
         state = transfer_state(self.state, old.frame, new.frame)
-        return replace(self, state=state, pressure=np.interp(x, known, self.pressure))
+        return replace(self, state=state, pressure=np.interp(new.frame.surface_x, old.frame.surface_x, self.pressure))
 
     def add_to(self, rolling: IncrementalRolling, wave_area: float) -> None:
         """Change the state of a roller along the mode.
@@ -325,19 +317,19 @@ class SteadyErrors:
         Distance along the slow mode.
     start : ndarray, shape (4,)
         Scatter of the drift, and the transient of the start.
-    load, resistance : float
-        Scales of load and resistance [N/m].
+    scale : ndarray, shape (4,)
+        `QUANTITIES` of the state.
     """
 
     drift: FloatArray
     start: FloatArray
-    load: float
-    resistance: float
+    scale: FloatArray
 
     @property
     def total(self) -> float:
-        """Largest sum of both of load and resistance over their scales, and of the exit density ratio [-]."""
-        return float(((self.drift + self.start)[:3] / [self.load, self.resistance, 1.0]).max())
+        """Largest sum of both, of load and resistance over their own, the latter not too small, and of the density."""
+        load, resistance = np.abs(self.scale[:2])
+        return float(((self.drift + self.start)[:3] / [load, max(resistance, MIN_RESISTANCE * load), 1.0]).max())
 
 
 @dataclass
