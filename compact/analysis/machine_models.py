@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 RPM = 2 * np.pi / 60  # [rad/s], one revolution per minute, the unit of speed in catalogues
 CATALOGUE_COLUMNS = ("name", "rated_torque_Nm", "peak_torque_Nm", "speed_rpm", "inertia_kgm2")
+SHAPE = {"stroke", "duration", "run_up", "run_down", "energy_weight", "acceleration_weight", "rod_length"}  # of laws
+SPRING = {"stiffness", "damping", "backlash", "include_added_mass"}  # fields of `ElasticDrive`
 
 
 def cart(scene: Scene, roller_load: float, return_load_ratio: float = 1.0) -> Cart:
@@ -60,12 +62,8 @@ def angles(scene: Scene) -> tuple[float, ...]:
 
 def laws(scene: Scene) -> Iterator[MotionProfile]:
     """Build the motion laws that the scene names, tables of the user last."""
-    motion = scene.motion
-    for name in scene.law_names:
-        yield law(
-            name, motion.stroke, motion.duration, motion.run_up, motion.run_down,
-            motion.energy_weight, motion.acceleration_weight, motion.rod_length,
-        )  # fmt: skip
+    shape = scene.motion.model_dump(include=SHAPE)
+    yield from (law(name, **shape) for name in scene.law_names)
     yield from map(_tabulated_law, scene.table_paths)
 
 
@@ -118,9 +116,7 @@ def drive_of(scene: Scene, cycle: Cycle) -> "Rigid | Crank | Hydraulic | Motor |
     if table.kind == "elastic":
         from compact.machine.elastic_drive import ElasticDrive  # compiled code, imported when required
 
-        assert table.stiffness is not None  # rule of the scene
-        assert table.damping is not None
-        return ElasticDrive(table.stiffness, table.damping, table.backlash or 0.0, bool(table.include_added_mass))
+        return ElasticDrive(**table.model_dump(include=SPRING, exclude_none=True))
     if table.kind == "hydraulic":
         assert table.hydraulics is not None  # rule of the scene
         return Hydraulic(**table.hydraulics.model_dump())

@@ -11,6 +11,10 @@ from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
 from compact.scene.loader import Scene
 
+# parameters of the mix that both laws of compaction take, and those of the cap with a shear line
+COMMON = ("unloading_modulus", "poisson", "heckel_slope", "rate_sensitivity", "reference_rate")
+DRUCKER_PRAGER = ("friction_angle", "earth_pressure_coefficient", "dilatancy_angle", "shear_viscosity")
+
 
 def scene_mix(scene: Scene) -> Mix:
     """Return the mix of a scene: the prior with the overrides of the scene, fitted ones scaled to its moisture."""
@@ -42,25 +46,11 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     the law "drucker-prager-cap" are those of `earth_pressure`, with the cohesion of loose mix and the earth pressure
     coefficient at the required pressure.
     """
-    common: dict[str, Any] = {
-        "unloading_modulus": mix.unloading_modulus,
-        "poisson": mix.poisson,
-        "heckel_slope": mix.heckel_slope,
-        "loose_density_ratio": LOOSE_DENSITY_RATIO,
-        "fed_density_ratio": scene.layer.fed_density_ratio,
-        "rate_sensitivity": mix.rate_sensitivity,
-        "reference_rate": mix.reference_rate,
-    }
+    common: dict[str, Any] = {name: getattr(mix, name) for name in COMMON}
+    common |= {"loose_density_ratio": LOOSE_DENSITY_RATIO, "fed_density_ratio": scene.layer.fed_density_ratio}
     if scene.mix.law == "drucker-prager-cap":
-        return drucker_prager_cap(
-            friction_angle=mix.friction_angle,
-            cohesion=mix.cohesion_loose,
-            earth_pressure_coefficient=mix.earth_pressure_coefficient,
-            pressure=mix.required_pressure,
-            dilatancy_angle=mix.dilatancy_angle,
-            shear_viscosity=mix.shear_viscosity,
-            **common,
-        )
+        own = {name: getattr(mix, name) for name in DRUCKER_PRAGER}
+        return drucker_prager_cap(cohesion=mix.cohesion_loose, pressure=mix.required_pressure, **own, **common)
     angle = np.radians(mix.friction_angle)
     return Compaction(
         **common,
