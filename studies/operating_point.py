@@ -74,7 +74,7 @@ def of_formulas(scene):
 def of_contact(engine, scene, rolled):
     """Return a row of HEADER by an engine."""
     load, coefficient = rolled.load * scene.machine.roller_length, rolled.resistance / rolled.load
-    compacting = ENGINES[engine.split(",")[0]].takes == "compacting layer"
+    compacting = ENGINES[engine.split(",")[0]].reads("layer.fed_density_ratio")
     return (
         engine, scene_mix(scene).heckel_slope if compacting else np.nan,
         scene.layer.fed_density_ratio if compacting else np.nan, load, coefficient,

@@ -117,7 +117,7 @@ def test_a_public_name_is_defined_in_at_most_three_modules():
 
 FLAGS = (  # of engines, that callers once read
     "layered", "compacting", "forming", "continuation", "density_target", "rate_factor_only", "cheap", "multipass",
-    "tolerance_keyword", "optional_estimate", "fields_module", "derivative_module",
+    "tolerance_keyword", "optional_estimate", "fields_module", "derivative_module", "takes",
 )  # fmt: skip
 
 

@@ -144,7 +144,7 @@ def contact_inputs(
     """
     require_finite(speed=speed)
     scene, _ = adapt(scene, engine)
-    law, target = LAWS[ENGINES[engine].takes], prescribed_target(scene)
+    law, target = ENGINES[engine].pick(LAWS), prescribed_target(scene)
     material = law(scene, mix)
     if isinstance(material, Compaction):
         layer, target = _layer_before_pass(scene, material, target, held.speed if held else speed)
@@ -187,7 +187,7 @@ def case_of(
         Name of the engine; that of the scene by default.
     """
     used, machine = ENGINES[engine or scene.accuracy.engine], scene.machine
-    if used.takes == "process":
+    if used.reads("process"):
         return ProcessCase(process_study(scene, progress), speed)
     layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
     dense = held is None and isinstance(material, Compaction) and not scene.target

@@ -72,7 +72,7 @@ def peak_pressure(scene: Scene, mix: Mix) -> float:
                 machine.roller_length, machine.pressure_nonuniformity, machine.one_sided,
             )
         )  # fmt: skip
-    if "indentation" in given and ENGINES[scene.accuracy.engine].takes == "half-plane":
+    if "indentation" in given and not ENGINES[scene.accuracy.engine].reads("contact.indentation"):
         raise ValueError(
             f"contact.indentation: the engine formula has no indentation, as it diverges on a half-plane, got "
             f"{given['indentation']!r}; give contact.load or contact.peak_pressure, or choose another accuracy.engine"

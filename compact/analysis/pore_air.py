@@ -318,7 +318,7 @@ def air_answer(curve: AirCurve, mix: Mix, mean_speed: float) -> AirAnswer:
 
 def has_air(scene: Scene) -> bool:
     """Return True if load and resistance of a scene contain pore air."""
-    return ENGINES[scene.accuracy.engine].takes == "compacting layer" and scene.mix.pore_air != "drained"
+    return ENGINES[scene.accuracy.engine].reads("mix.pore_air") and scene.mix.pore_air != "drained"
 
 
 def is_coupled(scene: Scene) -> bool:

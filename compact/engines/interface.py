@@ -37,6 +37,13 @@ VISCOELASTIC, FLOOR = "viscoelastic part only", "confined floor"  # reasons agai
 LINEAR = ("required_pressure", "effective_modulus", "poisson", "instant_over_relaxed", "relaxation_time")
 PLASTIC = ("heckel_slope", "unloading_modulus", "poisson", "friction_angle", "cohesion", "rate_sensitivity")
 FED_DENSITIES = ("layer.fed_density_ratio", "process.feed_density_ratio")
+_LAYERED = ("contact.speeds", "contact.indentation")
+OWN_KEYS: dict[str, tuple[str, ...]] = {  # kind of the cases -> keys and tables that not every engine reads
+    "half-plane": (),
+    "linear layer": _LAYERED,
+    "compacting layer": (*_LAYERED, "layer.fed_density_ratio", "mix.pore_air"),
+    "process": (*_LAYERED, "process.feed_density_ratio", "process"),
+}
 _OF_ELLIPSE, _OF_LINE = ("cohesion",), ("cohesion_loose", "dilatancy_angle", "shear_viscosity")
 _OF_AIR = ("air_permeability", "occlusion_saturation")
 
@@ -247,7 +254,7 @@ class Engine:
     @property
     def fitted_keys(self) -> tuple[str, ...]:
         """Keys of the scene, beyond the mix, that a fit to measurements may change."""
-        return FED_DENSITIES if self.takes in ("compacting layer", "process") else ()
+        return FED_DENSITIES if self.reads(self.fed_key) else ()
 
     @property
     def affordable(self) -> bool:
@@ -255,8 +262,12 @@ class Engine:
         return self.seconds() < AFFORDABLE
 
     def reads(self, key: str) -> bool:
-        """Return True for a key that not every engine reads, such as "machine.roller_torque", but this one."""
-        return key in self.optional_keys
+        """Return True for a key or table that not every engine reads, such as "contact.speeds", but this one."""
+        return key in (*self.optional_keys, *OWN_KEYS[self.takes])
+
+    def pick(self, by_kind: Mapping[str, Any]) -> Any:
+        """Return the entry for the kind of its cases, such as the law of the mix."""
+        return by_kind[self.takes]
 
     def parameters_of(self, law: str, air: bool = False) -> tuple[str, ...]:
         """Return the parameters of the mix with independent spreads that a contact depends on.
@@ -268,7 +279,7 @@ class Engine:
         air : bool
             True with those of the pore air, if the layer has voids that close.
         """
-        if self.takes in ("half-plane", "linear layer"):
+        if not self.reads(self.fed_key):
             return self.mix_parameters
         names = self.mix_parameters
         if law != "ellipse":

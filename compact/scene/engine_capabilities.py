@@ -63,7 +63,7 @@ def _refusal(key, value, chosen, friction):
     able = [
         name
         for name, engine in BUILT_IN.items()
-        if engine.takes != "process"  # no alternative to an engine of a single pass
+        if not engine.reads("process")  # no alternative to an engine of a single pass
         and all(each.takes(value, friction) for each in engine.limits if each.key == key)
     ]
     remedy = f"give {_listed(limits[0].taken)}" if any(limits[0].taken) else "take the key out"

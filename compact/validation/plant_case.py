@@ -97,7 +97,7 @@ def read_plant_case(folder: str | Path) -> ValidationCase:
     scene = PlantScene.load(paths[0])
     case, engine = scene.case, ENGINES[scene.accuracy.engine]
     expected = case.expected.model_dump(exclude_none=True)
-    if COMPACTED in expected and engine.takes in ("half-plane", "linear layer"):
+    if COMPACTED in expected and not engine.reads(engine.fed_key):
         raise ValueError(f"{paths[0]}: case.expected: the engine {engine.name} computes no `{COMPACTED}`")
     trials = [_trial(f"{paths[1]}:{line}", f"line_{line}", cells, expected) for line, cells in read_table(paths[1])]
     if not trials:

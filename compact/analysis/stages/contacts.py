@@ -86,8 +86,8 @@ class ContactStage:
     ) -> None:
         self.scene, self.mix, self.count, self._directory, self.progress = scene, mix, count, directory, progress
         self.engine = ENGINES[scene.accuracy.engine]
-        self.speeds = () if self.engine.takes == "half-plane" else contact_cases.contact_speeds(scene)
-        self.compacts = self.engine.takes in ("compacting layer", "process")
+        self.speeds = contact_cases.contact_speeds(scene) if self.engine.reads("contact.speeds") else ()
+        self.compacts = self.engine.reads(self.engine.fed_key)
 
     # the formulas
 
@@ -430,5 +430,5 @@ def contact_stage(
     progress: Progress | None = None,
 ) -> ContactStage:
     """Return the contact stage of a scene; nothing is computed yet."""
-    stage = ProcessStage if ENGINES[scene.accuracy.engine].takes == "process" else ContactStage
+    stage = ProcessStage if ENGINES[scene.accuracy.engine].reads("process") else ContactStage
     return stage(scene, mix, count, directory, progress)

@@ -87,7 +87,7 @@ def contacts_key(scene: Scene, mix: Mix) -> str:
         "speeds": contact_cases.contact_speeds(scene),
         "engine": engine.source,
     }
-    if engine.takes == "process":
+    if engine.reads("process"):
         whole = {name: getattr(scene, name) for name in ("process", "sleeve", "motion")}
         inputs["strokes"] = {name: table and table.model_dump(mode="json") for name, table in whole.items()}
         inputs["laws"] = scene.checksums["motion.tables"]
