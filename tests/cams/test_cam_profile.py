@@ -219,19 +219,6 @@ def test_upward_jump_of_velocity_is_a_straight_part_of_the_cam():
 # (d) hard cases
 
 
-def test_complex_law_with_thin_layers_at_its_ends():
-    cam = made("complex", FOLLOWERS[1], energy_weight=0.999999, acceleration_weight=0.0000009)
-    assert cam.least_breadth().breadth > STROKE + 0.06
-    assert not Cam(cam.cycle, cam.least_breadth().breadth * (1 + 1e-6), cam.follower).undercut
-
-
-def test_cam_hardly_broader_than_the_stroke():
-    cam = made("quintic", Pointed(), breadth=STROKE * (1 + 1e-9))
-    assert cam.radius(0.0) == pytest.approx(2e-10, rel=1e-6)
-    assert 1.5 < cam.largest_pressure_angle < np.pi / 2
-    assert not cam.undercut
-
-
 @pytest.mark.slow
 def test_thin_lobe_requires_more_breadth_than_its_curvature():
     """A lobe of a sixth of the turn. `test_roller_touches_its_cam_without_overlap` is the independent check."""

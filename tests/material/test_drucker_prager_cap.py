@@ -237,16 +237,6 @@ def test_jakys_coefficient_at_45_degrees_requires_cohesion():
     assert vertical - lateral < mix.friction_slope * (vertical + 2 * lateral) / 3
 
 
-def test_steeper_cap_than_the_bound_slides_on_the_line():
-    """Without the refusal K0 would be that of the corner, not the one of the cap."""
-    allowed = law(45.0, cohesion=10e3)
-    steeper = replace(allowed, critical_slope=cap_slope(0.25, PRESSURE, 10e3))
-    stress, coefficient, _ = oedometer(steeper, PRESSURE)[-1]
-    corner, _ = earth_pressure_bounds(allowed.friction_slope, stress, 10e3)
-    assert coefficient == pytest.approx(corner, abs=1e-3)
-    assert coefficient > 0.29
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [

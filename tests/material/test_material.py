@@ -10,13 +10,7 @@ from compact.material import cap_plasticity
 from compact.material.laws import (
     HECKEL_MAX_DENSITY_RATIO,
     HECKEL_MIN_PRESSURE,
-    Compaction,
-    DruckerPragerCap,
-    Elastic,
-    Viscoelastic,
 )
-from compact.material.pore_air import PoreAir
-from compact.rolling_contact import Layer, LowerLift, Ply, Roller
 
 MIX = replace(STIFF, dry_side="flat")
 LOOSEST = 1 - 0.28 * np.exp(-HECKEL_MIN_PRESSURE)  # where pc leaves the curve near k0
@@ -89,22 +83,3 @@ def test_parameters_out_of_range_are_refused(rule, name, value):
 def test_unknown_subcritical_side_lists_the_choices():
     with pytest.raises(ValueError, match="no dry_side 'flatt'; did you mean 'flat'\\? choose from ellipse, flat"):
         replace(MIX, dry_side="flatt")
-
-
-@pytest.mark.parametrize(
-    ("record", "given"),
-    [
-        (Elastic, (10e6, 0.3)),
-        (Viscoelastic, (10e6, 0.3)),
-        (Compaction, (120e6, 0.3, 13e-6, 0.72, 1.2, 14e3, 0.94, 0.02, 0.133)),
-        (DruckerPragerCap, (120e6,)),
-        (PoreAir, (1e-12, 0.1, 0.94)),
-        (Ply, (0.1, 2.0)),
-        (LowerLift, (0.06, 0.98)),
-        (Layer, (0.2, "bonded")),
-        (Roller, (0.11, 0.003)),
-    ],
-)
-def test_physical_parameters_are_given_by_name(record, given):
-    with pytest.raises(TypeError, match=r"takes .* positional arguments? but"):
-        record(*given)

@@ -231,16 +231,6 @@ def sizes_of(cycle):
     return {k: np.abs(cycle.derivative(np.linspace(0, cycle.period, 999), k)).max() for k in range(1, 5)}
 
 
-@pytest.mark.parametrize(("name", "far", "near"), CYCLES)
-def test_cycle_is_continuous_and_periodic(name, far, near):
-    cycle = cycle_of(name, far, near)
-    ends = np.array([leg.start for leg in cycle.legs()] + [cycle.period])
-    assert cycle.derivative(ends + 1e-9, 0) == pytest.approx(cycle.derivative(ends - 1e-9, 0), abs=1e-9)
-    t = np.linspace(0.01, cycle.period - 0.01, 57)
-    for turns in (3, -1):
-        assert cycle.derivative(t + turns * cycle.period, 0) == pytest.approx(cycle.derivative(t, 0), abs=1e-13)
-
-
 @pytest.mark.parametrize("order", range(5))
 @pytest.mark.parametrize("name", NAMES)
 def test_return_stroke_is_the_mirror_image_and_that_of_a_crank_is_reversed_in_time(name, order):
@@ -274,14 +264,6 @@ def test_discontinuities_of_the_cycle_are_its_one_sided_limits(name, far, near):
         jumps = np.abs(cycle.derivative(phases + 1e-8, k) - cycle.derivative(phases - 1e-8, k)) > 1e-4 * size + 1e-12
         found = {round(float(t % cycle.period), 6) for t in phases[jumps]}
         assert found == {round(join.time, 6) for join in joins if join.order == k}
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_return_stroke_has_the_same_peaks_and_criteria(name):
-    motion = law(name, 0.4, 3.0, run_up=0.05, run_down=0.3, rod_length=0.5)
-    assert astuple(motion.return_stroke().peaks()) == pytest.approx(astuple(motion.peaks()), rel=1e-11)
-    assert motion.return_stroke().criterion(2) == pytest.approx(motion.criterion(2), rel=1e-12)
-    assert motion.return_stroke().smoothness("dwell") == motion.smoothness("dwell")
 
 
 # ---- (e) properties --------------------------------------------------------------------------------------------------

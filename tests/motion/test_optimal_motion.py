@@ -16,7 +16,6 @@ from compact import drive
 from compact.analysis.study import Study
 from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower
 from compact.machine.cart import MotionResistance
-from compact.motion.laws import ComplexLaw
 from compact.motion.limits import CamLimits, InfeasibleError, Limits, PitchCurve, violations
 from compact.motion.optimal_motion import DriveCriterion, OptimisationProblem, optimise
 from compact.motion.optimisation_problem import (
@@ -25,7 +24,6 @@ from compact.motion.optimisation_problem import (
     bernstein_basis,
     graded_breaks,
     halve,
-    linearise_curvature,
     spline_space_for,
 )
 from compact.motion.profile import law
@@ -102,21 +100,6 @@ def test_extremal_is_known(objective, resistance, limits, exact, within):
 
 
 @pytest.mark.slow
-def test_weighted_sum_is_the_complex_law_of_its_weights():
-    """Stationary for a weighted sum of int v^2 and int H^2: the complex law without a weight of jerk, of some ratio."""
-    motion = unit({"energy": 1.0, "rms_force": 0.7}, lambda v, a: 3.0 * v)
-    z = np.linspace(0, 1, 2001)
-
-    def criterion(curve):
-        v, force = curve(z, nu=1), curve(z, nu=2) + 3.0 * curve(z, nu=1)
-        return 2 * np.trapezoid(3.0 * v * v, z) + 0.7 * np.sqrt(np.trapezoid(force**2, z))
-
-    least = min(criterion(ComplexLaw(d1, 1 - d1)) for d1 in np.linspace(0.02, 0.98, 193))
-    assert motion.value == pytest.approx(least, rel=1e-4)
-    assert motion.gap < 1e-6
-
-
-@pytest.mark.slow
 def test_gap_that_the_decrease_of_the_search_leaves_is_closed():
     """A predicted decrease of 1e-9 left a gap of 3e-6, of the order of its square root."""
     limits = Limits(smoothness=2, run_up=0.29941880970563645, run_down=0.28905239256435855)
@@ -171,22 +154,6 @@ def test_circular_pitch_curve_has_constant_curvature():
     travel = rho - 0.25, slope, bend
     assert pitch.curvature(*travel)[0] == pytest.approx(1 / a, rel=1e-12)
     assert pitch.curvature_ratios(*travel)[0] == pytest.approx((0.03 + 0.1) / a, rel=1e-12)
-
-
-@pytest.mark.parametrize("dwells", [False, True])
-def test_gradient_of_the_curvature_ratio_is_its_difference_quotient(dwells):
-    space = SplineSpace(graded_breaks(0.0, 1.0, 8, 1), 1)
-    constraints = ConstraintSet(Limits(), space, 0.4, 3.0)
-    problem = OptimisationProblem(constraints, DriveCriterion({"peak_force": 1.0}, 1000.0, (none,)))
-    unknowns, change = constraints.min_acceleration_law, np.random.default_rng(3).normal(size=space.size)
-    pitch, step = pitch_of(dwells=dwells), 1e-6
-    near = linearise_curvature(pitch, problem.nodes, unknowns, excess=False)
-    ahead, behind = (
-        pitch.curvature_ratios(*problem.nodes.travel(unknowns + way * step * change)).ravel() for way in (1, -1)
-    )
-    size = np.abs(near.gradients @ change).max()
-    assert near.gradients @ change == pytest.approx((ahead - behind) / (2 * step), abs=1e-7 * size)
-    assert near.value == pitch.curvature_ratios(*problem.nodes.travel(unknowns)).max()
 
 
 # ---- splines and programs -------------------------------------------------------------------------------------------

@@ -50,10 +50,6 @@ def test_table_without_noise_reproduces_the_jerk_of_a_smooth_law(name, rows, tol
     assert got.jerk(INSIDE) == pytest.approx(exact.jerk(INSIDE), abs=tolerance * exact.peaks().jerk)
 
 
-def test_jerk_is_continuous():
-    assert {join.time for join in noisy_quintic(0).discontinuities() if join.order <= 3} <= {0.0, DURATION}
-
-
 def test_error_without_noise_has_the_order_of_the_quintic_spline():
     rows, exact = np.array([31, 61, 121]), law("cycloidal", STROKE, DURATION).position(INSIDE)
     error = [np.abs(from_table(*table_of("cycloidal", n)).position(INSIDE) - exact).max() for n in rows]
@@ -87,15 +83,6 @@ def test_standard_error_is_zero_at_the_fixed_ends():
 
 
 # ---- (d) hard cases --------------------------------------------------------------------------------------------------
-
-
-def test_gap_in_the_rows_increases_the_error_estimate():
-    z = np.concatenate([np.linspace(0, 0.3, 20), np.linspace(0.7, 1, 20)])
-    noise = NOISE * np.random.default_rng(0).standard_normal(40) * (z > 0) * (z < 1)
-    motion = from_table(DURATION * z, QUINTIC.position(DURATION * z) + noise)
-    middle, elsewhere = motion.standard_error(DURATION * np.array([0.5, 0.2]), 0)
-    assert middle > 3 * elsewhere
-    assert abs(motion.position(DURATION / 2) - STROKE / 2) < 4 * middle
 
 
 def test_table_may_start_anywhere_and_have_any_scale():
