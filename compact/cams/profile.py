@@ -37,7 +37,6 @@ from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
 Measure = Callable[..., Array]  # of phi [rad] and the travel x, x', x'' by phi [m]
 
 POINT_LIMIT = 1_000_000  # [-], rows of a table: a step of a micrometre round a cam of 0.3 m
-BREADTH_SAMPLES = 361  # [-], over half a turn: the breadth is either constant at all of them or clearly not
 LEG_SAMPLES = 2000  # [-], for crossing flanks: least breadth within 4e-7 of the stroke (compared with 32000)
 ANGLE_TOLERANCE = 1e-9  # [rad], between distinct angles of a table
 LENGTH_ROUNDING = 1e-12  # [-], of the length
@@ -340,8 +339,7 @@ class Cam:
         def error(angle: Array, *_: Array) -> Array:
             return np.abs(self.radius(angle) + self.radius(angle + np.pi) - self.breadth)
 
-        sampled = float(error(np.linspace(0, np.pi, BREADTH_SAMPLES)).max())
-        return sampled if sampled < LENGTH_ROUNDING * self.breadth else _maximum(self.cycle, error)[0]
+        return _maximum(self.cycle, error)[0]
 
     @cached_property
     def least_radius_of_curvature(self) -> float:

@@ -1,4 +1,4 @@
-"""Motion from a table: polynomial laws, interpolated end rows, calibrated error estimate, refusals."""
+"""Motion from a table: polynomial laws, interpolated end rows, scatter, refusals."""
 
 import numpy as np
 import pytest
@@ -18,13 +18,11 @@ def table_of(name, rows=61):
     return time, law(name, STROKE, DURATION).position(time)
 
 
-def noisy_quintic(seed, rows=61, ends="exact ends"):
-    """Table of the quintic law with normal noise of NOISE m on every row, or on all but the end rows."""
+def noisy_quintic(seed, rows=61):
+    """Table of the quintic law with normal noise of NOISE m on all but the end rows."""
     time, position = table_of("quintic", rows)
     noise = NOISE * np.random.default_rng(seed).standard_normal(rows)
-    if ends == "exact ends":
-        noise[[0, -1]] = 0
-    return from_table(time, position + noise)
+    return from_table(time, position + noise * (time > 0) * (time < DURATION))
 
 
 # ---- (a) closed form, (b) order --------------------------------------------------------------------------------------
@@ -56,30 +54,8 @@ def test_error_without_noise_has_the_order_of_the_quintic_spline():
     assert -np.polyfit(np.log(rows), np.log(error), 1)[0] > 5.5
 
 
-# ---- error estimate --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("ends", ["exact ends", "noisy ends"])
-def test_standard_error_is_the_error(ends):
-    """Over 80 tables, of each derivative at the phases INSIDE; the scatter is the noise."""
-    motions = [noisy_quintic(seed, ends=ends) for seed in range(80)]
-    assert np.mean([motion.scatter for motion in motions]) == pytest.approx(NOISE, rel=0.1)
-    for order in range(4):
-        errors = np.array([motion.derivative(INSIDE, order) for motion in motions]) - QUINTIC.derivative(INSIDE, order)
-        reported = np.array([motion.standard_error(INSIDE, order) for motion in motions])
-        assert 0.7 < np.sqrt(np.mean(errors**2) / np.mean(reported**2)) < 2
-        if order:
-            ratio = np.sqrt(np.mean(errors**2, axis=0) / np.mean(reported**2, axis=0))
-            assert 0.6 < ratio.min() <= ratio.max() < 2.2
-            assert np.mean(np.abs(errors) < 2 * reported) > 0.85
-
-
-def test_standard_error_is_zero_at_the_fixed_ends():
-    motion = noisy_quintic(0)
-    assert [motion.standard_error(ENDS, order).tolist() for order in (0, 1)] == [[0, 0], [0, 0]]
-    assert (motion.standard_error(ENDS, 3) > 0).all()
-    for shape in [(), (0,), (5,), (2, 3)]:
-        assert np.shape(motion.standard_error(np.full(shape, 0.7), 2)) == shape
+def test_scatter_is_the_noise():
+    assert np.mean([noisy_quintic(seed).scatter for seed in range(80)]) == pytest.approx(NOISE, rel=0.1)
 
 
 # ---- (d) hard cases --------------------------------------------------------------------------------------------------
