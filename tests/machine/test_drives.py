@@ -1,4 +1,4 @@
-"""One battery over all drives: energy balance, limit to the rigid drive, both strokes alike."""
+"""One battery over all drives: energy balance, limit to rigid, both strokes alike, period, refinement, peaks."""
 
 import math
 from dataclasses import replace
@@ -9,9 +9,9 @@ from published import CART_OF_C
 
 from compact.drive import Crank, Rigid, simulate
 from compact.machine.cart import EndSprings
-from compact.machine.elastic_drive import ElasticDrive
+from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.hydraulic_drive import Hydraulic
-from compact.machine.motor_drive import Motor
+from compact.machine.motor_drive import Motor, simulate_motor
 from compact.machine.shaft import Kloss
 from compact.motion.profile import law
 
@@ -40,6 +40,12 @@ IMPOSING = {
 
 def dry(velocity, acceleration):
     return SIZE * np.sign(velocity)
+
+
+def stribeck(velocity, acceleration):
+    """Stribeck friction, smooth on each side of speed 0."""
+    speed = np.abs(velocity)
+    return np.sign(velocity) * (2000 + 1500 * np.exp(-speed / 0.05) + 4000 * speed**2)
 
 
 def law_of(drive, name, duration=3.0):
@@ -82,3 +88,53 @@ def test_both_strokes_require_the_same_of_a_symmetric_machine(drive, name):
     assert forward.min() == pytest.approx(-back.max(), rel=1e-3, abs=1e-3 * SIZE)
     halves = [np.sum((run.weights * run.drive_power)[side]) for side in (late, ~late)]
     assert halves[0] == pytest.approx(halves[1], rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["quintic", "parabolic", "reversal-4", "constant-velocity"])
+@pytest.mark.parametrize("stiffness", [1e5, 1e6, 1e9])
+@pytest.mark.parametrize("regime", ["periodic", "rest"])
+def test_energy_balance_of_any_spring(regime, stiffness, name):
+    drive = ElasticDrive(stiffness, 0.1 * math.sqrt(stiffness * MASS), 1e-3 if stiffness == 1e6 else 0.0)
+    cart = replace(CART_OF_C, end_springs=EndSprings(2e4, 300.0, 0.08, stroke=0.4))
+    run = simulate_elastic(cart, drive, law_of("elastic", name).cycle(0.5, 0.2), stribeck, regime=regime)
+    assert run.energy_residual < 1e-9
+    assert run.shocks  # the acceleration jumps at each stop by friction
+    assert {-1, 0, 1} & set(run.trajectory.zone.tolist())
+
+
+@pytest.mark.parametrize("cart", CARTS)
+@pytest.mark.parametrize("drive", ["elastic", "backlash", "motor"])
+def test_periodic_regime_ends_where_it_starts_and_does_not_hang_on_the_tolerance(drive, cart):
+    make = {"motor": simulate_motor}.get(drive, simulate_elastic)
+    runs = [make(CARTS[cart], DRIVES[drive], law_of(drive, "cubic"), stribeck, tolerance=t) for t in (1e-8, 1e-10)]
+    for run in runs:
+        ends = (
+            (run.speed[[0, -1]],)
+            if drive == "motor"
+            else zip(run.trajectory.start[:2], run.trajectory.end[:2], strict=True)
+        )
+        assert all(one == pytest.approx(other, rel=1e-8, abs=1e-12) for one, other in ends)
+    names = ("peak_force", "peak_power", "rms_force", "drawn_energy")
+    assert [getattr(runs[0], name) for name in names] == pytest.approx([getattr(runs[1], name) for name in names], 2e-7)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_statistics_of_a_run_are_consistent(drive):
+    run = simulate(CARTS["end springs"], DRIVES[drive], law_of(drive, "quintic"), dry)
+    assert np.abs(run.drive_force).max() <= run.peak_force * (1 + 1e-9)
+    assert run.peak_force == pytest.approx(np.abs(run.drive_force).max(), rel=1e-2)
+    assert np.abs(run.drive_power).max() <= run.peak_power * (1 + 1e-9)
+    assert run.mean_force <= run.rms_force <= run.peak_force
+    assert run.energy <= run.drawn_energy * (1 + 1e-9)
+    assert run.mean_power * run.period == pytest.approx(run.energy, rel=1e-12)
+    assert run.weights.sum() == pytest.approx(run.period, rel=1e-12)
+
+
+def test_drawn_energy_and_mean_force_of_an_oscillation_are_exact():
+    """Steps end where the drive force changes its sign."""
+    run = simulate(CARTS["bare"], ElasticDrive(1e6, 2e3), law_of("elastic", "parabolic", 0.889), dry)
+    time = np.linspace(0, run.period, 200_001)
+    motion = run.trajectory.at(time)
+    power = motion.drive_force * motion.driven_velocity
+    assert run.drawn_energy == pytest.approx(np.trapezoid(np.maximum(power, 0), time), rel=1e-6)
+    assert run.mean_force == pytest.approx(np.trapezoid(np.abs(motion.drive_force), time) / run.period, rel=1e-6)

@@ -220,20 +220,6 @@ def test_stopping_time_and_distance_under_a_power_law(exponent):
     assert trajectory.slip.tolist() == [1] * (len(trajectory.slip) - 1) + [0]
 
 
-@pytest.mark.parametrize("name", ["complex", "quintic", "parabolic"])
-def test_energy_balance_with_a_saturated_added_mass(name):
-    speeds = np.geomspace(0.2 / 30, 0.6, 12)
-    added_masses = -800.0 / (1 + (speeds / 0.06) ** 2)
-    resistance = ResistanceMap(
-        speeds, 6e4 * speeds / (1 + (speeds / 0.06) ** 2), 1e-3, None, added_masses, relaxation_time=0.1
-    )
-    run = simulate_elastic(
-        CART_OF_C, replace(spring(1e6, 0.05), include_added_mass=True), published_law(name), resistance
-    )
-    assert run.energy_residual < 1e-6
-    assert run.cost.intervals < 3000
-
-
 @pytest.mark.parametrize("name", sampled(WITHOUT_IMPULSE, KINDS))
 def test_small_power_of_the_speed_sticks_without_chattering(name):
     run = simulate_elastic(CART_OF_C, spring(1e6, 0.05), published_law(name), power_law_map(0.02))
@@ -252,14 +238,6 @@ def test_dry_friction_is_the_limit_of_small_powers():
     ]
     assert errors[2] < 1e-3
     assert errors[0] / errors[1] == pytest.approx(10, rel=0.3)
-
-
-@pytest.mark.parametrize("exponent", [0.02, 0.3, 0.96])
-def test_peak_does_not_depend_on_the_standstill_speed(exponent, monkeypatch):
-    drive, motion = spring(1e6, 0.05), published_law("cubic")
-    one = simulate_elastic(CART, drive, motion, power_law_map(exponent)).peak_force
-    monkeypatch.setattr("compact.machine.elastic_motion.STANDSTILL_SPEED", 1e-5)
-    assert simulate_elastic(CART, drive, motion, power_law_map(exponent)).peak_force == pytest.approx(one, rel=1e-5)
 
 
 # order
@@ -418,26 +396,6 @@ def test_map_with_added_mass_agrees_with_a_general_solver():
 # hard cases
 
 
-@pytest.mark.parametrize("name", sampled(WITHOUT_IMPULSE, KINDS))
-def test_stiff_spring_follows_the_law_but_for_its_elongation(name):
-    for cart, ratio, resistance in ((CART, 0.05, free), (CART_OF_C, 0.7, dry(3486.0))):
-        run = simulate_elastic(cart, spring(1e9, ratio), published_law(name), resistance)
-        lag = np.abs(run.cycle.derivative(run.time, 0) - run.state.position).max()
-        assert lag <= (1e-5 * 0.4 if resistance is free else run.peak_force / 1e9 * (1 + 1e-6))
-
-
-@pytest.mark.parametrize("resistance", [dry(3486.0), stribeck], ids=["dry", "stribeck"])
-def test_cycles_from_rest_converge_to_the_periodic_regime(resistance):
-    drive, motion = spring(1e5, 0.1), published_law("cubic").cycle(0.3, 0.3)
-    run = simulate_elastic(CART, drive, motion, resistance)
-    assert run.trajectory.end[:2] == pytest.approx(run.trajectory.start[:2], rel=1e-8, abs=1e-12)
-    problem = CartMotion(CART, drive, motion, resistance, 1e-8)
-    state = problem.rest_state
-    for _ in range(12):
-        state = problem.integrate(problem.law, state).end
-    assert state[:2] == pytest.approx(run.trajectory.start[:2], rel=1e-8, abs=1e-12)
-
-
 @pytest.mark.parametrize("size", [0.0, 1e-12])
 @pytest.mark.parametrize("name", ["septic", "modified-trapezoid", "parabolic"])
 def test_friction_within_rounding_does_not_cause_sticking(name, size):
@@ -483,14 +441,6 @@ def test_closure_of_the_cycle_is_relative_to_the_amplitude_near_a_resonance(fact
     assert np.abs(gap).max() <= 1e-8 * largest
 
 
-def test_cart_is_exactly_at_rest_in_a_dwell():
-    run = simulate_elastic(CART, spring(1e6, 0.1), published_law("quintic").cycle(1.0, 1.0), dry(3486.0))
-    at_rest = np.repeat(run.trajectory.slip, len(SAMPLES)) == 0
-    assert run.stick_time > 2.0
-    assert np.all(run.state.velocity[at_rest] == 0)
-    assert np.all(np.abs(run.drive_force[at_rest]) <= 3486.0 * (1 + 1e-9))
-
-
 CREEPING = ResistanceMap(np.geomspace(1e-3, 1, 9), 2000 * np.geomspace(1e-3, 1, 9) ** 0.02, 0.0)  # as a compacting mix
 
 
@@ -517,24 +467,6 @@ def test_rounding_of_an_input_changes_no_step(name, factor):
     assert other.trajectory.duration == pytest.approx(one.trajectory.duration, abs=1e-9)
     assert other.time == pytest.approx(one.time, abs=1e-9)
     assert other.state.jerk == pytest.approx(one.state.jerk, abs=1e-6 * np.abs(one.state.jerk).max())
-
-
-def test_default_tolerance_resolves_the_peak():
-    drive, motion = spring(3e5, 0.05), published_law("harmonic")
-    one, tight = (simulate_elastic(CART, drive, motion, stribeck, tolerance=tolerance) for tolerance in (1e-8, 1e-10))
-    assert one.peak_force == pytest.approx(tight.peak_force, rel=1e-7)
-    loose = simulate_elastic(CART, drive, motion, stribeck, tolerance=1e-5)
-    assert loose.peak_force == pytest.approx(tight.peak_force, rel=1e-4)
-
-
-@pytest.mark.parametrize("name", ["cubic", "harmonic", "modified-trapezoid", "complex"])
-def test_polynomials_represent_the_law(name):
-    run = simulate_elastic(CART, spring(1e6, 0.7), published_law(name), free)
-    for order, share in enumerate((1e-12, 1e-12)):
-        exact = run.cycle.derivative(np.clip(run.time, 1e-12, None), order)
-        inner = np.abs(np.subtract.outer(run.time, [0, 1.5, 3, 4.5, 6]).round(9)).min(axis=1) > 1e-6
-        got = (run.motion.driven_end, run.motion.driven_velocity)[order]
-        assert got[inner] == pytest.approx(exact[inner], abs=share * np.abs(exact).max() + 1e-14)
 
 
 # properties
@@ -571,42 +503,22 @@ def test_a_cycle_takes_few_steps(name):
         assert cost.cycles <= 10
 
 
-WITH_END_SPRINGS = replace(CART_OF_C, end_springs=EndSprings(4e5, 500.0, 0.08, 0.4))
-SLICED = {
-    "stick and slip": (CART_OF_C, spring(1e6, 0.05), stribeck),
-    "undamped": (CART_OF_C, ElasticDrive(1e6, 0.0), dry(3486.0)),
-    "backlash": (CART, spring(1e6, 0.1, 2e-3), dry(1500.0)),
-    "end springs": (WITH_END_SPRINGS, spring(1e6, 0.05, 1e-3), stribeck),
-}
-
-
-@pytest.mark.parametrize(
-    ("case", "name", "regime"),
-    sampled(
-        itertools.product(SLICED, ("quintic", "parabolic", "constant-velocity"), ("rest", "periodic")),
-        [("stick and slip", "quintic", "periodic"), ("undamped", "constant-velocity", "rest"),
-         ("backlash", "parabolic", "periodic"), ("end springs", "constant-velocity", "periodic")],
-    ),
-)  # fmt: skip
-def test_integration_in_slices_is_bit_identical(case, name, regime, monkeypatch):
+@pytest.mark.parametrize("regime", ["periodic", "rest"])
+def test_integration_in_slices_is_bit_identical(regime, monkeypatch):
     """Python handles interrupts between two slices."""
-    cart, drive, resistance = SLICED[case]
-    cycle = published_law(name).cycle(0.5, 0.2)
-    if case == "undamped" and regime == "periodic":
-        cycle = published_law(name).cycle()
+    cart = replace(CART_OF_C, end_springs=EndSprings(4e5, 500.0, 0.08, 0.4))
+    cycle = published_law("constant-velocity").cycle(0.5, 0.2)
     calls, advance = [], elastic_motion.advance
 
     def recorded(*arguments):
         calls.append(advance(*arguments))
         return calls[-1]
 
-    whole = simulate_elastic(cart, drive, cycle, resistance, regime=regime)
-    peaks = whole.peak_force, whole.peak_power
+    whole = simulate_elastic(cart, spring(1e6, 0.05, 1e-3), cycle, stribeck, regime=regime)
     monkeypatch.setattr(elastic_motion, "ATTEMPTS_PER_CALL", 1)
     monkeypatch.setattr(elastic_motion, "advance", recorded)
-    sliced = simulate_elastic(cart, drive, cycle, resistance, regime=regime)
+    sliced = simulate_elastic(cart, spring(1e6, 0.05, 1e-3), cycle, stribeck, regime=regime)
     assert len(calls) >= sliced.cost.intervals
-    assert (sliced.peak_force, sliced.peak_power) == peaks
     assert sliced.cost == whole.cost
     np.testing.assert_array_equal(sliced.trajectory.rows, whole.trajectory.rows)
 

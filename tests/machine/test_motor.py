@@ -183,13 +183,6 @@ def test_flywheel_and_more_carts_reduce_the_fluctuation():
     assert fluctuation[10.0, 2] < fluctuation[10.0, 1]
 
 
-def test_peaks_between_samples_are_found():
-    run = simulate(CART_OF_C, Motor(KLOSS, 150.0, 0.0, 5.0), published_law("quintic"), dry(SIZE))
-    assert np.abs(run.drive_force).max() <= run.peak_force * (1 + 1e-9)
-    assert run.peak_force == pytest.approx(np.abs(run.drive_force).max(), rel=1e-2)
-    assert math.isfinite(run.peak_jerk)
-
-
 # properties
 
 
