@@ -254,30 +254,74 @@ class MotorRun(rigid_drive.CycleStatistics):
         return math.sqrt(2 * self.revolution.energy_range[1])
 
     @property
+    def _of_shaft(self):
+        """Speed and acceleration of the shaft."""
+        return self.speed, self.revolution.acceleration.ravel()
+
+    @property
     def motor_torque(self) -> Array:
         """Torque g T of the motor on the shaft [N m]."""
-        return self.load.motor.torque(self.speed, self.revolution.acceleration.ravel())
+        return self.load.motor.torque(*self._of_shaft)
 
     @property
     def motor_power(self) -> Array:
         """Power T w of the motor [W]."""
-        return self.load.motor.power(self.speed, self.revolution.acceleration.ravel())
+        return self.load.motor.power(*self._of_shaft)
 
-    @cached_property
+    @property
     def belt_torque(self) -> Array:
         """Torque on the motor pulley [N m]."""
-        return self.load.motor.belt_torque(self.speed, self.revolution.acceleration.ravel())
+        return self.load.motor.belt_torque(*self._of_shaft)
+
+    @cached_property
+    def shaft_torque(self) -> Array:
+        """Load torque of all carts [N m]."""
+        revolution = self.revolution
+        return self.load.torque(revolution.angle, revolution.energy, revolution.acceleration).ravel()
+
+    def _largest(self, quantity: Callable[[Array, Array, Array], Array]) -> float:
+        """Largest |quantity(angle, energy, acceleration, jerk)| over the revolution, also between samples."""
+        evaluate, grid = self.revolution.evaluate, interior_grid(self.revolution.breaks, steps=PEAK_STEPS)
+        return find_maximum(lambda angle: np.abs(quantity(angle, *evaluate(angle))), grid)[0]
+
+    def _largest_of_shaft(self, quantity: Callable[[Array, Array], Array]) -> float:
+        """Largest |quantity(speed, acceleration)| of the shaft."""
+        return self._largest(lambda _angle, energy, acceleration, _jerk: quantity(np.sqrt(2 * energy), acceleration))
 
     @cached_property
     def peak_motor_torque(self) -> float:
         """Largest |T| of the motor [N m]."""
-        motor = self.load.motor
-        return self._largest_of_shaft(motor.torque) / motor.gear_ratio
+        return self._largest_of_shaft(self.load.motor.torque) / self.load.motor.gear_ratio
+
+    @cached_property
+    def peak_motor_power(self) -> float:
+        """Largest |T w| of the motor [W]."""
+        return self._largest_of_shaft(self.load.motor.power)
 
     @cached_property
     def peak_belt_torque(self) -> float:
         """Largest torque on the motor pulley, or on the gear without a belt [N m]."""
         return self._largest_of_shaft(self.load.motor.belt_torque)
+
+    @cached_property
+    def peak_force(self) -> float:
+        """Largest |H| [N]."""
+        return self._largest(lambda *at: self.load.states_at(*at)[0].forces.drive_force)
+
+    @cached_property
+    def peak_power(self) -> float:
+        """Largest |H v| [W]."""
+        return self._largest(lambda *at: self.load.states_at(*at)[0].drive_power)
+
+    @cached_property
+    def peak_jerk(self) -> float:
+        """Largest |jerk| [m/s^3]; infinite if the acceleration of the law jumps."""
+        return math.inf if self.shocks else self._largest(lambda *at: self.load.states_at(*at)[0].jerk)
+
+    @property
+    def shocks(self) -> tuple[Discontinuity, ...]:
+        """Jumps of the acceleration of the law, at uniform speed."""
+        return tuple(join for join in self.cycle.discontinuities() if join.order == 2)
 
     @property
     def belt_creep(self) -> float:
@@ -300,47 +344,16 @@ class MotorRun(rigid_drive.CycleStatistics):
                 "wrap"
             )
 
-    @cached_property
-    def shaft_torque(self) -> Array:
-        """Load torque of all carts [N m]."""
-        revolution = self.revolution
-        return self.load.torque(revolution.angle, revolution.energy, revolution.acceleration).ravel()
-
     @property
     def fluctuation(self) -> float:
         """Coefficient of speed fluctuation of the shaft, (phi'_max - phi'_min)/phi'_mean [-], mean over time."""
         return (self.largest_speed - self.least_speed) * self.period / (2 * math.pi)
 
-    @property
-    def shocks(self) -> tuple[Discontinuity, ...]:
-        """Jumps of the acceleration of the law, at uniform speed."""
-        return tuple(join for join in self.load.cycle.discontinuities() if join.order == 2)
-
-    @cached_property
-    def peak_jerk(self) -> float:
-        """Largest |jerk| [m/s^3]; infinite if the acceleration of the law jumps."""
-        return math.inf if self.shocks else self._largest(lambda state: state.jerk)
-
-    @cached_property
-    def peak_force(self) -> float:
-        """Largest |H| [N]."""
-        return self._largest(lambda state: state.forces.drive_force)
-
     @cached_property
     def dynamic_amplification(self) -> float:
         """Dynamic amplification: peak force over that of a drive at uniform speed, in the period of the law [-]."""
-        load = self.load
-        return self.peak_force / rigid_drive.simulate(load.cart, load.motor.rod, load.cycle, load.resistance).peak_force
-
-    @cached_property
-    def peak_power(self) -> float:
-        """Largest |H v| [W]."""
-        return self._largest(lambda state: state.drive_power)
-
-    @cached_property
-    def peak_motor_power(self) -> float:
-        """Largest |T w| of the motor [W]."""
-        return self._largest_of_shaft(self.load.motor.power)
+        uniform = rigid_drive.simulate(self.cart, self.load.motor.rod, self.cycle, self.resistance)
+        return self.peak_force / uniform.peak_force
 
     @cached_property
     def drawn_energy(self) -> float:
@@ -350,39 +363,19 @@ class MotorRun(rigid_drive.CycleStatistics):
     @cached_property
     def nonuniformity(self) -> float:
         """(v_max - v_min)/v_mean over the working part of the forward stroke [-]."""
-        first, last = (share * self.load.cycle.forward.duration / self.load.cycle.period for share in self.working)
-        angle = 2 * np.pi * np.linspace(first, last, rigid_drive.NONUNIFORMITY_SAMPLES)
-        energy, acceleration, _ = self.revolution.evaluate(angle[None])
-        velocity = self.load.states_at(angle[None], energy, acceleration)[0].velocity
-        time = np.trapezoid(1 / np.sqrt(2 * energy[0]), angle)
-        travelled = np.diff(self.load.travel(angle[[0, -1]])[0])[0]
-        return float((velocity.max() - velocity.min()) * time / travelled)
+        ends = np.array(self.working) * self.cycle.forward.duration / self.cycle.period
+        angle = 2 * np.pi * np.linspace(*ends, rigid_drive.NONUNIFORMITY_SAMPLES)[None]
+        energy, acceleration, _ = self.revolution.evaluate(angle)
+        state = self.load.states_at(angle, energy, acceleration)[0]
+        time = np.trapezoid(1 / np.sqrt(2 * energy[0]), angle[0])
+        return float(np.ptp(state.velocity) * time / np.ptp(state.position[0, [0, -1]]))
 
     @cached_property
     def energy_residual(self) -> float:
         """Energy-balance residual of motor, carts and shaft over int |load power| dt [-]."""
-        power = self.speed * np.array([self.motor_torque, self.shaft_torque])
+        driving, loading = self.speed * np.array([self.motor_torque, self.shaft_torque])
         gain = self.load.motor.inertia * (self.revolution.energy[-1, -1] - self.revolution.energy[0, 0])
-        return float(abs(np.sum(self.weights * (power[0] - power[1])) - gain) / np.sum(self.weights * np.abs(power[1])))
-
-    def _largest(self, quantity: Callable[[rigid_drive.DriveState], Array]) -> float:
-        """Return the largest |quantity| of the first cart, also between samples."""
-        return self._peak(lambda angle: quantity(self.load.states_at(angle, *self.revolution.evaluate(angle))[0]))
-
-    def _largest_of_shaft(self, quantity: Callable[..., Array]) -> float:
-        """Return the largest |quantity(speed, acceleration)| of the shaft, also between samples."""
-
-        def of_angle(angle: Array) -> Array:
-            energy, acceleration, _ = self.revolution.evaluate(angle)
-            return quantity(np.sqrt(2 * energy), acceleration)
-
-        return self._peak(of_angle)
-
-    def _peak(self, of_angle):
-        """Largest |of_angle(angle)| over the revolution."""
-        return find_maximum(
-            lambda angle: np.abs(of_angle(angle)), interior_grid(self.revolution.breaks, steps=PEAK_STEPS)
-        )[0]
+        return float(abs(np.sum(self.weights * (driving - loading)) - gain) / np.sum(self.weights * np.abs(loading)))
 
 
 @dataclass(frozen=True)
@@ -395,8 +388,6 @@ class AccelerationPhase:
         Time [s] and angle of the shaft [rad] since the start, and its speed [rad/s].
     revolutions : int
         Whole revolutions up to the periodic regime.
-    motor_work, load_work : float
-        Work of the motor on the shaft and of the shaft on the carts [J].
     energy_residual : float
         Energy-balance residual over the work of the motor [-].
     """
@@ -405,8 +396,6 @@ class AccelerationPhase:
     angle: Array
     speed: Array
     revolutions: int
-    motor_work: float
-    load_work: float
     energy_residual: float
     periodic: MotorRun
 
@@ -454,10 +443,8 @@ def simulate_acceleration_phase(
             "torque or a smaller flywheel"
         )
     time, angle, speed = (np.concatenate(column) for column in zip(*parts, strict=True))
-    gain = motor.inertia * speed[-1] ** 2 / 2
-    motor_work, load_work = works.tolist()
-    residual = float(abs(motor_work - load_work - gain) / motor_work)
-    return AccelerationPhase(time, angle, speed, revolution + 1, motor_work, load_work, residual, periodic)
+    residual = abs(works[0] - works[1] - motor.inertia * speed[-1] ** 2 / 2) / works[0]
+    return AccelerationPhase(time, angle, speed, revolution + 1, float(residual), periodic)
 
 
 def _graded_sections(first: float, breaks: Array) -> Iterator[Array]:
