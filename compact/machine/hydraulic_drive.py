@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from itertools import count, pairwise
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -152,11 +153,6 @@ class HydraulicRun(Run):
     def valve_flow(self) -> ValveFlow:
         """Flow, pressures and areas over the cycle, shape (n,)."""
         return solve_valve_flow(self.hydraulic, self.state.velocity, self.direction * self.drive_force)
-
-    @property
-    def peak_pressure(self) -> float:
-        """Largest pressure of a cylinder [Pa]."""
-        return float(max(self.valve_flow.inlet_pressure.max(), self.valve_flow.outlet_pressure.max()))
 
     @property
     def peak_flow(self) -> float:
@@ -304,16 +300,36 @@ def simulate_stroke(
     circuit = _Circuit(cart, hydraulic, stroke, areas, resistance)
     breaks = np.unique(np.concatenate([areas[0].breaks, areas[1].breaks]))
     breaks = breaks[np.append(True, np.diff(breaks) > MIN_PIECE_FRACTION * breaks[-1])]
-    state, direction = np.array([0.0, 0.0, *pressures] + [0.0] * len(WORK_TERMS)), 0
-    columns: list[tuple[Array, Array]] = []
+    supply, work = hydraulic.supply_pressure, hydraulic.supply_pressure * hydraulic.piston_area * stroke
+    state, direction, parts = np.array([0.0, 0.0, *pressures] + [0.0] * len(WORK_TERMS)), 0, []
     for start, end in pairwise(breaks):
-        state, direction = circuit.integrate(start, end, state, direction, rtol, columns)
-    time, states = (np.concatenate(parts, axis=-1) for parts in zip(*columns, strict=True))
-    energies = dict(zip(WORK_TERMS, states[4:, -1].tolist(), strict=True))
-    kinetic, springs = cart.mass / 2 * state[1] ** 2, circuit.spring_energy(state[0]) - circuit.spring_energy(0.0)
-    energies |= {"kinetic": float(kinetic), "springs": float(springs)}
-    residual = energies["pump"] - sum(work for name, work in energies.items() if name != "pump")
-    return HydraulicStroke(time, states[0], states[1], states[2], states[3], energies, abs(residual) / energies["pump"])
+        scale, time = np.array([stroke, stroke / end, supply, supply] + [work] * len(WORK_TERMS)), start
+        for _ in range(MAX_STOPS):  # alternating motion and rest
+            breakaways = (way for way in (1, -1) if circuit.stiction_margin(0.0, state, way) < 0)
+            direction = direction or next(breakaways, 0)
+            solution = solve_ivp(
+                partial(circuit.rates, direction=direction), (time, end), state, "Radau", rtol=rtol, atol=rtol * scale,
+                events=circuit.events(direction), jac=partial(circuit.jacobian, direction=direction, scale=scale),
+            )  # fmt: skip
+            parts.append(solution)
+            time, state = solution.t[-1], solution.y[:, -1].copy()
+            if solution.status != 1:
+                break
+            state[1] = 0.0
+            direction = 0 if direction else 1 if solution.t_events[0].size else -1
+        if solution.status != 0:
+            raise RuntimeError(
+                f"the integration of the cart ended at {time:.3g} s of {end:.3g} s: it alternates between motion and "
+                "rest; use stiffer oil (a larger `bulk_modulus`, a smaller `dead_volume`), or check `resistance` near "
+                "rest"
+            )
+    times, states = np.concatenate([part.t for part in parts]), np.concatenate([part.y for part in parts], axis=1)
+    springs = 0.0 if cart.end_springs is None else float(np.diff(cart.end_springs.energy([0.0, state[0]]))[0])
+    energies = dict(zip(WORK_TERMS, state[4:].tolist(), strict=True))
+    energies["resistance_work"] -= springs  # the force on the cart contains that of the springs
+    energies |= {"kinetic": float(cart.mass / 2 * state[1] ** 2), "springs": springs}
+    residual = 2 * energies["pump"] - sum(energies.values())
+    return HydraulicStroke(times, *states[:4], energies, abs(residual) / energies["pump"])
 
 
 @dataclass(frozen=True)
@@ -327,74 +343,38 @@ class _Circuit:
     resistance: Resistance
     evaluations: Iterator[int] = field(default_factory=count)
 
-    def integrate(self, time, end, state, direction, rtol, columns) -> tuple[Array, int]:
-        """State and direction (+1, -1, 0 at rest) at the end of a piece, through alternating motion and rest."""
-        supply = self.hydraulic.supply_pressure
-        work = supply * self.hydraulic.piston_area * self.stroke
-        scale = np.array([self.stroke, self.stroke / end, supply, supply] + [work] * len(WORK_TERMS))
-        for _ in range(MAX_STOPS):
-            starts = (way for way in (1, -1) if self._stiction_margin(0.0, state, way) < 0)
-            direction = direction or next(starts, 0)
-            solution = solve_ivp(
-                partial(self._rates, direction=direction), (time, end), state, "Radau", events=self._events(direction),
-                rtol=rtol, atol=rtol * scale, jac=partial(self._jacobian, direction=direction, scale=scale),
-            )  # fmt: skip
-            if solution.status < 0:
-                break
-            columns.append((solution.t, solution.y))
-            time, state = solution.t[-1], solution.y[:, -1].copy()
-            if solution.status == 0:
-                return state, direction
-            state[1] = 0.0
-            direction = 0 if direction else 1 if solution.t_events[0].size else -1
-        raise RuntimeError(
-            f"the integration of the cart ended at {time:.3g} s of {end:.3g} s: it alternates between motion and rest; "
-            "use stiffer oil (a larger `bulk_modulus`, a smaller `dead_volume`), or check `resistance` near rest"
-        )
-
-    def spring_energy(self, position: float) -> float:
-        """Energy of the end springs [J]."""
-        return 0.0 if self.cart.end_springs is None else float(self.cart.end_springs.energy(position))
-
-    def _rates(self, time, state, direction):
-        """Time derivative of the state."""
+    def rates(self, time: float, state: Array, direction: int) -> Array:
+        """Time derivative of the state; the pressure before the inlet valve falls at the full pump flow."""
         if next(self.evaluations) > MAX_EVALUATIONS:
             raise RuntimeError(
                 f"the integration of the cart ended at {time:g} s after {MAX_EVALUATIONS} evaluations: the oil "
                 "oscillates too fast; use a smaller `bulk_modulus` or a larger `dead_volume`"
             )
         drive, (x, velocity, inlet, outlet) = self.hydraulic, state[:4]
-        inflow, line_pressure = self._inflow(time, inlet)
-        outflow = drive.flow(max(float(self.areas[1](time)), 0.0), outlet)
-        piston_flow = drive.piston_area * velocity if direction else 0.0
+        inlet_area, outlet_area = (max(float(area(time)), 0.0) for area in self.areas)
+        line_pressure, inflow = drive.supply_pressure, drive.flow(inlet_area, drive.supply_pressure - inlet)
+        if inflow > drive.pump_flow:
+            inflow, line_pressure = drive.pump_flow, inlet + drive.drop(drive.pump_flow, inlet_area)
+        outflow = drive.flow(outlet_area, outlet)
+        velocity = velocity if direction else 0.0
+        piston_flow, force = drive.piston_area * velocity, drive.piston_area * (inlet - outlet)
         compression = np.array([inflow - piston_flow, piston_flow - outflow])
         volume = drive.dead_volume + drive.piston_area * np.array([x, self.stroke - x])
-        force = drive.piston_area * (inlet - outlet)
         acceleration = self._solve_acceleration(x, velocity, direction, force) if direction else 0.0
-        resisting = force - self.cart.mass * acceleration
         return np.array([
-            velocity if direction else 0.0, acceleration,
-            *(drive.bulk_modulus / volume * compression),
+            velocity, acceleration, *(drive.bulk_modulus / volume * compression),
             line_pressure * drive.pump_flow, line_pressure * (drive.pump_flow - inflow),
             (line_pressure - inlet) * inflow, outlet * outflow, compression @ [inlet, outlet],
-            (resisting + self._end_force(x)) * velocity if direction else 0.0,
+            (force - self.cart.mass * acceleration) * velocity,
         ])  # fmt: skip
 
-    def _inflow(self, time, inlet):
-        """Flow through the inlet valve [m3/s] and pressure before it [Pa], which falls at the full pump flow."""
-        drive, area = self.hydraulic, max(float(self.areas[0](time)), 0.0)
-        flow = drive.flow(area, drive.supply_pressure - inlet)
-        if flow > drive.pump_flow:
-            return drive.pump_flow, inlet + drive.drop(drive.pump_flow, area)
-        return flow, drive.supply_pressure
-
-    def _jacobian(self, time, state, direction, scale):
+    def jacobian(self, time: float, state: Array, direction: int, scale: Array) -> Array:
         """Differentiate the rates with respect to the state; they do not depend on the work terms."""
-        jacobian, here = np.zeros((len(state), len(state))), self._rates(time, state, direction)
+        jacobian, here = np.zeros((len(state), len(state))), self.rates(time, state, direction)
         for k in range(4):
             perturbed = state.copy()
             perturbed[k] += RATE_PERTURBATION * scale[k]
-            jacobian[:, k] = (self._rates(time, perturbed, direction) - here) / (RATE_PERTURBATION * scale[k])
+            jacobian[:, k] = (self.rates(time, perturbed, direction) - here) / (RATE_PERTURBATION * scale[k])
         return jacobian
 
     def _solve_acceleration(self, position, velocity, direction, force):
@@ -402,8 +382,7 @@ class _Circuit:
         a, residual = 0.0, force - self._resisting_force(position, velocity, direction)
         next_a = residual / self.cart.mass
         for _ in range(MAX_SECANT_STEPS):
-            before, a = a, next_a
-            last = residual
+            before, a, last = a, next_a, residual
             residual = force - self._resisting_force(position, velocity, direction, a) - self.cart.mass * a
             if abs(residual) <= FORCE_TOLERANCE * (abs(force) + abs(last)):
                 return a
@@ -416,31 +395,25 @@ class _Circuit:
     def _resisting_force(self, position, velocity, direction, acceleration=0.0):
         """Return the force W + guides - end springs [N] for a direction of motion."""
         moving = np.array([direction * max(direction * velocity, STANDSTILL_SPEED_RATIO)])
-        resistance = evaluate_resistance(self.resistance, moving, np.array([acceleration]))
-        end_force = self._end_force(position)
+        resistance, springs = (
+            evaluate_resistance(self.resistance, moving, np.array([acceleration])),
+            self.cart.end_springs,
+        )
+        end_force = 0.0
+        if springs is not None:
+            side = float(position < springs.length) - float(position > springs.stroke - springs.length)
+            end_force = float(springs.force(position, side))
         return float(balance(self.cart, 0.0, resistance, direction, end_spring_force=end_force).drive_force[0])
 
-    def _end_force(self, position):
-        """Force of the end springs [N]."""
-        springs = self.cart.end_springs
-        if springs is None:
-            return 0.0
-        side = float(position < springs.length) - float(position > springs.stroke - springs.length)
-        return float(springs.force(position, side))
-
-    def _stiction_margin(self, _time, state, direction):
+    def stiction_margin(self, _time: float, state: Array, direction: int) -> float:
         """Force that is missing to a breakaway in a direction [N]."""
         force = self.hydraulic.piston_area * (state[2] - state[3])
         return direction * (self._resisting_force(state[0], 0.0, direction) - force)
 
-    def _events(self, direction):
+    def events(self, direction: int) -> list[Callable[..., float]]:
         """Stop of a moving cart, or breakaway of a cart at rest."""
-
-        def speed(_time: float, state: Array) -> float:
-            return direction * state[1]
-
-        margins = [partial(self._stiction_margin, direction=way) for way in (1, -1)]
-        events: list[Callable[..., float]] = [speed] if direction else margins
+        margins: list[Any] = [partial(self.stiction_margin, direction=way) for way in (1, -1)]
+        events = [lambda _time, state: direction * state[1]] if direction else margins
         for event in events:
             event.terminal, event.direction = True, -1
         return events

@@ -143,7 +143,7 @@ def test_energy_balance_of_pump_cart_and_valves(name):
 def test_end_springs_reduce_the_peak_pressure():
     springs = replace(CART, end_springs=EndSprings(4e3, 300.0, 0.08, stroke=0.4))
     bare, with_springs = (simulate(cart, DRIVE, published("harmonic", 1.4), dry) for cart in (CART, springs))
-    assert with_springs.peak_pressure < bare.peak_pressure
+    assert with_springs.valve_flow.inlet_pressure.max() < bare.valve_flow.inlet_pressure.max()
     stroke = with_springs.simulate_stroke()
     assert stroke.energy_residual < 1e-6
     assert np.abs(stroke.position - published("harmonic", 1.4).position(stroke.time)).max() < 2e-3 * 0.4
