@@ -329,7 +329,8 @@ def simulate_stroke(
     energies["resistance_work"] -= springs  # the force on the cart contains that of the springs
     energies |= {"kinetic": float(cart.mass / 2 * state[1] ** 2), "springs": springs}
     residual = 2 * energies["pump"] - sum(energies.values())
-    return HydraulicStroke(times, *states[:4], energies, abs(residual) / energies["pump"])
+    position, velocity, inlet, outlet = states[:4]
+    return HydraulicStroke(times, position, velocity, inlet, outlet, energies, abs(residual) / energies["pump"])
 
 
 @dataclass(frozen=True)
@@ -337,9 +338,9 @@ class _Circuit:
     """Cylinders, valves and cart; the state is x, v, p_in, p_out and the `WORK_TERMS`."""
 
     cart: Cart
-    hydraulic: Hydraulic
+    hydraulic: Any
     stroke: float
-    areas: ValveAreas
+    areas: Any
     resistance: Resistance
     evaluations: Iterator[int] = field(default_factory=count)
 
@@ -412,8 +413,8 @@ class _Circuit:
 
     def events(self, direction: int) -> list[Callable[..., float]]:
         """Stop of a moving cart, or breakaway of a cart at rest."""
-        margins: list[Any] = [partial(self.stiction_margin, direction=way) for way in (1, -1)]
-        events = [lambda _time, state: direction * state[1]] if direction else margins
+        margins = [partial(self.stiction_margin, direction=way) for way in (1, -1)]
+        events: list[Any] = [lambda _time, state: direction * state[1]] if direction else margins
         for event in events:
             event.terminal, event.direction = True, -1
         return events

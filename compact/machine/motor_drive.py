@@ -279,12 +279,12 @@ class MotorRun(rigid_drive.CycleStatistics):
         revolution = self.revolution
         return self.load.torque(revolution.angle, revolution.energy, revolution.acceleration).ravel()
 
-    def _largest(self, quantity: Callable[[Array, Array, Array], Array]) -> float:
+    def _largest(self, quantity: Callable[..., Array]) -> float:
         """Largest |quantity(angle, energy, acceleration, jerk)| over the revolution, also between samples."""
         evaluate, grid = self.revolution.evaluate, interior_grid(self.revolution.breaks, steps=PEAK_STEPS)
         return find_maximum(lambda angle: np.abs(quantity(angle, *evaluate(angle))), grid)[0]
 
-    def _largest_of_shaft(self, quantity: Callable[[Array, Array], Array]) -> float:
+    def _largest_of_shaft(self, quantity: Callable[..., Array]) -> float:
         """Largest |quantity(speed, acceleration)| of the shaft."""
         return self._largest(lambda _angle, energy, acceleration, _jerk: quantity(np.sqrt(2 * energy), acceleration))
 
@@ -363,8 +363,8 @@ class MotorRun(rigid_drive.CycleStatistics):
     @cached_property
     def nonuniformity(self) -> float:
         """(v_max - v_min)/v_mean over the working part of the forward stroke [-]."""
-        ends = np.array(self.working) * self.cycle.forward.duration / self.cycle.period
-        angle = 2 * np.pi * np.linspace(*ends, rigid_drive.NONUNIFORMITY_SAMPLES)[None]
+        share = np.linspace(*self.working, rigid_drive.NONUNIFORMITY_SAMPLES)[None]
+        angle = 2 * np.pi * self.cycle.forward.duration / self.cycle.period * share
         energy, acceleration, _ = self.revolution.evaluate(angle)
         state = self.load.states_at(angle, energy, acceleration)[0]
         time = np.trapezoid(1 / np.sqrt(2 * energy[0]), angle[0])
