@@ -96,8 +96,11 @@ class Source:
 
     def line(self, key: Key) -> int:
         """Return the line of a key, or of the innermost table around it; 0 if there is none."""
-        around = (key[:length] for length in range(len(key), 0, -1))
-        return next((self.lines[part] for part in around if part in self.lines), 0)
+        return _innermost(self.lines, key) or 0
+
+    def remark(self, key: Key) -> str:
+        """Return the comment on a key, or on that of the inline table around it; empty if there is none."""
+        return _innermost(self.remarks, key) or ""
 
     def place(self, key: Key) -> str:
         """Return `file:line` of a key, or `file (changed by the caller)`."""
@@ -109,6 +112,12 @@ class Source:
         """Sort mistakes by line and prefix each with its place."""
         ordered = sorted(mistakes, key=lambda mistake: self.line(mistake.key))
         return [f"{self.place(mistake.key)}: {mistake}" for mistake in ordered]
+
+
+def _innermost(entries: Mapping[Key, Any], key: Key) -> Any:
+    """Return the entry of a key, or of the innermost one around it; None if there is none."""
+    around = (key[:length] for length in range(len(key), 0, -1))
+    return next((entries[part] for part in around if part in entries), None)
 
 
 # --- fields: from pydantic's errors to sentences
@@ -199,60 +208,35 @@ def _unknown(key: Key, value: object, tables: Mapping[Key, type[Table]]) -> str:
 
 # --- the text of the file
 
-# Possessive repetitions (++) never try again, so that any text takes linear time
-TOKEN = re.compile(
-    r'''(?P<text>"""(?:\\.|[^\\])*?"{3,5}|\'{3}.*?\'{3,5}|"(?:\\.|[^"\\\n])*"|'[^'\n]*')'''
-    r"|(?P<comment>#[^\n]*)|(?P<word>[\w-]++)|(?P<mark>[\[\]{}=,\n])",
-    re.DOTALL,
-)
+HEADER = re.compile(r"\s*\[\[?([\w.\"' -]+)\]\]?\s*(?:#.*)?$")
+ENTRY = re.compile(r"\s*([\w\"'-]+(?: *\. *[\w\"'-]+)*)\s*=")
+COMMENT = re.compile(r"""(?:[^"'#]|"(?:\\.|[^"\\])*"|'[^']*')*#(.*)""")  # behind texts in quotes
 
 
-def key_lines(text: str) -> dict[Key, int]:
-    """Return the line number of each table header and each key of a valid TOML text."""
-    return _scanned(text)[0]
+def key_places(text: str) -> tuple[dict[Key, int], dict[Key, str]]:
+    """Return the line of each table header and of each key that begins a line of a TOML text, and the comment there.
 
-
-def key_remarks(text: str) -> dict[Key, str]:
-    """Return the comment on the line of each key of a valid TOML text."""
-    lines, comments = _scanned(text)
-    return {key: comments[line] for key, line in lines.items() if line in comments}
-
-
-def _scanned(text: str) -> tuple[dict[Key, int], dict[int, str]]:
-    """Return the line of each key and the comment on each line, in one pass over the tokens of a text."""
+    A key inside an inline table has the line and the comment of the key of that table.
+    """
     lines: dict[Key, int] = {}
-    comments: dict[int, str] = {}
-    paths: list[Key] = [()]  # of the table, and of the lists and inline tables that are open in it
-    words: list[str] = []  # since the last mark
-    key: Key = ()  # of the statement, () before its "="
-    number, is_header = 1, False
-
-    def note(path: Key) -> Key:
+    remarks: dict[Key, str] = {}
+    table: Key = ()
+    for number, line in enumerate(text.split("\n"), 1):
+        if header := HEADER.match(line):
+            path = table = _path(header[1])
+        elif entry := ENTRY.match(line):
+            path = (*table, *_path(entry[1]))
+            remarks |= {path: comment[1].strip("# ")} if (comment := COMMENT.match(line)) else {}
+        else:
+            continue
         for length in range(1, len(path)):
             lines.setdefault(path[:length], number)
         lines[path] = number
-        return path
+    return lines, remarks
 
-    for token in TOKEN.finditer(text):
-        kind, said = token.lastgroup, token[0]
-        if kind == "comment":
-            comments[number] = said.strip("# ")
-        elif kind != "mark":
-            words.append(said.strip("\"'"))
-        elif said == "=":
-            key = note((*paths[-1], *words))
-        elif said in "[{":
-            is_header = not key
-            paths += [key] if key else []
-        elif said in "]}" and is_header and words:
-            paths, is_header = [note(tuple(words))], False
-        elif said in "]}" and len(paths) > 1:
-            key = paths.pop()
-        elif said == "\n" and len(paths) == 1:
-            key = ()
-        words = [] if kind == "mark" else words
-        number += said.count("\n")
-    return lines, comments
+
+def _path(dotted: str) -> Key:
+    return tuple(part.strip(" \"'") for part in dotted.split("."))
 
 
 def syntax_sentence(error: Exception, text: str) -> str:

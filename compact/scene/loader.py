@@ -148,7 +148,7 @@ class Scene(SceneTables):
             return "changed by the caller"
         if not self.is_set(".".join(path)):
             return "default"
-        return self._source.remarks.get(path, "")
+        return self._source.remark(path)
 
     def is_marked(self, key: str, word: str) -> bool:
         """Return True if a clause of the comment on a key begins with a word, such as "measured" or "calibrated"."""
@@ -282,7 +282,8 @@ def _parsed(kind: type[AnyScene], text: str, file: str, changes: Mapping[str, ob
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
         raise SceneError([f"{file}:{errors.syntax_sentence(error, text)}"]) from None
-    source = Source(file, errors.key_lines(text), remarks=errors.key_remarks(text))
+    lines, remarks = errors.key_places(text)
+    source = Source(file, lines, remarks=remarks)
     return _checked(kind, data, source, changes, _rules(source))
 
 

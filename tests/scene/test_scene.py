@@ -18,7 +18,7 @@ from compact.material.mix import CALIBRATED
 from compact.motion.optimisation_problem import OBJECTIVES
 from compact.scene import plausible_ranges
 from compact.scene.choices import Fit, MixParameter, Objective
-from compact.scene.errors import key_lines, key_remarks
+from compact.scene.errors import key_places
 from compact.scene.loader import Scene, SceneError, load_scene, parse_scene, starter_scene
 from compact.scene.schema import Overrides, declared_keys
 
@@ -296,8 +296,8 @@ LONG = 300_000  # characters; a scanner of cubic or quadratic time would not end
 def test_lines_and_remarks_of_long_texts_are_found_in_linear_time(filling):
     text = f"[drive]\n{filling}carts = 1 # one\n"
     key, line = ("drive", "carts"), text[: text.index("carts")].count("\n") + 1
-    assert key_lines(text)[key] == line
-    assert key_remarks(text)[key] == "one"
+    lines, remarks = key_places(text)
+    assert (lines[key], remarks[key]) == (line, "one")
 
 
 TEN = {

@@ -8,7 +8,7 @@ import pytest
 import refusals
 from extreme_scenes import toml
 
-from compact.scene.errors import key_lines
+from compact.scene.errors import key_places
 from compact.scene.loader import SceneError, load_scene, parse_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -93,4 +93,4 @@ def test_a_refusal_states_the_line_of_its_key(scene, changes, words):
     line = next((known[each] for each in around if each in known), None)
     place = FILE if line is None else f"{FILE}:{line}"
     assert any(has(each, f"{place}: {words}") for each in caught.value.mistakes), (place, caught.value.mistakes)
-    assert key_lines(text).items() >= {tuple(each.split(".")): number for each, number in known.items()}.items()
+    assert key_places(text)[0].items() >= {tuple(each.split(".")): number for each, number in known.items()}.items()
