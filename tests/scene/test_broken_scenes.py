@@ -186,18 +186,18 @@ def checked(asked, folder):
     assert not (wrong := faults(asked, folder)), f"{wrong}\ncompact {' '.join(map(repr, asked.arguments))}"
 
 
-@pytest.mark.parametrize("seed", range(14))
+@pytest.mark.parametrize("seed", range(10))
 def test_a_broken_scene_is_solved_or_refused(seed, tmp_path, warm):
     checked(case(seed), tmp_path)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(14, 340))
+@pytest.mark.parametrize("seed", range(10, 340))
 def test_many_broken_scenes_are_solved_or_refused(seed, tmp_path, warm):
     checked(case(seed), tmp_path)
 
 
-@pytest.mark.parametrize("seed", range(400, 406))
+@pytest.mark.parametrize("seed", range(400, 403))
 def test_a_scene_outside_the_range_of_compaction_is_refused(seed, tmp_path, warm):
     """A contact by `compaction` takes minutes, so that every case has a mistake."""
     asked = case(seed)

@@ -25,7 +25,12 @@ def faults(key, engine, folder):
     )
 
 
-@pytest.mark.parametrize("key", [pytest.param(key, marks=[pytest.mark.nightly] * key.startswith(LONG)) for key in KEYS])
+def mark(number, key):
+    """No mark for every third key; the others are slow, and those that take long run at night."""
+    return [pytest.mark.nightly] if key.startswith(LONG) else [pytest.mark.slow] if number % 3 else []
+
+
+@pytest.mark.parametrize("key", [pytest.param(key, marks=mark(*each)) for each in enumerate(KEYS) for key in each[1:]])
 def test_a_scene_at_the_ends_of_a_key_has_results_or_is_refused(key, tmp_path):
     assert not faults(key, "formula", tmp_path)
 
