@@ -100,20 +100,6 @@ def test_resistance_depends_on_the_lowest_height_alone():
     assert resistance == pytest.approx([resistance[0]] * len(rollers), rel=1e-9)
 
 
-def test_load_under_a_parabola_scales_with_the_root_of_the_radius():
-    load = [rolled(roller=Roller(r, indentation=DEPTH)).load for r in (0.05, 0.2, 3.2)]
-    assert np.array(load) / np.sqrt([0.05, 0.2, 3.2]) == pytest.approx([load[0] / np.sqrt(0.05)] * 3, rel=1e-9)
-
-
-@pytest.mark.parametrize("fed", [0.90, 0.92, 0.96])
-def test_plastic_column_depends_on_its_mass_alone(fed):
-    one = rolled()
-    height = FED * FED_HEIGHT / fed
-    other = rolled(mix(fed_density_ratio=fed), height, circle(height - HEIGHT))
-    names = ("peak_pressure", "exit_density_ratio", "trailing")
-    assert [getattr(other, n) for n in names] == pytest.approx([getattr(one, n) for n in names], rel=2e-7)
-
-
 # reference solutions: rate equations at 1e-12 and quadrature between the events; all digits are significant
 
 
@@ -150,19 +136,6 @@ def test_subcritical_yield_matches_the_reference():
     contact = roll(Layer(1.0), Roller(R, indentation=0.02), material, SPEED)
     assert 1 - contact.exit_height == pytest.approx(0.018818, abs=6e-7)
     assert contact.exit.layer[0].lateral_stress == pytest.approx(75939.5, abs=0.06)
-
-
-def test_only_the_full_ellipse_dilates_at_first_yield():
-    ellipse = mix(critical_slope=1.0, poisson=0.2)
-    stress = 1.001 * first_yield(ellipse)[0]
-    assert simulate_oedometer(ellipse, stress).density_ratio[0] < FED
-    flat = replace(ellipse, dry_side="flat")
-    pc = float(flat.yield_pressure(FED))
-    first = flat.critical_slope * (pc + flat.tensile_strength) / 2 * (1 - 0.2) / (1 - 2 * 0.2)
-    test = simulate_oedometer(flat, [first * (1 - 1e-9), first * 1.01])
-    assert test.density_ratio.tolist() == [FED, FED]
-    # on the flat side s_v - s_h is constant
-    assert np.diff(test.pressure - test.lateral_stress)[0] == pytest.approx(0, abs=1e-3)
 
 
 @pytest.mark.parametrize(

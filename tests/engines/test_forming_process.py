@@ -1,6 +1,5 @@
 """Forming process by columns: conservation, the confined identity, one stroke as one pass, closures and hard cases."""
 
-import time
 from dataclasses import replace
 
 import numpy as np
@@ -138,14 +137,6 @@ def test_merging_keeps_height_and_grains():
     assert [column.height for column in merged.columns] == pytest.approx([0.1, 0.005])
     assert merged.grain_height == pytest.approx(whole.grain_height, rel=1e-14)
     assert whole.bottom_density_ratio == pytest.approx(0.9)
-
-
-def test_79_strokes_of_20_layers_take_half_a_second():
-    given = problem(at_rest(79), RATED, layers=20)
-    given.with_amount(0.0001)  # loads compiled code
-    start = time.process_time()
-    given.with_amount(0.0011)
-    assert time.process_time() - start < 0.5
 
 
 # --- row, closures

@@ -44,12 +44,6 @@ def test_every_second_step_is_a_step():
         assert coarse == pytest.approx(fine[::2])
 
 
-def test_short_stroke_has_one_step():
-    _, places = stroke_schedule(law("quintic", 0.1, 1.0)).steps(0, 0.15)
-    assert places[[0, -1]] == pytest.approx([0.0, 0.1])
-    assert (np.diff(places) > 0).all()
-
-
 def test_stroke_starts_at_the_end_of_a_dwell():
     way = stroke_schedule(law("quintic", 0.1, 1.0).cycle(far_dwell=0.5))
     times, _ = way.steps(1, 0.01)

@@ -91,16 +91,3 @@ def test_leakage_empties_a_column():
     start = np.arctanh(AMBIENT / found.pressure[first, 0])
     expected = AMBIENT / np.tanh(start + rate * (x[first] - x[: first + 1]))
     np.testing.assert_allclose(found.pressure[: first + 1, 0], expected, rtol=2e-4)
-
-
-@pytest.mark.parametrize(("changes", "message"), [
-    ({"air_volume": np.zeros((3, 2))}, "air_volume"),
-    ({"ambient_pressure": 0.0}, "ambient_pressure"),
-])  # fmt: skip
-def test_arrays_out_of_range_are_refused(changes, message):
-    arguments = {
-        "x": np.arange(3.0), "y": np.arange(2.0), "air_volume": np.ones((3, 2)), "mobility": np.ones((2, 2, 3, 2)),
-        "drained": np.zeros((3, 2), bool), "ambient_pressure": AMBIENT,
-    }  # fmt: skip
-    with pytest.raises(ValueError, match=message):
-        AirFlow(**arguments | changes)

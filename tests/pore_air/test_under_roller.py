@@ -36,20 +36,6 @@ def test_with_full_drainage_there_is_no_air(contact):
     assert abs(resistance) < 1e-9 * contact.resistance
 
 
-def test_load_and_resistance_increase_with_speed_and_density(contact):
-    under = RollerAir(contact.solution, pore_air(1e-13))
-    forces = np.array([under.forces(under.pressure(speed)) for speed in (0.01, 0.1, 1.0)])
-    assert np.all(np.diff(forces, axis=0) > 0)
-    assert 0.002 < forces[1, 0] / contact.load < 0.2
-    assert forces[1, 1] / contact.resistance == pytest.approx(forces[1, 0] / contact.load, rel=0.35)
-
-
-def test_pressure_behind_the_contact_is_less_than_below_it(contact):
-    under = RollerAir(contact.solution, pore_air(1e-13))
-    pressure = under.pressure(0.2)
-    assert 0 < under.largest_excess_behind(pressure) < pressure.excess.max()
-
-
 @pytest.mark.parametrize("occlusion", [None, 0.95, 0.90, 0.85, 0.76])
 def test_hard_cases_converge_with_their_mass(contact, occlusion):
     """Permeability over eight decades, speeds from 1e-4 to 10 m/s, saturation through occlusion."""
