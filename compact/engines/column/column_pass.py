@@ -36,9 +36,8 @@ PATH_ROWS_INITIAL = 128  # [-], rows of a path, doubled on demand; room for all 
 STEPS_PER_CALL = 20_000  # [-], steps in one compiled call over the number of columns; at most 0.1 s to an interrupt
 TARGET_TOLERANCE = 10.0  # [-], residual of a prescribed quantity that is guaranteed, over `rtol`
 SEARCH_TOLERANCE = 0.02  # [-], relative error of the indentation that is sought, over `rtol`
-SEARCH_STEP = (
-    1.0  # [-], of the logarithm of the indentation, from below the largest one to a bracket; downwards doubled
-)
+MEAN_STRESS_SHARE = 0.8  # [-], mean over peak stress under the front, for the first guess of a load
+OVERSHOOT = 1.2  # [-], of the first step from that guess, so that it brackets the indentation
 FAILURES = {
     ode.STEPS_EXHAUSTED: "more steps are needed, as for nearly rigid mix",
     ode.STEP_UNDERFLOW: "shorter steps do not change x",
@@ -142,13 +141,23 @@ class ColumnLayer:
         y[ode.COLUMN_STATE :: 2] = self.stack.mean_stress
         return y
 
+    def stress_estimate(self, depth: float) -> float:
+        """Estimate the vertical stress [Pa] at the lowest generatrix for an indentation [m]."""
+        densest = max(max(self.stack.density_ratio.tolist()), self.solid_height / (self.height - depth))
+        strength = hardening(self.law, densest)[0] + self.law.pt
+        return min(float(self.law.K + 4 * self.law.G / 3) * -math.log1p(-depth / self.height), strength)
+
+    def estimate(self, name: str, depth: float) -> float:
+        """Estimate a load [N/m], peak pressure [Pa] or exit density ratio [-] for an indentation [m]."""
+        if name == "exit_density_ratio":
+            return self.loosest / (1 - depth / self.height)
+        stress = self.stress_estimate(depth)
+        return stress if name == "peak_pressure" else MEAN_STRESS_SHARE * stress * self.gap.edge(depth)
+
     def error_scale(self, depth: float, rtol: float) -> Array:
         """Return the error of each component of y allowed in one step, relative to its size at a depth [m]."""
-        densest = max(max(self.stack.density_ratio.tolist()), self.solid_height / (self.height - depth))
-        strain = -math.log1p(-depth / self.height)
-        strength = hardening(self.law, densest)[0] + self.law.pt
-        stress = min(float(self.law.K + 4 * self.law.G / 3) * strain, strength)
-        of_columns = [stress, strain] * len(self.stack.height)
+        stress = self.stress_estimate(depth)
+        of_columns = [stress, -math.log1p(-depth / self.height)] * len(self.stack.height)
         return rtol * np.array([stress, stress * self.gap.edge(depth), *[stress * depth] * 3, *of_columns])
 
     def elastic_strains(self, y: Array) -> Array:
@@ -307,6 +316,13 @@ class Compressible(Protocol):
     def loosest(self) -> float:
         """Density ratio before the pass [-]."""
 
+    @property
+    def height(self) -> float:
+        """Height of the layer [m]."""
+
+    def estimate(self, name: str, depth: float) -> float:
+        """Estimate a quantity for an indentation [m], for the first guess."""
+
 
 def solve_target(
     layer: Compressible, compute: Callable[[float], Contact], name: str, value: float, tolerance: float
@@ -346,14 +362,18 @@ def solve_target(
 
     if name == "exit_density_ratio" and not layer.loosest < value < 1:
         raise_unreachable(layer, name, value, passed(deepest).exit_density_ratio)
-    low, high, step = deepest - SEARCH_STEP, deepest - SEARCH_STEP, SEARCH_STEP
-    while residual(high) < 0:
-        if high == deepest:
-            raise_unreachable(layer, name, value, getattr(passed(deepest), name))
-        low, high = high, min(high + SEARCH_STEP, deepest)
-    while residual(low) > 0:
-        low, high, step = low - step, low, 2 * step
-    return passed(brentq(residual, low, high, xtol=tolerance, rtol=1e-15) if low < high else low)
+    guess = layer.max_indentation
+    if layer.estimate(name, guess) > value:
+        guess = brentq(lambda depth: layer.estimate(name, depth) - value, 0, guess, rtol=1e-3)
+    low = high = math.log(guess)
+    first = last = residual(low)
+    step = -OVERSHOOT * first / (guess / layer.height if name == "exit_density_ratio" else 1.0)
+    while first * last > 0:
+        if last < 0 and high >= deepest:
+            raise_unreachable(layer, name, value, getattr(passed(high), name))
+        low, high = high, min(high + step, deepest)
+        last, step = residual(high), 2 * step
+    return passed(brentq(residual, low, high, xtol=tolerance, rtol=1e-15) if low != high else low)
 
 
 def plate_indentation(layer: ColumnLayer, pressure: float, rtol: float) -> float:

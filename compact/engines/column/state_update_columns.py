@@ -127,6 +127,15 @@ class _OwnLayer:
         """Reason why no indentation is larger."""
         return f"the pores of {self.material.name} close, or the circle is buried to its axis"
 
+    @property
+    def height(self) -> float:
+        """Height of the layer [m]."""
+        return self.layer.height
+
+    def estimate(self, name: str, depth: float) -> float:
+        """Return nothing: the search begins at the largest indentation."""
+        return 0.0
+
     def at_target(self, target: tuple[str, float], count: int) -> Contact:
         """Compute the pass in which a quantity equals its target, with a number of increments of the front."""
         return solve_target(self, lambda depth: self.compute_pass(depth, count), *target, SEARCH_TOLERANCE)
@@ -134,46 +143,42 @@ class _OwnLayer:
     def compute_pass(self, indentation: float, count: int) -> Contact:
         """Compute the pass along +x at an indentation [m] with a number of increments of the front."""
         lowest, front = self.layer.height - indentation, self.gap.edge(indentation)
-        ahead = np.linspace(front, 0.0, count + 1)
-        heights = lowest + self.gap.at(ahead)
+        limit, step = self.gap.edge(min(REBOUND_SHARE_MAX * indentation, self.gap.radius * (1 - 1e-9))), front / count
+        places = np.append(np.linspace(front, 0.0, count + 1), -step * np.arange(1, int(limit / step) + 1))
+        heights = lowest + self.gap.at(places)
         heights[0] = self.layer.height
-        stresses, state = self._advance(self.material.initial_state, heights)
-        limit = self.gap.edge(min(REBOUND_SHARE_MAX * indentation, self.gap.radius * (1 - 1e-9)))
-        rear, behind = [0.0], [stresses[-1]]
+        state, stresses = self.material.initial_state, [0.0]
+        for reached in range(1, len(places)):
+            stress, after = self._advance(state, heights[reached - 1 : reached + 1])
+            if reached > count and stress <= 0:
+                break
+            state = after
+            stresses.append(stress)
+        else:
+            raise RuntimeError(
+                f"the rebound of {self.material.name} does not end: a vertical stress of {stresses[-1]:.6g} Pa remains "
+                f"{-places[-1]:.6g} m behind the lowest generatrix; use a smaller indentation"
+            )
+        start = places[reached - 1], heights[reached - 1]
 
         def unload(place: float) -> tuple[float, Any]:
-            stress, after = self._advance(state, lowest + self.gap.at(np.array([rear[-1], place])))
-            return float(stress[1]), after
+            return self._advance(state, np.array([start[1], lowest + self.gap.at(np.array(place))]))
 
-        while behind[-1] > 0:
-            end = rear[-1] + front / count
-            if end > limit:
-                raise RuntimeError(
-                    f"the rebound of {self.material.name} does not end: a vertical stress of {behind[-1]:.6g} Pa "
-                    f"remains {rear[-1]:.6g} m behind the lowest generatrix; use a smaller indentation"
-                )
-            remaining, after = unload(end)
-            if remaining <= 0:
-                end = float(brentq(lambda place: behind[-1] if place == rear[-1] else unload(place)[0], rear[-1], end))
-                remaining, after = 0.0, unload(end)[1]
-            state = after
-            rear.append(end)
-            behind.append(remaining)
-        x = np.concatenate([-np.array(rear[:0:-1]), ahead[::-1]])
-        stress = np.concatenate([np.array(behind[:0:-1]), stresses[::-1]])
-        exit_height = float(lowest + self.gap.at(np.array(rear[-1])))
+        rear = float(
+            brentq(lambda place: stresses[-1] if place == start[0] else unload(place)[0], places[reached], start[0])
+        )
+        exit_height = float(lowest + self.gap.at(np.array(rear)))
+        x, pressure = np.append(places[:reached], rear)[::-1], np.append(stresses, 0.0)[::-1]
         return Contact(
-            load=float(np.trapezoid(stress, x)), resistance=float(np.trapezoid(stress, self.gap.at(x))),
-            leading=float(x[-1]), trailing=float(x[0]), x=x, pressure=stress, shear_traction=np.zeros_like(x),
-            peak_pressure=float(stress.max()), indentation=indentation, exit_height=exit_height,
+            load=float(np.trapezoid(pressure, x)), resistance=float(np.trapezoid(pressure, self.gap.at(x))),
+            leading=float(x[-1]), trailing=rear, x=x, pressure=pressure, shear_traction=np.zeros_like(x),
+            peak_pressure=float(pressure.max()), indentation=indentation, exit_height=exit_height,
             exit_density_ratio=self.material.fed_density_ratio * self.layer.height / exit_height,
-            mass_residual=0.0, exit=state, own={"increments": count},
+            mass_residual=0.0, exit=unload(rear)[1], own={"increments": count},
         )  # fmt: skip
 
-    def _advance(self, state: Any, heights: Array) -> tuple[Array, Any]:
-        """Return the vertical stress at each height of a path, the first one without stress, and the last state."""
-        stresses = np.zeros(len(heights))
-        for number, strain in enumerate(np.diff(np.log(heights)).tolist(), start=1):
-            stress, state, _ = self.material.advance(state, np.array([0.0, strain, 0.0, 0.0]))
-            stresses[number] = -stress[1]
-        return stresses, state
+    def _advance(self, state: Any, heights: Array) -> tuple[float, Any]:
+        """Return the vertical stress [Pa] and the state after one increment between two heights [m]."""
+        strain = float(np.diff(np.log(heights))[0])
+        stress, after, _ = self.material.advance(state, np.array([0.0, strain, 0.0, 0.0]))
+        return -float(stress[1]), after
