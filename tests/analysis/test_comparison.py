@@ -139,21 +139,6 @@ def test_every_engine_reuses_stored_contacts(written):
         assert repr(mine) == repr(theirs)
 
 
-def test_published_scene_of_all_engines_differs_only_in_compared_keys():
-    every = load_scene(ENGINES)
-    assert every.accuracy.engine == "compaction"
-    assert every.compared_engines == ("formula", "column", "spectral", "fem")
-    published = load_scene(ENGINES.with_name("loveikin-2015.toml"))
-    for table in ("machine", "cam"):
-        assert getattr(every, table) == getattr(published, table)
-    assert every.product.model_copy(update={"mould_speed": None}) == published.product
-    assert every.mean_speed == pytest.approx(0.45)  # the printed speed first
-    assert every.motion.other_durations == (published.motion.duration,)
-    assert {every.with_engine(name).lift_thickness for name in ("column", "fem", "spectral")} == {0.22}
-    assert every.with_engine("spectral").machine.roller_condition == "frictionless"
-    assert every.with_engine("column").mix.overrides.heckel_slope == pytest.approx(15.228e-6)
-
-
 @of_unix
 def test_interrupted_run_leaves_complete_files_and_no_process(tmp_path):
     call = [sys.executable, "-m", "compact.cli", "run", str(ENGINES), "--out", str(tmp_path / "out")]

@@ -75,14 +75,6 @@ def test_default_target_is_the_pressure_required_by_the_mix():
     assert rolled.peak_pressure == pytest.approx(case.mix.required_pressure, rel=1e-6)
 
 
-def test_finite_elements_give_the_published_contact():
-    case = study(**CASE_G, **{"accuracy.engine": "fem"})
-    rolled = contact_cases.roll_scene(case.scene, case.mix, 0.3)
-    assert rolled.load == pytest.approx(20455.8, rel=5e-4)
-    assert rolled.resistance == pytest.approx(392.89, rel=5e-3)
-    assert rolled.work_residual < 5e-3
-
-
 @pytest.mark.slow
 def test_engine_satisfies_the_tolerance_of_the_scene():
     coarse, fine = (study(**CASE_G, **{"accuracy.engine": "fem", "accuracy.tolerance": t}) for t in (1e-2, 1e-3))
@@ -106,12 +98,6 @@ def test_torque_of_the_scene_acts_on_the_whole_roller(rolling, torque, speed):
     assert np.trapezoid(rolled.shear_traction, rolled.x) == pytest.approx(-pull, rel=2e-3)
     unloaded = contact_cases.roll_scene(free.scene, free.mix, speed)
     assert rolled.resistance - unloaded.resistance == pytest.approx(-pull, rel=0.03)  # first order in the slope
-
-
-def test_load_of_the_scene_acts_on_the_whole_roller():
-    case = study(**{"contact.load": 9740.0})
-    _, roller, _ = contact_cases.contact_inputs(case.scene, case.mix, "formula", 0.2)
-    assert roller.load == pytest.approx(9740 / 1.164, rel=1e-12)
 
 
 def test_speeds_are_those_of_the_scene_or_span_the_motion():
@@ -251,33 +237,12 @@ def test_compaction_material_has_mohr_coulomb_strength_and_the_heckel_slope():
     assert np.diff(loosening) / np.diff(pressure) == pytest.approx(case.mix.heckel_slope, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("changes", "factor"),
-    [
-        ({}, 1 + 0.02 * np.log(2001)),
-        ({"mix.overrides.rate_sensitivity": 0.0}, 1.0),
-        ({"mix.overrides.rate_sensitivity": 0.03, "mix.overrides.reference_rate": 1e-2}, 1 + 0.03 * np.log(201)),
-    ],
-)
-def test_yield_pressure_depends_on_the_rate_by_default(changes, factor):
-    case = study(**changes)
-    material = mix_laws.compaction_material(case.scene, case.mix)
-    assert material.rate_factor(2.0) == pytest.approx(factor, rel=1e-14)
-
-
 def test_prescribed_load_acts_on_a_layer_of_the_nominal_height():
     case = study(**{"accuracy.engine": "column", "contact": {"load": 9740.0}})
     rolled = contact_cases.roll_scene(case.scene, case.mix, 0.2)
     assert rolled.load * case.scene.machine.roller_length == pytest.approx(9740, rel=1e-9)
     layer, *_ = contact_cases.contact_inputs(case.scene, case.mix, "column", 0.2)
     assert layer.height == pytest.approx(0.22 * 0.98 / 0.94)
-
-
-@pytest.mark.parametrize(("name", "height"), [("spectral", 0.06), ("column", 0.06 * 0.98 / 0.94)])
-def test_layer_of_a_product_in_lifts_is_one_lift(name, height):
-    case = study(**{"layer.lift_thickness": 0.06, "contact.indentation": 2.5e-3, "accuracy.engine": name})
-    layer, *_ = contact_cases.contact_inputs(case.scene, case.mix, name, 0.2)
-    assert layer.height == pytest.approx(height)
 
 
 def test_lift_has_its_thickness_and_density_at_the_exit():

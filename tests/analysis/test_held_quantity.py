@@ -10,7 +10,6 @@ from cart_moments import moment_residual
 from compact.analysis import contact_cases
 from compact.analysis.study import Study
 from compact.engines.interface import Case
-from compact.engines.spectral.speed_derivative import expand_resistance
 from compact.machine.cart import balance
 from compact.report import text
 from compact.report import writer as report
@@ -73,22 +72,6 @@ def test_columns_hold_the_height_that_gives_the_density_at_the_mean_speed():
     densities = dict(zip(values(case, "speed"), values(case, "exit_density_ratio"), strict=True))
     assert densities[case.scene.mean_speed] == pytest.approx(0.98, abs=1e-9)
     assert values(case, "load")[-1] > 1.02 * values(case, "load")[0]  # rate effect at constant height
-
-
-def test_added_mass_depends_on_the_held_quantity():
-    """Resistance and added mass at constant height differ from those at constant pressure."""
-    case = study(**PLAIN)
-    speed = 0.1
-    layer, roller, material = contact_cases.contact_inputs(
-        case.scene, case.mix, "spectral", speed, case.stages.contacts.held
-    )
-    assert roller.indentation == case.stages.contacts.held.value
-    direct = expand_resistance(layer, roller, material, speed, rtol=case.scene.accuracy.tolerance)
-    found, _ = case.stages.contacts.added_mass(speed)
-    assert found == pytest.approx(direct.added_mass, rel=1e-12)
-    pressed = study(**PLAIN, **{"contact.held": "peak_pressure"})
-    other, _ = pressed.stages.contacts.added_mass(speed)
-    assert abs(other / found - 1) > 0.05
 
 
 @pytest.mark.parametrize(

@@ -69,23 +69,6 @@ def test_map_holds_the_machine(study):
     assert study.fastest_mould == pytest.approx(0.3 / (study.curve.least_strokes * 0.4 / 0.45))
 
 
-def test_remarks_state_under_feed_over_feed_and_thin_lifts(study):
-    assert study.remarks == (
-        "in 20 of 20 strokes the make-up is thinner than the largest grain: the feed is a standing heap there, not a "
-        "lift",
-    )
-    pressed = {"process.product_density_ratio": None, "process.extrusion_pressure": 60e3, "process.largest_grain": None}
-    rich = ProcessStudy(load_scene(SCENE, **SHORT | pressed)).remarks
-    assert rich[0].startswith("under-feed: the product has a density ratio of 0.8710 in place of 0.98")
-    assert rich[1].startswith("over-feed: ")
-    poor = ProcessStudy(load_scene(SCENE, **SHORT | pressed, **{"process.offered_thickness": 0.0}), "quick").remarks
-    assert poor[-1] == "no lumped lifts: nothing is fed, and columns alone answer"
-    assert poor[1:-1] == (
-        "no feed: the strokes compact the fill alone",
-        "the roller touches nothing: the mix stays below the lowest generatrix, 0.22 m",
-    )
-
-
 def test_command_writes_results_of_a_mould_at_rest(tmp_path, capsys):
     changes = SHORT | {key: value for key, value in AT_REST.items() if value is not None}
     text = SCENE.read_text("utf-8").replace("product_density_ratio = 0.98          # -; published\nnip", "nip")

@@ -92,13 +92,6 @@ def test_contacts_of_the_scene_are_samples():
     assert found.contacts == tuple(known)
 
 
-def test_contacts_close_to_one_another_do_not_suffice():
-    known = [Contacts(power_law)(speed) for speed in (0.1, 0.105)]
-    contacts = Contacts(power_law, noise=1e-3)
-    sampled(contacts, known=known)
-    assert contacts.computed[0] == pytest.approx(0.002)
-
-
 def test_faster_motion_extends_the_law():
     found, contacts = sampled(Contacts(power_law, noise=2e-3)), Contacts(power_law)
     extended = sampled(contacts, known=found.computed, fastest=0.3)
@@ -216,12 +209,6 @@ def test_stage_maps_and_extends_by_the_law():
     for speed in (0.03 * fastest, 0.4 * fastest, 1.3 * fastest):
         held_out = contact_cases.roll_scene(study.scene, study.mix, speed, held=study.stages.contacts.held)
         assert after(speed) == pytest.approx(length * held_out.resistance, rel=5e-3)
-
-
-def test_stage_uses_the_contact_at_the_mean_speed():
-    study = columns_study(**{"contact.speeds": [0.01]})
-    assert study.stages.contacts.reference
-    assert {0.01, study.scene.mean_speed} <= {each.speed for each in study.stages.resistance.map.contacts}
 
 
 def test_stored_law_is_extended_by_its_contacts(tmp_path):

@@ -126,14 +126,6 @@ def test_margin_is_the_root_of_the_sum_of_squares_and_falls_with_a_known_mix():
     assert known.margin(FORCE, (MIX,)) < 0.3 * known.margin(FORCE)
 
 
-def test_margin_of_the_other_peak_is_that_of_the_same_law():
-    """A machine is bought for one law: both peaks of it, each with its own margin."""
-    known, first = study().uncertainty, text.recommendations(study())[0]
-    values = study().models[1].values(study().scene.motion.duration, "elastic", "peak_power")
-    required = values["parabolic"] * (1 + known.margin("peak_power", law="parabolic"))
-    assert float(text.plain(first[1]).split(", a margin")[0].split()[-2]) == pytest.approx(required / 1e3, rel=5e-3)
-
-
 def test_peak_changes_by_less_than_the_resistance_because_of_inertia():
     known = study().uncertainty
     assert 0.1 < known.peak_change(FORCE, 2.0) < 0.9
