@@ -22,14 +22,7 @@ SMALL = HERE.parents[1] / "studies" / "scenes" / "small.toml"
 RELATIVE = 1e-6  # [-]; between machines, whose libraries round differently
 ESTIMATE = 1e-4  # [-], of an error or residual, a difference of nearly equal numbers that is told to two digits
 ABSOLUTE = 1e-9  # of quantities that are zero but for rounding
-UNSTABLE = {
-    "versions",
-    "scene_hash",
-    "files",
-    "counts",
-    "warnings",
-    "advice",
-}  # advice names the scene file by its path
+UNSTABLE = {"versions", "scene_hash", "files", "counts", "warnings", "advice"}  # advice names the path of the scene
 TABLES = ("ranking.csv", "contact.csv")
 
 CONTACT = {"contact.speeds": [0.05, 0.2], "contact.indentation": 0.002, "output.items": ["tables"]}
@@ -76,18 +69,23 @@ SCENES = {
 SLOW = {"compaction": pytest.mark.slow, "fem": pytest.mark.slow}
 
 
+def written(scene, directory, unstable=UNSTABLE, tables="**/*.csv"):
+    """Summary without its unstable keys, and columns of the tables that match, by path, as a scene writes them."""
+    report.write_study(Study(scene), directory)
+    summary, columns = json.loads((directory / "summary.json").read_text(encoding="utf-8")), {}
+    for path in sorted(directory.glob(tables)):
+        with path.open(newline="", encoding="utf-8") as file:
+            header, *rows = csv.reader(file)
+        columns[path.relative_to(directory).as_posix()] = {
+            name: [read(row[i]) for row in rows] for i, name in enumerate(header)
+        }
+    return {key: value for key, value in summary.items() if key not in unstable}, columns
+
+
 def numbers(name, directory):
     """Summary and tables of a scene, without what depends on the machine."""
-    study = Study(load_scene(SMALL, **SCENES[name]))
-    report.write_study(study, directory)
-    summary = json.loads((directory / "summary.json").read_text(encoding="utf-8"))
-    tables = {}
-    for table in TABLES:
-        if (directory / table).exists():
-            with (directory / table).open(newline="", encoding="utf-8") as file:
-                header, *rows = csv.reader(file)
-                tables[table] = {name: [read(row[i]) for row in rows] for i, name in enumerate(header)}
-    return {"summary": {key: value for key, value in summary.items() if key not in UNSTABLE}, "tables": tables}
+    summary, tables = written(load_scene(SMALL, **SCENES[name]), directory, tables="*.csv")
+    return {"summary": summary, "tables": {table: tables[table] for table in TABLES if table in tables}}
 
 
 def read(cell):

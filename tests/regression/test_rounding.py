@@ -3,22 +3,16 @@
 Every sort, event and step of a study is a decision; none may hang on the last digits, which differ between processors.
 """
 
-import csv
-import json
 import math
 from functools import cache
 
 import pytest
-from test_regression import ABSOLUTE, ESTIMATE, RELATIVE, SCENES, SLOW, SMALL, different, is_estimate, read
+from test_regression import ABSOLUTE, ESTIMATE, RELATIVE, SCENES, SLOW, SMALL, different, is_estimate, written
 
-from compact.analysis.study import Study
-from compact.report import writer as report
 from compact.scene.loader import load_scene
 
 ROUNDING = 1e-15  # [-], a few units of the last place
-SEARCHED = (
-    1e-3  # [-], of forces by contacts of the engine "compaction" at a density; the energy of a cycle moved by 1e-4
-)
+SEARCHED = 1e-3  # [-], of forces by `compaction` at a density; the energy of a cycle moved by 1e-4
 SIBLINGS = 1e-9  # [-], of the largest number beside it; a mean of a load cycle may be zero but for rounding
 INPUTS = {"mass": ("machine", "mass"), "radius": ("machine", "roller_radius"), "stroke": ("motion", "stroke")}
 UNSTABLE = ("versions", "scene_hash", "files", "advice")
@@ -42,17 +36,8 @@ def scene(name, **changes):
 
 def results(name, directory, **changes):
     """Summary and all tables of a scene; without rows that are the steps of an integration, which adapt to rounding."""
-    report.write_study(Study(scene(name, **changes)), directory)
-    summary = json.loads((directory / "summary.json").read_text(encoding="utf-8"))
-    tables = {}
-    for path in sorted(directory.rglob("*.csv")):
-        with path.open(newline="", encoding="utf-8") as file:
-            header, *rows = ([read(cell) for cell in row] for row in csv.reader(file))
-        tables[path.relative_to(directory).as_posix()] = {
-            str(name): list(column) for name, column in zip(header, zip(*rows, strict=True), strict=False)
-        }
-    tables = {path: table for path, table in tables.items() if not path.startswith("passage-")}
-    return {key: value for key, value in summary.items() if key not in UNSTABLE}, tables
+    summary, tables = written(scene(name, **changes), directory, UNSTABLE)
+    return summary, {path: table for path, table in tables.items() if not path.startswith("passage-")}
 
 
 @pytest.fixture(scope="module")
