@@ -190,15 +190,8 @@ class MotionProfile(TravelDerivatives):
         Before and after the pass is the return stroke without a dwell ("reversal"), or a dwell.
         """
         validation.require_known("end condition", end_condition, END_CONDITIONS)
-        found, breaks = [], self.curve.x
-        grid, limits = graded_grid(breaks), [self._one_sided_limits(k, end_condition) for k in range(1, 6)]
-        for k, (values, slopes) in enumerate(itertools.pairwise(limits), start=1):
-            smallest = self.jump_tolerance * max(1.0, np.abs(self.curve(grid, nu=k)).max())
-            rounding = PHASE_ROUNDING * np.abs(slopes).max(axis=0)
-            for i in np.flatnonzero(np.abs(values[1] - values[0]) > smallest + rounding):
-                before, after = (self._scale(k) * values[:, i]).tolist()
-                found.append(Discontinuity(float(breaks[i] * self.duration), k, before, after))
-        return tuple(sorted(found, key=lambda jump: jump.time))
+        dwell = self.duration if end_condition == "dwell" else 0.0
+        return tuple(jump for jump in self.cycle(dwell, dwell).discontinuities() if jump.time <= self.duration)
 
     def smoothness(self, end_condition: EndCondition = "reversal") -> int:
         """Return the highest k up to 4 such that the travel is in C^k (C0 to C4)."""
@@ -221,19 +214,6 @@ class MotionProfile(TravelDerivatives):
 
     def _scale(self, order):
         return self.stroke / self.duration**order
-
-    def _one_sided_limits(self, order, end_condition):
-        """Left and right limits of s^(order) at each breakpoint and both ends, shape (2, n)."""
-        breaks = self.curve.x
-        before = self.curve(np.nextafter(breaks[1:], -1.0), nu=order)
-        after = self.curve(np.nextafter(breaks[:-1], 2.0), nu=order)
-        if end_condition == "dwell":
-            outside = np.zeros(2)
-        elif self.retraces:
-            outside = (-1) ** order * np.array([after[0], before[-1]])
-        else:
-            outside = -self.curve(1.0 - breaks[[0, -1]], nu=order)
-        return np.array([[outside[0], *before], [*after, outside[1]]])
 
 
 @dataclass(frozen=True)
@@ -348,23 +328,27 @@ class Cycle(TravelDerivatives):
         return np.select([which == i for i in range(len(legs))], values)
 
     def discontinuities(self) -> tuple[Discontinuity, ...]:
-        """Return the jumps of velocity, acceleration, jerk and snap at breakpoints and ends, in order of time.
-
-        Before and after the pass is the return stroke without a dwell ("reversal"), or a dwell.
-        """
+        """Return the jumps of velocity, acceleration, jerk and snap at breakpoints and ends, in order of time."""
         return self._discontinuities
 
     @cached_property
     def _discontinuities(self):
-        jumps, dwells = [], [self.near_dwell > 0, self.far_dwell > 0]
-        for leg in (leg for leg in self.legs() if leg.motion is not None):
-            first, last = dwells[:: leg.direction]
-            found = leg.motion.discontinuities("dwell" if first else "reversal")
-            found = [jump for jump in found if jump.time < leg.duration]
-            if last:  # a jump at a reversal is counted by the pass that it begins
-                found += [jump for jump in leg.motion.discontinuities("dwell") if jump.time == leg.duration]
-            jumps += [replace(jump, time=leg.start + jump.time) for jump in found]
-        return tuple(jumps)
+        legs, forward, found = self.legs(), self.forward, []
+        time = np.concatenate([leg.start + leg.duration * leg.breakpoints()[:-1] for leg in legs])
+
+        def limits(order: int) -> Array:
+            """Left and right limit of a derivative at the start of every piece, shape (2, pieces)."""
+            left = [leg.at_phase(np.nextafter(leg.breakpoints()[1:], -1.0), order) for leg in legs]
+            right = [leg.at_phase(np.nextafter(leg.breakpoints()[:-1], 2.0), order) for leg in legs]
+            return np.array([np.roll(np.concatenate(left), 1), np.concatenate(right)])
+
+        grid, sides = graded_grid(forward.curve.x), [limits(order) for order in range(1, 6)]
+        for k, (values, slopes) in enumerate(itertools.pairwise(sides), start=1):
+            smallest = forward.jump_tolerance * max(1.0, np.abs(forward.curve(grid, nu=k)).max())
+            smallest = forward._scale(k) * smallest + PHASE_ROUNDING * forward.duration * np.abs(slopes).max(axis=0)
+            jumps = np.flatnonzero(np.abs(values[1] - values[0]) > smallest)
+            found += [Discontinuity(float(time[i]), k, *values[:, i].tolist()) for i in jumps]
+        return tuple(sorted(found, key=lambda jump: jump.time))
 
 
 def extremum_candidates(curve: NormalisedCurve, order: int) -> Array:
