@@ -142,13 +142,6 @@ def test_mix_that_does_not_yield_equals_the_linear_layer(profile, share):
     assert np.abs(traction - expected).mean() < 0.04 * FRICTION * linear.peak_pressure
 
 
-@pytest.mark.slow
-def test_creepage_converges_to_that_of_the_linear_layer():
-    differences = [abs(creepage_difference(*roll_both("deformed", 0.5, count))) for count in (6, 12, 24)]
-    assert differences[0] > differences[1] > differences[2]
-    assert differences[2] < 0.015
-
-
 # (c) limits
 
 

@@ -67,19 +67,6 @@ def test_each_mesh_of_a_cascade_has_half_the_elements_of_the_next(increments, co
     assert mesh_cascade(increments) == counts
 
 
-def test_jump_along_the_mode_changes_the_wave_by_its_area(coarse):
-    rolling = coarse.relaxation.mode, coarse.solution
-    mode, solution = rolling
-    before = solution.state, solution.surface
-    try:
-        mode.add_to(solution, 0.01 * solution.steps[-1].wave_area)
-        assert solution.wave_area == pytest.approx(1.01 * solution.steps[-1].wave_area, rel=2e-3)
-        points = solution.state.points
-        assert np.all(points.max_density_ratio >= points.density_ratio)
-    finally:
-        solution.state, solution.surface = before
-
-
 def test_rolled_state_is_steady(coarse):
     """Streamed by one element and held at its displacement, it is out of balance by less than 0.1 of the load.
 
@@ -128,13 +115,3 @@ def test_answer_does_not_depend_on_the_path():
     scratch = roll(layer, deeper, mix, 0.13)
     neighbour = roll(layer, deeper, mix, 0.13, start=first)
     assert (neighbour.load, neighbour.resistance) == pytest.approx((scratch.load, scratch.resistance), rel=3e-3)
-
-
-@pytest.mark.slow
-def test_load_is_met_in_the_same_loop():
-    """The resistance under a load is that of the depth found."""
-    layer, roller, mix = PUBLISHED
-    rolled = roll(layer, replace(roller, indentation=None, load=8385.0), mix, 0.13)
-    assert rolled.indentation == pytest.approx(0.003, rel=0.02)
-    same_depth = roll(layer, replace(roller, indentation=rolled.indentation), mix, 0.13)
-    assert rolled.resistance == pytest.approx(same_depth.resistance, rel=5e-3)
