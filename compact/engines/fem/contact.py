@@ -8,7 +8,7 @@ S is the compliance of the layer (`compliance`), u0 an initial displacement.
 
     p = xi^alpha (1 - xi)^(1 - alpha) [c_0 T_0 + ... + c_(n-1) T_(n-1)](2 xi - 1),   xi = (x - trailing)/length.
 
-Petrov-Galerkin equations require the surface to follow the indenter; their test functions may be singular at an edge.
+Petrov-Galerkin equations require the surface to follow the roller; their test functions may be singular at an edge.
 Between fixed edges the solution contains two further pressures, singular at one edge each. Newton's method moves the
 edges until both singular amplitudes vanish. The pressure is then unilateral, and the edges are independent of the mesh.
 
@@ -30,6 +30,7 @@ J. J. Kalker, Three-dimensional elastic bodies in rolling contact (Kluwer, 1990)
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -37,7 +38,7 @@ from compact.engines.fem.compliance import SurfaceCompliance, contact_quadrature
 from compact.engines.halfplane import pressure_exponent
 from compact.material.laws import Elastic
 from compact.numerics import Array, BoolArray
-from compact.rolling_contact import GapGeometry, Layer, Roller
+from compact.rolling_contact import Layer, Roller
 
 EDGE_TOLERANCE = 1e-9  # [-], step of an edge over the contact length at convergence
 INITIAL_TERMS = 6  # [-], terms of the pressure in the first solve, whose amplitudes are smooth in the edges
@@ -102,60 +103,10 @@ class RollingProblem:
         """Relative tolerance of a prescribed load or peak pressure [-]."""
         return STICK_SECANT_TOLERANCE if self.turns_with_friction else SECANT_TOLERANCE
 
-    def indenter(self, indentation: float) -> "Indenter":
-        """Roller at an indentation [m]."""
-        exponent = float(pressure_exponent(self.material.poisson, self.traction_ratio))
-        return Indenter(self.roller.radius, indentation, self.roller.profile, self.traction_ratio, exponent)
-
-
-@dataclass(frozen=True, eq=False)
-class Indenter:
-    """Rigid roller at an indentation, with a constant ratio of traction to pressure.
-
-    Parameters
-    ----------
-    radius, indentation : float
-        R and delta [m].
-    profile : {"parabola", "circle", "deformed"}
-        The gap is vertical to a parabola, vertical to a circle, or normal to the circle on the deformed surface.
-    friction : float
-        Shear traction along +x over pressure [-], signed.
-    exponent : float
-        Edge exponent alpha of the pressure at the trailing side [-]; 1 - alpha at the leading side.
-    """
-
-    radius: float
-    indentation: float
-    profile: GapGeometry
-    friction: float
-    exponent: float
-
-    def contact_condition(self, x: Array, displacement: Array) -> tuple[Array, Array]:
-        """Linearise the contact condition n.u = d about a displacement [m], shape (2, q), at points x [m].
-
-        Returns the unit normal n towards the layer, shape (2, q), and the depth d [m], shape (q,).
-        """
-        R = self.radius
-        if self.profile == "deformed":
-            ray = np.array([x, np.zeros_like(x)]) + displacement - np.array([[0.0], [R - self.indentation]])
-            distance = np.hypot(*ray)
-            normal = ray / distance
-            return normal, np.sum(normal * displacement, axis=0) - (distance - R)
-        drop = x**2 / (2 * R) if self.profile == "parabola" else x**2 / (R + np.sqrt(np.maximum(R**2 - x**2, 0)))
-        return np.array([np.zeros_like(x), -np.ones_like(x)]), self.indentation - drop
-
-    def slope(self, x: Array) -> Array:
-        """Slope dy/dx [-] at x [m], by which a vertical pressure has a component along x; 0 for "deformed"."""
-        if self.profile == "deformed":
-            return np.zeros_like(x)
-        return x / self.radius if self.profile == "parabola" else x / np.sqrt(self.radius**2 - x**2)
-
-    def beyond_circle(self, edges: Edges) -> RuntimeError:
-        """Return the error of a contact with edges [m] that is wider than the circle."""
-        return RuntimeError(
-            f"the contact, from {edges[0]:.3g} to {edges[1]:.3g} m, is wider than the circle of radius "
-            f"{self.radius:g} m; reduce the indentation or the load"
-        )
+    @cached_property
+    def exponent(self) -> float:
+        """Edge exponent alpha of the pressure at the trailing side [-]; 1 - alpha at the leading side."""
+        return float(pressure_exponent(self.material.poisson, self.traction_ratio))
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,10 +213,9 @@ class ShearSolution:
 
 @dataclass(frozen=True, eq=False)
 class ContactSolution:
-    """Contact of an indenter on a surface, in units of the relaxed modulus."""
+    """Contact of a pressed roller, in units of the relaxed modulus."""
 
-    surface: SurfaceCompliance
-    indenter: Indenter
+    pressed: "PressedRoller"
     patch: ContactPatch
     shear: ShearSolution | None = None
 
@@ -273,9 +223,14 @@ class ContactSolution:
     def resultant(self) -> Array:
         """Force (x, y) on the mix [m], shape (2,)."""
         patch = self.patch
-        along = patch.direction[0] - self.indenter.slope(patch.x) * patch.direction[1]
+        along = patch.direction[0] - self.pressed.slope(patch.x) * patch.direction[1]
         force = np.array([patch.integral(patch.pressure * part) for part in (along, patch.direction[1])])
         return force if self.shear is None else force + self.shear.resultant
+
+    @property
+    def surface(self) -> SurfaceCompliance:
+        """Surface of the layer."""
+        return self.pressed.surface
 
     @property
     def forces(self) -> Array:
@@ -287,10 +242,10 @@ class ContactSolution:
     @property
     def is_beyond_circle(self) -> bool:
         """True if the contact includes points where the roller has a vertical tangent or lies above its centre."""
-        patch, indenter = self.patch, self.indenter
-        if indenter.profile == "circle":
-            return bool(np.abs(patch.x).max() >= indenter.radius)
-        return indenter.profile == "deformed" and bool(patch.normal[1].max() >= 0)
+        roller, patch = self.pressed.problem.roller, self.patch
+        if roller.profile == "circle":
+            return bool(np.abs(patch.x).max() >= roller.radius)
+        return roller.profile == "deformed" and bool(patch.normal[1].max() >= 0)
 
 
 def solve_at_indentation(
@@ -318,25 +273,23 @@ def solve_at_indentation(
     start : ContactSolution, optional
         Solution of a neighbouring contact.
     """
-    indenter = problem.indenter(indentation)
+    pressed = PressedRoller(problem, surface, indentation)
     patch, shear = (None, None) if start is None else (start.patch, start.shear)
     if not problem.turns_with_friction:
-        patch = solve_pressure(surface, indenter, terms, patch, edges)
-        return ContactSolution(surface, indenter, _with_peaks(surface, indenter, patch))
-    patch = patch or solve_pressure(surface, indenter, terms, None, edges)
+        return ContactSolution(pressed, pressed.with_peaks(pressed.solve(terms, patch, edges)))
+    patch = patch or pressed.solve(terms, None, edges)
     drawn = np.zeros((2, len(surface.x))) if shear is None else shear.displacement
     nodes, relaxation, previous, changes = surface.x, 1.0, None, []
     history: tuple = ()
     for alternation in range(MAX_ALTERNATIONS):
-        sheared = replace(surface, initial=interpolant(surface.x, drawn))
-        patch = solve_pressure(sheared, indenter, terms, patch)
+        sheared = replace(pressed, surface=replace(surface, initial=interpolant(surface.x, drawn)))
+        patch = sheared.solve(terms, patch)
         history += patch.history
         shear = solve_shear(problem, surface, patch, nodes)
         change = shear.displacement - drawn
         changes.append(float(np.abs(change).max() / np.abs(patch.displacement).max()))
         if changes[-1] < SHEAR_TOLERANCE:
-            patch = _with_peaks(sheared, indenter, replace(patch, history=history))
-            return ContactSolution(surface, indenter, patch, shear)
+            return ContactSolution(pressed, sheared.with_peaks(replace(patch, history=history)), shear)
         if previous is not None:
             fall = previous - change
             relaxation = np.clip(relaxation * np.sum(previous * fall) / np.sum(fall**2), *RELAXATION_LIMITS)
@@ -348,72 +301,96 @@ def solve_at_indentation(
     )
 
 
-def solve_pressure(
-    surface: SurfaceCompliance,
-    indenter: Indenter,
-    terms: int,
-    start: ContactPatch | None = None,
-    edges: Edges | None = None,
-) -> ContactPatch:
-    """Solve the contact of an indenter on a surface with one pressure term per `NODES_PER_TERM` nodes at most.
-
-    The search starts from the solution of a similar problem, whose number of terms is kept, from given edges [m], or
-    from those of an active set; the number of terms then increases in stages. UnresolvedError lists the last
-    iterations; BeyondWindowError: the edges leave the loaded zone.
-    """
-    solver = _EdgeSolver(surface, indenter)
-    if start is not None:
-        return solver.solve_from(start, start.terms)
-    if edges is not None:
-        with suppress(UnresolvedError):  # a surface that moves far along x has other edges than one at rest
-            return solver.solve_in_stages(np.array(edges), terms)
-    return solver.solve_in_stages(estimate_edges(surface, indenter), terms)
-
-
-def _with_peaks(surface: SurfaceCompliance, indenter: Indenter, patch: ContactPatch) -> ContactPatch:
-    """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer."""
-    fewer = _EdgeSolver(surface, indenter).solve_from(patch, max(1, patch.terms - PEAK_TERMS_OMITTED))
-    peaks = tuple(float(each.sampled(PEAK_SAMPLES)[1].max()) for each in (fewer, patch))
-    return replace(patch, peaks=peaks, history=patch.history + fewer.history)
-
-
-def estimate_edges(surface: SurfaceCompliance, indenter: Indenter) -> Array:
-    """Estimate both edges [m], shape (2,), from a pressure linear between corner nodes by an active-set method."""
-    loaded_x = surface.x[surface.loaded]
-    corners = loaded_x[::2]
-    sizes, k = np.diff(corners), np.arange(len(corners) - 1)
-    H = np.zeros((len(loaded_x), len(corners)))  # nodal forces of pressures that are hats on the corners
-    H[2 * k, k] += sizes / 6
-    H[2 * k + 1, k] = H[2 * k + 1, k + 1] = sizes / 3
-    H[2 * k + 2, k + 1] += sizes / 6
-    response = surface.response[1, surface.loaded]
-    A = H.T @ (response[:, 1] - indenter.friction * response[:, 0]) @ H
-    depth = H.T @ _contact_condition(surface, indenter, loaded_x, np.zeros((2, len(loaded_x))))[1]
-    active: BoolArray = depth > 0
-    visited: set[bytes] = set()
-    while active.any() and active.tobytes() not in visited:
-        visited.add(active.tobytes())
-        pressure = np.zeros(len(depth))
-        pressure[active] = np.linalg.solve(A[np.ix_(active, active)], depth[active])
-        active = np.where(active, pressure > 0, depth - A @ pressure > 0)
-    if not active.any():
-        raise UnresolvedError(
-            f"no corner node is in contact at an indentation of {indenter.indentation:.3g} m: the mesh is too coarse "
-            f"under the contact, or the indentation is too large for the roller radius {indenter.radius:g} m; refine "
-            "the mesh or reduce the indentation"
-        )
-    if active[0] or active[-1]:
-        raise BeyondWindowError("the contact fills the loaded zone")
-    first, last = np.flatnonzero(active)[[0, -1]]
-    return np.array([corners[first - 1 : first + 1].mean(), corners[last : last + 2].mean()])
-
-
 @dataclass(frozen=True, eq=False)
-class _EdgeSolver:
-    """Newton's method for the edges of a contact."""
+class PressedRoller:
+    """Roller at an indentation [m] with a constant ratio of traction to pressure: pressure with free edges."""
 
+    problem: RollingProblem
     surface: SurfaceCompliance
-    indenter: Indenter
+    indentation: float
+
+    def contact_condition(self, x: Array, displacement: Array) -> tuple[Array, Array]:
+        """Linearise the contact condition n.u = d about a displacement by contact [m], shape (2, q), at x [m].
+
+        The gap is vertical to a parabola, vertical to a circle, or normal to the circle on the deformed surface.
+        Returns the unit normal n towards the layer, shape (2, q), and the depth d [m], shape (q,).
+        """
+        R, profile, initial = self.problem.roller.radius, self.problem.roller.profile, self.surface.initial(x)
+        if profile == "deformed":
+            moved = displacement + initial
+            ray = np.array([x, np.zeros_like(x)]) + moved - np.array([[0.0], [R - self.indentation]])
+            distance = np.hypot(*ray)
+            normal = ray / distance
+            depth = np.sum(normal * moved, axis=0) - (distance - R)
+        else:
+            drop = x**2 / (2 * R) if profile == "parabola" else x**2 / (R + np.sqrt(np.maximum(R**2 - x**2, 0)))
+            normal, depth = np.array([np.zeros_like(x), -np.ones_like(x)]), self.indentation - drop
+        return normal, depth - np.sum(normal * initial, axis=0)
+
+    def slope(self, x: Array) -> Array:
+        """Slope dy/dx [-] at x [m], by which a vertical pressure has a component along x; 0 for "deformed"."""
+        R, profile = self.problem.roller.radius, self.problem.roller.profile
+        if profile == "deformed":
+            return np.zeros_like(x)
+        return x / R if profile == "parabola" else x / np.sqrt(R**2 - x**2)
+
+    def beyond_circle(self, edges: Edges) -> RuntimeError:
+        """Return the error of a contact with edges [m] that is wider than the circle."""
+        return RuntimeError(
+            f"the contact, from {edges[0]:.3g} to {edges[1]:.3g} m, is wider than the circle of radius "
+            f"{self.problem.roller.radius:g} m; reduce the indentation or the load"
+        )
+
+    def solve(self, terms: int, start: ContactPatch | None = None, edges: Edges | None = None) -> ContactPatch:
+        """Solve the contact with one pressure term per `NODES_PER_TERM` nodes at most.
+
+        The search starts from the solution of a similar problem, whose number of terms is kept, from given edges [m],
+        or from those of an active set; the number of terms then increases in stages. UnresolvedError lists the last
+        iterations; BeyondWindowError: the edges leave the loaded zone.
+        """
+        if start is not None:
+            return self.solve_from(start, start.terms)
+        if edges is not None:
+            with suppress(UnresolvedError):  # a surface that moves far along x has other edges than one at rest
+                return self.solve_in_stages(np.array(edges), terms)
+        return self.solve_in_stages(self.estimate_edges(), terms)
+
+    def with_peaks(self, patch: ContactPatch) -> ContactPatch:
+        """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer."""
+        fewer = self.solve_from(patch, max(1, patch.terms - PEAK_TERMS_OMITTED))
+        peaks = tuple(float(each.sampled(PEAK_SAMPLES)[1].max()) for each in (fewer, patch))
+        return replace(patch, peaks=peaks, history=patch.history + fewer.history)
+
+    def estimate_edges(self) -> Array:
+        """Estimate both edges [m], shape (2,), from a pressure linear between corner nodes by an active-set method."""
+        surface = self.surface
+        loaded_x = surface.x[surface.loaded]
+        corners = loaded_x[::2]
+        sizes, k = np.diff(corners), np.arange(len(corners) - 1)
+        H = np.zeros((len(loaded_x), len(corners)))  # nodal forces of pressures that are hats on the corners
+        H[2 * k, k] += sizes / 6
+        H[2 * k + 1, k] = H[2 * k + 1, k + 1] = sizes / 3
+        H[2 * k + 2, k + 1] += sizes / 6
+        response = surface.response[1, surface.loaded]
+        A = H.T @ (response[:, 1] - self.problem.traction_ratio * response[:, 0]) @ H
+        depth = H.T @ self.contact_condition(loaded_x, np.zeros((2, len(loaded_x))))[1]
+        active: BoolArray = depth > 0
+        visited: set[bytes] = set()
+        while active.any() and active.tobytes() not in visited:
+            visited.add(active.tobytes())
+            pressure = np.zeros(len(depth))
+            pressure[active] = np.linalg.solve(A[np.ix_(active, active)], depth[active])
+            active = np.where(active, pressure > 0, depth - A @ pressure > 0)
+        if not active.any():
+            raise UnresolvedError(
+                f"no corner node is in contact at an indentation of {self.indentation:.3g} m: the mesh is too coarse "
+                "under the contact, or the indentation is too large for the roller; refine the mesh or reduce the "
+                "indentation"
+            )
+        if active[0] or active[-1]:
+            raise BeyondWindowError("the contact fills the loaded zone")
+        first, last = np.flatnonzero(active)[[0, -1]]
+        return np.array([corners[first - 1 : first + 1].mean(), corners[last : last + 2].mean()])
 
     def solve_in_stages(self, edges: Array, terms: int) -> ContactPatch:
         """Solve from initial edges, first with few terms, then with more."""
@@ -446,7 +423,7 @@ class _EdgeSolver:
             history.append((*edges.tolist(), step_size))
             change = np.abs(patch.displacement - displacement).max()  # the normal is that of the displacement
             stationary = change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
-            if step_size < EDGE_TOLERANCE and (stationary or self.indenter.profile != "deformed"):
+            if step_size < EDGE_TOLERANCE and (stationary or self.problem.roller.profile != "deformed"):
                 return replace(patch, jacobian=jacobian, history=tuple(history))
             step *= min(1.0, MAX_STEP / max(step_size, MAX_STEP)) * (1.0 if iteration < FULL_STEPS else 0.5)
             edges, displacement = edges + step, patch.displacement
@@ -454,8 +431,8 @@ class _EdgeSolver:
             residual = patch.coefficients[-2:] - amplitudes - jacobian @ step
             updated = jacobian + np.outer(residual, step) / (step @ step)
             jacobian = updated if step_size < max(previous, EDGE_TOLERANCE) else None
-        if self.indenter.profile == "circle" and np.abs(edges).max() > self.indenter.radius:
-            raise self.indenter.beyond_circle((edges[0], edges[1]))
+        if self.problem.roller.profile == "circle" and np.abs(edges).max() > self.problem.roller.radius:
+            raise self.beyond_circle((edges[0], edges[1]))
         raise UnresolvedError(
             f"the contact edges did not converge in {MAX_EDGE_ITERATIONS} iterations; the last (trailing [m], "
             f"leading [m], step over length) are {history[-HISTORY_REPORTED:]}"
@@ -463,7 +440,7 @@ class _EdgeSolver:
 
     def _solve_between(self, edges: Array, displacement: Array, terms: int) -> ContactPatch:
         """Solve between fixed edges; the last two coefficients are the amplitudes of the singular pressures."""
-        surface, indenter = self.surface, self.indenter
+        surface, exponent = self.surface, self.problem.exponent
         low, high = surface.x[surface.first], surface.x[surface.last - 1]
         if edges[0] < low or edges[1] > high:
             raise BeyondWindowError(f"the edges {edges.tolist()} m leave the loaded zone, {low:.3g} to {high:.3g} m")
@@ -471,10 +448,10 @@ class _EdgeSolver:
             raise UnresolvedError(f"the contact between {edges.tolist()} m is too narrow for the mesh; refine it")
         x, weight, fraction, complement = contact_quadrature(surface.x, edges)
         N = shape_matrix(surface.x, x)
-        normal, depth = _contact_condition(surface, indenter, x, displacement @ N.T)
-        direction = normal + indenter.friction * np.array([-normal[1], normal[0]])
-        trial = _pressure_functions(fraction, complement, indenter.exponent, terms)
-        test = _pressure_functions(fraction, complement, 1 - indenter.exponent, terms) * weight[:, None]
+        normal, depth = self.contact_condition(x, displacement @ N.T)
+        direction = normal + self.problem.traction_ratio * np.array([-normal[1], normal[0]])
+        trial = _pressure_functions(fraction, complement, exponent, terms)
+        test = _pressure_functions(fraction, complement, 1 - exponent, terms) * weight[:, None]
         loads = N[:, surface.loaded].T
         forces = np.stack([loads @ (trial * (weight * part)[:, None]) for part in direction])
         response = surface.displacement(forces)
@@ -495,17 +472,8 @@ class _EdgeSolver:
             forces=forces @ coefficients,
             displacement=response @ coefficients,
             coefficients=coefficients,
-            exponent=indenter.exponent,
+            exponent=exponent,
         )
-
-
-def _contact_condition(
-    surface: SurfaceCompliance, indenter: Indenter, x: Array, displacement: Array
-) -> tuple[Array, Array]:
-    """Linearise the contact condition; the depth is what remains for the displacement by contact."""
-    initial = surface.initial(x)
-    normal, depth = indenter.contact_condition(x, displacement + initial)
-    return normal, depth - np.sum(normal * initial, axis=0)
 
 
 def _pressure_functions(fraction: Array, complement: Array, exponent: float, terms: int) -> Array:

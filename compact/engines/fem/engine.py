@@ -315,7 +315,7 @@ def solve_at_target(
         slope = INITIAL_POWER if len(logs) == 1 else (errors[-1] - errors[-2]) / (logs[-1] - logs[-2])
         log = log - np.clip(errors[-1] / slope, -MAX_LOG_STEP, MAX_LOG_STEP)
     if beyond is not None:
-        raise beyond.indenter.beyond_circle(beyond.patch.edges)
+        raise beyond.pressed.beyond_circle(beyond.patch.edges)
     nearest = int(np.argmin(np.abs(errors)))
     raise UnresolvedError(
         f"`{name}` {value:.6g} is not reached in {len(logs)} secant steps; the nearest is "
@@ -327,7 +327,7 @@ def _contact_result(problem: RollingProblem, mesh: RowMesh, contact: ContactSolu
     """Convert a contact to a result; RuntimeError for one beyond the lower half of the roller."""
     patch, shear, E = contact.patch, contact.shear, problem.material.youngs_modulus
     if contact.is_beyond_circle:
-        raise contact.indenter.beyond_circle(patch.edges)
+        raise contact.pressed.beyond_circle(patch.edges)
     x, pressure = patch.sampled(PRESSURE_SAMPLES)
     traction = problem.traction_ratio * pressure if shear is None else shear.traction_at(x)
     trailing, leading = patch.edges if problem.speed > 0 else (-patch.edges[1], -patch.edges[0])
@@ -339,7 +339,7 @@ def _contact_result(problem: RollingProblem, mesh: RowMesh, contact: ContactSolu
         x=x,
         pressure=E * pressure,
         shear_traction=E * traction,
-        indentation=contact.indenter.indentation,
+        indentation=contact.pressed.indentation,
         peak_pressure=float(E * patch.peak),
         creep=None if shear is None else shear.creepage,
         history=patch.history,
@@ -442,7 +442,7 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
     reach = max(-rough.patch.edges[0], rough.patch.edges[1])
     if mesh is None and reach < half_width / spectral.WIDTH_RATIO**2:
         first = fitted(spectral.quantise_half_width(reach, half_width))
-    return replace(first, indentation=rough.indenter.indentation)
+    return replace(first, indentation=rough.pressed.indentation)
 
 
 def refined_discretisation(

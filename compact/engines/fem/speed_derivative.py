@@ -109,7 +109,7 @@ def _expansion(problem: RollingProblem, grid: fem.Discretisation, window: float)
     _, shares, times = compliance.creep_function(problem.material)
     elastic = fem.elastic_surface(problem, grid.mesh, window, stretch_rate=True)
     steady = fem.solve_at_target(problem, fem.retarded(problem, elastic), grid)
-    edges, grid = steady.patch.edges, replace(grid, indentation=steady.indenter.indentation)
+    edges, grid = steady.patch.edges, replace(grid, indentation=steady.pressed.indentation)
 
     def solve(at: RollingProblem, initial: compliance.Displacement = compliance.at_rest) -> ContactSolution:
         contact = steady
