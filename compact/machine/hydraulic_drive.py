@@ -155,6 +155,11 @@ class HydraulicRun(Run):
         return solve_valve_flow(self.hydraulic, self.state.velocity, self.direction * self.drive_force)
 
     @property
+    def peak_pressure(self) -> float:
+        """Largest pressure of a cylinder [Pa]; read by its name for the summary."""
+        return float(max(self.valve_flow.inlet_pressure.max(), self.valve_flow.outlet_pressure.max()))
+
+    @property
     def peak_flow(self) -> float:
         """Largest flow [m3/s]."""
         return float(self.valve_flow.flow.max())
