@@ -89,7 +89,7 @@ def write_process(study: ProcessStudy, directory: Path) -> list[Path]:
         lifts = [(sequence.increments, lift) for sequence in found.sequences for lift in sequence.lifts]
         meshes = enumerate((lift.mesh for lift in found.lumpings[0].lifts), start=1)  # of the thinnest lifts
         frames: list[tuple[float, meshio.Mesh]] = [(float(number), mesh) for number, mesh in meshes if mesh is not None]
-        files.append(TableSpec.of("lifts", lifts, columns(LIFT)).write(directory / "lifts.csv"))
+        files.append(TableSpec.of("lifts", lifts, LIFT).write(directory / "lifts.csv"))
         files.append(write_figure(directory / "lifts.png", draw_lifts(found)))
         files += write_vtu_series(directory / "lifts.pvd", "lifts", "lift", frames)
     strokes = process_frames(study.row, None if found is None else found.lumpings[0])

@@ -1,6 +1,6 @@
 """Tables of a finished study, by the names of their files; the page and summary.json select from the same tables."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple
 from pathlib import Path
 from typing import Any
@@ -68,9 +68,9 @@ STEPPER = "time_s angle_rad angular_velocity_rad/s angular_acceleration_rad/s2 a
 SIZING = (
     "law shaft_speed_rad/s=requirement.speed mean_torque_Nm=requirement.mean_torque "
     "rms_torque_Nm=requirement.rms_torque peak_torque_Nm=requirement.peak_torque "
-    "peak_braking_torque_Nm=requirement.peak_braking driving_share=requirement.driving_share "
-    "braking_share=requirement.braking_share largest_inertia_kgm2=requirement.largest_inertia "
-    "excess_energy_J=requirement.excess_energy required_power_W motor=choice.chosen.motor.name"
+    "peak_braking_torque_Nm=requirement.peak_braking driving_share=requirement.driving_share:% "
+    "braking_share=requirement.braking_share:% largest_inertia_kgm2=requirement.largest_inertia "
+    "excess_energy_J=requirement.excess_energy required_power_W:3 motor=choice.chosen.motor.name"
 )
 WORK_BALANCE = (
     "pass_work_J/m3 confined_work_J/m3 work_ratio loose_work_J/m3 cycle_work_J pressed_volume_m3 carried_volume_m3 "
@@ -88,10 +88,6 @@ AGREEMENT = (
 RANKING = "rank=0.rank law=2 value=0.value unit=1 margin=0.margin tie=0.tie"
 
 
-def _table(title: str, records: Iterable[Any], names: str, **getters: Getter) -> TableSpec:
-    return TableSpec.of(title, records, columns(names) | getters)
-
-
 def contact_table(study: Study) -> TableSpec:
     """Tabulate the contacts over the speed, with the formulas and the exact half-plane."""
     stage, length = study.stages.contacts, study.scene.machine.roller_length
@@ -100,7 +96,7 @@ def contact_table(study: Study) -> TableSpec:
         "formula_coefficient": lambda _: stage.engineering.resistance_coefficient,
         "exact_load_N/m": lambda _: float(stage.exact.load),
     }
-    return TableSpec.of("contact", study.contacts, columns(CONTACT) | beside)
+    return TableSpec.of("contact", study.contacts, CONTACT, **beside)
 
 
 def pass_tables(passes: Sequence[tuple[float, Sequence[Any]]]) -> dict[str, TableSpec]:
@@ -113,8 +109,8 @@ def pass_tables(passes: Sequence[tuple[float, Sequence[Any]]]) -> dict[str, Tabl
     ]  # fmt: skip
     rows = [(speed, number, *row) for speed, number, contact, _ in cases for row in density(contact).tolist()]
     return {
-        "passes": _table("passes", cases, PASS),
-        "density": _table("density", rows, "speed_m/s=0 pass=1 bottom_m=2 top_m=3 density_ratio=4"),
+        "passes": TableSpec.of("passes", cases, PASS),
+        "density": TableSpec.of("density", rows, "speed_m/s=0 pass=1 bottom_m=2 top_m=3 density_ratio=4"),
     }
 
 
@@ -126,7 +122,7 @@ def law_table(study: Study) -> TableSpec:
          *(each.forward.criterion(order, turn) for order in range(1, 5)))
         for each in study.cycles.values()
     ]  # fmt: skip
-    return _table(
+    return TableSpec.of(
         "laws", rows, "law=0.name peak_velocity_m/s=1.velocity peak_acceleration_m/s2=1.acceleration "
         "peak_jerk_m/s3=1.jerk peak_snap_m/s4=1.snap continuity=2 J1_m2/s=3 J2_m2/s3=4 J3_m2/s5=5 J4_m2/s7=6",
     )  # fmt: skip
@@ -135,19 +131,19 @@ def law_table(study: Study) -> TableSpec:
 def formula_table(study: Study) -> TableSpec:
     """Tabulate the formulas and the exact half-plane, with the range over the spread of the mix."""
     names = "quantity=0 value=1.value unit=1.unit low=1.low high=1.high known_by=1.known_by"
-    return _table("engineering", study.stages.contacts.numbers.items(), names)
+    return TableSpec.of("engineering", study.stages.contacts.numbers.items(), names)
 
 
 def mix_table(study: Study) -> TableSpec:
     """Tabulate the parameters of the mix."""
-    return _table("mix", study.mix.parameters, "parameter=name value unit low high flag origin")
+    return TableSpec.of("mix", study.mix.parameters, "parameter=name value unit low high flag origin")
 
 
 def write_tables(study: Study, place: Path) -> Iterator[Path]:
     """Write the tables of the item "tables": formulas, mix, laws, cycles, drives, rankings and sizing."""
     joins = [(name, join) for name, cycle in study.cycles.items() for join in cycle.discontinuities()]
     names = "law=0 time_s=1.time quantity=1.quantity before_SI=1.before after_SI=1.after"
-    for table in (formula_table(study), mix_table(study), law_table(study), _table("joins", joins, names)):
+    for table in (formula_table(study), mix_table(study), law_table(study), TableSpec.of("joins", joins, names)):
         yield table.write(place / f"{table.title}.csv")
     for name, run in study.runs.items():
         forces = run.state.forces
@@ -164,10 +160,9 @@ def _write_drive(study: Study, place: Path) -> Iterator[Path]:
     kind, drive, runs = study.scene.drive.kind, study.stages.drive, list(study.runs.values())
     if kind in RUN:
         title, names = RUN[kind]
-        declared = columns(names)
-        declared |= {name: getter for name, getter in RUN_GETTERS.items() if name in declared}
+        getters = {name: getter for name, getter in RUN_GETTERS.items() if name in columns(names)}
         shown = [run for run in runs if kind != "motor" or hasattr(run, "motor_torque")]
-        yield TableSpec.of(title, shown, declared).write(place / f"{title}.csv")
+        yield TableSpec.of(title, shown, names, **getters).write(place / f"{title}.csv")
     if kind == "motor" and drive.motor_start is not None:
         law, start = drive.motor_start
         values: Sequence[Any] = (start.time, start.angle, start.speed)
@@ -192,18 +187,18 @@ def _write_rankings(study: Study, place: Path) -> Iterator[Path]:
         for by, found in order.items() for each in found
     ]  # fmt: skip
     names = f"engine=4 drive=5 criterion=3 {RANKING} error=0.error resolved=0.resolved reason=0.reason"
-    yield _table("ranking", ranked, names).write(place / "ranking.csv")
+    yield TableSpec.of("ranking", ranked, names).write(place / "ranking.csv")
     values = [
         (name, kind, by, criterion_of(run, by), criterion.unit, criterion_error(study, run, by))
         for name, run in study.runs.items() for by, criterion in CRITERIA.items()
     ]  # fmt: skip
     names = "law=0 drive=1 criterion=2 value=3 unit=4 error=5"
-    yield _table("criteria", values, names).write(place / "criteria.csv")
+    yield TableSpec.of("criteria", values, names).write(place / "criteria.csv")
     if study.comparison:
-        yield _table("agreement", study.agreements, AGREEMENT).write(place / "agreement.csv")
+        yield TableSpec.of("agreement", study.agreements, AGREEMENT).write(place / "agreement.csv")
     for name, other in study.comparison.items():
         if other.records:
-            yield _table("contact", other.records, CONTACT).write(place / "comparison" / name / "contact.csv")
+            yield TableSpec.of("contact", other.records, CONTACT).write(place / "comparison" / name / "contact.csv")
 
 
 def criterion_error(study: Study, run: Any, by: str) -> float | None:
@@ -226,7 +221,7 @@ def write_reactions(study: Study, place: Path) -> Iterator[Path]:
         lifted = float(np.sum(run.weights * ((front < 0) | (rear < 0))) / run.period)
         rows.append((name, *(float(value) for each in (front, rear) for value in (each.min(), each.max())), lifted))
     names = "law=0 front_least_N=1 front_largest_N=2 rear_least_N=3 rear_largest_N=4 lifted_off_share=5"
-    yield _table("reactions", rows, names).write(place / "reactions.csv")
+    yield TableSpec.of("reactions", rows, names).write(place / "reactions.csv")
 
 
 def write_cams(study: Study, place: Path) -> Iterator[Path]:
@@ -236,7 +231,7 @@ def write_cams(study: Study, place: Path) -> Iterator[Path]:
         points = cam.table(CAM_POINTS)
         yield write_columns(place / "cams" / f"{law}-{follower}.csv", tuple(points), tuple(points.values()))
     cams = [(*key, cam, laws.least_breadths[key]) for key, cam in laws.cams.items()]
-    yield _table("cams", cams, CAM).write(place / "cams.csv")
+    yield TableSpec.of("cams", cams, CAM).write(place / "cams.csv")
     for law, cycle in study.cycles.items():
         turned = roller_rotation(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
         motor, names = motors[law], f"{STEPPER} torque_Nm power_W traction"
@@ -252,9 +247,9 @@ def write_cams(study: Study, place: Path) -> Iterator[Path]:
 def roller_motor_table(study: Study) -> TableSpec:
     """Tabulate the requirements of each law on the motors in the rollers."""
     motors = [(law, motor) for law, motor in study.stages.drive.roller_motors.items()]
-    return _table(
-        "roller-motors", motors, "law=0 peak_torque_Nm=1.peak_torque peak_power_W=1.peak_power peak_creep=1.peak_creep "
-        "share=1.share lack=1.lack",
+    return TableSpec.of(
+        "roller-motors", motors, "law=0 peak_torque_Nm=1.peak_torque peak_power_W=1.peak_power "
+        "peak_creep=1.peak_creep:% share=1.share:% lack=1.lack",
     )  # fmt: skip
 
 
@@ -273,7 +268,7 @@ def write_crank(study: Study, place: Path) -> Iterator[Path]:
     """Write crank.csv for 1 to 4 carts, and crank-turn.csv, one turn of the shaft of the scene."""
     turns = study.stages.drive.turns
     rows = [(key, turn.mean(turn.power), turn.peak_power, turn.peak_torque) for key, turn in turns.items()]
-    yield _table(
+    yield TableSpec.of(
         "crank", rows, "carts=0 mean_power_W=1 peak_power_W=2", peak_over_mean=lambda row: row[2] / row[1],
         peak_torque_Nm="3",
     ).write(place / "crank.csv")  # fmt: skip
@@ -288,15 +283,15 @@ def write_crank(study: Study, place: Path) -> Iterator[Path]:
 def sizing_tables(sizing: MachineSizing) -> Iterator[TableSpec]:
     """Tabulate shaft and motor of every law, the catalogue, loads of wheels and lives, as far as they exist."""
     if sizing.laws:
-        yield _table("motor-sizing", sizing.laws.values(), SIZING)
+        yield TableSpec.of("motor-sizing", sizing.laws.values(), SIZING)
     first = sizing.first
     if first is not None and first.choice is not None:
-        yield _table("motor-catalogue", first.choice.fits, CATALOGUE, reason=lambda fit: "; ".join(fit.failures))
+        yield TableSpec.of("motor-catalogue", first.choice.fits, CATALOGUE, reason=lambda fit: "; ".join(fit.failures))
     cycles = [(wheel.name, each, sizing.per_hour(each.count)) for wheel in sizing.wheels for each in wheel.cycles]
     names = "load=0 range_N=1.range mean_N=1.mean count_per_cycle=1.count count_per_hour=2"
-    yield _table("wheel-loads", cycles, names)
+    yield TableSpec.of("wheel-loads", cycles, names)
     if sizing.lives:
-        yield _table(
+        yield TableSpec.of(
             "bearing-lives", sizing.lives.items(), "bearing=0 equivalent_load_N=1.equivalent_load "
             "life_million_revolutions=1.million_revolutions life_hours=1.hours valid=1.valid",
         )  # fmt: skip
@@ -310,8 +305,8 @@ def duration_tables(found: DurationStudy) -> Iterator[TableSpec]:
         for duration, order in zip(found.durations, orders, strict=True)
         for each in order
     ]
-    yield _table("duration", ranked, f"duration_s=4 criterion=3 {RANKING} reason=0.reason")
-    yield _table(
+    yield TableSpec.of("duration", ranked, f"duration_s=4 criterion=3 {RANKING} reason=0.reason")
+    yield TableSpec.of(
         "duration-crossovers", found.crossovers, "criterion=by duration_s shorter longer value",
         unit=lambda each: CRITERIA[each.by].unit,
     )  # fmt: skip

@@ -4,7 +4,7 @@ import re
 from base64 import b64encode
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,6 @@ from compact.report.tables import (
     ZERO_SHARE,
     Mark,
     TableSpec,
-    columns,
     format_column,
     format_number,
     format_percent,
@@ -45,20 +44,7 @@ RUN = (
     "law=name peak_force_N rms_force_N peak_power_W rms_power_W mean_power_W energy_J drawn_energy_J dynamic_factor "
     "nonuniformity:%"
 )
-SHAFT = (
-    "law mean_torque_Nm=requirement.mean_torque rms_torque_Nm=requirement.rms_torque "
-    "peak_torque_Nm=requirement.peak_torque drives=requirement.driving_share:% brakes=requirement.braking_share:% "
-    "required_power_W:3"
-)
-MOTOR = (
-    "motor=motor.name holds price=motor.price rated_power_W=motor.rated_power:3 gear_ratio:3 "
-    "rated_torque_Nm=motor.rated_torque:3 needed_Nm:3 peak_torque_Nm=motor.peak_torque:3 peak_needed_Nm:3 "
-    "inertia_ratio:3"
-)
-LIVES = (
-    "bearings=0 equivalent_load_of_one_N=1.equivalent_load L10,_million_revolutions=1.million_revolutions:3 "
-    "L10,_running_h=1.hours:3 remark"
-)
+SHAFT = ("law", "mean_torque", "rms_torque", "peak_torque", "driving_share", "braking_share", "required_power")
 BALANCE = {  # words of the fields of `WorkBalance`
     "pass_work": "work of a pass over fresh mix, over the product",
     "confined_work": "work of confined compression, of the same mix",
@@ -178,13 +164,9 @@ def section(name: str, study: Study, pictures: Mapping[str, bytes] | None = None
     return Section(name, title, as_sentence(lead), [*words, *figures_of(name, pictures or {}), *tables(study)])
 
 
-def _table(caption: str, records: Iterable[Any], declared: str, **getters: Any) -> Table:
-    """Tabulate records in the columns of `columns`, each with a format after a colon: `:%`, or a number of digits."""
-    forms = {token.partition("=")[0].partition(":")[0]: token.partition(":")[2] for token in declared.split()}
-    table = TableSpec.of(caption, records, columns(declared) | getters)
-    return Table(
-        caption, dict(table.cell(name, form) for name, form in zip(table.quantities, forms.values(), strict=True))
-    )
+def _table(caption: str, records: Iterable[Any], names: str, **getters: Any) -> Table:
+    """Tabulate records in the columns of `TableSpec.of`."""
+    return Table(caption, TableSpec.of(caption, records, names, **getters).cells())
 
 
 # tables of the sections
@@ -252,10 +234,8 @@ def _contacts(study: Study) -> Iterator[Table]:
 def _laws(study: Study) -> Iterator[Table]:
     order = ("velocity", "acceleration", "jerk", "snap")
     jumps = [{join.quantity for join in each.discontinuities()} for each in study.cycles.values()]
-    table = results.law_table(study)
-    cells = dict(
-        table.cell(name) for name in ("law", "peak_velocity", "peak_acceleration", "peak_jerk", "continuity")
-    ) | {"discontinuities": [", ".join(sorted(each, key=order.index)) or "none" for each in jumps]}
+    cells = results.law_table(study).cells("law", "peak_velocity", "peak_acceleration", "peak_jerk", "continuity")
+    cells["discontinuities"] = [", ".join(sorted(each, key=order.index)) or "none" for each in jumps]
     yield Table("Exact peaks inside the pieces, and discontinuities at their joins", cells)
 
 
@@ -291,24 +271,25 @@ def _durations(study: Study) -> Iterator[Table]:
 def _motor(study: Study) -> Iterator[Table]:
     """Tabulate the motors next to the chosen one, the shaft of every law, load cycles of the wheels, and lives."""
     sizing = study.machine_sizing
-    laws, margin = list(sizing.laws.values()), sizing.rule.margin
+    laws, tables = list(sizing.laws.values()), {table.title: table for table in results.sizing_tables(sizing)}
     if sizing.first is not None and (choice := sizing.first.choice) is not None:
         place = len(choice.fits) - 1 if choice.chosen is None else choice.fits.index(choice.chosen)
         start = max(0, min(place - SHOWN_MOTORS // 2, len(choice.fits) - SHOWN_MOTORS))
-        good = {True: Mark("good", "holds"), False: Mark("bad", "fails")}
-        yield _table(
-            f"Motors of the catalogue by {choice.by}; needs include the margin of {margin:g}; motor-catalogue.csv has "
-            "the reasons", choice.fits[start : start + SHOWN_MOTORS], MOTOR,
-            holds=lambda fit: Mark("good", "chosen") if fit is choice.chosen else good[fit.holds],
-            needed_Nm=lambda fit: margin * fit.rms_torque, peak_needed_Nm=lambda fit: margin * fit.peak_torque,
-        )  # fmt: skip
+        table = tables["motor-catalogue"]
+        near = replace(table, rows=table.rows[start : start + SHOWN_MOTORS])
+        words = {True: Mark("good", "holds"), False: Mark("bad", "fails")}
+        cells = near.cells() | {"holds": [words[holds] for holds in near["holds"]]}
+        if choice.chosen is not None:
+            cells["holds"][place - start] = Mark("good", "chosen")
+        caption = f"Motors of the catalogue by {choice.by}; each must hold with the margin of {sizing.rule.margin:g}"
+        yield Table(caption, cells)
     if laws:
         ordered = [laws[i] for group in group_equal([each.required_power for each in laws]) for i in group]
         shown = [each for each in ordered if each.requirement is not None]
         caption = "Shaft and required rated power of every law, least first"
         caption += "; a velocity jump has no finite torque" * (len(shown) < len(laws))
-        declared = SHAFT + " motor=choice.chosen.motor.name" * any(each.choice for each in laws)
-        yield _table(caption, shown, declared)
+        motor = ["motor"] * any(each.choice for each in laws)
+        yield Table(caption, TableSpec.of("", shown, results.SIZING).cells(*SHAFT, *motor))
     loads = [(wheel, each) for wheel in sizing.wheels for each in wheel.cycles[:SHOWN_CYCLES] or (None,)]
     yield _table(
         "Load cycles of one guide axle and one roller, by rainflow counting", loads,
@@ -316,11 +297,8 @@ def _motor(study: Study) -> Iterator[Table]:
         range=lambda row: format_quantity(row[1].range, "N") if row[1] else "constant",
         in_an_hour=lambda row: row[1] and sizing.per_hour(row[1].count),
     )  # fmt: skip
-    if sizing.lives:
-        yield _table(
-            "Basic life of the bearings, ISO 281", sizing.lives.items(), LIVES,
-            remark=lambda row: "" if row[1].valid else "load beyond half of the rating",
-        )  # fmt: skip
+    if lives := tables.get("bearing-lives"):
+        yield Table("Basic life of the bearings, ISO 281", lives.cells())
 
 
 def _work(study: Study) -> Iterator[Table]:
@@ -359,12 +337,10 @@ def _cams(study: Study) -> Iterator[Block]:
     cells["pressure angle, roller"] = [f"{np.degrees(cam.largest_pressure_angle):.1f}°" for cam in rollers]
     cells["half-width, flat"] = [format_quantity(cam.largest_contact_offset, "m") for cam in flats]
     yield Table(f"Cams with a breadth of {format_quantity(rollers[0].breadth, 'm')}; marked where too small", cells)
-    motors = study.stages.drive.roller_motors
-    declared = "law=0 peak_torque_Nm=1.peak_torque peak_power_W=1.peak_power share_of_friction=1.share:%"
-    declared += " creepage=1.peak_creep:%" * any(each.peak_creep for each in motors.values())
-    declared += " limit=1.lack" * any(each.lack for each in motors.values())
+    motors = results.roller_motor_table(study)
+    own = [name for name in ("peak_creep", "lack") if any(motors[name])]
     caption = "Drive without a cam: peaks of the motor in each roller, and the required share of the friction limit"
-    yield _table(caption, motors.items(), declared)
+    yield Table(caption, motors.cells("law", "peak_torque", "peak_power", "share", *own))
 
 
 def _sensitivities(study: Study) -> Iterator[Table]:

@@ -7,7 +7,7 @@ from `compact.quantities`; a field that is not in it has its name as term. The f
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from html import escape
 from pathlib import Path
@@ -142,23 +142,27 @@ class TableSpec:
         Quantity of each column; `WORD` for words.
     rows : sequence
         Values of each row in SI units; None is an empty cell.
+    forms : mapping of str to str
+        Form of a column on the page: "%" for shares as per cent, or its number of significant digits.
     """
 
     title: str
     quantities: Mapping[str, Quantity]
     rows: Sequence[Sequence[Any]]
+    forms: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, title: str, records: Iterable[Any], declared: Mapping[str, Getter]) -> Self:
-        """Make a table of records, a row each, in the columns of `columns`."""
-        names = {column: split_unit(column) for column in declared}
+    def of(cls, title: str, records: Iterable[Any], names: str, **getters: Getter) -> Self:
+        """Make a table of records, a row each, in the columns of `columns`, with further ones by functions."""
+        declared = columns(names) | getters
         rows = [[value_of(record, getter) for getter in declared.values()] for record in records]
         found = {}
-        for place, (name, unit) in enumerate(names.values()):
-            plain = Quantity(name.replace("_", " "), unit)
+        for place, column in enumerate(declared):
+            name, unit = split_unit(column)
             words = unit == "1" and any(isinstance(row[place], str | Mark) for row in rows)
-            found[name] = WORD if words else _known().get((name, unit), plain)
-        return cls(title, found, rows)
+            found[name] = WORD if words else _known().get((name, unit), Quantity(name.replace("_", " "), unit))
+        forms = [(each.partition(":")[0].partition("=")[0], each.partition(":")[2]) for each in names.split()]
+        return cls(title, found, rows, {split_unit(column)[0]: form for column, form in forms if form})
 
     @classmethod
     def of_columns(cls, title: str, values: Mapping[str, Iterable[Any]], known: Mapping[str, Quantity]) -> Self:
@@ -170,15 +174,9 @@ class TableSpec:
         place = list(self.quantities).index(name)
         return [row[place] for row in self.rows]
 
-    def text(self, name: str, form: str = "") -> list[Any]:
-        """Return a column as text of the page: one prefix and one number of decimals, words as they are.
-
-        Parameters
-        ----------
-        form : str
-            "%" for shares as per cent, otherwise the number of significant digits.
-        """
-        values = self[name]
+    def text(self, name: str) -> list[Any]:
+        """Return a column as text of the page: one prefix and one number of decimals, words as they are."""
+        values, form = self[name], self.forms.get(name, "")
         if self.quantities[name] is WORD:
             return ["" if value is None else value for value in values]
         if form == "%":
@@ -187,9 +185,10 @@ class TableSpec:
             return [format_number(value) for value in values]
         return format_column(values, self.quantities[name].unit, int(form or DIGITS))
 
-    def cell(self, name: str, form: str = "") -> tuple[str, list[Any]]:
-        """Return the head of a column on the page, the term or the name, and its text."""
-        return self.quantities[name].term or name.replace("_", " "), self.text(name, form)
+    def cells(self, *names: str) -> dict[str, list[Any]]:
+        """Return columns as text of the page by their heads, the terms or the names; all of them by default."""
+        heads = {name: each.term or name.replace("_", " ") for name, each in self.quantities.items()}
+        return {heads[name]: self.text(name) for name in names or self.quantities}
 
     def write(self, path: Path) -> Path:
         """Write CSV in SI units with twelve digits; return the path."""

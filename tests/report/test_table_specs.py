@@ -4,23 +4,23 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from compact.report.tables import TableSpec, columns, json_numbers
+from compact.report.tables import TableSpec, json_numbers
 
 RUNS = [
     SimpleNamespace(name="cubic", peak_force=3739.84, rigid=SimpleNamespace(peak_force=1 / 3), motor=None),
     SimpleNamespace(name="quintic", peak_force=np.inf, rigid=None, motor=SimpleNamespace(name="A, 1")),
 ]
-DECLARED = columns("law=name peak_force_N rigid_peak_force_N=rigid.peak_force motor=motor.name", count=lambda run: 7)
+DECLARED = "law=name peak_force_N:3 rigid_peak_force_N=rigid.peak_force motor=motor.name"
 
 
 def test_table_is_the_same_in_every_form(tmp_path):
-    table = TableSpec.of("runs <1>", RUNS, DECLARED)
+    table = TableSpec.of("runs <1>", RUNS, DECLARED, count=lambda run: 7)
     text = table.write(tmp_path / "runs.csv").read_text().splitlines()
     assert text[0] == "law,peak_force_N,rigid_peak_force_N,motor,count"
     assert text[1:] == ["cubic,3739.84,0.333333333333,,7", 'quintic,inf,,"A, 1",7']
-    assert table.cell("law") == ("law", ["cubic", "quintic"])
-    assert table.cell("peak_force", "3") == ("peak drive force", ["3.74 kN", "infinite"])
-    assert table.cell("motor") == ("motor", ["", "A, 1"])
+    assert table.cells("law", "peak_force", "motor") == {
+        "law": ["cubic", "quintic"], "peak drive force": ["3.74 kN", "infinite"], "motor": ["", "A, 1"],
+    }  # fmt: skip
     frame = table.to_dataframe("law")
     assert frame.loc["cubic", "peak_force"] == 3739.84
     assert frame.attrs["units"] == {"peak_force": "N", "rigid_peak_force": "N", "count": "1"}
