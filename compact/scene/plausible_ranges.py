@@ -72,27 +72,24 @@ class Range:
         """Return the message for a value outside by more than the factor `REFUSED`, else None."""
         if not self.excludes(value, REFUSED):
             return None
-        guess = self._guess(value)
-        word = "a plain number" if self.unit == "1" else f"the value in {self.unit}"
+        guess, word = self._guess(value), "a plain number" if self.unit == "1" else f"the value in {self.unit}"
         return (
-            f"{self._quantity(value)} is far outside the plausible {self._span} ({self.reason})"
-            f"{f'{guess} Give' if guess else '; give'} {word}; a value that is meant as it is needs "
-            f'unusual = ["{key}"] at the top of the scene'
+            f"{self._quantity(value)} is far outside {self._span}{f'{guess} Give' if guess else '; give'} {word}; a "
+            f'value that is meant as it is needs unusual = ["{key}"] at the top of the scene'
         )
 
     def advice(self, _key: str, value: float) -> str | None:
         """Return a sentence on a value outside that is not refused, else None."""
         if not self.excludes(value) or self.excludes(value, REFUSED):
             return None
-        remedy = self._guess(value) or "; is it in other units?"
-        return f"{self._quantity(value)} is outside the plausible {self._span} ({self.reason}){remedy}"
+        return f"{self._quantity(value)} is outside {self._span}{self._guess(value) or '; is it in other units?'}"
 
     def _quantity(self, value: float) -> str:
         return f"{value:g}" if self.unit == "1" else f"{value:g} {self.unit}"
 
     @property
     def _span(self) -> str:
-        return f"{self.low:.3g} to {self._quantity(float(f'{self.high:.3g}'))}"
+        return f"the plausible {self.low:.3g} to {self._quantity(float(f'{self.high:.3g}'))} ({self.reason})"
 
     def _guess(self, value: float) -> str:
         """Return a question for another unit in which the value is plausible; empty if there is none."""
