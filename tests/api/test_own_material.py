@@ -116,20 +116,6 @@ def test_laboratory_tests_of_an_elastic_material_have_closed_forms(spring):
     assert "axial stress [kPa]" in tests._repr_html_()
 
 
-@pytest.mark.parametrize(
-    ("update", "words"),
-    [
-        (lambda state, strain: (np.zeros(3), state, np.zeros((4, 4))), r"stress of shape \(4,\)"),
-        (lambda state, strain: (np.full(4, np.nan), state, np.zeros((4, 4))), "must be finite"),
-        (lambda state, strain: np.zeros(4), r"must return \(stress, state, tangent\)"),
-        ("text", "must be a function"),
-    ],
-)
-def test_faulty_update_is_named(update, words):
-    with pytest.raises(ValueError, match=words):
-        compact.StateUpdate(update, None, 0.94).advance(None, np.zeros(4))
-
-
 def test_target_out_of_reach_is_refused(spring):
     with pytest.raises(ValueError, match=r"`load` must be less than .*, where the pores of spring close"):
         roll(Layer(0.2), Roller(R, load=1e9), spring, 0.2)
