@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from typing import Any, NamedTuple, NoReturn, Protocol
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from scipy.optimize import brentq
@@ -301,38 +301,13 @@ def column_layer(
     return ColumnLayer(cap_constants(material, rate_factor), stack, gap, logarithmic, lower_count)
 
 
-class Compressible(Protocol):
-    """Layer whose indentation is limited, by pores or by the axis of the circle."""
-
-    @property
-    def max_indentation(self) -> float:
-        """Largest indentation [m]."""
-
-    @property
-    def limit(self) -> str:
-        """Reason why no indentation is larger."""
-
-    @property
-    def loosest(self) -> float:
-        """Density ratio before the pass [-]."""
-
-    @property
-    def height(self) -> float:
-        """Height of the layer [m]."""
-
-    def estimate(self, name: str, depth: float) -> float:
-        """Estimate a quantity for an indentation [m], for the first guess."""
-
-
-def solve_target(
-    layer: Compressible, compute: Callable[[float], Contact], name: str, value: float, tolerance: float
-) -> Contact:
+def solve_target(layer: Any, compute: Callable[[float], Contact], name: str, value: float, tolerance: float) -> Contact:
     """Compute the pass with a prescribed quantity.
 
     Parameters
     ----------
-    layer : Compressible
-        Layer under a roller or a plate.
+    layer : ColumnLayer
+        Layer under a roller or a plate, or another with its limits and estimate.
     compute : callable
         Computes the pass at an indentation [m].
     name : {"indentation", "load", "peak_pressure", "exit_density_ratio"}
@@ -386,7 +361,7 @@ def plate_indentation(layer: ColumnLayer, pressure: float, rtol: float) -> float
     return float(limit - path[-1, 0])
 
 
-def raise_unreachable(layer: Compressible, name: str, value: float, largest: float) -> NoReturn:
+def raise_unreachable(layer: Any, name: str, value: float, largest: float) -> NoReturn:
     """Raise ValueError for a target beyond its value at the largest indentation, or an initial density ratio."""
     bounds = "be less than"
     if name == "exit_density_ratio":
