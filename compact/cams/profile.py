@@ -361,20 +361,17 @@ class Cam:
         """Largest distance [m] of the contact from the line of travel: required half-width of a flat face."""
         return self._largest(lambda contact: np.abs(contact.offset))
 
-    @cached_property
+    @property
     def undercut(self) -> bool:
         """True if the profile runs backwards, crosses itself or, for a roller, reaches the axis: `least_breadth`."""
-        if _velocity_drop(self.cycle) and self.follower.radius_at_kink < 0:
-            return True
-        if isinstance(self.follower, RollerFollower):
-            angle, x, slope, _ = _dense_samples(self.cycle)
-            rho = x + self._base
-            if rho.min() <= self.follower.radius or self.follower.flanks_cross(angle, rho, slope):
-                return True
-        return self._largest(lambda contact: -contact.arc) >= 0
+        return self.breadth <= self._least_breadth.breadth
 
     def least_breadth(self) -> LeastBreadth:
         """Return the `LeastBreadth` of this cycle and follower."""
+        return self._least_breadth
+
+    @cached_property
+    def _least_breadth(self):
         return least_breadth(self.cycle, self.follower)
 
     def table(self, points: int) -> dict[str, Array]:
@@ -449,7 +446,8 @@ def _travel(cycle: Cycle, leg: Leg, z) -> tuple[Array, ...]:
 
 def _base_without_crossing(cycle: Cycle, follower: RollerFollower, base: float) -> float:
     """Smallest (b - stroke)/2 [m] >= base without crossing flanks; rho^2/w > r all round is sufficient."""
-    angle, x, slope, _ = _dense_samples(cycle)
+    z = np.linspace(BREAK_OFFSET, 1 - BREAK_OFFSET, LEG_SAMPLES)
+    angle, x, slope, _ = np.hstack([_travel(cycle, leg, z) for leg in cycle.legs()])
 
     def crossed(base: float) -> bool:
         return follower.flanks_cross(angle, base + x, slope)
@@ -465,10 +463,3 @@ def _base_without_crossing(cycle: Cycle, follower: RollerFollower, base: float) 
         middle = (low + high) / 2
         low, high = (middle, high) if crossed(middle) else (low, middle)
     return high
-
-
-def _dense_samples(cycle: Cycle) -> tuple[Array, ...]:
-    """Angle, x, x', x'' on dense samples of every leg."""
-    z = np.linspace(BREAK_OFFSET, 1 - BREAK_OFFSET, LEG_SAMPLES)
-    legs = [_travel(cycle, leg, z) for leg in cycle.legs()]
-    return tuple(np.concatenate(column) for column in zip(*legs, strict=True))

@@ -242,13 +242,17 @@ followers = st.one_of(st.just(Pointed()), st.just(FlatFace()), st.floats(1e-3, 3
 
 @examples(8, slow=40)
 @given(shapes, followers)
-def test_undercut_begins_below_the_least_breadth(shape, follower):
-    motion = cycle(**shape)
-    least = least_breadth(motion, follower).breadth
-    assert least >= STROKE
-    assert not any(Cam(motion, least * factor, follower).undercut for factor in (1 + 1e-6, 1.5))
-    if least * (1 - 1e-6) > STROKE:
-        assert Cam(motion, least * (1 - 1e-6), follower).undercut
+def test_profile_above_the_least_breadth_does_not_run_backwards(shape, follower):
+    motion, angle = cycle(**shape), np.linspace(0, 2 * np.pi, 20_001)
+    least = least_breadth(motion, follower)
+    cam = Cam(motion, least.breadth * (1 + 1e-6), follower)
+    assert not cam.undercut
+    assert cam.contact(angle).arc.min() > 0
+    assert cam.radius(angle).min() > follower.radius
+    if least.rule == ARC:
+        narrow = Cam(motion, least.breadth * (1 - 1e-6), follower)
+        assert narrow.undercut
+        assert narrow.least_radius_of_curvature < 0
 
 
 @examples(4, slow=12)
