@@ -231,10 +231,8 @@ for _key in ("motion.laws", "motion.tables", "drive.rank_by", "output.items"):
 
 def _wanted_is_computed(item, engines, wanted, engine):
     if item in wanted and engine not in engines:
-        return (
-            f'holds "{item}", which accuracy.engine = "{engine}" does not compute; take it out, or choose '
-            f"{' or '.join(engines)}"
-        )
+        able = " or ".join(f'"{name}"' for name in engines)
+        return f'holds "{item}", which accuracy.engine = "{engine}" does not compute; take it out, or choose {able}'
 
 
 for _key, _engines in (("fields", ("fem", "compaction")), ("model_spread", ("column", "compaction", "process"))):
