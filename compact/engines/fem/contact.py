@@ -399,11 +399,12 @@ class PressedRoller:
         few = min(terms, INITIAL_TERMS)
         patch = self._solve(few, edges, np.zeros((2, len(x))), None)
         history = patch.history
-        while few < terms:
-            few = int(TERM_GROWTH * few) if TERM_GROWTH * few < terms else terms
+        while TERM_GROWTH * few < terms:
+            few = int(TERM_GROWTH * few)
             patch = self.solve_from(patch, few)
             history += patch.history
-        return replace(patch, history=history)
+        patch = self.solve_from(patch, terms)
+        return replace(patch, history=history + patch.history)
 
     def solve_from(self, guess: ContactPatch, terms: int) -> ContactPatch:
         """Solve from the edges, displacement and Jacobian of another patch."""
