@@ -10,7 +10,6 @@ from compact.analysis.study import Study
 from compact.report.text import say
 from compact.report.writer import study_summary
 from compact.rolling_contact import Heaping, HeapingError
-from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
@@ -68,8 +67,6 @@ def test_spread_is_computed_where_it_is_required():
     study = Study(scene(**{"output.items": []}))
     assert study.model_spread is None
     assert "not computed" in say("spread", study)
-    with pytest.raises(SceneError, match=r'holds "model_spread".* choose "column" or "compaction"'):
-        scene(**{"accuracy.engine": "spectral"})
 
 
 @pytest.mark.slow
