@@ -35,6 +35,7 @@ ATTEMPTS = 3  # deaths of a worker process after which its task is abandoned
 TASKS_PER_THREAD = 2  # of a cluster, so that no thread waits for its next task
 SCHEDULER_TIMEOUT = 20.0  # [s], to connect to a dask scheduler
 CLUSTER_POLL = 5.0  # [s], between two looks at the workers of a cluster
+WORKERLESS_LIMIT = 6 * 3600.0  # [s], without any worker, such as jobs that wait in the queue of a batch system
 CLIENT_LOG = "distributed.client"  # logger of the tracebacks of a lost connection, which `DaskExecutor` states itself
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -225,7 +226,7 @@ class DaskExecutor(SerialExecutor):
         super().__init__()
         self.address = address
         self._client: Any = None
-        self._log_level, self._has_workers = logging.NOTSET, True
+        self._log_level, self._workerless = logging.NOTSET, 0.0
 
     def __enter__(self) -> Self:
         try:
@@ -271,12 +272,23 @@ class DaskExecutor(SerialExecutor):
             try:
                 done = distributed.wait(list(self._running), CLUSTER_POLL, return_when="FIRST_COMPLETED").done
             except TimeoutError:
-                had, self._has_workers = self._has_workers, bool(self._client.nthreads())
-                if had and not self._has_workers:
-                    _LOG.warning("no worker is connected to %s; waiting for workers", self.address)
+                self._require_workers()
                 return
             for future in done:
                 self._running.pop(future).settle(partial(outcome, future))
+
+    def _require_workers(self) -> None:
+        if self._client.nthreads():
+            self._workerless = 0.0
+            return
+        if not self._workerless:
+            _LOG.warning("no worker is connected to %s; waiting for workers", self.address)
+        if self._workerless >= WORKERLESS_LIMIT:
+            raise RuntimeError(
+                f"no worker was connected to {self.address} for {WORKERLESS_LIMIT / 3600:g} h; start workers and "
+                "repeat the command with --resume"
+            )
+        self._workerless += CLUSTER_POLL
 
     @contextmanager
     def _loss_explained(self) -> Iterator[None]:

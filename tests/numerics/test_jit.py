@@ -2,6 +2,8 @@
 
 import errno
 import importlib
+import os
+import subprocess
 import sys
 import threading
 from pathlib import Path
@@ -14,6 +16,7 @@ from numba.core import caching
 from compact.numerics import jit
 from compact.numerics.jit import is_compiled, source_files
 
+ROOT = Path(__file__).parents[2]
 CALLER = """\
 from compact.numerics.jit import compiled
 {imports}
@@ -152,3 +155,25 @@ def test_function_is_compiled_though_the_disk_is_full(sample, told, monkeypatch)
     monkeypatch.setattr(caching.IndexDataCacheFile, "_save_index", full)
     assert compiled_result(sample[1]) == (1060, 0)
     assert told() == ["compiled code cannot be kept: No space left on device; the next run compiles again"]
+
+
+# without the locks of Unix
+
+WITHOUT_FCNTL = """
+import sys, warnings
+
+warnings.simplefilter("ignore")  # of filelock, that its locks are soft
+sys.modules |= dict.fromkeys(("fcntl", "resource", "termios", "pwd", "grp"))
+import caller
+
+print(caller.result())
+"""
+
+
+def test_package_compiles_without_modules_of_unix(sample):
+    folder, module = sample
+    code = WITHOUT_FCNTL.replace("caller", module)
+    path = str(folder.parent if "." in module else folder)
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join([path, str(ROOT)])}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
+    assert (done.stdout, done.stderr) == ("1060\n", "")

@@ -14,6 +14,7 @@ import xarray
 from interrupts import of_unix
 from sweeps import COLUMNS
 
+from compact.analysis import worker_pool
 from compact.analysis.worker_pool import DaskExecutor, SerialExecutor
 from compact.files import ResultsError
 from compact.sweep.design import read_design
@@ -112,6 +113,29 @@ def test_lost_scheduler_ends_the_sweep_in_a_sentence_and_the_rest_is_resumed(clu
     assert first.computed >= 100
     assert first.computed + rest.computed == 600
     assert (table["reason"] == "").all()
+
+
+class Client:
+    """Substitute for the client of a cluster whose workers come and go."""
+
+    def __init__(self, threads):
+        self.threads = iter(threads)
+
+    def nthreads(self):
+        return dict.fromkeys(range(next(self.threads)), 1)
+
+
+def test_cluster_without_workers_ends_after_its_limit(monkeypatch, caplog):
+    monkeypatch.setattr(worker_pool, "WORKERLESS_LIMIT", 2 * worker_pool.CLUSTER_POLL)
+    executor = DaskExecutor("tcp://host:8786")
+    executor._client = Client([0, 1, 0, 0, 0])
+    for _ in range(4):  # a worker comes in time
+        executor._require_workers()
+    with pytest.raises(RuntimeError, match=r"no worker was connected to tcp://host:8786 .* --resume"):
+        executor._require_workers()
+    assert [record.getMessage() for record in caplog.records] == 2 * [
+        "no worker is connected to tcp://host:8786; waiting for workers"
+    ]
 
 
 # lock

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PPoly
 
 from compact import drive
 from compact.analysis import machine_models
@@ -208,7 +209,7 @@ def simulate_laws(
     tolerated: type[Exception] | tuple[()] = (),
     begin: Callable[[], object] = lambda: None,
 ) -> Iterator[tuple[str, Any]]:
-    """Simulate laws with the drive of a scene.
+    """Simulate laws with the drive of a scene; laws of one motion behind a spring once.
 
     Parameters
     ----------
@@ -224,13 +225,26 @@ def simulate_laws(
     tuple
         Name of a law and its run.
     """
-    working = scene.motion.run_up, 1 - scene.motion.run_down
+    working, alike = (scene.motion.run_up, 1 - scene.motion.run_down), dict[Any, Any]()
     for name, cycle in cycles.items():
         begin()
+        if twin := alike.get(_motion_of(cycle)):
+            yield name, replace(twin, cycle=cycle)
+            continue
         try:
-            yield name, drive.simulate(cart, machine_models.drive_of(scene, cycle), cycle, resistance, working=working)
+            run = drive.simulate(cart, machine_models.drive_of(scene, cycle), cycle, resistance, working=working)
         except tolerated:
             continue
+        if scene.drive.kind == "elastic":
+            alike[_motion_of(cycle)] = run
+        yield name, run
+
+
+def _motion_of(cycle: Cycle) -> Any:
+    """Return what laws of one motion share, such as two reversal laws whose free parameter has the same value."""
+    forward, curve = cycle.forward, cycle.forward.curve
+    same = (curve.x.tobytes(), curve.c.tobytes()) if isinstance(curve, PPoly) else forward.name
+    return same, forward.stroke, forward.duration, forward.retraces, cycle.far_dwell, cycle.near_dwell
 
 
 def torque_response(contacts: ContactStage, pulls: tuple[float, float]) -> DrivenRoller | CreepFreeRoller:
