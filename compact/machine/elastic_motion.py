@@ -11,7 +11,7 @@ D. G. Anderson, J. ACM 12 (1965) 547.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial, reduce
 from typing import Any, NamedTuple
 
@@ -26,6 +26,7 @@ from compact.machine.spring_cart import (
     CHANNELS,
     DONE,
     EVALUATIONS,
+    FAR_SPRING,
     FRACTION,
     HEADING,
     NEAR_SPRING,
@@ -64,7 +65,7 @@ STICTION_RISE = 1e-3  # [-], of the force scale; a larger rise of F below the st
 DEFECT_SHARE = 0.3  # [-], of the solution tolerance; defect of a step
 CLOSURE_TOLERANCE = 0.1  # [-], of the solution tolerance; residual of a closed cycle
 MAX_MOVE = 30.0  # [-], of the force scale; change of the state by an extrapolation
-MAX_CYCLES = 200  # [-]; 3 to 8 are usual
+MAX_CYCLES, ACCELERATED_CYCLES = 150, 60  # [-]; 3 to 8 are usual
 
 
 class Kinematics(NamedTuple):
@@ -210,9 +211,9 @@ def integrate(
 
 @dataclass
 class SolutionCost:
-    """Cost of a solution: integrated cycles, steps of the last one, evaluations of R."""
+    """Cost of a solution: integrations over parts of a cycle, steps of the last cycle, evaluations of R."""
 
-    cycles: int = 0
+    integrations: int = 0
     intervals: int = 0
     evaluations: int = 0
 
@@ -223,6 +224,7 @@ class CartMotion:
     def __init__(self, cart: Cart, drive: Any, cycle: Cycle, resistance: Resistance, tolerance: float) -> None:
         self.cost = SolutionCost()
         self._cart, self._resistance, self.law = cart, resistance, _polynomial_law(cycle)
+        self.half_stroke_time = cycle.forward.duration / 2
         phases = interior_grid(cycle.forward.curve.x)
         velocity, acceleration = (np.abs(cycle.forward.at_phase(phases, k)).max() for k in (1, 2))
         self.max_speed, self.standstill_speed = SPEED_MARGIN * velocity, STANDSTILL_SPEED * velocity
@@ -350,7 +352,7 @@ class CartMotion:
         for _ in range(MAX_EXTENSIONS):
             trajectory, complete, evaluations = integrate(self.cart, law, state, MAX_STEPS)
             cost = self.cost
-            self.cost = SolutionCost(cost.cycles + 1, len(trajectory.rows), cost.evaluations + evaluations)
+            self.cost = SolutionCost(cost.integrations + 1, len(trajectory.rows), cost.evaluations + evaluations)
             if complete:
                 return trajectory
             self.max_speed *= SPEED_MARGIN
@@ -360,27 +362,52 @@ class CartMotion:
             "steeply with speed"
         )
 
+    def _quasi_static_state(self, early):
+        """State at the end of a part of the forward stroke, of a cart that follows the law without oscillation."""
+        cart, width, row = self.cart, np.diff(early.breaks)[-1], early.coefficients[-1]
+        powers = np.arange(len(row))
+        velocity, acceleration = row @ powers / width, row @ (powers * (powers - 1)) / width**2
+        pull = cart.mass * acceleration + float(self.total(np.array([velocity]))[0])
+        flank = 1 if cart.backlash == 0 else int(np.sign(pull))
+        elongation = pull / cart.stiffness + flank * cart.backlash / 2
+        position = row.sum() - elongation
+        far = position > cart.stroke - cart.end_length > 0
+        zone = NEAR_SPRING if position < cart.end_length else FAR_SPRING if far else 0.0
+        return CartState(float(elongation), float(velocity), flank, int(zone), 0.0, 1)
+
+    def _cycle(self, state: CartState, early: PiecewisePolynomial, late: PiecewisePolynomial) -> Trajectory:
+        """Cycle from a state in the middle of the forward stroke; steps in order of time, state at that place."""
+        second = self.integrate(late, state)
+        first = self.integrate(early, second.end)
+        self.cost.intervals += len(second.rows)
+        return Trajectory(self.cart, np.concatenate([first.rows, second.rows]), second.end, first.end)
+
     def solve_periodic(self) -> Trajectory:
-        """Solve the periodic regime: fixed point of a cycle by Anderson's acceleration."""
-        cart, state = self.cart, self.rest_state
+        """Solve the periodic regime: fixed point of a cycle by Anderson's acceleration.
+
+        A cycle begins in the middle of the forward stroke, where the cart moves.
+        """
+        middle = int(np.searchsorted(self.law.breaks, self.half_stroke_time * (1 - 1e-9)))
+        early = PiecewisePolynomial(self.law.breaks[: middle + 1], self.law.coefficients[:middle])
+        late = PiecewisePolynomial(self.law.breaks[middle:], self.law.coefficients[middle:])
+        cart, state = self.cart, self._quasi_static_state(early)
         free = [0, 1, 4] if cart.travels.size else [0, 1]  # elongation, velocity and perhaps the last turn
-        units = (
-            self.scale / np.array([cart.stiffness, math.sqrt(cart.stiffness * cart.mass), cart.stiffness])[: len(free)]
-        )
+        impedances = np.array([cart.stiffness, math.sqrt(cart.stiffness * cart.mass), cart.stiffness])
+        units = self.scale / impedances[: len(free)]
         places: list[Array] = []
         residuals: list[Array] = []
-        for _ in range(MAX_CYCLES):
-            trajectory = self.integrate(self.law, state)
+        for count in range(MAX_CYCLES):
+            trajectory = self._cycle(state, early, late)
             end = trajectory.end
             place, residual = (np.array(each)[free] / units for each in (state, np.subtract(end, state)))
             size, amplitude = np.abs(residual).max(), max(1.0, np.abs(place[:2]).max())
             if size <= CLOSURE_TOLERANCE * self.tolerance * amplitude and end[2:4] == state[2:4]:
-                return trajectory
+                return replace(trajectory, end=trajectory.start)
             if residuals and size > np.abs(residuals[-1]).max():  # the extrapolation failed
                 places, residuals = [], []
             places, residuals = [*places[-len(free) :], place], [*residuals[-len(free) :], residual]
             move = residual
-            if len(places) > 1:
+            if len(places) > 1 and count < ACCELERATED_CYCLES:  # then let a stable regime settle
                 moves, changes = np.diff(places, axis=0).T, np.diff(residuals, axis=0).T
                 move = residual - (moves + changes) @ np.linalg.lstsq(changes, residual, rcond=1e-10)[0]
                 move *= min(1.0, MAX_MOVE / max(np.abs(move).max(), 1.0))
@@ -407,8 +434,9 @@ def _polynomial_law(cycle: Cycle) -> PiecewisePolynomial:
         def curvature(phase: Array, leg: Leg = leg) -> Array:
             return leg.at_phase(phase, 2) * leg.duration**2
 
-        tolerance = LAW_TOLERANCE * np.abs(curvature(interior_grid(leg.breakpoints()))).max()
-        second = fit_piecewise(curvature, leg.breakpoints(), tolerance)
+        joins = np.union1d(leg.breakpoints(), 0.5)
+        tolerance = LAW_TOLERANCE * np.abs(curvature(interior_grid(joins))).max()
+        second = fit_piecewise(curvature, joins, tolerance)
         starts = second.breaks[:-1] + BREAK_OFFSET
         velocity = antiderivative(second, leg.at_phase(starts, 1) * leg.duration)
         position = antiderivative(velocity, leg.at_phase(starts, 0))

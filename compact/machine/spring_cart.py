@@ -30,7 +30,7 @@ from compact.numerics.piecewise import PiecewisePolynomial
 CONTINUATION = 0.5  # [-], of a table piece; its polynomial is continued so far beyond a knot, then by its tangent
 BAND = 1e-10  # [-], of a speed or a travel; an event lies so far beyond its place, so that rounding repeats none
 FORCE_BAND = 1e-6  # [-], of the force scale; likewise for the drive force, whose magnitude is smooth to its square
-REST_BAND = 1e-13  # [-], of the fastest speed and of the stroke; likewise for rest and for plates
+REST_BAND, PLATE_BAND = 1e-13, 1e-15  # [-], of the fastest speed, and of the stroke; likewise for rest and plates
 HOLD = 1e-11  # [-], of the force scale; a cart at rest breaks away so far beyond the limit
 PLATE_REST_SPEED = 1e-6  # [-], of the fastest speed; a slower cart does not rebound from the plate of an end spring
 NEWTON_STEPS = 12  # [-], of the collocation; 1 for dry friction, 2 to 4 are usual
@@ -400,9 +400,9 @@ def _first_event(cart, state, within, springs, limits, step):
             if cart.end_length > 0 and zone != -side:
                 into = side * (y - e) - (cart.end_length if side > 0 else cart.end_length - cart.stroke)
                 if zone == side:
-                    first = _earlier(first, REST_BAND * cart.stroke - into, NEW_ZONE)
+                    first = _earlier(first, PLATE_BAND * cart.stroke - into, NEW_ZONE)
                 else:
-                    first = _earlier(first, REST_BAND * cart.stroke + into, NEW_ZONE + side)
+                    first = _earlier(first, PLATE_BAND * cart.stroke + into, NEW_ZONE + side)
     if cart.backlash > 0:
         band /= cart.stiffness
         for side in (1.0, -1.0):
@@ -527,7 +527,7 @@ def advance(cart: SpringCart, law: PiecewisePolynomial, state: Array, rows: Arra
             state[STEP] = _rounded(h * max(ratio, MIN_RATIO, OVERSHOOT * end if end < SAFETY else 0.0))
             continue
         if slip == 0:
-            if end < 0.25:  # a shorter step locates the breakaway behind a stiff spring
+            if end < 0.25 and h > 8 * MIN_STEP * width:  # a shorter step locates the breakaway behind a stiff spring
                 state[STEP] = _rounded(max(2 * end * h, 4 * MIN_STEP * width))
                 continue
         else:
