@@ -365,7 +365,8 @@ def count_cycles(history: Array) -> list[LoadCycle]:
     load = np.asarray(history, float)
     start, largest = int(load.argmax()), float(np.abs(load).max())
     found = rainflow.extract_cycles(np.concatenate([load[start:], load[: start + 1]]))
-    cycles = [LoadCycle(*map(float, cycle[:3])) for cycle in found if cycle[0] > ROUNDING_RANGE * largest]
+    least, counted = ROUNDING_RANGE * largest, (map(float, cycle[:3]) for cycle in found)
+    cycles = [LoadCycle(size, mean * (abs(mean) > least), share) for size, mean, share in counted if size > least]
 
     def alike(cycles: list[LoadCycle], values: Iterable[float]) -> list[list[LoadCycle]]:
         """Group cycles of equal values, largest first."""
