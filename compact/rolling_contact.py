@@ -11,14 +11,14 @@ are per unit roller length, in SI units.
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Protocol, Self, TypeVar, get_args
+from typing import Any, Literal, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
 from compact.files import write_vtu_series
 from compact.material.layer import HEIGHT_TOLERANCE, BaseCondition, Layer, LowerLift, Ply, compaction_rate  # noqa: F401
 from compact.numerics import Array
-from compact.numerics.validation import require_fields, require_finite, require_known, require_positive
+from compact.numerics.validation import require_fields, require_finite, require_positive
 from compact.quantities import CONTACT, PASS
 
 RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
@@ -119,19 +119,6 @@ def require_moving(speed: float) -> None:
             "`speed` must not be 0, got 0: the resistance at rest is set-valued; use a small speed with the sign of "
             "the travel"
         )
-
-
-def require_known_case(layer: Layer, roller: Roller, speed: float) -> None:
-    """Require a roller in motion [m/s] and known conditions of base, roller and gap."""
-    require_moving(speed)
-    if layer.lower_lift is not None:
-        raise ValueError(
-            "a `lower_lift` must lie under mix that compacts, got one under a linear layer; use the engine column or "
-            "compaction, or give `plies`"
-        )
-    require_known("base", layer.base, get_args(BaseCondition))
-    require_known("rolling", roller.rolling, get_args(RollerCondition))
-    require_known("profile", roller.profile, get_args(GapGeometry))
 
 
 def require_torque_allowed(roller: Roller, torque: float | None) -> None:

@@ -32,6 +32,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from compact import rolling_contact
+from compact.engines.fem import FEM
 from compact.engines.fem.compliance import (
     SurfaceCompliance,
     shape_matrix,
@@ -173,7 +174,7 @@ def require_linear_range(
     layer: Layer, roller: Roller, material: Elastic, speed: float, mesh: RowMesh | None, tolerance: float
 ) -> None:
     """Require arguments, as of `roll`, that the engine covers; ValueError for others."""
-    rolling_contact.require_known_case(layer, roller, speed)
+    FEM.require(layer, roller, speed)
     require_positive(tolerance=tolerance)
     if not isinstance(material, Elastic):
         raise ValueError(f"`material` must be Elastic or Viscoelastic, got {type(material).__name__}")

@@ -281,11 +281,6 @@ class RollingProblem:
         """Thickness of the top ply [m]."""
         return self.layer.top.thickness
 
-    @property
-    def far_coupling(self) -> float:
-        """Coupling f M at k = 0 [-]; on a frictionless base the traction raises the surface far ahead."""
-        return self.coupling + self.friction * float(compliance_deviation(0.0, self.layer, self.poisson)[1])
-
     def symbols(self, half_width: float) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
         """Evaluate zeta, weights, L - 1, M - b and C [-] on a grid for a half-width of the contact [m]."""
         width = 2.0 ** np.floor(np.log2(min(2.0, 2.5 * self.top_thickness / half_width)))
@@ -496,7 +491,9 @@ def _half_plane_part(problem, basis, a):
     depths = np.zeros(modes)
     mean = (np.log(problem.top_thickness / a) - digamma(basis.trailing_exponent) - np.euler_gamma) / np.pi
     rigid = creep.relaxed * basis.unit_test * basis.unit_load
-    depths[0] = rigid * (mean - (problem.coupling + problem.far_coupling) / 2)
+    # on a frictionless base the traction raises the surface far ahead: coupling f M at k = 0
+    far = problem.friction * float(compliance_deviation(0.0, problem.layer, problem.poisson)[1])
+    depths[0] = rigid * (mean - problem.coupling - far / 2)
     if len(creep.lengths):
         beta = a / creep.lengths
         branches = creep_branch_matrices(beta, basis.trailing_exponent, modes)
