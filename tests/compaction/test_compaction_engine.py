@@ -14,6 +14,7 @@ from compact.engines.compaction.engine import field_mesh, roll
 from compact.engines.compaction.layer_state import relax_rows
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
 from compact.material import cap_plasticity
+from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller, compaction_rate
 
 HEIGHT = 0.22 * 0.98 / 0.94
@@ -300,3 +301,21 @@ def test_progress_is_reported_and_can_interrupt():
 
 
 # (h) refusals
+
+
+@pytest.mark.slow
+def test_large_contact_angle_becomes_steady_and_balances():
+    """Contact angle of 23 degrees; the bow wave is higher than the depth."""
+    mix = Compaction(
+        unloading_modulus=120e6,
+        poisson=0.3,
+        heckel_slope=28e-6,
+        loose_density_ratio=0.72,
+        critical_slope=1.2,
+        tensile_strength=14e3,
+        fed_density_ratio=0.935,
+    )
+    rolled = roll(Layer(0.23), Roller(0.11, indentation=0.009, profile="deformed"), mix, 0.2, increments=6)
+    assert rolled.mass_residual < 2e-3
+    assert rolled.work_residual < 0.02
+    assert rolled.bow_wave > rolled.indentation

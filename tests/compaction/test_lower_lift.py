@@ -166,3 +166,14 @@ def test_second_pass_by_finite_elements_carries_both_lifts():
 
 
 # scenes, records and refusals
+
+
+@pytest.mark.slow
+def test_thinner_lower_lifts_tend_to_the_rigid_base(on_base, on_lift):
+    lifts = [
+        roll(replace(LIFT, lower_lift=replace(LOWER, thickness=thickness)), ROLLER, MIX, 0.13, increments=4)
+        for thickness in (0.002, 0.12)
+    ]
+    losses = [1 - rolled.resistance / on_base.resistance for rolled in (lifts[0], on_lift, lifts[1])]
+    assert 0 < losses[0] < 2e-3
+    assert losses[0] < losses[1] < losses[2] < 2 * losses[1]

@@ -12,6 +12,7 @@ import pytest
 from mixes import STIFF, calibrated, free_roller
 
 from compact.engines.compaction.engine import HeapingError, roll
+from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.material.laws import Compaction
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
 from compact.rolling_contact import Layer, Roller
@@ -103,3 +104,46 @@ def test_lifts_become_steady_with_default_options(seed):
     rolled = roll(*random_scene(seed, LIFT), 0.13)
     assert_balanced(rolled)
     assert 0 < rolled.error[0] < 0.06
+
+
+SLIDING = (
+    Layer(0.0732),
+    Roller(0.119, indentation=0.00152, friction=0.31, rolling="sliding", profile="deformed"),
+    Compaction(
+        unloading_modulus=107e6,
+        poisson=0.308,
+        heckel_slope=15.1e-6,
+        loose_density_ratio=0.72,
+        critical_slope=0.972,
+        tensile_strength=13.2e3,
+        fed_density_ratio=0.957,
+    ),
+)
+
+
+def growth_without_jumps(friction, steps=60):
+    """Growth of the bow wave per travel [m] in successive sixths of incremental rolling from rest."""
+    layer, roller, material = SLIDING
+    case = RollingCase(
+        layer, replace(roller, friction=friction), material, 0.13, None, None, RollingNumerics(max_contact_angle=None)
+    )
+    rolling = case.roller_at_rest(case.create_frame(roller.indentation, 4))
+    rolling.solver.tolerance = 1e-2
+    for k in range(steps):
+        rolling.advance(layer.height - roller.indentation * min(1.0, (k + 1) / 12))
+    travel, area = np.array([(step.travel, step.wave_area) for step in rolling.steps[9::10]]).T
+    return np.diff(area) / np.diff(travel)
+
+
+@pytest.mark.slow
+def test_wave_of_a_roller_sliding_with_high_friction_grows_without_slowing_down():
+    """With friction 0.10 the growth slows down towards a steady wave of 94 mm2; with 0.31 it has none.
+
+    Eight elements per contact length give the same: 0.38 to 0.13 mm, and 0.68 to 0.84 mm.
+    """
+    steady, endless = growth_without_jumps(0.10), growth_without_jumps(0.31)
+    assert np.all(np.diff(steady) < 0)
+    assert steady[-1] < 0.4 * steady[0]
+    assert endless.min() > 0.85 * endless[0]
+    with pytest.raises(HeapingError, match="grows without a steady state"):
+        roll(*SLIDING, 0.13, increments=4)

@@ -266,3 +266,75 @@ def test_friction_of_a_sliding_roller_changes_sign_at_rest():
 
 
 # (f) refusals
+
+
+class MirroredMotion:
+    """A motion in the opposite direction."""
+
+    def __init__(self, motion):
+        self.motion, self.duration = motion, motion.duration
+
+    def position(self, time):
+        return -self.motion.position(time)
+
+    def velocity(self, time):
+        return -self.motion.velocity(time)
+
+
+def _forces_at_elements(run, element=WIDE_LENGTH / 6):
+    """Forces after whole elements of the coarsest mesh."""
+    whole = np.abs(run.position / element - np.round(run.position / element)) < 1e-6
+    return {name: getattr(run, name)[whole] for name in ("load", "resistance")}
+
+
+@pytest.mark.slow
+def test_halving_the_step_halves_the_change_at_least():
+    motion = two_strokes(1.5 * WIDE_LENGTH)
+    rough, middle, fine = (_forces_at_elements(simulate_thin(motion, increments=n)) for n in (6, 12, 24))
+    for name in ("load", "resistance"):
+        changes = [np.abs(a[name] - b[name]).max() for a, b in ((rough, middle), (middle, fine))]
+        assert changes[1] < changes[0] / 2
+
+
+@pytest.mark.slow
+def test_dwell_has_no_effect():
+    motion = law("quintic", WIDE_LENGTH, 1.0)
+    without, with_dwell = (simulate_thin(motion.cycle(far_dwell=dwell)) for dwell in (0.0, 3.0))
+    zero = 1e-8 * without.resistance.max()  # the resistance changes its sign
+    assert with_dwell.resistance == pytest.approx(without.resistance, rel=1e-7, abs=zero)
+    assert with_dwell.time[-1] == pytest.approx(without.time[-1] + 3.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("roller", [WIDE, free_roller()], ids=["smooth", "free"])
+def test_opposite_motion_is_the_mirror_image(roller):
+    motion = two_strokes(WIDE_LENGTH)
+    run, mirrored = (simulate_thin(each, roller=roller) for each in (motion, MirroredMotion(motion)))
+    assert mirrored.position == pytest.approx(-run.position, abs=1e-12)
+    assert mirrored.load == pytest.approx(run.load, rel=1e-3)
+    assert mirrored.resistance == pytest.approx(-run.resistance, abs=1e-3 * run.resistance.max())
+    assert mirrored.leading == pytest.approx(-run.trailing, abs=1e-3 * WIDE_LENGTH)
+    assert mirrored.angle == pytest.approx(-run.angle, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_return_stroke_over_compacted_mix_has_little_resistance(from_steady, steady):
+    back = from_steady.resistance[(from_steady.stroke == 2) & (from_steady.position < 4 * LENGTH)]
+    assert (back < 0).all()
+    assert np.abs(back).max() < 0.1 * steady.resistance
+
+
+@pytest.mark.slow
+def test_strokes_with_lifts_repeat(roller, mix):
+    motion = RepeatedMotion(two_strokes(0.1), 4)
+    run = simulate_reciprocating(Layer(0.2), roller, mix, motion, lift_thickness=0.05, increments=4, estimate=False)
+    peaks = [np.abs(run.resistance[run.stroke == k]).max() for k in (1, 2, 3, 4)]
+    assert np.abs(np.diff(peaks)).max() < 0.01 * peaks[0]
+    assert run.work_residual < 0.02
+
+
+def test_vanishing_friction_has_no_effect():
+    motion = law("quintic", WIDE_LENGTH / 2, 2.0)
+    slight, none = simulate_thin(motion, roller=free_roller(1e-7)), simulate_thin(motion)
+    assert slight.load == pytest.approx(none.load, rel=1e-5)
+    assert slight.resistance == pytest.approx(none.resistance, abs=1e-5 * none.resistance.max())

@@ -192,3 +192,43 @@ def test_work_of_roller_and_torque_balances(changes, options):
 
 
 # (e) refusals
+
+
+@pytest.mark.slow
+def test_creepage_converges_to_that_of_the_linear_layer():
+    differences = [abs(creepage_difference(*roll_both("deformed", 0.5, count))) for count in (6, 12, 24)]
+    assert differences[0] > differences[1] > differences[2]
+    assert differences[2] < 0.015
+
+
+@pytest.mark.slow
+def test_creepage_tends_to_the_median_slip_without_friction(free):
+    """Half of the load of a frictionless roller slips ahead and half behind."""
+    slight = roll_high_layer(replace(FREE, friction=1e-3), start=free)
+    frictionless = roll_high_layer(replace(FREE, rolling="frictionless", friction=0.0), start=slight)
+    assert frictionless.creep is None
+    assert slight.load == pytest.approx(frictionless.load, rel=2e-3)
+    assert slight.resistance == pytest.approx(frictionless.resistance, rel=2e-3)
+    rates, _ = slip_and_shear(replace(frictionless, creep=0.0))
+    solution = frictionless.solution
+    weights = (solution.surface.weights * solution.contact.pressure)[solution.contact.pressure > 0]
+    order = np.argsort(rates)
+    median = rates[order][np.searchsorted(np.cumsum(weights[order]), weights.sum() / 2)]
+    assert slight.creep == pytest.approx(-median, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_high_friction_sticks_except_at_the_edges():
+    rates, _ = slip_and_shear(roll_high_layer(replace(FREE, friction=3.0)))
+    assert np.abs(rates[3:-2]).max() < 5e-4
+    assert np.abs(rates).max() > 5e-3
+
+
+@pytest.mark.slow
+def test_opposite_directions_are_mirror_images():
+    roller = Roller(2.0, indentation=0.002, friction=FRICTION, rolling="driven", profile="circle")
+    options = {"torque": 500.0, "strain": "small", "increments": 6}
+    there, back = (roll(LAYER, roller, MIX, sign * 0.2, **options) for sign in (1, -1))
+    assert (back.load, -back.resistance, back.creep) == (there.load, there.resistance, there.creep)
+    assert back.shear_traction == pytest.approx(-there.shear_traction[::-1])
+    assert total_shear(there) == pytest.approx(-500.0 / 2.0)

@@ -300,3 +300,17 @@ def test_error_estimate_covers_the_true_error(scenes):
         problem, half_width = build_rolling_problem(layer, target_roller, mix, SPEED)
         exact = speed_derivative._expansion(problem, solve_contact(problem, 200, half_width))[1] / SPEED**2
         assert abs(found.added_mass - exact) <= 2 * found.error
+
+
+def test_added_mass_falls_with_the_third_power_of_speed():
+    speeds = np.geomspace(1e2, 1e4, 4)
+    masses = [abs(expand_resistance(BONDED, pressed(), MIX, speed).added_mass) for speed in speeds]
+    rate = np.polyfit(np.log(speeds), np.log(masses), 1)[0]
+    assert rate == pytest.approx(-3, abs=0.02), f"M falls as v^{rate:.2f}"
+
+
+@examples(3, slow=6)
+@given(rollers, st.sampled_from([BONDED, SLIP]), speeds)
+def test_added_mass_is_even_in_speed(roller, layer, speed):
+    forth, back = (expand_resistance(layer, roller, MIX, side * speed) for side in (1, -1))
+    assert (back.resistance, back.slope, back.added_mass) == (-forth.resistance, forth.slope, forth.added_mass)

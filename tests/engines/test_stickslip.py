@@ -5,7 +5,7 @@ pressure and shear. The solution rolls from rest cell by cell until it is steady
 the pressure and one for the shear, solved by alternating directions.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from sampling import examples
 
 from compact import fem, mesh
+from compact.engines.spectral import engine as spectral
 from compact.material.laws import Elastic, Viscoelastic
 from compact.rolling_contact import Layer, Roller
 
@@ -36,6 +37,24 @@ def symbols(zeta, poisson):
     along, down = (K * (1 - e**2) + sign * 4 * zeta * e for sign in (1, -1))
     across = K * b * (1 - e) ** 2 - 2 * zeta**2 / (1 - poisson) * e
     return along / below, down / below, across / below
+
+
+def symbols_by_modes(zeta, poisson):
+    """Symbols, 2 x 2, from the four modes exp(+-ky), y exp(+-ky) of Navier's equations between y = 0 and 1."""
+    shear = 1 / (2 * (1 + poisson))
+    lame = 2 * shear * poisson / (1 - 2 * poisson)
+    base, stress, surface = [], [], []
+    for s in (zeta, -zeta):
+        for first in (True, False):
+            for y, kept in ((0.0, base), (1.0, surface)):
+                u = np.array([1j * zeta, s]) if first else np.array([1j * zeta * y, s * y + 1 - 4 * (1 - poisson)])
+                du = s * u + (0 if first else np.array([1j * zeta, s]))
+                kept.append(u * np.exp(s * y))
+            along, up = 1j * zeta * u[0], du[1]
+            t = np.array([shear * (du[0] + 1j * zeta * u[1]), lame * (along + up) + 2 * shear * up])
+            stress.append(t * np.exp(s))
+    modes = np.linalg.solve(np.vstack([np.array(base).T, np.array(stress).T]), np.eye(4)[:, 2:])
+    return np.array(surface).T @ modes * zeta / (2 * (1 - poisson**2))
 
 
 def kernels(count, step):
@@ -318,3 +337,47 @@ def test_coulomb_law_holds_and_reversal_mirrors_the_contact(poisson, friction, s
 
 
 # (f) cost
+
+
+def rolled_by(material, speed, friction, share):
+    """Contact of a driven roller; its torque is a share of friction times `FRICTIONLESS_LOAD`."""
+    turned = Roller(R, indentation=DEPTH, friction=friction, rolling="driven")
+    torque = share * friction * R * FRICTIONLESS_LOAD
+    return fem.roll(LAYER, turned, material, speed, torque=torque, estimate=False)
+
+
+@pytest.mark.parametrize("zeta", [0.1, 1.0, 4.0])
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
+def test_symbols_agree_with_the_modes(zeta, poisson):
+    along, down, across = symbols(zeta, poisson)
+    modes = symbols_by_modes(zeta, poisson)
+    assert modes == pytest.approx(np.array([[along, -1j * across], [1j * across, down]]), rel=1e-9, abs=1e-12)
+
+
+def test_boundary_elements_with_little_friction_agree_with_the_spectral_engine():
+    found = roll_by_boundary_elements(MIX, 1.0, 1e-4, 0.0, 0.0206, cells=40)
+    exact = spectral.roll(LAYER, Roller(R, indentation=DEPTH), MIX, 1.0, rtol=1e-8)
+    assert found.load == pytest.approx(exact.load, rel=2e-4)
+    assert found.pressure.max() == pytest.approx(exact.peak_pressure, rel=2e-3)
+
+
+def test_signs_of_torque_creepage_and_resistance():
+    driven, free, braked = (rolled_by(SLS, 0.03, 0.3, share) for share in (DRIVEN, FREE, BRAKED))
+    assert driven.creep > free.creep > braked.creep
+    assert driven.resistance < 0 < free.resistance < braked.resistance
+    for rolled, share in ((driven, DRIVEN), (free, FREE), (braked, BRAKED)):
+        drag = rolled.resistance - np.trapezoid(rolled.pressure * rolled.x / R, rolled.x)
+        assert drag == pytest.approx(-share * 0.3 * FRICTIONLESS_LOAD, abs=1e-3 * rolled.load)
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("share", [FREE, DRIVEN], ids=["free", "driven"])
+@pytest.mark.parametrize(("deborah", "modulus"), [(1e-4, 1.0), (1e4, 2.0)], ids=["slow", "fast"])
+def test_limits_of_slow_and_fast_rolling_are_elastic(deborah, modulus, share):
+    rolled = rolled_by(SLS, deborah * 0.0206, 0.35, share * modulus)
+    elastic = rolled_by(replace(MIX, youngs_modulus=modulus), 1.0, 0.35, share * modulus)
+    assert rolled.load == pytest.approx(elastic.load, rel=1e-3)
+    assert rolled.creep == pytest.approx(elastic.creep, abs=2e-3 * 0.35 * 0.0206 / R)
+    inside = np.abs(elastic.x) < 0.95 * elastic.leading
+    traction = np.interp(elastic.x, rolled.x, rolled.shear_traction)
+    assert traction[inside] == pytest.approx(elastic.shear_traction[inside], abs=0.02 * 0.35 * elastic.peak_pressure)
