@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 from sampling import examples
 
 from compact import fem
+from compact.analysis.multipass import Pass, passes
 from compact.engines import formula
 from compact.engines.column import column_pass
+from compact.engines.column import engine as column
 from compact.engines.fem import engine as fem_engine
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Elastic, Viscoelastic
@@ -254,6 +256,20 @@ def test_contact_off_target_raises(engine, target, monkeypatch):
     )
     with pytest.raises(RuntimeError, match=words):
         rolled(engine, target, OFF[target])
+
+
+def test_feed_and_passes_off_target_raise(monkeypatch):
+    find = column_pass.solve_target
+    monkeypatch.setattr(
+        column_pass,
+        "solve_target",
+        lambda layer, of, name, value, rtol: find(layer, of, name, off(value), rtol),
+    )
+    with pytest.raises(RuntimeError, match=r"`exit_density_ratio` 0\.96 was prescribed and 0\.96096 reached"):
+        column.required_feed(0.22, 0.96, MIX, SPEED)
+    monkeypatch.setattr(column_pass, "solve_target", lambda layer, of, name, _, rtol: find(layer, of, name, 8e3, rtol))
+    with pytest.raises(RuntimeError, match="`load` 9000 was prescribed and 8000 reached"):
+        passes(LAYER, Roller(R, load=8e3), MIX, SPEED, (Pass(), Pass(load=9e3, forward=False)))
 
 
 def test_torque_and_not_a_number_off_target_raise():

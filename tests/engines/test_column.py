@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from column_cases import DEPTH, FED, FED_HEIGHT, HEIGHT, MIX, SPEED, R, circle, mix, random_scenes, rolled, stepped
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq, root
 
 from compact.analysis.multipass import Pass, passes
@@ -338,3 +338,66 @@ def test_integration_in_several_calls_agrees(monkeypatch):
     paused = rolled(rtol=1e-11)
     assert statuses.count(column_ode.PAUSED) > 10
     assert (paused.load, paused.resistance) == pytest.approx((whole.load, whole.resistance), rel=1e-10)
+
+
+NUDGE = 1e-9  # [-], strain by which the unloading of the path starts inside the ellipse
+
+
+def rate_equation_path(material, strain):
+    """Integrate the rate equations of the full ellipse over ln(h_in/h), to a strain and back to s_v = 0.
+
+    lambda = [K u e_v + (6G/M^2) s:e]/[K u^2 + 12 G q^2/M^4 + (p + pt) H u],  ds = C de - lambda (K u I + (6G/M^2) s)
+    """
+    E, nu, M, pt = material.unloading_modulus, material.poisson, material.critical_slope, material.tensile_strength
+    K, G = E / (3 - 6 * nu), E / (2 + 2 * nu)
+
+    def parts(y):
+        v, h, k = y
+        p, D = (v + 2 * h) / 3, v - h
+        pc = np.log((1 - material.loose_density_ratio) / (1 - k)) / material.heckel_slope
+        return p, D, pc, (D / M) ** 2 + (p + pt) * (p - pc)
+
+    def elastic(_, y):
+        return [K + 4 * G / 3, K - 2 * G / 3, 0.0]
+
+    def plastic(_, y):
+        p, D, pc, _f = parts(y)
+        u, H = 2 * p + pt - pc, y[2] / (material.heckel_slope * (1 - y[2]))
+        work = 2 * D / 3  # s:de of a unit of confined strain
+        flow = (K * u + 6 * G / M**2 * work) / (K * u**2 + 12 * G * D**2 / M**4 + (p + pt) * H * u)
+        along_v, along_h = 6 * G / M**2 * 2 * D / 3, -6 * G / M**2 * D / 3
+        stress = [K + 4 * G / 3 - flow * (K * u + along_v), K - 2 * G / 3 - flow * (K * u + along_h)]
+        return [*stress, y[2] * flow * u]
+
+    def yields(_, y):
+        return parts(y)[3]
+
+    def released(_, y):
+        return y[0]
+
+    yields.terminal, yields.direction, released.terminal = True, 1, True
+
+    def follow(rate, y, start, end, events):
+        tight = {"rtol": 1e-12, "atol": [1e-7, 1e-7, 1e-14], "method": "DOP853"}
+        return solve_ivp(rate, (start, end), y, events=events, **tight)
+
+    up = follow(elastic, [0.0, 0.0, material.fed_density_ratio], 0.0, strain, [yields])
+    if up.t[-1] < strain:
+        up = follow(plastic, up.y[:, -1], up.t[-1], strain, [])
+    top = up.y[:, -1]
+    inside = top - NUDGE * np.array(elastic(0, top))
+    down = follow(elastic, inside, strain - NUDGE, -1.0, [yields, released])
+    if len(down.t_events[0]):
+        down = follow(plastic, down.y[:, -1], down.t[-1], -1.0, [released])
+    return top, down.y[:, -1], down.t[-1]
+
+
+@pytest.mark.parametrize("changes", CORNERS.values(), ids=CORNERS)
+def test_ellipse_follows_the_rate_equations(changes):
+    material = mix(**changes)
+    top, left, strain = rate_equation_path(material, 0.03)
+    contact = roll(Layer(1.0), Roller(R, indentation=-np.expm1(-0.03)), material, SPEED)
+    assert contact.peak_pressure == pytest.approx(top[0], rel=2e-9)
+    assert contact.exit_height == pytest.approx(np.exp(-strain), abs=1e-11)
+    assert contact.exit_density_ratio == pytest.approx(left[2], abs=1e-11)
+    assert contact.exit.layer[0].lateral_stress == pytest.approx(left[1], abs=1e-9 * top[0])

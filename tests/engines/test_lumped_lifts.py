@@ -1,6 +1,7 @@
 """Forming process in two dimensions: integrals over lumped lifts, extrapolation, and lifts by finite elements."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from column_cases import mix
 from lift_sequences import sequence
 
 from compact.analysis.multipass import Pass, passes
+from compact.engines.process import lifts as lumped_lifts
 from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
 from compact.engines.process.lifts import LiftAir, TwoDimensionalRow, lift_thickness, process_frames, simulate_lifts
 from compact.engines.process.roller_row import RollerRow
@@ -139,6 +141,67 @@ def test_mould_at_rest_has_no_work_of_the_throughput(row):
     assert found.resistance.value == 0
     assert np.isnan(found.specific_work)
     assert found.load.value == pytest.approx(1e3 * 0.4)
+
+
+@pytest.fixture
+def fake_roll(monkeypatch):
+    """Passes that press a section to the lowest generatrix, uniformly and without elastic strain."""
+    bites = []
+
+    def press(layer, roller, material, speed, *, fed_layer, increments, steady_tolerance):
+        bites.append(roller.indentation)
+        share = 1 - roller.indentation / fed_layer.height
+        points = replace(fed_layer.points, density_ratio=fed_layer.points.density_ratio / share)
+        return SimpleNamespace(exit=replace(fed_layer, heights=fed_layer.heights * share, points=points))
+
+    def record(passed, before, thickness, *_):
+        found = sequence(to=0.8).lifts[0]
+        return replace(found, thickness=thickness, density_ratio=passed.exit.density_ratio)
+
+    monkeypatch.setattr(lumped_lifts, "roll", press)
+    monkeypatch.setattr(lumped_lifts, "_with_closed_energy", lambda passed: passed)
+    monkeypatch.setattr(lumped_lifts, "_lift", record)
+    return bites
+
+
+def lifts_of(fill, density_ratio=0.9):
+    problem = FormingProblem(MACHINE, MIX, fill, Feed(0.75))
+    return simulate_lifts(problem, 0.35, 1.0, density_ratio, thickness=0.005, increments=6)
+
+
+def test_mould_that_is_not_full_takes_lifts_until_the_roller_touches(fake_roll):
+    found = lifts_of(Fill(0.208, 0.75))
+    assert fake_roll[0] == pytest.approx(0.208 + 3 * 0.005 - 0.22)
+    assert fake_roll[1:] == pytest.approx([0.005] * (len(fake_roll) - 1))
+    assert found.lifts[-1].density_ratio >= 0.9
+
+
+def test_fill_above_the_generatrix_is_pressed_alone(fake_roll, row):
+    """Its lift and the fill together would be beyond the nip; its work belongs to no lift."""
+    found = lifts_of(Fill(0.2255, 0.75))
+    assert fake_roll[0] == pytest.approx(0.0055)
+    assert [lift.thickness for lift in found.lifts[:3]] == [0.0, 0.005, 0.005]
+    both = TwoDimensionalRow(row, (found, replace(found, thickness=0.004)))
+    assert np.isfinite(both.resistance.value)
+
+
+def test_sequence_ends_where_nothing_becomes_denser(fake_roll, monkeypatch):
+    monkeypatch.setattr(lumped_lifts, "roll", lambda *a, fed_layer, **k: SimpleNamespace(exit=fed_layer))
+    assert len(lifts_of(Fill(0.22, 0.75)).lifts) == lumped_lifts.LIFTS_MAX
+
+
+def test_lift_without_a_steady_state_ends_the_sequence_or_is_refused(fake_roll, monkeypatch):
+    def fail(*args, **options):
+        if fake_roll:
+            raise RuntimeError("the mix heaps up; last step")
+        return press(*args, **options)
+
+    press = lumped_lifts.roll
+    monkeypatch.setattr(lumped_lifts, "roll", fail)
+    found = lifts_of(Fill(0.22, 0.75))
+    assert (len(found.lifts), found.stopped) == (1, "the mix heaps up")
+    with pytest.raises(RuntimeError, match="heaps up"):
+        lifts_of(Fill(0.22, 0.75))
 
 
 @pytest.mark.slow

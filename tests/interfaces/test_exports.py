@@ -241,3 +241,24 @@ def test_command_refuses_in_a_sentence(request, tmp_path, capsys, arguments, wor
     scene = str(request.config.rootpath / SMALL)
     assert cli._exit_code(["export", scene, *arguments, "--out", str(tmp_path / "out")]) == 2
     assert words in " ".join(capsys.readouterr().err.replace("│", " ").split())
+
+
+@pytest.mark.slow
+def test_unit_refuses_a_speed_beyond_the_samples(model, unit):
+    cart = unit(model)
+    set_values(cart, velocity=2 * model.largest_speed)
+    with pytest.raises(Exception, match="fmi2GetReal failed with status 3"):
+        value(cart, "drive_force")
+
+
+@pytest.mark.slow
+def test_unit_without_a_compiler_has_sources(model, tmp_path, monkeypatch):
+    from fmpy.validation import validate_fmu
+
+    monkeypatch.setattr("compact.interfaces.functional_mockup.shutil.which", lambda _: None)
+    monkeypatch.delenv("CC", raising=False)
+    path = write_fmu(model, tmp_path / "cart.fmu")
+    assert not has_binary(path)
+    with ZipFile(path) as archive:
+        assert {"sources/cart_fmu.c", "sources/cart_data.h"} <= set(archive.namelist())
+    assert validate_fmu(str(path)) == []
