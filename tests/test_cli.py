@@ -67,6 +67,7 @@ def test_study_runs_without_modules_of_unix(tmp_path):
     assert (tmp_path / "out" / "summary.json").exists()
 
 
+@pytest.mark.slow
 def test_new_scene_runs_as_it_is(compact, tmp_path):
     assert compact("new", tmp_path / "mine").returncode == 0
     done = compact("run", "scene.toml", cwd=tmp_path / "mine")
@@ -219,6 +220,7 @@ def test_ignored_interrupt_of_the_import_stays_ignored():
     assert (told.returncode, told.stderr) == (0, "")
 
 
+@pytest.mark.slow
 @of_unix
 def test_reader_that_closes_early_is_no_error(tmp_path):
     line = f"{sys.executable} -m compact.cli check | head -n 1"

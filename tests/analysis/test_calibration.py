@@ -381,6 +381,7 @@ def command(monkeypatch, capsys, out, *options):
     return json.loads(out.read_text()), capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_command_writes_and_prints_the_fit(published, tmp_path, monkeypatch, capsys):
     written, text = command(monkeypatch, capsys, tmp_path / "c.json")
     assert written["heckel_slope"] == pytest.approx(15.228e-6, rel=1e-4)

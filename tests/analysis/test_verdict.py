@@ -91,6 +91,7 @@ def test_no_contender_without_a_finite_value():
 # uncertainty
 
 
+@pytest.mark.slow
 def test_mix_is_dominated_by_its_stiffness_and_the_fit_is_exact():
     mix = mix_spread(study().scene)
     assert mix.fit > 0.999

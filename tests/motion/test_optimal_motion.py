@@ -484,7 +484,7 @@ def falling(velocity, acceleration):
     ("objective", "resistance", "cam"),
     [
         pytest.param("peak_power", dry(3562.0), None, id="peak_power-dry"),
-        pytest.param("rms_force", falling, ROLLER, id="rms_force-falling-roller"),
+        pytest.param("rms_force", falling, ROLLER, id="rms_force-falling-roller", marks=pytest.mark.slow),
         pytest.param("drawn_energy", falling, None, id="drawn_energy-falling", marks=pytest.mark.slow),
         pytest.param("peak_power", falling, ROLLER, id="peak_power-falling-roller", marks=pytest.mark.slow),
         pytest.param("peak_force", dry(3562.0), ROLLER, id="peak_force-dry-roller", marks=pytest.mark.slow),

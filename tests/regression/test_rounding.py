@@ -78,7 +78,7 @@ def different_beside(found, expected, path):
         yield from different(found, expected, path)
 
 
-@pytest.mark.sampled(10)
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("sign", [1, -1], ids=["up", "down"])
 @pytest.mark.parametrize("key", INPUTS)
 @pytest.mark.parametrize("name", CASES)

@@ -100,9 +100,9 @@ def warm(tmp_path_factory):
 @pytest.mark.parametrize(
     "seed",
     [
-        *range(1, 9),
-        *(204, 238),  # an infinite margin of the motor, and a shaft whose speed overflows, were internal errors
-        *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(9, 41)),
+        *(1, 2, 4, 5),
+        238,  # a shaft whose speed overflows; it and 204, an infinite margin of the motor, were internal errors
+        *(pytest.param(seed, marks=pytest.mark.slow) for seed in (3, *range(6, 41), 204)),
         *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(41, 301) if seed not in (204, 238)),
     ],
 )
