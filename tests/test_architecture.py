@@ -16,6 +16,7 @@ from importlinter.application.use_cases import lint_imports
 import compact
 
 ROOT = Path(__file__).parents[1]
+ENGINES = ("column", "compaction", "fem", "spectral")
 HEAVY = ("numpy", "scipy", "matplotlib", "pydantic")
 
 
@@ -125,3 +126,15 @@ def test_nobody_asks_what_an_engine_is():
     asked = re.compile(rf"(?:engine|ENGINES\[[^]]*\]|used)\.(?:{'|'.join(FLAGS)})\b")
     files = [*PACKAGE.rglob("*.py"), *PACKAGE.rglob("*.j2")]
     assert {f"{path.name}: {found[0]}" for path in files for found in asked.finditer(path.read_text("utf-8"))} == set()
+
+
+def test_a_parameter_travels_through_at_most_eight_modules():
+    page = (ROOT / "docs" / "architecture.md").read_text("utf-8").partition("## The way of a parameter")[2]
+    walk = re.findall(r"^\| `(.*?)` \| `(.*?)` \|", page, re.MULTILINE)
+    assert 5 <= len(walk) <= 8
+    places = [(PACKAGE / name.replace("<engine>/", engine), word) for name, word in walk for engine in ENGINES]
+    sources = {
+        path: "".join(each.read_text("utf-8") for each in [path, *path.glob("*.py")] if each.is_file())
+        for path, _ in places
+    }
+    assert [(path.name, word) for path, word in places if not re.search(rf"\b{word}\b", sources[path])] == []
