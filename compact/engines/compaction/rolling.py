@@ -54,6 +54,7 @@ PENALTY_ROWS = 20  # [-], layer height over the largest length that limits the p
 PENALTY_REDUCTION = 0.1  # [-], factor of the penalty if an increment has no equilibrium
 DAMPING = 0.02  # [-], share of the elastic stiffness; without it a high bow wave takes five times the iterations
 FINAL_DAMPING_RATIO = 0.25  # [-], of the damping once the roller is at its height
+MAX_HALVINGS = 3  # [-], halvings of a step that has no equilibrium
 ROLLING_TOLERANCE = 1e-4  # [-], residual of a step over the nodal forces
 CARRIED_SHARE = 0.5  # [-], of the change of the carried pressure in a step; with 1 it oscillates
 PREDICTION_TAPER = 0.5  # [-], distance ahead of the roller over the contact length from which jumps are predicted
@@ -416,14 +417,9 @@ class IncrementalRolling:
         surface = surface.begin_increment(convected.displacement[frame.surface_nodes]).moved_to(bottom_height)
         try:
             equilibrium = self.solver.solve(convected, surface, prediction, damping)
-        except EquilibriumError as reason:
-            reached = (
-                f"last step: travel {self.steps[-1].travel:.3g} m, {self.steps[-1]}" if self.steps else "no step before"
-            )
-            depth = 1e3 * (frame.mesh.height - bottom_height)
-            raise EquilibriumError(
-                f"step {len(self.steps) + 1} of rolling at depth {depth:.4g} mm: {reason}; {reached}"
-            ) from reason
+        except EquilibriumError:
+            equilibrium = self._solve_in_parts(convected, bottom_height)
+
         self.state, self.contact = equilibrium.state, equilibrium.contact
         self.displacement_change = self.state.displacement - convected.displacement
         if carried is not None:
@@ -449,6 +445,27 @@ class IncrementalRolling:
                 f"travel {step.travel:.3g} m, bow wave {1e3 * step.bow_wave:.3g} mm, residual {step.residual:.1e}"
             )
         return step
+
+    def _solve_in_parts(self, convected: SolidState, bottom_height: float) -> Equilibrium:
+        """Solve a step in halves, quarters, eighths, with a lower penalty; the multipliers compensate it later."""
+        start, step, rolling = self.surface.bottom_height, self.frame.step, self.frame.surface_nodes
+        soft = replace(self.surface, penalty=PENALTY_REDUCTION * self.surface.penalty)
+        for parts in (2**halving for halving in range(1, MAX_HALVINGS + 1)):
+            moved, state, self.solver.solve_tangent = soft.moved_to(start, -step), convected, None
+            iterations = 0
+            try:
+                for share in np.arange(1, parts + 1) / parts:
+                    moved = moved.begin_increment(state.displacement[rolling])
+                    moved = moved.moved_to(start + (bottom_height - start) * share, step * (share - 1))
+                    equilibrium = self.solver.solve(state, moved, state.displacement)
+                    state, iterations = equilibrium.state, iterations + equilibrium.iterations
+                return replace(equilibrium, iterations=iterations)
+            except EquilibriumError as error:
+                reason = error
+        depth, reached = 1e3 * (self.frame.mesh.height - bottom_height), "no step before"
+        if self.steps:
+            reached = f"last step: travel {self.steps[-1].travel:.3g} m, {self.steps[-1]}"
+        raise EquilibriumError(f"step {len(self.steps) + 1} of rolling at depth {depth:.4g} mm: {reason}; {reached}")
 
     def initialise_from(self, other: "IncrementalRolling", state: SolidState, depth: float | None = None) -> None:
         """Continue from the state of another roller.
