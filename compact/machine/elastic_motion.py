@@ -12,7 +12,7 @@ D. G. Anderson, J. ACM 12 (1965) 547.
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property, partial, reduce
+from functools import cached_property, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,24 +98,21 @@ class Kinematics(NamedTuple):
     driven_velocity: Array
 
 
-def _column(k: int, trajectory: "Trajectory") -> Array:
-    """Column of the steps."""
-    return trajectory.rows[:, k]
-
-
 @dataclass(frozen=True)
 class Trajectory:
-    """Motion of a cart over a time; arrays of shape (steps,) with begin and duration [s] of the steps.
-
-    Slip is the direction of the motion, 0 at rest; flank, zone and turn as in `CartState`.
-    """
+    """Motion of a cart over a time; its properties are arrays of shape (steps,)."""
 
     cart: SpringCart
     rows: Array
     start: CartState
     end: CartState
 
-    begin, duration, slip, flank, zone, turn = (property(partial(_column, k)) for k in range(ROW_HEAD))
+    begin = property(lambda self: self.rows[:, 0], doc="Begin of the steps [s].")
+    duration = property(lambda self: self.rows[:, 1], doc="Duration of the steps [s].")
+    slip = property(lambda self: self.rows[:, 2], doc="Direction of the motion, 0 at rest.")
+    flank = property(lambda self: self.rows[:, 3], doc="Flank of the drive, as in `CartState`.")
+    zone = property(lambda self: self.rows[:, 4], doc="Zone of the end springs, as in `CartState`.")
+    turn = property(lambda self: self.rows[:, 5], doc="Position of the last turn [m].")
 
     @cached_property
     def _nodal(self):
