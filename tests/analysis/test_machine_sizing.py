@@ -199,3 +199,10 @@ def test_catalogue_is_validated_before_anything_is_computed(small, text, words):
     with pytest.raises(SceneError) as error:
         Study(scene)
     assert words in str(error.value)
+
+
+@pytest.mark.slow
+def test_stiff_spring_requires_the_motor_of_a_rigid_drive():
+    rigid = sizing(**{"motion.laws": ["cubic"]}).first
+    assert elastic().required_power == pytest.approx(rigid.required_power, rel=0.01)
+    assert elastic().requirement.largest_inertia == pytest.approx(rigid.requirement.largest_inertia, rel=1e-3)

@@ -108,3 +108,7 @@ def test_command_writes_table_results_and_figure(law, tmp_path, monkeypatch, cap
     assert summary["law"] == law
     assert set(summary["specimens"]) == {"loose", "compacted"}
     assert (out / "material.png").stat().st_size > 20_000
+
+
+def test_heckel_slope_is_recovered(programme):
+    assert programme.heckel_slope() == pytest.approx(programme.material.heckel_slope, rel=5e-3)

@@ -276,3 +276,15 @@ def test_results_list_every_pass(tmp_path):
 def test_wrong_input_is_refused(demand, message):
     with pytest.raises(ValueError, match=message):
         demand()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("ratio", "share"), [(4, 0.005), (2, 0.01), (1, 0.03)])
+def test_second_pass_over_a_thin_layer_has_negligible_resistance(ratio, share):
+    first, second = passes(LAYER, wide(ratio), MIX, 0.2, 2, engine="compaction", increments=8)
+    assert abs(second.resistance) < share * first.resistance
+
+
+@pytest.mark.slow
+def test_work_balances_in_every_pass_over_a_thick_layer(thick):
+    assert all(rolled.work_residual < 0.03 for rolled in thick)

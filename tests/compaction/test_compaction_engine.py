@@ -319,3 +319,17 @@ def test_large_contact_angle_becomes_steady_and_balances():
     assert rolled.mass_residual < 2e-3
     assert rolled.work_residual < 0.02
     assert rolled.bow_wave > rolled.indentation
+
+
+def test_convection_keeps_a_stress_that_is_uniform_along_the_travel(mix):
+    frame = coarse_frame(mix, 0.004)
+    state = frame.initial_state()
+    stress = np.outer(1 + frame.solid.point_coordinates[:, 1], [-3e4, 0.0, -2e4, 0.0])
+    state.points.stress[:] = stress
+    behind = frame.solid.point_coordinates[:, 0] < 0.05
+    assert frame.convect(state).points.stress[behind] == pytest.approx(stress[behind], abs=1e-9)
+
+
+def test_pressure_integrates_to_the_load(rolled):
+    tolerance = 0.03 if rolled.error else 0.09  # the edges of 4 elements
+    assert np.trapezoid(rolled.pressure, rolled.x) == pytest.approx(rolled.load, rel=tolerance)

@@ -206,3 +206,9 @@ def test_factors_are_precise_even_of_a_nearly_singular_stiffness(softness):
     order = solid.ordered_dofs
     expected = np.linalg.solve(matrix[np.ix_(order, order)], force)
     assert np.linalg.norm(found - expected) < 1e-2 * np.linalg.norm(expected)
+
+
+def test_small_displacements_give_the_strain_of_small_kinematics():
+    for before, after in random_gradients(20, 1e-5):
+        small, finite = (strain_increment(before, after, finite)[1] for finite in (False, True))
+        assert finite == pytest.approx(small, abs=1e-8)

@@ -401,3 +401,11 @@ def test_ellipse_follows_the_rate_equations(changes):
     assert contact.exit_height == pytest.approx(np.exp(-strain), abs=1e-11)
     assert contact.exit_density_ratio == pytest.approx(left[2], abs=1e-11)
     assert contact.exit.layer[0].lateral_stress == pytest.approx(left[1], abs=1e-9 * top[0])
+
+
+def test_overstress_integral_matches_the_closed_form():
+    """Overstress of Duvaut and Lions v tau (C de - ds_v)/dx, which gives P/P0 = 1 + 674.890 v tau at first order."""
+    contact = rolled()
+    strain = np.log(FED_HEIGHT / HEIGHT)
+    per_length = (oedometric_modulus(MIX) * strain - contact.peak_pressure) / contact.load
+    assert per_length == pytest.approx(674.890, abs=6e-4)

@@ -271,3 +271,34 @@ def test_constant_acceleration_on_a_winkler_foundation(speed, acceleration, forc
     unsteadiness = abs(acceleration) / speed
     remainder = abs(force - steady - acceleration * winkler(speed)[1])
     assert remainder < 0.004 * (unsteadiness / UNSTEADINESS_LIMIT) ** 2 * force
+
+
+@pytest.mark.parametrize(("poisson", "shift"), [(0.2, 0.179), (0.3, 0.122), (0.4, -0.111)])
+def test_thin_bonded_layer_is_an_oedometer_with_a_wider_contact(poisson, shift):
+    ratio = 8.0
+    stiffness = (1 - poisson) ** 2 / (1 - 2 * poisson)  # oedometer modulus over E*
+    wider = 2 / 3 * stiffness * (ratio + shift) ** 3 / (np.pi * ratio**2 / 4)
+    assert unit_load(ratio, poisson) == pytest.approx(wider, rel=4e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("row", [TABLE_E[1], TABLE_E[4], TABLE_E[5]], ids=str)
+def test_thin_layer_of_elements_is_the_winkler_foundation_of_table_e(row):
+    (deborah, trailing, load, resistance, _), b, numbers = row, 0.02, []
+    mix = Viscoelastic(youngs_modulus=1e6, poisson=0.3, branches=((1.0, 1.0),))
+    for height in (b / 20, b / 40):
+        k = mix.contact_modulus / height
+        rolled = roll("fem", Layer(height, base="slip"), pressed(b**2 / (2 * R)), mix, deborah * b)
+        force = rolled.load * R / (k * b**3), rolled.resistance * R**2 / (k * b**4)
+        numbers.append((rolled.leading / b, -rolled.trailing / b, *force))
+    thin = 2 * np.array(numbers[1]) - numbers[0]  # extrapolated to zero height
+    assert thin == pytest.approx((1, trailing, load, resistance), rel=5e-3)
+
+
+def test_remainder_is_of_second_order_in_the_acceleration():
+    """The reference is the quadrature of the Winkler foundation at constant deceleration, contact.md e, m = De = 1."""
+    steady, exact = 0.10445711, {-0.3: 0.09690354, -0.03: 0.10355338}
+    mass = winkler(1.0)[1]
+    remainder = [abs(force - steady - acceleration * mass) for acceleration, force in exact.items()]
+    order = np.log10(remainder[0] / remainder[1])
+    assert order == pytest.approx(2, abs=0.15), f"the remainder falls as a^{order:.2f}"

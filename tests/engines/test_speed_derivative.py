@@ -314,3 +314,9 @@ def test_added_mass_falls_with_the_third_power_of_speed():
 def test_added_mass_is_even_in_speed(roller, layer, speed):
     forth, back = (expand_resistance(layer, roller, MIX, side * speed) for side in (1, -1))
     assert (back.resistance, back.slope, back.added_mass) == (-forth.resistance, forth.slope, forth.added_mass)
+
+
+def test_equal_relaxation_times_act_as_one_branch():
+    split = replace(MIX, branches=((0.3, 0.05), (0.7, 0.05 * (1 + 1e-12))))
+    one, two = (expand_resistance(SLIP, pressed(), mix, 0.3) for mix in (MIX, split))
+    assert two.added_mass == pytest.approx(one.added_mass, rel=1e-8)

@@ -381,3 +381,13 @@ def test_limits_of_slow_and_fast_rolling_are_elastic(deborah, modulus, share):
     inside = np.abs(elastic.x) < 0.95 * elastic.leading
     traction = np.interp(elastic.x, rolled.x, rolled.shear_traction)
     assert traction[inside] == pytest.approx(elastic.shear_traction[inside], abs=0.02 * 0.35 * elastic.peak_pressure)
+
+
+def test_closed_form_of_full_stick_satisfies_its_equation():
+    a, b, x = 0.004, (1 - 2 * NU) / (2 - 2 * NU), np.linspace(-0.0035, 0.0035, 8)
+    angle = (np.arange(20_000) + 0.5) * np.pi / 20_000
+    s = a * np.cos(angle)
+    (w, creepage), source = adhesion(x, a), adhesion(s, a)[0]
+    smooth = (source - w[:, None]) / (x[:, None] - s) * a * np.sin(angle)
+    principal = smooth.mean(axis=1) + w / np.pi * np.log((a + x) / (a - x))
+    assert principal + 1j * b * w == pytest.approx((x - 1j * creepage * R) / (2 * R), abs=1e-6 * a / R)

@@ -159,3 +159,11 @@ def test_mean_of_the_sum_equals_the_sum_of_the_means(angles):
 
 
 # errors
+
+
+@given(ratios, masses, speeds)
+def test_inertia_does_no_work_over_a_revolution(ratio, mass, speed):
+    shaft = simulate_crankshaft(
+        replace(WITHOUT_FRICTION, mass=mass), Crank(0.2, 0.2 / ratio), speed, lambda velocity, acceleration: 0.0
+    )
+    assert abs(shaft.mean(shaft.power)) <= 1e-13 * np.abs(shaft.power).max()

@@ -324,3 +324,10 @@ def test_map_of_a_driven_roller_is_accepted_with_either_sign():
     pulling = ResistanceMap(np.array([0.1, 0.2, 0.3]), np.array([-90.0, -80.0, -70.0]), 1e-3)
     run = simulate(CART, Rigid(), published_law("cubic"), pulling)
     assert run.mean_power < 0.8 / 6 * GUIDE
+
+
+@pytest.mark.parametrize("name", WITHOUT_IMPULSE)
+def test_free_cart_draws_its_kinetic_energy_once_per_stroke(name):
+    motion = published_law(name)
+    run = simulate(replace(UNIT, mass=1000.0), Rigid(), motion, free)
+    assert run.drawn_energy == pytest.approx(2 * 500 * motion.peaks().velocity ** 2, rel=1e-3)

@@ -567,3 +567,72 @@ def test_piecewise_polynomials_resolve_a_boundary_layer():
     table = fit_piecewise(lambda x: np.exp(-x / 1e-4), (0, 1), 1e-10)
     x = np.concatenate([np.logspace(-8, 0, 300), np.linspace(0, 1, 300)])
     assert table(x) == pytest.approx(np.exp(-x / 1e-4), abs=2e-10)
+
+
+def test_spring_limits_the_force_of_a_velocity_jump():
+    """Undamped, with the driven end starting at V against friction: F + V sqrt(k m)."""
+    run = simulate_elastic(
+        CART, ElasticDrive(1e6, 0.0), published_law("gear-sector").cycle(1.0, 1.0), dry(3486.0), regime="rest"
+    )
+    first = run.drive_force[run.time < 0.5]
+    assert np.abs(first).max() == pytest.approx(3486.0 + 0.4 / 3 * math.sqrt(1e6 * MASS), rel=1e-2)
+    assert math.isinf(run.rigid.peak_force)
+    assert math.isnan(run.dynamic_amplification)
+
+
+@pytest.mark.parametrize("name", sampled(WITHOUT_IMPULSE, KINDS))
+def test_stiff_spring_follows_the_law_but_for_its_elongation(name):
+    for cart, ratio, resistance in ((CART, 0.05, free), (CART_OF_C, 0.7, dry(3486.0))):
+        run = simulate_elastic(cart, spring(1e9, ratio), published_law(name), resistance)
+        lag = np.abs(run.cycle.derivative(run.time, 0) - run.state.position).max()
+        assert lag <= (1e-5 * 0.4 if resistance is free else run.peak_force / 1e9 * (1 + 1e-6))
+
+
+def test_septic_law_causes_no_residual_vibration_of_a_stiff_spring():
+    run = simulate_elastic(CART, spring(1e9, 0.7), published_law("septic"), free)
+    inertia = MASS * run.cycle.derivative(run.time, 2)
+    assert np.abs(run.drive_force - inertia).max() < 1e-3 * np.abs(inertia).max()
+    assert run.dynamic_amplification == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["quintic", "parabolic", "reversal-4", "constant-velocity"])
+@pytest.mark.parametrize("backlash", [1e-4, 2e-3])
+@pytest.mark.parametrize("regime", ["rest", "periodic"])
+def test_energy_balance_with_backlash(name, backlash, regime):
+    run = simulate_elastic(
+        CART, spring(1e6, 0.1, backlash), published_law(name).cycle(0.5, 0.2), dry(1500.0), regime=regime
+    )
+    assert run.energy_residual < 1e-6
+    assert {-1, 0, 1} >= set(run.trajectory.flank.tolist()) > {0}
+
+
+def test_peak_is_not_missed_between_samples():
+    run = simulate_elastic(CART, spring(1e7, 0.02), published_law("reversal-2"), dry(3486.0))
+    assert np.abs(run.drive_force).max() <= run.peak_force * (1 + 1e-12)
+    assert np.abs(run.drive_power).max() <= run.peak_power * (1 + 1e-12)
+    densely = run.trajectory.at(np.linspace(0, run.time[-1], 400_001))
+    assert run.peak_force == pytest.approx(np.abs(densely.drive_force).max(), rel=1e-6)
+    assert run.peak_power == pytest.approx(np.abs(densely.drive_force * densely.driven_velocity).max(), rel=1e-6)
+
+
+def test_cart_is_exactly_at_rest_in_a_dwell():
+    run = simulate_elastic(CART, spring(1e6, 0.1), published_law("quintic").cycle(1.0, 1.0), dry(3486.0))
+    trajectory = run.trajectory
+    halfway = trajectory.at(trajectory.begin + trajectory.duration / 2)
+    assert run.stick_time > 2.0
+    assert np.all(halfway.velocity[trajectory.slip == 0] == 0)
+    assert np.all(np.abs(halfway.drive_force[trajectory.slip == 0]) <= 3486.0 * (1 + 1e-9))
+
+
+@pytest.mark.parametrize("name", ["complex", "quintic", "parabolic"])
+def test_energy_balance_with_a_saturated_added_mass(name):
+    speeds = np.geomspace(0.2 / 30, 0.6, 12)
+    added_masses = -800.0 / (1 + (speeds / 0.06) ** 2)
+    resistance = ResistanceMap(
+        speeds, 6e4 * speeds / (1 + (speeds / 0.06) ** 2), 1e-3, None, added_masses, relaxation_time=0.1
+    )
+    run = simulate_elastic(
+        CART_OF_C, replace(spring(1e6, 0.05), include_added_mass=True), published_law(name), resistance
+    )
+    assert run.energy_residual < 1e-6
+    assert run.cost.intervals < 3000
