@@ -156,7 +156,7 @@ def runs(study, cart, resistance):
     """Simulate every law with a cart, a resistance and the drive of the study; return the runs by law."""
     working = (study.scene.motion.run_up, 1 - study.scene.motion.run_down)
     return {
-        name: simulate(cart, machine.drive_of(study.scene, cycle), cycle, resistance, working=working)
+        name: simulate(cart, study.stages.drive.model.make(study.scene, cycle), cycle, resistance, working=working)
         for name, cycle in study.cycles.items()
     }
 

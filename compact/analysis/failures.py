@@ -58,10 +58,12 @@ def run_marked(work: Callable[[Any], Any], task: Any) -> Any:
 
 
 def _is_ours(module: str) -> bool:
-    """Return True for a module of this package, or of a package that adds an engine."""
-    from compact.engines import ENTRY_POINTS  # numpy is not loaded for a page of help
+    """Return True for a module of this package, or of a package that adds an engine or a drive."""
+    from compact.engines import ENGINES  # numpy is not loaded for a page of help
+    from compact.machine.drives import DRIVES
 
-    added = {entry.module.partition(".")[0] for entry in entry_points(group=ENTRY_POINTS)}
+    groups = ENGINES.group, DRIVES.group
+    added = {entry.module.partition(".")[0] for group in groups for entry in entry_points(group=group)}
     return module.partition(".")[0] in {"compact", *added}
 
 

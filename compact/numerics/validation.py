@@ -4,11 +4,12 @@ An error message contains the name in back-ticks, the rule, the value received a
 """
 
 import reprlib
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import fields
 from difflib import get_close_matches
+from importlib.metadata import entry_points
 from numbers import Real
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +21,7 @@ OPPOSING_ROUNDING = 1e-9  # [-], force over the largest force; a wrong sign belo
 MAX_SHOWN = 4  # [-], elements of an array that a message contains in full
 
 Condition = Callable[[Any], Any]
+T = TypeVar("T")
 
 
 class NotFiniteError(ValueError):
@@ -173,3 +175,45 @@ def require_known(kind: str, name: object, choices: Collection[str]) -> None:
         matches = get_close_matches(str(name), choices, n=1)
         hint = f"did you mean '{matches[0]}'? " if matches else ""
         raise ValueError(f"no {kind} '{name}'; {hint}choose from {', '.join(choices)}")
+
+
+class Registry(Mapping[str, T]):
+    """Objects by name: those of this package, then those that other packages add by an entry point.
+
+    Parameters
+    ----------
+    kind : type
+        Class of the objects, which have a `name`.
+    group : str
+        Group of the entry points; an object of another package is loaded when first used.
+    own : iterable
+        Objects of this package.
+    """
+
+    def __init__(self, kind: type[T], group: str, own: Iterable[Any]) -> None:
+        self.kind, self.group = kind, group
+        self.own: dict[str, T] = {each.name: each for each in own}
+
+    @property
+    def installed(self) -> tuple[str, ...]:
+        """Names of the objects of other packages."""
+        return tuple(name for name in entry_points(group=self.group).names if name not in self.own)
+
+    def __getitem__(self, name: str) -> T:
+        if name in self.own:
+            return self.own[name]
+        for entry in entry_points(group=self.group, name=name):
+            found: Any = entry.load()
+            if not isinstance(found, self.kind) or found.name != name:  # type: ignore[attr-defined]
+                raise ValueError(
+                    f"the entry point {name} of the group {self.group} must be of class {self.kind.__name__} and "
+                    f"called {name!r}, got {found!r}"
+                )
+            return found
+        raise KeyError(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter((*self.own, *self.installed))
+
+    def __len__(self) -> int:
+        return len(list(iter(self)))

@@ -1,6 +1,6 @@
 """Tables of a finished study, by the names of their files; the page and summary.json select from the same tables."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import astuple
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from compact.machine.ranking import CRITERIA
 from compact.machine.ranking import value_of as criterion_of
 from compact.machine.roller_motors import roller_rotation
 from compact.motion.profile import EndCondition
-from compact.report.tables import Getter, TableSpec, columns, write_arrays
+from compact.report.tables import Getter, TableSpec, write_arrays
 
 CAM_POINTS = 721  # [-], rows of the table of a cam, each half degree
 CONTACT = (
@@ -32,33 +32,6 @@ CYCLE = (
     "time_s position_m velocity_m/s acceleration_m/s2 jerk_m/s3 resistance_N drive_force_N drive_power_W "
     "front_reaction_N rear_reaction_N"
 )
-RUN = {  # table of the runs by the kind of drive: name of the file and columns
-    "elastic": (
-        "dynamic-amplification",
-        "law=name peak_force_N rigid_peak_force_N=rigid.peak_force dynamic_amplification peak_power_W "
-        "rigid_peak_power_W=rigid.peak_power nonuniformity rigid_nonuniformity=rigid.nonuniformity stick_time_s "
-        "energy_residual intervals=cost.intervals",
-    ),
-    "motor": (
-        "motor",
-        "law=name period_s least_speed_rad/s largest_speed_rad/s fluctuation peak_motor_torque_Nm peak_motor_power_W "
-        "work_of_a_cycle_J=work nonuniformity energy_residual belt_creep belt_loss_J",
-    ),
-    "hydraulic": (
-        "hydraulic",
-        "law=name lack peak_inlet_pressure_Pa=0 peak_outlet_pressure_Pa=0 peak_flow_m3/s largest_inlet_area_m2=0 "
-        "least_outlet_area_m2=0 pump_work_J work_on_the_cart_J=energy throttle_heat_J relief_heat_J energy_residual",
-    ),
-}
-RUN_GETTERS: Mapping[str, Getter] = {  # of columns that are computed
-    "work_of_a_cycle_J": lambda run: float(np.sum(run.weights * run.motor_power)),
-    "peak_inlet_pressure_Pa": lambda run: float(run.valve_flow.inlet_pressure.max()),
-    "peak_outlet_pressure_Pa": lambda run: float(run.valve_flow.outlet_pressure.max()),
-    "largest_inlet_area_m2": lambda run: float(run.valve_flow.inlet_area.max()),
-    "least_outlet_area_m2": lambda run: float(run.valve_flow.outlet_area.min()),
-}
-THROTTLE = "time_s position_m velocity_m/s flow_m3/s inlet_pressure_Pa outlet_pressure_Pa inlet_area_m2 outlet_area_m2"
-STROKE = "time_s position_m velocity_m/s law_position_m inlet_pressure_Pa outlet_pressure_Pa"
 CAM = (
     "law=0 follower=1 breadth_m=2.breadth least_breadth_m=3.breadth rule=3.rule undercut=2.undercut "
     "least_radius_of_curvature_m=2.least_radius_of_curvature largest_pressure_angle_rad=2.largest_pressure_angle "
@@ -156,26 +129,14 @@ def write_tables(study: Study, place: Path) -> Iterator[Path]:
 
 
 def _write_drive(study: Study, place: Path) -> Iterator[Path]:
-    """Write the tables of the kind of drive of the scene."""
-    kind, drive, runs = study.scene.drive.kind, study.stages.drive, list(study.runs.values())
-    if kind in RUN:
-        title, names = RUN[kind]
-        getters = {name: getter for name, getter in RUN_GETTERS.items() if name in columns(names)}
-        shown = [run for run in runs if kind != "motor" or hasattr(run, "motor_torque")]
-        yield TableSpec.of(title, shown, names, **getters).write(place / f"{title}.csv")
-    if kind == "motor" and drive.motor_start is not None:
-        law, start = drive.motor_start
-        values: Sequence[Any] = (start.time, start.angle, start.speed)
-        yield write_arrays(place / f"run-up-{law}.csv", "time_s angle_rad speed_rad/s", values)
-    if kind == "hydraulic":
-        for run in runs:
-            values = (run.time, *run.state[:2], *vars(run.valve_flow).values())
-            yield write_arrays(place / "throttles" / f"{run.name}.csv", THROTTLE, values)
-        if drive.hydraulic_stroke is not None:
-            run, made = drive.hydraulic_stroke
-            law = run.inverse_dynamics.cycle.forward.position(made.time)
-            values = (made.time, made.position, made.velocity, law, made.inlet_pressure, made.outlet_pressure)
-            yield write_arrays(place / f"passage-{run.name}.csv", STROKE, values)
+    """Write the tables of the drive of the scene."""
+    stage = study.stages.drive
+    if stage.model.table:
+        title, names = stage.model.table
+        runs = stage.model.own_runs(list(study.runs.values()))
+        yield TableSpec.of(title, runs, names, **stage.model.computed).write(place / f"{title}.csv")
+    for name, columns, values in stage.tables():
+        yield write_arrays(place / f"{name}.csv", columns, values)
 
 
 def _write_rankings(study: Study, place: Path) -> Iterator[Path]:

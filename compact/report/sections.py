@@ -240,8 +240,8 @@ def _laws(study: Study) -> Iterator[Table]:
 
 
 def _runs(study: Study) -> Iterator[Table]:
-    kind = study.scene.drive.kind
-    declared = RUN + " dynamic_amplification" * (kind == "elastic")
+    kind, model = study.scene.drive.kind, study.stages.drive.model
+    declared = RUN + " dynamic_amplification" * model.driven_end
     yield _table(f"One cart, {kind} drive, over a cycle", study.runs.values(), declared)
 
 

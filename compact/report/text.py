@@ -17,7 +17,6 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.ranking_uncertainty import Place
-from compact.analysis.stages.laws import COMPLIANT_DRIVES
 from compact.analysis.stages.sensitivity import Shift
 from compact.analysis.stages.uncertainty import AIR, DRIVE, FED, LAW, MARGIN_SOURCES, MIX, RankingUncertainty
 from compact.analysis.stages.verdict import Verdict, reason_against, resistances_without_wave, sizing_model
@@ -76,7 +75,6 @@ def _macros() -> Any:
     )  # fmt: skip
     environment.globals |= {each.__name__: each for each in functions}
     environment.globals |= {"CRITERIA": CRITERIA, "AIR": AIR, "DRIVE": DRIVE, "FULL": HECKEL_MAX_DENSITY_RATIO}
-    environment.globals["COMPLIANT_DRIVES"] = COMPLIANT_DRIVES
     return environment.get_template("sentences.j2").module
 
 

@@ -36,6 +36,7 @@ Fit = Literal[  # mix.CALIBRATED, which the prior scales, and two that it does n
     "fed_density_ratio", "roller_friction",
 ]  # fmt: skip
 Engine = Literal["formula", "column", "spectral", "fem", "compaction", "process"]
+DriveKind = Literal["rigid", "crank", "elastic", "motor", "hydraulic"]
 MixLaw = Literal["ellipse", "drucker-prager-cap"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]

@@ -16,6 +16,7 @@ from operator import gt, lt
 from typing import Any
 
 from compact.engines import ENGINES
+from compact.machine.drives import DRIVES
 from compact.material.earth_pressure import earth_pressure_bounds, matched_slopes
 from compact.material.mix import prior, scaled_fits
 from compact.scene.choices import NIP_ANGLE, STROKES_LIMIT
@@ -186,12 +187,6 @@ for _key, _other in NEEDS:
     rule(_key, _other)(partial(_needed, _other))
 
 BELONGS = (  # key, key of the choice, choice to which it belongs, its content where it must be given
-    ("drive.stiffness", "drive.kind", "elastic", "it in N/m"),
-    ("drive.damping", "drive.kind", "elastic", "it in N s/m, 0 for none"),
-    ("drive.backlash", "drive.kind", "elastic", ""),
-    ("drive.include_added_mass", "drive.kind", "elastic", ""),
-    ("drive.motor", "drive.kind", "motor", "the table with curve, gear and inertias"),
-    ("drive.hydraulics", "drive.kind", "hydraulic", "the table with cylinders, pump and oil"),
     ("drive.motor.breakdown_slip", "drive.motor.curve", "kloss", "the slip at the breakdown torque, such as 0.15"),
     ("process.gap", "process.feed", "room", ""),
     ("process.feed_count", "process.feed", "first", "the number of fed strokes"),
@@ -209,6 +204,25 @@ def _belongs(choice, own, content, value, chosen):
 
 for _key, _other, _own, _content in BELONGS:
     rule(_key, _other)(partial(_belongs, _other, _own, _content))
+
+
+def _belongs_to_drive(key, owner, value, kind):
+    drive = DRIVES[kind]
+    if key in drive.keys or value is None:
+        return _belongs("drive.kind", kind, drive.keys.get(key), value, kind)
+    return _belongs("drive.kind", owner, "", value, kind)
+
+
+def _taken_by_drive(key, value, kind):
+    if value and (reason := DRIVES[kind].refused.get(key)):
+        return f'is not for drive.kind = "{kind}", which {reason}; take it out, or choose another drive'
+
+
+for _drive in DRIVES.own.values():
+    for _key in _drive.keys:
+        rule(_key, "drive.kind")(partial(_belongs_to_drive, _key, _drive.name))
+for _key in ("drive.catalogue", "drive.end_springs", "motion.dwell"):
+    rule(_key, "drive.kind")(partial(_taken_by_drive, _key))
 
 
 def _one_entry_each(counted, entries, count):
@@ -333,18 +347,12 @@ def _durations_are_positive_and_differ(others, duration):
 def _crank_has_a_rod(rod, laws, kind, wanted):
     users = {
         "motion.laws": {"crank", "all"} & {*laws},
-        "drive.kind": kind == "crank",
+        "drive.kind": DRIVES[kind].needs_rod,
         "output.items": "crank" in wanted,
     }
     if rod is None and any(users.values()):
         named = " and ".join(key for key, holds in users.items() if holds)
         return f"is missing for the crank of {named}; give the length of the connecting rod in m"
-
-
-@rule("drive.catalogue", "drive.kind")
-def _catalogue_belongs_to_a_shaft(catalogue, kind):
-    if catalogue is not None and kind == "hydraulic":
-        return 'is for a drive with a shaft, got drive.kind = "hydraulic"; take the table out'
 
 
 @rule("cam", "output.items")

@@ -19,6 +19,7 @@ from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
 from compact.engines import ENGINES
+from compact.machine.drives import DRIVES
 from compact.scene.loader import Scene
 
 SCENE_SCHEMA_FILE = "scene.schema.json"  # file next to the scene of `compact new`
@@ -53,6 +54,7 @@ def scene_schema() -> dict[str, Any]:
     for table in definitions.values():
         table.pop("title", None)
     definitions["Accuracy"]["properties"]["engine"]["enum"] = list(ENGINES)  # with those of other packages
+    definitions["Drive"]["properties"]["kind"]["enum"] = list(DRIVES)
     return {"$schema": DIALECT, **schema, "title": "Scene of compact", "definitions": definitions}
 
 

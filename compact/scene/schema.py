@@ -29,8 +29,10 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
-from compact.engines import BUILT_IN, installed_engines
+from compact.engines import ENGINES
+from compact.machine import drives
 from compact.material.mix import CALIBRATED, is_same_state, scaled_fits
+from compact.numerics.validation import Registry
 from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
 from compact.scene import choices
 
@@ -86,6 +88,16 @@ def key(meaning: str, low: float = 0.0, high: float = 0.0, why: str = "", *, def
 positive, nonnegative, share = partial(key, gt=0), partial(key, ge=0), partial(key, ge=0, le=1)
 optional, or_zero = partial(positive, default=None), partial(nonnegative, default=None)  # a number, or none
 Maybe = float | None
+
+
+def _or_installed(registry: Registry[Any]) -> tuple[Any, ...]:
+    """Return annotations of a key that takes the names of objects of other packages as well."""
+
+    def validate(value: Any, of_this_package: Callable[[Any], Any]) -> Any:
+        is_other = isinstance(value, str) and value not in registry.own and value in registry.installed
+        return value if is_other else of_this_package(value)
+
+    return WrapValidator(validate), PlainSerializer(str, str)
 
 
 class Table(BaseModel):
@@ -341,7 +353,7 @@ class CatalogueTable(Table):
 class Drive(Table):
     """Drive of the carts, and the criteria of the ranking."""
 
-    kind: Literal["rigid", "crank", "elastic", "motor", "hydraulic"] = key("the kind of drive")
+    kind: Annotated[choices.DriveKind, *_or_installed(drives.DRIVES)] = key("the kind of drive")
     stiffness: Maybe = optional("the stiffness of an elastic drive [N/m]", 1e3, 1e10, "soft belts to short steel bars")
     damping: Maybe = or_zero("the damping of an elastic drive [N s/m], 0 for none", 1, 1e8, DRIVES)
     backlash: Maybe = or_zero("the backlash of an elastic drive [m]", 1e-6, 0.05, "play of couplings and gears")
@@ -426,19 +438,11 @@ class Contact(Table):
     speeds: choices.Numbers | None = key("the speeds of the contacts [m/s]", 1e-4, 5, "rolling", default=None)
 
 
-def _installed_engine(value: Any, validate: Callable[[Any], Any]) -> Any:
-    """Accept the engines of other packages as well."""
-    is_other = isinstance(value, str) and value not in BUILT_IN and value in installed_engines()
-    return value if is_other else validate(value)
-
-
 class Accuracy(Table):
     """Contact engine and its relative error tolerance."""
 
     tolerance: float = positive("the relative error tolerance, 0.01 for 1 %", 1e-5, 0.2, ERRORS, lt=0.5)
-    engine: Annotated[choices.Engine, WrapValidator(_installed_engine), PlainSerializer(str, str)] = key(
-        "the contact engine"
-    )
+    engine: Annotated[choices.Engine, *_or_installed(ENGINES)] = key("the contact engine")
 
 
 class Given(Table):
@@ -469,7 +473,7 @@ class Compare(Table):
     @classmethod
     def _of_engines(cls, given: Any) -> Any:
         """Refuse tables of other names than those of engines."""
-        known = {*cls.model_fields, *installed_engines()}
+        known = {*cls.model_fields, *ENGINES.installed}
         unknown = [name for name in given if name not in known] if isinstance(given, dict) else []
         if unknown:
             found = [InitErrorDetails(type="extra_forbidden", loc=(name,), input=given[name]) for name in unknown]

@@ -78,7 +78,7 @@ def test_ranking_is_that_of_a_table_of_the_same_numbers(kind, study):
     cart = machine_models.cart(given, contacts.process.load)
     working = (given.motion.run_up, 1 - given.motion.run_down)
     runs = [
-        drive.simulate(cart, machine_models.drive_of(given, cycle), cycle, table, working=working)
+        drive.simulate(cart, stages.drive.model.make(given, cycle), cycle, table, working=working)
         for cycle in stages.laws.cycles.values()
     ]
     for by, ranked in stages.drive.rankings.items():

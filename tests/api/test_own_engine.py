@@ -79,7 +79,9 @@ def test_engine_of_another_package_is_compared(installed, tmp_path):
 
 
 def test_faulty_entry_point_is_named(installed):
-    with pytest.raises(ValueError, match=r"the entry point broken of the group compact.engines must be an Engine"):
+    with pytest.raises(
+        ValueError, match=r"the entry point broken of the group compact.engines must be of class Engine"
+    ):
         compact.load_scene(SMALL).roll(0.2, engine="broken")
 
 

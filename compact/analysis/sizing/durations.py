@@ -22,6 +22,7 @@ from scipy.optimize import brentq
 
 from compact import drive
 from compact.analysis.stages.drives import Stages, simulate_laws
+from compact.machine.drives import DRIVES
 from compact.machine.ranking import ROUNDING_TIE, Ranked, value_of
 from compact.scene.loader import Scene
 
@@ -140,11 +141,10 @@ def require_durations(scene: Scene, durations: Sequence[float]) -> None:
     ValueError
         If the drive determines the duration itself.
     """
-    if durations and scene.drive.kind == "motor":
+    if durations and DRIVES[scene.drive.kind].sets_duration:
         raise ValueError(
-            'drive.kind = "motor" determines the duration of a pass by the speed of the motor; --over duration is for '
-            "other drives, such as --set drive.kind=rigid without [drive.motor], or vary drive.motor.gear_ratio by "
-            "`compact sweep`"
+            f'drive.kind = "{scene.drive.kind}" determines the duration of a pass itself; --over duration is for other '
+            "drives, such as --set drive.kind=rigid without [drive.motor], or vary the gear ratio by `compact sweep`"
         )
     for duration in durations:
         scene.require_fields(**{"motion.duration": duration})

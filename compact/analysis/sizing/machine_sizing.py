@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compact.analysis import machine_models
+from compact.analysis.machine_models import catalogue
 from compact.analysis.stages.drives import Stages
 from compact.machine.component_sizing import (
     SECONDS_PER_HOUR,
@@ -31,6 +31,7 @@ from compact.machine.component_sizing import (
     requirement_of_run,
     shaft_requirement,
 )
+from compact.machine.drives import angles_of
 from compact.machine.shaft import CartsOnShaft
 
 
@@ -127,7 +128,7 @@ def machine_sizing(stages: Stages, law: str | None = None) -> MachineSizing:
     scene, first_law = stages.drive.scene, law or stages.drive.best_law
     machine, run, table = scene.machine, stages.drive.runs[first_law], scene.drive.catalogue
     rule = SizingRule() if table is None else SizingRule(**table.model_dump(exclude={"file"}))
-    laws = {} if scene.drive.kind == "hydraulic" else _law_sizings(stages, rule)
+    laws = _law_sizings(stages, rule) if stages.drive.model.has_shaft else {}
     forces, cart, velocity = run.state.forces, run.cart, run.state.velocity
     loads = {
         "front guide wheel": forces.front_reaction,
@@ -152,14 +153,13 @@ def machine_sizing(stages: Stages, law: str | None = None) -> MachineSizing:
 def _law_sizings(stages: Stages, rule: SizingRule) -> dict[str, LawSizing]:
     """Compute the torque of the shaft under every law and choose its motor."""
     scene, cart, resistance = stages.drive.scene, stages.resistance.cart, stages.resistance.resistance
-    motors, angles, found = machine_models.catalogue(scene), machine_models.angles(scene), {}
+    model, motors, angles, found = stages.drive.model, catalogue(scene), angles_of(scene), {}
     for name, cycle in stages.drive.cycles.items():
         needed = None
-        if scene.drive.kind == "elastic":
+        if model.driven_end:
             needed = requirement_of_run(stages.drive.runs[name], angles)
         elif not any(join.order == 1 for join in cycle.discontinuities()):
-            linkage = machine_models.linkage(scene, cycle)
-            needed = shaft_requirement(CartsOnShaft(cart, cycle, resistance, angles, linkage))
+            needed = shaft_requirement(CartsOnShaft(cart, cycle, resistance, angles, model.linkage(scene, cycle)))
         power = math.inf if needed is None else rule.required_power(needed)
         choice = choose_motor(motors, needed, rule) if motors and needed else None
         found[name] = LawSizing(name, needed, power, choice)

@@ -23,6 +23,7 @@ from compact.analysis.stages.laws import LawStage
 from compact.analysis.stages.resistance import ResistanceLaw, ResistanceStage
 from compact.machine.cart import Cart
 from compact.machine.crankshaft import CRANK_ANGLES, CrankshaftRevolution, simulate_crankshaft
+from compact.machine.drives import DRIVES, Table, angles_of, crank_of
 from compact.machine.ranking import Ranked
 from compact.machine.rigid_drive import InverseDynamics
 from compact.machine.roller_motors import (
@@ -59,6 +60,7 @@ class DriveStage:
     def __init__(self, resistance: ResistanceStage, laws: Callable[[], dict[str, Cycle]]) -> None:
         self.resistance, self.contacts, self._laws = resistance, resistance.contacts, laws
         self.scene, self.count = self.contacts.scene, self.contacts.count
+        self.model = DRIVES[self.scene.drive.kind]
 
     @cached_property
     def cycles(self) -> dict[str, Cycle]:
@@ -97,9 +99,9 @@ class DriveStage:
 
     @cached_property
     def places(self) -> dict[str, dict[str, list[Place]]]:
-        """Places of the laws by drive and criterion: the drive of the scene, and a rigid one if that is elastic."""
+        """Places of the laws by drive and criterion: that of the scene, and a rigid one where that has a spring."""
         runs = {self.scene.drive.kind: (self.rankings, self.heavier_runs)}
-        if self.scene.drive.kind == "elastic":
+        if self.model.driven_end:
             rigid = {name: run.rigid for name, run in self.runs.items()}
             heavier = self.heavier_runs and {name: run.rigid for name, run in self.heavier_runs.items()}
             runs["rigid"] = ({by: drive.rank(rigid.values(), by) for by in self.rankings}, heavier)
@@ -145,30 +147,9 @@ class DriveStage:
             for over, (load, resistance) in ratios.items()
         }  # fmt: skip
 
-    @cached_property
-    def motor_start(self) -> tuple[str, Any] | None:
-        """First law that the motor drives, and the start from rest with it; None where the motor does not start."""
-        from compact.machine.motor_drive import simulate_acceleration_phase
-
-        first = next((run for run in self._ranked_runs if hasattr(run, "load")), None)
-        if first is None:
-            return None
-        self.count("run-up")
-        try:
-            load = first.load
-            return first.name, simulate_acceleration_phase(load.cart, load.motor, load.cycle, load.resistance)
-        except RuntimeError as error:
-            warnings.warn(f"no start from rest under '{first.name}': {error}", stacklevel=2)
-            return None
-
-    @cached_property
-    def hydraulic_stroke(self) -> tuple[Any, Any] | None:
-        """Run of the first law that the throttles realise, and its stroke with compressible oil; None without one."""
-        first = next((run for run in self._ranked_runs if not run.lack), None)
-        if first is None:
-            return None
-        self.count("passage")
-        return first, first.simulate_stroke()
+    def tables(self) -> Iterator[Table]:
+        """Yield the further tables of the drive, such as the start of a motor from rest under the first law."""
+        yield from self.model.tables(self._ranked_runs, self.count)
 
     @property
     def _ranked_runs(self) -> list[Any]:
@@ -189,10 +170,8 @@ class DriveStage:
     @cached_property
     def turns(self) -> dict[str, CrankshaftRevolution]:
         """One turn of the crankshaft with 1 to 4 carts at their usual angles, and under "scene" that of the scene."""
-        angles = {str(count): usual for count, usual in CRANK_ANGLES.items()} | {
-            "scene": machine_models.angles(self.scene)
-        }
-        crank, cart, resistance = machine_models.crank(self.scene), self.resistance.cart, self.resistance.resistance
+        angles = {str(count): usual for count, usual in CRANK_ANGLES.items()} | {"scene": angles_of(self.scene)}
+        crank, cart, resistance = crank_of(self.scene), self.resistance.cart, self.resistance.resistance
         assert crank is not None  # rule of the scene: the output "crank" requires a rod
         speed, turns = np.pi / self.scene.motion.duration, {}
         for key, ahead in angles.items():
@@ -225,17 +204,18 @@ def simulate_laws(
     tuple
         Name of a law and its run.
     """
-    working, alike = (scene.motion.run_up, 1 - scene.motion.run_down), dict[Any, Any]()
+    model, alike = DRIVES[scene.drive.kind], dict[Any, Any]()
+    working = scene.motion.run_up, 1 - scene.motion.run_down
     for name, cycle in cycles.items():
         begin()
         if twin := alike.get(_motion_of(cycle)):
             yield name, replace(twin, cycle=cycle)
             continue
         try:
-            run = drive.simulate(cart, machine_models.drive_of(scene, cycle), cycle, resistance, working=working)
+            run = drive.simulate(cart, model.make(scene, cycle), cycle, resistance, working=working)
         except tolerated:
             continue
-        if scene.drive.kind == "elastic":
+        if model.driven_end:
             alike[_motion_of(cycle)] = run
         yield name, run
 

@@ -16,6 +16,7 @@ from compact.cams.machining import cut
 from compact.cams.profile import Cam, FlatFace, Follower, LeastBreadth, Pointed, RollerFollower
 from compact.cams.workshop_drawing import animated_svg, describe, workshop_drawing
 from compact.machine.cart import MotionResistance
+from compact.machine.drives import DRIVES, OVERSHOOT
 from compact.motion.limits import CamLimits, InfeasibleError, Limits
 from compact.motion.optimal_motion import OptimalMotion, optimal_law_name, optimise
 from compact.motion.profile import Cycle, MotionProfile, law
@@ -23,8 +24,6 @@ from compact.numerics.validation import require_known
 from compact.scene.loader import Scene, SceneError
 from compact.scene.schema import Optimise
 
-COMPLIANT_DRIVES = ("elastic", "motor")  # kinds of drive whose cart deviates from the law
-OVERSHOOT = 2.0  # [-], largest speed of a compliant drive over that of its law
 EXTENSIONS = 8  # largest number of extensions of the resistance map for one optimal law
 EXTENSION_FACTOR = 1.3  # [-], new over old largest speed
 BOUND_SHARE = 1 - 1e-6  # [-], of the velocity limit; a faster law is restricted by it
@@ -95,16 +94,16 @@ class LawStage:
     @property
     def overshoot(self) -> float:
         """Largest speed of the cart over that of its law [-]."""
-        return OVERSHOOT if self.scene.drive.kind in COMPLIANT_DRIVES else 1.0
+        return DRIVES[self.scene.drive.kind].overshoot
 
     def largest_speed(self) -> float:
         """Return the largest speed of the cart under any prescribed law, the crank and each duration of a pass [m/s].
 
         Behind a spring a velocity jump at a reversal is twice the velocity.
         """
-        motion, speeds = self.scene.motion, []
+        motion, driven_end, speeds = self.scene.motion, DRIVES[self.scene.drive.kind].driven_end, []
         for cycle in self.prescribed.values():
-            jumps = self.scene.drive.kind == "elastic" and any(join.order == 1 for join in cycle.discontinuities())
+            jumps = driven_end and any(join.order == 1 for join in cycle.discontinuities())
             speeds.append(cycle.forward.peaks().velocity * (OVERSHOOT if jumps else 1.0))
         if motion.rod_length is not None:
             speeds.append(law("crank", motion.stroke, motion.duration, rod_length=motion.rod_length).peaks().velocity)

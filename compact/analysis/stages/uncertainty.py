@@ -46,6 +46,7 @@ from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
 from compact.analysis.worker_pool import Executor
 from compact.engines import ENGINES
 from compact.machine.cart import Cart
+from compact.machine.drives import DRIVES
 from compact.material.mix import prior
 from compact.motion.profile import Cycle
 from compact.scene.loader import Scene
@@ -65,10 +66,6 @@ CONTENDER_SHARE = 1.5  # [-], of the least peak; laws beyond it are not first wh
 OIL_SHARE = 1.05  # [-], of the least peak; laws whose strokes with compressible oil are computed
 FED = "fed_density_ratio"
 HELD_FIELDS = (("height", "indentation"), ("load", "load"), ("peak_pressure", "peak_pressure"))
-FACTOR = 3.0  # [-], of stiffness and bulk modulus that are not measured, in either direction
-INERTIA_FACTOR = 1.5  # [-], of the inertia at the shaft, in either direction
-DAMPING_RATIOS = (0.02, 0.2)  # [-], of a cart on a spring
-STROKE_TOLERANCE = 1e-6  # [-], relative; strokes with compressible oil
 LEAST_EFFECT = 1e-3  # [-], a smaller change of the resistance is not simulated
 
 
@@ -277,8 +274,8 @@ def ranking_uncertainty(
     at_once = {each.engine: {by: each.values(duration, kind, by) for by in laws} for each in others}
     answers.append((MODELS, ", ".join(at_once), at_once))
     moved: Run = partial(drive_peaks, cart, cycles, met, tuple(laws))
-    if kind == "hydraulic":
-        moved = partial(_oil_peaks, scene, cart, near(OIL_SHARE), met, tuple(laws))
+    if DRIVES[kind].realises:
+        moved = partial(_realised_peaks, scene, cart, near(OIL_SHARE), met, tuple(laws))
     by_drive = solved(drive_variants(scene), moved)
     answers.append((DRIVE, ", ".join(by_drive), by_drive))
     if leads and contacts.second_pass is not None and scene.layer.return_stroke != "compacted":
@@ -372,33 +369,10 @@ def drive_variants(scene: Scene) -> list[Change]:
     been loaded, and its damping within one of three before it has been struck. A key whose comment in the scene says
     `measured` does not vary.
     """
-
-    def both(words: str, factor: float, keys: Mapping[str, float], damping: float | None = None) -> list[Change]:
-        unknown = {key: value for key, value in keys.items() if value and not scene.is_marked(key, "measured")}
-        ways = ((f"{words} ÷ {factor:g}", 1 / factor), (f"{words} × {factor:g}", factor)) if unknown else ()
-        return [
-            Change(label, {key: by * value for key, value in unknown.items()}
-                   | ({} if damping is None else {"drive.damping": damping * math.sqrt(by)}))
-            for label, by in ways
-        ]  # fmt: skip
-
-    table = scene.drive
-    if table.kind == "motor" and table.motor:
-        motor = table.motor
-        inertias = {"drive.motor.inertia": motor.inertia, "drive.motor.flywheel_inertia": motor.flywheel_inertia}
-        return both("inertia", INERTIA_FACTOR, inertias)
-    if table.kind == "hydraulic" and table.hydraulics:
-        return both("bulk modulus", FACTOR, {"drive.hydraulics.bulk_modulus": table.hydraulics.bulk_modulus})
-    if table.kind != "elastic" or table.stiffness is None:
-        return []
-    damped = scene.is_marked("drive.damping", "measured")
-    found = both("stiffness", FACTOR, {"drive.stiffness": table.stiffness}, None if damped else table.damping)
-    critical = 2 * math.sqrt(table.stiffness * scene.machine.mass)
-    ratios = () if damped else DAMPING_RATIOS
-    return found + [Change(f"damping ratio {ratio:g}", {"drive.damping": ratio * critical}) for ratio in ratios]
+    return [Change(*each) for each in DRIVES[scene.drive.kind].variants(scene)]
 
 
-def _oil_peaks(
+def _realised_peaks(
     nominal: Scene,
     cart: Cart,
     cycles: Mapping[str, Cycle],
@@ -407,22 +381,12 @@ def _oil_peaks(
     scene: Scene,
     change: Change,
 ) -> Peaks:
-    """Return the peaks of forward strokes with the compressible oil of a scene, each of which takes about a second.
-
-    The valve areas are those that realise the law with an incompressible oil.
-    """
-    assert scene.drive.hydraulics is not None  # rule of the scene
+    """Return the peaks of what the drive of a changed scene makes of the laws of the nominal one."""
     found: dict[str, dict[str, float]] = {by: {} for by in criteria}
     for law, run in simulate_laws(nominal, cart, cycles, change.resistance or resistance, RuntimeError):
-        if run.lack:
-            continue
-        oil = replace(run, hydraulic=replace(run.hydraulic, bulk_modulus=scene.drive.hydraulics.bulk_modulus))
-        with suppress(RuntimeError):
-            stroke = oil.simulate_stroke(rtol=STROKE_TOLERANCE)
-            force = np.abs(run.hydraulic.piston_area * (stroke.inlet_pressure - stroke.outlet_pressure))
-            known = {"peak_force": force, "peak_power": force * np.abs(stroke.velocity)}
-            for by in known.keys() & found.keys():
-                found[by][law] = float(known[by].max())
+        for by, value in DRIVES[nominal.drive.kind].realised_peaks(scene, run).items():
+            if by in found:
+                found[by][law] = value
     return found
 
 
