@@ -12,9 +12,8 @@ tests but isotropic compression are in plane strain; compression is positive.
     unconfined  biaxial without lateral pressure
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cached_property, partial
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,10 +21,11 @@ from scipy.optimize import brentq
 
 from compact.material import cap_plasticity
 from compact.material.drucker_prager_cap import return_to_line
+from compact.material.elliptic_cap import return_map
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
-from compact.numerics.validation import require_instance, require_positive
+from compact.numerics.validation import require_positive
 
 STEPS = 200  # [-], of one test
 AXIAL_STRAIN = 0.05  # [-], at the end of biaxial, unconfined and shear tests
@@ -37,7 +37,7 @@ OWN_FIRST, LARGEST = 1e-6, 1e-2  # [-], first increment of own materials and lar
 VOLUME_LIMIT = 0.999  # [-], density ratio at which own materials end without reaching a pressure
 MAX_ITERATIONS = 100  # [-], of the lateral strain in one step; some 5 are usual
 STIFFNESS_SHARE = 1e-4  # [-], least tangent of the lateral strain over that at rest
-LATERAL, AXIAL = 0, 1  # components of x and y
+LATERAL, AXIAL, PLANE = 0, 1, [0, 1, 3]  # components of x and y, and those of plane strain
 CONFINED, EQUAL = np.array([0.0, -1.0, 0.0, 0.0]), np.array([-1.0, -1.0, -1.0, 0.0])  # directions of strain
 
 
@@ -77,7 +77,7 @@ class MaterialTest:
         return (self.axial_stress + self.lateral_stress + self.transverse_stress) / 3
 
     @property
-    def shear_stress(self) -> Array:
+    def von_mises_stress(self) -> Array:
         """Von Mises stress q [Pa]."""
         a, b, c = self.axial_stress, self.lateral_stress, self.transverse_stress
         return np.sqrt(((a - b) ** 2 + (b - c) ** 2 + (c - a) ** 2) / 2)
@@ -95,37 +95,56 @@ class MaterialTest:
 
 @dataclass(frozen=True)
 class LaboratoryProgramme:
-    """Tests of one mix.
+    """Tests of one mix or own material.
 
     Parameters
     ----------
-    material : Compaction
-        Constitutive law.
-    density_ratio : float
-        Density ratio of compacted specimens [-].
+    material : Compaction or StateUpdate
+        Constitutive law of a mix, or own material.
+    density_ratio : float or None
+        Density ratio of the compacted specimens of a mix [-]; None for loose specimens alone, as of an own material.
     pressure : float
-        Vertical stress at the end of the oedometer [Pa].
+        Vertical stress at the end of the oedometer and of isotropic compression [Pa], > 0.
     """
 
-    material: Compaction
-    density_ratio: float
+    material: Compaction | StateUpdate
+    density_ratio: float | None
     pressure: float
 
     def __post_init__(self) -> None:
-        require_positive(density_ratio=self.density_ratio, pressure=self.pressure)
-        if not self.material.fed_density_ratio <= self.density_ratio < 1:
+        require_positive(pressure=self.pressure)
+        if not self.material.fed_density_ratio <= [*self.specimens.values()][-1] < 1:
             raise ValueError(
                 f"`density_ratio` of the compacted specimen must lie between the initial one "
                 f"{self.material.fed_density_ratio!r} and 1, got {self.density_ratio!r}"
             )
 
+    @property
+    def specimens(self) -> dict[str, float]:
+        """Density ratio of each specimen before its tests [-]."""
+        compacted = {} if self.density_ratio is None else {"compacted": self.density_ratio}
+        return {"loose": self.material.fed_density_ratio} | compacted
+
+    def path(self, specimen: str = "loose", share: float = 0.0) -> "StrainPath":
+        """Return the path of a new specimen under a lateral pressure, given as a share of the largest [-]."""
+        confining, law = share * self.pressure, self.material
+        if isinstance(law, Compaction):
+            law = _update_of_mix(law, confining, self.specimens[specimen])
+        return StrainPath(law, specimen, self.pressure, confining, of_mix=law is not self.material)
+
     @cached_property
     def tests(self) -> tuple[MaterialTest, ...]:
-        """All tests: oedometer, isotropic compression, and shear tests of both specimens."""
-        found = [oedometer(self.material, self.pressure), isotropic_compression(self.material, self.pressure)]
-        for specimen, ratio in (("loose", self.material.fed_density_ratio), ("compacted", self.density_ratio)):
-            path = partial(_path_of_mix, self.material, self.pressure, density_ratio=ratio)
-            found += _shear_tests(path, self.pressure, specimen)
+        """All tests: oedometer, isotropic compression, and shear tests of each specimen.
+
+        Raises
+        ------
+        RuntimeError
+            If an own material does not reach the pressure before its pores close, or a lateral stress is not reached.
+        """
+        found = [self.path().oedometer(), self.path().isotropic()]
+        for specimen in self.specimens:
+            found += [self.path(specimen, share).biaxial() for share in (0.0, *LATERAL_SHARES)]
+            found.append(self.path(specimen, LATERAL_SHARES[-1]).pure_shear())
         return tuple(found)
 
     def test(self, name: str, specimen: str = "loose", lateral_pressure: float | None = None) -> MaterialTest:
@@ -195,92 +214,32 @@ class LaboratoryProgramme:
         return float(np.degrees(np.arcsin(sine))), float(cohesion)
 
 
-def oedometer(material: Compaction, pressure: float) -> MaterialTest:
-    """Compress loose mix without lateral strain up to a vertical stress [Pa], and release it."""
-    return _path_of_mix(material, pressure).oedometer()
+def _update_of_mix(material: Compaction, confining: float, density_ratio: float) -> StateUpdate:
+    """Return the law of a mix as a state update from a confining pressure [Pa] and a density ratio [-].
 
-
-def isotropic_compression(material: Compaction, pressure: float) -> MaterialTest:
-    """Compress loose mix by equal principal stresses up to a pressure [Pa], by the return mapping itself."""
-    constants = cap_plasticity.cap_constants(material, 1.0)
-    k = densest = float(material.fed_density_ratio)
-    p, strain, step = 0.0, 0.0, pressure / STEPS / constants.K
-    rows = [(strain, p, k)]
-    while p < pressure:
-        trial = (p + constants.K * step, 0.0, k, densest, 0.0)
-        if constants.line:
-            found = return_to_line(constants, *trial, np.nan, 1.0)
-        else:
-            found = cap_plasticity.return_map(constants, *trial)
-        strain += step
-        step *= 1.5 if found[1] - p < 0.5 * pressure / STEPS else 1.0
-        p, k, densest = float(found[1]), float(found[3]), float(found[4])
-        rows.append((strain, p, k))
-    volume, stress, ratio = np.array(rows).T
-    return MaterialTest("isotropic", "loose", 0.0, volume / 3, volume, stress, stress, stress, ratio)
-
-
-def own_material_tests(material: StateUpdate, pressure: float) -> tuple[MaterialTest, ...]:
-    """Apply the laboratory tests to loose mix of an own material; see `api.results.laboratory_tests`.
-
-    Parameters
-    ----------
-    material : StateUpdate
-        Material law.
-    pressure : float
-        Vertical stress at the end of the oedometer and of isotropic compression [Pa], > 0.
-
-    Returns
-    -------
-    tuple of MaterialTest
-        Oedometer with unloading, isotropic compression, biaxial tests, among them the unconfined one, and pure shear.
-
-    Raises
-    ------
-    RuntimeError
-        If the material does not reach the pressure before its pores close, or a lateral stress is not reached.
+    It takes strains in plane strain, and equal principal strains by the return mapping itself.
     """
-    require_instance(StateUpdate, "a StateUpdate", material=material)
-    require_positive(pressure=pressure)
-
-    def path(confining: float = 0.0) -> StrainPath:
-        return StrainPath(material, material.initial_state, pressure, confining)
-
-    isotropic = path()
-    isotropic.compress(EQUAL, pressure)
-    return path().oedometer(), isotropic.test("isotropic"), *_shear_tests(path, pressure, "loose")
-
-
-def _shear_tests(path: "Callable[[float], StrainPath]", pressure: float, specimen: str) -> Iterator[MaterialTest]:
-    """Apply the shear tests to specimens under lateral pressures [Pa], each on a new path."""
-    for share in (0.0, *LATERAL_SHARES):
-        yield path(share * pressure).biaxial(specimen)
-    sheared = path(LATERAL_SHARES[-1] * pressure)
-    for increment in AXIAL_INCREMENTS.tolist():
-        sheared.advance(np.array([increment, -increment, 0.0, 0.0]))
-    yield sheared.test("pure shear", specimen)
-
-
-def _path_of_mix(
-    material: Compaction, pressure: float, confining: float = 0.0, density_ratio: float | None = None
-) -> "StrainPath":
-    """Return the path of mix under a confining pressure [Pa] at a density ratio [-], that of the fed mix by default."""
-    start = cap_plasticity.initial_state(material, 1)
+    start, constants = cap_plasticity.initial_state(material, 1), cap_plasticity.cap_constants(material, 1.0)
     start.stress[:, :3] = -confining
-    if density_ratio is not None:
-        start.density_ratio[:] = start.max_density_ratio[:] = density_ratio
+    start.density_ratio[:] = start.max_density_ratio[:] = density_ratio
 
     def update(state: cap_plasticity.MaterialPoint, strain: Array) -> tuple[Array, Any, Array]:
-        after, tangent = cap_plasticity.integrate_points(material, state, strain[None, [0, 1, 3]])
-        assert tangent is not None  # as tangents are computed by default
         whole = np.zeros((4, 4))
-        whole[np.ix_([0, 1, 3], [0, 1, 3])] = tangent[0]
+        if strain[2]:
+            p = -float(state.stress[0, 0]) - constants.K * float(strain[:3].sum())
+            trial = (p, 0.0, float(state.density_ratio[0]), float(state.max_density_ratio[0]), 0.0)
+            if constants.line:
+                _, p, _, *densities = return_to_line(constants, *trial, np.nan, 1.0)
+            else:
+                _, p, _, *densities = return_map(constants, *trial)
+            k, densest = np.array(densities[:2])[:, None]
+            after = replace(state, stress=p * EQUAL[None], density_ratio=k, max_density_ratio=densest)
+        else:
+            after, tangent = cap_plasticity.integrate_points(material, state, strain[None, PLANE])
+            whole[np.ix_(PLANE, PLANE)] = tangent
         return after.stress[0], after, whole
 
-    law = StateUpdate(update, start, material.fed_density_ratio, "the mix")
-    return StrainPath(
-        law, start, pressure, confining, STRESS_TOLERANCE, 2 * -np.log(material.fed_density_ratio) / STEPS, of_mix=True
-    )
+    return StateUpdate(update, start, density_ratio, "the mix")
 
 
 class StrainPath:
@@ -289,28 +248,21 @@ class StrainPath:
     Parameters
     ----------
     law : StateUpdate
-        Material law.
-    state : object
-        State at the begin.
+        Material law with the state at the begin.
+    specimen : str
+        Name of the specimen.
     pressure : float
         Largest pressure of the tests [Pa], to which tolerances refer.
     confining : float
         Lateral pressure [Pa].
-    tolerance : float
-        Of the lateral stress over the pressure [-].
-    first : float
-        First increment of a path to a pressure [-].
     of_mix : bool
         State of a mix, a `MaterialPoint`, which has a density ratio without the elastic part of the volume.
     """
 
-    def __init__(
-        self, law: StateUpdate, state: Any, pressure: float, confining: float = 0.0, tolerance: float = OWN_TOLERANCE,
-        first: float = OWN_FIRST, of_mix: bool = False,
-    ) -> None:  # fmt: skip
-        self.law, self.pressure, self.confining, self.tolerance = law, pressure, confining, tolerance
-        self.first, self.of_mix, self.volume, self.guess = first, of_mix, 0.0, 0.0
-        self.stress, self.state, self.tangent = law.advance(state, np.zeros(4))
+    def __init__(self, law: StateUpdate, specimen: str, pressure: float, confining: float, of_mix: bool) -> None:
+        self.law, self.specimen, self.pressure, self.confining, self.of_mix = law, specimen, pressure, confining, of_mix
+        self.volume, self.guess = 0.0, 0.0  # strain of the volume, and lateral over axial strain at constant pressure
+        self.stress, self.state, self.tangent = law.advance(law.initial_state, np.zeros(4))
         self.stiffness = float(self.tangent[LATERAL, LATERAL])  # at rest
         self.rows = [self._row(0.0, 0.0)]
         if self.axial_stress < confining:
@@ -351,9 +303,9 @@ class StrainPath:
 
     def compress(self, direction: Array, pressure: float) -> None:
         """Strain in a direction until the axial stress equals a pressure [Pa]."""
-        step, fed = self.first, self.law.fed_density_ratio
+        step = -2 * np.log(self.law.fed_density_ratio) / STEPS if self.of_mix else OWN_FIRST
         while (reached := self.axial_stress) < pressure:
-            if not self.of_mix and fed * np.exp(self.volume) > VOLUME_LIMIT:
+            if not self.of_mix and self.rows[-1][-1] > VOLUME_LIMIT:
                 raise RuntimeError(
                     f"{self.law.name} bears {reached:.4g} Pa at a density ratio of {VOLUME_LIMIT}, required "
                     f"{pressure:.4g} Pa; lower the pressure of the tests"
@@ -375,13 +327,24 @@ class StrainPath:
                 raise RuntimeError(f"{self.law.name} does not unload in confined compression")
         return self.test("oedometer")
 
-    def biaxial(self, specimen: str) -> MaterialTest:
+    def isotropic(self) -> MaterialTest:
+        """Compress the point by equal principal stresses up to the pressure."""
+        self.compress(EQUAL, self.pressure)
+        return self.test("isotropic")
+
+    def pure_shear(self) -> MaterialTest:
+        """Shear the point at constant volume."""
+        for increment in AXIAL_INCREMENTS.tolist():
+            self.advance(np.array([increment, -increment, 0.0, 0.0]))
+        return self.test("pure shear")
+
+    def biaxial(self) -> MaterialTest:
         """Compress the point along its axis at the confining pressure, up to the end of measured densities of a mix."""
         for axial in AXIAL_INCREMENTS.tolist():
             self._advance_at_pressure(axial)
             if self.of_mix and self.rows[-1][-1] > HECKEL_MAX_DENSITY_RATIO:
                 break
-        return self.test("biaxial" if self.confining else "unconfined", specimen)
+        return self.test("biaxial" if self.confining else "unconfined")
 
     def _advance_at_pressure(self, axial: float) -> None:
         """Apply an axial compression at the confining pressure; Newton's method, safeguarded by bisection."""
@@ -390,7 +353,7 @@ class StrainPath:
             strain = np.array([-lateral, -axial, 0.0, 0.0])
             stress, _, tangent = self.law.advance(self.state, strain)
             excess = -float(stress[LATERAL]) - self.confining
-            if abs(excess) < self.tolerance * self.pressure:
+            if abs(excess) < (STRESS_TOLERANCE if self.of_mix else OWN_TOLERANCE) * self.pressure:
                 self.guess = lateral / axial
                 self.advance(strain)
                 return
@@ -403,7 +366,7 @@ class StrainPath:
             f"{MAX_ITERATIONS} iterations; check the tangent"
         )
 
-    def test(self, name: str, specimen: str = "loose") -> MaterialTest:
+    def test(self, name: str) -> MaterialTest:
         """Return the test with this path."""
         axial, volume, side, along, across, ratio = np.array(self.rows).T
-        return MaterialTest(name, specimen, self.confining, axial, volume, along, side, across, ratio)
+        return MaterialTest(name, self.specimen, self.confining, axial, volume, along, side, across, ratio)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.analysis.contact_cases import contact_inputs, prescribed_target
-from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest, own_material_tests
+from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest
 from compact.analysis.mix_laws import compaction_material, scene_mix
 from compact.analysis.pore_air import has_air
 from compact.analysis.ranking_uncertainty import Place
@@ -23,7 +23,7 @@ from compact.motion.tabulated import from_function, from_table
 from compact.numerics import Array
 from compact.numerics.validation import require_instance
 from compact.quantities import CONTACT, MOTION, SPEED, Quantity
-from compact.report.tables import Tabular
+from compact.report.tables import TableSpec, Tabular
 from compact.resistance import ResistanceMap
 from compact.rolling_contact import Contact
 from compact.scene.loader import Scene
@@ -39,9 +39,6 @@ PLOTTED_SPEEDS = 9  # [-], of a resistance without samples
 ERROR = Quantity("relative error estimate", "1")
 OWN_CONTACT = {"load_error": ERROR, "resistance_error": ERROR, "iterations": Quantity("iterations", "1")}
 RESISTANCE = {"speed": SPEED, "resistance": MOTION["cart_resistance"], "added_mass": MOTION["added_mass"]}
-STRESSES = (
-    "lateral_pressure", "axial_stress", "lateral_stress", "transverse_stress", "mean_pressure", "von_mises_stress",
-)  # fmt: skip
 
 OwnLaw = MotionProfile | Callable[[Any], ArrayLike] | tuple[ArrayLike, ArrayLike]
 
@@ -241,38 +238,33 @@ class LaboratoryTests(Tabular, Sequence[MaterialTest]):
 
     Parameters
     ----------
-    tests : tuple of MaterialTest
-        Paths of the tests.
+    programme : LaboratoryProgramme
+        Tests of the material.
     name : str
         Name of the material.
-    programme : LaboratoryProgramme, optional
-        Programme of a mix; None for an own material.
     """
 
-    tests: tuple[MaterialTest, ...]
+    programme: LaboratoryProgramme
     name: str
-    programme: LaboratoryProgramme | None = None
-
-    _quantities = dict.fromkeys(STRESSES, Quantity("stress", "Pa", "kPa"))
 
     def __getitem__(self, index: Any) -> Any:
-        return self.tests[index]
+        return self.programme.tests[index]
 
     def __len__(self) -> int:
-        return len(self.tests)
+        return len(self.programme.tests)
 
-    def columns(self) -> dict[str, Any]:
-        """Return the points of all paths."""
-        from compact.report.laboratory import HEADER, path_rows
+    @property
+    def table(self) -> TableSpec:
+        """Points of all paths."""
+        from compact.report.laboratory import path_table
 
-        names = [name.removesuffix("_Pa") for name in HEADER]
-        return dict(zip(names, zip(*path_rows(self.tests), strict=True), strict=True))
+        return path_table(self, repr(self)[1:-1])
 
     def plot(self) -> "Figure":
-        """Draw the tests: those of a mix as `compact material`, those of an own material as stress over strain."""
-        from compact.report.laboratory import draw_material_tests, draw_stress_strain
+        """Draw the tests, as `compact material` does."""
+        from compact.report.laboratory import draw_material_tests
 
-        return draw_stress_strain(self.tests) if self.programme is None else draw_material_tests(self.programme)
+        return draw_material_tests(self.programme)
 
     def __repr__(self) -> str:
         return f"<{len(self)} laboratory tests of {self.name}>"
@@ -291,14 +283,16 @@ def laboratory_tests(material: StateUpdate, pressure: float) -> LaboratoryTests:
     Returns
     -------
     LaboratoryTests
-        Oedometer with unloading, isotropic compression, biaxial tests, among them the unconfined one, and pure shear.
+        Oedometer with unloading, isotropic compression, biaxial tests, among them the unconfined one, and pure shear;
+        computed when first used.
 
     Raises
     ------
-    RuntimeError
-        If the material does not reach the pressure before its pores close, or a lateral stress is not reached.
+    ValueError
+        If the material is no `StateUpdate`.
     """
-    return LaboratoryTests(own_material_tests(material, pressure), material.name)
+    require_instance(StateUpdate, "a StateUpdate", material=material)
+    return LaboratoryTests(LaboratoryProgramme(material, None, pressure), material.name)
 
 
 def tests_of_mix(scene: Scene) -> LaboratoryTests:
@@ -315,7 +309,7 @@ def tests_of_mix(scene: Scene) -> LaboratoryTests:
     """
     mix = scene_mix(scene)
     programme = LaboratoryProgramme(compaction_material(scene, mix), scene.mix.density_ratio, mix.required_pressure)
-    return LaboratoryTests(programme.tests, f"the mix, law {scene.mix.law}", programme)
+    return LaboratoryTests(programme, f"the mix, law {scene.mix.law}")
 
 
 def roll_material(scene: Scene, material: StateUpdate, speed: float) -> Contact:

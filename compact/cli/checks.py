@@ -27,7 +27,7 @@ def material(scene: ScenePath, /, *, job: OwningJob = OWNING_JOB) -> None:
     with job.writing(scene, "material", given) as (place, _):
         write_material_tests(programme, given.mix.law, place)
     content = read_json(place / "material.json")
-    job.show(lambda: material_digest(programme, given.mix.law), place, material=content)
+    job.show(lambda: material_digest(content), place, material=content)
 
 
 def calibrate(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis.material_tests import LaboratoryProgramme, isotropic_compression
+from compact.analysis.material_tests import LaboratoryProgramme
 from compact.analysis.mix_laws import compaction_material, scene_mix
 from compact.cli import program as cli
 from compact.engines.column.engine import simulate_oedometer
@@ -42,7 +42,8 @@ def test_oedometer_is_that_of_the_columns(programme):
 
 
 def test_isotropic_compression_follows_the_yield_pressure(programme):
-    test = isotropic_compression(programme.material, PRESSURE)
+    test = programme.test("isotropic")
+    assert test.axial_stress[-1] == pytest.approx(PRESSURE, rel=1e-9)
     hardened = test.density_ratio > test.density_ratio[0]
     expected = programme.material.yield_pressure(test.density_ratio[hardened])
     assert test.axial_stress[hardened] == pytest.approx(expected, rel=1e-10)
@@ -108,7 +109,3 @@ def test_command_writes_table_results_and_figure(law, tmp_path, monkeypatch, cap
     assert summary["law"] == law
     assert set(summary["specimens"]) == {"loose", "compacted"}
     assert (out / "material.png").stat().st_size > 20_000
-
-
-def test_heckel_slope_is_recovered(programme):
-    assert programme.heckel_slope() == pytest.approx(programme.material.heckel_slope, rel=5e-3)
