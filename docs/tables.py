@@ -11,16 +11,11 @@ import sys
 from pathlib import Path
 
 from compact.report import validation
-from compact.validation.runner import CASES, CaseResult
+from compact.validation.case import CASES
 from compact.verification import published_numbers
 
 DOCS = Path(__file__).parent
 MARK = re.compile(r"(?m)^<!-- table: (.+) -->$")
-
-
-def recorded(name: str) -> CaseResult:
-    """Return a case with the recorded values; the tests compute them again."""
-    return CaseResult(CASES[name], tuple(CASES[name].rows.values()))
 
 
 def table(name: str) -> str:
@@ -32,9 +27,10 @@ def table(name: str) -> str:
             [row.source, row.quantity, row.unit, row.printed, f"{row.computed:.6g}", row.verdict]
             for row in published_numbers.rows()
         ]
-        return validation.markdown_table([header, ["---"] * len(header), *cells])
+        return validation.markdown_table(header, cells)
     if kind == "validation" and not part.endswith(".csv"):
-        return validation.markdown_case(recorded(part)) if part else overview()
+        recorded = CASES[part] if part else None  # the tests compute them again
+        return validation.markdown_case(recorded) if recorded else validation.markdown_overview([*CASES.values()])
     path = DOCS / ("verification.csv" if kind == "verification" else name)
     header, *rows = csv.reader(path.read_text("utf-8").splitlines())
     if kind == "verification":
@@ -42,12 +38,7 @@ def table(name: str) -> str:
         rows = [[text, f"`{limit}`", files(paths)] for section, text, limit, paths in rows if section == part]
     if not rows:
         raise KeyError(f"no table {name}")
-    return validation.markdown_table([header, ["---"] * len(header), *rows])
-
-
-def overview() -> str:
-    """Return the count of verdicts of every case."""
-    return validation.markdown_overview([recorded(name) for name in CASES])
+    return validation.markdown_table(header, rows)
 
 
 def files(paths: str) -> str:

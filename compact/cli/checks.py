@@ -104,20 +104,20 @@ def validate(
         folder for the text, the table and the figures
     """
     from compact.report import validation
-    from compact.validation.runner import evaluate_case, select_cases
+    from compact.validation.case import select_cases
 
     cases = select_cases(names)
     results = []
     with console.progress(len(cases)) as progress:
         for case in cases:
             progress.begin(case.name)
-            results.append(evaluate_case(case))
+            results.append(case.evaluated())
             progress.advance()
     written = [] if out is None else validation.write_validation(out, results)
     files = "".join(f"\n  {path}" for path in written)
     summaries = validation.case_summaries(results)
-    console.show(lambda: validation.text_table(results) + files, files=written, cases=summaries)
-    moved = sum(each.moved for result in results for each in result.comparisons)
+    console.show(lambda: validation.validation_text(results) + files, files=written, cases=summaries)
+    moved = sum(each.moved for result in results for each in result.rows.values())
     return (
         cli.print_error(f"{moved} computed numbers have moved from the recorded ones", cli.NO_RESULT)
         if moved

@@ -1,7 +1,6 @@
-"""Validation as text, as tables of Markdown, as figures, and as files of a directory."""
+"""Validation as tables of Markdown, on the terminal too, as figures, and as files of a directory."""
 
 import math
-import textwrap
 from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import cycle
@@ -12,79 +11,74 @@ from matplotlib.figure import Figure
 
 from compact.files import atomic_file, write_csv, write_figure
 from compact.report.figures import DASHES, PALETTE, panels
-from compact.validation.case import PREDICTED, Comparison, Panel
-from compact.validation.runner import VERDICTS, CaseResult
+from compact.validation.case import PREDICTED, VERDICTS, Comparison, Panel, ValidationCase
 
-TABLE_WIDTH = 120  # characters of a line
-QUANTITY_WIDTH = 48  # characters; a longer quantity has a line of its own
-NOTE_INDENT = " " * 4  # of the lines below a row
 PANEL = (4.3, 3.0)  # [inch], of a figure
 MARKER_SIZE = 4  # [points]
 MARKERS = ("o", "s", "^", "D", "v", "P")
 HEADER = ("quantity", "unit", "ours", "theirs", "scatter", "deviation", "expected", "verdict")
 
 
-def text_table(results: Sequence[CaseResult]) -> str:
-    """Format evaluated cases as text of about 120 columns, with a count of the verdicts."""
-    lines: list[str] = []
-    for result in results:
-        case = result.case
-        lines += ["", f"{case.name}: {case.title} ({case.kind}; {', '.join(case.engines)})"]
-        lines += [_line(*HEADER), "-" * TABLE_WIDTH]
-        for each in result.comparisons:
-            moved = f"MOVED: ours {each.ours:.9g}, recorded {each.recorded:.9g}" if each.moved else ""
-            lines += [_line(*_cells(each)), *_wrapped("; ".join(_reasons(each))), *_wrapped(moved)]
-        lines += _wrapped(f"Source: {case.source}.")
-    return "\n".join([*lines[1:], "", counts_sentence(results)])
+def validation_text(cases: Sequence[ValidationCase]) -> str:
+    """Format evaluated cases as Markdown, with a count of the verdicts."""
+    parts = [f"## {each.name}\n\n{each.title} ({each.kind}; {', '.join(each.engines)})" for each in cases]
+    bodies = [f"{part}\n\n{markdown_case(case)}" for part, case in zip(parts, cases, strict=True)]
+    return "\n".join([*bodies, counts_sentence(cases)])
 
 
-def counts_sentence(results: Sequence[CaseResult]) -> str:
+def counts_sentence(cases: Sequence[ValidationCase]) -> str:
     """Count the verdicts of evaluated cases in one sentence."""
-    totals = {verdict: sum(result.counts[verdict] for result in results) for verdict in VERDICTS}
+    totals = {verdict: sum(case.counts[verdict] for case in cases) for verdict in VERDICTS}
     shares = ", ".join(f"{count} {verdict}" for verdict, count in totals.items())
-    return f"{sum(totals.values())} numbers of {len(results)} case{'s' if len(results) > 1 else ''}: {shares}"
+    return f"{sum(totals.values())} numbers of {len(cases)} case{'s' if len(cases) > 1 else ''}: {shares}"
 
 
-def case_summaries(results: Sequence[CaseResult]) -> list[dict[str, Any]]:
+def case_summaries(cases: Sequence[ValidationCase]) -> list[dict[str, Any]]:
     """Return cases with their comparisons and verdicts, for JSON."""
     return [
         {
-            "case": result.case.name,
-            "title": result.case.title,
-            "engines": list(result.case.engines),
-            "comparisons": [asdict(each) | {"verdict": each.verdict} for each in result.comparisons],
+            "case": case.name,
+            "title": case.title,
+            "engines": list(case.engines),
+            "comparisons": [asdict(each) | {"verdict": each.verdict} for each in case.rows.values()],
         }
-        for result in results
+        for case in cases
     ]
 
 
-def markdown_case(result: CaseResult) -> str:
+def markdown_case(case: ValidationCase) -> str:
     """Format one case as a table of Markdown, with numbered remarks and the source."""
     remarks: dict[str, int] = {}
-    rows: list[Sequence[str]] = [HEADER, ("---",) * len(HEADER)]
-    for each in result.comparisons:
+    rows: list[Sequence[str]] = []
+    for each in case.rows.values():
         *cells, verdict = _cells(each)
-        places = sorted(remarks.setdefault(text, len(remarks) + 1) for text in _reasons(each))
+        basis = each.basis if each.basis != PREDICTED else ""
+        moved = f"MOVED: ours {each.ours:.9g}, recorded {each.recorded:.9g}" if each.moved else ""
+        told = [text for text in (basis, each.why, moved) if text]
+        places = sorted(remarks.setdefault(text, len(remarks) + 1) for text in told)
         rows.append((*cells, f"{verdict} ({', '.join(map(str, places))})" if places else verdict))
     listed = "".join(f"{number}. {text}.\n" for text, number in remarks.items())
-    return f"{markdown_table(rows)}\n{listed}\nSource: {result.case.source}.\n"
+    return f"{markdown_table(HEADER, rows)}\n{listed}\nSource: {case.source}.\n"
 
 
-def markdown_overview(results: Sequence[CaseResult]) -> str:
+def markdown_overview(cases: Sequence[ValidationCase]) -> str:
     """Format one line for each case with the count of its verdicts, as a table of Markdown."""
-    rows: list[Sequence[str]] = [("case", "kind", "engines", *VERDICTS), ("---",) * 6]
-    for result in results:
-        case, counts = result.case, (str(count) for count in result.counts.values())
-        rows.append((f"[{case.name}](#{case.name})", case.kind, ", ".join(case.engines), *counts))
-    return f"{markdown_table(rows)}\n{counts_sentence(results)}.\n"
+    rows = [
+        (f"[{case.name}](#{case.name})", case.kind, ", ".join(case.engines), *map(str, case.counts.values()))
+        for case in cases
+    ]
+    return f"{markdown_table(('case', 'kind', 'engines', *VERDICTS), rows)}\n{counts_sentence(cases)}.\n"
 
 
-def markdown_table(rows: Sequence[Sequence[str]]) -> str:
-    """Format rows of cells, the second of them the rule, as a table of Markdown."""
-    return "".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |\n" for row in rows)
+def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Format rows of cells as a table of Markdown, whose columns are aligned as text too."""
+    escaped = [[cell.replace("|", "\\|") for cell in row] for row in (header, *rows)]
+    widths = [max(map(len, column)) for column in zip(*escaped, strict=True)]
+    escaped.insert(1, ["-" * max(width, 3) for width in widths])
+    return "".join(f"| {' | '.join(map(str.ljust, row, widths))} |\n" for row in escaped)
 
 
-def write_validation(directory: Path, results: Sequence[CaseResult]) -> list[Path]:
+def write_validation(directory: Path, cases: Sequence[ValidationCase]) -> list[Path]:
     """Write the text, the table of all values and one figure of each case; return the files.
 
     Parameters
@@ -93,18 +87,16 @@ def write_validation(directory: Path, results: Sequence[CaseResult]) -> list[Pat
         Directory; created if absent.
     """
     rows = [
-        (result.case.name, each.key, each.ours, each.theirs, each.verdict)
-        for result in results
-        for each in result.comparisons
+        (case.name, each.key, each.ours, each.theirs, each.verdict) for case in cases for each in case.rows.values()
     ]
-    written = [directory / "validation.txt", directory / "validation.csv"]
+    written = [directory / "validation.md", directory / "validation.csv"]
     with atomic_file(written[0]) as stream:
-        stream.write(text_table(results) + "\n")
+        stream.write(validation_text(cases) + "\n")
     write_csv(written[1], ("case", "key", "ours", "theirs", "verdict"), rows)
     return written + [
-        write_figure(directory / "validation" / f"{result.case.name}.png", draw_case(result.panels))
-        for result in results
-        if result.panels
+        write_figure(directory / "validation" / f"{case.name}.png", draw_case(case.panels))
+        for case in cases
+        if case.panels
     ]
 
 
@@ -133,11 +125,21 @@ def draw_case(contents: tuple[Panel, ...]) -> Figure:
 def _cells(each: Comparison) -> tuple[str, ...]:
     """Format the cells of one comparison."""
     scatter = "" if each.scatter is None else f"{each.scatter:.2g}"
-    expected = f"{each.expected:.2g} {each.unit}".removesuffix(" -") if each.absolute else _percent(each.expected)
+    if each.relative is None:
+        expected = f"{each.absolute:.2g} {each.unit}".removesuffix(" -")
+    else:
+        expected = _percent(each.relative)
     deviation = "" if math.isnan(each.deviation) else _percent(each.deviation, sign="+")
     return (
-        each.quantity, each.unit, f"{each.ours:.6g}", f"{each.theirs:.6g}", scatter, deviation, expected, each.verdict
-    )  # fmt: skip
+        each.quantity,
+        each.unit,
+        f"{each.ours:.6g}",
+        f"{each.theirs:.6g}",
+        scatter,
+        deviation,
+        expected,
+        each.verdict,
+    )
 
 
 def _percent(share: float, sign: str = "") -> str:
@@ -145,20 +147,3 @@ def _percent(share: float, sign: str = "") -> str:
     if abs(share) >= 1:
         return f"{100 * share:{sign}.0f} %"
     return f"{100 * share:{sign}.2g} %" if abs(share) >= 1e-3 else f"{share:{sign}.1e}" if share else "0"
-
-
-def _reasons(each: Comparison) -> list[str]:
-    """Return the basis of a fit and the remark of a row."""
-    return [text for text in (each.basis if each.basis != PREDICTED else "", each.why) if text]
-
-
-def _wrapped(text: str) -> list[str]:
-    return textwrap.wrap(text, TABLE_WIDTH, initial_indent=NOTE_INDENT, subsequent_indent=NOTE_INDENT)
-
-
-def _line(
-    quantity: str, unit: str, ours: str, theirs: str, scatter: str, deviation: str, expected: str, verdict: str
-) -> str:
-    numbers = f"{ours:>11} {theirs:>11} {scatter:>8} {deviation:>9} {expected:>9}"
-    first = f"{quantity}\n" if len(quantity) > QUANTITY_WIDTH else ""
-    return f"{first}{'' if first else quantity:<{QUANTITY_WIDTH}} {unit:<7.7} {numbers:<52} {verdict}".rstrip()

@@ -1,8 +1,8 @@
-"""Records of validation: a case of other authors, its numbers with their verdicts, and the curves of its figure.
+"""Cases of validation: numbers of other authors with ours and their verdicts, the curves of a figure, the evaluation.
 
 A case is its line in `data/cases.csv`, its rows in `data/rows.csv` and one function that computes our value of each. A
 row states their value with its scatter, the distance expected before the run, and the value of ours when the case was
-last examined. Verdicts:
+last examined. A value that moves from the recorded one is reported, met or not. Verdicts:
 
 met         the values differ by at most the expected distance
 explained   they differ by more, and another number of the same case shows the cause
@@ -11,21 +11,27 @@ not met     they differ by more; the row states the reason, if one is known
 `basis` states the part of a row that was fitted to the same source; "predicted" is nothing.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.resources import files
-from typing import Literal
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 
 from compact.files import read_table
 from compact.numerics import Array
+from compact.numerics.validation import require_known
 
 REPEAT_TOLERANCE = 1e-6  # [-], relative, of our value against the recorded one; converged to 1e-9 and better
 PREDICTED = "predicted"
 Verdict = Literal["met", "explained", "not met"]
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 
 
 @dataclass(frozen=True)
@@ -42,10 +48,8 @@ class Comparison:
         Unit of both values; "-" for a dimensionless quantity.
     ours, theirs : float
         Values.
-    expected : float
-        Largest expected distance: relative to theirs, or with `absolute` in the unit.
-    absolute : bool
-        True for an expected distance in the unit.
+    relative, absolute : float
+        Largest expected distance, as a share of theirs or in the unit; one of the two.
     scatter : float, optional
         Scatter or error of their value in the unit.
     basis : str
@@ -65,8 +69,8 @@ class Comparison:
     unit: str
     ours: float
     theirs: float
-    expected: float
-    absolute: bool = False
+    relative: float | None = None
+    absolute: float | None = None
     scatter: float | None = None
     basis: str = PREDICTED
     why: str = ""
@@ -82,7 +86,8 @@ class Comparison:
     @property
     def verdict(self) -> Verdict:
         """Verdict on the distance."""
-        if abs(self.ours - self.theirs) <= self.expected * (1 if self.absolute else abs(self.theirs)):
+        expected = self.absolute if self.relative is None else self.relative * abs(self.theirs)
+        if abs(self.ours - self.theirs) <= (expected or 0.0):
             return "met"
         return "explained" if self.explained else "not met"
 
@@ -135,9 +140,11 @@ class ValidationCase:
     compute : callable
         Our value of each row, and the figure.
     rows : dict of str to Comparison
-        Rows by key, with the recorded value as ours.
+        Rows by key, with the recorded value as ours until the case is evaluated.
     seconds : float
         Usual processor time [s].
+    panels : tuple of Panel
+        Figure of the evaluated case.
     """
 
     name: str
@@ -148,30 +155,28 @@ class ValidationCase:
     compute: Callable[[Rows], Computed] = field(repr=False)
     rows: Rows = field(repr=False)
     seconds: float = 1.0
+    panels: tuple[Panel, ...] = field(default=(), repr=False)
 
+    @property
+    def counts(self) -> dict[str, int]:
+        """Number of rows by verdict."""
+        found = Counter(each.verdict for each in self.rows.values())
+        return {verdict: found[verdict] for verdict in VERDICTS}
 
-def recorded_case(name: str, compute: Callable[[Rows], Computed]) -> ValidationCase:
-    """Return a case by its lines in `data/cases.csv` and `data/rows.csv`."""
-    (about,) = read_rows("cases.csv", case=name)
-    rows = {row["key"]: _comparison(row) for row in read_rows("rows.csv", case=name)}
-    engines, seconds = tuple(about["engines"].split()), float(about["seconds"])
-    return ValidationCase(name, about["title"], about["kind"], engines, about["source"], compute, rows, seconds)
+    def evaluated(self) -> "ValidationCase":
+        """Return the case with the computed rows, on one thread, on which the recorded values were computed.
 
-
-def _comparison(row: Mapping[str, str]) -> Comparison:
-    """Return a row of `data/rows.csv`; of the two columns of the expected distance one is filled."""
-    absolute, recorded = bool(row["absolute"]), float(row["ours"])
-    return Comparison(
-        **{name: row[name] for name in ("key", "quantity", "unit", "basis", "why")},
-        ours=recorded,
-        theirs=float(row["theirs"]),
-        expected=float(row["absolute"] or row["relative"]),
-        absolute=absolute,
-        scatter=float(row["scatter"]) if row["scatter"] else None,
-        explained=row["verdict"] == "explained",
-        recorded=recorded,
-        repeat=float(row["repeat"]),
-    )
+        Raises
+        ------
+        KeyError
+            If a value has no row, or a row no value.
+        """
+        with threadpool_limits(1):
+            values, panels = self.compute(self.rows)
+        if set(values) != set(self.rows):
+            raise KeyError(f"{self.name}: rows and values differ in {', '.join(set(values) ^ set(self.rows))}")
+        rows = {key: replace(row, ours=float(values[key])) for key, row in self.rows.items()}
+        return replace(self, rows=rows, panels=tuple(panels))
 
 
 def read_rows(name: str, **conditions: str) -> list[dict[str, str]]:
@@ -186,3 +191,45 @@ def numbers(rows: Sequence[Mapping[str, str]], column: str) -> Array:
 
 
 ours, theirs = partial(Curve, is_ours=True), partial(Curve, is_ours=False)
+
+
+def _comparison(row: Mapping[str, str]) -> Comparison:
+    """Return a row of `data/rows.csv`."""
+    texts = {name: row[name] for name in ("key", "quantity", "unit", "basis", "why")}
+    values = {name: float(row[name]) for name in ("theirs", "relative", "absolute", "scatter", "repeat") if row[name]}
+    recorded = float(row["ours"])
+    return Comparison(**texts, ours=recorded, recorded=recorded, explained=row["verdict"] == "explained", **values)
+
+
+def _recorded_case(about: Mapping[str, str]) -> ValidationCase:
+    """Return the case of a row of `data/cases.csv`."""
+    name = about["case"]
+
+    def compute(rows: Rows) -> Computed:
+        return resolve_name(f"compact.validation.{about['function']}")(rows)
+
+    return ValidationCase(
+        name, about["title"], about["kind"], tuple(about["engines"].split()), about["source"], compute,
+        {row["key"]: _comparison(row) for row in read_rows("rows.csv", case=name)}, float(about["seconds"]),
+    )  # fmt: skip
+
+
+CASES: Mapping[str, ValidationCase] = {about["case"]: _recorded_case(about) for about in read_rows("cases.csv")}
+
+
+def select_cases(names: Sequence[str]) -> tuple[ValidationCase, ...]:
+    """Return the cases of some names in the order of the registry, then those of folders; all without names.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of cases, and folders with the case of a plant.
+    """
+    from compact.validation.plant_case import read_plant_case
+
+    folders = [name for name in names if name not in CASES and Path(name).is_dir()]
+    for name in names:
+        if name not in folders:
+            require_known("case", name, tuple(CASES))
+    listed = tuple(case for case in CASES.values() if not names or case.name in names)
+    return (*listed, *(read_plant_case(folder) for folder in folders))

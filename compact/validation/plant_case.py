@@ -106,7 +106,7 @@ def read_plant_case(folder: str | Path) -> ValidationCase:
     rows = {
         f"{trial.key}_{name}": Comparison(
             f"{trial.key}_{name}", f"{trial.key} {name}".replace("_", " "), MEASURED[name], math.nan,
-            trial.values[name], expected[name], scatter=trial.values.get(name + SCATTER), basis=basis,
+            trial.values[name], relative=expected[name], scatter=trial.values.get(name + SCATTER), basis=basis,
         )
         for trial in trials
         for name in expected

@@ -7,8 +7,8 @@ import pytest
 from compact.analysis.contact_cases import roll_scene
 from compact.analysis.mix_laws import scene_mix
 from compact.scene.loader import load_scene
+from compact.validation.case import select_cases
 from compact.validation.plant_case import read_plant_case
-from compact.validation.runner import evaluate_case, select_cases
 
 SCENE = (Path(__file__).parents[2] / "studies" / "scenes" / "small.toml").read_text("utf-8")
 CASE = """
@@ -40,23 +40,24 @@ def test_a_plant_case_is_computed_by_the_engine_of_its_scene(folder):
     place = folder()
     (case,) = select_cases([str(place)])
     assert case.engines == ("column",)
-    result = evaluate_case(case)
-    assert [each.key for each in result.comparisons] == ["line_3_load", "line_3_exit_density_ratio", "line_4_load"]
+    result = case.evaluated()
+    rows = [*result.rows.values()]
+    assert [each.key for each in rows] == ["line_3_load", "line_3_exit_density_ratio", "line_4_load"]
     (place / "scene").mkdir()
     plain = (place / "line2.toml").read_text("utf-8").split("\n[case]")[0]
     (place / "scene" / "plain.toml").write_text(plain, encoding="utf-8")
     scene = load_scene(place / "scene" / "plain.toml", **{"layer.fed_density_ratio": 0.93})
     contact = roll_scene(scene, scene_mix(scene), scene.mean_speed)
-    assert result.comparisons[2].ours == pytest.approx(contact.load * scene.machine.roller_length, rel=1e-12)
-    assert result.comparisons[0].scatter == 300
-    assert not any(each.moved for each in result.comparisons)
+    assert rows[2].ours == pytest.approx(contact.load * scene.machine.roller_length, rel=1e-12)
+    assert rows[0].scatter == 300
+    assert not any(each.moved for each in rows)
     assert case.source == "load cells on both axles; internal"
     assert len(result.panels) == 2
 
 
 def test_calibrated_scenes_say_so(folder):
     case = read_plant_case(folder(CASE + 'fitted = "heckel_slope to line 3"\n'))
-    assert {each.basis for each in evaluate_case(case).comparisons} == {"fitted: heckel_slope to line 3"}
+    assert {each.basis for each in case.rows.values()} == {"fitted: heckel_slope to line 3"}
 
 
 @pytest.mark.parametrize(
@@ -92,7 +93,7 @@ def test_broken_scenes_are_refused_with_file_line_and_rule(folder, case, match):
 def test_foreign_keys_of_a_trial_are_refused_with_their_line(folder):
     case = read_plant_case(folder(table="layer.fed_ratio, load\n0.94, 1000\n"))
     with pytest.raises(ValueError, match=r"trials.csv:2: .*fed_ratio"):
-        evaluate_case(case)
+        case.evaluated()
 
 
 def test_a_folder_has_one_file_of_each_kind(folder, tmp_path):

@@ -7,11 +7,11 @@ import pytest
 
 from compact.cli.checks import validate
 from compact.cli.options import NO_RESULT, SUCCESS
-from compact.validation import half_plane, runner
-from compact.validation.case import Comparison, read_rows
+from compact.validation import case as cases
+from compact.validation import half_plane
+from compact.validation.case import CASES, Comparison, read_rows, select_cases
 from compact.validation.ironing import arc_forces, chord_forces
 from compact.validation.plasticity import MIX, shear_strength
-from compact.validation.runner import CASES, evaluate_case, select_cases
 
 CHEAP = 0.5  # [s], of processor time; longer cases are slow tests
 MARKED = [
@@ -22,7 +22,7 @@ MARKED = [
 
 @pytest.mark.parametrize("case", MARKED)
 def test_values_and_verdicts_are_the_recorded_ones(case):
-    comparisons = evaluate_case(case).comparisons
+    comparisons = case.evaluated().rows.values()
     assert [each.key for each in comparisons if each.moved] == []
     recorded = {row["key"]: row["verdict"] for row in read_rows("rows.csv", case=case.name)}
     assert {each.key: each.verdict for each in comparisons} == recorded
@@ -45,7 +45,7 @@ def test_a_verdict_is_earned_by_the_distance():
     assert comparison(ours=1.2).verdict == "not met"
     assert comparison(ours=1.2, why="reason unknown").verdict == "not met"
     assert comparison(ours=1.2, why="shown by another number", explained=True).verdict == "explained"
-    assert comparison(expected=0.04, absolute=True).verdict == "not met"
+    assert comparison(relative=None, absolute=0.04).verdict == "not met"
     assert comparison(ours=float("nan")).verdict == "not met"
 
 
@@ -59,7 +59,7 @@ def test_a_value_moves_beyond_its_tolerance():
 def test_a_value_without_a_row_is_an_error():
     case = dataclasses.replace(CASES["cam-clay"], compute=lambda rows: (dict.fromkeys(rows, 1.0) | {"K0_3": 0.1}, ()))
     with pytest.raises(KeyError, match="cam-clay: rows and values differ in K0_3"):
-        evaluate_case(case)
+        case.evaluated()
 
 
 def test_an_unknown_case_is_refused_with_the_names():
@@ -74,7 +74,7 @@ def test_the_command_prints_a_case_and_fails_if_a_value_moves(monkeypatch, capsy
     assert (tmp_path / "validation" / "cam-clay.png").exists()
     case = CASES["cam-clay"]
     moved = {key: dataclasses.replace(row, recorded=0.75) for key, row in case.rows.items()}
-    monkeypatch.setattr(runner, "CASES", {"cam-clay": dataclasses.replace(case, rows=moved)})
+    monkeypatch.setattr(cases, "CASES", {"cam-clay": dataclasses.replace(case, rows=moved)})
     assert validate(("cam-clay",)) == NO_RESULT
     said = capsys.readouterr()
     assert "MOVED: ours 0.748075436, recorded 0.75" in said.out
