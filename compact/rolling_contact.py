@@ -1,4 +1,4 @@
-"""Common interface of the contact engines: layer, roller, and results of steady and transient rolling.
+"""Common interface of the contact engines: layer, roller, and results of steady rolling.
 
 All engines share one call,
 
@@ -10,12 +10,10 @@ are per unit roller length, in SI units.
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
-from pathlib import Path
-from typing import Any, Literal, NamedTuple, Protocol, Self, TypeVar
+from typing import Any, Literal, Protocol, Self, TypeVar
 
 import numpy as np
 
-from compact.files import write_vtu_series
 from compact.material.layer import HEIGHT_TOLERANCE, BaseCondition, Layer, LowerLift, Ply, compaction_rate  # noqa: F401
 from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_finite, require_positive
@@ -260,18 +258,6 @@ def _nothing() -> Array:
     return NOTHING
 
 
-class PassRecord(NamedTuple):
-    """Numbers of one pass over a compacting layer, as of `Contact`."""
-
-    load: float
-    resistance: float
-    indentation: float
-    exit_height: float
-    exit_density_ratio: float
-    work_residual: float | None
-    mass_residual: float | None
-
-
 @dataclass(frozen=True)
 class Contact:
     """Steady contact of a roller with a layer, per unit roller length: the result of every engine, and its record.
@@ -318,8 +304,8 @@ class Contact:
     air_load, air_resistance, air_excess_behind : float, optional
         Parts of load and resistance by the pore air [N/m], and its largest excess pressure behind the contact [Pa]; of
         a record.
-    passes : tuple of PassRecord
-        Numbers of all passes in order, of a record; empty for a linear layer.
+    passes : tuple of mapping
+        Numbers of all passes in order by the names of `quantities.PASS`, of a record; empty for a linear layer.
     layer, roller, material : Layer, Roller, material law, optional
         Case, of an engine whose contacts are starts of others or have fields.
     exit : object
@@ -363,7 +349,7 @@ class Contact:
     air_load: Number = None
     air_resistance: Number = None
     air_excess_behind: Number = None
-    passes: tuple[PassRecord, ...] = ()
+    passes: tuple[Mapping[str, Number], ...] = ()
     layer: Any = None
     roller: Any = None
     material: Any = None
@@ -422,9 +408,8 @@ class Contact:
         content["iterations"] = self.iterations
         content |= {name: self._with_unit(name) for name in COMPACTED if getattr(self, name) is not None}
         if self.passes:
-            units = {name: quantity.unit for name, quantity in PASS.items()}
             content["passes"] = [
-                {name: {"value": value, "unit": units[name]} for name, value in each._asdict().items()}
+                {name: {"value": value, "unit": CONTACT[name].unit} for name, value in each.items()}
                 for each in self.passes
             ]
         return content
@@ -444,7 +429,7 @@ class Contact:
         values = {name: content[name]["value"] for name in (*COMMON, *COMPACTED) if name in COMMON or name in content}
         del values["coefficient"]
         error = (content["load"]["error"], content["resistance"]["error"])
-        passes = (PassRecord(**{name: each[name]["value"] for name in PASS}) for each in content.get("passes", ()))
+        passes = ({name: each[name]["value"] for name in PASS} for each in content.get("passes", ()))
         return cls(
             **values, engine=content["engine"], history=(None,) * content["iterations"], passes=tuple(passes),
             error=None if None in error else error,
@@ -465,55 +450,3 @@ def for_travel(contact: Rolled, speed: float) -> Rolled:
         return contact
     x, pressure, shear_traction = -contact.x[::-1], contact.pressure[::-1], -contact.shear_traction[::-1]
     return replace(contact, resistance=-contact.resistance, x=x, pressure=pressure, shear_traction=shear_traction)
-
-
-@dataclass(frozen=True, eq=False)
-class TransientResult:
-    """Transient rolling of one roller over a layer, per unit roller length, at the ends of the n time steps.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        Time from 0 on [s].
-    position, velocity : ndarray, shape (n,)
-        Position [m] and velocity [m/s] of the motion.
-    load : ndarray, shape (n,)
-        Normal force P [N/m].
-    resistance : ndarray, shape (n,)
-        Minus the x-force of the mix on the roller [N/m], positive against a motion along +x, in the fixed x axis.
-    leading, trailing : ndarray, shape (n,)
-        Contact edges at larger and at smaller x, from the lowest point [m], in either direction of travel.
-    error : float, optional
-        Estimated time-integration error of the resistance, the largest over the largest |resistance| [-].
-    steps : int
-        Number of time steps solved, those of the estimate included.
-    frames : tuple of (float, meshio.Mesh)
-        Time [s] and fields at each requested instant.
-    angle : ndarray, shape (n,), optional
-        Rotation of a roller with friction, positive when rolling along +x [rad].
-    """
-
-    time: Array
-    position: Array
-    velocity: Array
-    load: Array
-    resistance: Array
-    leading: Array
-    trailing: Array
-    error: float | None = None
-    steps: int = 0
-    frames: tuple[tuple[float, Any], ...] = ()
-    angle: Array | None = None
-
-    def __post_init__(self) -> None:
-        for name in ("load", "resistance"):
-            undefined = np.flatnonzero(~np.isfinite(getattr(self, name)))
-            if undefined.size:
-                raise RuntimeError(f"the {name} is not finite at t = {self.time[undefined[0]]:.6g} s")
-
-    def write_frames(self, directory: str | Path) -> Path:
-        """Write the frames as film/time=T.vtu below a directory and their series as film.pvd; return its path."""
-        if not self.frames:
-            raise ValueError("no frames to write; simulate with `frames` at the required instants")
-        *_, collection = write_vtu_series(Path(directory) / "film.pvd", "film", "time", self.frames)
-        return collection

@@ -22,12 +22,12 @@ from compact.machine.ranking import first_of
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import Mix
 from compact.numerics.validation import NotFiniteError, require_finite
+from compact.quantities import PASS
 from compact.rolling_contact import (
     Contact,
     HeapingError,
     Layer,
     LowerLift,
-    PassRecord,
     Ply,
     Roller,
 )
@@ -388,5 +388,5 @@ def contact_record(engine: str, speed: float, passes: Passes, air: AirForces | N
         numbers = {"load": first.load + air.load, "resistance": first.resistance + air.resistance}
         numbers |= {f"air_{name}": value for name, value in asdict(air).items()}
     compacted = passes if first.exit_height is not None else ()
-    rows = (PassRecord(*(getattr(each, name) for name in PassRecord._fields)) for each in compacted)
+    rows = ({name: getattr(each, name) for name in PASS} for each in compacted)
     return first.record(engine, speed, passes=tuple(rows), **numbers)

@@ -253,9 +253,13 @@ class LaboratoryTests(Tabular, Sequence[MaterialTest]):
     def __len__(self) -> int:
         return len(self.programme.tests)
 
+    def columns(self) -> dict[str, list[Any]]:
+        """Return the points of all paths."""
+        return {name: self.table[name] for name in self.table.quantities}
+
     @property
     def table(self) -> TableSpec:
-        """Points of all paths."""
+        """Points of all paths, with their quantities."""
         from compact.report.laboratory import path_table
 
         return path_table(self, repr(self)[1:-1])

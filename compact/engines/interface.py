@@ -334,6 +334,18 @@ class Engine:
         """
         return 0.0
 
+    def first_samples(self, rolled: list[Any], reference: Any) -> list[Any]:
+        """Return the contacts, each with its speed, with which a map of the resistance begins.
+
+        Parameters
+        ----------
+        rolled : list of (float, Contact)
+            Contacts at the speeds of the scene [m/s].
+        reference : (float, Contact) or None
+            Contact at the mean speed, if it has been computed.
+        """
+        return [*rolled]
+
     def sample(
         self,
         resistance: Callable[[float], "ForceSample"],
@@ -383,6 +395,10 @@ class RateEngine(Engine):
     """
 
     speed_shares = (1 / 16, 1.0)
+
+    def first_samples(self, rolled: list[Any], reference: Any) -> list[Any]:
+        """Return the contacts of the scene, and that at the mean speed, each of which is expensive."""
+        return [*rolled, *([] if reference is None or reference[0] in dict(rolled) else [reference])]
 
     def sample(
         self,

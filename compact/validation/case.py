@@ -18,7 +18,7 @@ from functools import partial
 from importlib.resources import files
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -195,10 +195,10 @@ ours, theirs = partial(Curve, is_ours=True), partial(Curve, is_ours=False)
 
 def _comparison(row: Mapping[str, str]) -> Comparison:
     """Return a row of `data/rows.csv`."""
-    texts = {name: row[name] for name in ("key", "quantity", "unit", "basis", "why")}
+    texts: dict[str, Any] = {name: row[name] for name in ("key", "quantity", "unit", "basis", "why")}
     values = {name: float(row[name]) for name in ("theirs", "relative", "absolute", "scatter", "repeat") if row[name]}
     recorded = float(row["ours"])
-    return Comparison(**texts, ours=recorded, recorded=recorded, explained=row["verdict"] == "explained", **values)
+    return Comparison(ours=recorded, recorded=recorded, explained=row["verdict"] == "explained", **texts | values)
 
 
 def _recorded_case(about: Mapping[str, str]) -> ValidationCase:

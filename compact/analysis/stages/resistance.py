@@ -18,7 +18,6 @@ from compact.analysis.contact_cases import nearest_speed
 from compact.analysis.pore_air import NO_FORCES, nodes_of_map
 from compact.analysis.stages.contacts import ContactStage
 from compact.contact import DryResistance
-from compact.engines.interface import RateEngine
 from compact.machine.cart import Balance, Cart, MotionResistance
 from compact.machine.rigid_drive import steady_balance
 from compact.numerics import Array
@@ -141,11 +140,10 @@ class ResistanceStage:
     def _rolled(self) -> list[tuple[float, Contact]]:
         """Speed [m/s] and contact of each first pass that has been computed."""
         stage = self.contacts
-        found = [] if stage.kept else list(stage.first_passes)
-        if isinstance(stage.engine, RateEngine) and "reference" in stage.__dict__ and not stage.kept:
-            mean = self.scene.mean_speed
-            found += [] if mean in dict(found) else [(mean, stage.reference[0])]
-        return found
+        if stage.kept:
+            return []
+        reference = stage.__dict__.get("reference")
+        return stage.engine.first_samples(stage.first_passes, reference and (self.scene.mean_speed, reference[0]))
 
     def _new_sample(self, speed: float) -> ForceSample:
         """Compute a contact at a speed [m/s], from the nearest one as initial guess."""

@@ -65,7 +65,6 @@ from compact.rolling_contact import (
     Layer,
     PrescribedMotion,
     Roller,
-    TransientResult,
     require_torque_allowed,
 )
 
@@ -115,13 +114,29 @@ class ReciprocatingNumerics:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CompactionTransientResult(TransientResult):
-    """A `TransientResult` over compacting mix.
+class CompactionTransientResult:
+    """Rolling of one roller over compacting mix by a motion, per unit roller length, at the ends of the n time steps.
 
     If a lift is added, or friction or torque change sign, the instant of a reversal appears twice, before and after.
 
     Parameters
     ----------
+    time : ndarray, shape (n,)
+        Time from 0 on [s].
+    position, velocity : ndarray, shape (n,)
+        Position [m] and velocity [m/s] of the motion.
+    load : ndarray, shape (n,)
+        Normal force P [N/m].
+    resistance : ndarray, shape (n,)
+        Minus the x-force of the mix on the roller [N/m], positive against a motion along +x, in the fixed x axis.
+    leading, trailing : ndarray, shape (n,)
+        Contact edges at larger and at smaller x, from the lowest point [m], in either direction of travel.
+    error : float, optional
+        Estimated time-integration error of the resistance, the largest over the largest |resistance| [-].
+    steps : int
+        Number of time steps solved, those of the estimate included.
+    frames : tuple of (float, meshio.Mesh)
+        Time [s] and fields at each requested instant.
     stroke : ndarray, shape (n,)
         Number of the stroke, from 1.
     bottom_height : ndarray, shape (n,)
@@ -140,6 +155,16 @@ class CompactionTransientResult(TransientResult):
         Newton iterations of all steps.
     """
 
+    time: FloatArray
+    position: FloatArray
+    velocity: FloatArray
+    load: FloatArray
+    resistance: FloatArray
+    leading: FloatArray
+    trailing: FloatArray
+    error: float | None
+    steps: int
+    frames: tuple[tuple[float, Any], ...]
     stroke: NDArray[np.int64]
     bottom_height: FloatArray
     angle: FloatArray
@@ -148,6 +173,9 @@ class CompactionTransientResult(TransientResult):
     stored_work: FloatArray
     exit_layers: tuple[LayerState, ...]
     iterations: int
+
+    def __post_init__(self) -> None:
+        require_finite(load=self.load, resistance=self.resistance)
 
     @property
     def work_residual(self) -> float:
