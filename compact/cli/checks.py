@@ -104,7 +104,7 @@ def validate(
         folder for the text, the table and the figures
     """
     from compact.report import validation
-    from compact.validation.case import select_cases
+    from compact.validation.plant_case import select_cases
 
     cases = select_cases(names)
     results = []

@@ -16,7 +16,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.resources import files
-from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any, Literal, get_args
 
@@ -26,7 +25,6 @@ from threadpoolctl import threadpool_limits
 
 from compact.files import read_table
 from compact.numerics import Array
-from compact.numerics.validation import require_known
 
 REPEAT_TOLERANCE = 1e-6  # [-], relative, of our value against the recorded one; converged to 1e-9 and better
 PREDICTED = "predicted"
@@ -215,21 +213,3 @@ def _recorded_case(about: Mapping[str, str]) -> ValidationCase:
 
 
 CASES: Mapping[str, ValidationCase] = {about["case"]: _recorded_case(about) for about in read_rows("cases.csv")}
-
-
-def select_cases(names: Sequence[str]) -> tuple[ValidationCase, ...]:
-    """Return the cases of some names in the order of the registry, then those of folders; all without names.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names of cases, and folders with the case of a plant.
-    """
-    from compact.validation.plant_case import read_plant_case
-
-    folders = [name for name in names if name not in CASES and Path(name).is_dir()]
-    for name in names:
-        if name not in folders:
-            require_known("case", name, tuple(CASES))
-    listed = tuple(case for case in CASES.values() if not names or case.name in names)
-    return (*listed, *(read_plant_case(folder) for folder in folders))

@@ -25,10 +25,11 @@ from compact.analysis.contact_cases import roll_scene
 from compact.analysis.mix_laws import scene_mix
 from compact.engines import ENGINES
 from compact.files import read_table
+from compact.numerics.validation import require_known
 from compact.scene.loader import Scene, SceneError, read_value
 from compact.scene.plant_data import positive
 from compact.scene.schema import Table, key, optional
-from compact.validation.case import PREDICTED, Comparison, Computed, Panel, Rows, ValidationCase, ours, theirs
+from compact.validation.case import CASES, PREDICTED, Comparison, Computed, Panel, Rows, ValidationCase, ours, theirs
 
 COMPACTED = "exit_density_ratio"  # of an engine with irreversible compaction
 MEASURED = {"load": "N", "resistance": "N", "resistance_coefficient": "-", COMPACTED: "-"}  # units
@@ -162,3 +163,19 @@ def _compute(scene: Scene, trials: Sequence[Trial], rows: Rows) -> Computed:
             curves = ours("equal", ends, ends), theirs("trials", measured, computed)
             panels.append(Panel(f"measured {label}", f"computed {label}", curves))
     return values, panels
+
+
+def select_cases(names: Sequence[str]) -> tuple[ValidationCase, ...]:
+    """Return the cases of some names in the order of the registry, then those of folders; all without names.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of cases, and folders with the case of a plant.
+    """
+    folders = [name for name in names if name not in CASES and Path(name).is_dir()]
+    for name in names:
+        if name not in folders:
+            require_known("case", name, tuple(CASES))
+    listed = tuple(case for case in CASES.values() if not names or case.name in names)
+    return (*listed, *(read_plant_case(folder) for folder in folders))

@@ -7,8 +7,7 @@ import pytest
 from compact.analysis.contact_cases import roll_scene
 from compact.analysis.mix_laws import scene_mix
 from compact.scene.loader import load_scene
-from compact.validation.case import select_cases
-from compact.validation.plant_case import read_plant_case
+from compact.validation.plant_case import read_plant_case, select_cases
 
 SCENE = (Path(__file__).parents[2] / "studies" / "scenes" / "small.toml").read_text("utf-8")
 CASE = """

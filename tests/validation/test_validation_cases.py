@@ -7,10 +7,10 @@ import pytest
 
 from compact.cli.checks import validate
 from compact.cli.options import NO_RESULT, SUCCESS
-from compact.validation import case as cases
-from compact.validation import half_plane
-from compact.validation.case import CASES, Comparison, read_rows, select_cases
+from compact.validation import half_plane, plant_case
+from compact.validation.case import CASES, Comparison, read_rows
 from compact.validation.ironing import arc_forces, chord_forces
+from compact.validation.plant_case import select_cases
 from compact.validation.plasticity import MIX, shear_strength
 
 CHEAP = 0.5  # [s], of processor time; longer cases are slow tests
@@ -74,7 +74,7 @@ def test_the_command_prints_a_case_and_fails_if_a_value_moves(monkeypatch, capsy
     assert (tmp_path / "validation" / "cam-clay.png").exists()
     case = CASES["cam-clay"]
     moved = {key: dataclasses.replace(row, recorded=0.75) for key, row in case.rows.items()}
-    monkeypatch.setattr(cases, "CASES", {"cam-clay": dataclasses.replace(case, rows=moved)})
+    monkeypatch.setattr(plant_case, "CASES", {"cam-clay": dataclasses.replace(case, rows=moved)})
     assert validate(("cam-clay",)) == NO_RESULT
     said = capsys.readouterr()
     assert "MOVED: ours 0.748075436, recorded 0.75" in said.out
