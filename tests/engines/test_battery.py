@@ -241,7 +241,7 @@ def test_contact_off_target_raises(engine, target, monkeypatch):
 
     def missed_problem(*given):
         problem, half_width = build(*given)
-        return replace(problem, value=off(problem.value)), half_width
+        return replace(problem, roller=replace(problem.roller, **{target: off(OFF[target])})), half_width
 
     def missed_contact(case, *given, **options):
         return at_target(replace(case, roller=replace(case.roller, **{target: off(OFF[target])})), *given, **options)

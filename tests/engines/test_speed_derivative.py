@@ -18,12 +18,13 @@ from sampling import examples
 from compact import mesh
 from compact.engines.fem import compliance
 from compact.engines.fem import engine as fem_engine
-from compact.engines.fem.compliance import creep_function, interpolant, retardation_operator
+from compact.engines.fem.compliance import interpolant, retardation_operator
 from compact.engines.fem.contact import RollingProblem
 from compact.engines.fem.speed_derivative import expand_resistance as expand_by_elements
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral import speed_derivative
 from compact.engines.spectral.engine import build_rolling_problem, solve_contact
+from compact.engines.spectral.galerkin_system import creep_function
 from compact.material.laws import Elastic, Viscoelastic
 from compact.resistance import UNSTEADINESS_LIMIT
 from compact.rolling_contact import Layer, Ply, Roller

@@ -41,7 +41,7 @@ from scipy.sparse.linalg import splu
 from skfem import Basis, ElementQuad2, MeshQuad
 from threadpoolctl import threadpool_limits
 
-from compact.engines.spectral.galerkin_system import creep_spectrum
+from compact.engines.spectral.galerkin_system import creep_function
 from compact.material.laws import Elastic
 from compact.mesh import RowMesh
 from compact.numerics import Array
@@ -298,29 +298,6 @@ def _factorised(K: csr_matrix) -> Solve:
         "the stiffness of the layer is singular to working precision; use a mesh with less distorted elements or a "
         "smaller Poisson's ratio"
     )
-
-
-def creep_function(material: Elastic) -> tuple[float, Array, Array]:
-    """Convert the Prony series of a material to its creep function.
-
-        J(t) E = instant + sum_k share_k (1 - exp(-t/time_k)),    E the relaxed modulus
-
-    Returns
-    -------
-    instant : float
-        Instantaneous compliance J_0 [-]; it sums to 1 with the shares.
-    shares, times : ndarray
-        Compliances J_k of the branches [-] and their retardation times theta_k [s], shape (branches,).
-
-    Examples
-    --------
-    >>> from compact.material.laws import Viscoelastic
-    >>> creep = creep_function(Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),)))
-    >>> instant, (share,), (time,) = creep
-    >>> f"{instant:.3f} instantaneous, {share:.3f} with {time:.3f} s"
-    '0.500 instantaneous, 0.500 with 0.200 s'
-    """
-    return creep_spectrum(getattr(material, "branches", ()))
 
 
 def steady_creep_operator(x: Array, material: Elastic, speed: float) -> Array:

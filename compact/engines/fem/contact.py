@@ -37,6 +37,7 @@ import numpy as np
 from compact.engines.fem.compliance import SurfaceCompliance, contact_quadrature, interpolant, shape_matrix
 from compact.engines.halfplane import pressure_exponent
 from compact.material.laws import Elastic
+from compact.mesh import RowMesh
 from compact.numerics import Array, BoolArray
 from compact.rolling_contact import Layer, Roller
 
@@ -58,6 +59,9 @@ MAX_ALTERNATIONS = 60  # [-], solves for pressure and shear
 SHEAR_TOLERANCE = 1e-7  # [-], change of the largest displacement at convergence; some 1e-6 of the peak pressure
 FREE_ALTERNATIONS = 5  # [-], before the set of nodes is fixed; a node at an edge may otherwise alternate without end
 RELAXATION_LIMITS = 0.1, 2.0  # [-], of the relaxation factor by Aitken's rule
+MAX_SECANTS = 20  # [-], contacts solved for a prescribed load or peak pressure
+INITIAL_POWER = 1.2  # [-], of load or peak pressure in the indentation, before two contacts are known
+MAX_LOG_STEP = 1.0  # [-], of the log of the indentation
 MAX_EXCHANGES = 200  # [-], of nodes between stick and slip
 EDGE_CLEARANCE = 0.5  # [-], least distance of a node from an edge over its distance to the next node
 FRICTION_ROUNDING = 1e-9  # [-], by which a traction that sticks may exceed f p
@@ -71,6 +75,10 @@ class UnresolvedError(RuntimeError):
 
 class BeyondWindowError(UnresolvedError):
     """The contact extends beyond the loaded zone, the nodes whose compliance is known."""
+
+
+class BeyondCircleError(RuntimeError):
+    """The contact includes points where the roller has a vertical tangent or lies above its centre."""
 
 
 @dataclass(frozen=True)
@@ -108,6 +116,36 @@ class RollingProblem:
         """Edge exponent alpha of the pressure at the trailing side [-]; 1 - alpha at the leading side."""
         return float(pressure_exponent(self.material.poisson, self.traction_ratio))
 
+    def slope(self, x: Array) -> Array:
+        """Slope dy/dx [-] at x [m], by which a vertical pressure has a component along x; 0 for "deformed"."""
+        R, profile = self.roller.radius, self.roller.profile
+        if profile == "deformed":
+            return np.zeros_like(x)
+        return x / R if profile == "parabola" else x / np.sqrt(R**2 - x**2)
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """Mesh and pressure terms for a contact, with an initial guess of it.
+
+    Parameters
+    ----------
+    half_width : float
+        Half-width of the contact for which the mesh is fine [m].
+    indentation : float
+        Initial guess of the indentation [m].
+    terms : int
+        Pressure terms.
+    edges : (float, float), optional
+        Initial guess of the trailing and leading edge in x [m].
+    """
+
+    mesh: RowMesh
+    half_width: float
+    indentation: float
+    terms: int
+    edges: Edges | None = None
+
 
 @dataclass(frozen=True, eq=False)
 class ContactPatch:
@@ -127,14 +165,12 @@ class ContactPatch:
         Displacement of the surface nodes by these forces [m], shape (2, n).
     coefficients : ndarray
         Coefficients of the regular pressures, then of the two singular ones.
-    exponent : float
-        Edge exponent alpha [-].
     jacobian : ndarray, optional
         Derivatives of the two singular amplitudes with respect to the edges, shape (2, 2).
+    history : tuple
+        (trailing, leading, step over length) of every iteration, those of the patches from which it started included.
     peaks : tuple of float
         Peak pressures with fewer and with all terms [-]; empty unless computed.
-    history : tuple
-        (trailing, leading, step over length) of every iteration.
     """
 
     edges: Edges
@@ -146,10 +182,9 @@ class ContactPatch:
     forces: Array
     displacement: Array
     coefficients: Array
-    exponent: float
     jacobian: Array | None = None
-    peaks: tuple[float, ...] = ()
     history: tuple[tuple[float, float, float], ...] = ()
+    peaks: tuple[float, ...] = ()
 
     @property
     def terms(self) -> int:
@@ -161,20 +196,11 @@ class ContactPatch:
         """Peak pressure [-]: the mean of both estimates, whose errors are ten times as large and of opposite sign."""
         return sum(self.peaks) / 2
 
-    @property
-    def scatter(self) -> float:
-        """Half the relative difference of both peak pressures [-]."""
-        return abs(self.peaks[1] - self.peaks[0]) / sum(self.peaks)
-
-    def integral(self, values: Array) -> float:
-        """Integrate values at the quadrature points, shape (q,), over the contact."""
-        return float(np.sum(self.weight * values))
-
-    def sampled(self, count: int) -> tuple[Array, Array]:
+    def sampled(self, count: int, exponent: float) -> tuple[Array, Array]:
         """Sample x [m] and pressure [-] at `count` points clustered at the edges, where the pressure is zero."""
         half, (trailing, leading) = np.linspace(0, np.pi / 2, count), self.edges
         fraction, complement = np.sin(half) ** 2, np.cos(half) ** 2
-        functions = _pressure_functions(fraction[1:-1], complement[1:-1], self.exponent, self.terms)
+        functions = _pressure_functions(fraction[1:-1], complement[1:-1], exponent, self.terms)
         x = trailing + (leading - trailing) * fraction
         x[-1] = leading
         return x, np.concatenate([[0.0], functions @ self.coefficients, [0.0]])
@@ -222,41 +248,68 @@ class ContactSolution:
     @property
     def resultant(self) -> Array:
         """Force (x, y) on the mix [m], shape (2,)."""
-        patch = self.patch
-        along = patch.direction[0] - self.pressed.slope(patch.x) * patch.direction[1]
-        force = np.array([patch.integral(patch.pressure * part) for part in (along, patch.direction[1])])
-        return force if self.shear is None else force + self.shear.resultant
-
-    @property
-    def surface(self) -> SurfaceCompliance:
-        """Surface of the layer."""
-        return self.pressed.surface
+        patch, shear = self.patch, self.shear
+        along = patch.direction[0] - self.pressed.problem.slope(patch.x) * patch.direction[1]
+        force = np.array([np.sum(patch.weight * patch.pressure * part) for part in (along, patch.direction[1])])
+        return force if shear is None else force + shear.resultant
 
     @property
     def forces(self) -> Array:
         """Forces on all surface nodes [m], shape (2, n)."""
-        forces = np.zeros((2, len(self.surface.x)))
-        forces[:, self.surface.loaded] = self.patch.forces + (0.0 if self.shear is None else self.shear.forces)
+        surface = self.pressed.surface
+        forces = np.zeros((2, len(surface.x)))
+        forces[:, surface.loaded] = self.patch.forces + (0.0 if self.shear is None else self.shear.forces)
         return forces
 
-    @property
-    def is_beyond_circle(self) -> bool:
-        """True if the contact includes points where the roller has a vertical tangent or lies above its centre."""
-        roller, patch = self.pressed.problem.roller, self.patch
-        if roller.profile == "circle":
-            return bool(np.abs(patch.x).max() >= roller.radius)
-        return roller.profile == "deformed" and bool(patch.normal[1].max() >= 0)
+
+def solve_at_target(
+    problem: RollingProblem,
+    surface: SurfaceCompliance,
+    grid: Discretisation,
+    tolerance: float = SECANT_TOLERANCE,
+    start: ContactSolution | None = None,
+) -> ContactSolution:
+    """Solve the contact with the prescribed indentation, load or peak pressure of the roller.
+
+    A relative tolerance [-] is `STICK_SECANT_TOLERANCE` at least with stick. A `start` is a neighbouring contact.
+    """
+    name, value = problem.roller.target
+    if name == "indentation":
+        return solve_at_indentation(problem, surface, grid, value, start)
+    tolerance, modulus = max(tolerance, problem.target_tolerance), problem.material.youngs_modulus
+    logs: list[float] = []
+    errors: list[float] = []
+    contact, beyond, log = start, None, np.log(grid.indentation)
+    for _ in range(MAX_SECANTS):
+        try:
+            contact = solve_at_indentation(problem, surface, grid, float(np.exp(log)), contact)
+        except BeyondCircleError as error:
+            beyond, log = error, (log + logs[-1]) / 2 if logs else log - 1
+            continue
+        logs.append(log)
+        reached = -modulus * contact.resultant[1] if name == "load" else modulus * contact.patch.peak
+        errors.append(float(np.log(reached / value)))
+        if abs(errors[-1]) < tolerance:
+            return contact
+        slope = INITIAL_POWER if len(logs) == 1 else (errors[-1] - errors[-2]) / (logs[-1] - logs[-2])
+        log = log - np.clip(errors[-1] / slope, -MAX_LOG_STEP, MAX_LOG_STEP)
+    if beyond is not None:
+        raise beyond
+    nearest = int(np.argmin(np.abs(errors)))
+    raise UnresolvedError(
+        f"`{name}` {value:.6g} is not reached in {len(logs)} secant steps; the nearest is "
+        f"{np.expm1(errors[nearest]):+.1e} off, at an indentation of {1e3 * np.exp(logs[nearest]):.4g} mm"
+    )
 
 
 def solve_at_indentation(
     problem: RollingProblem,
     surface: SurfaceCompliance,
-    terms: int,
+    grid: Discretisation,
     indentation: float,
-    edges: Edges | None = None,
     start: ContactSolution | None = None,
 ) -> ContactSolution:
-    """Solve the contact at an indentation, with its shear where the roller turns with friction.
+    """Solve the contact at an indentation [m], with its shear where the roller turns with friction.
 
     Pressure and shear are solved alternately, with Aitken relaxation of the displacement by shear.
 
@@ -264,32 +317,25 @@ def solve_at_indentation(
     ----------
     surface : SurfaceCompliance
         Compliance of the layer at the speed.
-    terms : int
-        Pressure terms.
-    indentation : float
-        Indentation [m].
-    edges : (float, float), optional
-        Initial guess of the trailing and leading edge in x [m].
+    grid : Discretisation
+        Pressure terms, and an initial guess of the edges.
     start : ContactSolution, optional
         Solution of a neighbouring contact.
     """
     pressed = PressedRoller(problem, surface, indentation)
-    patch, shear = (None, None) if start is None else (start.patch, start.shear)
+    patch = pressed.solve(grid.terms, grid.edges) if start is None else start.patch
     if not problem.turns_with_friction:
-        return ContactSolution(pressed, pressed.with_peaks(pressed.solve(terms, patch, edges)))
-    patch = patch or pressed.solve(terms, None, edges)
-    drawn = np.zeros((2, len(surface.x))) if shear is None else shear.displacement
+        return ContactSolution(pressed, pressed.finish(patch if start is None else pressed.follow(patch, patch.terms)))
+    drawn = np.zeros((2, len(surface.x))) if start is None or start.shear is None else start.shear.displacement
     nodes, relaxation, previous, changes = surface.x, 1.0, None, []
-    history: tuple = ()
     for alternation in range(MAX_ALTERNATIONS):
         sheared = replace(pressed, surface=replace(surface, initial=interpolant(surface.x, drawn)))
-        patch = sheared.solve(terms, patch)
-        history += patch.history
+        patch = sheared.follow(patch, patch.terms)
         shear = solve_shear(problem, surface, patch, nodes)
         change = shear.displacement - drawn
         changes.append(float(np.abs(change).max() / np.abs(patch.displacement).max()))
         if changes[-1] < SHEAR_TOLERANCE:
-            return ContactSolution(pressed, sheared.with_peaks(replace(patch, history=history)), shear)
+            return ContactSolution(pressed, sheared.finish(patch), shear)
         if previous is not None:
             fall = previous - change
             relaxation = np.clip(relaxation * np.sum(previous * fall) / np.sum(fall**2), *RELAXATION_LIMITS)
@@ -327,39 +373,48 @@ class PressedRoller:
             normal, depth = np.array([np.zeros_like(x), -np.ones_like(x)]), self.indentation - drop
         return normal, depth - np.sum(normal * initial, axis=0)
 
-    def slope(self, x: Array) -> Array:
-        """Slope dy/dx [-] at x [m], by which a vertical pressure has a component along x; 0 for "deformed"."""
-        R, profile = self.problem.roller.radius, self.problem.roller.profile
-        if profile == "deformed":
-            return np.zeros_like(x)
-        return x / R if profile == "parabola" else x / np.sqrt(R**2 - x**2)
+    def solve(self, terms: int, edges: Edges | None = None) -> ContactPatch:
+        """Solve the contact with one pressure term per `NODES_PER_TERM` nodes at most, which increase in stages.
 
-    def beyond_circle(self, edges: Edges) -> RuntimeError:
-        """Return the error of a contact with edges [m] that is wider than the circle."""
-        return RuntimeError(
-            f"the contact, from {edges[0]:.3g} to {edges[1]:.3g} m, is wider than the circle of radius "
-            f"{self.problem.roller.radius:g} m; reduce the indentation or the load"
-        )
-
-    def solve(self, terms: int, start: ContactPatch | None = None, edges: Edges | None = None) -> ContactPatch:
-        """Solve the contact with one pressure term per `NODES_PER_TERM` nodes at most.
-
-        The search starts from the solution of a similar problem, whose number of terms is kept, from given edges [m],
-        or from those of an active set; the number of terms then increases in stages. UnresolvedError lists the last
+        The search starts from given edges [m] or from those of an active set. UnresolvedError lists the last
         iterations; BeyondWindowError: the edges leave the loaded zone.
         """
-        if start is not None:
-            return self.solve_from(start, start.terms)
         if edges is not None:
             with suppress(UnresolvedError):  # a surface that moves far along x has other edges than one at rest
                 return self.solve_in_stages(np.array(edges), terms)
         return self.solve_in_stages(self.estimate_edges(), terms)
 
-    def with_peaks(self, patch: ContactPatch) -> ContactPatch:
+    def solve_in_stages(self, edges: Array, terms: int) -> ContactPatch:
+        """Solve from initial edges, first with few terms, then with more."""
+        x = self.surface.x
+        terms = min(terms, max(1, int(np.sum((edges[0] < x) & (x < edges[1]))) // NODES_PER_TERM))
+        few = min(terms, INITIAL_TERMS)
+        patch = self._solve(few, edges, np.zeros((2, len(x))))
+        while patch.terms < terms:
+            patch = self.follow(patch, min(int(TERM_GROWTH * patch.terms), terms))
+        return patch
+
+    def follow(self, guess: ContactPatch, terms: int) -> ContactPatch:
+        """Solve from the edges, displacement and Jacobian of the patch of a similar problem."""
+        return self._solve(terms, np.array(guess.edges), guess.displacement, guess.jacobian, guess.history)
+
+    def finish(self, patch: ContactPatch) -> ContactPatch:
         """Add the peak pressure of a patch and that of a patch with `PEAK_TERMS_OMITTED` terms fewer."""
-        fewer = self.solve_from(patch, max(1, patch.terms - PEAK_TERMS_OMITTED))
-        peaks = tuple(float(each.sampled(PEAK_SAMPLES)[1].max()) for each in (fewer, patch))
-        return replace(patch, peaks=peaks, history=patch.history + fewer.history)
+        profile, R = self.problem.roller.profile, self.problem.roller.radius
+        if (profile == "circle" and np.abs(patch.x).max() >= R) or (
+            profile == "deformed" and patch.normal[1].max() >= 0
+        ):
+            raise self.beyond_circle(patch.edges)  # where the slope, or the pressure along x, is undefined
+        fewer = self.follow(patch, max(1, patch.terms - PEAK_TERMS_OMITTED))
+        samples = (each.sampled(PEAK_SAMPLES, self.problem.exponent)[1] for each in (fewer, patch))
+        return replace(patch, peaks=tuple(float(pressure.max()) for pressure in samples), history=fewer.history)
+
+    def beyond_circle(self, edges: Edges) -> BeyondCircleError:
+        """Return the error of a contact with edges [m] that is wider than the circle."""
+        return BeyondCircleError(
+            f"the contact, from {edges[0]:.3g} to {edges[1]:.3g} m, is wider than the circle of radius "
+            f"{self.problem.roller.radius:g} m; reduce the indentation or the load"
+        )
 
     def estimate_edges(self) -> Array:
         """Estimate both edges [m], shape (2,), from a pressure linear between corner nodes by an active-set method."""
@@ -392,40 +447,24 @@ class PressedRoller:
         first, last = np.flatnonzero(active)[[0, -1]]
         return np.array([corners[first - 1 : first + 1].mean(), corners[last : last + 2].mean()])
 
-    def solve_in_stages(self, edges: Array, terms: int) -> ContactPatch:
-        """Solve from initial edges, first with few terms, then with more."""
-        x = self.surface.x
-        terms = min(terms, max(1, int(np.sum((edges[0] < x) & (x < edges[1]))) // NODES_PER_TERM))
-        few = min(terms, INITIAL_TERMS)
-        patch = self._solve(few, edges, np.zeros((2, len(x))), None)
-        history = patch.history
-        while TERM_GROWTH * few < terms:
-            few = int(TERM_GROWTH * few)
-            patch = self.solve_from(patch, few)
-            history += patch.history
-        patch = self.solve_from(patch, terms)
-        return replace(patch, history=history + patch.history)
-
-    def solve_from(self, guess: ContactPatch, terms: int) -> ContactPatch:
-        """Solve from the edges, displacement and Jacobian of another patch."""
-        return self._solve(terms, np.array(guess.edges), guess.displacement, guess.jacobian)
-
-    def _solve(self, terms: int, edges: Array, displacement: Array, jacobian: Array | None) -> ContactPatch:
+    def _solve(
+        self, terms: int, edges: Array, displacement: Array, jacobian: Array | None = None, history: tuple = ()
+    ) -> ContactPatch:
         """Update the Jacobian by Broyden's rule; recompute it where the steps grow."""
-        patch, step_size, history = self._solve_between(edges, displacement, terms), np.inf, []
+        patch, step_size, rows = self._solve_between(edges, displacement, terms), np.inf, []
         for iteration in range(MAX_EDGE_ITERATIONS):
-            amplitudes = patch.coefficients[-2:]
+            amplitudes, length = patch.coefficients[-2:], edges[1] - edges[0]
             if jacobian is None:  # by forward differences
-                reach = DIFFERENCE_STEP * (edges[1] - edges[0])
+                reach = DIFFERENCE_STEP * length
                 shifted = [self._solve_between(edges + reach * side, displacement, terms) for side in np.eye(2)]
                 jacobian = (np.array([each.coefficients[-2:] for each in shifted]) - amplitudes).T / reach
             previous, step = step_size, np.linalg.solve(jacobian, -amplitudes)
-            step_size = (np.abs(step).max() / (edges[1] - edges[0])).item()
-            history.append((*edges.tolist(), step_size))
+            step_size = (np.abs(step).max() / length).item()
+            rows.append((*edges.tolist(), step_size))
             change = np.abs(patch.displacement - displacement).max()  # the normal is that of the displacement
             stationary = change <= EDGE_TOLERANCE * np.abs(patch.displacement).max()
             if step_size < EDGE_TOLERANCE and (stationary or self.problem.roller.profile != "deformed"):
-                return replace(patch, jacobian=jacobian, history=tuple(history))
+                return replace(patch, jacobian=jacobian, history=history + tuple(rows))
             step *= min(1.0, MAX_STEP / max(step_size, MAX_STEP)) * (1.0 if iteration < FULL_STEPS else 0.5)
             edges, displacement = edges + step, patch.displacement
             patch = self._solve_between(edges, displacement, terms)
@@ -436,7 +475,7 @@ class PressedRoller:
             raise self.beyond_circle((edges[0], edges[1]))
         raise UnresolvedError(
             f"the contact edges did not converge in {MAX_EDGE_ITERATIONS} iterations; the last (trailing [m], "
-            f"leading [m], step over length) are {history[-HISTORY_REPORTED:]}"
+            f"leading [m], step over length) are {rows[-HISTORY_REPORTED:]}"
         )
 
     def _solve_between(self, edges: Array, displacement: Array, terms: int) -> ContactPatch:
@@ -450,7 +489,7 @@ class PressedRoller:
         x, weight, fraction, complement = contact_quadrature(surface.x, edges)
         N = shape_matrix(surface.x, x)
         normal, depth = self.contact_condition(x, displacement @ N.T)
-        direction = normal + self.problem.traction_ratio * np.array([-normal[1], normal[0]])
+        direction = normal + self.problem.traction_ratio * _perpendicular(normal)
         trial = _pressure_functions(fraction, complement, exponent, terms)
         test = _pressure_functions(fraction, complement, 1 - exponent, terms) * weight[:, None]
         loads = N[:, surface.loaded].T
@@ -458,23 +497,18 @@ class PressedRoller:
         response = surface.displacement(forces)
         A = sum((test * normal[i][:, None]).T @ (N @ response[i]) for i in range(2))
         try:
-            coefficients = np.linalg.solve(A, test.T @ depth)
+            c = np.linalg.solve(A, test.T @ depth)
         except np.linalg.LinAlgError as singular:
             raise UnresolvedError(
                 f"the mesh is too coarse under the contact for {terms} terms of the pressure; refine it"
             ) from singular
-        return ContactPatch(
-            edges=(float(edges[0]), float(edges[1])),
-            x=x,
-            weight=weight,
-            pressure=trial @ coefficients,
-            normal=normal,
-            direction=direction,
-            forces=forces @ coefficients,
-            displacement=response @ coefficients,
-            coefficients=coefficients,
-            exponent=exponent,
-        )
+        low, high = edges.tolist()
+        return ContactPatch((low, high), x, weight, trial @ c, normal, direction, forces @ c, response @ c, c)
+
+
+def _perpendicular(normal: Array) -> Array:
+    """Tangent of the roller towards +x, shape (2, q), for unit normals towards the layer."""
+    return np.stack([-normal[1], normal[0]])
 
 
 def _pressure_functions(fraction: Array, complement: Array, exponent: float, terms: int) -> Array:
@@ -496,15 +530,9 @@ def solve_shear(
         high = leading - inner[-1] < EDGE_CLEARANCE * (inner[-1] - inner[-2])
         inner = inner[int(low) : len(inner) - int(high)]
     x = np.concatenate([[trailing], inner, [leading]])
-
-    def tangent(at: Array) -> Array:  # of the roller towards +x, of unit length, shape (2, q)
-        normal = np.stack([np.interp(at, patch.x, part) for part in patch.normal])
-        return np.stack([-normal[1], normal[0]])
-
-    points, weight, _, _ = contact_quadrature(surface.x, patch.edges)
-    functions = _traction_functions(x, points) * weight[:, None]
-    loads, share = shape_matrix(surface.x, points)[:, surface.loaded].T, functions.sum(axis=0)
-    hats = np.stack([loads @ (functions * part[:, None]) for part in tangent(points)])
+    functions = _traction_functions(x, patch.x) * patch.weight[:, None]
+    loads, share = shape_matrix(surface.x, patch.x)[:, surface.loaded].T, functions.sum(axis=0)
+    hats = np.stack([loads @ (functions * part[:, None]) for part in _perpendicular(patch.normal)])
     bound = problem.roller.friction * np.maximum(np.interp(inner, patch.x, patch.pressure), 0)
     direction = problem.direction
     force = -direction * problem.torque / problem.roller.radius / problem.material.youngs_modulus
@@ -517,19 +545,14 @@ def solve_shear(
     response = surface.displacement(hats)
     upstream = slice(1, None) if direction > 0 else slice(0, -1)  # intervals on the upstream side of the nodes
     rate = -direction * (np.diff(shape_matrix(surface.x, x), axis=0) / np.diff(x)[:, None])[upstream]
-    along = tangent(((x[1:] + x[:-1]) / 2)[upstream])
+    middle = ((x[1:] + x[:-1]) / 2)[upstream]
+    along = _perpendicular(np.stack([np.interp(middle, patch.x, part) for part in patch.normal]))
     A = sum(part[:, None] * (rate @ response[i]) for i, part in enumerate(along))
     b = direction * (1 - along[0]) + sum(part * (rate @ patch.displacement[i]) for i, part in enumerate(along))
     q, creepage = _stick_slip_active_set(A, b, bound, share, force)
-    return ShearSolution(
-        x=x,
-        traction=np.concatenate([[0.0], q, [0.0]]),
-        creepage=float(direction * creepage),
-        resultant=hats.sum(axis=1) @ q,
-        forces=hats @ q,
-        displacement=response @ q,
-        slip_work=-float(np.sum(share * q * (A @ q + b + creepage))),
-    )
+    slip_work = -float(np.sum(share * q * (A @ q + b + creepage)))
+    traction, creepage = np.concatenate([[0.0], q, [0.0]]), float(direction * creepage)
+    return ShearSolution(x, traction, creepage, hats.sum(axis=1) @ q, hats @ q, response @ q, slip_work)
 
 
 def _stick_slip_active_set(A: Array, b: Array, bound: Array, share: Array, force: float) -> tuple[Array, float]:

@@ -9,13 +9,13 @@ where z_k is the retarded strain. Retardation of the elastic displacement along 
 viscoelastic layer.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from compact.engines.fem import compliance
+from compact.engines.spectral.galerkin_system import creep_function
 from compact.mesh import RowMesh
 from compact.numerics import Array
 from compact.numerics.assembly import element_unknowns, strain_matrix
@@ -84,7 +84,7 @@ def field_mesh(result: FemContactResult) -> "meshio.Mesh":
     """
     import meshio
 
-    stiffness, (instant, *branches) = result.stiffness, compliance.creep_function(result.material)
+    stiffness, (instant, *branches) = result.stiffness, creep_function(result.material)
     basis, elastic, strain = stiffness.basis, result.elastic_displacement(), result.elastic_strain()
     x, u = basis.doflocs[0], instant * elastic
     for share, time in zip(*branches, strict=True):
@@ -97,7 +97,7 @@ def field_mesh(result: FemContactResult) -> "meshio.Mesh":
     stress[..., 3] = parts[..., 2]
     area = basis.dx.sum(axis=1)
     stress = np.einsum("eq,eqs->es", basis.dx / area[:, None], stress)
-    dissipation = abs(result.speed) * _dissipation(result, strain) / area
+    dissipation = abs(result.speed) * _dissipation(result, strain)[0] / area
     return meshio.Mesh(
         np.pad(basis.doflocs.T, ((0, 0), (0, 1))),
         [("quad9", basis.element_dofs.T)],
@@ -111,34 +111,26 @@ def dissipated_work(result: FemContactResult) -> float:
 
     Downstream of the mesh the strain is constant; there the branches dissipate E J_k (e - z_k) : c : (e - z_k)/2 more.
     """
-    strain = result.elastic_strain()
-    inside = np.sum(_dissipation(result, strain))
+    inside, remaining = _dissipation(result, result.elastic_strain())
+    return float(np.sum(inside) + remaining)
+
+
+def _dissipation(result: FemContactResult, strain: Array) -> tuple[Array, float]:
+    """Dissipation of the elements per length rolled [J/m per m], shape (elements,), and that downstream [J/m2]."""
+    (rows, columns), basis, (_, *branches) = result.mesh.shape, result.stiffness.basis, creep_function(result.material)
+    stiff = np.repeat(result.moduli[::columns], len(GAUSS_WEIGHTS), axis=0)[:, None]
     heights = (np.diff(result.mesh.y)[:, None] * GAUSS_WEIGHTS).ravel()
-    outlet = 0 if result.speed > 0 else -1
-    lags = _strain_lags(result, strain)
-    remaining = (share * np.sum(stiff * lag**2, axis=-1)[:, outlet] for share, _, stiff, lag in lags)
-    return float(inside + sum(heights @ energy / 2 for energy in remaining))
-
-
-def _strain_lags(result: FemContactResult, strain: Array) -> Iterator[tuple[float, float, Array, Array]]:
-    """For each branch J_k, v theta_k, moduli of the streamlines, and e - z_k on them, shape (rows, columns, 4)."""
-    _, *branches = compliance.creep_function(result.material)
-    stiff = np.repeat(result.moduli[:: result.mesh.shape[1]], len(GAUSS_WEIGHTS), axis=0)[:, None]
-    x = _streamlines(result, np.asarray(result.stiffness.basis.global_coordinates())[0][..., None])[..., 0]
-    e = _streamlines(result, strain)
+    e, x, areas = (
+        _streamlines(result, values)
+        for values in (strain, np.asarray(basis.global_coordinates())[0][..., None], basis.dx[..., None])
+    )
+    inside, remaining, outlet = np.zeros(areas.shape[:2]), 0.0, 0 if result.speed > 0 else -1
     for share, time in zip(*branches, strict=True):
         length = time * result.speed
-        yield share, length, stiff, e - compliance.retarded_along_rows(e, x, length)
-
-
-def _dissipation(result: FemContactResult, strain: Array) -> Array:
-    """Dissipation of the elements per length rolled [J/m per m], shape (elements,)."""
-    rows, columns = result.mesh.shape
-    areas = _streamlines(result, result.stiffness.basis.dx[..., None])[..., 0]
-    dissipation = np.zeros(areas.shape)
-    for share, length, stiff, lag in _strain_lags(result, strain):
-        dissipation += share / abs(length) * np.sum(stiff * lag**2, axis=-1)
-    return (areas * dissipation).reshape(rows, 3, columns, 3).sum(axis=(1, 3)).ravel()
+        energy = share * np.sum(stiff * (e - compliance.retarded_along_rows(e, x[..., 0], length)) ** 2, axis=-1)
+        inside += energy / abs(length)
+        remaining += float(heights @ energy[:, outlet] / 2)
+    return (areas[..., 0] * inside).reshape(rows, 3, columns, 3).sum(axis=(1, 3)).ravel(), remaining
 
 
 def _streamlines(result: FemContactResult, values: Array) -> Array:

@@ -23,7 +23,8 @@ from threadpoolctl import threadpool_limits
 
 from compact.engines.fem import compliance
 from compact.engines.fem import engine as fem
-from compact.engines.fem.contact import ContactSolution, RollingProblem
+from compact.engines.fem.contact import ContactSolution, Discretisation, RollingProblem
+from compact.engines.spectral.galerkin_system import creep_function
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
 from compact.numerics import Array
@@ -86,7 +87,7 @@ def expand_resistance(
     branches = getattr(material, "branches", ())
     if not branches:
         result = fem.roll(layer, roller, material, speed, mesh=mesh, tolerance=tolerance, estimate=False)
-        return ResistanceExpansion(speed, result.resistance, slope=0.0, added_mass=0.0, error=0.0, relaxation_time=0.0)
+        return ResistanceExpansion(speed, result.resistance, 0.0, 0.0, 0.0, 0.0)
     time, error = max(time for _, time in branches), None
     with threadpool_limits(1):  # the matrices are small; threads cost more than they save
         similar = fem.spectral_estimate(problem) if mesh is None else None
@@ -100,13 +101,13 @@ def expand_resistance(
     return ResistanceExpansion(speed, resistance, slope, added_mass, error, time)
 
 
-def _expansion(problem: RollingProblem, grid: fem.Discretisation, window: float) -> tuple[float, float, float]:
+def _expansion(problem: RollingProblem, grid: Discretisation, window: float) -> tuple[float, float, float]:
     """Return (F_ss, dF_ss/dv, M) in a loaded zone of a half-width [m].
 
     All contacts are similar to the steady one, each on its mesh shifted and stretched so that the edges keep their
     elements; the compliance is expanded in the logarithm of the stretch.
     """
-    _, shares, times = compliance.creep_function(problem.material)
+    _, shares, times = creep_function(problem.material)
     elastic = fem.elastic_surface(problem, grid.mesh, window, stretch_rate=True)
     steady = fem.solve_at_target(problem, fem.retarded(problem, elastic), grid)
     edges, grid = steady.patch.edges, replace(grid, indentation=steady.pressed.indentation)
@@ -122,17 +123,17 @@ def _expansion(problem: RollingProblem, grid: fem.Discretisation, window: float)
 
     def internal_variables(at: RollingProblem, contact: ContactSolution) -> tuple[Array, Array]:
         """Return w and z_k [m], shapes (2, n) and (branches, 2, n)."""
-        x = contact.surface.x
+        x = contact.pressed.surface.x
         surface = elastic.stretched(np.ptp(x) / np.ptp(elastic.x))
         w = surface.displacement(contact.forces[:, elastic.loaded])
         return w, np.array([w @ compliance.retardation_operator(x, time * at.speed).T for time in times])
 
     slower, faster = (replace(problem, speed=problem.speed * (1 + side * SPEED_STEP)) for side in (-1, 1))
     before, after = solve(slower), solve(faster)
-    speed_change, x = faster.speed - slower.speed, steady.surface.x
+    speed_change, x = faster.speed - slower.speed, steady.pressed.surface.x
     w, z = internal_variables(problem, steady)
     z_change = internal_variables(faster, after)[1] - internal_variables(slower, before)[1]
-    mesh_velocity = (after.surface.x - before.surface.x) / speed_change
+    mesh_velocity = (after.pressed.surface.x - before.pressed.surface.x) / speed_change
     lengths = problem.speed * times[:, None, None]
     z_rate = z_change / speed_change - mesh_velocity * (z - w) / lengths  # at fixed x, since z - l dz/dx = w
     lag = sum(  # g [m s2/m]

@@ -24,17 +24,15 @@ K. L. Johnson, Contact Mechanics, CUP 1985, sections 2.7, 5.8; S. C. Hunter, J. 
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import lu_factor, lu_solve
 from threadpoolctl import threadpool_limits
 
 from compact import rolling_contact
 from compact.engines.spectral import SPECTRAL
 from compact.engines.spectral.galerkin_system import (
-    GalerkinSystem,
+    JacobiBasis,
     RollingProblem,
     assemble_system,
     creep_compliance,
@@ -43,7 +41,7 @@ from compact.engines.spectral.galerkin_system import (
 )
 from compact.material.laws import Elastic, Viscoelastic
 from compact.numerics import Array
-from compact.numerics.validation import require_positive
+from compact.numerics.validation import require_instance, require_positive
 from compact.rolling_contact import Contact, Layer, Roller
 
 MODE_COUNTS = 16, 24, 36, 54, 80, 120, 180, 270, 405, 610  # [-], tried in turn; the error is estimated from the next
@@ -55,12 +53,10 @@ MODE_ERROR_FACTOR = 2.0  # [-], error over the change to the next number of mode
 PEAK_ERROR_RATIO = 10  # [-], tolerance of the peak pressure over that of the load
 SPECTRUM_LIMIT = 100.0  # [-], wave number times half-width from which the spectrum is a power law
 PRESSURE_SAMPLES = 201  # [-], points along the contact, denser at its edges
-TRACTION_SIGN = {"frictionless": 0, "free": 0, "sliding": 1, "driven": -1}  # [-], of the traction on the mix
 HALF_WIDTH_TOLERANCE = 1e-12  # [-], residual of the target at which the half-width is accepted
 HALF_WIDTH_STEPS_MAX = 60  # [-], of the secant method, and of Newton's method for the centre
 HALF_WIDTH_STEP = 1e-4  # [-], relative, for derivatives by the half-width; its square: the smallest useful secant
 CENTRE_TOLERANCE = 1e-14  # [-], last step of the centre over the half-width
-CIRCLE_SHARE_MAX = 0.9  # [-], largest half-width over the radius of a circle
 ESTIMATE_MODES = 12  # [-], pressure polynomials of the elastic estimate
 ESTIMATE_TOLERANCE = 1e-6  # [-], residual of its target
 HALF_WIDTH_SHARE_MIN = 1e-12  # [-], over the height; below it the contact is narrower than an atom
@@ -69,19 +65,16 @@ WIDTH_ITERATIONS = 4  # [-], fixed-point iterations for the modulus at the frequ
 INITIAL_WIDTH_MAX = 2.0  # [-], initial half-width over the top ply, since wide contacts cost more modes
 
 
-class ModeRefinement(NamedTuple):
-    """Number of pressure polynomials of a solution, and its estimated relative errors of load and resistance [-]."""
-
-    modes: int
-    error: tuple[float, float]
-
-
 @dataclass(frozen=True)
 class ContactSolution:
     """Contact of one half-width in which the surface has the slope of the roller.
 
     Parameters
     ----------
+    basis : JacobiBasis
+        Polynomials of the pressure, and tests.
+    half_width : float
+        Half-width a [m].
     centre : float
         Middle of the contact [m] from the lowest generatrix.
     coefficients : ndarray
@@ -94,7 +87,8 @@ class ContactSolution:
         Forces per unit roller length [N/m].
     """
 
-    system: GalerkinSystem
+    basis: JacobiBasis
+    half_width: float
     centre: float
     coefficients: Array
     scale: float
@@ -102,14 +96,9 @@ class ContactSolution:
     load: float
     resistance: float
 
-    @property
-    def half_width(self) -> float:
-        """Half-width a [m]."""
-        return self.system.half_width
-
     def pressure(self, xi: Array | float) -> Array:
         """Return the pressure p [Pa] at xi in [-1, 1]."""
-        alpha = self.system.basis.trailing_exponent
+        alpha = self.basis.trailing_exponent
         polynomials = pressure_polynomials(xi, alpha, len(self.coefficients))
         return self.scale * (1 - xi) ** (1 - alpha) * (1 + xi) ** alpha * (self.coefficients @ polynomials)
 
@@ -174,38 +163,36 @@ def roll(layer: Layer, roller: Roller, material: Elastic, speed: float, *, rtol:
     >>> f"load {rolled.load:.1f} N/m, resistance {rolled.resistance:.2f} N/m"
     'load 20455.8 N/m, resistance 392.89 N/m'
     """
-    require_spectral_range(layer, roller, material, speed)
-    require_positive(rtol=rtol)
     problem, half_width = build_rolling_problem(layer, roller, material, speed)
-    history: list[ModeRefinement] = []
+    require_positive(rtol=rtol)
+    history: list[tuple[int, float, float]] = []
     with threadpool_limits(1):  # the matrices are too small for threads
         for modes, next_modes in pairwise(MODE_COUNTS):
             contact = solve_contact(problem, modes, half_width)
             half_width, (*error, peak_error) = contact.half_width, _estimate_errors(problem, contact, next_modes)
-            history.append(ModeRefinement(modes, tuple(error)))
-            largest = max(*error, peak_error / PEAK_ERROR_RATIO)
-            if largest <= rtol:
+            history.append((modes, *error))
+            if max(*error, peak_error / PEAK_ERROR_RATIO) <= rtol:
                 break
         allowed = max(rtol, SPECTRAL_RTOL_MAX)
-        if not largest <= allowed:
+        if not max(*error, peak_error / PEAK_ERROR_RATIO) <= allowed:
             raise RuntimeError(
                 f"{modes} modes reach a relative error of {max(error):.1g}, allowed is {allowed:.1g}; before them "
-                + ", ".join(f"{step.modes} modes {max(step.error):.1g}" for step in history[:-1])
+                + ", ".join(f"{step[0]} modes {max(step[1:]):.1g}" for step in history[:-1])
             )
         xi = -np.cos(np.linspace(0, np.pi, PRESSURE_SAMPLES))
         pressure, x = contact.pressure(xi), contact.centre + contact.half_width * xi
         found = Contact(
-            load=float(contact.load),
-            resistance=float(contact.resistance),
-            leading=float(contact.centre + contact.half_width),
-            trailing=float(contact.centre - contact.half_width),
+            contact.load,
+            contact.resistance,
+            leading=float(x[-1]),
+            trailing=float(x[0]),
             x=x,
             pressure=pressure,
             shear_traction=problem.friction * pressure,
-            error=history[-1].error,
+            error=history[-1][1:],
             work_residual=_work_residual(problem, contact),
-            indentation=float(contact.indentation),
-            peak_pressure=float(contact.peak_pressure),
+            indentation=contact.indentation,
+            peak_pressure=contact.peak_pressure,
             history=tuple(history),
         )
     rolled = rolling_contact.for_travel(found, speed)
@@ -220,24 +207,21 @@ def _estimate_errors(problem, contact, next_modes):
     contact. Both are extrapolated along the half-width to the target. A prescribed load is exact: its error is that at
     the indentation found.
     """
-    modes, a = len(contact.coefficients), contact.half_width
-    wider = solve_pressure(problem, assemble_system(problem, modes, a * (1 + HALF_WIDTH_STEP)), modes)
-    finer = solve_pressure(problem, assemble_system(problem, next_modes, a), next_modes)
+    modes, a, (target, value) = len(contact.coefficients), contact.half_width, problem.roller.target
+    wider, finer = solve_pressure(problem, modes, a * (1 + HALF_WIDTH_STEP)), solve_pressure(problem, next_modes, a)
     names = ("load", "resistance", "peak_pressure", "indentation")
     of_contact, of_wider, of_finer = (np.array([getattr(c, name) for name in names]) for c in (contact, wider, finer))
 
-    def change(target: str, value: float) -> NDArray[np.float64]:
+    def change(target: str, value: float) -> Array:
         k = names.index(target)
         derivative = (of_wider - of_contact) / (of_wider[k] - of_contact[k])
         return of_finer - of_contact - derivative * (of_finer[k] - value)
 
-    at_depth = ("indentation", contact.indentation) if problem.target == "load" else (problem.target, problem.value)
-    changes = np.array([change(*at_depth)[0], *change(problem.target, problem.value)[1:3]])
-    scale = np.array(
-        [contact.load, rolling_contact.resistance_scale(contact.resistance, contact.load), contact.peak_pressure]
-    )
+    at_depth = ("indentation", contact.indentation) if target == "load" else (target, value)
+    changes = np.array([change(*at_depth)[0], *change(target, value)[1:3]])
+    scale = [contact.load, rolling_contact.resistance_scale(contact.resistance, contact.load), contact.peak_pressure]
     load_error = contact.load * (_fast_branch_error(problem, contact) + ARITHMETIC_ERROR / problem.creep.instant)
-    resistance_share = max(abs(problem.friction), 2 * a / problem.radius)
+    resistance_share = max(abs(problem.friction), 2 * a / problem.roller.radius)
     error = (MODE_ERROR_FACTOR * np.abs(changes) + load_error * np.array([1.0, resistance_share, 0.0])) / scale
     return tuple(error.tolist())
 
@@ -267,7 +251,7 @@ def _work_residual(problem, contact):
     it uses none of the closed forms from which the pressure is computed. The work of f p on slip and on the stretching
     of the surface is equal on both sides and left out. Beyond SPECTRUM_LIMIT |p|^2 is a power law.
     """
-    basis, a = contact.system.basis, contact.half_width
+    basis, a = contact.basis, contact.half_width
     tau, weight, squared = power_spectrum(basis, contact.coefficients, SPECTRUM_LIMIT)
     tail = np.geomspace(SPECTRUM_LIMIT, 1e9 * SPECTRUM_LIMIT, 2001)
     power = 2 + 2 * min(basis.trailing_exponent, 1 - basis.trailing_exponent)
@@ -279,24 +263,18 @@ def _work_residual(problem, contact):
     return float(abs(work - dissipated) / rolling_contact.resistance_scale(contact.resistance, contact.load))
 
 
-def require_spectral_range(layer: Layer, roller: Roller, material: Elastic, speed: float) -> None:
-    """Require a contact in the range of the engine; ValueError outside."""
-    SPECTRAL.require(layer, roller, speed)
-    if not isinstance(material, Elastic):
-        raise ValueError(
-            f"the engine spectral needs a `material` Elastic or Viscoelastic, got {type(material).__name__}; use fem"
-        )
-
-
 def build_rolling_problem(
     layer: Layer, roller: Roller, material: Elastic, speed: float
 ) -> tuple[RollingProblem, float]:
     """Build the `RollingProblem` of a contact at a speed [m/s] of either sign, and a first guess of its half-width [m].
 
-    The guess is that of Hertz or sqrt(R delta), at most `INITIAL_WIDTH_MAX` top plies.
+    The guess is that of Hertz or sqrt(R delta), at most `INITIAL_WIDTH_MAX` top plies. ValueError for a contact outside
+    the range of the engine.
     """
-    (target, value), radius = roller.target, roller.radius
-    modulus = material.contact_modulus * layer.top.stiffness
+    SPECTRAL.require(layer, roller, speed)
+    require_instance(Elastic, "Elastic or Viscoelastic for the engine spectral", material=material)
+    problem = RollingProblem(layer, roller, material, creep_compliance(material, speed, layer.height))
+    (target, value), radius, modulus = roller.target, roller.radius, problem.contact_modulus
     half_width = {
         "indentation": np.sqrt(radius * value),
         "load": np.sqrt(4 * value * radius / (np.pi * modulus)),
@@ -306,16 +284,7 @@ def build_rolling_problem(
         raise RuntimeError(
             f"the roller does not touch the layer: `{target}` {value!r} makes a contact of {half_width:.1g} m; raise it"
         )
-    friction = TRACTION_SIGN[roller.rolling] * roller.friction
-    creep = creep_compliance(getattr(material, "branches", ()), abs(speed), layer.height)
-    problem = RollingProblem(layer, material.poisson, friction, creep, modulus, radius, roller.profile, target, value)
-    widest = min(INITIAL_WIDTH_MAX * layer.top.thickness, _widest(roller.profile, radius))
-    return problem, float(min(half_width, widest))
-
-
-def _widest(profile, radius):
-    """Largest half-width of the search [m]; a circle ends at its radius."""
-    return CIRCLE_SHARE_MAX * radius if profile == "circle" else np.inf
+    return problem, float(min(half_width, INITIAL_WIDTH_MAX * layer.top.thickness, problem.widest))
 
 
 def solve_contact(
@@ -327,58 +296,55 @@ def solve_contact(
     -----
     Secant method for the logarithm of the target over the logarithm of the half-width.
     """
-    widest = _widest(problem.profile, problem.radius)
+    (target, prescribed), widest = problem.roller.target, np.log(problem.widest)
     log_a, residual, power, step = np.log(half_width), None, 2.0, 0.0
     for _ in range(HALF_WIDTH_STEPS_MAX):
-        contact = solve_pressure(problem, assemble_system(problem, modes, np.exp(log_a)), modes)
-        value = getattr(contact, problem.target)
+        contact = solve_pressure(problem, modes, float(np.exp(log_a)))
+        value = getattr(contact, target)
         if not 0 < value < np.inf:
-            raise RuntimeError(
-                f"`{problem.target}` must be positive, got {value:.3g} at the half-width {np.exp(log_a):.3g} m"
-            )
-        previous, residual = residual, np.log(value / problem.value)
+            raise RuntimeError(f"`{target}` must be positive, got {value:.3g} at the half-width {np.exp(log_a):.3g} m")
+        previous, residual = residual, np.log(value / prescribed)
         if abs(step) > HALF_WIDTH_STEP**2:
             power = np.clip((residual - previous) / step, 0.5, 20)
-        step = np.clip(-residual / power, -1, min(1, np.log(widest) - log_a))
+        step = np.clip(-residual / power, -1, min(1, widest - log_a))
         if abs(residual) < tolerance:
             return contact
         log_a += step
     raise RuntimeError(
         f"half-width not found in {HALF_WIDTH_STEPS_MAX} steps with {modes} modes, relative residual of "
-        f"`{problem.target}` {residual:.1g}"
+        f"`{target}` {residual:.1g}"
     )
 
 
-def solve_pressure(problem: RollingProblem, system: GalerkinSystem, modes: int) -> ContactSolution:
-    """Solve for the pressure on a given half-width with as many tests T_m, m >= 1, as modes; T_0 gives the centre."""
-    basis, R, a = system.basis, problem.radius, system.half_width
-    tests = basis.tests[: modes + 1]
-    factors = lu_factor(system.matrix[1 : modes + 1, :modes])
-    elimination = lu_solve(factors, system.matrix[0, :modes], trans=1)
-    centre = _find_centre(problem, basis.nodes, a, tests[0] - elimination @ tests[1:])
-    b = lu_solve(factors, tests[1:] @ problem.slope(centre + a * basis.nodes)[0] * (R / a))
+def solve_pressure(problem: RollingProblem, modes: int, half_width: float) -> ContactSolution:
+    """Solve for the pressure on a half-width [m] with as many tests T_m, m >= 1, as modes; T_0 gives the centre."""
+    (basis, matrix, depths), a, R = assemble_system(problem, modes, half_width), half_width, problem.roller.radius
+    x, tests = a * basis.nodes, basis.tests
+    factors = lu_factor(matrix[1:])
+    centre = _find_centre(problem, x, a, tests[0] - lu_solve(factors, matrix[0], trans=1) @ tests[1:])
+    b = lu_solve(factors, tests[1:] @ problem.slope(centre + x)[0] * (R / a))
     scale = problem.contact_modulus * a / (2 * R)
     load = scale * a * basis.unit_load * b[0]
-    depth = a**2 / R * (system.depths[:modes] @ b) + tests[0] @ problem.gap(centre + a * basis.nodes)
-    inclination = basis.pressures[:modes] @ problem.slope(centre + a * basis.pressure_nodes)[0]
+    depth = a**2 / R * (depths @ b) + tests[0] @ problem.gap(centre + x)
+    inclination = basis.pressures @ problem.slope(centre + a * basis.pressure_nodes)[0]
     resistance = scale * a * (b @ inclination) + problem.friction * load
-    return ContactSolution(system, centre, b, scale, depth / tests[0].sum(), load, resistance)
+    return ContactSolution(basis, a, centre, b, scale, float(depth / basis.unit_test), float(load), float(resistance))
 
 
-def _find_centre(problem, nodes, a, row):
+def _find_centre(problem, x, a, row):
     """Middle of the contact [m] at which the equation of T_0 holds, by Newton's method."""
-    centre = 0.0
+    centre, roller = 0.0, problem.roller
     for _ in range(HALF_WIDTH_STEPS_MAX):
-        if abs(centre) + a >= problem.radius and problem.profile == "circle":
+        if abs(centre) + a >= roller.radius and roller.profile == "circle":
             raise RuntimeError(
                 f"the contact, {a:.3g} m to either side of {centre:.3g} m, is wider than the circle of radius "
-                f"{problem.radius:.3g} m; reduce the load or the indentation"
+                f"{roller.radius:.3g} m; reduce the load or the indentation"
             )
-        slope, curvature = problem.slope(centre + a * nodes)
+        slope, curvature = problem.slope(centre + x)
         step = (row @ slope) / (row @ curvature)
         centre -= step
         if abs(step) <= CENTRE_TOLERANCE * a:
-            return centre
+            return float(centre)
     raise RuntimeError(
         f"centre of the contact not found in {HALF_WIDTH_STEPS_MAX} steps, last step {step:.1g} m at a half-width of "
         f"{a:.3g} m"
@@ -419,4 +385,4 @@ def contact_of_half_width(layer: Layer, material: Elastic, radius: float, half_w
     """Estimate the elastic frictionless contact of a half-width [m] under a parabola of a radius [m]."""
     elastic = Elastic(youngs_modulus=material.youngs_modulus, poisson=material.poisson)
     problem, _ = build_rolling_problem(layer, Roller(radius, indentation=half_width**2 / radius), elastic, 1.0)
-    return solve_pressure(problem, assemble_system(problem, ESTIMATE_MODES, half_width), ESTIMATE_MODES)
+    return solve_pressure(problem, ESTIMATE_MODES, half_width)

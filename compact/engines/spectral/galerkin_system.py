@@ -47,19 +47,21 @@ from itertools import accumulate
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh_tridiagonal
-from scipy.special import digamma
+from scipy.special import digamma, hyp1f1
 
 from compact.engines.halfplane import pressure_exponent
+from compact.material.laws import Elastic
 from compact.numerics import Array
-from compact.rolling_contact import Layer
+from compact.rolling_contact import Layer, Roller
 
 WAVELENGTH_MAX = 1e4  # [-], over 2 pi heights; beyond it the compliance is proportional to k, and digits would be lost
 CREEP_LENGTH_BOUNDS = 1e-30, 1e10  # [-], over the height; beyond them speed is indistinguishable from 0 or infinity
 PANEL_POINTS = 10  # [-], Gauss points on each panel of the wave-number grid
 DECAY_DEPTH = 20.0  # [-], k depth from which exp(-2 k depth) is neglected
 HALF_WIDTH_MAX = 100.0  # [-], over the top ply; its grid of waves needs 0.1 GB, which grows with the square
+CIRCLE_SHARE_MAX = 0.9  # [-], largest half-width over the radius of a circle
+TRACTION_SIGN = {"frictionless": 0, "free": 0, "sliding": 1, "driven": -1}  # [-], of the traction on the mix
 MILLER_MODES = 30  # [-], least number of modes above the last at which the downward recurrence of ratios starts
-BETA_SATURATED = 50.0  # [-], beta from which one edge of the contact does not influence the other: exp(-2 beta) = 0
 
 
 @dataclass(frozen=True)
@@ -85,23 +87,17 @@ class JacobiBasis:
     @property
     def modes(self) -> int:
         """Number of pressure polynomials."""
-        return len(self.tests) - 1
-
-    @property
-    def sine(self) -> float:
-        """Value of sin(pi alpha) [-]."""
-        return np.sin(np.pi * self.trailing_exponent)
+        return len(self.pressures)
 
     @property
     def unit_test(self) -> float:
         """Integral of the test T_0 [-], the square root of 2 pi/sin(pi alpha)."""
-        return np.sqrt(2 * np.pi / self.sine)
+        return self.tests[0].sum()
 
     @property
     def unit_load(self) -> float:
         """Integral of the pressure for b_1 = 1 [-], the square root of 2 pi alpha (1 - alpha)/sin(pi alpha)."""
-        alpha = self.trailing_exponent
-        return np.sqrt(2 * np.pi * alpha * (1 - alpha) / self.sine)
+        return self.pressures[0].sum()
 
     def transforms(self, tau: Array) -> NDArray[np.complex128]:
         """Compute G_m = m int T_m (exp(i tau x) - 1)/(i tau) dx, factor 1 for m = 0, shape (modes + 1, n), at tau > 0.
@@ -176,20 +172,16 @@ class CreepCompliance:
     shares: Array
     lengths: Array
 
-    @property
-    def relaxed(self) -> float:
-        """Compliance C at k = 0 [-]."""
-        return self.instant + self.shares.sum()
-
     def at(self, wave_number: Array) -> NDArray[np.complex128]:
         """Evaluate C [-] at wave numbers k [1/m]."""
         terms = self.shares / (1 - 1j * np.multiply.outer(wave_number, self.lengths))
         return self.instant + terms.sum(axis=-1)
 
 
-def creep_spectrum(branches: tuple[tuple[float, float], ...]) -> tuple[float, Array, Array]:
-    """Convert a relaxation spectrum 1 + sum share_i exp(-t/time_i) to that of creep.
+def creep_function(material: Elastic) -> tuple[float, Array, Array]:
+    """Convert the Prony series of a material, shares and times, to its creep function.
 
+        J(t) E = instant + sum_k share_k (1 - exp(-t/time_k)),    E the relaxed modulus
         Theta = diag(t) + r r^T,  r = sqrt(share time);  retardation times theta = eigenvalues of Theta,
         shares (v.r)^2/theta of its eigenvectors v
 
@@ -199,24 +191,24 @@ def creep_spectrum(branches: tuple[tuple[float, float], ...]) -> tuple[float, Ar
         Instantaneous compliance over the relaxed one [-].
     shares, times : ndarray
         Shares of the branches [-], which add up to 1 with `instant`, and retardation times [s], ascending; shape (n,).
+
+    Examples
+    --------
+    >>> from compact.material.laws import Viscoelastic
+    >>> instant, (share,), (time,) = creep_function(Viscoelastic(youngs_modulus=1e7, poisson=0.3, branches=((1, 0.1),)))
+    >>> f"{instant:.3f} instantaneous, {share:.3f} with {time:.3f} s"
+    '0.500 instantaneous, 0.500 with 0.200 s'
     """
-    stiffness, time = np.array(branches, dtype=float).reshape(-1, 2).T
+    stiffness, time = np.array(getattr(material, "branches", ()), dtype=float).reshape(-1, 2).T
     root = np.sqrt(stiffness * time)
     theta, vectors = np.linalg.eigh(np.diag(time) + np.outer(root, root))
     return float(1 / (1 + stiffness.sum())), (vectors.T @ root) ** 2 / theta, theta
 
 
-def creep_compliance(branches: tuple[tuple[float, float], ...], speed: float, height: float) -> CreepCompliance:
-    """Build the `CreepCompliance` of a relaxation spectrum at a speed [m/s] on a layer of a height [m].
-
-    Examples
-    --------
-    >>> creep = creep_compliance(((1.0, 0.1),), speed=2.0, height=0.2)
-    >>> f"{creep.instant}, {creep.shares[0]:.3f}, {creep.lengths[0]:.3f}"
-    '0.5, 0.500, 0.400'
-    """
-    instant, shares, times = creep_spectrum(branches)
-    return CreepCompliance(instant, shares, height * np.clip(speed / height * times, *CREEP_LENGTH_BOUNDS))
+def creep_compliance(material: Elastic, speed: float, height: float) -> CreepCompliance:
+    """Build the `CreepCompliance` of a material at a speed [m/s] on a layer of a height [m]."""
+    instant, shares, times = creep_function(material)
+    return CreepCompliance(instant, shares, height * np.clip(abs(speed) / height * times, *CREEP_LENGTH_BOUNDS))
 
 
 @dataclass(frozen=True)
@@ -225,75 +217,60 @@ class RollingProblem:
 
     Parameters
     ----------
-    layer : Layer
-        Layer of plies.
-    poisson : float
-        Poisson's ratio nu [-].
-    friction : float
-        Traction on the mix over the pressure, f [-], positive along the travel.
+    layer, roller, material
+        As of `spectral.roll`.
     creep : CreepCompliance
         Creep along the path of the mix.
-    contact_modulus : float
-        Relaxed E* of the top ply [Pa].
-    radius : float
-        Roller radius R [m].
-    profile : str
-        "parabola" or "circle".
-    target, value : str, float
-        Prescribed "indentation" [m], "load" [N/m] or "peak_pressure" [Pa], and its value.
     """
 
     layer: Layer
-    poisson: float
-    friction: float
+    roller: Roller
+    material: Elastic
     creep: CreepCompliance
-    contact_modulus: float
-    radius: float
-    profile: str
-    target: str
-    value: float
 
-    def gap(self, x: Array) -> Array:
-        """Return the height [m] of the roller above its lowest generatrix at x [m], free of cancellation."""
-        R = self.radius
-        return x**2 / (2 * R if self.profile == "parabola" else R + np.sqrt(R**2 - x**2))
+    @property
+    def friction(self) -> float:
+        """Traction on the mix over the pressure, f [-], positive along the travel."""
+        return TRACTION_SIGN[self.roller.rolling] * self.roller.friction
 
-    def slope(self, x: Array) -> tuple[Array, Array]:
-        """Return gap' [-] and gap'' [1/m] at x [m]."""
-        R = self.radius
-        if self.profile == "parabola":
-            return x / R, np.full_like(x, 1 / R)
-        root = np.sqrt((R - x) * (R + x))
-        return x / root, R**2 / root**3
+    @property
+    def contact_modulus(self) -> float:
+        """Relaxed E* of the top ply [Pa]."""
+        return self.material.contact_modulus * self.layer.top.stiffness
+
+    @property
+    def widest(self) -> float:
+        """Largest half-width of the search [m]; a circle ends at its radius."""
+        return CIRCLE_SHARE_MAX * self.roller.radius if self.roller.profile == "circle" else np.inf
 
     @property
     def trailing_exponent(self) -> float:
         """Edge exponent alpha of (1.4) [-]; it is independent of the modulus and thus of creep."""
-        return float(pressure_exponent(self.poisson, self.friction))
+        return float(pressure_exponent(self.material.poisson, self.friction))
 
-    @property
-    def coupling(self) -> float:
-        """Coupling of traction and normal displacement on the half-plane, f b = cot(pi alpha) [-]."""
-        return self.friction * (1 - 2 * self.poisson) / (2 - 2 * self.poisson)
+    def gap(self, x: Array) -> Array:
+        """Return the height [m] of the roller above its lowest generatrix at x [m], free of cancellation."""
+        R = self.roller.radius
+        return x**2 / (2 * R if self.roller.profile == "parabola" else R + np.sqrt(R**2 - x**2))
 
-    @property
-    def top_thickness(self) -> float:
-        """Thickness of the top ply [m]."""
-        return self.layer.top.thickness
-
-    def symbols(self, half_width: float) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-        """Evaluate zeta, weights, L - 1, M - b and C [-] on a grid for a half-width of the contact [m]."""
-        width = 2.0 ** np.floor(np.log2(min(2.0, 2.5 * self.top_thickness / half_width)))
-        longest = max((self.layer.height, *self.creep.lengths)) / self.top_thickness
-        decades = 6 + int(np.ceil(np.log10(longest)))
-        zeta, weight, normal, shear = _layer_symbols(self.layer, self.poisson, decades, width)
-        return zeta, weight, normal, shear, self.creep.at(zeta / self.top_thickness)
+    def slope(self, x: Array) -> tuple[Array, Array]:
+        """Return gap' [-] and gap'' [1/m] at x [m]."""
+        R = self.roller.radius
+        if self.roller.profile == "parabola":
+            return x / R, np.full_like(x, 1 / R)
+        root = np.sqrt((R - x) * (R + x))
+        return x / root, R**2 / root**3
 
     def dissipation_symbol(self, wave_number: Array) -> Array:
         """Evaluate L Im C - f M Re C [-], the share of the work of a pressure wave k [1/m] that is not returned."""
-        normal, shear = compliance_deviation(wave_number, self.layer, self.poisson)
+        normal, shear = compliance_deviation(wave_number, self.layer, self.material.poisson)
         creep = self.creep.at(wave_number)
-        return (1 + normal) * creep.imag - (self.coupling + self.friction * shear) * creep.real
+        return (1 + normal) * creep.imag - self.friction * (coupling(self.material.poisson) + shear) * creep.real
+
+
+def coupling(poisson: float) -> float:
+    """Return b = (1 - 2 nu)/(2 - 2 nu) [-], M of the half-plane."""
+    return (1 - 2 * poisson) / (2 - 2 * poisson)
 
 
 @lru_cache(maxsize=64)
@@ -395,7 +372,7 @@ def creep_branch_matrices(beta: Array, trailing_exponent: float, modes: int) -> 
     ----------
     DLMF 10.29, 33.4; S. C. Hunter, J. Appl. Mech. 28 (1961) 611.
     """
-    ratio = np.array([_bessel_ratios(each, trailing_exponent, modes) for each in beta.tolist()]).T
+    ratio = _bessel_ratios(beta, trailing_exponent, modes)
     product = np.empty((modes + 1, len(beta)))
     product[0] = _first_product(beta, trailing_exponent)
     steps = 2 / (beta * _coulomb_factor(np.arange(1, modes + 1)[:, None], trailing_exponent))
@@ -410,16 +387,15 @@ def creep_branch_matrices(beta: Array, trailing_exponent: float, modes: int) -> 
 
 
 def _bessel_ratios(beta, trailing_exponent, modes):
-    """List of I_{m+1}/I_m for m = 0 ... modes - 1 at one beta, from 1/ratio_{m-1} = constant_m + factor_m ratio_m."""
-    top = modes + MILLER_MODES + int(min(6 * np.sqrt(beta), 6 * MILLER_MODES))
-    order = np.arange(top, 0, -1)
-    coulomb = _coulomb_factor(np.arange(top + 1, 0, -1), trailing_exponent)
-    asymmetry = 2 * order * (0.5 - trailing_exponent) / (order**2 - 0.25)
-    constant, factor = ((2 * order / beta + asymmetry) / coulomb[1:]).tolist(), (coulomb[:-1] / coulomb[1:]).tolist()
-    start = float(beta / (top + 0.5 + np.hypot(top + 0.5, beta)))  # exact for large orders
-    pairs = zip(constant, factor, strict=True)
+    """I_{m+1}/I_m for m = 0 ... modes - 1, shape (modes, n), from 1/ratio_{m-1} = constant_m + factor_m ratio_m."""
+    top = modes + MILLER_MODES + int(min(6 * np.sqrt(beta.max(initial=0)), 6 * MILLER_MODES))
+    order, coulomb = (np.arange(first, 0, -1)[:, None] for first in (top, top + 1))
+    coulomb = _coulomb_factor(coulomb, trailing_exponent)
+    constant = (2 * order / beta + 2 * order * (0.5 - trailing_exponent) / (order**2 - 0.25)) / coulomb[1:]
+    start = beta / (top + 0.5 + np.hypot(top + 0.5, beta))  # exact for large orders
+    pairs = zip(constant, coulomb[:-1] / coulomb[1:], strict=True)
     ratios = accumulate(pairs, lambda above, pair: 1 / (pair[0] + pair[1] * above), initial=start)
-    return list(ratios)[: -modes - 1 : -1]
+    return np.array(list(ratios)[: -modes - 1 : -1])
 
 
 def _coulomb_factor(m, trailing_exponent):
@@ -428,98 +404,68 @@ def _coulomb_factor(m, trailing_exponent):
 
 
 def _first_product(beta, trailing_exponent):
-    """D_0 = 2 sin(pi alpha)/pi int_0^inf e^(-beta t) t^-B (2 + t)^-A dt int_0^2 e^(-beta t) t^-A (2 - t)^-B dt."""
+    """D_0 = 2 Gamma(A) U(A, 1, 2 beta) 1F1(B, 1, -2 beta),  Gamma(A) U = int_0^inf e^(-s) (s/(2 beta + s))^A ds/s."""
     A, B = 1 - trailing_exponent, trailing_exponent
     u = np.linspace(-4.7, 5, 401)  # weights of ds/s, for any power > 0 at 0 and exp(-s) at infinity
     s, weight = np.exp(u - np.exp(-u)), (u[1] - u[0]) * (1 + np.exp(-u))
-    t = s / beta[:, None]
-    outer = np.sum(weight * np.exp(-s) * (t / (2 + t)) ** A, axis=1)
-    saturated = np.sum(weight * np.exp(-s) * np.minimum(t, 1) ** B * (2 - np.minimum(t, 1)) ** -B, axis=1)
-    u = np.linspace(-4.3, 4.3, 201)  # nodes t of (0, 2), 2 - t, weights of dt/(t (2 - t)), for any powers > 0
-    logit = np.pi * np.sinh(u)
-    left, right = 2 / (1 + np.exp(-logit)), 2 / (1 + np.exp(logit))
-    weight = (u[1] - u[0]) * np.pi / 2 * np.cosh(u)
-    decay = np.exp(-np.minimum(beta, BETA_SATURATED)[:, None] * left)
-    inner = np.sum(weight * decay * left**B * right**A, axis=1)
-    return 2 * np.sin(np.pi * B) / np.pi * outer * np.where(beta < BETA_SATURATED, inner, saturated)
+    integrand = weight * np.exp(-s) * (s / (2 * beta[:, None] + s)) ** A
+    return 2 * integrand.sum(axis=1) * hyp1f1(B, 1.0, -2 * beta)
 
 
-@dataclass(frozen=True)
-class GalerkinSystem:
-    """Discrete response of a layer to the pressure on a contact of one half-width.
+def assemble_system(problem: RollingProblem, modes: int, half_width: float) -> tuple[JacobiBasis, Array, Array]:
+    """Assemble the response of half-plane and layer to the pressure on a contact of a half-width [m].
 
-    Parameters
-    ----------
-    half_width : float
-        Half-width of the contact [m].
+    Branches of the half-plane: u = u_relaxed + sum share length u'_branch. The finite height adds
+
+        (1/pi) Re int_0^inf C (-i (L - 1) - f (M - b)) <T_m, e^(i tau x)> <Q_{k-1}, e^(-i tau x)> dtau
+
+    to the matrix, and the same over -i tau to the depths, less the logarithm of two depths as exp(-2 zeta)/tau.
+
+    Returns
+    -------
+    basis : JacobiBasis
+        Basis of `modes` pressure polynomials.
     matrix : ndarray
         <T_m, C S Q_{k-1}> [-], shape (modes + 1, modes).
     depths : ndarray
         Mean depth <T_0, u> for each Q_{k-1} over the squared half-width, times E*/2 over the scale of the pressure [-],
         from the surface far ahead, shape (modes,).
     """
-
-    basis: JacobiBasis
-    half_width: float
-    matrix: Array
-    depths: Array
-
-
-def assemble_system(problem: RollingProblem, modes: int, half_width: float) -> GalerkinSystem:
-    """Assemble the `GalerkinSystem` of half-plane and layer with pressure modes on a half-width [m]."""
-    if half_width > HALF_WIDTH_MAX * problem.top_thickness:
+    layer, poisson, creep, friction = problem.layer, problem.material.poisson, problem.creep, problem.friction
+    alpha, ratio = problem.trailing_exponent, half_width / layer.top.thickness
+    if ratio > HALF_WIDTH_MAX:
         raise RuntimeError(
             f"the half-width of the contact, {half_width:.3g} m, is more than {HALF_WIDTH_MAX:g} times the thickness "
-            f"of the top ply, {problem.top_thickness:.3g} m; join that ply to the next"
+            f"of the top ply, {layer.top.thickness:.3g} m; join that ply to the next"
         )
-    waves = 0.75 * DECAY_DEPTH * half_width / problem.top_thickness
-    basis = build_jacobi_basis(problem.trailing_exponent, modes, _gauss_point_count(max(waves + modes / 2, modes)))
-    matrix, depths = _half_plane_part(problem, basis, half_width)
-    layer_matrix, layer_depths = _layer_part(problem, basis, half_width)
-    return GalerkinSystem(basis, half_width, matrix + layer_matrix, depths + layer_depths)
+    basis = build_jacobi_basis(alpha, modes, _gauss_point_count(max(0.75 * DECAY_DEPTH * ratio + modes / 2, modes)))
+    # half-plane
+    beta = half_width / creep.lengths
+    branches = creep_branch_matrices(beta, alpha, modes)
+    matrix = creep.instant / np.sin(np.pi * alpha) * np.eye(modes + 1)[:, 1:] + np.tensordot(creep.shares, branches, 1)
+    depths = -(creep.shares / beta) @ branches[:, 0]
+    # finite height
+    decades = 6 + int(np.ceil(np.log10(creep.lengths.max(initial=layer.height) / layer.top.thickness)))
+    width = 2.0 ** np.floor(np.log2(min(2.0, 2.5 / ratio)))
+    zeta, weight, normal, shear = _layer_symbols(layer, poisson, decades, width)
+    tau, order = zeta * ratio, np.arange(modes + 1)[:, None]
+    G, symbol = basis.transforms(tau), creep.at(zeta / layer.top.thickness) * (-1j * normal - friction * shear)
+    tests = 1j * tau * G / np.maximum(order, 1)
+    tests[0] += basis.unit_test
+    waves = -((-1.0) ** order[1:]) * G[1:] * symbol * weight * (ratio / np.pi)
+    matrix += tests.real @ waves.real.T - tests.imag @ waves.imag.T
+    depths += np.real((waves * (1j / tau)) @ tests[0])
+    # mean depth of the relaxed layer; on a frictionless base the traction raises the surface far ahead: f M at k = 0
+    far = float(compliance_deviation(0.0, layer, poisson)[1])
+    mean = (np.sum(np.exp(-2 * zeta) / zeta * weight) - np.log(ratio) - digamma(alpha) - np.euler_gamma) / np.pi
+    relaxed = creep.instant + creep.shares.sum()
+    depths[0] += relaxed * basis.unit_test * basis.unit_load * (mean - friction * (coupling(poisson) + far / 2))
+    return basis, matrix, depths
 
 
 def _gauss_point_count(least):
     """Round a number of Gauss points up to one of a few values, so that many half-widths share a basis."""
     return int(24 * 1.25 ** np.ceil(max(np.log((least + 2) / 24) / np.log(1.25), 0)))
-
-
-def _half_plane_part(problem, basis, a):
-    """Matrix and depths of the half-plane with creep: u = u_relaxed + sum share length u'_branch."""
-    creep, modes = problem.creep, basis.modes
-    matrix = creep.instant / basis.sine * np.eye(modes + 1)[:, 1:]
-    depths = np.zeros(modes)
-    mean = (np.log(problem.top_thickness / a) - digamma(basis.trailing_exponent) - np.euler_gamma) / np.pi
-    rigid = creep.relaxed * basis.unit_test * basis.unit_load
-    # on a frictionless base the traction raises the surface far ahead: coupling f M at k = 0
-    far = problem.friction * float(compliance_deviation(0.0, problem.layer, problem.poisson)[1])
-    depths[0] = rigid * (mean - problem.coupling - far / 2)
-    if len(creep.lengths):
-        beta = a / creep.lengths
-        branches = creep_branch_matrices(beta, basis.trailing_exponent, modes)
-        matrix += np.tensordot(creep.shares, branches, 1)
-        depths -= (creep.shares / beta) @ branches[:, 0]
-    return matrix, depths
-
-
-def _layer_part(problem, basis, a):
-    """Contribution of the finite height to matrix and depths.
-
-        (1/pi) Re int_0^inf C (-i (L - 1) - f (M - b)) <T_m, e^(i tau x)> <Q_{k-1}, e^(-i tau x)> dtau
-
-    and the same over -i tau for the depths, less the logarithm of two depths as exp(-2 zeta)/tau.
-    """
-    zeta, weight, normal, shear, creep = problem.symbols(a)
-    tau, order = zeta * a / problem.top_thickness, np.arange(1, basis.modes + 1)
-    G = basis.transforms(tau)
-    tests = 1j * tau * G / np.maximum(np.arange(basis.modes + 1), 1)[:, None]
-    tests[0] += basis.unit_test
-    pressures = (-1.0) ** (order - 1)[:, None] * G[1:]
-    waves = pressures * creep * (-1j * normal - problem.friction * shear) * weight * (a / problem.top_thickness / np.pi)
-    depths = np.real((waves * (1j / tau)) @ tests[0])
-    logarithm = problem.creep.relaxed * np.sum(np.exp(-2 * zeta) / zeta * weight) / np.pi
-    depths[0] += basis.unit_test * basis.unit_load * logarithm
-    return tests.real @ waves.real.T - tests.imag @ waves.imag.T, depths
 
 
 def power_spectrum(basis: JacobiBasis, coefficients: Array, limit: float) -> tuple[Array, Array, Array]:

@@ -62,13 +62,12 @@ def expand_resistance(
     RuntimeError
         If M does not converge, or the creep lengths are below 1e-10 half-widths, where it has no digits.
     """
-    spectral.require_spectral_range(layer, roller, material, speed)
+    problem, half_width = spectral.build_rolling_problem(layer, roller, material, speed)
     require_positive(rtol=rtol)
     branches = getattr(material, "branches", ())
     if not branches:
         rolled = spectral.roll(layer, roller, material, speed)
-        return ResistanceExpansion(speed, rolled.resistance, slope=0.0, added_mass=0.0, error=0.0, relaxation_time=0.0)
-    problem, half_width = spectral.build_rolling_problem(layer, roller, material, speed)
+        return ResistanceExpansion(speed, rolled.resistance, 0.0, 0.0, 0.0, 0.0)
     time = max(time for _, time in branches)
     with threadpool_limits(1):  # the matrices are too small for threads
         resistance, slope, added_mass, error = _refine_modes(problem, half_width, rtol, time * abs(speed))
@@ -110,13 +109,14 @@ def _expansion(problem, contact):
     A change is a vector of the coefficients b, the logarithm of the half-width and the centre [m], shape (modes + 2,).
     A surface is represented by -u' under T_0 ... T_modes and u under T_0, also of shape (modes + 2,).
     """
-    a, b, basis, creep = contact.half_width, contact.coefficients, contact.system.basis, problem.creep
+    a, b, basis, creep = contact.half_width, contact.coefficients, contact.basis, problem.creep
     x, tests = a * basis.nodes, basis.tests
 
     def surfaces(of: CreepCompliance, widening: float = 0.0) -> Array:
         """Surfaces under the pressures b_k = 1 on a contact widened by a share, shape (modes + 2, modes)."""
-        system = assemble_system(replace(problem, creep=of), len(b), a * (1 + widening))
-        return a * (1 + widening) / problem.radius * np.vstack([system.matrix, a * (1 + widening) * system.depths])
+        wide = a * (1 + widening)
+        _, matrix, depths = assemble_system(replace(problem, creep=of), len(b), wide)
+        return wide / problem.roller.radius * np.vstack([matrix, wide * depths])
 
     def widened(of: CreepCompliance) -> Array:
         """Return the derivative of the surface with respect to the log half-width at constant b and xi."""
@@ -134,13 +134,13 @@ def _expansion(problem, contact):
     for column, shift in ((-2, x), (-1, 1.0)):
         tangent[:-1, column] -= tests @ (shift * curvature)
         tangent[-1, column] += tests[0] @ (shift * slope)
-    if problem.target != "indentation":
+    if problem.roller.target[0] != "indentation":
         tangent[-1] = _target_gradient(problem, contact)
     factors = lu_factor(tangent)
 
     def compensating(surface: Array) -> Array:
         """Change of the contact that compensates an additional surface."""
-        prescribed = surface[-1] if problem.target == "indentation" else 0.0
+        prescribed = surface[-1] if problem.roller.target[0] == "indentation" else 0.0
         return lu_solve(factors, -np.append(surface[:-1], prescribed))
 
     speed_load = surfaces(_creep_polynomial(creep, -1, 1, 0)) @ b  # of v C_v
@@ -166,10 +166,10 @@ def _expansion(problem, contact):
 def _target_gradient(problem, contact):
     """Return the derivative of the load or the peak pressure with respect to the contact, over its scale."""
     gradient = np.zeros(len(contact.coefficients) + 2)
-    if problem.target == "load":
+    if problem.roller.target[0] == "load":
         gradient[0], gradient[-2] = 1.0, 2 * contact.coefficients[0]
         return gradient
-    xi, alpha = contact.peak_position, contact.system.basis.trailing_exponent
+    xi, alpha = contact.peak_position, contact.basis.trailing_exponent
     gradient[:-2] = pressure_polynomials(xi, alpha, len(gradient) - 2) * (1 - xi) ** (1 - alpha) * (1 + xi) ** alpha
     gradient[-2] = gradient[:-2] @ contact.coefficients
     return gradient
