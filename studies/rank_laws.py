@@ -178,7 +178,7 @@ def spread(base, drives, samples):
     given = base.mix.overrides.model_dump(exclude_none=True)
     prior = base.replaced(**{f"mix.overrides.{name}": None for name in given})
     design = vary.design(prior, [vary.read_design(f"mix.overrides=~{samples}")])
-    mixes = [vary.scene_at(prior, *design.point(number))[0] for number in range(samples)]
+    mixes = [change.of(prior) for change in design.changes]
     return [row for drive in drives for row in _stability(base, mixes, drive)]
 
 

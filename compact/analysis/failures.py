@@ -24,6 +24,7 @@ MEANINGS = {
     "(34": "a number exceeds the range of floating-point numbers",  # OverflowError of math: errno ERANGE
     "underflow": "a number falls below the range of floating-point numbers",
 }
+MAX_REASON = 400  # characters of the reason why a scene of an ensemble has no result
 OTHERWISE = "an equation has no finite solution"
 PACKAGE = Path(compact.__file__).parent
 REMEDY = "values of the scene are too large, too small or too far apart; check their units"
@@ -82,6 +83,18 @@ def numeric_sentence(error: BaseException) -> str:
 def memory_sentence(error: MemoryError) -> str:
     """Place and remedy of an allocation that failed."""
     return f"not enough memory{_place(error)}; lower the number of values, speeds or passes, or loosen the tolerance"
+
+
+def reason_of(error: BaseException) -> str:
+    """Describe an error in at most MAX_REASON characters, an unexpected one as internal."""
+    message = "; ".join(getattr(error, "mistakes", ())) or str(error)
+    if isinstance(error, MemoryError):
+        message = memory_sentence(error)
+    elif is_numeric(error):
+        message = numeric_sentence(error)
+    elif not is_refusal(error):
+        message = internal_sentence(error)
+    return message[:MAX_REASON]
 
 
 def _place(error: BaseException) -> str:

@@ -5,8 +5,8 @@
         ...
         job.result()                               # waits for it
 
-    for number, job in run_tasks(work, tasks, ProcessExecutor(2)):
-        job.result()
+        for number, job in run_tasks(work, tasks, executor):
+            job.result()                           # in the order of completion
 
 `work` is a function of one task that a worker can import. If a worker process dies, the pool is rebuilt and the tasks
 that were running are repeated one at a time; a task whose worker dies ATTEMPTS times raises `WorkerError`.
@@ -18,7 +18,7 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
@@ -327,8 +327,8 @@ def choose_executor(workers: int | None = None, scheduler: str | None = None) ->
     return SerialExecutor() if number == 1 else ProcessExecutor(number)
 
 
-def run_tasks(work: Work, tasks: Sequence[Any], executor: Executor) -> Generator[tuple[int, Job], None, None]:
-    """Run tasks; the executor is stopped at the end, and also if the caller stops early.
+def run_tasks(work: Work, tasks: Sequence[Any], executor: Executor) -> Iterator[tuple[int, Job]]:
+    """Run tasks by an open executor, which is not given more of them than it can begin.
 
     Yields
     ------
@@ -336,10 +336,9 @@ def run_tasks(work: Work, tasks: Sequence[Any], executor: Executor) -> Generator
         Number of a task and its job, in the order of completion.
     """
     waiting, running = deque(enumerate(tasks)), dict[Job, int]()
-    with executor:
-        while waiting or running:
-            while waiting and executor.free:
-                number, task = waiting.popleft()
-                running[executor.submit(work, task)] = number
-            for job in executor.wait(list(running)):
-                yield running.pop(job), job
+    while waiting or running:
+        while waiting and (executor.free or not running):
+            number, task = waiting.popleft()
+            running[executor.submit(work, task)] = number
+        for job in executor.wait(list(running)):
+            yield running.pop(job), job

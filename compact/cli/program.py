@@ -322,22 +322,22 @@ def sweep(
         progress.report(f"{failed} failed" if failed else "")
 
     def kept() -> str:
-        return f"{many.computed} points of this run are kept in {directory}; --resume computes the others"
+        return f"{many.store.computed} points of this run are kept in {directory}; --resume computes the others"
 
     with cli.interrupt_noted(kept), job.progress(many.steps) as progress:
         progress.begin("points")
         table = many.run(directory, executor=workforce, resume=resume, force=job.force, step=step)
-    indices = sobol_indices.of_table(table)
+    indices, store = sobol_indices.of_table(table), many.store
     write_sweep_report(directory, table, indices)
-    notes = [f"{name} was incomplete; its points have been computed again" for name in many.broken]
-    if many.unused and many.computed:
-        notes.append(f"{many.unused} points of earlier runs in {directory} are of another sweep or program: not used")
+    notes = [f"{name} was incomplete; its points have been computed again" for name in store.broken]
+    if (unused := len(store.known.keys() - store.used)) and store.computed:
+        notes.append(f"{unused} points of earlier runs in {directory} are of another sweep or program: not used")
     for note in () if job.quiet else notes:
         print(f"compact: {note}", file=sys.stderr)
-    counts = f"{many.computed} of {many.needed} computed now"
+    counts = f"{store.computed} of {len(store.used)} computed now"
     job.show(
         lambda: f"{sweep_digest(table, indices)}\n\n{counts}", directory,
-        points=many.needed, computed_now=many.computed, **sweep_summary(table, indices),
+        points=len(store.used), computed_now=store.computed, **sweep_summary(table, indices),
     )  # fmt: skip
     return SUCCESS if (table["reason"] == "").any() else cli.print_error("no point has a result", cli.NO_RESULT)
 

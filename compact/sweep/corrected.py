@@ -21,11 +21,10 @@ from typing import Any, Literal
 import numpy as np
 
 from compact.engines import ENGINES
-from compact.quantities import SWEEP_CORRECTION, Quantity
+from compact.quantities import SWEEP_CORRECTION
 from compact.scene.loader import Scene
 from compact.sweep.design import Axis, Sampled
-from compact.sweep.point import Results
-from compact.sweep.run import Computed, Sweep, in_parts
+from compact.sweep.run import Evaluate, Results, Sweep, described, in_parts
 from compact.sweep.surfaces import (
     FloatArray,
     Surface,
@@ -103,12 +102,8 @@ class CorrectedSweep(Sweep):
         self.low_fidelity = str(ENGINES[self.engines[0]].low_fidelity)
         self.places, self.groups = self._places_and_groups()
         self.direct = direct or default_count(self.places.shape[1])
+        self.steps = sum(min(self.direct, len(group)) for group in self.groups)
         self.notes: tuple[str, ...] = ()
-
-    @property
-    def steps(self) -> int:
-        """Number of chosen points."""
-        return sum(min(self.direct, len(group)) for group in self.groups)
 
     def _places_and_groups(self) -> tuple[FloatArray, list[list[int]]]:
         """Return the coordinates of all points, 0 to 1 over the sweep [-], and the points with the same words."""
@@ -125,27 +120,28 @@ class CorrectedSweep(Sweep):
         _, group = np.unique(np.column_stack(words), axis=0, return_inverse=True)
         return places, [np.flatnonzero(group == number).tolist() for number in range(group.max() + 1)]
 
-    def _results(self, computed: Computed) -> list[Results]:
+    def _results(self, evaluated: Evaluate) -> dict[int, Results]:
         """Return the results of all points: columns, chosen points, and the correction.
 
         Chosen points without a result are replaced by others.
         """
+        changes = self.design.changes
+        coarse = [change._replace(keys={**change.keys, **self._accepted(change.keys)}) for change in changes]
         groups = in_parts(range(self.size), ENGINES[self.low_fidelity].points_per_task)
-        columns = self._solved(computed, groups, more=self._accepted, silent=True)
+        columns = evaluated(coarse, groups=groups, step=lambda *_: None)
         exact: dict[int, Results] = {}
         for _ in range(ROUNDS):
             chosen = [each.further(self.direct) for each in self._corrections(columns, exact)]
             parts = [part for numbers in chosen for part in connected_parts(self.places, numbers)]
-            exact |= self._solved(computed, parts, self.places)
+            exact |= evaluated(changes, groups=parts, places=self.places)
         corrections = self._corrections(columns, exact)
         self.notes = tuple(each.note for each in corrections)
-        found = {number: result for each in corrections for number, result in each.results().items()}
-        return [found[number] for number in range(self.size)]
+        return {number: result for each in corrections for number, result in each.results().items()}
 
     def _corrections(self, columns: Mapping[int, Results], exact: Mapping[int, Results]) -> list["Correction"]:
         return [Correction(self.places, group, columns, exact, not self.design.names) for group in self.groups]
 
-    def _accepted(self, changes: dict[str, Any]) -> dict[str, Any]:
+    def _accepted(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the keys that turn a scene into one that the engine of low fidelity accepts."""
         accepted: dict[str, Any] = {"accuracy.engine": self.low_fidelity}
         for limit in ENGINES[self.low_fidelity].limits:
@@ -156,9 +152,9 @@ class CorrectedSweep(Sweep):
             accepted["machine.roller_torque"] = None
         return accepted
 
-    def _variables(self) -> tuple[dict[str, Quantity], dict[str, str]]:
+    def _variables(self) -> tuple[dict[str, Any], dict[str, Any]]:
         numbers, words = super()._variables()
-        return numbers | SWEEP_CORRECTION, words | {ORIGIN: ORIGIN_MEANING}
+        return numbers | described(SWEEP_CORRECTION), words | {ORIGIN: {"long_name": ORIGIN_MEANING}}
 
     def _attributes(self) -> dict[str, str]:
         return super()._attributes() | {"correction": "\n".join(self.notes)}

@@ -12,15 +12,16 @@ The spread of a parameter depends on moisture and density ratio, so a sample hol
 independent of one another, as no source states their correlation.
 """
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from compact.analysis.mix_laws import scene_mix
+from compact.analysis.stages.ensemble import Change, Share
 from compact.engines import ENGINES
 from compact.material import mix
 from compact.numerics.validation import require_known
@@ -135,12 +136,14 @@ class Design:
         """Number of values along each axis, the sample last."""
         return (*(len(axis.values) for axis in self.axes), *((len(self.shares),) if self.names else ()))
 
-    def point(self, index: int) -> tuple[dict[str, Any], dict[str, float]]:
-        """Return the scene keys and the shares of the sampled parameters of a point; the last axis is the fastest."""
-        place = np.unravel_index(index, self.shape)
-        changes = {axis.key: axis.values[i] for axis, i in zip(self.axes, place, strict=False)}
-        shares = self.shares[place[-1]].tolist() if self.names else ()
-        return changes, dict(zip(self.names, shares, strict=True))
+    @property
+    def changes(self) -> list[Change]:
+        """Changes of the scene at all points; the last axis is the fastest."""
+        varied = [[{axis.key: value} for value in axis.values] for axis in self.axes]
+        if self.names:
+            keys = [f"{OVERRIDES}.{name}" for name in self.names]
+            varied.append([dict(zip(keys, map(Share, row), strict=True)) for row in self.shares.tolist()])
+        return [Change("", {key: value for each in parts for key, value in each.items()}) for parts in product(*varied)]
 
 
 def design(scene: Scene, varied: Sequence[Axis | Sampled], indices: bool = False) -> Design:
@@ -214,25 +217,3 @@ def _rows(names: tuple[str, ...], count: int, indices: bool) -> tuple[NDArray[np
     mixed = [np.where(np.arange(len(names)) == i, second, first) for i in range(len(names))]
     parts = tuple(part for part in ("A", "B", *names) for _ in range(count))
     return np.concatenate([first, second, *mixed]), parts
-
-
-def scene_at(scene: Scene, changes: Mapping[str, Any], shares: Mapping[str, float]) -> tuple[Scene, dict[str, float]]:
-    """Build the scene of a point.
-
-    Parameters
-    ----------
-    shares : mapping
-        Shares of the spreads of the sampled parameters [-].
-
-    Returns
-    -------
-    scene : Scene
-    values : dict
-        Sampled parameters by name, SI.
-    """
-    changed = scene.replaced(**changes)
-    if not shares:
-        return changed, {}
-    prior = scene_mix(changed)
-    values = {name: prior.parameter(name).at(share) for name, share in shares.items()}
-    return changed.replaced(**{f"{OVERRIDES}.{name}": value for name, value in values.items()}), values

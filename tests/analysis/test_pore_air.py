@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from compact.analysis.pore_air import AirCurve, CoupledSample, air_answer
+from compact.analysis.stages.ensemble import Change
 from compact.analysis.study import Study
 from compact.report import text
 from compact.report.writer import study_summary
 from compact.scene.loader import load_scene
-from compact.sweep.point import headline
+from compact.sweep.run import headline
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 LIFT = {
@@ -112,8 +113,8 @@ def test_sensitivities_contain_the_air(drained, one_way):
 
 
 def test_point_of_a_sweep_contains_the_air(drained, one_way):
-    without, _ = headline(lift())
-    found, _ = headline(lift(**{"mix.pore_air": "one-way", "mix.overrides.air_permeability": 1e-13}))
+    without = headline(False, lift(), Change("own"))
+    found = headline(False, lift(**{"mix.pore_air": "one-way", "mix.overrides.air_permeability": 1e-13}), Change("air"))
     machine = one_way.scene.machine
     at_mean = one_way.contacts[4]
     assert found["load"] == pytest.approx(machine.roller_length * at_mean.load, rel=2e-3)
@@ -129,7 +130,7 @@ def test_point_of_a_sweep_yields_to_its_air():
     }  # fmt: skip
     scene = lift(**changes)
     assert scene.mean_speed == pytest.approx(0.1)
-    found, _ = headline(scene)
+    found = headline(False, scene, Change("own"))
     (record,), machine = Study(scene).contacts, scene.machine
     assert found["load"] == pytest.approx(machine.roller_length * record.load, rel=1e-6)
     assert found["resistance"] == pytest.approx(machine.rollers * machine.roller_length * record.resistance, rel=1e-6)

@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+from contextlib import suppress
 
 import pytest
 
@@ -42,7 +43,8 @@ def threads(_):
 
 
 def collected(work, tasks, executor):
-    return {number: job.result() for number, job in run_tasks(work, tasks, executor)}
+    with executor:
+        return {number: job.result() for number, job in run_tasks(work, tasks, executor)}
 
 
 @EXECUTORS
@@ -67,8 +69,8 @@ def test_task_of_a_killed_worker_is_repeated_by_workers_of_one_thread_without_in
 
 @pytest.mark.slow
 def test_only_the_task_that_kills_its_workers_is_abandoned():
-    executor = ProcessExecutor(2)
-    jobs = dict(run_tasks(dies_or_squares, list(range(6)), executor))
+    with ProcessExecutor(2) as executor:
+        jobs = dict(run_tasks(dies_or_squares, list(range(6)), executor))
     with pytest.raises(WorkerError, match="its worker process died 3 times"):
         jobs[3].result()
     assert [jobs[number].result() for number in (0, 1, 2, 4, 5)] == [0, 1, 4, 16, 25]
@@ -76,11 +78,10 @@ def test_only_the_task_that_kills_its_workers_is_abandoned():
 
 
 def test_workers_are_killed_when_the_caller_stops():
-    executor = ProcessExecutor(2)
-    coming = run_tasks(square, list(range(100)), executor)
-    next(coming)
-    pids = executor.pids
-    coming.close()
+    with suppress(KeyboardInterrupt), ProcessExecutor(2) as executor:
+        next(run_tasks(square, list(range(100)), executor))
+        pids = executor.pids
+        raise KeyboardInterrupt
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)

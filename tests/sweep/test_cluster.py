@@ -15,10 +15,11 @@ from interrupts import of_unix
 from sweeps import COLUMNS
 
 from compact.analysis import worker_pool
+from compact.analysis.store import LOCK, open_store
 from compact.analysis.worker_pool import DaskExecutor, SerialExecutor
 from compact.files import ResultsError
 from compact.sweep.design import read_design
-from compact.sweep.run import LOCK, Store, Sweep
+from compact.sweep.run import Sweep
 
 GRID = ("mix.moisture=0.08:0.12:6", "mix.density_ratio=0.94:0.98:100")  # 6 tasks
 START_SECONDS = 60.0  # [s], limit
@@ -110,8 +111,8 @@ def test_lost_scheduler_ends_the_sweep_in_a_sentence_and_the_rest_is_resumed(clu
     rest = sweep()
     table = rest.run(tmp_path / "out", executor=SerialExecutor(), resume=True)
     assert not [record.getMessage() for record in caplog.records if record.exc_info]  # no traceback before the sentence
-    assert first.computed >= 100
-    assert first.computed + rest.computed == 600
+    assert first.store.computed >= 100
+    assert first.store.computed + rest.store.computed == 600
     assert (table["reason"] == "").all()
 
 
@@ -142,7 +143,7 @@ def test_cluster_without_workers_ends_after_its_limit(monkeypatch, caplog):
 
 
 def test_directory_of_a_running_sweep_is_refused(tmp_path):
-    with Store(tmp_path / "points").locked():
+    with open_store(tmp_path / "points"):
         with pytest.raises(ResultsError, match="another command writes to this directory; wait for it"):
             Sweep(COLUMNS, [read_design("mix.moisture=0.1")]).run(tmp_path, executor=SerialExecutor(), force=True)
         assert (tmp_path / LOCK).exists()
@@ -155,7 +156,7 @@ def test_lock_of_another_machine_or_program_is_kept(tmp_path, content):
         (tmp_path / LOCK).mkdir()
     else:
         (tmp_path / LOCK).write_bytes(content)
-    with pytest.raises(ResultsError, match=r"sweep\.lock: .*give another --out"), Store(tmp_path / "points").locked():
+    with pytest.raises(ResultsError, match=r"sweep\.lock: .*give another --out"), open_store(tmp_path / "points"):
         pass
     assert content is None or (tmp_path / LOCK).read_bytes() == content
 
@@ -165,5 +166,5 @@ def test_lock_of_an_ended_process_is_taken_over(tmp_path):
     with subprocess.Popen([sys.executable, "-c", ""]) as ended:
         ended.wait()
     (tmp_path / LOCK).write_text(f"{ended.pid}\n{platform.node()}\n")
-    with Store(tmp_path / "points").locked():
+    with open_store(tmp_path / "points"):
         assert (tmp_path / LOCK).read_text().startswith(f"{os.getpid()}\n")

@@ -126,19 +126,19 @@ def solved(monkeypatch):
     """Substitutes for both engines; the list of contacts in two dimensions and their starts."""
     calls = []
 
-    def headline(scene, rank, guess):
+    def headline(rank, scene, change):
         here = (scene.mix.moisture, scene.mix.density_ratio)
         found = columns_at(scene)
         if scene.accuracy.engine == "column":
-            return found, None
-        calls.append((here, guess))
+            return found
+        calls.append((here, change.start))
         if scene.mix.moisture > 0.1 and scene.mix.density_ratio > 0.97:
-            return {"reason": "the mix heaps up"}, guess
+            return {"reason": "the mix heaps up", "contact": change.start}
         load, resistance = factors_at(scene)
         found |= {"load": load * found["load"], "resistance": resistance * found["resistance"]}
         found["resistance_coefficient"] *= resistance / load
         found["power"] *= resistance
-        return found | {"load_error": 0.01, "resistance_error": 0.02, "work_residual": 1e-4}, here
+        return found | {"load_error": 0.01, "resistance_error": 0.02, "work_residual": 1e-4, "contact": here}
 
     monkeypatch.setattr(sweep, "headline", headline)
     return calls
@@ -175,7 +175,7 @@ def test_columns_are_corrected_where_finite_elements_are_not_computed(solved, tm
     assert f"18 of {len(solved)} chosen points have a result in two dimensions; load 1.17 to 1.27 of columns" in digest
     assert "error of interpolation" in digest
     xarray.testing.assert_identical(sweep.read_sweep(tmp_path / "sweep.nc").astype(object), table.astype(object))
-    assert many.computed == many.needed == 36 + len(solved)
+    assert many.store.computed == len(many.store.used) == 36 + len(solved)
 
 
 def test_each_point_starts_from_the_nearest_contact_of_its_part(solved, tmp_path):
@@ -200,9 +200,9 @@ def test_sweep_is_resumed_after_an_interruption(solved, tmp_path):
     assert len(solved) == count + 6
     table, many = swept(tmp_path / "out", resume=True)
     assert len(solved) == 2 * count
-    assert many.computed == count - 6
+    assert many.store.computed == count - 6
     xarray.testing.assert_identical(table, whole)
-    assert swept(tmp_path / "out", resume=True)[1].computed == 0
+    assert swept(tmp_path / "out", resume=True)[1].store.computed == 0
 
 
 def test_samples_have_sobol_indices_by_the_corrected_resistance(solved, tmp_path):

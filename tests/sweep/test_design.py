@@ -33,7 +33,7 @@ def test_grids_and_lists_are_read(text, values):
 def test_points_vary_fastest_along_the_last_axis():
     design = vary.design(SCENE, [vary.read_design("mix.moisture=0.09,0.1"), vary.read_design("layer.base=bonded,slip")])
     assert design.shape == (2, 2)
-    assert [tuple(design.point(index)[0].values()) for index in range(4)] == [
+    assert [tuple(change.keys.values()) for change in design.changes] == [
         (0.09, "bonded"), (0.09, "slip"), (0.1, "bonded"), (0.1, "slip"),
     ]  # fmt: skip
 
@@ -44,14 +44,13 @@ def test_sample_covers_the_spread_and_stays_inside():
     names = ("unloading_modulus", "poisson", "friction_angle", "cohesion", "heckel_slope", "rate_sensitivity")
     assert design.names == names
     slope = mix.prior(0.09, 0.98).parameter("heckel_slope")
-    drawn = [vary.scene_at(scene, *design.point(index)) for index in range(64)]
-    values = np.array([values["heckel_slope"] for _, values in drawn])
-    assert all(there.mix.overrides.heckel_slope == value for (there, _), value in zip(drawn, values, strict=True))
+    drawn = [change.of(scene).mix.overrides for change in design.changes]
+    values = np.array([each.heckel_slope for each in drawn])
     assert (slope.low < values).all()
     assert (values < slope.high).all()
     # a factor is sampled in logarithm: the mean logarithm of Sobol points is that of the value
     assert np.log(values).mean() == pytest.approx(np.log(slope.value), abs=0.01)
-    poisson = np.array([values["poisson"] for _, values in drawn])
+    poisson = np.array([each.poisson for each in drawn])
     assert poisson.mean() == pytest.approx(mix.prior(0.09, 0.98).poisson, abs=0.002)
 
 
@@ -66,7 +65,7 @@ def test_sample_follows_the_spread_of_each_mix():
     design = vary.design(
         PRIOR, [vary.read_design("mix.moisture=0.08,0.12"), vary.read_design("mix.overrides.required_pressure=~2")]
     )
-    dry, wet = (vary.scene_at(PRIOR, *design.point(index))[1]["required_pressure"] for index in (0, 2))
+    dry, wet = (design.changes[index].of(PRIOR).mix.overrides.required_pressure for index in (0, 2))
     expected = [mix.prior(moisture, 0.98).required_pressure for moisture in (0.08, 0.12)]
     assert dry / wet == pytest.approx(expected[0] / expected[1])
 

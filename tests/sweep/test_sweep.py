@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -19,17 +20,17 @@ from interrupts import heed_interrupts, of_unix
 from sweeps import COLUMNS, FORMULA, SCENES, swept
 
 from compact import files
+from compact.analysis.stages import ensemble
+from compact.analysis.stages.ensemble import Change, Task, compute, evaluate
+from compact.analysis.store import open_store
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerError, run_tasks
 from compact.cli import program as cli
 from compact.files import ResultsError
 from compact.report import sweep as sweep_report
 from compact.scene.loader import load_scene, parse_scene, starter_scene
-from compact.sweep import design as vary
-from compact.sweep import point as headline
 from compact.sweep import run as sweep
 from compact.sweep import sobol_indices
-from compact.sweep.run import Sweep
 
 GRID = ("mix.moisture=0.08:0.12:4", "mix.density_ratio=0.94:0.98:3")
 PAIR = ("mix.moisture=0.1,0.11",)
@@ -76,7 +77,7 @@ def cluster():
 
 def test_points_are_those_of_single_studies(whole, tmp_path):
     there = COLUMNS.replaced(**{"mix.moisture": 0.12, "mix.density_ratio": 0.96})
-    rolled = headline.roll_passes(there, Study(there).mix, 0.4 / 3)[0]
+    rolled = sweep.roll_passes(there, Study(there).mix, 0.4 / 3)[0]
     point = whole.sel(moisture=0.12, density_ratio=0.96)
     assert float(point["load"]) == 1.164 * rolled.load
     assert float(point.resistance) == 2 * 1.164 * rolled.resistance
@@ -116,7 +117,7 @@ def test_laws_are_ranked_at_every_point(tmp_path):
 @pytest.mark.usefixtures("small_tasks")
 def test_cluster_gives_the_same_bits(whole, cluster, tmp_path):
     table, many = swept(tmp_path, COLUMNS, GRID, DaskExecutor(cluster))
-    assert many.computed == 12
+    assert many.store.computed == 12
     xarray.testing.assert_identical(table, whole)
 
 
@@ -137,16 +138,15 @@ def test_two_processes_give_the_same_bits_though_one_is_killed(whole, tmp_path):
 
 
 def task(scene, points, versions):
-    keyed = (sweep.KeyedPoint(f"{number}", changes, {}) for number, changes in enumerate(points))
-    return sweep.Task(scene, tuple(keyed), False, versions)
+    return Task(scene, partial(sweep.headline, False), tuple(Change("", keys) for keys in points), versions=versions)
 
 
 def test_worker_of_other_versions_is_refused(cluster):
     older = task(COLUMNS, [{"mix.moisture": 0.1}], files.versions() | {"numpy": "1.0"})
     words = rf"a worker has other versions than the command: numpy {re.escape(np.__version__)} for 1.0; .*same on both"
     for executor in (SerialExecutor(), DaskExecutor(cluster)):
-        with pytest.raises(RuntimeError, match=words):
-            [job.result() for _, job in run_tasks(sweep.compute, [older], executor)]
+        with executor, pytest.raises(RuntimeError, match=words):
+            executor.submit(compute, older).result()
 
 
 # (c) resumption
@@ -162,7 +162,7 @@ def test_damaged_file_alone_is_recomputed(damage, whole, tmp_path):
     assert len(kept) == 4
     kept[-1].write_bytes(damage(kept[-1].read_bytes()))
     table, many = swept(tmp_path, COLUMNS, GRID, resume=True)
-    assert (many.computed, many.broken) == (3, (kept[-1].name,))
+    assert (many.store.computed, many.store.broken) == (3, [kept[-1].name])
     xarray.testing.assert_identical(table, whole)
 
 
@@ -179,18 +179,19 @@ def test_interrupted_sweep_is_resumed(whole, tmp_path):
         swept(tmp_path, COLUMNS, GRID, step=stop)
     assert not (tmp_path / "sweep.nc").exists()
     table, many = swept(tmp_path, COLUMNS, GRID, resume=True)
-    assert many.computed == 6
+    assert many.store.computed == 6
     xarray.testing.assert_identical(table, whole)
-    assert swept(tmp_path, COLUMNS, GRID, resume=True)[1].computed == 0
+    assert swept(tmp_path, COLUMNS, GRID, resume=True)[1].store.computed == 0
 
 
 def test_new_points_and_those_of_other_versions_are_computed(monkeypatch, tmp_path):
     swept(tmp_path, COLUMNS, PAIR)
-    assert swept(tmp_path, COLUMNS, ["mix.moisture=0.1,0.11,0.12"], resume=True)[1].computed == 1
+    assert swept(tmp_path, COLUMNS, ["mix.moisture=0.1,0.11,0.12"], resume=True)[1].store.computed == 1
     other = files.versions() | {"source": "changed"}
-    monkeypatch.setattr(files, "versions", lambda: other)
-    again = swept(tmp_path, COLUMNS, PAIR, resume=True)[1]
-    assert (again.computed, again.unused) == (2, 3)
+    for module in (files, ensemble):
+        monkeypatch.setattr(module, "versions", lambda: other)
+    again = swept(tmp_path, COLUMNS, PAIR, resume=True)[1].store
+    assert (again.computed, len(again.known.keys() - again.used)) == (2, 3)
 
 
 def test_points_of_a_changed_table_are_recomputed(tmp_path):
@@ -198,11 +199,20 @@ def test_points_of_a_changed_table_are_recomputed(tmp_path):
     shutil.copy(SCENES / "loveikin-2015.toml", tmp_path / "scene.toml")
     catalogue = {"file": str(SCENES / "motors.csv"), "margin": 1.25, "efficiency": 0.9}
     scene = load_scene(tmp_path / "scene.toml", **{"drive.catalogue": catalogue})
-    many, changes = Sweep(scene, [vary.read_design("mix.moisture=0.1")]), {"drive.catalogue.file": "other.csv"}
-    before = many._keyed("", None, changes, {})
-    with (tmp_path / "other.csv").open("a") as table:
-        table.write("# edited\n")
-    assert many._keyed("", None, changes, {}) != before
+    change, calls = Change("", {"drive.catalogue.file": "other.csv"}), []
+    counts = []
+
+    def run(*_):
+        calls.append(len(calls))
+        return {"load": 1.0}
+
+    for text in ("", "", "# edited\n"):
+        with (tmp_path / "other.csv").open("a") as table:
+            table.write(text)
+        with open_store(tmp_path / "points", resume=True) as store:
+            evaluate(scene, [change], run, store=store)
+        counts.append(len(calls))
+    assert counts == [1, 1, 2]
 
 
 def test_point_of_dead_workers_is_recomputed_by_the_next_run(tmp_path):
@@ -216,7 +226,7 @@ def test_point_of_dead_workers_is_recomputed_by_the_next_run(tmp_path):
     table, _ = swept(tmp_path, COLUMNS, PAIR, Deadly())
     assert set(table.reason.values) == {"its worker process died 3 times"}
     table, many = swept(tmp_path, COLUMNS, PAIR, resume=True)
-    assert many.computed == 2
+    assert many.store.computed == 2
     assert (table.reason == "").all()
 
 
@@ -226,7 +236,7 @@ def test_existing_points_require_resume_or_force(tmp_path):
         swept(tmp_path, COLUMNS, PAIR)
     with pytest.raises(ResultsError, match="holds results of another scene"):
         swept(tmp_path, FORMULA, PAIR)
-    assert swept(tmp_path, COLUMNS, ["mix.moisture=0.1"], force=True)[1].computed == 1
+    assert swept(tmp_path, COLUMNS, ["mix.moisture=0.1"], force=True)[1].store.computed == 1
 
 
 # (d) points without numbers
@@ -250,9 +260,9 @@ def test_failed_point_is_masked_with_its_reason_and_counted(tmp_path):
 def test_each_line_starts_from_scratch_and_continues_from_point_to_point(monkeypatch, tmp_path):
     scene, starts = COLUMNS.replaced(**{"accuracy.engine": "compaction"}), []
 
-    def recorded(there, rank, near):
-        starts.append(near)
-        return {"load": 1.0}, (there.mix.moisture, there.mix.density_ratio)
+    def recorded(rank, there, change):
+        starts.append(change.start)
+        return {"load": 1.0, "contact": (there.mix.moisture, there.mix.density_ratio)}
 
     monkeypatch.setattr(sweep, "headline", recorded)
     monkeypatch.setattr(sweep, "LINE", 2)
@@ -260,7 +270,7 @@ def test_each_line_starts_from_scratch_and_continues_from_point_to_point(monkeyp
     assert starts == [None, (0.1, 0.94), None, None, (0.11, 0.94), None]
     longer = [*PAIR, "mix.density_ratio=0.94,0.96,0.98,0.99"]
     many = swept(tmp_path, scene, longer, resume=True, direct="all")[1]
-    assert many.computed == 4  # incomplete lines, from their first point
+    assert many.store.computed == 4  # incomplete lines, from their first point
 
 
 @pytest.mark.slow
@@ -282,7 +292,7 @@ def test_continuation_by_finite_elements_agrees_with_a_start_from_scratch(tmp_pa
 
 def held(task):
     """Memory [MB] that a worker holds after a task, without the garbage that Python has not collected yet."""
-    sweep.compute(task)
+    compute(task)
     gc.collect()
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
@@ -295,7 +305,8 @@ def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
     grid = product(np.linspace(0.08, 0.12, 25).tolist(), np.linspace(0.94, 0.98, 40).tolist())
     points, size = [dict(zip(names, values, strict=True)) for values in grid], sweep.ENGINES[engine].points_per_task
     tasks = [task(scene, points[start : start + size], files.versions()) for start in range(0, 1000, size)]
-    memory = {number: job.result() for number, job in run_tasks(held, tasks, ProcessExecutor(1))}
+    with ProcessExecutor(1) as executor:
+        memory = {number: job.result() for number, job in run_tasks(held, tasks, executor)}
     last = len(memory) - 1  # the first tasks load what all need
     assert memory[last] - memory[last // 2] < 0.5
 

@@ -1,34 +1,64 @@
-"""Ensemble: a scene under changes of its keys, with the peaks of every law, or the reason why there are none.
+"""Ensemble: a scene under changes of its keys, with the results of each changed scene or the reason why it has none.
 
-    found = ensemble(scene, [Change("thin", {"layer.lift_thickness": 0.05}), Change("thick", ...)])
-    found["value"].sel(change="thin", criterion="peak_force")
+    found = evaluate(scene, [Change("thin", {"layer.lift_thickness": 0.05}), Change("thick", ...)], run, executor)
+    found[0]["load"], found[1].get("reason")
 
-A change is an end of a spread, another drive, another law of the mix, a point of a sample. By default every scene has
-contacts of its own; `drive_peaks` keeps the contacts where the drive or the resistance changes alone.
+    table = ensemble(scene, changes)                     # peaks of all laws, in one labelled table
+    table["value"].sel(change="thin", criterion="peak_force")
+
+A change is an end of a spread, another drive, another law of the mix, a duration, an engine, a point of a sweep. `run`
+is any function that a worker can import (`functools.partial` binds what it needs besides) and that returns named values
+of a changed scene. By default every scene has contacts of its own; `drive_peaks` keeps the contacts where the drive or
+the resistance changes alone.
 """
 
+import json
+import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, zip_longest
+from math import dist
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
+from compact.analysis.failures import reason_of
+from compact.analysis.mix_laws import scene_mix
 from compact.analysis.stages.drives import build_stages, simulate_laws
 from compact.analysis.stages.resistance import ResistanceLaw
-from compact.analysis.worker_pool import Executor, SerialExecutor
+from compact.analysis.store import Store
+from compact.analysis.worker_pool import Executor, SerialExecutor, WorkerError, run_tasks
+from compact.files import checksum, versions
 from compact.machine.cart import Cart
 from compact.machine.ranking import first_of, value_of
 from compact.motion.profile import Cycle
-from compact.scene.loader import Scene
+from compact.rolling_contact import Contact
+from compact.scene.loader import FILE_KEYS, Scene
 
 if TYPE_CHECKING:
     import xarray
 
+Values = Mapping[str, Any]  # results by name; "reason" says why there are none
 Peaks = Mapping[str, Mapping[str, float]]  # by criterion and law
-
+Step = Callable[[int, int], None]  # called with numbers of new results and of reasons among them
 
 NO_KEYS: Mapping[str, Any] = {}
+START = "contact"  # result that is not kept: contact from which a neighbour may start
+KEY_LENGTH = 32  # characters of the key of a result
+_ONE_AT_A_TIME = threading.RLock()  # in threads of a cluster, as BLAS threads and warnings are global to a process
+
+
+class Share(NamedTuple):
+    """Value of a key mix.overrides.NAME by its place in the spread of that parameter, in a mix with all other changes.
+
+    Parameters
+    ----------
+    share : float
+        0 at the low and 1 at the high end [-].
+    """
+
+    share: float
 
 
 class Change(NamedTuple):
@@ -37,19 +67,146 @@ class Change(NamedTuple):
     Parameters
     ----------
     label : str
-        Name of the change, its own in an ensemble.
+        Name of the change, its own in a table.
     keys : mapping
         New values by scene key.
     resistance : callable, optional
         Resistance of one cart in place of that of the scene [N].
+    start : Contact, optional
+        Contact of a neighbour, from which that of the changed scene may start.
     """
 
     label: str
     keys: Mapping[str, Any] = NO_KEYS
     resistance: ResistanceLaw | None = None
+    start: Contact | None = None
+
+    def of(self, scene: Scene) -> Scene:
+        """Return the changed scene."""
+        shares = {key: value.share for key, value in self.keys.items() if isinstance(value, Share)}
+        changed = scene.replaced(**{key: value for key, value in self.keys.items() if key not in shares})
+        if not shares:
+            return changed
+        mix = scene_mix(changed)
+        return changed.replaced(**{key: mix.parameter(key.rpartition(".")[2]).at(at) for key, at in shares.items()})
 
 
-Run = Callable[[Scene, Change], Peaks]  # of a changed scene
+Run = Callable[[Scene, Change], Values]  # of a changed scene
+
+
+class Task(NamedTuple):
+    """Changes that one worker evaluates in order; with places [-], each starts from the nearest contact before it."""
+
+    scene: Scene
+    run: Run
+    changes: tuple[Change, ...]
+    places: tuple[tuple[float, ...], ...] = ()
+    versions: Mapping[str, str] = NO_KEYS
+
+
+def compute(task: Task) -> list[dict[str, Any]]:
+    """Evaluate the changes of a task, with one thread of linear algebra.
+
+    Raises
+    ------
+    RuntimeError
+        If this worker has other versions than the command.
+    """
+    here = versions()
+    if differing := [f"{name} {here.get(name)} for {v}" for name, v in task.versions.items() if here.get(name) != v]:
+        raise RuntimeError(
+            f"a worker has other versions than the command: {', '.join(differing)}; the results would not be the "
+            "same, install the same on both"
+        )
+    found: list[dict[str, Any]] = []
+    contacts: list[tuple[tuple[float, ...], Contact]] = []
+    with _ONE_AT_A_TIME, threadpool_limits(1):
+        for change, place in zip_longest(task.changes, task.places):
+            guess = min(contacts, key=lambda each: round(dist(each[0], place), 9))[1] if contacts else change.start
+            try:
+                values = dict(task.run(change.of(task.scene), change._replace(start=guess)))
+            except (ValueError, RuntimeError) as error:
+                values = {"reason": reason_of(error)}
+            contact = values.pop(START, None)
+            if place is not None and contact is not None and contact is not guess:
+                contacts.append((place, contact))
+            found.append(values)
+    return found
+
+
+def evaluate(
+    scene: Scene,
+    changes: Iterable[Change],
+    run: Run,
+    executor: Executor | None = None,
+    *,
+    groups: Sequence[Sequence[int]] | None = None,
+    places: NDArray[np.float64] | None = None,
+    store: Store | None = None,
+    step: Step = lambda *_: None,
+) -> dict[int, dict[str, Any]]:
+    """Evaluate a scene under changes of its keys.
+
+    The results do not depend on the executor. A reason stands for values where the changed scene is invalid, where
+    `run` raises a ValueError or RuntimeError, and where no worker survives; any other error is raised.
+
+    Parameters
+    ----------
+    run : callable
+        Returns values of a changed scene by name. If these include a `contact`, the changes of its group that follow
+        start from it: each gets that of the nearest place as `Change.start`.
+    executor : Executor, optional
+        Open executor, to which scene, changes and run can be sent; this process by default.
+    groups : sequence of sequence of int, optional
+        Numbers of the changes to be evaluated, those of a group by one worker; by default each by itself.
+    places : NDArray, shape (changes, parameters), optional
+        Coordinates of all changes [-], where contacts are starts; such a group is kept or computed as a whole.
+    store : Store, optional
+        Results of earlier commands by the hash of its `base`, the change, the files it names, and its start.
+    step : callable
+        Called with the numbers of new results and of reasons among them.
+
+    Returns
+    -------
+    dict
+        Values by number of the change.
+    """
+    changes, kept = list(changes), store or Store()
+    found: dict[int, dict[str, Any]] = {}
+    tasks: list[Task] = []
+    pending: list[dict[int, str]] = []  # of each task: key by number of the change
+    for group in [[number] for number in range(len(changes))] if groups is None else groups:
+        keys: dict[int, str] = {}
+        for number in group:
+            before = None if places is None else [[*keys.values()][-1:], places[number].tolist()]
+            keys[number] = f"{number}" if store is None else _key(scene, store.base, before, changes[number].keys)
+        missing = [number for number in group if keys[number] not in kept.known]
+        found |= {number: kept.known[keys[number]] for number in group if number not in missing}
+        chain = group if missing and places is not None else missing
+        if missing:
+            at = () if places is None else tuple(map(tuple, places[list(chain)].tolist()))
+            tasks.append(Task(scene, run, tuple(changes[number] for number in chain), at, versions()))
+            pending.append({number: keys[number] for number in chain})
+        kept.used.update(keys.values())
+    step(len(found), sum(bool(each.get("reason")) for each in found.values()))
+    for task, job in run_tasks(compute, tasks, executor or SerialExecutor()):
+        keys = pending[task]
+        try:
+            values = job.result()
+            kept.write(dict(zip(keys.values(), values, strict=True)))
+        except WorkerError as error:  # not kept: another command tries again
+            values = [{"reason": str(error)} for _ in keys]
+        kept.computed += len(values)
+        fresh = {number: each for number, each in zip(keys, values, strict=True) if number not in found}
+        found |= zip(keys, values, strict=True)
+        step(len(fresh), sum(bool(each.get("reason")) for each in fresh.values()))
+    return found
+
+
+def _key(scene: Scene, base: str, before: Any, keys: Mapping[str, Any]) -> str:
+    """Hash all inputs of a result, with the contents of the files that its change names."""
+    tables = [scene.checksum_of(str(keys[key])) for key in FILE_KEYS if key in keys]
+    return checksum(json.dumps([base, before, keys, tables]).encode())[:KEY_LENGTH]
 
 
 def peaks_of(scene: Scene, change: Change) -> Peaks:
@@ -85,27 +242,20 @@ def drive_peaks(
 def ensemble(
     scene: Scene, changes: Iterable[Change], run: Run = peaks_of, executor: Executor | None = None
 ) -> "xarray.Dataset":
-    """Evaluate a scene under changes of its keys; NaN and a reason where there is no solution.
-
-    Parameters
-    ----------
-    run : callable
-        Returns the values of a changed scene by criterion and law; a ValueError or RuntimeError is a reason.
-    executor : Executor, optional
-        Executor of the changes, to which scene, changes and run can be sent; this process by default.
+    """Evaluate values by criterion and law of a scene under changes, as `evaluate`, into one table.
 
     Returns
     -------
     Dataset
-        `value` over change, criterion and law, in the unit of the criterion; `first`, the law of the least value over
-        change and criterion, empty without a finite one; `reason` over change.
+        `value` over change, criterion and law, in the unit of the criterion, NaN without a solution; `first`, the law
+        of the least value over change and criterion, empty without a finite one; `reason` over change.
     """
     import xarray
 
     changes = list(changes)
-    jobs = [(executor or SerialExecutor()).submit(_evaluate, (scene, change, run)) for change in changes]
-    found = [job.result() for job in jobs]
-    rows, reasons = [row for row, _ in found], [reason for _, reason in found]
+    found = evaluate(scene, changes, run, executor)
+    rows = [found[number] for number in range(len(changes))]
+    reasons = [row.pop("reason", "") for row in rows]
     criteria = list(dict.fromkeys(by for row in rows for by in row))
     laws = list(dict.fromkeys(law for row in rows for values in row.values() for law in values))
     value = [[[row.get(by, {}).get(law, np.nan) for law in laws] for by in criteria] for row in rows]
@@ -119,15 +269,6 @@ def ensemble(
         },
         dict(zip(axes, ([change.label for change in changes], criteria, laws), strict=True)),
     )
-
-
-def _evaluate(task: tuple[Scene, Change, Run]) -> tuple[Peaks, str]:
-    """Return the values of a changed scene, or the reason why there are none."""
-    scene, change, run = task
-    try:
-        return run(scene.replaced(**change.keys), change), ""
-    except (ValueError, RuntimeError) as error:
-        return {}, str(error)
 
 
 def first_law(values: Mapping[str, float]) -> str:
