@@ -191,7 +191,8 @@ class Sweep:
             open_store(place / POINTS, base, resume, force) as self.store,
             executor,
         ):
-            given: dict[str, Any] = {"run": partial(headline, self.rank), "executor": executor, "store": self.store, "step": step}
+            run = partial(headline, self.rank)
+            given: dict[str, Any] = {"run": run, "executor": executor, "store": self.store, "step": step}
             found = self._results(partial(evaluate, self.scene, **given))
             table = self._table([found[number] for number in range(self.size)])
             files.write_netcdf(place / "sweep.nc", table, files.NETCDF_HDF5)
