@@ -92,7 +92,7 @@ def test_cam_command_writes_what_the_workshop_needs(compact, tmp_path):
     assert done.returncode == 0, done.stderr
     assert "least breadth                 0.605" in done.stdout  # 1.514 strokes of 0.4 m, D-cams
     assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "combined-3-flat-motion.svg", "combined-3-flat.csv", "combined-3-flat.dxf", "combined-3-flat.svg",
+        "combined-3-flat.csv", "combined-3-flat.dxf", "combined-3-flat.svg",
     ]  # fmt: skip
     header = (tmp_path / "combined-3-flat.csv").read_text().splitlines()[0]
     assert header.startswith("cam_angle_deg,follower_mm,x_mm,y_mm")

@@ -198,7 +198,7 @@ def _offset_points(cam: Cam, angle: Array, distance: float) -> Array:
 
 def _normal(cam: Cam, angle: Array) -> Array:
     """Outward unit normal of the profile in the frame of the cam, shape (2, n)."""
-    direction = angle - cam.pressure_angle(angle)
+    direction = angle - cam.contact(angle).pressure_angle
     return np.array([np.cos(direction), np.sin(direction)])
 
 

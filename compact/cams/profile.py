@@ -21,11 +21,12 @@ References
 R. L. Norton, Cam Design and Manufacturing Handbook, Industrial Press 2009, ch. 7 (size, pressure angle, undercut).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import itemgetter
-from typing import NamedTuple
+from types import MappingProxyType
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,17 +78,23 @@ class _RadialFollower:
     """
 
     radius: float
+    name: ClassVar[str]
+
+    @property
+    def words(self) -> str:
+        """Both followers of a cam, in words."""
+        return f"rollers of radius {1e3 * self.radius:g} mm" if self.radius else "pointed followers"
+
+    @property
+    def radius_at_kink(self) -> float:
+        """Radius of curvature [m] at a downward jump of rho': a corner of the pitch curve, offset by r."""
+        return -self.radius
 
     def contact(self, rho: Array, slope: Array, second: Array) -> FollowerContact:
         """Return the contact from rho, rho' and rho'' [m]."""
         r, w = self.radius, np.hypot(rho, slope)
         turn = 1 + (slope**2 - rho * second) / w**2
         return FollowerContact(rho - r * rho / w, r * slope / w, np.arctan2(slope, rho), turn, w - r * turn)
-
-    @property
-    def radius_at_kink(self) -> float:
-        """Radius of curvature [m] at a downward jump of rho': a corner of the pitch curve, offset by r."""
-        return -self.radius
 
     def base_radius(self, x: Array, slope: Array, second: Array) -> Array:
         """Return the smallest (b - stroke)/2 [m] whose profile does not run backwards.
@@ -126,6 +133,7 @@ class Pointed(_RadialFollower):
     """
 
     radius: float = field(default=0.0, init=False)
+    name = "pointed"
 
     def base_radius(self, x: Array, slope: Array, second: Array) -> Array:  # noqa: ARG002, protocol of followers
         """Return the smallest (b - stroke)/2 [m]: any value with rho > 0 is valid."""
@@ -141,6 +149,8 @@ class RollerFollower(_RadialFollower):
     radius : float
         Roller radius r [m], > 0.
     """
+
+    name = "roller"
 
     def __post_init__(self) -> None:
         validation.require_positive(radius=self.radius)
@@ -168,6 +178,7 @@ class FlatFace:
     (x, y) = (rho cos - rho' sin, rho sin + rho' cos),  turn = 1,  arc = rho + rho''
     """
 
+    name, words = "flat", "flat-faced followers"
     radius = 0.0
     radius_at_kink = -np.inf
 
@@ -181,6 +192,9 @@ class FlatFace:
 
 
 Follower = Pointed | RollerFollower | FlatFace
+FOLLOWERS: Mapping[str, Callable[[float], Follower]] = MappingProxyType(  # by name, of the radius of rollers [m]
+    {"pointed": lambda _: Pointed(), "roller": RollerFollower, "flat": lambda _: FlatFace()}
+)
 
 
 @dataclass(frozen=True)
@@ -258,8 +272,8 @@ class Cam:
     --------
     >>> from compact.motion.profile import law
     >>> cam = Cam(Cycle(law("harmonic", stroke=0.4, duration=3.0)), breadth=1.0, follower=FlatFace())
-    >>> cam.radius_of_curvature([0.0, 1.0, 4.0]).round(12).tolist()  # an eccentric circle
-    [0.5, 0.5, 0.5]
+    >>> cam.curvature([0.0, 1.0, 4.0]).round(12).tolist()  # an eccentric circle
+    [2.0, 2.0, 2.0]
     """
 
     cycle: Cycle
@@ -309,16 +323,6 @@ class Cam:
         *_, turn, arc = self.contact(angle)
         with np.errstate(divide="ignore"):
             return turn / arc
-
-    def radius_of_curvature(self, angle: ArrayLike) -> Array:
-        """Return the radius of curvature of the profile [m] at an angle [rad], convex > 0, infinite where straight."""
-        *_, turn, arc = self.contact(angle)
-        with np.errstate(divide="ignore"):
-            return arc / turn
-
-    def pressure_angle(self, angle: ArrayLike) -> Array:
-        """Return the angle [rad] between travel and common normal at an angle [rad], > 0 on the forward stroke."""
-        return self.contact(angle).pressure_angle
 
     @cached_property
     def corner_angles(self) -> tuple[float, ...]:

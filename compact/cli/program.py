@@ -209,7 +209,7 @@ def cam(
     tolerance: float = 1e-6,
     job: Job = JOB,
 ) -> None:
-    """Design the cam of constant breadth for one law: points as CSV, workshop drawing as SVG and DXF, animation.
+    """Design the cam of constant breadth for one law: points as CSV, workshop drawing as SVG and DXF.
 
     The scene requires a table [cam].
 
@@ -238,7 +238,8 @@ def cam(
         require_known("motion law", law, (*LAW_NAMES, *(path.stem for path in given.table_paths)))
     study = Study(given)
     made = study.stages.laws.cam(law, follower)
-    written = cam_files.write_cam_files(job.place(scene, "cams"), study.scene, made, cutter, tolerance)
+    bore = given.cam.bore if given.cam else None
+    written = cam_files.write_cam_files(job.place(scene, "cams"), made, cutter, tolerance, bore)
     files = "\n".join(f"  {path}" for path in written)
     job.show(lambda: f"{text.cam_digest(law, made)}\n{files}", files=written)
 

@@ -191,7 +191,7 @@ def write_cams(study: Study, place: Path) -> Iterator[Path]:
     for (law, follower), cam in laws.cams.items():
         points = cam.table(CAM_POINTS)
         yield write_columns(place / "cams" / f"{law}-{follower}.csv", tuple(points), tuple(points.values()))
-    cams = [(*key, cam, laws.least_breadths[key]) for key, cam in laws.cams.items()]
+    cams = [(*key, cam, cam.least_breadth()) for key, cam in laws.cams.items()]
     yield TableSpec.of("cams", cams, CAM).write(place / "cams.csv")
     for law, cycle in study.cycles.items():
         turned = roller_rotation(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.ranking_uncertainty import Place, ties
-from compact.analysis.stages.laws import FOLLOWERS
 from compact.analysis.stages.sensitivity import PRIOR
 from compact.analysis.study import Study
+from compact.cams.profile import FOLLOWERS
 from compact.files import versions
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, group_equal
 from compact.quantities import PASS, column_names
@@ -100,15 +100,12 @@ class Picture:
         Text for readers who cannot see the picture.
     media_type : str
         "image/png" or "image/svg+xml".
-    summary : str
-        Line under which the picture is hidden until it is opened; empty for a visible picture.
     """
 
     data: bytes
     description: str
     caption: str = ""
     media_type: str = "image/png"
-    summary: str = ""
 
     @property
     def source(self) -> str:
@@ -320,14 +317,12 @@ def _cams(study: Study) -> Iterator[Block]:
     """Show the cam of the first law, and tabulate those of all laws and the motors in the rollers."""
     laws, first = study.stages.laws, study.first_cam
     assert first is not None
-    if not first.reason:
+    if first.drawing is not None:
         caption = f"{first.law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF."
-        yield Picture(first.drawing.encode(), first.description, caption, SVG)
-        turn = "One turn is a whole cycle.", SVG, "Show the cam and the cart in motion"
-        yield Picture(first.animation.encode(), first.animation_description, *turn)
+        yield Picture(first.drawing.svg().encode(), first.drawing.description, caption, SVG)
     cells: dict[str, list[Cell]] = {"law": [*study.cycles]}
     for follower in FOLLOWERS:
-        breadths = [format_quantity(laws.least_breadths[law, follower].breadth, "m") for law in study.cycles]
+        breadths = [format_quantity(laws.cams[law, follower].least_breadth().breadth, "m") for law in study.cycles]
         cells[f"least breadth, {follower}"] = [
             Mark("bad", f"{breadth}: undercut") if laws.cams[law, follower].undercut else breadth
             for law, breadth in zip(study.cycles, breadths, strict=True)

@@ -291,7 +291,7 @@ SPECTRAL = COLUMN | {
 def test_resistance_map_extends_to_the_speed_of_the_optimal_law(layer):
     study = Study(scene(**layer, **{"motion.optimise": UNBOUNDED}))
     given = study.stages.resistance.largest_speed
-    there = study.stages.laws.optimal_cycles["least-peak-force"].forward
+    there = study.stages.laws.cycles["least-peak-force"].forward
     assert given < there.peaks().velocity < 0.999 * study.stages.laws.limits.velocity
     assert (
         study.stages.laws.limits.velocity
@@ -304,7 +304,7 @@ def test_resistance_map_extends_to_the_speed_of_the_optimal_law(layer):
 def test_velocity_bound_of_the_scene_holds():
     given = Study(scene(**COLUMN)).stages.resistance.largest_speed
     held = Study(scene(**COLUMN, **{"motion.optimise": UNBOUNDED | {"velocity": given}}))
-    assert held.stages.laws.optimal_cycles["least-peak-force"].forward.peaks().velocity == pytest.approx(given)
+    assert held.stages.laws.cycles["least-peak-force"].forward.peaks().velocity == pytest.approx(given)
     assert held.stages.resistance.largest_speed == given  # nothing is computed beyond it
 
 

@@ -60,7 +60,7 @@ def test_dwells_are_arcs_about_the_axis(follower, smaller):
         angle = 2 * np.pi * np.linspace(first, last, 9) / 9
         assert np.hypot(*cam.profile(angle)) == pytest.approx(radius, rel=1e-14)
         assert cam.curvature(angle) == pytest.approx(1 / radius, rel=1e-14)
-        assert np.all(cam.pressure_angle(angle) == 0)
+        assert np.all(cam.contact(angle).pressure_angle == 0)
         assert np.all(cam.contact(angle).offset == 0)
 
 
@@ -124,12 +124,11 @@ def test_tangent_and_curvature_are_those_of_the_points(follower, name):
     tx, ty = (after - before) / (2 * step)
     # the outward normal (ty, -tx) leans back by the pressure angle where the follower rises
     lean = np.arctan2(-(travel[0] * -tx - travel[1] * ty), travel[0] * ty - travel[1] * tx)
-    assert cam.pressure_angle(angle) == pytest.approx(lean, abs=1e-7)
+    assert cam.contact(angle).pressure_angle == pytest.approx(lean, abs=1e-7)
     before, here, after = (cam.profile(angle + shift) for shift in (-10 * step, 0, 10 * step))
     (dx, dy), (ddx, ddy) = (after - before) / (20 * step), (after - 2 * here + before) / (10 * step) ** 2
     exact = (dx * ddy - dy * ddx) / np.hypot(dx, dy) ** 3
     assert cam.curvature(angle) == pytest.approx(exact, rel=2e-4, abs=2e-4)
-    assert 1 / cam.radius_of_curvature(angle) == pytest.approx(exact, rel=2e-4, abs=2e-4)
 
 
 @pytest.mark.parametrize(
@@ -163,10 +162,10 @@ def test_flat_face_touches_its_cam_without_overlap(name):
 @pytest.mark.parametrize(("follower", "name"), ALL_KINDS, **BY_NAME)
 def test_extremes_are_those_of_dense_samples(follower, name):
     cam, angle = made(name, follower, far_dwell=0.3), np.linspace(0, 2 * np.pi, 100_001)
-    pressure = np.abs(cam.pressure_angle(angle)).max()
+    pressure = np.abs(cam.contact(angle).pressure_angle).max()
     assert cam.largest_pressure_angle == pytest.approx(pressure, rel=3e-5, abs=1e-15)
     assert cam.largest_pressure_angle >= pressure * (1 - 1e-12)
-    radius = cam.radius_of_curvature(angle)
+    radius = 1 / cam.curvature(angle)
     least = (radius if follower == FlatFace() else radius[cam.curvature(angle) > 0]).min()
     assert cam.least_radius_of_curvature == pytest.approx(least, abs=1e-4)
     assert cam.least_radius_of_curvature <= least + 1e-12

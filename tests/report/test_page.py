@@ -328,4 +328,4 @@ def test_browser_shows_the_page_whole_on_a_screen_and_a_phone(written, tmp_path)
         assert max(shown["boxes"]) <= width
         assert len(shown["images"]) == len(PageReader(text).all("img"))
         assert min(shown["images"]) > 0
-        assert (shown["shut"], shown["still"]) == (len(SECTIONS) + 3, 0)  # on paper every section is open
+        assert (shown["shut"], shown["still"]) == (len(SECTIONS) + 2, 0)  # on paper every section is open

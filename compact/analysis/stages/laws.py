@@ -3,7 +3,6 @@
 import warnings
 from collections.abc import Sequence
 from functools import cached_property
-from html import escape
 from typing import NamedTuple
 
 import numpy as np
@@ -13,8 +12,8 @@ from compact.analysis.mix_laws import scene_mix
 from compact.analysis.stages.contacts import Count, contact_stage
 from compact.analysis.stages.resistance import ResistanceStage
 from compact.cams.machining import cut
-from compact.cams.profile import Cam, FlatFace, Follower, LeastBreadth, Pointed, RollerFollower
-from compact.cams.workshop_drawing import animated_svg, describe, workshop_drawing
+from compact.cams.profile import FOLLOWERS, Cam
+from compact.cams.workshop_drawing import WorkshopDrawing, workshop_drawing
 from compact.machine.cart import MotionResistance
 from compact.machine.drives import DRIVES, OVERSHOOT
 from compact.motion.limits import CamLimits, InfeasibleError, Limits
@@ -27,31 +26,13 @@ from compact.scene.schema import Optimise
 EXTENSIONS = 8  # largest number of extensions of the resistance map for one optimal law
 EXTENSION_FACTOR = 1.3  # [-], new over old largest speed
 BOUND_SHARE = 1 - 1e-6  # [-], of the velocity limit; a faster law is restricted by it
-FOLLOWERS = ("pointed", "roller", "flat")
 
 
 class CamDrawing(NamedTuple):
-    """Cam of one law as SVG text; without drawing and animation where the cam cannot be cut.
-
-    Parameters
-    ----------
-    description : str
-        Description of the drawing in one sentence.
-    drawing : str
-        Workshop drawing as SVG text, true to scale.
-    animation_description : str
-        Description of the animation in one sentence.
-    animation : str
-        Cam and cart in motion as SVG text.
-    reason : str
-        Reason for which the cam cannot be cut; empty where it can.
-    """
+    """Drawing of the cam of one law, or the reason for which the cam cannot be cut."""
 
     law: str
-    description: str = ""
-    drawing: str = ""
-    animation_description: str = ""
-    animation: str = ""
+    drawing: WorkshopDrawing | None
     reason: str = ""
 
 
@@ -111,16 +92,12 @@ class LawStage:
 
     @cached_property
     def cycles(self) -> dict[str, Cycle]:
-        """Forward and return strokes by name of the law; optimal laws last."""
-        return self.prescribed | self.optimal_cycles
+        """Forward and return strokes by name of the law; last the optimal laws, one per objective of [motion.optimise].
 
-    @cached_property
-    def optimal_cycles(self) -> dict[str, Cycle]:
-        """Optimal laws by name, one per objective of [motion.optimise], for a rigid drive without rod.
-
-        A law that no limits allow, or whose search does not converge, is left out with a warning; see `not_made`.
+        Optimal laws are those for a rigid drive without rod. One that no limits allow, or whose search does not
+        converge, is left out with a warning; see `not_made`.
         """
-        cycles, dwell = {}, self.scene.motion.dwell
+        cycles, dwell = dict(self.prescribed), self.scene.motion.dwell
         if self._optimal_names:
             _ = self.resistance.motion_resistance  # an error of the resistance is no error of a law
         for name, objective in self._optimal_names.items():
@@ -218,15 +195,6 @@ class LawStage:
         """Cams of constant breadth by law and follower."""
         return {(name, follower): self.cam(name, follower) for name in self.cycles for follower in FOLLOWERS}
 
-    @cached_property
-    def least_breadths(self) -> dict[tuple[str, str], LeastBreadth]:
-        """Least breadths of the cams by law and follower."""
-        found = {}
-        for key, cam in self.cams.items():
-            self.count("cams measured")
-            found[key] = cam.least_breadth()
-        return found
-
     def cam(self, name: str, follower: str) -> Cam:
         """Return the cam of constant breadth of one law.
 
@@ -252,18 +220,12 @@ class LawStage:
         cycle = self.prescribed.get(name) or self.cycles.get(name)
         if cycle is None:
             raise RuntimeError(f"no cam: {name} is not made: {self._left_out[name]}")
-        rolling = RollerFollower(table.roller_follower_radius)
-        followers: dict[str, Follower] = {"pointed": Pointed(), "roller": rolling, "flat": FlatFace()}
-        return Cam(cycle, table.breadth, followers[follower])
+        return Cam(cycle, table.breadth, FOLLOWERS[follower](table.roller_follower_radius))
 
     def drawing(self, name: str) -> CamDrawing:
-        """Draw the cam of a law for a roller follower, cut with the default tolerance, and animate it with the cart."""
-        machine, words = self.scene.machine, f"The cam of {name} turns, and its followers move the cart through a cycle"
+        """Draw the cam of a law for a roller follower, cut with the default tolerance."""
         try:
             outline = cut(self.cams[name, "roller"])
-            drawing = workshop_drawing(outline, self.scene.cam.bore if self.scene.cam else None)
+            return CamDrawing(name, workshop_drawing(outline, self.scene.cam.bore if self.scene.cam else None))
         except ValueError as error:  # undercut, corners, or a bore that is too large
-            return CamDrawing(name, reason=str(error))
-        animation = animated_svg(outline.cam, machine.roller_radius, machine.roller_positions, escape(words))
-        description = describe(outline)
-        return CamDrawing(name, description, drawing.svg(description), words, animation)
+            return CamDrawing(name, None, str(error))
