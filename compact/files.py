@@ -37,6 +37,8 @@ NETCDF_CLASSIC: NetcdfFormat = "NETCDF3_CLASSIC"  # numbers only, for any reader
 NETCDF_HDF5: NetcdfFormat = "NETCDF4"  # strings too
 # xarray backend of each format
 NETCDF_BACKENDS: dict[str, Literal["scipy", "h5netcdf"]] = {NETCDF_CLASSIC: "scipy", NETCDF_HDF5: "h5netcdf"}
+FIELD_FORMATS = {"vtu": ".vtu", "vtk": ".vtk", "xdmf": ".xdmf", "gmsh": ".msh"}  # suffixes
+FULL_TENSOR = (0, 3, 5, 3, 1, 4, 5, 4, 2)  # components xx, yy, zz, xy, yz, xz by row of the tensor, of Gmsh
 GENERIC_STEM = "scene"  # stem of the scene file that `compact new` writes into a folder of the user's name
 PACKAGES = ("compact", "numpy", "scipy", "numba", "scikit-fem", "clarabel")  # on whose versions results depend
 SOURCES = (".py", ".csv")  # suffixes of the files of this package on which results depend
@@ -267,12 +269,22 @@ def render_png(figure: "Figure") -> bytes:
     return buffer.getvalue()
 
 
-def write_vtu(mesh: "meshio.Mesh", path: str | Path) -> None:
-    """Write a mesh with its fields as VTU."""
+def write_fields(mesh: "meshio.Mesh", path: str | Path, name: str = "vtu") -> Path:
+    """Write a mesh with its fields in a format of `FIELD_FORMATS`; return the path."""
     import meshio
 
+    kind, options = "gmsh22" if name == "gmsh" else name, {}
+    if name == "xdmf":
+        options = {"data_format": "XML"}  # otherwise a second file holds the numbers
+    if name == "gmsh":  # which admits 1, 3 or 9 components, and requires a tag for each cell
+        tags = [[1] * len(block.data) for block in mesh.cells]
+        cells: dict[str, Any] = {"gmsh:physical": tags, "gmsh:geometrical": tags}
+        for key, blocks in mesh.cell_data.items():
+            cells[key] = [each[:, FULL_TENSOR] if each.ndim == 2 and each.shape[1] == 6 else each for each in blocks]
+        mesh = meshio.Mesh(mesh.points, mesh.cells, mesh.point_data, cells)
     with atomic_file(path, "wb") as stream:  # meshio opens the file by its name
-        meshio.write(stream.name, mesh, file_format="vtu")
+        meshio.write(stream.name, mesh, file_format=kind, **options)
+    return Path(path)
 
 
 def write_vtu_series(
@@ -293,9 +305,8 @@ def write_vtu_series(
     members = ElementTree.SubElement(series, "Collection")
     for value, mesh in frames:
         file = f"{folder}/{label}={value!r}.vtu"
-        write_vtu(mesh, collection.parent / file)
+        yield write_fields(mesh, collection.parent / file)
         ElementTree.SubElement(members, "DataSet", timestep=repr(value), part="0", file=file)
-        yield collection.parent / file
     ElementTree.indent(series)
     yield write_bytes(collection, ElementTree.tostring(series, encoding="utf-8", xml_declaration=True))
 
@@ -337,27 +348,9 @@ def read_vtu_series(collection: str | Path) -> tuple[str, tuple[tuple[float, "me
 
 @contextmanager
 def claimed_directory(directory: str | Path, scene_hash: str, force: bool = False) -> Iterator[Path]:
-    """Claim a result directory, as `claim_directory`, and release it if the block fails before it writes a result.
+    """Create a result directory where necessary, and mark it with the hash of its scene.
 
-    Raises
-    ------
-    ResultsError
-        As of `claim_directory`, and if another command claims or deletes the directory inside the block.
-    """
-    directory = claim_directory(directory, scene_hash, force)
-    try:
-        yield directory
-    except BaseException:
-        with suppress(OSError):
-            if [path.name for path in directory.iterdir()] == [OWNER_FILE]:
-                (directory / OWNER_FILE).unlink()
-        raise
-    if _owner(directory) != scene_hash:
-        raise ResultsError(f"{directory}: was deleted or overwritten by another command; repeat this one")
-
-
-def claim_directory(directory: str | Path, scene_hash: str, force: bool = False) -> Path:
-    """Create a result directory where necessary and mark it with the hash of its scene.
+    The mark is deleted if the block fails before it writes a result.
 
     Parameters
     ----------
@@ -367,25 +360,29 @@ def claim_directory(directory: str | Path, scene_hash: str, force: bool = False)
     Raises
     ------
     ResultsError
-        If the directory contains results of another scene or other files.
+        If the directory contains results of another scene or other files, or another command claims or deletes it
+        inside the block.
     """
     directory = Path(directory)
+    mark, owner, foreign = directory / OWNER_FILE, None, False
     try:
-        owner = _owner(directory)
-        names = [path.name for path in directory.iterdir()] if owner is None and directory.exists() else []
-        foreign = not all(name.startswith(".") and name.endswith(".part") for name in names)  # of interrupted runs
+        if mark.exists():
+            owner = mark.read_text(encoding="utf-8", errors="replace").strip()
+        elif directory.exists():  # parts remain of interrupted runs
+            foreign = not all(path.name.startswith(".") and path.suffix == ".part" for path in directory.iterdir())
     except OSError as error:
         raise ResultsError(f"{directory}: {error.strerror or error}; use another --out") from error
-    if foreign and not force:
-        raise ResultsError(f"{directory}: contains files of other programs; use another --out, or --force")
-    if owner not in (None, scene_hash) and not force:
-        raise ResultsError(f"{directory}: holds results of another scene; use another --out, or --force")
-    with atomic_file(directory / OWNER_FILE) as stream:
+    if (foreign or owner not in (None, scene_hash)) and not force:
+        found = "contains files of other programs" if foreign else "holds results of another scene"
+        raise ResultsError(f"{directory}: {found}; use another --out, or --force")
+    with atomic_file(mark) as stream:
         stream.write(scene_hash + "\n")
-    return directory
-
-
-def _owner(directory: Path) -> str | None:
-    """Return the hash of the scene that a directory is marked with; None without a mark."""
-    mark = directory / OWNER_FILE
-    return mark.read_text(encoding="utf-8", errors="replace").strip() if mark.exists() else None
+    try:
+        yield directory
+    except BaseException:
+        with suppress(OSError):
+            if [path.name for path in directory.iterdir()] == [OWNER_FILE]:
+                mark.unlink()
+        raise
+    if not mark.exists() or mark.read_text(encoding="utf-8", errors="replace").strip() != scene_hash:
+        raise ResultsError(f"{directory}: was deleted or overwritten by another command; repeat this one")

@@ -370,7 +370,7 @@ def export(
     given = job.read(scene)
 
     from compact.analysis.study import Study
-    from compact.interfaces.field_formats import FIELD_FORMATS, write_fields
+    from compact.files import FIELD_FORMATS, write_fields
     from compact.interfaces.force_tables import CartModel, force_table, write_force_csv
     from compact.interfaces.functional_mockup import has_binary, write_fmu
 
@@ -391,7 +391,7 @@ def export(
                 notes.append("" if has_binary(files[-1]) else "cart.fmu: sources only, as no compiler is found")
             elif contacts.engine.has_fields:
                 mesh = contacts.field_mesh(contacts.passes_at(speed or given.mean_speed)[0])
-                files.append(write_fields(mesh, directory / f"fields{FIELD_FORMATS[name][0]}", name))
+                files.append(write_fields(mesh, directory / f"fields{FIELD_FORMATS[name]}", name))
             else:
                 raise ValueError(
                     f'--format {name} needs fields, which the engine "{given.accuracy.engine}" does not have; '

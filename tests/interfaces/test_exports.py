@@ -17,7 +17,7 @@ import pytest
 from compact.analysis.study import Study
 from compact.cli import program as cli
 from compact.contact import dry_resistance
-from compact.interfaces.field_formats import FIELD_FORMATS, FULL_TENSOR, write_fields
+from compact.files import FIELD_FORMATS, FULL_TENSOR, write_fields
 from compact.interfaces.force_tables import FORCES, CartModel, force_table, write_force_csv
 from compact.interfaces.functional_mockup import VARIABLES, has_binary, write_fmu
 from compact.motion import law
@@ -206,7 +206,7 @@ def test_fields_are_the_same_when_read_back(name, tmp_path):
     stress = np.arange(1.0, 7.0)[None, :]
     cells = {"stress": [stress], "pressure": [np.array([-2.0])]}
     mesh = meshio.Mesh(corners, [("quad", np.array([[0, 1, 2, 3]]))], {"displacement": 0.1 * corners}, cells)
-    path = write_fields(mesh, tmp_path / f"fields{FIELD_FORMATS[name][0]}", name)
+    path = write_fields(mesh, tmp_path / f"fields{FIELD_FORMATS[name]}", name)
     back = meshio.read(path)
     np.testing.assert_allclose(back.points, corners)
     np.testing.assert_allclose(back.point_data["displacement"], 0.1 * corners)

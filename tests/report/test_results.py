@@ -17,7 +17,6 @@ from compact.files import (
     OWNER_FILE,
     ResultsError,
     atomic_file,
-    claim_directory,
     claimed_directory,
     read_table,
     read_vtu_series,
@@ -25,6 +24,11 @@ from compact.files import (
     write_json,
     write_vtu_series,
 )
+
+
+def claim_directory(*arguments, **options):
+    with claimed_directory(*arguments, **options) as directory:
+        return directory
 
 
 def names(directory):
