@@ -15,9 +15,9 @@ J_2 and J_3, whose Euler-Poisson equation x^(6) - n1 x^(4) + n2 x'' = 0 has expo
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from types import MappingProxyType
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -50,57 +50,32 @@ class NormalisedCurve(Protocol):
         """Return the derivative of order `nu` at phase z [-]."""
 
 
-@dataclass(frozen=True)
-class LawParameters:
+class LawParameters(NamedTuple):
     """Parameters of the laws; each law uses those that it needs.
 
     Attributes
     ----------
     run_up, run_down : float
-        Duration of the acceleration and of the deceleration phase over that of the pass [-], >= 0 with a sum <= 1;
-        combined and reversal laws.
+        Duration of the acceleration and of the deceleration phase over that of the pass [-]; combined and reversal laws.
     energy_weight, acceleration_weight : float
         Weights d1, d2 of the complex law [-].
     rod_ratio : float, optional
         Crank radius over rod length [-], 0 <= ratio < 1; crank.
     """
 
-    run_up: float = 1 / 6
-    run_down: float = 1 / 6
-    energy_weight: float = 0.5
-    acceleration_weight: float = 0.3
-    rod_ratio: float | None = None
-
-    def __post_init__(self) -> None:
-        shares = {"run_up": self.run_up, "run_down": self.run_down}
-        require_number(**shares, energy_weight=self.energy_weight, acceleration_weight=self.acceleration_weight)
-        require_between(0, 1, **shares)
-        require_phases(self.run_up, self.run_down)
+    run_up: float
+    run_down: float
+    energy_weight: float
+    acceleration_weight: float
+    rod_ratio: float | None
 
 
 def require_phases(run_up: float, run_down: float) -> None:
     """Require acceleration and deceleration phase [-] to leave no negative phase between them."""
+    require_number(run_up=run_up, run_down=run_down)
+    require_between(0, 1, run_up=run_up, run_down=run_down)
     if run_up + run_down > 1 + SUM_TOLERANCE:
         raise ValueError(f"`run_up` + `run_down` must not exceed 1, got {run_up!r} + {run_down!r}")
-
-
-@dataclass(frozen=True)
-class LawDefinition:
-    """Entry of `LAWS`.
-
-    Attributes
-    ----------
-    build : callable
-        Returns the curve of a set of parameters.
-    source : str
-        Section of the source.
-    retraces : bool
-        True if the return stroke is the forward stroke reversed in time.
-    """
-
-    build: Callable[[LawParameters], NormalisedCurve]
-    source: str
-    retraces: bool = False
 
 
 def minimiser(order: int, start: Mapping[int, float], end: Mapping[int, float]) -> Polynomial:
@@ -303,7 +278,7 @@ def point_to_point(order: int) -> PPoly:
     return piecewise([1.0], [minimiser(order, {0: 0} | rest, {0: 1} | rest)])
 
 
-def with_constant_velocity(order: int, rest: Orders, steady: Orders, parameters: LawParameters) -> PPoly:
+def with_constant_velocity(order: int, rest: Orders, steady: Orders, run_up: float, run_down: float) -> PPoly:
     """Return a law of acceleration, constant velocity and deceleration, its mirror image (D 2.6-2.8, 3, 4).
 
     The acceleration phase is the `minimiser` from rest to unit velocity in unit time; with its travel A the velocity
@@ -316,7 +291,7 @@ def with_constant_velocity(order: int, rest: Orders, steady: Orders, parameters:
         natural condition is added unless `order` derivatives are prescribed.
     """
     run = minimiser(order, dict.fromkeys((0, *rest), 0), {1: 1} | dict.fromkeys(steady, 0))
-    up, down = (share if share > SHORTEST_PHASE else 0.0 for share in (parameters.run_up, parameters.run_down))
+    up, down = (share if share > SHORTEST_PHASE else 0.0 for share in (run_up, run_down))
     down = 1 - (1 - down)  # the width that remains after rounding of its breakpoint
     even = max(0.0, 1 - up - down)
     speed = 1 / (run(1.0) * (up + down) + even)
@@ -374,11 +349,6 @@ class SineCurve:
         return self.polynomial(z, nu=nu) + np.take(self.amplitudes, piece) * self.frequency**nu * np.sin(angle)
 
 
-def sine_law(polynomial: Sequence[float], amplitude: float, frequency: float, phase: float) -> SineCurve:
-    """Return a law of one piece: polynomial, lowest coefficient first, and amplitude sin(frequency z + phase)."""
-    return SineCurve(piecewise([1.0], [Polynomial(polynomial)]), frequency, (amplitude,), (phase,))
-
-
 def modified_trapezoid() -> SineCurve:
     """Return the modified trapezoidal law (VDI 2143; Norton, Cam Design and Manufacturing Handbook).
 
@@ -397,6 +367,8 @@ def modified_trapezoid() -> SineCurve:
 class CrankCurve:
     """Half a turn of a slider-crank mechanism from the outer dead centre, at uniform angular velocity.
 
+    With a finite rod the return stroke is the forward stroke reversed in time.
+
         s = (1 - cos psi)/2 + r,  r - k r^2 = (k/4) sin^2 psi,  psi = pi z,  k = radius/rod
 
     where r is due to the finite rod; its derivatives follow by the Leibniz rule. k = 0 is the harmonic law.
@@ -409,6 +381,11 @@ class CrankCurve:
 
     ratio: float
     x = np.array([0.0, 1.0])
+
+    @property
+    def retraces(self) -> bool:
+        """True for a finite rod."""
+        return self.ratio > 0
 
     def __post_init__(self) -> None:
         if not 0 <= self.ratio < 1:
@@ -435,39 +412,35 @@ def _crank(parameters: LawParameters) -> CrankCurve:
 
 
 def _steady(order: int, rest: Orders, steady: Orders) -> Callable[[LawParameters], PPoly]:
-    return partial(with_constant_velocity, order, rest, steady)
+    return lambda parameters: with_constant_velocity(order, rest, steady, parameters.run_up, parameters.run_down)
 
 
-#: Published motion laws by name, with the source of each.
-LAWS: Mapping[str, LawDefinition] = MappingProxyType(
+#: Published motion laws by name: the curve for a set of parameters.
+LAWS: Mapping[str, Callable[[LawParameters], NormalisedCurve]] = MappingProxyType(
     {
-        "constant-velocity": LawDefinition(lambda _: point_to_point(1), "D 2.1"),
-        "cubic": LawDefinition(lambda _: point_to_point(2), "D 2.2"),
-        "quintic": LawDefinition(lambda _: point_to_point(3), "D 2.3"),
-        "septic": LawDefinition(lambda _: point_to_point(4), "D 2.4"),
-        "complex": LawDefinition(lambda p: ComplexLaw(p.energy_weight, p.acceleration_weight), "D 2.5"),
-        "combined-2": LawDefinition(_steady(2, (1,), (2,)), "D 2.6"),
-        "combined-3": LawDefinition(_steady(3, (1, 2), (2, 3)), "D 2.7"),
-        "combined-4": LawDefinition(_steady(4, (1, 2, 3), (2, 3, 4)), "D 2.8"),
-        "reversal-2": LawDefinition(_steady(2, (1,), ()), "D 3.1"),
-        "reversal-3": LawDefinition(_steady(3, (1, 2), (2,)), "D 3.2"),
-        "reversal-4": LawDefinition(_steady(4, (1, 2, 3), (2, 3)), "D 3.3, A"),
-        "reversal-3-free-acceleration": LawDefinition(_steady(3, (1,), (2,)), "D 4.1"),
-        "reversal-4-free-acceleration": LawDefinition(_steady(4, (1, 3), (2, 3)), "D 4.2"),
-        # The free jerk at the reversal is shared by deceleration and acceleration and odd in time, hence zero.
-        "reversal-4-free-jerk": LawDefinition(_steady(4, (1, 2, 3), (2, 3)), "D 4.3"),
-        "reversal-4-free-both": LawDefinition(_steady(4, (1, 3), (2, 3)), "D 4.4, B"),
-        "crank": LawDefinition(_crank, "crank and connecting rod, uniform rotation; C", retraces=True),
-        "gear-sector": LawDefinition(lambda _: point_to_point(1), "gear sector: constant speed with shocks; D 1.5"),
-        "parabolic": LawDefinition(
-            lambda _: with_constant_velocity(2, (1,), (), LawParameters(0.5, 0.5)), "constant acceleration; D 1.5"
+        "constant-velocity": lambda _: point_to_point(1),  # D 2.1
+        "cubic": lambda _: point_to_point(2),  # D 2.2
+        "quintic": lambda _: point_to_point(3),  # D 2.3
+        "septic": lambda _: point_to_point(4),  # D 2.4
+        "complex": lambda p: ComplexLaw(p.energy_weight, p.acceleration_weight),  # D 2.5
+        "combined-2": _steady(2, (1,), (2,)),  # D 2.6
+        "combined-3": _steady(3, (1, 2), (2, 3)),  # D 2.7
+        "combined-4": _steady(4, (1, 2, 3), (2, 3, 4)),  # D 2.8
+        "reversal-2": _steady(2, (1,), ()),  # D 3.1
+        "reversal-3": _steady(3, (1, 2), (2,)),  # D 3.2
+        "reversal-4": _steady(4, (1, 2, 3), (2, 3)),  # D 3.3, A
+        "reversal-3-free-acceleration": _steady(3, (1,), (2,)),  # D 4.1
+        "reversal-4-free-acceleration": _steady(4, (1, 3), (2, 3)),  # D 4.2
+        # D 4.3: the free jerk at the reversal is shared by deceleration and acceleration and odd in time, hence zero
+        "reversal-4-free-jerk": _steady(4, (1, 2, 3), (2, 3)),
+        "reversal-4-free-both": _steady(4, (1, 3), (2, 3)),  # D 4.4, B
+        "crank": _crank,  # crank and connecting rod, uniform rotation; C
+        "gear-sector": lambda _: point_to_point(1),  # constant speed with shocks; D 1.5
+        "parabolic": lambda _: with_constant_velocity(2, (1,), (), 0.5, 0.5),  # constant acceleration; D 1.5
+        "harmonic": lambda _: CrankCurve(0.0),  # (1 - cos pi z)/2, an infinite rod; VDI 2143, D 1.5
+        "cycloidal": lambda _: SineCurve(  # z - sin(2 pi z)/(2 pi); VDI 2143, D 1.5
+            piecewise([1.0], [Polynomial([0, 1])]), 2 * np.pi, (-1 / (2 * np.pi),), (0.0,)
         ),
-        "harmonic": LawDefinition(  # s = (1 - cos pi z)/2
-            lambda _: sine_law([0.5], -0.5, np.pi, np.pi / 2), "simple harmonic; VDI 2143, D 1.5"
-        ),
-        "cycloidal": LawDefinition(  # s = z - sin(2 pi z)/(2 pi)
-            lambda _: sine_law([0, 1], -1 / (2 * np.pi), 2 * np.pi, 0.0), "VDI 2143, D 1.5"
-        ),
-        "modified-trapezoid": LawDefinition(lambda _: modified_trapezoid(), "VDI 2143, D 1.5"),
+        "modified-trapezoid": lambda _: modified_trapezoid(),  # VDI 2143, D 1.5
     }
 )

@@ -182,7 +182,6 @@ class Limits:
 
     def __post_init__(self) -> None:
         require_fields(self, positive=" ".join([*BOUNDED_DERIVATIVES, "run_up", "run_down"]))
-        require_number(run_up=self.run_up, run_down=self.run_down)
         require_phases(self.run_up, self.run_down)
         require_between(0, 1, steady_tolerance=self.steady_tolerance)
         require_known("end condition", self.end_condition, END_CONDITIONS)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 
-from compact.motion.laws import LAWS, LawParameters, NormalisedCurve
+from compact.motion.laws import LAWS, LawParameters, NormalisedCurve, require_phases
 from compact.numerics import Array, validation
 from compact.numerics.piecewise import find_roots, graded_grid, integrate
 
@@ -67,9 +67,10 @@ def law(
     sizes = {"stroke": stroke, "duration": duration} | ({} if rod_length is None else {"rod_length": rod_length})
     validation.require_number(**sizes)
     validation.require_positive(**sizes)
+    require_phases(run_up, run_down)
     rod_ratio = None if rod_length is None else stroke / 2 / rod_length
-    parameters = LawParameters(run_up, run_down, energy_weight, acceleration_weight, rod_ratio)
-    return MotionProfile(name, float(stroke), float(duration), LAWS[name].build(parameters), LAWS[name].retraces)
+    curve = LAWS[name](LawParameters(run_up, run_down, energy_weight, acceleration_weight, rod_ratio))
+    return MotionProfile(name, float(stroke), float(duration), curve, getattr(curve, "retraces", False))
 
 
 @dataclass(frozen=True)
