@@ -56,7 +56,7 @@ class LawParameters(NamedTuple):
     Attributes
     ----------
     run_up, run_down : float
-        Duration of the acceleration and of the deceleration phase over that of the pass [-]; combined and reversal laws.
+        Duration of the acceleration and of the deceleration phase over that of the pass [-]; combined, reversal.
     energy_weight, acceleration_weight : float
         Weights d1, d2 of the complex law [-].
     rod_ratio : float, optional

@@ -18,7 +18,7 @@ J. Nocedal and S. J. Wright, Numerical Optimization, Springer 2006, ch. 17-18 (e
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import ClassVar
 
 import numpy as np
@@ -155,12 +155,8 @@ def optimise(
     resistances = (resistance,) if callable(resistance) else tuple(resistance)
     for one in resistances:
         validation.require_opposing(one, stroke / duration, directions=(1.0,))
-    task = limits or Limits(), float(stroke), float(duration), pieces
-    criterion = DriveCriterion(weights, float(mass), resistances)
-    if regret:
-        alone = (_find_optimal_law(*task, replace(criterion, resistances=(one,))) for one in resistances)
-        criterion = replace(criterion, minima=tuple(law.value for law in alone))
-    return _find_optimal_law(*task, criterion)
+    find = partial(_find_optimal_law, limits or Limits(), float(stroke), float(duration), pieces, weights, float(mass))
+    return find(resistances, tuple(find((one,)).value for one in resistances) if regret else ())
 
 
 def optimal_law_name(objectives: Iterable[str]) -> str:
@@ -168,9 +164,14 @@ def optimal_law_name(objectives: Iterable[str]) -> str:
     return "least-" + "-and-".join(objectives).replace("_", "-")
 
 
+Models = list[list[Linearisation]]  # weighted, of every criterion for each sample of the resistance
+
+
 @dataclass(frozen=True, eq=False)
-class DriveCriterion:
-    """Weighted sum of drive criteria, the largest over samples of the resistance.
+class OptimisationProblem:
+    """A criterion over the laws of a spline space within constraints, with its penalty on the curvature of the cam.
+
+    The criterion is a weighted sum of drive criteria, the largest over samples of the resistance.
 
     Attributes
     ----------
@@ -182,23 +183,6 @@ class DriveCriterion:
         Samples of R(v, a) [N].
     minima : tuple of float
         Divisor of the criterion of each sample, in the unit of the criterion; empty for 1.
-    """
-
-    weights: Mapping[str, float]
-    mass: float
-    resistances: tuple[Resistance, ...]
-    minima: tuple[float, ...] = ()
-
-
-Models = list[list[Linearisation]]  # weighted, of every criterion for each sample of the resistance
-
-
-@dataclass(frozen=True, eq=False)
-class OptimisationProblem:
-    """A criterion over the laws of a spline space within constraints, with its penalty on the curvature of the cam.
-
-    Attributes
-    ----------
     extra_phases : tuple of float
         Phases [-] that are nodes in addition to those of every piece.
     penalty : float
@@ -206,7 +190,10 @@ class OptimisationProblem:
     """
 
     constraints: ConstraintSet
-    criterion: DriveCriterion
+    weights: Mapping[str, float]
+    mass: float
+    resistances: tuple[Resistance, ...]
+    minima: tuple[float, ...] = ()
     extra_phases: tuple[float, ...] = ()
     penalty: float = 1.0
 
@@ -247,10 +234,10 @@ class OptimisationProblem:
 
     def _peak_quantities(self, nodes: QuadratureNodes, unknowns: Array) -> Iterator[tuple[Array, float]]:
         """(values of shape (nodes,), threshold below which a peak is irrelevant) of each quantity with a peak."""
-        peaks = [PEAKS[name] for name in self.criterion.weights if name in PEAKS]
-        for resistance in self.criterion.resistances if peaks else ():
-            state = evaluate_state(nodes, unknowns, self.criterion.mass, resistance)
-            yield from ((np.abs(peak(state)), 0.0) for peak in peaks)
+        peaks = [PEAKS[name] for name in self.weights if name in PEAKS]
+        for resistance in self.resistances if peaks else ():
+            state = evaluate_state(nodes, unknowns, self.mass, resistance)
+            yield from ((np.abs(peak(state)[0]), 0.0) for peak in peaks)
         if pitch := self.constraints.pitch:
             yield from ((row, 1 - CURVATURE_MARGIN) for row in pitch.curvature_ratios(*nodes.travel(unknowns)))
 
@@ -261,13 +248,12 @@ class OptimisationProblem:
 
     def linearise(self, unknowns: Array) -> Models:
         """Return the weighted `Linearisation` of every criterion, a list for each sample of the resistance."""
-        criterion, models = self.criterion, []
-        divisors = criterion.minima or (1.0,) * len(criterion.resistances)
-        for resistance, least in zip(criterion.resistances, divisors, strict=True):
-            state = evaluate_state(self.nodes, unknowns, criterion.mass, resistance)
-            models.append([OBJECTIVES[name](state).times(w / least) for name, w in criterion.weights.items()])
+        models = []
+        for resistance, least in zip(self.resistances, self.minima or (1.0,) * len(self.resistances), strict=True):
+            state = evaluate_state(self.nodes, unknowns, self.mass, resistance)
+            models.append([OBJECTIVES[name](state).times(w / least) for name, w in self.weights.items()])
         if pitch := self.constraints.pitch:
-            curvature = linearise_curvature(pitch, self.nodes, unknowns, excess=bool(criterion.weights))
+            curvature = linearise_curvature(pitch, self.nodes, unknowns, excess=bool(self.weights))
             models = [[*of_sample, curvature.times(self.penalty)] for of_sample in models]
         return models
 
@@ -298,9 +284,9 @@ def solve_linearised(
     """
     sums, size = _sums(models), len(unknowns)
     scale = abs(float(sums.max())) or 1.0
-    active = np.flatnonzero(sums / scale > 1 - ACTIVE_TOLERANCE)
     scaled = [[model.times(1 / scale) for model in of_sample] for of_sample in models]
     every = [model for of_sample in scaled for model in of_sample]
+    active = np.flatnonzero(sums / scale > 1 - ACTIVE_TOLERANCE)
     curved = [model.curvature for k in active for model in scaled[k] if model.curvature is not None]
     parts, _, lowest = zip(*(model.epigraph() for model in every), strict=True)
     shares = [np.concatenate([model.epigraph()[1] for model in of_sample])[None] for of_sample in scaled]
@@ -311,14 +297,14 @@ def solve_linearised(
         [None, -np.ones((len(models), 1)), sparse.block_diag(shares)],
     ]
     low = np.concatenate([np.full(size, -radius), [-np.inf], *lowest])
-    values = np.concatenate([-model.values for model in every])
+    high = np.where(np.arange(len(low)) < size, radius, np.inf)
     program = LinearConstraints(
         np.pad(equal, ((0, 0), (0, len(low) - size))),
         equal_to - equal @ unknowns,
         sparse.block_array(rows, format="csr"),
-        np.concatenate([below_to - below @ unknowns, values, np.zeros(len(models))]),
+        np.concatenate([below_to - below @ unknowns, *(-model.values for model in every), np.zeros(len(models))]),
     )
-    cost, high = np.eye(1, len(low), size).ravel(), np.where(np.arange(len(low)) < size, radius, np.inf)
+    cost = np.eye(1, len(low), size).ravel()
     if with_curvature and curved:
         curvature = sum(curved) / len(active)
         solution = minimise_quadratic(np.pad(curvature, (0, len(low) - size)), cost, program, low, high)
@@ -373,7 +359,14 @@ def optimality_gap(problem: OptimisationProblem, unknowns: Array) -> float:
 
 
 def _find_optimal_law(
-    limits: Limits, stroke: float, duration: float, pieces: int | None, criterion: DriveCriterion
+    limits: Limits,
+    stroke: float,
+    duration: float,
+    pieces: int | None,
+    weights: Mapping[str, float],
+    mass: float,
+    resistances: tuple[Resistance, ...],
+    minima: tuple[float, ...] = (),
 ) -> OptimalMotion:
     """Find the law that minimises a criterion, first on few pieces, which are then halved."""
     if pieces is None:
@@ -383,7 +376,9 @@ def _find_optimal_law(
     rounds, curve, steps = max(0, int(np.log2(pieces / COARSEST_PIECES))), None, 0
     for halvings in range(rounds + 1):
         space = spline_space_for(limits, pieces >> rounds, halvings)
-        problem = OptimisationProblem(ConstraintSet(limits, space, stroke, duration), criterion)
+        problem = OptimisationProblem(
+            ConstraintSet(limits, space, stroke, duration), weights, mass, resistances, minima
+        )
         try:
             start = problem.constraints.min_acceleration_law if curve is None else space.interpolate(curve)
             start = _restore_feasibility(problem, start)
@@ -411,8 +406,7 @@ def _find_optimal_law(
             f"the search ended after {steps} steps without a stationary law: criterion {value:g}, optimality gap "
             f"{gap:.1e}, allowed {GAP_TOLERANCE:g}; use fewer `pieces` or wider limits"
         )
-    name = optimal_law_name(criterion.weights)
-    return OptimalMotion(name, stroke, duration, space.curve(unknowns), False, value, gap, steps)
+    return OptimalMotion(optimal_law_name(weights), stroke, duration, space.curve(unknowns), False, value, gap, steps)
 
 
 def _restore_feasibility(problem: OptimisationProblem, unknowns: Array) -> Array:
@@ -423,7 +417,7 @@ def _restore_feasibility(problem: OptimisationProblem, unknowns: Array) -> Array
     pitch, limits = problem.constraints.pitch, problem.constraints.limits
     if pitch is None or limits.cam is None or problem.curvature_excess(unknowns) <= -CURVATURE_MARGIN:
         return unknowns
-    problem, reached = replace(problem, criterion=replace(problem.criterion, weights={})), -np.inf
+    problem, reached = replace(problem, weights={}), -np.inf
     for _ in range(EXCHANGE_ROUNDS):
         unknowns, *_ = trust_region_search(problem, unknowns)
         previous, reached = reached, pitch.reached_radius(*problem.nodes.travel(unknowns))

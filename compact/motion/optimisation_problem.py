@@ -113,11 +113,12 @@ class SplineSpace:
     def elevated(self, order: int) -> Array:
         """Return the Bernstein coefficients of s^(order) elevated to the degree of s, shape (rows, unknowns)."""
         rows = self.coefficients(order)
-        for q in range(rows.shape[1], self.smoothness + 3):
-            share = np.arange(1, q)[:, None] / q
-            inner = share * rows[:, :-1] + (1 - share) * rows[:, 1:]
-            rows = np.concatenate([rows[:, :1], inner, rows[:, -1:]], axis=1)
-        return rows.reshape(-1, self.size)
+        m, d = rows.shape[1] - 1, self.smoothness + 2
+        raised = [
+            [comb(m, j) * comb(d - m, max(i - j, 0)) / comb(d, i) * (i >= j) for j in range(m + 1)]
+            for i in range(d + 1)
+        ]
+        return np.asarray(np.array(raised) @ rows).reshape(-1, self.size)
 
     def curve(self, unknowns: Array) -> PPoly:
         """Return the law; its Taylor coefficients are those of each derivative, without rounded differences."""
@@ -477,15 +478,17 @@ def _energy(state: MotionState) -> Linearisation:
     return Linearisation(work, (weights @ state.power_gradient())[None], (velocity.T * curvature) @ velocity)
 
 
-# Quantity whose largest magnitude is the criterion, by name of the criterion
-PEAKS: Mapping[str, Callable[[MotionState], Array]] = MappingProxyType(
-    {"peak_force": lambda state: state.force, "peak_power": lambda state: state.power}
+# Quantity whose largest magnitude is the criterion, and its gradients, by name of the criterion
+PEAKS: Mapping[str, Callable[[MotionState], tuple[Array, Array]]] = MappingProxyType(
+    {
+        "peak_force": lambda state: (state.force, state.force_gradient),
+        "peak_power": lambda state: (state.power, state.power_gradient()),
+    }
 )
 # Linearisation of each criterion, by the names of `ranking.CRITERIA`
 OBJECTIVES: Mapping[str, Callable[[MotionState], Linearisation]] = MappingProxyType(
-    {
-        "peak_force": lambda state: _magnitude(state.force, state.force_gradient),
-        "peak_power": lambda state: _magnitude(state.power, state.power_gradient()),
+    {name: lambda state, peak=peak: _magnitude(*peak(state)) for name, peak in PEAKS.items()}
+    | {
         "rms_force": _rms_force,
         "energy": _energy,
         # 2 int max(H v, 0) dt over both strokes: work of a drive that recovers none

@@ -42,10 +42,12 @@ def multistart_values(problem, count, seed=0):
     return np.sort([value for _, value in filter(None, solutions)])
 
 
-def find_optimal_law(limits, stroke, duration, criterion, pieces):
+def find_optimal_law(limits, stroke, duration, weights, mass, resistances, pieces):
     """(curve, criterion) of the law that IPOPT finds, with peaks between the nodes added as nodes."""
     space = spline_space_for(limits, pieces)
-    problem = OptimisationProblem(ConstraintSet(limits, space, stroke, duration), criterion, penalty=0.0)
+    problem = OptimisationProblem(
+        ConstraintSet(limits, space, stroke, duration), weights, mass, resistances, penalty=0.0
+    )
     unknowns = problem.constraints.min_acceleration_law
     for _ in range(EXCHANGE_ROUNDS):
         unknowns = _solve_from_any(problem, unknowns)
@@ -68,17 +70,17 @@ class _NonlinearProgram:
     """An `OptimisationProblem` for IPOPT: unknowns of the law, epigraph variables, parts >= 0, and J, all scaled."""
 
     def __init__(self, problem):
-        self.problem, criterion = problem, problem.criterion
+        self.problem = problem
         self.law = casadi.MX.sym("law", problem.constraints.space.size)
         self.extra, self.first, self.constraints = [], [], []
         position, velocity, acceleration = map(self._times_law, problem.nodes[:3])
         self.scale = abs(problem.value(problem.constraints.min_acceleration_law))
         top = self._new(1, 2.0)
-        for resistance in criterion.resistances:
+        for resistance in problem.resistances:
             resisted = _spline(resistance, problem)(velocity, acceleration)
-            force = criterion.mass * acceleration + resisted
-            terms = [self._term(name, force, resisted, velocity) for name in criterion.weights]
-            self.constraints.append(sum(w * t for w, t in zip(criterion.weights.values(), terms, strict=True)) - top)
+            force = problem.mass * acceleration + resisted
+            terms = [self._term(name, force, resisted, velocity) for name in problem.weights]
+            self.constraints.append(sum(w * t for w, t in zip(problem.weights.values(), terms, strict=True)) - top)
         self._add_curvature(position, velocity, acceleration)
         self.solver = self._solver(top)
 

@@ -17,7 +17,7 @@ from compact.analysis.study import Study
 from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower
 from compact.machine.cart import MotionResistance
 from compact.motion.limits import CamLimits, InfeasibleError, Limits, PitchCurve, violations
-from compact.motion.optimal_motion import DriveCriterion, OptimisationProblem, optimise
+from compact.motion.optimal_motion import OptimisationProblem, optimise
 from compact.motion.optimisation_problem import (
     ConstraintSet,
     SplineSpace,
@@ -468,8 +468,8 @@ def test_ipopt_finds_no_better_law_from_20_initial_laws(machine, objective, powe
 
     motion = best(objective, resistance, limits, pieces=32)
     constraints = ConstraintSet(limits, spline_space_for(limits, 16, 1), MACHINE["stroke"], MACHINE["duration"])
-    criterion = DriveCriterion({objective: 1.0}, MACHINE["mass"], (resistance,))
-    values = ipopt_reference.multistart_values(OptimisationProblem(constraints, criterion), 20)
+    problem = OptimisationProblem(constraints, {objective: 1.0}, MACHINE["mass"], (resistance,))
+    values = ipopt_reference.multistart_values(problem, 20)
     assert len(values) >= 15
     assert motion.value == pytest.approx(values[0], rel=5e-3)
 
@@ -500,8 +500,7 @@ def test_ipopt_finds_the_same_law(objective, resistance, cam):
     motion = best(objective, resistance, limits, pieces=16)
     weights = {objective: 1.0} if isinstance(objective, str) else objective
     samples = (resistance,) if callable(resistance) else resistance
-    criterion = DriveCriterion(weights, MACHINE["mass"], samples)
-    curve, value = ipopt_reference.find_optimal_law(limits, MACHINE["stroke"], MACHINE["duration"], criterion, 16)
+    curve, value = ipopt_reference.find_optimal_law(limits, weights=weights, resistances=samples, pieces=16, **MACHINE)
     assert value == pytest.approx(motion.value, rel=1e-4)
     assert violations(limits, replace(motion, curve=curve)) == {}
 
