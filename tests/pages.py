@@ -3,7 +3,7 @@
 from copy import copy
 from html.parser import HTMLParser
 
-from compact.report.page import answer, render_block, render_page
+from compact.report.page import answer, render_page, sections
 
 
 class PageReader(HTMLParser):
@@ -29,18 +29,13 @@ class PageReader(HTMLParser):
         return " ".join(self.text.split())
 
 
-def answer_html(study, checks=(), shifts=()):
-    """HTML of question, answer and uncertainty."""
+def answer_words(study):
+    """Text of question and answer."""
+    return PageReader(render_page("page", sections=[], **answer(study, {}))).words.replace("\N{NO-BREAK SPACE}", " ")
+
+
+def page_html(study, **changed):
+    """HTML of the page without pictures, of a study some of whose attributes are changed."""
     study = copy(study)
-    study.sensitivities, study.checks = list(shifts), list(checks)
-    return render_page("page", sections=[], **answer(study))
-
-
-def answer_words(study, checks=(), shifts=()):
-    """Text of question, answer and uncertainty."""
-    return PageReader(answer_html(study, checks, shifts)).words
-
-
-def section_html(section):
-    """HTML of the blocks of a section."""
-    return "".join(render_block(block) for block in section.blocks)
+    vars(study).update(changed)
+    return render_page("page", sections=sections(study, {}), **answer(study, {}))

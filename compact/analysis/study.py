@@ -225,7 +225,7 @@ class Study:
 
     @cached_property
     def checks(self) -> list[BalanceCheck]:
-        """Balances of all results, and the published numbers."""
+        """Balances of all results."""
         return balance_checks(self.stages)
 
     @cached_property

@@ -166,11 +166,9 @@ class CartResistance(Tabular):
 
     def plot(self) -> "Figure":
         """Draw the resistance over the speed, of an engine with memory at several accelerations too."""
-        from compact.report import contact_figures
+        from compact.report.contact_figures import draw_resistance
 
-        if isinstance(self.law, ResistanceMap):
-            return contact_figures.draw_resistance(self.law, self.largest_acceleration)
-        return contact_figures.draw_resistances({self.engine: self._samples})
+        return draw_resistance(self._samples, self.largest_acceleration)
 
     def __repr__(self) -> str:
         error = "error unknown" if self.error is None else f"relative error {self.error:.1e}"

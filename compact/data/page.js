@@ -1,6 +1,3 @@
 "use strict";
-// a link opens the section it points at; on paper all sections are open
-const open = () => { const part = document.getElementById(location.hash.slice(1)); if (part) { part.open = true; } };
-addEventListener("hashchange", open);
+// on paper all sections are open
 addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((part) => { part.open = true; }));
-open();

@@ -1,6 +1,6 @@
 """Figures of the contact: tractions, density, load and resistance over speed, and fields in the layer."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -131,32 +131,7 @@ def draw_resistance(resistance_map: ResistanceMap, acceleration: float) -> Figur
     return figure
 
 
-def draw_resistances(maps: Mapping[str, Any]) -> Figure:
-    """Draw the resistance of one cart over speed by each engine.
-
-    Parameters
-    ----------
-    maps : mapping of str to callable
-        Resistance [N] of velocity [m/s] and acceleration [m/s2] by engine; the first is a `ResistanceMap`, whose
-        computed values are drawn as well.
-    """
-    figure, ((ax,),) = panels(1, 1, (6.2, 3.1))
-    (reference, first), axes = next(iter(maps.items())), (ax, SPEED, MOTION["cart_resistance"])
-    widths = np.linspace(4.0, 1.5, len(maps))  # the lower line is broader, so that none hides another
-    for (engine, force), width in zip(reversed(list(maps.items())), widths, strict=True):
-        (color, _, dash), fastest = engine_style(engine), getattr(force, "speeds", first.speeds)[-1]
-        speed = np.linspace(0, min(fastest, first.speeds[-1]), 801)[1:]
-        curve(*axes, speed, force(speed, 0.0), linestyle=dash, color=color, linewidth=width, label=engine)
-    color, label = engine_style(reference)[0], f"{reference}, computed"
-    curve(*axes, first.speeds, first.forces, "o", color=color, markersize=4, label=label)
-    ax.set(xlim=(0, 1.02 * first.speeds[-1]), ylim=(min(0.0, 1.1e-3 * first.forces.min()), None))
-    ax.legend(frameon=False, reverse=True, handlelength=3.2)
-    return figure
-
-
-def draw_models(
-    models: Sequence[ModelAnswer], resistances: Mapping[str, Callable[..., Any]], speeds: Mapping[str, float]
-) -> Figure:
+def draw_models(models: Sequence[ModelAnswer], speeds: Mapping[str, float]) -> Figure:
     """Draw the resistance of one cart over its speed by all models.
 
     Parameters
@@ -164,35 +139,27 @@ def draw_models(
     models : sequence of ModelAnswer
         Answers, that of the engine of the scene first. Its band is the spread over the laws of the mix, that of the
         others the error estimate.
-    resistances : mapping of str to callable
-        Resistance [N] of velocity [m/s] and acceleration [m/s2] by engine.
     speeds : mapping of str to float
         Largest speed of each law that is marked [m/s].
     """
     figure, ((ax,),) = panels(1, 1, (5.0, 3.2), top=0.3)
     resistance, fastest, largest = MOTION["cart_resistance"], 1.08 * max(speeds.values()), 0.0
     for number, model in enumerate(models):
-        force, (color, _, dash) = resistances[model.engine], engine_style(model.engine)
+        force, (color, _, dash) = model.resistance, engine_style(model.engine)
         speed = np.linspace(0, min(fastest, float(getattr(force, "speeds", [fastest])[-1])), 401)[1:]
-        values = np.asarray(force(speed, np.zeros_like(speed)))
-        style = {"linewidth": 1.7, "zorder": 3} if number else {"linewidth": 3.0, "zorder": 2.5}
-        label = model.engine if model.valid else f"{model.engine}, not for sizing"
-        curve(ax, SPEED, resistance, speed, values, linestyle=dash, color=color, label=label, **style)
+        values = np.asarray(force(speed, np.zeros_like(speed))) * resistance.plot_factor
+        label, width = model.engine if model.valid else f"{model.engine}, not for sizing", 1.7 if number else 3.0
+        ax.plot(speed, values, linestyle=dash, color=color, label=label, linewidth=width, zorder=2.5 + bool(number))
         low, high = model.spread or (1 - (model.error or 0.0), 1 + (model.error or 0.0))
-        values = values * resistance.plot_factor
         if max(1 - low, high - 1) > LEAST_BAND:
             words = "laws of the mix" if model.spread else f"error, {model.engine}"
             ax.fill_between(speed, low * values, high * values, color=color, alpha=0.18, linewidth=0, label=words)
         largest = max(largest, float(max(high, 1.0) * values.max()))
     for row, (name, each) in enumerate(sorted(speeds.items(), key=lambda item: item[1])):
-        height = 0.36 - 0.07 * (row % 4)
-        ax.axvline(each, ymax=height + 0.02, color="0.45", linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
-        ax.annotate(
-            name, (each, height), xycoords=("data", "axes fraction"), xytext=(-3, 0), textcoords="offset points",
-            ha="right", va="center", fontsize=7.5, color="0.2",
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
-        )  # fmt: skip
-    ax.set(xlim=(0, fastest), ylim=(0, 1.5 * largest))
+        height = 1.5 * largest * (0.36 - 0.07 * row)
+        ax.vlines(each, 0, height, color="0.45", linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
+        ax.text(each, height, f"{name} ", ha="right", va="center", fontsize=7.5, color="0.2")
+    ax.set(xlim=(0, fastest), ylim=(0, 1.5 * largest), xlabel=SPEED.axis_label, ylabel=resistance.axis_label)
     ax.spines[["top", "right"]].set_visible(False)
     ax.set_title("Resistance of one cart by all models", fontsize=10, loc="left", fontweight="bold")
     ax.legend(frameon=False, fontsize=8, ncols=2, handlelength=3.2, loc="upper left", labelspacing=0.3)

@@ -6,8 +6,8 @@ blindness: two laws differ by 16 or more in CIELAB (1976 distance) for normal vi
 figures can be read in grey.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from itertools import chain, islice, pairwise, zip_longest
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import islice, pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from compact.analysis.sizing.machine_sizing import LawSizing
 from compact.cams.profile import Cam
 from compact.machine.component_sizing import SizingRule
 from compact.machine.crankshaft import CrankshaftRevolution
-from compact.machine.ranking import CRITERIA, group_equal
+from compact.machine.ranking import CRITERIA
 from compact.motion.profile import Cycle
 from compact.quantities import MOTION, TIME, Quantity
 
@@ -67,13 +67,10 @@ TITLE_HEIGHT = 1.0  # [-], of a title above its panel; a fixed height saves meas
 ZERO: dict[str, Any] = {"color": "0.8", "linewidth": 0.8, "zorder": 0}
 CONTOUR_MARGIN = 0.05  # [-], of a panel, without labels of contour lines
 READABLE_ANGLE = 180.0  # [degrees], above which text is upside down
-CROP_RATIO = 3.0  # [-], limit of a figure of drives over the median of the peaks
 POINTS_OF_A_LAW = 400  # [-]
 FIRST_LINE_WIDTH, LINE_RATIO = 2.4, 0.87  # [points, -]; each line is narrower, so that none hides another
-CAM_COLUMNS = 7  # [-], panels of cams in a row
-DRIVE_PANELS = 2  # [-], number of criteria of the comparison of engines, for each drive
-EXCESS_ROWS = 12  # [-], laws of a panel: those that are first by any engine
-RANKING_PANELS = 4  # [-], number of criteria of the rankings, the first of the scene
+CAM_COLUMNS, CAM_SIZE = 7, 1.8  # [-, inch], cams in a row, and width and height of each
+RANKING_PANELS = 2  # [-], number of criteria of the rankings, the first of the scene
 LETTER_WIDTH = 0.061  # [inch], of a letter of 8 points
 ROW_HEIGHT, PANEL_WIDTH = 0.24, 2.8  # [inch]; a panel and its labels fit a narrow screen
 MARK_SPREAD = 0.6  # [-], of a row, over which the marks of engines are spread so that none hides another
@@ -183,12 +180,7 @@ def _legend_below(figure: Figure, ax: Axes, columns: int) -> None:
     figure.legend(*ax.get_legend_handles_labels(), loc="lower center", ncols=columns, frameon=False)
 
 
-def _write_none_finite(ax: Axes, by: str) -> None:
-    words = f"no law has a finite {quantities.CRITERIA[by].term}"
-    ax.text(0.5, 0.5, words, transform=ax.transAxes, ha="center", va="center", fontsize=9)
-
-
-# laws and drives
+# laws and cams
 
 
 def _families(names: Iterable[str]) -> dict[str, list[str]]:
@@ -200,89 +192,89 @@ def _families(names: Iterable[str]) -> dict[str, list[str]]:
     return {family: members for family, members in groups.items() if members}
 
 
-def _draw_laws(
-    names: Iterable[str],
-    fields: Sequence[str],
-    width: float,
-    curves: Callable[[str], tuple[Any, Sequence[Any], bool]],
-) -> tuple[Figure, NDArray[Any]]:
-    """Draw fields of MOTION over the time, a row for each family of laws and a column for each field.
+def draw_kinematics(cycles: Mapping[str, Cycle]) -> Figure:
+    """Draw velocity, acceleration and jerk of every law over the forward stroke, a row for each family of laws.
 
-    Parameters
-    ----------
-    curves : callable
-        Time, values of each field in SI units, and whether the velocity jumps, of the name of a law.
+    Both sides of every join are sampled, so that discontinuities are drawn upright.
     """
-    families = _families(names)
-    figure, axes = panels(len(families), len(fields), (width, 2.0), right=2.6, top=0.35, sharex=True, sharey="col")
+    families, shown = _families(cycles), ("velocity", "acceleration", "jerk")
+    figure, axes = panels(len(families), len(shown), (3.6, 2.0), right=2.6, top=0.35, sharex=True, sharey="col")
     for row, (family, members) in zip(axes, families.items(), strict=True):
         for number, name in enumerate(members):
-            time, values, impulsive = curves(name)
+            forward: Any = cycles[name].forward
+            joined = forward.curve.x
+            count = max(3, POINTS_OF_A_LAW // (len(joined) - 1))
+            pieces = [(np.nextafter(low, 2.0), np.nextafter(high, -1.0)) for low, high in pairwise(joined)]
+            phase = np.concatenate([np.linspace(low, high, count) for low, high in pieces])
+            jumps = any(join.order == 1 for join in forward.discontinuities())
             style = law_style(name) | {"linewidth": FIRST_LINE_WIDTH * LINE_RATIO**number}
-            label = f"{name} (velocity jumps)" if impulsive else name
-            for ax, field, along in zip(row, fields, values, strict=True):
-                ax.plot(time, along * MOTION[field].plot_factor, label=label, **style)
+            style["label"] = f"{name} (velocity jumps)" if jumps else name
+            for order, (ax, field) in enumerate(zip(row, shown, strict=True), start=1):
+                values = forward.at_phase(phase, order) * MOTION[field].plot_factor
+                ax.plot(phase * forward.duration, values, **style)
         row[0].set_ylabel(family, fontsize=10)
         row[-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False, handlelength=3.2)
-    for ax, field in zip(axes[0], fields, strict=True):
+    for ax, field in zip(axes[0], shown, strict=True):
         ax.set_title(MOTION[field].axis_label, fontsize=11, y=TITLE_HEIGHT)
+        ax.margins(x=0)
+        ax.locator_params(axis="y", nbins=4)  # labels take most of the time of a figure
     for ax in axes[-1]:
         ax.set_xlabel(TIME.axis_label)
     for ax in axes.ravel():
         ax.axhline(0, **ZERO)
-        ax.margins(x=0)
-        ax.locator_params(axis="y", nbins=4)  # labels take most of the time of a figure
-    return figure, axes
-
-
-def draw_kinematics(cycles: Mapping[str, Cycle]) -> Figure:
-    """Draw velocity, acceleration and jerk of every law over the forward stroke, as the law prescribes them."""
-
-    def curves(name: str) -> tuple[Any, Sequence[Any], bool]:
-        """Sample both sides of every join, so that discontinuities are drawn upright."""
-        forward: Any = cycles[name].forward
-        joined = forward.curve.x
-        count = max(3, POINTS_OF_A_LAW // (len(joined) - 1))
-        pieces = [(np.nextafter(low, 2.0), np.nextafter(high, -1.0)) for low, high in pairwise(joined)]
-        phase = np.concatenate([np.linspace(low, high, count) for low, high in pieces])
-        impulsive = any(join.order == 1 for join in forward.discontinuities())
-        return phase * forward.duration, [forward.at_phase(phase, order) for order in (1, 2, 3)], impulsive
-
-    return _draw_laws(cycles, ("velocity", "acceleration", "jerk"), 3.6, curves)[0]
-
-
-def draw_drive(runs: Mapping[str, Any]) -> Figure:
-    """Draw drive force, positive along the motion, and power of every law over a cycle."""
-
-    def curves(name: str) -> tuple[Any, Sequence[Any], bool]:
-        run = runs[name]
-        return run.time, (run.direction * run.drive_force, run.drive_power), bool(run.impulses)
-
-    figure, axes = _draw_laws(runs, ("drive_force", "drive_power"), 4.6, curves)
-    for column, by in zip(axes.T, ("peak_force", "peak_power"), strict=True):
-        quantity = CRITERIA[by].quantity
-        peaks = {name: getattr(run, by) * quantity.plot_factor for name, run in runs.items()}
-        finite = [peak for peak in peaks.values() if np.isfinite(peak)]
-        most = CROP_RATIO * np.median(finite) if finite else np.inf  # a few laws exceed it many times
-        low, high = column[0].get_ylim()
-        column[0].set_ylim(max(low, -most), min(high, most))
-        for ax, members in zip(column, _families(runs).values(), strict=True):
-            _name_cropped(ax, {name: peaks[name] for name in members}, quantity.shown_unit)
     return figure
 
 
-def _name_cropped(ax: Axes, peaks: Mapping[str, float], unit: str) -> None:
-    """Name the laws beyond the scale of a panel with their peaks."""
-    limit, labels = max(map(abs, ax.get_ylim())), []
-    for name, peak in peaks.items():
-        digits = f"{peak:.3g}" if abs(peak) < 100 else f"{peak:.0f}"
-        words = f"peak {digits} {unit}, off the scale" if np.isfinite(peak) else "infinite at its jumps"
-        labels += [f"▲ {name}: {words}"] * bool(peak > limit)
-    if labels:
-        ax.text(
-            0.03, 0.05, "\n".join(labels), transform=ax.transAxes, ha="left", va="bottom", fontsize=8,
-            bbox={"facecolor": "white", "edgecolor": "0.6", "pad": 2},
-        )  # fmt: skip
+def draw_cams(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], follower: str) -> Figure:
+    """Draw the cam profiles for one follower to one scale, with the path of the roller centre; undercut ones shaded."""
+    phi, columns = np.linspace(0, 2 * np.pi, 721), min(CAM_COLUMNS, len(names))
+    rows = -(-len(names) // columns)
+    paths = [cams[name, follower].radius(phi) * np.array([np.cos(phi), np.sin(phi)]) for name in names]
+    pitch = 1.03 * max(float(np.ptp(path, axis=1).max()) for path in paths)  # [m], from cam to cam
+    figure, ((ax,),) = panels(1, 1, (CAM_SIZE * columns, CAM_SIZE * rows), left=0.1, right=0.1, bottom=0.1, top=0.1)
+    for place, (name, path) in enumerate(zip(names, paths, strict=True)):
+        cam, middle = cams[name, follower], (path.min(axis=1) + path.max(axis=1)) / 2
+        x, y = pitch * np.array([place % columns, -(place // columns)]) - middle  # of the shaft
+        across, along = cam.profile(phi)
+        style = {"edgecolor": law_style(name)["color"], "facecolor": "0.9" if cam.undercut else "none"}
+        ax.fill(x + across, y + along, linewidth=1.6, **style)
+        ax.plot(x + path[0], y + path[1], color="0.6", linewidth=0.7, linestyle="--")
+        ax.plot(x, y, "k+", markersize=6)
+        words = name + "\nUNDERCUT" * cam.undercut
+        ax.text(x + middle[0], y - 0.1 * pitch, words, fontsize=7, ha="center", va="top")
+    ax.set(xlim=(-0.5 * pitch, (columns - 0.5) * pitch), ylim=((0.5 - rows) * pitch, 0.5 * pitch))
+    ax.axis("off")
+    return figure
+
+
+# drives
+
+
+def draw_best_cycles(runs: Mapping[str, Any]) -> Figure:
+    """Draw drive force, positive along the motion, and power of the best laws over a cycle.
+
+    Parameters
+    ----------
+    runs : mapping
+        Run of each law, as many as BEST_STYLES at most.
+    """
+    figure, axes = panels(2, 1, CYCLE_SIZE, top=0.3, gaps=(0.0, 0.2), sharex=True)
+    force, power = axes[:, 0]
+    for (name, run), (dash, width) in zip(runs.items(), BEST_STYLES, strict=False):
+        style = {"color": law_style(name)["color"], "linestyle": dash, "linewidth": width, "label": name}
+        force.plot(run.time, run.direction * run.drive_force / 1e3, **style)
+        power.plot(run.time, run.drive_power, **style)
+    for ax, label in ((force, "force [kN]"), (power, "power [W]")):
+        ax.axhline(0, **ZERO)
+        ax.margins(x=0)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.set_ylabel(label, fontsize=9)
+    power.set_xlabel(TIME.axis_label)
+    force.set_title("Force and power over a cycle, best laws", fontsize=10, loc="left", fontweight="bold")
+    low, high = force.get_ylim()
+    force.set_ylim(low, high + 0.3 * (high - low))
+    force.legend(frameon=False, fontsize=8, ncols=len(BEST_STYLES), loc="upper center", handlelength=3.4)
+    return figure
 
 
 def draw_reactions(runs: Mapping[str, Any], names: Sequence[str]) -> Figure:
@@ -301,33 +293,6 @@ def draw_reactions(runs: Mapping[str, Any], names: Sequence[str]) -> Figure:
         ax.set_ylabel(reaction.axis_label if ax is axes[0] else "")
         ax.margins(x=0)
     _legend_below(figure, axes[-1], columns=3)
-    return figure
-
-
-def draw_cams(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], follower: str) -> Figure:
-    """Draw the cam profiles for one follower with the path of the roller centre, a panel for each law.
-
-    The panel of an undercut cam is shaded and labelled.
-    """
-    columns = min(CAM_COLUMNS, len(names))
-    size, rows = (1.6, 1.8), -(-len(names) // columns)
-    figure, axes = panels(rows, columns, size, top=0.45, gaps=(0.45, 0.5), sharex=True, sharey=True)
-    phi = np.linspace(0, 2 * np.pi, 2001)
-    for ax, name in zip_longest(axes.ravel(), names):
-        ax.set_visible(name is not None)
-        if name is None:
-            continue
-        cam = cams[name, follower]
-        radius = cam.radius(phi)
-        ax.plot(*cam.profile(phi), color=law_style(name)["color"], linewidth=1.6)
-        ax.plot(radius * np.cos(phi), radius * np.sin(phi), color="0.6", linewidth=0.7, linestyle="--")
-        ax.plot(0, 0, "k+", markersize=6)
-        ax.set_title(name + ("\nUNDERCUT" if cam.undercut else "\n"), fontsize=8, y=TITLE_HEIGHT)
-        ax.set_facecolor("0.92" if cam.undercut else "white")
-        ax.set_aspect("equal")
-        ax.tick_params(labelsize=7)
-    figure.supxlabel("x [m]", fontsize=9)
-    figure.supylabel("y [m]", fontsize=9)
     return figure
 
 
@@ -416,7 +381,8 @@ def draw_durations(found: DurationStudy, own_duration: float) -> Figure:
             if segments:
                 ax.legend(loc="upper right", fontsize="small", title="first law", title_fontsize="small")
         else:
-            _write_none_finite(ax, by)
+            words = f"no law has a finite {quantities.CRITERIA[by].term}"
+            ax.text(0.5, 0.5, words, transform=ax.transAxes, ha="center", va="center", fontsize=9)
         if times[0] <= own_duration <= times[-1]:
             ax.axvline(own_duration, color="0.6", linewidth=0.8, linestyle=":", zorder=0)
             place = own_duration, 0.02
@@ -424,40 +390,13 @@ def draw_durations(found: DurationStudy, own_duration: float) -> Figure:
     return figure
 
 
-# answer and rankings
-
-
-def draw_best_cycles(runs: Mapping[str, Any]) -> Figure:
-    """Draw drive force, positive along the motion, and power of the best laws over a cycle.
-
-    Parameters
-    ----------
-    runs : mapping
-        Run of each law, as many as BEST_STYLES at most.
-    """
-    figure, axes = panels(2, 1, CYCLE_SIZE, top=0.3, gaps=(0.0, 0.2), sharex=True)
-    force, power = axes[:, 0]
-    for (name, run), (dash, width) in zip(runs.items(), BEST_STYLES, strict=False):
-        style = {"color": law_style(name)["color"], "linestyle": dash, "linewidth": width, "label": name}
-        force.plot(run.time, run.direction * run.drive_force / 1e3, **style)
-        power.plot(run.time, run.drive_power, **style)
-    for ax, label in ((force, "force [kN]"), (power, "power [W]")):
-        ax.axhline(0, **ZERO)
-        ax.margins(x=0)
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.set_ylabel(label, fontsize=9)
-    power.set_xlabel(TIME.axis_label)
-    force.set_title("Force and power over a cycle, best laws", fontsize=10, loc="left", fontweight="bold")
-    low, high = force.get_ylim()
-    force.set_ylim(low, high + 0.3 * (high - low))
-    force.legend(frameon=False, fontsize=8, ncols=len(BEST_STYLES), loc="upper center", handlelength=3.4)
-    return figure
+# rankings
 
 
 def draw_rankings(
     orders: Mapping[str, list[Place]], comparisons: Mapping[str, Mapping[str, Mapping[str, Place]]]
 ) -> Figure:
-    """Draw bars of the ranked laws, first law on top, a panel for each of the first criteria.
+    """Draw bars of the ranked laws with their errors, first law on top, a panel for each of the first criteria.
 
     Parameters
     ----------
@@ -470,34 +409,25 @@ def draw_rankings(
         Infinite values are named in place of a bar.
     """
     orders = dict(islice(orders.items(), RANKING_PANELS))
-    labels = {}
+    labels: dict[str, list[str]] = {}
     for by, order in orders.items():
         factor = CRITERIA[by].quantity.plot_factor
         values = ["" if each.reason else f"{each.value * factor:#.4g}".rstrip(".") for each in order]
         labels[by] = [f"{each.rank}  {each.law}  {value}" for each, value in zip(order, values, strict=True)]
-    figure, axes = _stacked_panels(len(orders), max(map(len, orders.values())), chain(*labels.values()))
-    for ax, (by, order) in zip(axes, orders.items(), strict=True):
-        _draw_bars(ax, by, order, labels[by])
+    size = PANEL_WIDTH, ROW_HEIGHT * max(map(len, orders.values())) + 0.2
+    margin = 0.3 + LETTER_WIDTH * max(len(label) for each in labels.values() for label in each)
+    figure, axes = panels(len(orders), 1, size, left=margin, top=0.5, gaps=(0.0, 0.6))
+    for ax, (by, order) in zip(axes[:, 0], orders.items(), strict=True):
+        _draw_bars(ax, by, order)
         _draw_marks(ax, by, order, comparisons.get(by, {}))
-    _common_legend(figure, axes)
+        ax.set_yticks(range(len(order)), labels[by], fontsize=8)
+    found = {label: mark for ax in axes[:, 0] for mark, label in zip(*ax.get_legend_handles_labels(), strict=True)}
+    figure.legend(list(found.values()), list(found), loc="upper center", ncols=len(found), frameon=False, fontsize=8)
     return figure
 
 
-def _stacked_panels(count: int, rows: int, labels: Iterable[str]) -> tuple[Figure, NDArray[Any]]:
-    """Make a column of panels with a margin for the labels of their rows."""
-    size = PANEL_WIDTH, ROW_HEIGHT * rows + 0.2
-    figure, axes = panels(count, 1, size, left=0.3 + LETTER_WIDTH * max(map(len, labels)), top=0.5, gaps=(0.0, 0.6))
-    return figure, axes[:, 0]
-
-
-def _common_legend(figure: Figure, axes: Iterable[Axes]) -> None:
-    """Place one legend with the labels of all panels above them."""
-    found = {label: mark for ax in axes for mark, label in zip(*ax.get_legend_handles_labels(), strict=True)}
-    figure.legend(list(found.values()), list(found), loc="upper center", ncols=len(found), frameon=False, fontsize=8)
-
-
-def _draw_bars(ax: Axes, by: str, order: list[Place], labels: Sequence[str]) -> None:
-    """Draw a bar with its error and its label for each place."""
+def _draw_bars(ax: Axes, by: str, order: list[Place]) -> None:
+    """Draw a bar with its error for each place."""
     factor = CRITERIA[by].quantity.plot_factor
     for row, place in enumerate(order):
         if place.reason:
@@ -507,13 +437,11 @@ def _draw_bars(ax: Axes, by: str, order: list[Place], labels: Sequence[str]) -> 
     errors = np.nan_to_num([(order[row].error or 0.0) * factor for row in rows], posinf=0.0)
     colors = [law_style(order[row].law)["color"] for row in rows]
     ax.barh(rows, finite, color=colors, height=0.72, edgecolor="black", linewidth=0.4)
-    known = np.flatnonzero(errors)
-    if known.size:
+    if errors.any():
         whisker: dict[str, Any] = {"fmt": "none", "ecolor": "black", "capsize": 2.5, "elinewidth": 1.2}
+        known = np.flatnonzero(errors)
         ax.errorbar(finite[known], rows[known], xerr=errors[known], label="error", **whisker)
-    ax.set_yticks(range(len(order)), labels, fontsize=8)
-    ax.set_xlim(0, 1.15 * max(finite + errors, default=1.0) or 1.0)
-    ax.set_ylim(len(order) - 0.4, -0.6)
+    ax.set(xlim=(0, 1.15 * max(finite + errors, default=1.0) or 1.0), ylim=(len(order) - 0.4, -0.6))
     ax.set_xlabel(CRITERIA[by].quantity.axis_label)
     ax.spines[["top", "right"]].set_visible(False)
 
@@ -535,63 +463,3 @@ def _draw_marks(ax: Axes, by: str, order: list[Place], comparison: Mapping[str, 
             style: dict[str, Any] = {"mfc": "white", "markersize": 4, "linestyle": "none", "clip_on": False}
             ax.plot(value, row + offset, mark, color=color, label=f"by {engine}", **style)
             ax.set_xlim(0, max(ax.get_xlim()[1], 1.05 * value.max()))
-
-
-def draw_engines(orders: Mapping[str, Mapping[str, Mapping[str, list[Place]]]]) -> Figure:
-    """Draw the excess of the laws over the first one, a mark with its error for each engine.
-
-    Parameters
-    ----------
-    orders : mapping
-        Rankings by engine, drive and criterion, the engine of the scene first.
-
-    Returns
-    -------
-    Figure
-        A panel for each drive and criterion.
-    """
-    reference = orders[next(iter(orders))]
-    shown = [(kind, by) for kind, found in reference.items() for by in islice(found, DRIVE_PANELS)]
-    names = (place.law for kind, by in shown for place in reference[kind][by])
-    rows = min(EXCESS_ROWS, max(len(reference[kind][by]) for kind, by in shown))
-    figure, axes = _stacked_panels(len(shown), rows, names)
-    for ax, (kind, by) in zip(axes, shown, strict=True):
-        _draw_excess(ax, {engine: _excess(found[kind][by], by) for engine, found in orders.items()}, by)
-        ax.set_xlabel(f"excess {CRITERIA[by].quantity.term} [%], {kind} drive", fontsize=9)
-    _common_legend(figure, axes)
-    return figure
-
-
-def _draw_excess(ax: Axes, excess: Mapping[str, Mapping[str, tuple[float, float]]], by: str) -> None:
-    """Mark the excess of the laws by each engine, with its error."""
-    reference = next(iter(excess.values()))
-    least = {law: min(found[law][0] for found in excess.values() if law in found) for law in reference}
-    nearest = chain(*group_equal(list(least.values()), floor=100.0))
-    shown = {list(least)[i] for i in islice(nearest, EXCESS_ROWS)}
-    laws = [law for law in reference if law in shown]  # in their order by the first engine
-    for (engine, found), offset in zip(excess.items(), mark_offsets(len(excess)), strict=True):
-        color, mark, _ = engine_style(engine)
-        value, error = np.reshape([found.get(law, (np.nan, 0.0)) for law in laws], (-1, 2)).T
-        style: dict[str, Any] = {"color": color, "mfc": "white", "markersize": 4, "lw": 0.8, "capsize": 2}
-        error = np.where(error, error, np.nan)  # no whisker without an error
-        ax.errorbar(value, np.arange(len(laws)) + offset, xerr=error, fmt=mark, label=engine, **style)
-    if not laws:
-        _write_none_finite(ax, by)
-    ax.set_yticks(range(len(laws)), laws, fontsize=8)
-    ax.set_ylim(len(laws) - 0.4, -0.6)
-    ax.set_yticks(np.arange(max(len(laws) - 1, 0)) + 0.5, minor=True)
-    ax.grid(axis="y", which="minor", color="0.9")
-    ax.tick_params(axis="y", which="minor", length=0)
-
-
-def _excess(order: Iterable[Place], by: str) -> dict[str, tuple[float, float]]:
-    """Return excess over the first law and its error [%] by law, of finite values."""
-    finite = [place for place in order if not place.reason]
-    values = [place.value for place in finite]
-    least = min(values, default=0.0)
-    scale = CRITERIA[by].scale(least) or max(values, default=0.0) or 1.0
-    errors = [place.error if place.error and np.isfinite(place.error) else 0.0 for place in finite]
-    return {
-        place.law: (100 * (place.value - least) / scale, 100 * error / scale)
-        for place, error in zip(finite, errors, strict=True)
-    }

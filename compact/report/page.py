@@ -1,29 +1,82 @@
-"""The HTML page of a study, `report.html`: the answer, its uncertainty, and all results in sections.
+"""The HTML page of a study, `report.html`: the answer, and sections of figures and tables behind it.
 
 The page is one file without external resources: style, script and pictures are embedded. All text is escaped; text
-between backticks is set as code, between asterisks strong. Sentences are those of `report.text`, tables those of
-`report.sections`.
+between backticks is set as code, between asterisks strong. Sentences are those of `report.text`; a table shows columns
+of a table of `report.results`, whose file has all of them.
 """
 
 import re
-from collections.abc import Mapping
+from base64 import b64encode
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
-from itertools import chain
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
+from compact.analysis.stages.sensitivity import PRIOR
 from compact.analysis.study import Study
 from compact.files import atomic_file
-from compact.report import text
-from compact.report.sections import Block, Table, as_sentence, figures_of, sections
-from compact.report.tables import Mark, format_quantity
+from compact.machine.ranking import CRITERIA
+from compact.report import results, text
+from compact.report.tables import ZERO_SHARE, Mark, TableSpec, format_column, format_percent, format_quantity
+from compact.scene.loader import Scene
 
 UNIT_SPACE = re.compile(r"(?<=\d) (?=(?:%|[GMkmµ]?(?:N|W|J|Pa|m|s|g|rad|Nm))(?:[/²³<,.;: )\n]|$))")
-LINES = ("other_cases", "stiffness", "measurement", "spread", "sleeves", "held")  # sentences below the first table
+NUMERIC = re.compile(r"[−+<]?\s?\d.{,24}$|–|infinite|tie$|closed form|no estimate|out of|$")  # or in its place
+WIDE_PICTURE = 880  # [px], width above which a picture scrolls sideways on a narrow screen
+PNG_WIDTH = slice(16, 20)  # bytes of the header of a PNG file
+SVG = "image/svg+xml"
+SHOWN_CHECKS = 5  # [-], checks of the table, those nearest to their limits
+KNOWN_FLAGS = ("measured", "given", "derived")  # of parameters of the mix; all others are assumed
+SIGNS = (  # kind of mark and first words of a clause of a remark
+    ("assumed", ("assumed", "guess", "changed by the caller")), ("known", ("published", "measured", "calibrated")),
+)  # fmt: skip
+NOT_INPUTS = ("title", "unusual", "output")  # of a scene
+
+
+@dataclass(frozen=True)
+class Picture:
+    """Embedded picture.
+
+    Parameters
+    ----------
+    description : str
+        Text for readers who cannot see the picture.
+    media_type : str
+        "image/png" or "image/svg+xml".
+    """
+
+    data: bytes
+    description: str
+    caption: str = ""
+    media_type: str = "image/png"
+
+    @property
+    def source(self) -> str:
+        """Data URL of the picture."""
+        return f"data:{self.media_type};base64,{b64encode(self.data).decode('ascii')}"
+
+    @property
+    def wide(self) -> bool:
+        """True if the picture scrolls sideways on a narrow screen."""
+        return self.media_type != "image/png" or int.from_bytes(self.data[PNG_WIDTH], "big") > WIDE_PICTURE
+
+
+Block = str | TableSpec | Picture
+
+
+@dataclass(frozen=True)
+class Section:
+    """Section of the page, closed until it is opened; a block that is a text is a paragraph."""
+
+    name: str
+    title: str
+    blocks: Sequence[Block] = ()
 
 
 @cache
@@ -35,9 +88,11 @@ def _template() -> Any:
     environment.filters |= {
         "inline": _inline,
         "units": lambda html: Markup(UNIT_SPACE.sub("\u00a0", str(html))),  # a number and its unit stay on one line
-        "sentence": as_sentence,
+        "sentence": _as_sentence,
     }
     environment.tests["mark"] = lambda cell: isinstance(cell, Mark)
+    environment.tests["numeric"] = lambda cells: all(isinstance(cell, str) and NUMERIC.match(cell) for cell in cells)
+    environment.globals["zip"] = zip
     return environment.get_template("page.html.j2")
 
 
@@ -47,16 +102,16 @@ def _inline(words: str) -> Markup:
     return Markup(re.sub(r"\*\*([^*]+)\*\*", r"<strong>\1</strong>", marked))
 
 
+def _as_sentence(line: str) -> str:
+    """Capitalise a line of text and end it with a full stop."""
+    return f"{line[0].upper()}{line[1:]}{'' if line.endswith(('.', '?')) else '.'}"
+
+
 def render_page(title: str, **context: Any) -> str:
     """Render the page of a context, or of finished HTML `content`."""
     data = files("compact") / "data"
     style, script = ((data / name).read_text("utf-8") for name in ("page.css", "page.js"))
     return str(_template().render(title=title, style=style, script=script, **context))
-
-
-def render_block(block: Block) -> str:
-    """Render one block alone."""
-    return str(_template().make_module({"title": "", "style": "", "script": "", "content": ""}).block(block))
 
 
 def write_page(path: Path, study: Study, pictures: Mapping[str, bytes]) -> Path:
@@ -67,42 +122,146 @@ def write_page(path: Path, study: Study, pictures: Mapping[str, bytes]) -> Path:
     return path
 
 
-def answer(study: Study, pictures: Mapping[str, bytes] | None = None) -> dict[str, Any]:
-    """Select question, answer and uncertainty: the variables of the template other than title and sections."""
+def answer(study: Study, pictures: Mapping[str, bytes]) -> dict[str, Any]:
+    """Collect the answer: the variables of the template other than title and sections."""
     return {
-        "first": first_screen(study, pictures or {}),
         "question": text.say("question", study),
-        "ranking": text.sentences("ranking", study),
-        "uncertainty": [
-            *map(as_sentence, text.sentences("uncertainty", study)),
-            *(f"{each}." for each in chain(*study.scene.replacements.values())),
-            *study.scene.advice,
-        ],
-    }
-
-
-def first_screen(study: Study, pictures: Mapping[str, bytes]) -> dict[str, Any]:
-    """Select the first screen of the page, the variable `first` of the template; empty without a verdict."""
-    if not study.verdicts:
-        return {}
-    known, tables = study.uncertainty, {}
-    for duration, drive in dict.fromkeys((duration, drive) for duration, drive, _ in study.verdicts):
-        speed = format_quantity(study.scene.motion.stroke / duration, "m/s", 3)
-        caption = f"All models, {drive} drive, {format_quantity(duration, 's', 3)} a pass ({speed})"
-        columns: dict[str, Any] = dict(text.model_table(study, duration, drive))
-        told = [validity.replace(": ", "; ", 1).partition("; ") for validity in columns["for sizing?"]]
-        columns["for sizing?"] = [Mark("good" if said == "yes" else "bad", said, reason) for said, _, reason in told]
-        tables[duration, drive] = Table(caption, columns)
-    own, *details = (tables.pop((study.scene.motion.duration, study.scene.drive.kind)), *tables.values())
-    if known is not None and known.sources:
-        laws = {by: each.law for by, each in text.own_verdicts(study).items()}
-        caption = "Sources of uncertainty: change of the peaks of the recommended laws"
-        details.insert(0, Table(caption, text.uncertainty_table(known, laws)))
-    return {
         "recommendations": text.recommendations(study),
-        "table": own,
-        "pictures": figures_of("first", pictures),
-        "limits": [as_sentence(each) for each in text.sentences("limits", study)],
-        "lines": [as_sentence(each) for name in LINES for each in text.sentences(name, study)],
-        "details": details,
+        "models": text.model_table(study) if study.verdicts else None,
+        "pictures": figures_of(("models", "best_cycles"), pictures),
+        "sentences": text.answer_sentences(study),
     }
+
+
+def figures_of(names: Iterable[str], pictures: Mapping[str, bytes]) -> list[Picture]:
+    """Return the pictures of those names that exist, with description and caption."""
+    return [Picture(pictures[name], *text.figures()[name]) for name in names if name in pictures]
+
+
+def sections(study: Study, pictures: Mapping[str, bytes]) -> list[Section]:
+    """Return the sections of a study, without those that are empty."""
+    found = []
+    for name, (title, macros, figures, tables) in SECTIONS.items():
+        words = [_as_sentence(each) for macro in macros.split() for each in text.sentences(macro, study)]
+        blocks = [*words, *figures_of(figures.split(), pictures), *(tables(study) if tables else ())]
+        found += [Section(name, title, blocks)] if blocks else []
+    return found
+
+
+# tables of the sections
+
+
+def _ranking(study: Study) -> Iterator[Block]:
+    """Tabulate the laws by the criteria of the answer, with their ranks and the margins to the next law."""
+    kind = study.scene.drive.kind
+    orders = dict(islice(study.stages.drive.places[kind].items(), text.ANSWER_CRITERIA))
+    laws = [place.law for place in next(iter(orders.values()))]
+    columns: dict[str, list[str]] = {"law": laws}
+    for by, order in orders.items():
+        places = sorted(order, key=lambda place: laws.index(place.law))
+        values = format_column([place.value for place in places], CRITERIA[by].unit)
+        head = CRITERIA[by].quantity.term
+        columns[f"{head} (rank)"] = [f"{value} ({place.rank})" for value, place in zip(values, places, strict=True)]
+        columns["to the next" if len(columns) < 3 else "to its next"] = [
+            "tie" if place.tie else format_percent(place.margin) for place in places
+        ]
+    yield TableSpec.of_columns(f"Laws by engine and drive of the scene ({kind}); others in ranking.csv", columns, {})
+
+
+def _contacts(study: Study) -> Iterator[Block]:
+    """Tabulate the formulas, and the contacts over speed."""
+    formulas = results.formula_table(study)
+    yield formulas.shown("By formulas 1.1–1.10, over the spread of the mix", "quantity", "value", "low", "high")
+    if study.stages.contacts.speeds:
+        title = f"One roller by the engine {study.scene.accuracy.engine}, per metre of its length"
+        names = "speed", "load", "resistance", "coefficient", "peak_pressure"
+        errors = {"error": [format_percent(each.resistance_error) for each in study.contacts]}
+        yield results.contact_table(study).shown(title, *names, **errors)
+
+
+def _uncertainty(study: Study) -> Iterator[Block]:
+    """Tabulate the sources of uncertainty, and the change of the least peaks at the ends of each input."""
+    if study.uncertainty and study.uncertainty.sources:
+        yield text.uncertainty_table(study)
+    shifts = study.sensitivities
+    cells: dict[str, list[Any]] = {"input": [each.name.split(".")[-1].replace("_", " ") for each in shifts]}
+    cells["ends"] = [" to ".join(format_quantity(end, each.unit, 3) for end in each.ends) for each in shifts]
+    cells["range"] = [Mark("assumed", each.how) if each.how == PRIOR else each.how for each in shifts]
+    for peak in shifts[0].base.least if shifts else ():
+        for end in ("low", "high"):
+            moved = [getattr(each, end) for each in shifts]
+            changes = [
+                each and each.least[peak] / shift.base.least[peak] - 1
+                for each, shift in zip(moved, shifts, strict=True)
+            ]
+            cells[f"{peak.removeprefix('peak_')}, {end} end"] = [
+                "out of range" if each is None else f"{'+' * (each > ZERO_SHARE)}{format_percent(each)}"
+                for each in changes
+            ]
+    yield TableSpec.of_columns("Change of the least peaks, one input at a time", cells, {})
+
+
+def _motion(study: Study) -> Iterator[Block]:
+    """Show the drawing of the cam of the first law."""
+    if (first := study.first_cam) is not None and first.drawing is not None:
+        caption = f"{first.law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF."
+        yield Picture(first.drawing.svg().encode(), first.drawing.description, caption, SVG)
+
+
+def _checks(study: Study) -> Iterator[Block]:
+    """Tabulate the checks that are nearest to their limits."""
+    nearest = sorted(study.checks, key=lambda each: -abs(each.residual) / (each.limit or 1e-300))[:SHOWN_CHECKS]
+    marks = [Mark("good", "passes") if each.passed else Mark("bad", "fails") for each in nearest]
+    yield TableSpec.of("", nearest, "check=name residual:2 limit:2").shown("Checks", result=marks)
+
+
+def _inputs(study: Study) -> Iterator[Block]:
+    """List every input of the scene and every parameter of the mix with its origin; assumed ones are marked."""
+    scene = study.scene
+    for name in type(scene).model_fields:
+        part = getattr(scene, name)
+        if name not in NOT_INPUTS and part is not None:
+            keys = [key for key in type(part).model_fields if getattr(part, key) is not None]
+            yield TableSpec.of_columns(f"[{name}]", {
+                "key": [f"`{key}`" for key in keys], "value": [_input_value(getattr(part, key)) for key in keys],
+                "origin": [remark(scene, name, key) for key in keys],
+            }, {})  # fmt: skip
+    mix = results.mix_table(study)
+    marks = [Mark("known" if flag in KNOWN_FLAGS else "assumed", flag) for flag in mix["flag"]]
+    yield mix.shown("Parameters of the mix", "parameter", "value", "low", "high", flag=marks, origin=mix["origin"])
+
+
+def _input_value(value: Any) -> str:
+    if hasattr(value, "model_dump"):
+        given = value.model_dump(exclude_none=True)
+        return ", ".join(f"{key} = {item}" for key, item in given.items()) or "none"
+    if isinstance(value, tuple):
+        return ", ".join(_input_value(item) for item in value)
+    return f"{value:.10g}" if isinstance(value, float) else str(value)
+
+
+def remark(scene: Scene, table: str, key: str) -> str | Mark:
+    """Mark the clause of a comment that states the origin of a value."""
+    clauses = [clause.strip() for clause in scene.remark(table, key).split(";")]
+    for kind, signs in SIGNS:
+        for sign in signs:
+            origin = next((clause for clause in clauses if clause.startswith(sign)), None)
+            if origin is not None:
+                rest = [origin.removeprefix(sign).strip(" :,"), *(clause for clause in clauses if clause != origin)]
+                return Mark(kind, sign, "; ".join(filter(None, rest)))
+    return "; ".join(clauses)
+
+
+Tables = Callable[[Study], Iterable[Block]] | None
+SECTIONS: Mapping[str, tuple[str, str, str, Tables]] = {  # title, sentences, figures, tables
+    "ranking": ("Ranking", "", "ranking", _ranking),
+    "contact": (
+        "Contact and resistance", "no_speed guides printed_guides return_stroke air work",
+        "pressure section contact resistance fields", _contacts,
+    ),
+    "uncertainty": ("Uncertainty, and what to measure first", "uncertainty", "", _uncertainty),
+    "motion": ("Motion laws and cams", "compliant no_cam", "kinematics cams", _motion),
+    "drive": ("Shaft, guides and duration", "", "shaft reactions crank duration", None),
+    "checks": ("Built-in checks", "checks", "", _checks),
+    "inputs": ("Inputs and their origin", "replaced advice", "", _inputs),
+}  # fmt: skip

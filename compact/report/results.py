@@ -1,6 +1,6 @@
 """Tables of a finished study, by the names of their files; the page and summary.json select from the same tables."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple
 from pathlib import Path
 from typing import Any
@@ -11,12 +11,13 @@ from compact.analysis.ranking_uncertainty import Place, error
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
 from compact.analysis.study import Study
-from compact.files import write_columns
 from compact.machine.ranking import CRITERIA
 from compact.machine.ranking import value_of as criterion_of
 from compact.machine.roller_motors import roller_rotation
 from compact.motion.profile import EndCondition
 from compact.report.tables import Getter, TableSpec, write_arrays
+
+File = TableSpec | tuple[str, str, Sequence[Any]]  # table by the name of its file; or name, columns and long arrays
 
 CAM_POINTS = 721  # [-], rows of the table of a cam, each half degree
 CONTACT = (
@@ -72,7 +73,7 @@ def contact_table(study: Study) -> TableSpec:
     return TableSpec.of("contact", study.contacts, CONTACT, **beside)
 
 
-def pass_tables(passes: Sequence[tuple[float, Sequence[Any]]]) -> dict[str, TableSpec]:
+def pass_tables(passes: Sequence[tuple[float, Sequence[Any]]]) -> Iterator[File]:
     """Tabulate forces and compaction of each pass, and the density over the height; even passes have negative speed."""
     from compact.analysis.multipass import density
 
@@ -81,10 +82,8 @@ def pass_tables(passes: Sequence[tuple[float, Sequence[Any]]]) -> dict[str, Tabl
         for speed, contacts in passes for number, contact in enumerate(contacts, start=1)
     ]  # fmt: skip
     rows = [(speed, number, *row) for speed, number, contact, _ in cases for row in density(contact).tolist()]
-    return {
-        "passes": TableSpec.of("passes", cases, PASS),
-        "density": TableSpec.of("density", rows, "speed_m/s=0 pass=1 bottom_m=2 top_m=3 density_ratio=4"),
-    }
+    yield TableSpec.of("passes", cases, PASS)
+    yield TableSpec.of("density", rows, "speed_m/s=0 pass=1 bottom_m=2 top_m=3 density_ratio=4")
 
 
 def law_table(study: Study) -> TableSpec:
@@ -112,35 +111,31 @@ def mix_table(study: Study) -> TableSpec:
     return TableSpec.of("mix", study.mix.parameters, "parameter=name value unit low high flag origin")
 
 
-def write_tables(study: Study, place: Path) -> Iterator[Path]:
-    """Write the tables of the item "tables": formulas, mix, laws, cycles, drives, rankings and sizing."""
+def study_tables(study: Study) -> Iterator[File]:
+    """Tabulate formulas, mix, laws, cycles, drive, rankings and sizing: the output item "tables"."""
     joins = [(name, join) for name, cycle in study.cycles.items() for join in cycle.discontinuities()]
     names = "law=0 time_s=1.time quantity=1.quantity before_SI=1.before after_SI=1.after"
-    for table in (formula_table(study), mix_table(study), law_table(study), TableSpec.of("joins", joins, names)):
-        yield table.write(place / f"{table.title}.csv")
+    yield from (formula_table(study), mix_table(study), law_table(study), TableSpec.of("joins", joins, names))
     for name, run in study.runs.items():
         forces = run.state.forces
         values = run.time, *run.state[:5], run.drive_force, run.drive_power, forces.front_reaction, forces.rear_reaction
-        yield write_arrays(place / "cycles" / f"{name}.csv", CYCLE, values)
-    yield from _write_drive(study, place)
-    yield from _write_rankings(study, place)
-    for table in sizing_tables(study.machine_sizing):
-        yield table.write(place / f"{table.title}.csv")
+        yield f"cycles/{name}", CYCLE, values
+    yield from _drive_tables(study)
+    yield from _ranking_tables(study)
+    yield from sizing_tables(study.machine_sizing)
 
 
-def _write_drive(study: Study, place: Path) -> Iterator[Path]:
-    """Write the tables of the drive of the scene."""
+def _drive_tables(study: Study) -> Iterator[File]:
+    """Tabulate the runs of the drive of the scene, and its own arrays."""
     stage = study.stages.drive
     if stage.model.table:
         title, names = stage.model.table
-        runs = stage.model.own_runs(list(study.runs.values()))
-        yield TableSpec.of(title, runs, names, **stage.model.computed).write(place / f"{title}.csv")
-    for name, columns, values in stage.tables():
-        yield write_arrays(place / f"{name}.csv", columns, values)
+        yield TableSpec.of(title, stage.model.own_runs(list(study.runs.values())), names, **stage.model.computed)
+    yield from stage.tables()
 
 
-def _write_rankings(study: Study, place: Path) -> Iterator[Path]:
-    """Write ranking.csv, criteria.csv and, where engines are compared, agreement.csv and their contacts."""
+def _ranking_tables(study: Study) -> Iterator[File]:
+    """Tabulate rankings and criteria and, where engines are compared, their agreement and contacts."""
     kind = study.scene.drive.kind
     ranked = [
         (each, CRITERIA[by].unit, each.law, by, engine, moved_by)
@@ -148,18 +143,17 @@ def _write_rankings(study: Study, place: Path) -> Iterator[Path]:
         for by, found in order.items() for each in found
     ]  # fmt: skip
     names = f"engine=4 drive=5 criterion=3 {RANKING} error=0.error resolved=0.resolved reason=0.reason"
-    yield TableSpec.of("ranking", ranked, names).write(place / "ranking.csv")
+    yield TableSpec.of("ranking", ranked, names)
     values = [
         (name, kind, by, criterion_of(run, by), criterion.unit, criterion_error(study, run, by))
         for name, run in study.runs.items() for by, criterion in CRITERIA.items()
     ]  # fmt: skip
-    names = "law=0 drive=1 criterion=2 value=3 unit=4 error=5"
-    yield TableSpec.of("criteria", values, names).write(place / "criteria.csv")
+    yield TableSpec.of("criteria", values, "law=0 drive=1 criterion=2 value=3 unit=4 error=5")
     if study.comparison:
-        yield TableSpec.of("agreement", study.agreements, AGREEMENT).write(place / "agreement.csv")
+        yield TableSpec.of("agreement", study.agreements, AGREEMENT)
     for name, other in study.comparison.items():
         if other.records:
-            yield TableSpec.of("contact", other.records, CONTACT).write(place / "comparison" / name / "contact.csv")
+            yield TableSpec.of(f"comparison/{name}/contact", other.records, CONTACT)
 
 
 def criterion_error(study: Study, run: Any, by: str) -> float | None:
@@ -174,25 +168,25 @@ def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, P
     return {name: {place.law: place for place in found[name][kind][by]} for name in study.comparison}
 
 
-def write_reactions(study: Study, place: Path) -> Iterator[Path]:
-    """Write reactions.csv, the extremes of the guide-wheel reactions."""
+def reaction_tables(study: Study) -> Iterator[File]:
+    """Tabulate the extremes of the guide-wheel reactions."""
     rows = []
     for name, run in study.runs.items():
         front, rear = run.state.forces.front_reaction, run.state.forces.rear_reaction
         lifted = float(np.sum(run.weights * ((front < 0) | (rear < 0))) / run.period)
         rows.append((name, *(float(value) for each in (front, rear) for value in (each.min(), each.max())), lifted))
     names = "law=0 front_least_N=1 front_largest_N=2 rear_least_N=3 rear_largest_N=4 lifted_off_share=5"
-    yield TableSpec.of("reactions", rows, names).write(place / "reactions.csv")
+    yield TableSpec.of("reactions", rows, names)
 
 
-def write_cams(study: Study, place: Path) -> Iterator[Path]:
-    """Write cams.csv, the profiles of all cams, the rotation of the rollers and the requirements on their motors."""
+def cam_tables(study: Study) -> Iterator[File]:
+    """Tabulate all cams, the rotation of the rollers, and the requirements on motors in them."""
     laws, motors = study.stages.laws, study.stages.drive.roller_motors
     for (law, follower), cam in laws.cams.items():
         points = cam.table(CAM_POINTS)
-        yield write_columns(place / "cams" / f"{law}-{follower}.csv", tuple(points), tuple(points.values()))
+        yield f"cams/{law}-{follower}", " ".join(points), list(points.values())
     cams = [(*key, cam, cam.least_breadth()) for key, cam in laws.cams.items()]
-    yield TableSpec.of("cams", cams, CAM).write(place / "cams.csv")
+    yield TableSpec.of("cams", cams, CAM)
     for law, cycle in study.cycles.items():
         turned = roller_rotation(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
         motor, names = motors[law], f"{STEPPER} torque_Nm power_W traction"
@@ -201,64 +195,53 @@ def write_cams(study: Study, place: Path) -> Iterator[Path]:
         if motor.roller.has_creep:
             names += " creep angle_with_creep_rad angular_velocity_with_creep_rad/s"
             values += [state.creep, motor.angle(turned.time), motor.angular_velocity(turned.time)]
-        yield write_arrays(place / "cams" / f"{law}-stepper.csv", names, values)
-    yield from write_roller_motors(study, place)
+        yield f"cams/{law}-stepper", names, values
+    yield roller_motor_table(study)
+    roller: Any = next(iter(motors.values())).roller
+    if roller.has_creep:
+        sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)
+        names = "speed_m/s torque_Nm pull_N creep load_N"
+        yield "driven-roller", names, [column.ravel() for column in sampled]
 
 
 def roller_motor_table(study: Study) -> TableSpec:
     """Tabulate the requirements of each law on the motors in the rollers."""
-    motors = [(law, motor) for law, motor in study.stages.drive.roller_motors.items()]
-    return TableSpec.of(
-        "roller-motors", motors, "law=0 peak_torque_Nm=1.peak_torque peak_power_W=1.peak_power "
-        "peak_creep=1.peak_creep:% share=1.share:% lack=1.lack",
-    )  # fmt: skip
+    names = "law=0 peak_torque_Nm=1.peak_torque peak_power_W=1.peak_power peak_creep=1.peak_creep share=1.share"
+    return TableSpec.of("roller-motors", study.stages.drive.roller_motors.items(), f"{names} lack=1.lack")
 
 
-def write_roller_motors(study: Study, place: Path) -> Iterator[Path]:
-    """Write roller-motors.csv and, where the contact model has a creepage, the response of a driven roller."""
-    motors = study.stages.drive.roller_motors
-    yield roller_motor_table(study).write(place / "roller-motors.csv")
-    roller: Any = next(iter(motors.values())).roller
-    if roller.has_creep:
-        sampled = np.broadcast_arrays(roller.speeds[:, None], roller.torques, roller.pulls, roller.creeps, roller.loads)
-        values = [column.ravel() for column in sampled]
-        yield write_arrays(place / "driven-roller.csv", "speed_m/s torque_Nm pull_N creep load_N", values)
-
-
-def write_crank(study: Study, place: Path) -> Iterator[Path]:
-    """Write crank.csv for 1 to 4 carts, and crank-turn.csv, one turn of the shaft of the scene."""
+def crank_tables(study: Study) -> Iterator[File]:
+    """Tabulate the shaft with 1 to 4 carts, and one turn of the shaft of the scene."""
     turns = study.stages.drive.turns
-    rows = [(key, turn.mean(turn.power), turn.peak_power, turn.peak_torque) for key, turn in turns.items()]
-    yield TableSpec.of(
-        "crank", rows, "carts=0 mean_power_W=1 peak_power_W=2", peak_over_mean=lambda row: row[2] / row[1],
-        peak_torque_Nm="3",
-    ).write(place / "crank.csv")  # fmt: skip
+    means = {key: turn.mean(turn.power) for key, turn in turns.items()}
+    rows = [(key, mean, turns[key], turns[key].peak_power / mean) for key, mean in means.items()]
+    names = "carts=0 mean_power_W=1 peak_power_W=2.peak_power peak_over_mean=3 peak_torque_Nm=2.peak_torque"
+    yield TableSpec.of("crank", rows, names)
     turn, names = turns["scene"], "angle_rad torque_Nm power_W"
     values = [turn.angle, turn.torque, turn.power]
     for number, cart in enumerate(turn.carts, start=1):
         names += f" rod_force_N_{number} torque_Nm_{number} power_W_{number}"
         values += [cart.rod_force, cart.torque, cart.power]
-    yield write_arrays(place / "crank-turn.csv", names, values)
+    yield "crank-turn", names, values
 
 
-def sizing_tables(sizing: MachineSizing) -> Iterator[TableSpec]:
+def sizing_tables(sizing: MachineSizing) -> Iterator[File]:
     """Tabulate shaft and motor of every law, the catalogue, loads of wheels and lives, as far as they exist."""
     if sizing.laws:
         yield TableSpec.of("motor-sizing", sizing.laws.values(), SIZING)
     first = sizing.first
     if first is not None and first.choice is not None:
-        yield TableSpec.of("motor-catalogue", first.choice.fits, CATALOGUE, reason=lambda fit: "; ".join(fit.failures))
+        reason = {"reason": lambda fit: "; ".join(fit.failures)}
+        yield TableSpec.of("motor-catalogue", first.choice.fits, CATALOGUE, **reason)
     cycles = [(wheel.name, each, sizing.per_hour(each.count)) for wheel in sizing.wheels for each in wheel.cycles]
     names = "load=0 range_N=1.range mean_N=1.mean count_per_cycle=1.count count_per_hour=2"
     yield TableSpec.of("wheel-loads", cycles, names)
     if sizing.lives:
-        yield TableSpec.of(
-            "bearing-lives", sizing.lives.items(), "bearing=0 equivalent_load_N=1.equivalent_load "
-            "life_million_revolutions=1.million_revolutions life_hours=1.hours valid=1.valid",
-        )  # fmt: skip
+        names = "bearing=0 equivalent_load_N=1.equivalent_load life_million_revolutions=1.million_revolutions "
+        yield TableSpec.of("bearing-lives", sizing.lives.items(), f"{names}life_hours=1.hours valid=1.valid")
 
 
-def duration_tables(found: DurationStudy) -> Iterator[TableSpec]:
+def duration_tables(found: DurationStudy) -> Iterator[File]:
     """Tabulate the laws at every duration, and the durations at which the first law changes."""
     ranked = [
         (each, CRITERIA[by].unit, each.run.name, by, duration)
@@ -267,7 +250,21 @@ def duration_tables(found: DurationStudy) -> Iterator[TableSpec]:
         for each in order
     ]
     yield TableSpec.of("duration", ranked, f"duration_s=4 criterion=3 {RANKING} reason=0.reason")
-    yield TableSpec.of(
-        "duration-crossovers", found.crossovers, "criterion=by duration_s shorter longer value",
-        unit=lambda each: CRITERIA[each.by].unit,
-    )  # fmt: skip
+    unit = {"unit": lambda each: CRITERIA[each.by].unit}
+    names = "criterion=by duration_s shorter longer value"
+    yield TableSpec.of("duration-crossovers", found.crossovers, names, **unit)
+
+
+ITEMS: Mapping[str, Callable[[Study], Iterator[File]]] = {  # files by the output items of a scene
+    "reactions": reaction_tables, "cams": cam_tables, "crank": crank_tables, "tables": study_tables,
+}  # fmt: skip
+
+
+def write_tables(place: Path, tables: Iterable[File]) -> Iterator[Path]:
+    """Write tables into a directory as CSV."""
+    for table in tables:
+        if isinstance(table, TableSpec):
+            yield table.write(place / f"{table.title}.csv")
+        else:
+            name, names, values = table
+            yield write_arrays(place / f"{name}.csv", names, values)

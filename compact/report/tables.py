@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-DIGITS = 4  # [-], significant digits on the page
+DIGITS = 4  # [-], significant digits of a table on the page; sentences have three
 HTML_ROWS = 60  # [-], rows of a table in a notebook; the middle of a longer one is left out
 CELL = "text-align: left; padding: 0.15em 1.2em 0.15em 0"  # style of a cell in a notebook
 ZERO_SHARE = 1e-9  # [-], below which a share is rounding and shown as zero
@@ -38,6 +38,7 @@ UNITS = (
     "m2", "m2/s", "m2/s3", "m2/s5", "m2/s7", "m3", "m3/s", "kg", "kgm2", "J/m3", "h", "SI",
 )  # fmt: skip
 WORD = Quantity("", "")  # of a column of words
+OF_ROW = ("value", "low", "high")  # columns in the unit of each row, where a table has a column "unit"
 Getter = str | Callable[[Any], Any]
 
 
@@ -174,11 +175,17 @@ class TableSpec:
         place = list(self.quantities).index(name)
         return [row[place] for row in self.rows]
 
+    def shown(self, title: str, *names: str, **more: Sequence[Any]) -> Self:
+        """Return some columns as text of the page under another title, and further columns of words."""
+        return type(self).of_columns(title, {**self.cells(*names), **more}, {})
+
     def text(self, name: str) -> list[Any]:
         """Return a column as text of the page: one prefix and one number of decimals, words as they are."""
         values, form = self[name], self.forms.get(name, "")
         if self.quantities[name] is WORD:
             return ["" if value is None else value for value in values]
+        if name in OF_ROW and "unit" in self.quantities:
+            return [format_quantity(*each) for each in zip(values, self["unit"], strict=True)]
         if form == "%":
             return [format_percent(value) for value in values]
         if all(isinstance(value, int) for value in values):

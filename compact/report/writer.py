@@ -1,6 +1,6 @@
 """Results of a study in a directory: the files that the scene requires, and summary.json last."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -64,23 +64,20 @@ def write_study(
         If a file cannot be written or the directory holds results of another scene.
     """
     items, layered = study.scene.output.items, bool(study.stages.contacts.speeds)
-    writers: dict[str, Callable[[Study, Path], Iterator[Path]]] = {
-        "reactions": results.write_reactions, "cams": results.write_cams, "crank": results.write_crank,
-        "fields": _write_fields,
-    }  # fmt: skip
     with claimed_directory(directory, study.scene.hash, force) as place, study.helped(executor or SerialExecutor()):
         files = list(_write_contacts(study, place)) if layered else []
         study.begin_model_spread()
         kept = list(study.keep(place, files)) if layered else []
-        for item, write in writers.items():
+        for item in ("reactions", "cams", "crank"):
             if item in items:
-                files += write(study, place)
+                files += results.write_tables(place, results.ITEMS[item](study))
+        if "fields" in items:
+            files += _write_fields(study, place)
         pictures = _draw(study) if {"figures", "report"} & set(items) else {}
         if "tables" in items:
-            files += results.write_tables(study, place)
+            files += results.write_tables(place, results.ITEMS["tables"](study))
         if study.over_durations is not None:
-            tables = results.duration_tables(study.over_durations)
-            files += [table.write(place / f"{table.title}.csv") for table in tables]
+            files += results.write_tables(place, results.duration_tables(study.over_durations))
         if "report" in items:
             files += _write_report(study, place, pictures)
         if "figures" in items:
@@ -99,15 +96,11 @@ def write_study(
 
 def _write_contacts(study: Study, place: Path) -> Iterator[Path]:
     """Write contact.csv; of a compacting layer also passes.csv and density.csv."""
+    contacts = study.stages.contacts
     yield results.contact_table(study).write(place / "contact.csv")
-    if study.stages.contacts.compacts:
+    if contacts.compacts:
         standing = study.standing(place, "passes.csv", "density.csv")
-        yield from standing or _write_passes(study.stages.contacts.passes, place)
-
-
-def _write_passes(passes: Sequence[tuple[float, Sequence[Contact]]], place: Path) -> Iterator[Path]:
-    for name, table in results.pass_tables(passes).items():
-        yield table.write(place / f"{name}.csv")
+        yield from standing or results.write_tables(place, results.pass_tables(contacts.passes))
 
 
 def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[Contact]) -> None:
@@ -129,7 +122,7 @@ def write_contact(directory: Path, study: Study, speed: float, passes: Sequence[
     write_json(directory / "contact.json", content | {"replaced": list(study.scene.replacements[engine])})
     write_figure(directory / "pressure.png", contact_figures.draw_pressure(first, stage.exact, speed))
     if stage.compacts:
-        list(_write_passes([(speed, passes)], directory))
+        list(results.write_tables(directory, results.pass_tables([(speed, passes)])))
         write_figure(directory / "density.png", contact_figures.draw_density(passes))
     if stage.engine.has_fields:
         list(_write_layers(directory, [(stage.field_mesh(first), first)]))
@@ -187,11 +180,8 @@ def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
     from compact.report import contact_figures, figures
 
     items, drive = study.scene.output.items, study.stages.drive
-    places = drive.places[study.scene.drive.kind]
-    found: dict[str, tuple[Any, ...]] = {
-        "kinematics": (figures.draw_kinematics, study.cycles),
-        "drive": (figures.draw_drive, study.runs),
-    }
+    places, first = drive.places[study.scene.drive.kind], study.machine_sizing.first
+    found: dict[str, tuple[Any, ...]] = {"kinematics": (figures.draw_kinematics, study.cycles)}
     if "reactions" in items:
         by_rod = (name for name, run in study.runs.items() if run.state.rod_tangent.any())
         found["reactions"] = (figures.draw_reactions, study.runs, list(dict.fromkeys([drive.best_law, *by_rod])))
@@ -199,25 +189,18 @@ def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
         found["cams"] = (figures.draw_cams, study.stages.laws.cams, list(study.cycles), "roller")
     if "crank" in items:
         found["crank"] = (figures.draw_crank_turns, drive.turns)
-    forces = {name: other.resistance for name, other in study.comparison.items()}
-    if bool(study.stages.contacts.speeds):
+    if study.stages.contacts.speeds:
         peaks = [cycle.forward.peaks().acceleration for cycle in study.cycles.values()]
-        resistances = {study.scene.accuracy.engine: study.resistance} | forces
         found["contact"] = (contact_figures.draw_loads, study.contacts)
         found["resistance"] = (contact_figures.draw_resistance, study.stages.resistance.map, float(np.median(peaks)))
-        found["resistances"] = (contact_figures.draw_resistances, resistances)
-        found["engines"] = (figures.draw_engines, study.places_by_engine)
-    first = study.machine_sizing.first
     if first is not None and first.requirement is not None:
         found["shaft"] = (figures.draw_shaft_torque, first, study.machine_sizing.rule)
     if study.over_durations is not None:
         found["duration"] = (figures.draw_durations, study.over_durations, study.scene.motion.duration)
-    if "report" in items and study.verdicts:
-        best = study.best_laws
-        speeds = {law: study.cycles[law].forward.peaks().velocity for law in best}
-        resistances = {study.scene.accuracy.engine: study.resistance} | forces
-        found["models"] = (contact_figures.draw_models, study.models, resistances, speeds)
-        found["best_cycles"] = (figures.draw_best_cycles, {law: study.runs[law] for law in best})
+    if study.verdicts:
+        speeds = {law: study.cycles[law].forward.peaks().velocity for law in study.best_laws}
+        found["models"] = (contact_figures.draw_models, study.models, speeds)
+        found["best_cycles"] = (figures.draw_best_cycles, {law: study.runs[law] for law in study.best_laws})
     comparisons = {by: results.comparison_places(study, study.scene.drive.kind, by) for by in places}
     found["ranking"] = (figures.draw_rankings, places, comparisons)
     return found

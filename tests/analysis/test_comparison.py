@@ -117,7 +117,6 @@ def test_summary_lists_every_file_and_counts_every_evaluation(written):
     _, summary, directory = written
     found = {str(path.relative_to(directory)) for path in directory.rglob("*") if path.is_file()}
     assert found == {*summary["files"], "summary.json", "scene.hash"}
-    assert "engines.png" in found
     assert summary["comparison"]["column"]["evaluation_counts"]["rolled"] == 2
 
 

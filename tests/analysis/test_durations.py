@@ -10,7 +10,7 @@ import pytest
 from compact.analysis.sizing.durations import read_durations
 from compact.analysis.study import Study
 from compact.report import figures, writer
-from compact.report.sections import section
+from compact.report.page import sections
 from compact.report.text import say
 from compact.scene.loader import load_scene
 
@@ -153,9 +153,9 @@ def test_results_reach_files_summary_and_page(tmp_path):
     assert {"duration.csv", "duration-crossovers.csv"} <= set(summary["files"])
     first, *_ = figures.draw_durations(found.over_durations, 1.0).axes
     assert first.get_xlabel() == "duration of a pass T [s]"
-    blocks = section("duration", found, {"duration": b""}).blocks
-    assert [type(block).__name__ for block in blocks][:2] == ["str", "Picture"]
-    assert blocks[3].rows[-1][:2] == ("3 s", "reversal-3")
+    drive = next(each for each in sections(found, {"duration": b"0" * 30}) if each.name == "drive")
+    assert [type(block).__name__ for block in drive.blocks] == ["Picture"]
+    assert "cubic up to 1.32 s, reversal-3 beyond" in say("durations", found)
     assert json.loads((tmp_path / "summary.json").read_text("utf-8"))["over_durations"]["peak_force"]["unit"] == "N"
     bare = Study(load_scene(SMALL, **{"output.items": []}))
     assert bare.over_durations is None

@@ -14,7 +14,7 @@ from compact.cli.options import NO_RESULT
 from compact.engines.compaction import engine as compaction
 from compact.report import text
 from compact.report import writer as report
-from compact.report.text import model_table
+from compact.report.tables import format_quantity
 from compact.rolling_contact import EquilibriumError, Heaping, HeapingError, Unsteady, UnsteadyError
 from compact.scene.loader import load_scene
 
@@ -40,9 +40,9 @@ def test_an_engine_of_the_comparison_that_heaps_up_is_an_answer(tmp_path):
     ("error", "key", "numbers", "words"),
     [
         (HeapingError("the wave grows", Heaping(0.0052, 0.71, 0.0213, 0.314)), "heaping", {"travel": 0.314},
-         "after 0.314 m of travel the bow wave is 21.3 mm high, a contact angle of 40.7 degrees"),
+         "after 0.314 m of travel the bow wave is 21.3 mm high, a contact angle of 40.7°"),
         (UnsteadyError("not steady", Unsteady(0.0052, 0.0213, 0.9, 0.24, 5e3, 900.0)), "unsteady",
-         {"distance": 0.24, "travel": 0.9}, "not steady at a depth of 5.2 mm after 0.9 m of travel, estimated"),
+         {"distance": 0.24, "travel": 0.9}, "not steady at a depth of 5.20 mm after 0.900 m of travel, estimated"),
         (EquilibriumError("no equilibrium, residual 0.3 of the nodal forces"), "no_equilibrium", {},
          "compaction: no equilibrium, so that it has no resistance"),
     ],
@@ -62,8 +62,7 @@ def test_an_engine_of_the_comparison_that_ends_with_an_error_is_an_answer(
     assert str(error) in stored[key]["compaction"]["reason"]
     assert {name: stored[key]["compaction"][name]["value"] for name in numbers} == numbers
     assert words in " ".join(text.study_digest(case).split())
-    *_, row = zip(*model_table(case).values(), strict=True)
-    assert row[0] == "compaction"
+    assert text.model_table(case)["model"][-1] == "compaction"
 
 
 def test_a_scene_led_by_an_engine_that_heaps_up_has_no_result(tmp_path, monkeypatch, capsys):
@@ -75,6 +74,6 @@ def test_a_scene_led_by_an_engine_that_heaps_up_has_no_result(tmp_path, monkeypa
     message = capsys.readouterr().err
     resistances = resistances_without_wave(load_scene(SMALL, **{"accuracy.engine": "compaction"}))
     assert "heaps up in front of the roller (an estimate)" in message
-    assert f"{resistances['formula']:.4g} N by formula, {resistances['column']:.4g} N by column" in message
-    assert "--engine column ranks by it" in message
+    assert f"{format_quantity(resistances['formula'], 'N', 3)} by formula, " in message
+    assert f"{format_quantity(resistances['column'], 'N', 3)} by column; --engine column ranks by it" in message
     assert not (out / "summary.json").exists()

@@ -13,6 +13,7 @@ from compact.engines.interface import Case
 from compact.machine.cart import balance
 from compact.report import text
 from compact.report import writer as report
+from compact.report.tables import format_column
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
@@ -87,7 +88,7 @@ def test_stated_height_is_that_of_every_contact_map_and_added_mass(engine, tmp_p
     case = study(**changes | {"accuracy.engine": engine, "motion.laws": ["cubic"], "output.items": []})
     summary = report.write_study(case, tmp_path / "out")
     depth = summary["held"]["indentation"]["value"]
-    assert f"{depth * 1e3:.4g} mm deep" in text.say("held", case)
+    assert f"{format_column([depth], 'm', 3)[0]} deep" in text.say("held", case)
     depths = np.array([contact["indentation"]["value"] for contact in summary["contacts"]])
     assert depths == pytest.approx(depth, rel=1e-9)
 
@@ -153,10 +154,8 @@ def test_drive_uses_the_guide_friction_of_the_scene_and_not_eq_1_9():
     assert case.stages.contacts.engineering.cart_resistance - rollers == pytest.approx(
         case.stages.contacts.engineering.guide_coefficient * net_force
     )
-    sentence = text.say("guides", case)
-    assert "guide_friction 0.008" in sentence
+    assert "guide_friction 0.008" in text.say("guides", case)
     assert "the drives do not use it" in text.say("printed_guides", case)
-    assert sentence[:30] in " ".join(text.study_digest(case).split())
 
 
 def test_second_pass_of_columns_is_elastic():

@@ -50,7 +50,7 @@ def test_mix_that_heaps_up_by_a_law_is_an_answer(monkeypatch):
 
     monkeypatch.setattr(stage, "_roll", heaping)
     assert [each.heaping for each in study.model_spread.variants] == [HEAPED, HEAPED, None]
-    assert "heaps up: drucker-prager-cap at 2.5 kPa (wave 7.2 mm after 0.54 m)" in say("spread", study)
+    assert "heaps up: drucker-prager-cap at 2.50 kPa (wave 7.20 mm after 0.540 m)" in say("spread", study)
     numbers = study_summary(study, [])["model_spread"]
     assert numbers["variants"][0]["heaping"]["wave_height"] == 0.0072
     assert numbers["variants"][0]["load"] == {"value": None, "unit": "1"}

@@ -106,7 +106,6 @@ def test_elastic_drive_of_a_scene_is_summarised(tmp_path):
     with (tmp_path / "out" / "dynamic-amplification.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["law"] for row in rows] == ["cubic", "septic"]
-    assert "amplification 1." in text.study_digest(study)
 
 
 @pytest.mark.sampled(1)

@@ -64,7 +64,7 @@ def test_colours_of_engines_are_distinct_with_colour_blindness(sight):
     assert min(np.linalg.norm(one - other) for one, other in combinations(shades, 2)) > 16
 
 
-# laws and drives
+# laws
 
 
 def test_kinematics_are_those_of_the_laws():
@@ -83,32 +83,6 @@ def test_kinematics_are_those_of_the_laws():
     time, acceleration = next(line for line in figure.axes[4].lines if line.get_label() == "reversal-2").get_data()
     upright = np.diff(time) < 1e-9
     assert np.abs(np.diff(acceleration)[upright]).max() == pytest.approx(0.32, rel=1e-9)  # 36/5 stroke/duration^2
-
-
-def run(name, peak_force, peak_power=1.0, impulses=()):
-    """A run of three samples with the largest in the middle."""
-    return SimpleNamespace(
-        name=name, time=np.array([0.0, 1.0, 2.0]), direction=np.ones(3), impulses=impulses,
-        drive_force=np.array([0.0, min(peak_force, 1e9), 0.0]), drive_power=np.array([0.0, min(peak_power, 1e9), 0.0]),
-        peak_force=peak_force, peak_power=peak_power,
-    )  # fmt: skip
-
-
-def test_drive_figure_names_laws_beyond_its_scale_with_their_peak():
-    forces = {"cubic": 700.0, "quintic": 800.0, "septic": 900.0, "constant-velocity": 7448.0}
-    figure = figures.draw_drive({name: run(name, force) for name, force in forces.items()})
-    limit = figure.axes[0].get_ylim()[1]
-    assert limit == pytest.approx(3 * 0.85)  # kN, three times the median: the largest is clipped
-    assert words(figure) == ["▲ constant-velocity: peak 7.45 kN, off the scale"]
-
-
-def test_drive_figure_names_infinite_forces_and_no_law_within_its_scale():
-    runs = {"cubic": run("cubic", 700.0), "gear-sector": run("gear-sector", np.inf, np.inf, impulses=("jump",))}
-    assert words(figures.draw_drive(runs)) == ["▲ gear-sector: infinite at its jumps"] * 2
-    assert words(figures.draw_drive({"cubic": run("cubic", 700.0), "quintic": run("quintic", 800.0)})) == []
-
-
-# cams
 
 
 # fields
