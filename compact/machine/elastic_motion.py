@@ -29,10 +29,12 @@ from compact.machine.spring_cart import (
     FAR_SPRING,
     FRACTION,
     HEADING,
+    MIN_STEP,
     NEAR_SPRING,
     PAUSED,
     PIECE,
     ROW_HEAD,
+    STEP_TOO_SHORT,
     VELOCITY,
     CartState,
     SpringCart,
@@ -189,17 +191,17 @@ def integrate(
     parts, count, status = [], 0, PAUSED
     rows = np.empty((ATTEMPTS_PER_CALL, ROW_HEAD + CHANNELS * (ORDER + 1)))
     while status == PAUSED:  # Python handles interrupts between two calls
-        try:
-            status, filled = advance(cart, law, state, rows, ATTEMPTS_PER_CALL)
-            if (count := count + filled) > max_steps:
-                raise RuntimeError(f"more than {max_steps} steps; increase `damping`, or use a rigid drive")
-        except RuntimeError as error:
+        status, filled = advance(cart, law, state, rows, ATTEMPTS_PER_CALL)
+        count += filled
+        if status == STEP_TOO_SHORT or count > max_steps:
             i = min(int(state[PIECE]), len(law.coefficients) - 1)
             time = law.breaks[i] + state[FRACTION] * (law.breaks[i + 1] - law.breaks[i])
+            too_short = f"steps below {MIN_STEP:g} of a piece of the law; use a smooth `resistance`"
+            too_many = f"more than {max_steps} steps; increase `damping`, or use a rigid drive"
             raise RuntimeError(
                 f"the integration of the cart ended at {time:g} s of {law.breaks[-1]:g} s after {count} steps, at "
-                f"{state[VELOCITY]:g} m/s: {error}"
-            ) from None
+                f"{state[VELOCITY]:g} m/s: {too_short if status == STEP_TOO_SHORT else too_many}"
+            )
         parts.append(rows[:filled].copy())
     elongation, velocity, flank, zone, turn, heading = state[: HEADING + 1].tolist()
     end = CartState(elongation, velocity, int(flank), int(zone), turn, int(heading))

@@ -15,6 +15,9 @@ smooth too. All forces are continued smoothly beyond an event, where the polynom
 
 R jumps at speed zero and holds a cart at rest while the other forces lie between both limits. The preload of an end
 spring makes S jump at its plate, which holds a cart at rest likewise.
+
+Compiled functions have plain loops over scalars and few calls: products of matrices, expressions of arrays, `max` and
+`min` of numpy and every further call compile slower than they run.
 """
 
 import math
@@ -24,7 +27,7 @@ import numpy as np
 
 from compact.machine.shaft import DIFFERENTIATION, INTEGRATION, NODES, ORDER, TO_CHEBYSHEV
 from compact.numerics import Array, IntArray
-from compact.numerics.jit import compiled, internal
+from compact.numerics.jit import compiled, inlined, internal
 from compact.numerics.piecewise import PiecewisePolynomial
 
 CONTINUATION = 0.5  # [-], of a table piece; its polynomial is continued so far beyond a knot, then by its tangent
@@ -41,20 +44,20 @@ OVERSHOOT = 1.01  # [-], of the time to an event; a shorter step contains it
 STEPS_PER_OCTAVE = 8  # [-], of the grid of steps, so that rounding does not change them
 MIN_STEP = 1e-13  # [-], of a piece of the driven-end motion; shorter steps are rounding
 MAX_ATTEMPTS = 300  # [-], of one step
-STEP_TOO_SHORT = f"steps below {MIN_STEP:g} of a piece of the law; use a smooth `resistance`"
 ROOT_ITERATIONS = 60  # [-], of the bracketing of a root; to rounding
 
 NEAR_SPRING, FAR_SPRING = 1.0, -1.0  # zones; the cart compresses an end spring, 0 between the springs
 AT_NEAR_PLATE, AT_FAR_PLATE = 2.0, -2.0  # zones; the cart is at rest at the plate of an end spring
-FREE_SATURATION = 2.0  # marker; the motion itself determines the saturation, distinct from -1, 0 and 1
 FORCE, ADDED_MASS, FACTOR = range(3)  # tables of a `SpringCart`
 NO_EVENT, PASSED, STOPPED, NEW_ZONE, NEW_FLANK = 0.0, 1.0, 2.0, 10.0, 20.0  # events; the new zone or flank is added
+EVENTS = 10  # [-], rows of the margins to the events of a step
 # indices of the progress of an integration; the first six are a `CartState`
 ELONGATION, VELOCITY, FLANK, ZONE, TURN, HEADING, PIECE, FRACTION, STEP, ATTEMPTS, EVALUATIONS = range(11)
-DONE, PAUSED, SPEED_BEYOND_TABLE = range(3)  # status of `advance`
+DONE, PAUSED, SPEED_BEYOND_TABLE, STEP_TOO_SHORT = range(4)  # status of `advance`
 ROW_HEAD, CHANNELS = 6, 6  # start, duration, slip, flank, zone and turn of a step; nodal y, y', y'', e, e', e''
-START_SLOPE, TAIL = np.ascontiguousarray(DIFFERENTIATION[0]), np.ascontiguousarray(TO_CHEBYSHEV[ORDER - 1 :])
-INTEGRATION_TWICE = INTEGRATION @ INTEGRATION
+FROM_START = np.pad(INTEGRATION, ((1, 0), (1, 0)))  # nodal values to integrals from the start
+TWICE_FROM_START = FROM_START @ FROM_START
+SLOPES, CHEBYSHEV = map(np.ascontiguousarray, (DIFFERENTIATION, TO_CHEBYSHEV))  # one layout, one compilation
 
 
 class SpringCart(NamedTuple):
@@ -145,18 +148,18 @@ class SmoothRange(NamedTuple):
 
 
 @internal
-def _table(cart, which, abscissa, low, high):
-    """Value and slope of a table, continued smoothly beyond a range from low to high."""
-    rows, i, end = cart.pieces, cart.firsts[which], cart.firsts[which + 1]
+def _table(rows, i, end, abscissa, low, high):
+    """Value and slope of the table in rows from i to an end, continued smoothly beyond a range from low to high."""
+    place = abscissa if abscissa > low else low
     while end - i > 1:
         middle = (i + end) // 2
-        if rows[middle, 0] <= max(abscissa, low) and rows[middle, 0] < high:
+        if rows[middle, 0] <= place and rows[middle, 0] < high:
             i = middle
         else:
             end = middle
     width = rows[i, 1] - rows[i, 0]
     u, value, slope = (abscissa - rows[i, 0]) / width, 0.0, 0.0
-    inside = min(max(u, -CONTINUATION), 1 + CONTINUATION)
+    inside = -CONTINUATION if u < -CONTINUATION else 1 + CONTINUATION if u > 1 + CONTINUATION else u
     for j in range(rows.shape[1] - 1, 1, -1):
         slope = slope * inside + value
         value = value * inside + rows[i, j]
@@ -166,20 +169,18 @@ def _table(cart, which, abscissa, low, high):
 @internal
 def _resistance(cart, within, velocity, acceleration, travel):
     """R [N], dR/dv [N s/m], dR/da [kg] and dR/dx [N/m], continued beyond a smooth range."""
-    slip, limit = within.slip, cart.rate_limit
-    force, damping = _table(cart, FORCE, velocity, within.low, within.high)
+    slip, limit, rows, firsts = within.slip, cart.rate_limit, cart.pieces, cart.firsts
+    force, damping = _table(rows, firsts[FORCE], firsts[FORCE + 1], velocity, within.low, within.high)
     mass, stiffness, saturation = 0.0, 0.0, within.saturation
     if limit > 0:
-        mass, slope = _table(cart, ADDED_MASS, velocity, within.low, within.high)
-        if saturation == FREE_SATURATION:
-            saturation = np.sign(acceleration) if abs(acceleration) > limit * slip * velocity else 0.0
+        mass, slope = _table(rows, firsts[ADDED_MASS], firsts[ADDED_MASS + 1], velocity, within.low, within.high)
         if saturation == 0:
             force, damping = force + mass * acceleration, damping + slope * acceleration
         else:
             force += saturation * limit * mass * slip * velocity
             damping, mass = damping + saturation * limit * slip * (mass + slope * velocity), 0.0
     if len(cart.travels) > 0:
-        factor, steepness = _table(cart, FACTOR, travel, within.travelled, within.farthest)
+        factor, steepness = _table(rows, firsts[FACTOR], firsts[FACTOR + 1], travel, within.travelled, within.farthest)
         guide = cart.forward_guide if slip > 0 else cart.backward_guide
         stiffness = slip * steepness * (force - guide)
         force, damping, mass = guide + factor * (force - guide), factor * damping, factor * mass
@@ -189,67 +190,73 @@ def _resistance(cart, within, velocity, acceleration, travel):
 @internal
 def _smooth_range(cart, slip, velocity, travel, pull):
     """Smooth range of a cart that slides under a pull [N]."""
-    speed, low, high, travelled, farthest = max(slip * velocity, 0.0), 0.0, np.inf, 0.0, np.inf
+    speed, low, high, travelled, farthest = slip * velocity, 0.0, np.inf, 0.0, np.inf
     for knot in cart.knots:
-        low, high = (knot, high) if knot <= speed else (low, min(high, knot))
+        if knot <= speed:
+            low = knot
+        elif knot < high:
+            high = knot
     for place in cart.travels:
-        travelled, farthest = (place, farthest) if place <= travel else (travelled, min(farthest, place))
+        if place <= travel:
+            travelled = place
+        elif place < farthest:
+            farthest = place
     if slip < 0:
         low, high = -high, -low
     within = SmoothRange(slip, low, high, 0.0, travelled, farthest)
-    if not 0 < cart.rate_limit < np.inf:
-        return within
-    force, _, mass, _ = _resistance(cart, within, velocity, 0.0, travel)
-    a = (pull - force) / (cart.mass + mass)
-    if abs(a) < cart.rate_limit * speed:
-        return within
-    return SmoothRange(slip, low, high, slip if a == 0 else np.sign(a), travelled, farthest)
+    if 0 < cart.rate_limit < np.inf:
+        force, _, mass, _ = _resistance(cart, within, velocity, 0.0, travel)
+        a = (pull - force) / (cart.mass + mass)
+        if abs(a) >= cart.rate_limit * speed:
+            sign = slip if a == 0 else 1.0 if a > 0 else -1.0
+            return SmoothRange(slip, low, high, sign, travelled, farthest)
+    return within
 
 
 @internal
-def _spring_force(cart, flank, zone):
-    """k, p and constant of the force k e - p y + constant of drive and end springs [N]."""
-    stiffness = cart.stiffness if flank != 0 else 0.0
+def _pull(cart, flank, zone, y, e, rate):
+    """Pull of drive spring, damper and end springs [N], and its slopes over e and y."""
+    stiffness, end_stiffness = cart.stiffness if flank != 0 else 0.0, 0.0
     constant = -stiffness * flank * cart.backlash / 2
-    if abs(zone) != NEAR_SPRING:
-        return stiffness, 0.0, constant
-    force = cart.end_preload + cart.end_stiffness * cart.end_length
-    if zone == FAR_SPRING:
-        force = cart.end_stiffness * cart.stroke - force
-    return stiffness + cart.end_stiffness, cart.end_stiffness, constant + force
+    if abs(zone) == NEAR_SPRING:
+        end_stiffness, force = cart.end_stiffness, cart.end_preload + cart.end_stiffness * cart.end_length
+        constant += force if zone == NEAR_SPRING else cart.end_stiffness * cart.stroke - force
+        stiffness += end_stiffness
+    return stiffness * e - end_stiffness * y + constant + cart.damping * rate, stiffness, end_stiffness
 
 
 @internal
 def _stiction_limits(cart, state, position, zone):
     """Smallest and largest pull [N] that holds a cart at rest."""
-    travel, heading, limits = state[HEADING] * (position - state[TURN]), state[HEADING], np.empty(2)
+    low = high = 0.0
     for i in range(2):
         slip = 2.0 * i - 1
-        travelled = travel if heading == slip else 0.0
-        limits[i] = _resistance(cart, _smooth_range(cart, slip, 0.0, travelled, 0.0), 0.0, 0.0, travelled)[0]
+        travelled = slip * (position - state[TURN]) if state[HEADING] == slip else 0.0
+        within = _smooth_range(cart, slip, 0.0, travelled, 0.0)
+        low, high = high, _resistance(cart, within, 0.0, 0.0, travelled)[0]
     if zone == AT_NEAR_PLATE:
-        limits[0] -= cart.end_preload
+        low -= cart.end_preload
     if zone == AT_FAR_PLATE:
-        limits[1] += cart.end_preload
-    return limits[0], limits[1]
+        high += cart.end_preload
+    return low, high
 
 
 # one step
 
 
 @internal
-def _driven_end(polynomial, scale, h, step):
-    """Fill in y, y' and y'' at the nodes of a step of h [s] of a polynomial in time over a scale [s]."""
+def _follow(polynomial, constant, scale, h, step, channel):
+    """Fill in value and two derivatives at the nodes of a step of h [s] of a polynomial in time over a scale [s]."""
     for i in range(ORDER + 1):
         u, value, slope, bend = NODES[i] * h / scale, 0.0, 0.0, 0.0
         for j in range(len(polynomial) - 1, -1, -1):
             bend = bend * u + 2 * slope
             slope = slope * u + value
-            value = value * u + polynomial[j]
-        step[0, i], step[1, i], step[2, i] = value, slope / scale, bend / scale**2
+            value = value * u + (polynomial[j] if j > 0 else constant)
+        step[channel, i], step[channel + 1, i], step[channel + 2, i] = value, slope / scale, bend / scale**2
 
 
-@internal
+@inlined
 def _eliminate(matrix, right):
     """Solve a small system in place by Gauss elimination with partial pivoting; faster than a library at this size."""
     n = len(right)
@@ -274,45 +281,48 @@ def _eliminate(matrix, right):
 
 
 @internal
-def _collocate(cart, state, within, springs, h, step):
+def _collocate(cart, state, within, h, step):
     """Fill in e, e' and e'' at the nodes of a step of h [s] of a sliding cart; returns true for a converged solution.
 
-    The unknowns are e'' at all nodes but the first.
+    The unknowns are e'' at all nodes.
     """
-    n, (stiffness, driven, constant) = ORDER, springs
-    y, pace, change, turn = step[0], step[1], step[2], state[TURN]
-    elongation, rate = state[ELONGATION], pace[0] - state[VELOCITY]
-    bend, matrix, gap = np.zeros(n), np.empty((n, n)), np.empty(n)
+    n, flank, zone, limit = ORDER + 1, state[FLANK], state[ZONE], NEWTON_TOLERANCE * cart.tolerance
+    matrix, gap, worst = np.empty((n, n)), np.empty(n), np.inf
+    step[3, 0], step[4, 0] = state[ELONGATION], step[1, 0] - state[VELOCITY]
+    for i in range(n):
+        step[5, i] = 0.0
     for _ in range(NEWTON_STEPS):
-        r = rate + h * (INTEGRATION @ bend)
-        e = elongation + h * (INTEGRATION @ r)
+        for k in range(4, 2, -1):
+            for i in range(1, n):
+                step[k, i] = step[k, 0] + h * _product(FROM_START, i, step[k + 1])
         worst = 0.0
         for i in range(n):
-            a = change[i + 1] - bend[i]
-            travel = within.slip * (y[i + 1] - e[i] - turn)
-            force, damping, mass, steep = _resistance(cart, within, pace[i + 1] - r[i], a, travel)
-            gap[i] = cart.mass * a + force - stiffness * e[i] - cart.damping * r[i] + driven * y[i + 1] - constant
-            worst = max(worst, abs(gap[i])) if math.isfinite(gap[i]) else np.inf
+            y, e, rate, a = step[0, i], step[3, i], step[4, i], step[2, i] - step[5, i]
+            travel = within.slip * (y - e - state[TURN])
+            force, damping, mass, steep = _resistance(cart, within, step[1, i] - rate, a, travel)
+            pull, stiffness, _ = _pull(cart, flank, zone, y, e, rate)
+            gap[i] = cart.mass * a + force - pull
+            if not abs(gap[i]) <= worst:
+                worst = abs(gap[i]) if math.isfinite(gap[i]) else np.inf
             for j in range(n):
-                matrix[i, j] = (cart.damping + damping) * h * INTEGRATION[i, j]
-                matrix[i, j] += (stiffness + steep) * h**2 * INTEGRATION_TWICE[i, j]
+                matrix[i, j] = (cart.damping + damping) * h * FROM_START[i, j]
+                matrix[i, j] += (stiffness + steep) * h**2 * TWICE_FROM_START[i, j]
             matrix[i, i] += cart.mass + mass
-        if worst <= NEWTON_TOLERANCE * cart.tolerance or worst == np.inf:
+        if worst <= limit or worst == np.inf:
             break
         _eliminate(matrix, gap)
-        bend += gap
-    step[3, 0], step[3, 1:] = elongation, e
-    step[4, 0], step[4, 1:] = rate, r
-    force, _, mass, _ = _resistance(cart, within, state[VELOCITY], 0.0, within.slip * (y[0] - elongation - turn))
-    pull = stiffness * elongation + cart.damping * rate - driven * y[0] + constant
-    step[5, 0], step[5, 1:] = change[0] - (pull - force) / (cart.mass + mass), bend
-    return worst <= NEWTON_TOLERANCE * cart.tolerance
+        for i in range(n):
+            step[5, i] += gap[i]
+    return worst <= limit
 
 
 @internal
-def _tail(values):
-    """Larger of the last two Chebyshev coefficients of nodal values."""
-    return np.abs(TAIL @ values).max()
+def _product(matrix, row, values):
+    """Product of a row of a matrix and values."""
+    total = 0.0
+    for j in range(len(values)):
+        total += matrix[row, j] * values[j]
+    return total
 
 
 @internal
@@ -343,96 +353,95 @@ def _sign_change(coefficients, low, high):
 
 
 @internal
-def _earlier(first, values, candidate):
-    """Earlier of an event (u, event) and of a candidate, the fall of nodal values below zero."""
-    lowest, span = values.min(), values.max() - values.min()
-    if lowest > span:  # no interpolated value is negative
-        return first
-    slopes = DIFFERENTIATION @ values
-    for i in range(ORDER):
-        low, high = NODES[i], NODES[i + 1]
-        if low >= first[0]:
-            break
-        if values[i + 1] >= 0:  # a minimum between both nodes may be negative
-            if not slopes[i] < 0 < slopes[i + 1]:
-                continue
-            if values[i] + values[i + 1] + (slopes[i] - slopes[i + 1]) * (high - low) / 2 > 0:  # of both tangents
-                continue
-            high = _sign_change(TO_CHEBYSHEV @ slopes, low, high)
-        coefficients = TO_CHEBYSHEV @ values
-        if _value(coefficients, high) < 0:
-            place = _sign_change(coefficients, low, high) if values[i] > 0 else low
-            return (place, candidate) if place < first[0] else first
-    return first
-
-
-@internal
-def _first_event(cart, state, within, springs, limits, step):
-    """First event of a step (u, event); (1, NO_EVENT) without one."""
-    slip, flank, zone = within.slip, state[FLANK], state[ZONE]
-    y, e, velocity = step[0], step[3], step[1] - step[4]
-    fastest = cart.pieces[cart.firsts[FORCE + 1] - 1, 1]
-    stiffness, _, constant = _spring_force(cart, flank, 0.0)
-    force, band = stiffness * e + constant + cart.damping * step[4], BAND * cart.force_scale
-    margin = FORCE_BAND * cart.force_scale
-    side = force[0] if abs(force[0]) > margin else np.dot(START_SLOPE, force)
-    first = _earlier((1.0, NO_EVENT), (force if side >= 0 else -force) + margin, PASSED)
-    if slip == 0:
-        pull = springs[0] * e - springs[1] * y + springs[2] + cart.damping * step[4]
-        first = _earlier(first, limits[1] + HOLD * cart.force_scale - pull, PASSED)
-        first = _earlier(first, pull - limits[0] + HOLD * cart.force_scale, PASSED)
-    else:
-        low, high = (within.low, within.high) if slip > 0 else (-within.high, -within.low)
-        speed = slip * velocity
-        first = _earlier(first, speed - low * (1 - BAND) + REST_BAND * fastest, STOPPED if low == 0 else PASSED)
-        if high < np.inf:
-            first = _earlier(first, high * (1 + BAND) + REST_BAND * fastest - speed, PASSED)
-        if within.farthest < np.inf:
-            first = _earlier(first, within.farthest * (1 + BAND) - slip * (y - e - state[TURN]), PASSED)
-        if 0 < cart.rate_limit < np.inf:
-            a, limit = step[2] - step[5], cart.rate_limit * speed
-            for sign in (1.0, -1.0):
-                if within.saturation == 0:
-                    first = _earlier(first, limit - sign * a + band / cart.mass, PASSED)
-                elif within.saturation == sign:
-                    first = _earlier(first, sign * a - limit + band / cart.mass, PASSED)
-        for side in (1.0, -1.0):
-            if cart.end_length > 0 and zone != -side:
-                into = side * (y - e) - (cart.end_length if side > 0 else cart.end_length - cart.stroke)
-                if zone == side:
-                    first = _earlier(first, PLATE_BAND * cart.stroke - into, NEW_ZONE)
-                else:
-                    first = _earlier(first, PLATE_BAND * cart.stroke + into, NEW_ZONE + side)
-    if cart.backlash > 0:
-        band /= cart.stiffness
-        for side in (1.0, -1.0):
-            beyond = side * e - cart.backlash / 2
-            if flank == side:
-                first = _earlier(first, beyond + band, NEW_FLANK)
-            elif flank == 0:
-                first = _earlier(first, band - beyond, NEW_FLANK + side)
-    return first
-
-
-@internal
-def _cut(step, u, polynomial, scale, h):
-    """Cut a step of h [s] at u."""
-    _driven_end(polynomial, scale, h * u, step)
-    for k in range(3, CHANNELS):
-        coefficients = TO_CHEBYSHEV @ step[k]
-        for i in range(ORDER + 1):
-            step[k, i] = _value(coefficients, u * NODES[i])
-
-
-@internal
 def _rounded(step):
     """Longest step [s] of a geometric grid up to a step [s]."""
     return 2.0 ** (math.floor(STEPS_PER_OCTAVE * math.log2(step)) / STEPS_PER_OCTAVE)
 
 
 @internal
+def _transform(matrix, values, out):
+    """Fill in the product of a matrix and nodal values."""
+    for i in range(len(values)):
+        out[i] = _product(matrix, i, values)
+
+
+@internal
+def _fall(values, end, slopes, coefficients):
+    """Place in [0, end] where nodal values fall below zero; end without one. Two arrays are for work."""
+    lowest = highest = values[0]
+    for value in values:
+        lowest, highest = value if value < lowest else lowest, value if value > highest else highest
+    if lowest > highest - lowest:  # no interpolated value is negative
+        return end
+    _transform(SLOPES, values, slopes)
+    for i in range(ORDER):
+        low, high = NODES[i], NODES[i + 1]
+        if low >= end:
+            break
+        if values[i + 1] >= 0:  # a minimum between both nodes may be negative
+            if not slopes[i] < 0 < slopes[i + 1]:
+                continue
+            if values[i] + values[i + 1] + (slopes[i] - slopes[i + 1]) * (high - low) / 2 > 0:  # of both tangents
+                continue
+            _transform(CHEBYSHEV, slopes, coefficients)
+            high = _sign_change(coefficients, low, high)
+        _transform(CHEBYSHEV, values, coefficients)
+        if _value(coefficients, high) < 0:
+            place = _sign_change(coefficients, low, high) if values[i] > 0 else low
+            return place if place < end else end
+    return end
+
+
+@internal
+def _find_margins(cart, state, within, limits, step, margins, events):
+    """Fill in the margins to all events of a step at its nodes; an event is the fall of its margin below zero."""
+    slip, flank, zone, scale = within.slip, state[FLANK], state[ZONE], cart.force_scale
+    fastest = cart.pieces[cart.firsts[FORCE + 1] - 1, 1]
+    low, high = (within.low, within.high) if slip > 0 else (-within.high, -within.low)
+    saturates = slip != 0 and 0 < cart.rate_limit < np.inf
+    for k in range(EVENTS):
+        events[k] = PASSED
+        for i in range(ORDER + 1):
+            margins[k, i] = 1.0  # never falls
+    for i in range(ORDER + 1):
+        y, e, rate = step[0, i], step[3, i], step[4, i]
+        speed, a = slip * (step[1, i] - rate), step[2, i] - step[5, i]
+        margins[0, i] = _pull(cart, flank, 0.0, y, e, rate)[0]
+        if slip == 0:
+            pull = _pull(cart, flank, zone, y, e, rate)[0]
+            margins[1, i], margins[2, i] = limits[1] + HOLD * scale - pull, pull - limits[0] + HOLD * scale
+        else:
+            margins[1, i] = speed - low * (1 - BAND) + REST_BAND * fastest
+            if high < np.inf:
+                margins[2, i] = high * (1 + BAND) + REST_BAND * fastest - speed
+            if within.farthest < np.inf:
+                margins[3, i] = within.farthest * (1 + BAND) - slip * (y - e - state[TURN])
+        for k in range(2):
+            side = 1.0 - 2 * k
+            if saturates and within.saturation != -side:
+                margin = cart.rate_limit * speed - side * a
+                margins[4 + k, i] = (margin if within.saturation == 0 else -margin) + BAND * scale / cart.mass
+            if slip != 0 and cart.end_length > 0 and zone != -side:
+                into = side * (y - e) - (cart.end_length if side > 0 else cart.end_length - cart.stroke)
+                margins[6 + k, i] = PLATE_BAND * cart.stroke + (-into if zone == side else into)
+                events[6 + k] = NEW_ZONE if zone == side else NEW_ZONE + side
+            if cart.backlash > 0 and flank != -side:
+                beyond = side * e - cart.backlash / 2
+                margins[8 + k, i] = BAND * scale / cart.stiffness + (beyond if flank == side else -beyond)
+                events[8 + k] = NEW_FLANK if flank == side else NEW_FLANK + side
+    if slip != 0 and low == 0:
+        events[1] = STOPPED
+    start, slope, band = margins[0, 0], 0.0, FORCE_BAND * scale
+    for i in range(ORDER + 1):
+        slope += SLOPES[0, i] * margins[0, i]
+    start = start if abs(start) > band else slope
+    for i in range(ORDER + 1):
+        margins[0, i] = (margins[0, i] if start >= 0 else -margins[0, i]) + band
+
+
+@internal
 def _leave(cart, state, slip, event, step):
-    """State at the end of a step, with its event."""
+    """Set the state at the end of a step, with its event."""
     state[ELONGATION], state[VELOCITY] = step[3, ORDER], step[1, ORDER] - step[4, ORDER]
     if slip == 0 or event == STOPPED:
         state[VELOCITY] = 0.0
@@ -442,111 +451,144 @@ def _leave(cart, state, slip, event, step):
         plate = 2 * (state[ZONE] + event - NEW_ZONE)  # the cart leaves one zone or enters another
         state[ZONE] = event - NEW_ZONE
         if abs(state[VELOCITY]) <= PLATE_REST_SPEED * cart.pieces[cart.firsts[FORCE + 1] - 1, 1]:
-            stiffness, _, constant = _spring_force(cart, state[FLANK], plate)
-            pull = stiffness * state[ELONGATION] + constant + cart.damping * step[1, ORDER]
+            pull = _pull(cart, state[FLANK], plate, step[0, ORDER], state[ELONGATION], step[1, ORDER])[0]
             low, high = _stiction_limits(cart, state, step[0, ORDER] - state[ELONGATION], plate)
             if low <= pull <= high:
                 state[VELOCITY], state[ZONE] = 0.0, plate
 
 
-@internal
-def _shifted(polynomial, start):
-    """Coefficients of p(start + u), in ascending order as those of p."""
-    out, n = polynomial.copy(), len(polynomial)
+@inlined
+def _cut(polynomial, scale, h, u, step, work):
+    """Cut a step of h [s] at u."""
+    for channel in range(0, 3, 3):  # a literal 0 would be compiled anew
+        _follow(polynomial, polynomial[0], scale, h * u, step, channel)
+    for k in range(3, CHANNELS):
+        _transform(CHEBYSHEV, step[k], work)
+        for i in range(ORDER + 1):
+            step[k, i] = _value(work, u * NODES[i])
+
+
+@inlined
+def _largest_speed(step):
+    """Largest speed of the cart at the nodes of a step [m/s]."""
+    largest = 0.0
+    for i in range(ORDER + 1):
+        speed = abs(step[1, i] - step[4, i])
+        largest = speed if speed > largest else largest
+    return largest
+
+
+@inlined
+def _shift(polynomial, start, out):
+    """Fill in the coefficients of p(start + u), in ascending order as those of p."""
+    n = len(out)
+    for i in range(n):
+        out[i] = polynomial[i]
     for i in range(n):
         for j in range(n - 2, i - 1, -1):
             out[j] += start * out[j + 1]
-    return out
 
 
-@internal
+@inlined
 def _direction(cart, state, limits, pull):
     """Direction in which a cart moves or starts under a pull [N]; 0 where friction or a plate holds it."""
     margin = HOLD / 2 * cart.force_scale
     if state[VELOCITY] != 0:
-        return np.sign(state[VELOCITY])
+        return 1.0 if state[VELOCITY] > 0 else -1.0
     if limits[1] - limits[0] <= margin:
         return 1.0 if pull >= 0 else -1.0
     return 1.0 if pull > limits[1] + margin else -1.0 if pull < limits[0] - margin else 0.0
 
 
-@internal
-def _attempt(cart, state, within, springs, polynomial, scale, h, step):
+@inlined
+def _attempt(cart, state, within, polynomial, scale, h, step):
     """Fill in a step of h [s]; returns the ratio of the admissible step to it, 0 for failure."""
-    _driven_end(polynomial, scale, h, step)
-    if within.slip == 0:  # the driven end alone moves
-        moved = polynomial.copy()
-        moved[0] = state[ELONGATION]
-        _driven_end(moved, scale, h, step[3:])
+    for channel in range(0, 3 if within.slip != 0 else 6, 3):  # for a cart at rest the driven end alone moves
+        _follow(polynomial, polynomial[0] if channel == 0 else state[ELONGATION], scale, h, step, channel)
+    if within.slip == 0:
         return 1.0
     state[EVALUATIONS] += ORDER
-    if not _collocate(cart, state, within, springs, h, step):
+    if not _collocate(cart, state, within, h, step):
         return 0.0
-    impedance = max(cart.damping, math.sqrt(cart.stiffness * cart.mass))
-    defect = max((cart.stiffness + springs[1]) * _tail(step[3]), impedance * _tail(step[4]))
-    defect = max(defect, cart.mass * _tail(step[5])) / cart.tolerance
-    ratio = SAFETY * max(defect, RESOLVED) ** (-1 / (ORDER - 2))
-    return ratio if defect > 1 else max(ratio, 1.0)
+    impedance, end_stiffness = math.sqrt(cart.stiffness * cart.mass), 0.0
+    if cart.damping > impedance:
+        impedance = cart.damping
+    if abs(state[ZONE]) == NEAR_SPRING:
+        end_stiffness = cart.end_stiffness
+    defect = RESOLVED
+    for k in range(ORDER - 1, ORDER + 1):  # the last two Chebyshev coefficients
+        for channel in range(3, 6):
+            weight = cart.stiffness + end_stiffness if channel == 3 else impedance if channel == 4 else cart.mass
+            size = weight / cart.tolerance * abs(_product(CHEBYSHEV, k, step[channel]))
+            defect = size if size > defect else defect
+    ratio = SAFETY * defect ** (-1 / (ORDER - 2))
+    return ratio if defect > 1 or ratio > 1 else 1.0
 
 
 @compiled
 def advance(cart: SpringCart, law: PiecewisePolynomial, state: Array, rows: Array, attempts: int) -> tuple[int, int]:
     """Continue an integration by at most `attempts` attempts; returns the status and the number of filled rows."""
-    filled, step, fastest = 0, np.empty((CHANNELS, ORDER + 1)), cart.pieces[cart.firsts[FORCE + 1] - 1, 1]
+    filled, fastest = 0, cart.pieces[cart.firsts[FORCE + 1] - 1, 1]
+    step, polynomial = np.empty((CHANNELS, ORDER + 1)), np.empty(law.coefficients.shape[1])
+    margins, events, work = np.empty((EVENTS, ORDER + 1)), np.empty(EVENTS), np.empty((2, ORDER + 1))
     for _ in range(attempts):
-        i = int(state[PIECE])
-        if i == len(law.coefficients):
+        piece = int(state[PIECE])
+        if piece == len(law.coefficients):
             return DONE, filled
-        width = law.breaks[i + 1] - law.breaks[i]
+        width = law.breaks[piece + 1] - law.breaks[piece]
         remaining = (1 - state[FRACTION]) * width
         state[ATTEMPTS] += 1
         if state[STEP] < MIN_STEP * width or state[ATTEMPTS] > MAX_ATTEMPTS:
-            raise RuntimeError(STEP_TOO_SHORT)
+            return STEP_TOO_SHORT, filled
 
-        # forces and direction of the motion
-        polynomial = _shifted(law.coefficients[i], state[FRACTION])
+        # motion of the driven end from here on, forces and direction of the cart
+        _shift(law.coefficients[piece], state[FRACTION], polynomial)
         y, rate = polynomial[0], polynomial[1] / width - state[VELOCITY]
         position, zone = y - state[ELONGATION], state[ZONE]
-        springs = _spring_force(cart, state[FLANK], zone)
-        pull = springs[0] * state[ELONGATION] - springs[1] * y + springs[2] + cart.damping * rate
+        pull = _pull(cart, state[FLANK], zone, y, state[ELONGATION], rate)[0]
         limits = _stiction_limits(cart, state, position, zone)
         slip = _direction(cart, state, limits, pull)
         if slip == -state[HEADING]:
             state[HEADING], state[TURN] = slip, position
         if abs(zone) == AT_NEAR_PLATE and slip != 0:  # the cart leaves its plate
             state[ZONE] = zone / 2 if slip == -zone / 2 else 0.0
-            springs = _spring_force(cart, state[FLANK], state[ZONE])
-            pull = springs[0] * state[ELONGATION] - springs[1] * y + springs[2] + cart.damping * rate
+            pull = _pull(cart, state[FLANK], state[ZONE], y, state[ELONGATION], rate)[0]
         within = _smooth_range(cart, slip, state[VELOCITY], slip * (position - state[TURN]), pull)
 
-        # one attempt
-        h = remaining if slip == 0 and state[ATTEMPTS] == 1 else min(state[STEP], remaining)
-        ratio = _attempt(cart, state, within, springs, polynomial, width, h, step)
-        end, event = (1.0, NO_EVENT) if ratio == 0 else _first_event(cart, state, within, springs, limits, step)
+        # one attempt, up to its first event
+        h = remaining if (slip == 0 and state[ATTEMPTS] == 1) or state[STEP] > remaining else state[STEP]
+        ratio, end, event = _attempt(cart, state, within, polynomial, width, h, step), 1.0, NO_EVENT
+        _find_margins(cart, state, within, limits, step, margins, events)
+        for k in range(EVENTS if ratio > 0 else 0):
+            place = _fall(margins[k], end, work[0], work[1])
+            end, event = (place, events[k]) if place < end else (end, event)
         if ratio < 1:  # where an event ends a step that is too long, it may be the reason
-            state[STEP] = _rounded(h * max(ratio, MIN_RATIO, OVERSHOOT * end if end < SAFETY else 0.0))
+            ratio = MIN_RATIO if ratio < MIN_RATIO else ratio
+            state[STEP] = _rounded(h * (OVERSHOOT * end if ratio < OVERSHOOT * end and end < SAFETY else ratio))
             continue
         if slip == 0:
             if end < 0.25 and h > 8 * MIN_STEP * width:  # a shorter step locates the breakaway behind a stiff spring
-                state[STEP] = _rounded(max(2 * end * h, 4 * MIN_STEP * width))
+                state[STEP] = _rounded(2 * end * h if end * h > 2 * MIN_STEP * width else 4 * MIN_STEP * width)
                 continue
         else:
-            state[STEP] = max(_rounded(h * ratio), state[STEP] if h == remaining else 0.0)
+            longer = _rounded(h * ratio)
+            state[STEP] = state[STEP] if h == remaining and state[STEP] > longer else longer
         if end < 1:
-            _cut(step, end, polynomial, width, h)
-        if np.abs(step[1] - step[4]).max() > fastest:
+            _cut(polynomial, width, h, end, step, work[0])
+        if _largest_speed(step) > fastest:
             return SPEED_BEYOND_TABLE, filled
 
         # accept it
         if end * h > MIN_STEP * width:
             row = rows[filled]
-            row[0], row[1], row[2] = law.breaks[i] + state[FRACTION] * width, end * h, slip
+            row[0], row[1], row[2] = law.breaks[piece] + state[FRACTION] * width, end * h, slip
             row[3], row[4], row[5] = state[FLANK], state[ZONE], state[TURN]
-            row[ROW_HEAD:] = step.ravel()
+            for k in range(step.size):
+                row[ROW_HEAD + k] = step.flat[k]
             filled += 1
             state[ATTEMPTS] = 0
         _leave(cart, state, slip, event, step)
         state[FRACTION] += end * h / width
         if (event == NO_EVENT and h == remaining) or state[FRACTION] > 1 - MIN_STEP:
-            state[PIECE], state[FRACTION] = i + 1, 0.0
+            state[PIECE], state[FRACTION] = piece + 1, 0.0
     return PAUSED, filled
