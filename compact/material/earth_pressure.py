@@ -19,6 +19,8 @@ D. C. Drucker and W. Prager, Soil mechanics and plastic analysis or limit design
 J. Jaky, A nyugalmi nyomas tenyezoje, J. Soc. Hungarian Architects and Engineers 78 (1944) 355-358 (K0 = 1 - sin phi).
 """
 
+from typing import Any
+
 import numpy as np
 
 from compact.material.laws import DruckerPragerCap
@@ -108,16 +110,10 @@ def earth_pressure_bounds(friction_slope: float, pressure: float, tensile_streng
     return float(low), float(high)
 
 
-def drucker_prager_cap(
-    *,
-    friction_angle: float,
-    cohesion: float,
-    earth_pressure_coefficient: float,
-    pressure: float,
-    dilatancy_angle: float = 0.0,
-    **others: float | None,
-) -> DruckerPragerCap:
-    """Return the law of angles, cohesion and earth pressure whose confined compression follows a Heckel curve.
+def drucker_prager_slopes(
+    friction_angle: float, cohesion: float, earth_pressure_coefficient: float, pressure: float, dilatancy_angle: float
+) -> dict[str, float]:
+    """Return slopes and tensile strength of a cap with a shear line, by the names of `DruckerPragerCap`.
 
     Parameters
     ----------
@@ -129,12 +125,6 @@ def drucker_prager_cap(
         K0 of confined compression [-].
     pressure : float
         Vertical stress at which K0 holds [Pa].
-    **others
-        Further parameters of `DruckerPragerCap`; `heckel_slope` is that of confined compression.
-
-    Returns
-    -------
-    DruckerPragerCap
 
     Raises
     ------
@@ -147,16 +137,32 @@ def drucker_prager_cap(
     low, high = earth_pressure_bounds(M, pressure, strength)
     if not low < earth_pressure_coefficient <= high:
         raise ValueError(
-            f"`earth_pressure_coefficient` must lie between {low:.4f} and {high:.4f} for a friction angle of "
-            f"{friction_angle:g} degrees at {pressure / 1e3:.4g} kPa, got {earth_pressure_coefficient:.4f}: below, mix "
-            "in confined compression would slide along the shear line; above, the cap would be flatter than the line; "
-            "give `mix.overrides.earth_pressure_coefficient` or another `friction_angle`"
+            f"`earth_pressure_coefficient` must be between {low:.4f} and {high:.4f} for a friction angle of "
+            f"{friction_angle:g} degrees and a cohesion of {cohesion / 1e3:g} kPa at {pressure / 1e3:.4g} kPa, got "
+            f"{earth_pressure_coefficient:.4f}: below, confined mix would slide along the shear line; above, the cap "
+            "would be flatter than the line; change the coefficient, `friction_angle` or the cohesion"
         )
-    return DruckerPragerCap(
-        critical_slope=cap_slope(earth_pressure_coefficient, pressure, strength),
-        tensile_strength=strength,
-        heckel_test="confined",
-        friction_slope=M,
-        dilatancy_slope=N,
-        **others,  # type: ignore[arg-type]
-    )
+    slope = cap_slope(earth_pressure_coefficient, pressure, strength)
+    return {"critical_slope": slope, "tensile_strength": strength, "friction_slope": M, "dilatancy_slope": N}
+
+
+def drucker_prager_cap(
+    *,
+    friction_angle: float,
+    cohesion: float,
+    earth_pressure_coefficient: float,
+    pressure: float,
+    dilatancy_angle: float = 0.0,
+    **others: Any,
+) -> DruckerPragerCap:
+    """Return the law of angles, cohesion and earth pressure whose confined compression follows a Heckel curve.
+
+    Parameters
+    ----------
+    friction_angle, cohesion, earth_pressure_coefficient, pressure, dilatancy_angle : float
+        As of `drucker_prager_slopes`.
+    **others
+        Further parameters of `DruckerPragerCap`; `heckel_slope` is that of confined compression.
+    """
+    slopes = drucker_prager_slopes(friction_angle, cohesion, earth_pressure_coefficient, pressure, dilatancy_angle)
+    return DruckerPragerCap(heckel_test="confined", **slopes, **others)

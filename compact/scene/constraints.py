@@ -17,7 +17,7 @@ from typing import Any
 
 from compact.engines import ENGINES
 from compact.machine.drives import DRIVES
-from compact.material.earth_pressure import earth_pressure_bounds, matched_slopes
+from compact.material.earth_pressure import drucker_prager_slopes
 from compact.material.mix import prior, scaled_fits
 from compact.scene.choices import NIP_ANGLE, STROKES_LIMIT
 from compact.scene.engine_capabilities import refusals
@@ -267,6 +267,9 @@ def _front_guide_is_in_front(positions):
         return f"front must be greater than rear, got [{front:g}, {rear:g}]; give [front, rear], + towards the drive"
 
 
+SLOPES = ("friction_angle", "cohesion_loose", "earth_pressure_coefficient", "required_pressure", "dilatancy_angle")
+
+
 @rule(
     "mix.overrides.earth_pressure_coefficient", "mix.law", "mix.moisture", "mix.density_ratio", "mix.overrides",
     "mix.fitted_at",
@@ -277,17 +280,9 @@ def _cap_has_the_earth_pressure(_, law, moisture, density_ratio, overrides, fitt
     given = {name: value for name, value in (overrides or {}).items() if value is not None}
     try:
         mix = prior(moisture, density_ratio, given | scaled_fits(moisture, density_ratio, given, fitted_at))
-        slope, _ = matched_slopes(mix.friction_angle, mix.dilatancy_angle)
+        drucker_prager_slopes(*(getattr(mix, name) for name in SLOPES))
     except ValueError as error:
         return str(error)
-    strength = mix.cohesion_loose / math.tan(math.radians(mix.friction_angle))
-    low, high = earth_pressure_bounds(slope, mix.required_pressure, strength)
-    if not low < mix.earth_pressure_coefficient <= high:
-        return (
-            f"must be between {low:.4f} and {high:.4f} for a friction angle of {mix.friction_angle:g} degrees and a "
-            f"cohesion of {mix.cohesion_loose / 1e3:g} kPa, got {mix.earth_pressure_coefficient:.4g}: below, confined "
-            "mix would slide along the shear line; above, the cap would be flatter; change one of the three"
-        )
 
 
 @rule("layer.plies", "product.height", "layer.lift_thickness")

@@ -227,7 +227,7 @@ def test_jakys_coefficient_at_45_degrees_requires_cohesion():
     least = bound_of_45_degrees()
     assert least == pytest.approx(9751, abs=1)
     for cohesion in (0.0, least - 1):
-        with pytest.raises(ValueError, match=r"must lie between 0\.\d+ and 0\.\d+ for a friction angle of 45 degrees"):
+        with pytest.raises(ValueError, match=r"must be between 0\.\d+ and 0\.\d+ for a friction angle of 45 degrees"):
             law(45.0, cohesion=cohesion)
     mix = law(45.0, cohesion=10e3)
     stress, coefficient, k = oedometer(mix, PRESSURE)[-1]
@@ -240,7 +240,7 @@ def test_jakys_coefficient_at_45_degrees_requires_cohesion():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: law(35.0, 0.85), r"`earth_pressure_coefficient` must lie between .* got 0.8500"),
+        (lambda: law(35.0, 0.85), r"`earth_pressure_coefficient` must be between .* got 0.8500"),
         (lambda: matched_slopes(0.0, 0.0), "friction_angle"),
         (lambda: matched_slopes(30.0, 31.0), "dilatancy_angle"),
         (lambda: replace(law(), friction_slope=2.0), "`friction_slope` must be at most"),

@@ -144,9 +144,12 @@ RULES = [  # between the keys
     (lift(density_ratio=0.9), "layer.lower_lift.density_ratio: must be above layer.fed_density_ratio = 0.94, got 0.9"),
     (
         CAP | {"mix.overrides.friction_angle": 46.0},
-        "mix.overrides.earth_pressure_coefficient: must be between 0.2… 46 ",
+        "mix.overrides.earth_pressure_coefficient: … must be between 0.2… 46 ",
     ),
-    (CAP | {"mix.overrides.earth_pressure_coefficient": 0.3}, "mix.overrides.earth_pressure_coefficient: must be b"),
+    (
+        CAP | {"mix.overrides.earth_pressure_coefficient": 0.3},
+        "mix.overrides.earth_pressure_coefficient: … must be between",
+    ),
     (CAP | {"mix.overrides.dilatancy_angle": 36.0}, "mix.overrides.earth_pressure_coefficient: `dilatancy_angle` must"),
 ]
 ENGINES = [  # values that the engine of a scene does not accept
