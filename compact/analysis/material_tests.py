@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+from compact.analysis.mix_laws import compaction_material, scene_mix
 from compact.material import cap_plasticity
 from compact.material.drucker_prager_cap import return_to_line
 from compact.material.elliptic_cap import return_map
@@ -26,6 +27,7 @@ from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
+from compact.scene.loader import Scene
 
 STEPS = 200  # [-], of one test
 AXIAL_STRAIN = 0.05  # [-], at the end of biaxial, unconfined and shear tests
@@ -212,6 +214,12 @@ class LaboratoryProgramme:
         sine = (slope - 1) / (slope + 1)
         cohesion = unconfined * (1 - sine) / (2 * np.sqrt(1 - sine**2))
         return float(np.degrees(np.arcsin(sine))), float(cohesion)
+
+
+def programme_of(scene: Scene) -> LaboratoryProgramme:
+    """Return the tests of the mix of a scene, up to its required pressure."""
+    mix = scene_mix(scene)
+    return LaboratoryProgramme(compaction_material(scene, mix), scene.mix.density_ratio, mix.required_pressure)
 
 
 def _update_of_mix(material: Compaction, confining: float, density_ratio: float) -> StateUpdate:

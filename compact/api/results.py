@@ -3,25 +3,29 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compact.analysis.contact_cases import contact_inputs, prescribed_target
-from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest
-from compact.analysis.mix_laws import compaction_material, scene_mix
+from compact.analysis.contact_cases import contact_inputs, contact_record, contact_speeds, prescribed_target
+from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest, programme_of
+from compact.analysis.mix_laws import scene_mix
 from compact.analysis.pore_air import has_air
-from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.ranking_uncertainty import Place, places
+from compact.analysis.stages.contacts import ContactStage, contact_stage
+from compact.analysis.stages.drives import Stages, build_stages
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.api.fields import Fields
+from compact.drive import rank
+from compact.engines.column.engine import roll
 from compact.engines.column.state_update_columns import required_height
 from compact.machine.ranking import CRITERIA
 from compact.material.state_update import StateUpdate
 from compact.motion.profile import MotionProfile
 from compact.motion.tabulated import from_function, from_table
 from compact.numerics import Array
-from compact.numerics.validation import require_instance
+from compact.numerics.validation import as_numbers, require_instance, require_known
 from compact.quantities import CONTACT, MOTION, SPEED, Quantity
 from compact.report.tables import TableSpec, Tabular
 from compact.resistance import ResistanceMap
@@ -30,9 +34,6 @@ from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from compact.analysis.stages.contacts import ContactStage
-    from compact.analysis.stages.drives import Stages
 
 STROKE_TOLERANCE = 1e-3  # [-], difference of an own law from stroke and duration of the scene, over these
 PLOTTED_SPEEDS = 9  # [-], of a resistance without samples
@@ -63,10 +64,27 @@ class Contacts(Tabular, Sequence[Contact]):
 
     records: tuple[Contact, ...]
     passes: tuple[tuple[Contact, ...], ...]
-    stage: "ContactStage"
+    stage: ContactStage
     title: str = ""
 
     _index, _quantities = "speed", CONTACT | OWN_CONTACT
+
+    @classmethod
+    def of(cls, scene: Scene, speeds: float | Sequence[float] | None, material: StateUpdate | None) -> Self:
+        """Compute the contacts of a scene, see `Scene.roll`."""
+        stage = contact_stage(scene, scene_mix(scene))
+        given = as_numbers("speeds", contact_speeds(scene) if speeds is None else speeds)
+        if given.ndim > 1 or not given.size:
+            raise ValueError(f"`speeds` must hold at least one speed, got {given.tolist()}; give a list in m/s")
+        records, passes = [], list[tuple[Contact, ...]]()
+        for speed in map(float, np.atleast_1d(given)):
+            if material is None:
+                passes.append(stage.passes_at(speed, passes[-1] if passes else None))
+            else:
+                passes.append((roll_material(scene, material, speed),))
+            air = stage.air_forces_of(passes[-1][0], speed) if material is None else None
+            records.append(contact_record(scene.accuracy.engine, speed, passes[-1], air))
+        return cls(tuple(records), tuple(passes), stage, scene.title)
 
     def __getitem__(self, index: Any) -> Any:
         return [first for first, *_ in self.passes][index]
@@ -144,8 +162,17 @@ class CartResistance(Tabular):
     largest_acceleration: float
     error: float | None
 
-    _index = "speed"
-    _quantities = RESISTANCE
+    _index, _quantities = "speed", RESISTANCE
+
+    @classmethod
+    def of(cls, scene: Scene) -> Self:
+        """Compute the resistance of a scene, see `Scene.resistance`."""
+        stages = build_stages(scene)
+        law, peaks = stages.resistance.resistance, [each.forward.peaks() for each in stages.laws.prescribed.values()]
+        fastest = max((each.velocity for each in peaks), default=scene.mean_speed)
+        strongest = max((each.acceleration for each in peaks), default=0.0)
+        known = getattr(law, "speeds", (fastest,))[-1]
+        return cls(law, scene.accuracy.engine, float(known), float(strongest), stages.resistance.error)
 
     def __call__(self, velocity: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:
         """Return the resistance [N], of the common shape of velocity and acceleration."""
@@ -194,9 +221,18 @@ class Ranking(Tabular, Sequence[Place]):
 
     by: str
     places: tuple[Place, ...]
-    stages: "Stages"
+    stages: Stages
 
     _index = "rank"
+
+    @classmethod
+    def of(cls, scene: Scene, by: str, laws: Mapping[str, OwnLaw], resistance: "CartResistance | Any | None") -> Self:
+        """Rank the laws of a scene, see `Scene.rank`."""
+        require_known("criterion", by, tuple(CRITERIA))
+        given = resistance.law if isinstance(resistance, CartResistance) else resistance
+        stages = build_stages(scene, own_laws=own_laws(scene, laws), own_resistance=given)
+        order = rank(stages.drive.runs.values(), by)
+        return cls(by, tuple(places(order, by, stages.drive.heavier_runs)), stages)
 
     def __getitem__(self, index: Any) -> Any:
         return self.places[index]
@@ -244,6 +280,11 @@ class LaboratoryTests(Tabular, Sequence[MaterialTest]):
 
     programme: LaboratoryProgramme
     name: str
+
+    @classmethod
+    def of(cls, scene: Scene) -> Self:
+        """Return the tests of the mix of a scene, see `Scene.laboratory_tests`."""
+        return cls(programme_of(scene), f"the mix, law {scene.mix.law}")
 
     def __getitem__(self, index: Any) -> Any:
         return self.programme.tests[index]
@@ -297,23 +338,6 @@ def laboratory_tests(material: StateUpdate, pressure: float) -> LaboratoryTests:
     return LaboratoryTests(LaboratoryProgramme(material, None, pressure), material.name)
 
 
-def tests_of_mix(scene: Scene) -> LaboratoryTests:
-    """Apply the laboratory tests to the mix of a scene, as `compact material` does.
-
-    Parameters
-    ----------
-    scene : Scene
-        Scene, of any engine.
-
-    Returns
-    -------
-    LaboratoryTests
-    """
-    mix = scene_mix(scene)
-    programme = LaboratoryProgramme(compaction_material(scene, mix), scene.mix.density_ratio, mix.required_pressure)
-    return LaboratoryTests(programme, f"the mix, law {scene.mix.law}")
-
-
 def roll_material(scene: Scene, material: StateUpdate, speed: float) -> Contact:
     """Compute the contact of one roller of a scene over an own material.
 
@@ -351,8 +375,6 @@ def roll_material(scene: Scene, material: StateUpdate, speed: float) -> Contact:
         ratio = scene.mix.density_ratio
         layer = replace(layer, height=required_height(scene.lift_thickness, ratio, material))
         options["exit_density_ratio"] = ratio
-    from compact.engines.column.engine import roll
-
     return roll(layer, roller, material, speed, **options)
 
 

@@ -60,28 +60,9 @@ class Scene(loader.Scene):
         RuntimeError
             If a contact does not converge.
         """
-        import numpy as np
+        from compact.api.results import Contacts
 
-        from compact.analysis.contact_cases import contact_record, contact_speeds
-        from compact.analysis.mix_laws import scene_mix
-        from compact.analysis.stages.contacts import contact_stage
-        from compact.api.results import Contacts, roll_material
-        from compact.numerics.validation import as_numbers
-
-        scene = self._by(engine)
-        stage = contact_stage(scene, scene_mix(scene))
-        given = as_numbers("speeds", contact_speeds(scene) if speeds is None else speeds)
-        if given.ndim > 1 or not given.size:
-            raise ValueError(f"`speeds` must hold at least one speed, got {given.tolist()}; give a list in m/s")
-        records, passes = [], list[tuple[Any, ...]]()
-        for speed in map(float, np.atleast_1d(given)):
-            if material is None:
-                passes.append(stage.passes_at(speed, passes[-1] if passes else None))
-            else:
-                passes.append((roll_material(scene, material, speed),))
-            air = stage.air_forces_of(passes[-1][0], speed) if material is None else None
-            records.append(contact_record(scene.accuracy.engine, speed, passes[-1], air))
-        return Contacts(tuple(records), tuple(passes), stage, self.title)
+        return Contacts.of(self._by(engine), speeds, material)
 
     def resistance(self, *, engine: str | None = None) -> "CartResistance":
         """Compute the resistance of the mix to one cart over the speeds of the motion laws.
@@ -96,16 +77,9 @@ class Scene(loader.Scene):
         CartResistance
             A function of velocity [m/s] and acceleration [m/s2].
         """
-        from compact.analysis.stages.drives import build_stages
         from compact.api.results import CartResistance
 
-        scene = self._by(engine)
-        stages = build_stages(scene)
-        law, peaks = stages.resistance.resistance, [each.forward.peaks() for each in stages.laws.prescribed.values()]
-        fastest = max((each.velocity for each in peaks), default=scene.mean_speed)
-        strongest = max((each.acceleration for each in peaks), default=0.0)
-        known = getattr(law, "speeds", (fastest,))[-1]
-        return CartResistance(law, scene.accuracy.engine, float(known), float(strongest), stages.resistance.error)
+        return CartResistance.of(self._by(engine))
 
     def rank(
         self,
@@ -135,20 +109,9 @@ class Scene(loader.Scene):
         -------
         Ranking
         """
-        from compact.analysis.ranking_uncertainty import places
-        from compact.analysis.stages.drives import build_stages
-        from compact.api.results import CartResistance, Ranking, own_laws
-        from compact.drive import rank
-        from compact.machine.ranking import CRITERIA
-        from compact.numerics.validation import require_known
+        from compact.api.results import Ranking
 
-        criterion = self.drive.rank_by[0] if by is None else by
-        require_known("criterion", criterion, tuple(CRITERIA))
-        given = resistance.law if isinstance(resistance, CartResistance) else resistance
-        scene = self._by(engine)
-        stages = build_stages(scene, own_laws=own_laws(scene, laws or {}), own_resistance=given)
-        order = rank(stages.drive.runs.values(), criterion)
-        return Ranking(criterion, tuple(places(order, criterion, stages.drive.heavier_runs)), stages)
+        return Ranking.of(self._by(engine), self.drive.rank_by[0] if by is None else by, laws or {}, resistance)
 
     def sweep(
         self,
@@ -222,9 +185,9 @@ class Scene(loader.Scene):
         -------
         LaboratoryTests
         """
-        from compact.api.results import tests_of_mix
+        from compact.api.results import LaboratoryTests
 
-        return tests_of_mix(self)
+        return LaboratoryTests.of(self)
 
     def study(self, *, engine: str | None = None) -> "Study":
         """Return the whole study of the scene, whose results are computed when first used.

@@ -17,13 +17,11 @@ from compact.files import read_json
 
 def material(scene: ScenePath, /, *, job: OwningJob = OWNING_JOB) -> None:
     """Apply laboratory tests to the mix of a scene: oedometer, isotropic, biaxial, shear, unconfined strength."""
-    from compact.analysis.material_tests import LaboratoryProgramme
-    from compact.analysis.mix_laws import compaction_material, scene_mix
+    from compact.analysis.material_tests import programme_of
     from compact.report.laboratory import material_digest, write_material_tests
 
     given = job.read(scene)
-    mix = scene_mix(given)
-    programme = LaboratoryProgramme(compaction_material(given, mix), given.mix.density_ratio, mix.required_pressure)
+    programme = programme_of(given)
     with job.writing(scene, "material", given) as (place, _):
         write_material_tests(programme, given.mix.law, place)
     content = read_json(place / "material.json")

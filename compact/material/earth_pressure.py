@@ -112,7 +112,7 @@ def earth_pressure_bounds(friction_slope: float, pressure: float, tensile_streng
 
 def drucker_prager_slopes(
     friction_angle: float, cohesion: float, earth_pressure_coefficient: float, pressure: float, dilatancy_angle: float
-) -> dict[str, float]:
+) -> dict[str, Any]:
     """Return slopes and tensile strength of a cap with a shear line, by the names of `DruckerPragerCap`.
 
     Parameters
