@@ -30,7 +30,7 @@ from compact.engines.compaction import engine as compaction
 from compact.machine.ranking import is_tie
 from compact.report.progress import tracked
 from compact.resistance import ResistanceMap
-from compact.scene.engine_capabilities import adapt
+from compact.scene.constraints import adapt
 from compact.scene.loader import load_scene
 from compact.sweep import design as vary
 

@@ -31,7 +31,7 @@ from compact.rolling_contact import (
     Ply,
     Roller,
 )
-from compact.scene.engine_capabilities import adapt
+from compact.scene.constraints import adapt
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
@@ -133,7 +133,7 @@ def hold_quantity(scene: Scene, mix: Mix, reference: Contact | None = None) -> H
 def contact_inputs(
     scene: Scene, mix: Mix, engine: str, speed: float, held: HeldQuantity | None = None
 ) -> tuple[Layer, Roller, Elastic | Viscoelastic | Compaction]:
-    """Convert a scene to the arguments of an engine, with the replacements of `engine_capabilities.adapt`.
+    """Convert a scene to the arguments of an engine, with the replacements of `constraints.adapt`.
 
     Parameters
     ----------

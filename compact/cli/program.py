@@ -225,7 +225,7 @@ def cam(
     tolerance
         largest deviation in m of a follower on the exported points from its law
     """
-    from compact.scene.choices import LAW_NAMES
+    from compact.scene.schema import LAW_NAMES
 
     given = job.read(scene, **{"motion.laws": (law,)} if law in LAW_NAMES else {})
 

@@ -15,14 +15,13 @@ from itertools import pairwise
 from operator import gt, lt
 from typing import Any
 
-from compact.engines import ENGINES
+from compact.engines import BUILT_IN, ENGINES
+from compact.engines.interface import Limit
 from compact.machine.drives import DRIVES
 from compact.material.earth_pressure import drucker_prager_slopes
 from compact.material.mix import prior, scaled_fits
-from compact.scene.choices import NIP_ANGLE, STROKES_LIMIT
-from compact.scene.engine_capabilities import refusals
 from compact.scene.errors import Key, Mistake, Source
-from compact.scene.schema import unit_of
+from compact.scene.schema import NIP_ANGLE, STROKES_LIMIT, unit_of
 
 OIL_SHARE = 0.02  # [-], of the stroke, by which oil may yield; a cart overshoots its stroke by up to half of this
 GUARD = 1 + 1e-9  # [-], relative rounding margin; the published machine satisfies 2R + B_T = stroke exactly
@@ -101,8 +100,72 @@ def rule(*keys: str, into: list[Rule] = RULES) -> Callable[[Broken], Broken]:
     return enter
 
 
-for _keys, _broken in refusals():
-    rule(*_keys)(_broken)
+# Limits of the engines. An absent key has a default: an engine that does not accept it computes with the nearest
+# accepted value, and the results state the replacement. A key that the scene sets is never replaced, but refused. A
+# `fixed` limit has no alternative (half-plane theory has one gap geometry): it replaces the value in both cases.
+
+
+def adapt(scene: Any, engine: str) -> tuple[Any, tuple[str, ...]]:
+    """Replace the values that an engine does not accept by the nearest accepted ones.
+
+    Returns
+    -------
+    scene : Scene
+        Unvalidated copy for the engine.
+    sentences : tuple of str
+        One for each replaced key, such as "spectral: frictionless roller in place of the free roller, as ...".
+    """
+    friction, sentences = scene.mix.overrides.steel_friction, []
+    for limit in ENGINES[engine].limits:
+        value = limit.value_in(scene)
+        if limit.takes(value, friction) or (scene.is_set(limit.key) and not limit.fixed):
+            continue
+        sentences.append(replaced(engine, limit, value))
+        table, key = limit.key.split(".")
+        part = getattr(scene, table).model_copy(update={key: limit.taken[0]})
+        scene = scene.model_copy(update={table: part})
+    return scene, tuple(sentences)
+
+
+def replaced(engine: str, limit: Limit, value: object) -> str:
+    """Return the sentence on a replaced value."""
+    return f"{engine}: {limit.key} {_shown(limit.taken[0])} in place of {_shown(value)}, as {limit.why}"
+
+
+def _shown(value):
+    """Return a value in words; a table and a list of tables by their kind."""
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, int | float):
+        return f"{value:g}"
+    return "absent" if value is None else f"{len(value)} plies" if isinstance(value, tuple) else "lower lift"
+
+
+def _refusal(key, value, chosen, friction):
+    limits = [each for each in ENGINES[chosen].limits if each.key == key and not (each.fixed or each.late)]
+    if value is None or all(each.takes(value, friction) for each in limits):
+        return None
+    able = [
+        name
+        for name, engine in BUILT_IN.items()
+        if not engine.reads("process")  # no alternative to an engine of a single pass
+        and all(each.takes(value, friction) for each in engine.limits if each.key == key)
+    ]
+    remedy = f"give {_listed(limits[0].taken)}" if any(limits[0].taken) else "take the key out"
+    is_number = isinstance(value, int | float)
+    got = f"{key.rpartition('.')[2]} of {value:g}" if is_number else _shown(value)
+    return (
+        f'the engine "{chosen}" takes no {got}, as {limits[0].why}; {remedy}, or choose '
+        f"accuracy.engine = {_listed(able)}"
+    )
+
+
+def _listed(values):
+    return " or ".join(map(_shown, values))
+
+
+for _key in dict.fromkeys(limit.key for engine in BUILT_IN.values() for limit in engine.limits):
+    rule(_key, "accuracy.engine", "mix.overrides.steel_friction")(partial(_refusal, _key))
 
 
 HOLDS: dict[str, Callable[[float, float], bool]] = {

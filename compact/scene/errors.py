@@ -184,7 +184,7 @@ def shown(value: object) -> str:
     if isinstance(value, date | time):
         return f"the time {value.isoformat()}"
     try:
-        text = repr(value)
+        text = repr(list(value) if isinstance(value, tuple) else value)
     except ValueError:  # Python prints no integer beyond 4300 digits
         return "a number of thousands of digits"
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}…"

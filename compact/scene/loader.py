@@ -22,11 +22,9 @@ from compact.engines import ENGINES
 from compact.engines.interface import Limit
 from compact.files import checksum
 from compact.scene import errors, plausible_ranges
-from compact.scene.choices import LAW_NAMES
-from compact.scene.constraints import ADVICE, RULES, Rule, files_exist, sentences
-from compact.scene.engine_capabilities import adapt, replaced
+from compact.scene.constraints import ADVICE, RULES, Rule, adapt, files_exist, replaced, sentences
 from compact.scene.errors import Mistake, SceneError, Source
-from compact.scene.schema import SceneTables
+from compact.scene.schema import LAW_NAMES, SceneTables
 
 __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change", "starter_scene"]
 

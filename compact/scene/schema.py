@@ -6,7 +6,7 @@ SI units, no default for a number. The plausible range is 0.01 to 1.5 m, and the
 the schema for editors, the page and the attributes of a sweep have the same words and unit.
 
 `machine.roller_condition` and `machine.gap_geometry` have defaults, which each engine may replace by the nearest value
-that it accepts (`engine_capabilities`). A scene that sets them keeps its values or is refused.
+that it accepts (`constraints.adapt`). A scene that sets them keeps its values or is refused.
 
 Rules between the keys are in `constraints`; `loader` reads files into these tables and reports mistakes.
 """
@@ -21,7 +21,6 @@ from pydantic import (
     ConfigDict,
     Field,
     PlainSerializer,
-    Strict,
     ValidationError,
     WrapValidator,
     model_validator,
@@ -29,12 +28,41 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 from pydantic_core import InitErrorDetails
 
-from compact.engines import ENGINES
+from compact.engines import BUILT_IN, ENGINES
 from compact.machine import drives
 from compact.material.mix import CALIBRATED, is_same_state, scaled_fits
 from compact.numerics.validation import Registry
+from compact.quantities import CRITERIA
 from compact.rolling_contact import BaseCondition, GapGeometry, RollerCondition
-from compact.scene import choices
+
+# The keys of `motion.LAWS`, whose import would cost seconds; a test compares the two
+Law = Literal[
+    "constant-velocity", "cubic", "quintic", "septic", "complex", "combined-2", "combined-3", "combined-4",
+    "reversal-2", "reversal-3", "reversal-4", "reversal-3-free-acceleration", "reversal-4-free-acceleration",
+    "reversal-4-free-jerk", "reversal-4-free-both", "crank", "gear-sector", "parabolic", "harmonic", "cycloidal",
+    "modified-trapezoid",
+]  # fmt: skip
+LAW_NAMES: tuple[str, ...] = get_args(Law)
+OutputItem = Literal[
+    "tables", "figures", "cams", "reactions", "crank", "fields", "model_spread", "roller_motors", "report"
+]
+Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_energy"]  # of `motion.OBJECTIVES`
+MixLaw = Literal["ellipse", "drucker-prager-cap"]
+PoreAirModel = Literal["drained", "one-way", "coupled"]
+HeldQuantity = Literal["height", "load", "peak_pressure"]
+ProcessDetail = Literal["columns", "quick", "deep"]
+FeedLaw = Literal["room", "even", "first", "table"]
+# names that are declared elsewhere; the last two of the fits are no parameters of a mix
+EngineName = Literal[*BUILT_IN]  # type: ignore[valid-type]
+DriveKind = Literal[*drives.DRIVES.own]  # type: ignore[valid-type]
+RankBy = Literal[*CRITERIA]  # type: ignore[valid-type]
+Fit = Literal[*CALIBRATED, "fed_density_ratio", "roller_friction"]  # type: ignore[valid-type]
+
+# Default and largest counts
+NIP_ANGLE = 20.0  # [deg], default of `process.nip_angle`
+STROKES_LIMIT = 10_000  # [-], strokes on one section of a product
+PASS_LIMIT = 1000  # [-], some seconds by columns, half an hour by finite elements; the mix changes in the first tens
+COUNT_LIMIT = 1_000_000  # [-], beyond any machine; excludes typing errors such as 0xffff... from loops
 
 UNIT, UNIT_WORDS = re.compile(r"\[([\w/ ]+)\]"), {"deg": "degrees"}  # in the meaning of a key
 
@@ -105,6 +133,14 @@ class Table(BaseModel):
 
     model_config = ConfigDict(frozen=True, strict=True, extra="forbid", allow_inf_nan=False)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _tuples(cls, given: Any) -> Any:
+        """Convert the lists of TOML to tuples."""
+        if not isinstance(given, dict):
+            return given
+        return {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+
 
 class BearingTable(Table):
     """The rolling bearings of one wheel or roller, which share its load."""
@@ -119,11 +155,11 @@ class Machine(Table):
 
     mass: float = positive("the mass m of the cart [kg]", 10, 1e5, CARTS)
     weight: float = positive("the weight G of the cart [N]", 100, 1e6, CARTS)  # apart: the paper rounds g to 10
-    rollers: int = key("the number of rollers of one cart", ge=1, le=choices.COUNT_LIMIT)
+    rollers: int = key("the number of rollers of one cart", ge=1, le=COUNT_LIMIT)
     roller_radius: float = positive("the radius [m]", 0.01, 1.5, ROLLERS)
     roller_length: float = positive("the length L of one roller, across the travel, [m]", 0.05, 5, ROLLERS)
-    roller_positions: choices.Numbers = key("one position per roller [m], + towards the drive", 1e-3, 10, LENGTHS)
-    guide_positions: choices.Numbers = key(
+    roller_positions: tuple[float, ...] = key("one position per roller [m], + towards the drive", 1e-3, 10, LENGTHS)
+    guide_positions: tuple[float, ...] = key(
         "the positions of the [front, rear] guide wheels [m]", 1e-3, 10, LENGTHS, min_length=2, max_length=2
     )
     pin_position: float = key("the position of the drive pin [m], + towards the drive", 1e-3, 10, LENGTHS)
@@ -185,6 +221,7 @@ class Overrides(Table):
     occlusion_saturation: Maybe = optional("the saturation above which the air is occluded", le=1)
 
 
+MixParameter = Literal[*Overrides.model_fields]  # type: ignore[valid-type]
 _moisture = partial(key, "the moisture W as water mass / dry mass, 0.10 for 10 %", ge=0.08, le=0.12)
 
 
@@ -193,7 +230,7 @@ class FittedAt(Table):
 
     moisture: float = _moisture()
     density_ratio: float = key("the density ratio k of the product", ge=0.90, le=0.99)
-    parameters: choices.Fits = key("the fitted parameters", min_length=1)
+    parameters: tuple[Fit, ...] = key("the fitted parameters", min_length=1)
 
 
 class Mix(Table):
@@ -201,8 +238,8 @@ class Mix(Table):
 
     moisture: float = _moisture()
     density_ratio: float = key("the required density ratio k of the product", ge=0.90, le=0.99)
-    law: choices.MixLaw = key("the yield surface: an elliptic cap, or a cap with a shear line", default="ellipse")
-    pore_air: choices.PoreAirModel = key("the pore air: none, at drained deformation, or coupled", default="drained")
+    law: MixLaw = key("the yield surface: an elliptic cap, or a cap with a shear line", default="ellipse")
+    pore_air: PoreAirModel = key("the pore air: none, at drained deformation, or coupled", default="drained")
     overrides: Overrides = Overrides()
     fitted_at: FittedAt | None = None
 
@@ -246,25 +283,22 @@ class LowerLift(Table):
     residual_stress: bool = key("true if the earlier pass has left its lateral stress, else false", default=True)
 
 
-Plies = Annotated[tuple[Ply, ...], Strict(False)]
-
-
 class Layer(Table):
     """The layer under the roller; homogeneous without `plies`."""
 
     base: BaseCondition = key("the condition at the base of the layer")
     lift_thickness: Maybe = optional("the compacted thickness of a lift [m]; default the product", 5e-3, 2, PRODUCTS)
-    plies: Plies | None = key("the plies from the base upwards, as tables", min_length=1, default=None)
+    plies: tuple[Ply, ...] | None = key("the plies from the base upwards, as tables", min_length=1, default=None)
     lower_lift: LowerLift | None = None
     fed_density_ratio: float = key("the density ratio of the mix as fed", **STATES)
-    passes: int = key("the number of passes", 1, 100, PASSES, ge=1, le=choices.PASS_LIMIT)
+    passes: int = key("the number of passes", 1, 100, PASSES, ge=1, le=PASS_LIMIT)
     return_stroke: Literal["fresh", "compacted"] = key("the mix under the return stroke", default="fresh")
 
 
 class Optimise(Table):
     """Optimal laws: each minimises one objective against the computed resistance, within bounds."""
 
-    objectives: choices.Objectives = key("the objectives to minimise, one law for each", min_length=1)
+    objectives: tuple[Objective, ...] = key("the objectives to minimise, one law for each", min_length=1)
     smoothness: int = key("the order up to which derivatives are continuous", ge=1, le=3)
     steady_tolerance: Maybe = or_zero("the deviation from the constant speed between the ramps, 0 for none", le=1)
     velocity: Maybe = optional("the largest velocity [m/s]", 1e-3, 10, MOTIONS)
@@ -274,7 +308,9 @@ class Optimise(Table):
     pressure_angle: Maybe = optional("the largest pressure angle of the cam [rad]", 0.05, 1.57, CAMS, lt=1.57)
     radius_of_curvature: Maybe = or_zero("the least radius of curvature of a flat-faced cam [m]", 1e-3, 10, CAMS)
     profile_radius: Maybe = or_zero("the least radius of a cam for rollers [m], 0 for no undercut", 1e-3, 10, CAMS)
-    spread: choices.Spreads = key("the parameters of the mix over whose spread the regret is minimised", default=())
+    spread: tuple[MixParameter, ...] = key(
+        "the parameters of the mix over whose spread the regret is minimised", default=()
+    )
 
 
 class Motion(Table):
@@ -282,7 +318,7 @@ class Motion(Table):
 
     stroke: float = positive("the travel between the two ends [m]", 0.02, 20, STROKES)
     duration: float = positive("the time of one pass [s]", 0.02, 600, STROKES)
-    laws: choices.Laws = key('the laws to compare, or ["all"]', min_length=1)
+    laws: tuple[Literal[Law, "all"], ...] = key('the laws to compare, or ["all"]', min_length=1)
     # each at most a half, so together at most the whole pass
     run_up: float = key("the share of the pass for the acceleration phase", ge=1e-6, le=0.5)
     run_down: float = key("the share of the pass for the deceleration phase", ge=1e-6, le=0.5)
@@ -290,8 +326,8 @@ class Motion(Table):
     acceleration_weight: float = share("the weight of the acceleration term in the complex law")
     dwell: float = nonnegative("the dwell at each end [s]", 1e-3, 3600, STROKES)
     rod_length: Maybe = optional("the length of the connecting rod [m]", 0.02, 40, "rods of a stroke of up to 20 m")
-    other_durations: choices.Numbers = key("further times of one pass [s], at which the laws are ranked", default=())
-    tables: choices.Names = key("CSV files of own laws, relative to the scene file", default=())
+    other_durations: tuple[float, ...] = key("further times of one pass [s], at which the laws are ranked", default=())
+    tables: tuple[str, ...] = key("CSV files of own laws, relative to the scene file", default=())
     optimise: Optimise | None = None
 
 
@@ -353,18 +389,18 @@ class CatalogueTable(Table):
 class Drive(Table):
     """Drive of the carts, and the criteria of the ranking."""
 
-    kind: Annotated[choices.DriveKind, *_or_installed(drives.DRIVES)] = key("the kind of drive")
+    kind: Annotated[DriveKind, *_or_installed(drives.DRIVES)] = key("the kind of drive")
     stiffness: Maybe = optional("the stiffness of an elastic drive [N/m]", 1e3, 1e10, "soft belts to short steel bars")
     damping: Maybe = or_zero("the damping of an elastic drive [N s/m], 0 for none", 1, 1e8, DRIVES)
     backlash: Maybe = or_zero("the backlash of an elastic drive [m]", 1e-6, 0.05, "play of couplings and gears")
     include_added_mass: bool | None = key("true for F + a M, with the added mass, else false", default=None)
     carts: int = key("the number of carts on one shaft", ge=1, le=4)
-    angles: choices.Numbers | None = key("the crank angle of each cart [rad]", 1e-3, 6.3, "one turn", default=None)
+    angles: tuple[float, ...] | None = key("the crank angle of each cart [rad]", 1e-3, 6.3, "one turn", default=None)
     motor: Motor | None = None
     hydraulics: Hydraulics | None = None
     end_springs: EndSpringTable | None = None
     catalogue: CatalogueTable | None = None
-    rank_by: choices.Ranks = key("the quantities to rank by", min_length=1)
+    rank_by: tuple[RankBy, ...] = key("the quantities to rank by", min_length=1)
 
 
 class Cam(Table):
@@ -382,22 +418,19 @@ class FeedPoint(Table):
     relative_thickness: float = nonnegative("the thickness of the fed mix over that of the other points")
 
 
-FeedPoints = Annotated[tuple[FeedPoint, ...], Strict(False)]
-
-
 class Process(Table):
     """The forming process: strokes over a mould that moves along the axis of the rollers, with feed before each."""
 
     mould_speed: float = nonnegative("the speed of the mould along the roller [m/s], 0 at rest", 1e-4, 1, CREEPING)
     strokes: int | None = key(
-        "the number of strokes of a mould at rest", 1, 2000, SECTIONS, ge=1, le=choices.STROKES_LIMIT, default=None
+        "the number of strokes of a mould at rest", 1, 2000, SECTIONS, ge=1, le=STROKES_LIMIT, default=None
     )
     fill_height: Maybe = optional("the height of the mix in the mould before the first stroke [m]", 5e-3, 2, PRODUCTS)
     fill_density_ratio: Maybe = key("the density ratio of that mix", **STATES, default=None)
     feed_density_ratio: float = key("the density ratio of the mix as fed", **STATES)
-    feed: choices.FeedLaw = key("the distribution of the feed over the strokes", default="room")
-    feed_count: int | None = key('the fed strokes of "first"', ge=1, le=choices.STROKES_LIMIT, default=None)
-    feed_table: FeedPoints | None = key('the points of the feed "table"', min_length=1, default=None)
+    feed: FeedLaw = key("the distribution of the feed over the strokes", default="room")
+    feed_count: int | None = key('the fed strokes of "first"', ge=1, le=STROKES_LIMIT, default=None)
+    feed_table: tuple[FeedPoint, ...] | None = key('the points of the feed "table"', min_length=1, default=None)
     feeds: Literal["both", "forward"] = key("the strokes before which mix is fed", default="both")
     gap: Maybe = or_zero("the gap above the lowest generatrix up to which mix is fed [m]", 1e-5, 0.2, PART_OF_ROLLER)
     product_density_ratio: Maybe = key("the mean density ratio of the product", **STATES, default=None)
@@ -408,12 +441,12 @@ class Process(Table):
         1,
         60,
         "mix on steel",
-        default=choices.NIP_ANGLE,
+        default=NIP_ANGLE,
         le=60,
     )
     largest_grain: Maybe = optional("the size of the largest grains [m]", 1e-4, 0.05, "sand to coarse aggregate")
     layers: int = key("the number of merged layers of a section", default=20, ge=1, le=500)
-    detail: choices.ProcessDetail | None = key('columns, or lumped lifts; default "quick" for "process"', default=None)
+    detail: ProcessDetail | None = key('columns, or lumped lifts; default "quick" for "process"', default=None)
 
 
 class Sleeve(Table):
@@ -422,7 +455,7 @@ class Sleeve(Table):
     width: float = positive("the width along the travel [m]", 5e-3, 2, SLEEVES)
     head: float = positive("the height of the mix above the bed [m]", 0.01, 5, SLEEVES)
     wall_friction: float = share("the friction coefficient of the mix on the wall")
-    count: int = key("the number of sleeves of one cart", 1, 20, SLEEVES, ge=1, le=choices.COUNT_LIMIT)
+    count: int = key("the number of sleeves of one cart", 1, 20, SLEEVES, ge=1, le=COUNT_LIMIT)
 
 
 TOUCHES = "(zero means no contact)"
@@ -434,26 +467,26 @@ class Contact(Table):
     indentation: Maybe = optional(f"the depth below the undisturbed surface [m] {TOUCHES}", 1e-5, 0.5, PART_OF_PRODUCT)
     load: Maybe = optional(f"the normal force on one roller [N] {TOUCHES}", 10, 1e6, CARTS)
     peak_pressure: Maybe = optional(f"the largest contact pressure [Pa] {TOUCHES}", 1e3, 1e7, PRESSURES)
-    held: choices.HeldQuantity | None = key("the quantity held over speed; default the prescribed one", default=None)
-    speeds: choices.Numbers | None = key("the speeds of the contacts [m/s]", 1e-4, 5, "rolling", default=None)
+    held: HeldQuantity | None = key("the quantity held over speed; default the prescribed one", default=None)
+    speeds: tuple[float, ...] | None = key("the speeds of the contacts [m/s]", 1e-4, 5, "rolling", default=None)
 
 
 class Accuracy(Table):
     """Contact engine and its relative error tolerance."""
 
     tolerance: float = positive("the relative error tolerance, 0.01 for 1 %", 1e-5, 0.2, ERRORS, lt=0.5)
-    engine: Annotated[choices.Engine, *_or_installed(ENGINES)] = key("the contact engine")
+    engine: Annotated[EngineName, *_or_installed(ENGINES)] = key("the contact engine")
 
 
 class Given(Table):
     """Keys that replace those of the scene for one engine of the comparison."""
 
-    machine: choices.Keys | None = Field(None, description="keys of [machine]")
-    mix: choices.Keys | None = Field(None, description="keys of [mix]")
-    layer: choices.Keys | None = Field(None, description="keys of [layer]")
-    contact: choices.Keys | None = Field(None, description="keys of [contact]")
-    accuracy: choices.Keys | None = Field(None, description="keys of [accuracy]")
-    process: choices.Keys | None = Field(None, description="keys of [process]")
+    machine: dict[str, Any] | None = Field(None, description="keys of [machine]")
+    mix: dict[str, Any] | None = Field(None, description="keys of [mix]")
+    layer: dict[str, Any] | None = Field(None, description="keys of [layer]")
+    contact: dict[str, Any] | None = Field(None, description="keys of [contact]")
+    accuracy: dict[str, Any] | None = Field(None, description="keys of [accuracy]")
+    process: dict[str, Any] | None = Field(None, description="keys of [process]")
 
 
 class Compare(Table):
@@ -484,14 +517,14 @@ class Compare(Table):
 class Output(Table):
     """Items of the output; nothing else is computed."""
 
-    items: choices.Outputs = key("the items to write, [] for the summary only")
+    items: tuple[OutputItem, ...] = key("the items to write, [] for the summary only")
 
 
 class SceneTables(Table):
     """All tables of a scene, and the keys before the first of them."""
 
     title: str = key("a title in quotes", default="")
-    unusual: choices.Names = key("keys whose values are meant as given, though implausible", default=())
+    unusual: tuple[str, ...] = key("keys whose values are meant as given, though implausible", default=())
     machine: Machine
     product: Product
     mix: Mix

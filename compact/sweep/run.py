@@ -35,7 +35,7 @@ from compact.engines import ENGINES
 from compact.material import mix
 from compact.quantities import SWEEP_POINT, Quantity
 from compact.rolling_contact import Contact
-from compact.scene.engine_capabilities import adapt
+from compact.scene.constraints import adapt
 from compact.scene.loader import Scene
 from compact.scene.schema import declared_keys
 from compact.sweep.design import Axis, Sampled, design, varied_engines

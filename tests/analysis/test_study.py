@@ -20,8 +20,8 @@ from compact.motion import optimal_motion
 from compact.motion.profile import LAWS
 from compact.report import text
 from compact.report import writer as report
-from compact.scene.choices import RankBy
 from compact.scene.loader import LAW_NAMES, SceneError, load_scene
+from compact.scene.schema import RankBy
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 PUBLISHED_COEFFICIENT = (3562 - 0.008 * (2 * 9740 - 10000)) / (2 * 9740)  # C: 3562 N without the guides' friction

@@ -14,7 +14,7 @@ from compact.engines import BUILT_IN, formula
 from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
 from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
-from compact.scene.engine_capabilities import adapt
+from compact.scene.constraints import adapt
 from compact.scene.loader import load_scene, parse_scene, starter_scene
 
 SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"

@@ -15,8 +15,8 @@ from extreme_scenes import SCENES, TABLES, Case, at, choices, ended, ends, keys
 
 from compact.cli import program as cli
 from compact.scene import plausible_ranges
-from compact.scene.choices import OutputItem
 from compact.scene.loader import LAW_NAMES, SceneError, load_scene
+from compact.scene.schema import OutputItem
 
 SECONDS = 600  # of processor time, after which a case does not end
 FORBIDDEN = ("Traceback", "internal error", "encountered in", "RuntimeWarning")
