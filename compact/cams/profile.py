@@ -37,9 +37,8 @@ from compact.numerics.piecewise import BREAK_OFFSET, find_maximum, interior_grid
 
 Measure = Callable[..., Array]  # of phi [rad] and the travel x, x', x'' by phi [m]
 
-POINT_LIMIT = 1_000_000  # [-], rows of a table: a step of a micrometre round a cam of 0.3 m
 LEG_SAMPLES = 2000  # [-], for crossing flanks: least breadth within 4e-7 of the stroke (compared with 32000)
-ANGLE_TOLERANCE = 1e-9  # [rad], between distinct angles of a table
+ANGLE_TOLERANCE = 1e-9  # [rad], between distinct breakpoints
 LENGTH_ROUNDING = 1e-12  # [-], of the length
 AXIS = "the axis must lie inside the profile"
 ARC = "the profile must not run backwards"
@@ -379,17 +378,8 @@ class Cam:
         return least_breadth(self.cycle, self.follower)
 
     def table(self, points: int) -> dict[str, Array]:
-        """Return columns by name over a closed turn at equal steps between `points` >= 2, and at the breakpoints.
-
-        Angles ascend strictly from 0 to 2 pi; a step closer than 1e-9 rad to a breakpoint is replaced by it.
-        """
-        if not points >= 2:
-            raise ValueError(f"`points` must be at least 2, got {points!r}")
-        validation.require_at_most(POINT_LIMIT, "steps below a micrometre change no cam", points=points)
-        breaks = np.array(self.breakpoints)
-        grid = np.linspace(0, 2 * np.pi, points)
-        angle = np.sort(np.append(grid[np.abs(grid[:, None] - breaks).min(axis=1) > ANGLE_TOLERANCE], breaks))
-        angle = angle[np.append(True, np.diff(angle) > ANGLE_TOLERANCE)]
+        """Return columns by name over a closed turn, at equal steps between `points` angles from 0 to 2 pi."""
+        angle = np.linspace(0, 2 * np.pi, points)
         (x, y), contact = self.profile(angle), self.contact(angle)
         return {
             "angle_rad": angle, "radius_m": self.radius(angle), "x_m": x, "y_m": y,

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from ezdxf.document import Drawing
 
 MM = 1e3  # [mm/m]
-NOTE_COLUMNS = (0, 8, 16)  # [-], columns of the notes, in letters from the left
 LINE_SPACING = 1.7  # [-], over the height of a letter
 LETTERS_PER_RADIUS = 38  # [-], heights of a letter in the largest radius
 COORDINATE_DECIMALS = 6  # [-], of a length in mm: a nanometre
@@ -150,13 +149,11 @@ def workshop_drawing(cut: Cut, bore: float | None = None) -> WorkshopDrawing:
     letter = float(radius.max()) / LETTERS_PER_RADIUS
     _draw(document.modelspace(), cut, bore, letter)
     title = f"cam for the law {cam.cycle.forward.name}, {cam.follower.words}"
-    angles = [(f"{np.degrees(at):.4f}°", f"{MM * float(cam.radius(at)):.4f}", words) for at, words in key_angles(cam)]
-    rows = [(title,), (), *((line,) for line in _sizes(cut, bore)), (), ("angle", "follower", "begins"), *angles]
+    rows = (title, "", *_notes(cut))
     left, top = MM * float(cut.profile[:, 0].max() + 2 * cam.follower.radius) + 10 * letter, float(radius.max())
-    for i, row in enumerate(rows):
-        for column, words in zip(NOTE_COLUMNS, row, strict=False):
-            place = {"insert": (left + letter * column, top - LINE_SPACING * letter * i), "layer": "NOTES"}
-            document.modelspace().add_text(words, height=letter, dxfattribs=place)
+    for i, words in enumerate(rows):
+        place = {"insert": (left, top - LINE_SPACING * letter * i), "layer": "NOTES"}
+        document.modelspace().add_text(words, height=letter, dxfattribs=place)
     sizes = f"radius from {radius.min():.1f} to {radius.max():.1f} mm about the axis, breadth {MM * cam.breadth:.1f} mm"
     return WorkshopDrawing(title, f"profile of the {title}: {sizes}", document)
 
@@ -196,37 +193,18 @@ def _draw(space: Any, cut: Cut, bore: float | None, letter: float) -> None:
             dimension(center=(centre, 0.0), radius=size, angle=angle, location=(x + centre, y), **shared).render()
 
 
-def _sizes(cut: Cut, bore: float | None) -> Iterator[str]:
-    """Sizes of the cam, one line each."""
-    cam, (radius, _) = cut.cam, MM * cut.polar
-    least, cutter = cam.least_breadth(), largest_cutter(cam)
-    offset = f", {MM * cam.largest_contact_offset:.3f} to each side at least" if cam.follower.name == "flat" else ""
-    yield "lengths in mm, angles counterclockwise from 0°; the cam turns clockwise"
-    yield f"tolerance of the follower's travel {MM * cut.tolerance:g}"
-    yield f"profile of {len(cut.angle)} points: largest deviation {MM * cut.error:.5f}"
-    yield f"breadth b between the followers {MM * cam.breadth:.3f}, of rollers between their centres"
-    yield f"stroke {MM * cam.cycle.forward.stroke:.3f}"
-    yield f"base circle: radius {radius.min():.3f}; largest radius {radius.max():.3f}"
-    yield "bore: not given" if bore is None else f"bore: diameter {MM * bore:g}"
-    yield f"{cam.follower.words}{offset}"
+def _notes(cut: Cut) -> Iterator[str]:
+    """Notes that the dimensions do not state, one line each."""
+    cam, cutter = cut.cam, largest_cutter(cut.cam)
+    yield "lengths in mm; the cam turns clockwise, the forward stroke begins at 0°"
+    yield f"b between the followers, of rollers between their centres; stroke {MM * cam.cycle.forward.stroke:.3f}"
+    yield f"profile of {len(cut.angle)} points: the follower deviates by {MM * cut.error:.5f} at most"
+    if cam.follower.name == "flat":
+        yield f"faces reach {MM * cam.largest_contact_offset:.3f} to each side at least"
     if cut.cutter_radius is not None:
         yield f"cutter: radius {MM * cut.cutter_radius:g}, path of its centre dashed red"
     fits = f"cutter radius up to {np.floor(100 * MM * cutter) / 100:.2f}"
     yield "cutter of any radius fits: no concave parts" if np.isinf(cutter) else fits
-    yield f"least radius of curvature {MM * cam.least_radius_of_curvature:.3f}"
-    yield f"least breadth {MM * least.breadth:.3f}: {least.rule}"
-    yield f"largest pressure angle {np.degrees(cam.largest_pressure_angle):.2f}°"
-
-
-def key_angles(cam: Cam) -> list[tuple[float, str]]:
-    """Return (angle [rad], what begins there) of every pass, dwell and breakpoint of the laws, ascending."""
-    words, found = {1: "forward stroke", -1: "return stroke"}, {}
-    for leg in cam.cycle.legs():
-        dwell = "far dwell" if leg.position > 0 else "near dwell"
-        for z in leg.breakpoints()[:-1]:
-            begins = words.get(leg.direction, dwell) if z == 0 else "next piece of the law"
-            found[2 * np.pi * (leg.start + leg.duration * z) / cam.cycle.period] = begins
-    return sorted(found.items())
 
 
 def write_cam_files(

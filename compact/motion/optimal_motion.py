@@ -41,7 +41,7 @@ from compact.numerics import Array, validation
 from compact.numerics.convex_programs import LinearConstraints, minimise_linear, minimise_quadratic
 
 PROGRAM_TOLERANCE = 1e-6  # [-], of the largest value of a derivative: a smaller jump is left by the convex programs
-PIECES_LIMIT = 1024  # [-], of an optimal law: dense programs of 0.1 GB; the memory grows with the square of the pieces
+PIECES_LIMIT = 1024  # [-], of an optimal law, whose dense programs take 0.1 GB; more lower no criterion measurably
 # Pieces of a law, by its smoothness [-]: the last doubling gains about 1e-3, 1e-4, 1e-4 of the criterion
 PIECES_BY_SMOOTHNESS = {1: 128, 2: 64, 3: 48}
 CAM_PIECES = 64  # [-], at most with a cam: its bounds on the travel are dense, each depends on all unknowns before it
@@ -151,7 +151,7 @@ def optimise(
         raise ValueError(f"`objective` must have at least one weight > 0, got {objective!r}; raise a weight")
     if pieces is not None:
         validation.require_integers(pieces=pieces)
-        validation.require_at_most(PIECES_LIMIT, "more pieces lower no criterion by a measurable amount", pieces=pieces)
+        validation.require_between(1, PIECES_LIMIT, pieces=pieces)
     resistances = (resistance,) if callable(resistance) else tuple(resistance)
     for one in resistances:
         validation.require_opposing(one, stroke / duration, directions=(1.0,))

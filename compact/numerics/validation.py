@@ -118,13 +118,6 @@ def require_that(condition: ArrayLike, value: ArrayLike, rule: str) -> None:
         raise ValueError(f"{rule} {_shown(value, lambda _: condition)}")
 
 
-def require_at_most(limit: int, remedy: str, **counts: int) -> None:
-    """Require counts to be at most `limit`; raise ValueError with the remedy otherwise."""
-    for name, count in counts.items():
-        if count > limit:
-            raise ValueError(f"`{name}` must be at most {limit}, got {count}; {remedy}")
-
-
 def require_opposing(
     resistance: Callable[[Array, Array], ArrayLike], speed: float, *, directions: Iterable[float] = (1.0, -1.0)
 ) -> None:

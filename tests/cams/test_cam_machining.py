@@ -245,15 +245,6 @@ def test_dimensions_of_the_dxf_measure_the_cam_and_can_be_drawn(files):
     assert len(backend.get_string(layout.Page(297, 210))) > 10_000
 
 
-def test_key_angles_are_passes_dwells_and_breakpoints():
-    keys = workshop_drawing.key_angles(made("reversal-3", FlatFace(), far_dwell=1.5, near_dwell=1.5))
-    assert [(round(np.degrees(angle), 6), what) for angle, what in keys] == [
-        (0, "forward stroke"), (20, "next piece of the law"), (100, "next piece of the law"),
-        (120, "far dwell"), (180, "return stroke"), (200, "next piece of the law"),
-        (280, "next piece of the law"), (300, "near dwell"),
-    ]  # fmt: skip
-
-
 # (g) refusals
 
 

@@ -565,7 +565,7 @@ CAM = {"profile_radius": 0.1, "roller_radius": 0.03}
         ({"stroke": 0.0}, "`stroke` must be positive"),
         ({"mass": -1.0}, "`mass` must be zero or positive"),
         ({"pieces": 2.5}, "`pieces` must be a whole number"),
-        ({"pieces": 10**9}, "`pieces` must be at most 1024, got 1000000000; more pieces"),
+        ({"pieces": 10**9}, "`pieces` must be between 1 and 1024, got 1000000000"),
         ({"resistance": lambda v, a: -3562.0 + 0 * v}, r"`resistance` must oppose the motion, got -3562 N at velocity"),
         ({"velocity": -1.0}, "`velocity` must be positive"),
         ({"run_up": 0.0}, "`run_up` must be positive"),
