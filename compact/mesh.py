@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.numerics import Array, IntArray
-from compact.numerics.validation import require_positive, require_that
+from compact.numerics.validation import require_finite, require_positive, require_that
 
 DEFAULT_ERROR = 2e-3  # [-], relative error of the resistance with DEFAULT_ELEMENTS; studies/speed_against_error.py
 DEFAULT_ELEMENTS = 10  # [-], elements per half-width
@@ -48,23 +48,20 @@ class RowMesh:
     y: Array
 
     def __post_init__(self) -> None:
-        x, y = np.array(self.x, float), np.array(self.y, float)
-        for name, array in (("x", x), ("y", y)):
+        for name in ("x", "y"):
+            array = np.array(getattr(self, name), float)
             array.flags.writeable = False
             object.__setattr__(self, name, array)
+        x, y = self.x, self.y
         if y.ndim != 1 or x.ndim != 2 or len(x) != len(y) or min(x.shape) < 2:
             raise ValueError(
                 f"`x` must have one line of at least two nodes for each of `y`, got {x.shape} and {y.shape}"
             )
-        if not (np.isfinite(x).all() and np.isfinite(y).all()):
-            raise ValueError("`x` and `y` must be finite")
-        if abs(y[0]) > HEIGHT_TOLERANCE * abs(y[-1] - y[0]):
-            raise ValueError(f"the base must lie at `y` = 0, got {y[0].item()!r}")
-        if np.any(np.diff(y) <= 0):
-            raise ValueError("`y` must increase from the base upwards")
-        descends = (np.diff(x, axis=1) <= 0).any(axis=1)
-        if descends.any():
-            raise ValueError(f"`x` must increase along every line, line {int(np.argmax(descends))} does not")
+        require_finite(x=x, y=y)
+        off, climbs = abs(y[0]) > HEIGHT_TOLERANCE * abs(y[-1] - y[0]), np.diff(x, axis=1) > 0
+        require_that(not off, y[0], "the base must lie at `y` = 0, got")
+        require_that(np.diff(y) > 0, y[1:], "`y` must increase from the base upwards, got")
+        require_that(climbs, x[:, 1:], "`x` must increase along every line, got")
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, RowMesh):
@@ -243,12 +240,11 @@ def row_mesh(points: ArrayLike, quads: ArrayLike) -> RowMesh:
         counted = ", ".join(map(str, counts))
         raise ValueError(f"every line of nodes must have equally many nodes, got {counted} from the base upwards")
     mesh = RowMesh(x[numbering].reshape(len(heights), -1), heights)
-    found = {tuple(sorted(quad)) for quad in np.argsort(numbering)[corners].tolist()}
-    expected = {tuple(sorted(quad)) for quad in mesh.quads.tolist()}
-    if found != expected or len(corners) != len(expected):
+    found, expected = (np.sort(each, axis=1) for each in (np.argsort(numbering)[corners], mesh.quads))
+    if not np.array_equal(found[np.lexsort(found.T)], expected[np.lexsort(expected.T)]):
         raise ValueError(
-            f"elements must fill every row without gap or overlap: {len(expected)} expected between neighbouring "
-            f"nodes, {len(corners)} got, {len(found & expected)} of them in place"
+            f"elements must fill every row without gap or overlap, {len(expected)} expected between nodes, "
+            f"got {len(found)}, or others"
         )
     return mesh
 

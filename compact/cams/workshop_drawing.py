@@ -194,7 +194,7 @@ def _draw(space: Any, cut: Cut, bore: float | None, letter: float) -> None:
 
 
 def _notes(cut: Cut) -> Iterator[str]:
-    """Notes that the dimensions do not state, one line each."""
+    """Yield notes that the dimensions do not state, one line each."""
     cam, cutter = cut.cam, largest_cutter(cut.cam)
     yield "lengths in mm; the cam turns clockwise, the forward stroke begins at 0°"
     yield f"b between the followers, of rollers between their centres; stroke {MM * cam.cycle.forward.stroke:.3f}"

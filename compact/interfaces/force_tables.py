@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from scipy.interpolate import RegularGridInterpolator
 
 from compact.analysis.study import Study
-from compact.files import write_csv
+from compact.files import write_columns
 from compact.machine.cart import Cart, balance
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
@@ -91,8 +91,8 @@ class ForceTable:
         Ascending [m/s].
     acceleration : ndarray, shape (m,)
         Ascending [m/s2].
-    resistance, guide_friction, opposing_force : ndarray, shape (n, m)
-        Forces against the motion [N], with the sign of the velocity.
+    forces : dict of str to ndarray, shape (n, m)
+        FORCES against the motion [N], with the sign of the velocity.
     mass : float
         Mass of the cart [kg], not part of the forces: drive force = mass * acceleration + opposing force.
     interpolation_error : float
@@ -101,9 +101,7 @@ class ForceTable:
 
     velocity: Array
     acceleration: Array
-    resistance: Array
-    guide_friction: Array
-    opposing_force: Array
+    forces: dict[str, Array]
     mass: float
     interpolation_error: float = 0.0
 
@@ -111,7 +109,7 @@ class ForceTable:
         """Interpolate the opposing force [N] linearly at velocities [m/s] and accelerations [m/s2]."""
         grid = (self.velocity, self.acceleration)
         points = np.stack(np.broadcast_arrays(velocity, acceleration), axis=-1)
-        return RegularGridInterpolator(grid, self.opposing_force)(points)
+        return RegularGridInterpolator(grid, self.forces["opposing_force"])(points)
 
 
 def force_table(model: CartModel, tolerance: float) -> ForceTable:
@@ -133,8 +131,8 @@ def force_table(model: CartModel, tolerance: float) -> ForceTable:
         positive = np.geomspace(REST_SHARE * model.mean_speed, model.largest_speed, speeds)
         velocity = np.concatenate([-positive[::-1], [0.0], positive])
         acceleration = np.linspace(-1, 1, accelerations) * model.largest_acceleration
-        resistance, friction, total = model.forces(velocity[:, None], acceleration[None, :]).values()
-        table = ForceTable(velocity, acceleration, resistance, friction, total, model.cart.mass)
+        forces = model.forces(velocity[:, None], acceleration[None, :])
+        table = ForceTable(velocity, acceleration, forces, model.cart.mass)
         across, along = _interpolation_errors(model, table)
         error = max(across, along)
         if error <= tolerance:
@@ -157,7 +155,7 @@ def _interpolation_errors(model: CartModel, table: ForceTable) -> tuple[float, f
     def error(velocity: Array, acceleration: Array) -> float:
         grid = velocity[:, None], acceleration[None, :]
         wrong = np.max(np.abs(table(*grid) - model.forces(*grid)["opposing_force"]))
-        return float(wrong / np.max(np.abs(table.opposing_force)))
+        return float(wrong / np.max(np.abs(table.forces["opposing_force"])))
 
     return error(middle, table.acceleration), error(moving, between)
 
@@ -165,5 +163,4 @@ def _interpolation_errors(model: CartModel, table: ForceTable) -> tuple[float, f
 def write_force_csv(table: ForceTable, path: Path | str) -> Path:
     """Write one line for each node, acceleration fastest; return the path."""
     grids = np.meshgrid(table.velocity, table.acceleration, indexing="ij")
-    columns = [*grids, *(getattr(table, name) for name in FORCES)]
-    return write_csv(Path(path), CSV_HEADER, zip(*(column.ravel().tolist() for column in columns), strict=True))
+    return write_columns(Path(path), CSV_HEADER, [each.ravel() for each in (*grids, *table.forces.values())])
