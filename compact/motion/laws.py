@@ -104,16 +104,12 @@ def minimiser(order: int, start: Mapping[int, float], end: Mapping[int, float]) 
     """
     rows, values, columns = [], [], range(2 * order)
     for z, prescribed in ((0, start), (1, end)):
-        if any(not 0 <= k < 2 * order for k in prescribed):
-            raise ValueError(
-                f"orders of prescribed derivatives must lie in 0..{2 * order - 1} for order {order}, "
-                f"got {sorted(prescribed)}"
-            )
         free = [k for k in range(order) if k not in prescribed] if len(prescribed) < order else []
         conditions = dict(prescribed) | {2 * order - 1 - k: 0.0 for k in free}
-        if len(conditions) != order:
+        if len(conditions) != order or not conditions.keys() <= set(columns):
             raise ValueError(
-                f"each end requires {order} conditions for order {order}, got derivatives of order {sorted(prescribed)}"
+                f"each end requires {order} conditions on derivatives of order 0 to {2 * order - 1}, got "
+                f"{sorted(prescribed)}"
             )
         for k, value in sorted(conditions.items()):
             require_number(value=value)

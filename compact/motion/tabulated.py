@@ -22,7 +22,7 @@ from scipy.interpolate import BSpline, PPoly
 
 from compact.motion.profile import MotionProfile
 from compact.numerics import Array
-from compact.numerics.validation import as_numbers, require_finite, require_number, require_positive
+from compact.numerics.validation import as_numbers, require_finite, require_number, require_positive, require_that
 
 DEGREE = 5  # [-], of the spline
 FIXED_COEFFICIENTS = 2  # [-], at each end, by position and rest
@@ -131,11 +131,8 @@ def _valid_table(time: ArrayLike, position: ArrayLike) -> tuple[Array, Array]:
             f"got shapes {time.shape} and {position.shape}"
         )
     require_finite(time=time, position=position)
-    if not np.all(np.diff(time) > 0):
-        row = int(np.flatnonzero(np.diff(time) <= 0)[0]) + 1
-        raise ValueError(f"`time` must increase, got {time[row]:g} after {time[row - 1]:g} in row {row + 1}")
-    if not position[-1] > position[0]:
-        raise ValueError(f"`position` must end above its start, got {position[0]:g} to {position[-1]:g}")
+    require_that(np.diff(time) > 0, time[1:], "`time` must increase, got")
+    require_that(position[-1] > position[0], position[-1], "`position` must end above its start, got")
     return time, position
 
 

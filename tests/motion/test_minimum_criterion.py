@@ -316,11 +316,12 @@ def test_minimiser_is_stationary_for_variations_at_rest(order, values, degree):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: minimiser(2, {0: 0, 4: 0}, {0: 1, 1: 0}), r"must lie in 0\.\.3 for order 2, got \[0, 4\]"),
-        (lambda: minimiser(2, {-1: 0, 0: 0}, {0: 1, 1: 0}), r"must lie in 0\.\.3 for order 2, got \[-1, 0\]"),
-        (lambda: minimiser(2, first(REST, 3), {0: 1, 1: 0}), r"2 conditions for order 2, got .* order \[0, 1, 2\]"),
+        (
+            lambda: minimiser(2, {0: 0, 4: 0}, {0: 1, 1: 0}),
+            r"2 conditions on derivatives of order 0 to 3, got \[0, 4\]",
+        ),
+        (lambda: minimiser(2, first(REST, 3), {0: 1, 1: 0}), r"2 conditions .* got \[0, 1, 2\]"),
         (lambda: minimiser(2, {1: 0}, {1: 1}), r"`start` \{1: 0\} and `end` \{1: 1\} leave x undetermined; add"),
-        (lambda: ComplexLaw(-1e-20, 0.3), "must be >= 0 with a sum <= 1, got -1e-20 and 0.3"),
         (lambda: ComplexLaw(0.9, 0.2), "`energy_weight` and `acceleration_weight` .* got 0.9 and 0.2"),
         (lambda: ComplexLaw(0.3, math.nan), "with a sum <= 1, got 0.3 and nan"),
     ],
