@@ -65,7 +65,7 @@ def law(
     """
     validation.require_known("motion law", name, tuple(LAWS))
     sizes = {"stroke": stroke, "duration": duration} | ({} if rod_length is None else {"rod_length": rod_length})
-    validation.require_number(**sizes)
+    validation.require_number(**sizes, energy_weight=energy_weight, acceleration_weight=acceleration_weight)
     validation.require_positive(**sizes)
     require_phases(run_up, run_down)
     rod_ratio = None if rod_length is None else stroke / 2 / rod_length
