@@ -7,9 +7,9 @@ solves compacting layers, in steady motion and in any motion (`engines.compactio
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from compact import files
 from compact.engines.fem.engine import FemContactResult
 from compact.engines.fem.engine import roll as roll_linear
+from compact.files import write_vtu
 from compact.material.laws import Compaction, Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
 from compact.rolling_contact import Contact, Layer, PrescribedMotion, Roller
@@ -115,4 +115,4 @@ def fields(result: "FemContactResult | CompactionContactResult") -> "meshio.Mesh
 
 def write_fields(result: "FemContactResult | CompactionContactResult", path: str | Path) -> None:
     """Write the fields inside the layer as VTU."""
-    files.write_fields(fields(result), path)
+    write_vtu(fields(result), path)

@@ -37,8 +37,6 @@ NETCDF_CLASSIC: NetcdfFormat = "NETCDF3_CLASSIC"  # numbers only, for any reader
 NETCDF_HDF5: NetcdfFormat = "NETCDF4"  # strings too
 # xarray backend of each format
 NETCDF_BACKENDS: dict[str, Literal["scipy", "h5netcdf"]] = {NETCDF_CLASSIC: "scipy", NETCDF_HDF5: "h5netcdf"}
-FIELD_FORMATS = {"vtu": ".vtu", "vtk": ".vtk", "xdmf": ".xdmf", "gmsh": ".msh"}  # suffixes
-FULL_TENSOR = (0, 3, 5, 3, 1, 4, 5, 4, 2)  # components xx, yy, zz, xy, yz, xz by row of the tensor, of Gmsh
 GENERIC_STEM = "scene"  # stem of the scene file that `compact new` writes into a folder of the user's name
 PACKAGES = ("compact", "numpy", "scipy", "numba", "scikit-fem", "clarabel")  # on whose versions results depend
 SOURCES = (".py", ".csv")  # suffixes of the files of this package on which results depend
@@ -269,21 +267,12 @@ def render_png(figure: "Figure") -> bytes:
     return buffer.getvalue()
 
 
-def write_fields(mesh: "meshio.Mesh", path: str | Path, name: str = "vtu") -> Path:
-    """Write a mesh with its fields in a format of `FIELD_FORMATS`; return the path."""
+def write_vtu(mesh: "meshio.Mesh", path: str | Path) -> Path:
+    """Write a mesh with its fields as VTU; return the path."""
     import meshio
 
-    kind, options = "gmsh22" if name == "gmsh" else name, {}
-    if name == "xdmf":
-        options = {"data_format": "XML"}  # otherwise a second file holds the numbers
-    if name == "gmsh":  # which admits 1, 3 or 9 components, and requires a tag for each cell
-        tags = [[1] * len(block.data) for block in mesh.cells]
-        cells: dict[str, Any] = {"gmsh:physical": tags, "gmsh:geometrical": tags}
-        for key, blocks in mesh.cell_data.items():
-            cells[key] = [each[:, FULL_TENSOR] if each.ndim == 2 and each.shape[1] == 6 else each for each in blocks]
-        mesh = meshio.Mesh(mesh.points, mesh.cells, mesh.point_data, cells)
     with atomic_file(path, "wb") as stream:  # meshio opens the file by its name
-        meshio.write(stream.name, mesh, file_format=kind, **options)
+        meshio.write(stream.name, mesh, file_format="vtu")
     return Path(path)
 
 
@@ -305,7 +294,7 @@ def write_vtu_series(
     members = ElementTree.SubElement(series, "Collection")
     for value, mesh in frames:
         file = f"{folder}/{label}={value!r}.vtu"
-        yield write_fields(mesh, collection.parent / file)
+        yield write_vtu(mesh, collection.parent / file)
         ElementTree.SubElement(members, "DataSet", timestep=repr(value), part="0", file=file)
     ElementTree.indent(series)
     yield write_bytes(collection, ElementTree.tostring(series, encoding="utf-8", xml_declaration=True))

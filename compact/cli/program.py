@@ -22,7 +22,7 @@ from compact.cli import options as cli
 from compact.cli.options import ENGINE_JOB, JOB, OWNING_JOB, SUCCESS, Console, EngineJob, Job, OwningJob, ScenePath
 from compact.files import ResultsError, default_directory, json_text, read_json
 
-Format = Literal["csv", "fmu", "vtu", "vtk", "xdmf", "gmsh"]
+Format = Literal["csv", "fmu", "vtu"]
 app = App(
     name="compact",
     help="Roller-compaction loads: from a scene (machine, mix, motion) to ranked motion laws.",
@@ -361,7 +361,7 @@ def export(
     ----------
     formats
         csv is a table of F(v, a) with the guide friction; fmu is a functional mock-up unit with the cart (FMI 2.0);
-        vtu, vtk, xdmf and gmsh have the fields of fem and compaction
+        vtu has the fields of fem and compaction
     tolerance
         largest error of linear interpolation over the largest force; default the tolerance of the scene
     speed
@@ -370,7 +370,7 @@ def export(
     given = job.read(scene)
 
     from compact.analysis.study import Study
-    from compact.files import FIELD_FORMATS, write_fields
+    from compact.files import write_vtu
     from compact.interfaces.force_tables import CartModel, force_table, write_force_csv
     from compact.interfaces.functional_mockup import has_binary, write_fmu
 
@@ -391,7 +391,7 @@ def export(
                 notes.append("" if has_binary(files[-1]) else "cart.fmu: sources only, as no compiler is found")
             elif contacts.engine.has_fields:
                 mesh = contacts.field_mesh(contacts.passes_at(speed or given.mean_speed)[0])
-                files.append(write_fields(mesh, directory / f"fields{FIELD_FORMATS[name]}", name))
+                files.append(write_vtu(mesh, directory / "fields.vtu"))
             else:
                 raise ValueError(
                     f'--format {name} needs fields, which the engine "{given.accuracy.engine}" does not have; '

@@ -1,4 +1,4 @@
-"""Exports: tables and a functional mock-up unit against the drive of the same scene, fields in every format.
+"""Exports: tables and a functional mock-up unit against the drive of the same scene.
 
 The units are imported by fmpy, of the extra `full`, in slow tests.
 """
@@ -10,14 +10,12 @@ from dataclasses import replace
 from xml.etree import ElementTree
 from zipfile import ZipFile
 
-import meshio
 import numpy as np
 import pytest
 
 from compact.analysis.study import Study
 from compact.cli import program as cli
 from compact.contact import dry_resistance
-from compact.files import FIELD_FORMATS, FULL_TENSOR, write_fields
 from compact.interfaces.force_tables import CartModel, force_table, write_force_csv
 from compact.interfaces.functional_mockup import VARIABLES, has_binary, write_fmu
 from compact.motion import law
@@ -195,25 +193,6 @@ def test_table_is_the_same_when_read_back(model, tmp_path):
     grid = np.meshgrid(table.velocity, table.acceleration, indexing="ij")
     for column, values in zip(columns, (*grid, *table.forces.values()), strict=True):
         np.testing.assert_allclose(column, np.ravel(values), rtol=1e-11, atol=1e-12)
-
-
-# fields
-
-
-@pytest.mark.parametrize("name", FIELD_FORMATS)
-def test_fields_are_the_same_when_read_back(name, tmp_path):
-    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
-    stress = np.arange(1.0, 7.0)[None, :]
-    cells = {"stress": [stress], "pressure": [np.array([-2.0])]}
-    mesh = meshio.Mesh(corners, [("quad", np.array([[0, 1, 2, 3]]))], {"displacement": 0.1 * corners}, cells)
-    path = write_fields(mesh, tmp_path / f"fields{FIELD_FORMATS[name]}", name)
-    back = meshio.read(path)
-    np.testing.assert_allclose(back.points, corners)
-    np.testing.assert_allclose(back.point_data["displacement"], 0.1 * corners)
-    found = np.ravel(back.cell_data["stress"][0])
-    np.testing.assert_allclose(found, stress[0, list(FULL_TENSOR)] if name == "gmsh" else stress[0])
-    if name == "gmsh":
-        np.testing.assert_allclose(found.reshape(3, 3), [[1, 4, 6], [4, 2, 5], [6, 5, 3]])
 
 
 # command
