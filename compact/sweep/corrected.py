@@ -5,37 +5,38 @@
     table = sweep.run("out/sweep", executor=ProcessExecutor(2))  # 18 of 100 points by finite elements
 
 The engine "compaction" takes seconds for a point, "column" milliseconds. Their ratio is smooth over the parameters: a
-response surface of its logarithm (`surfaces`) interpolates it, with a leave-one-out error that is added to that of the
-engine. Chosen points that the engine refuses are replaced by others and are not part of the surface; points beyond the
-hull of those that it solved have no result.
+response surface of its logarithm interpolates it, with a leave-one-out error that is added to that of the engine. Its
+coordinates are the parameters, scaled to 0 ... 1 over the sweep. Chosen points that the engine refuses are replaced by
+others and are not part of the surface; points beyond the hull of those that it solved have no result.
 
 Keys with words, such as layer.base, divide the sweep into parts with one surface each. The chosen points are divided
 into connected parts, each a task, in which a point starts from the nearest contact. This division does not depend on
 the number of workers.
+
+References
+----------
+M. C. Kennedy, A. O'Hagan, Predicting the output from a complex computer code when fast approximations are available,
+Biometrika 87, 2000. T. F. Gonzalez, Clustering to minimize the maximum intercluster distance, Theor. Comput. Sci. 38,
+1985, of the farthest-point design. R. D. Cook, Influential observations in linear regression, J. Am. Stat. Assoc. 74,
+1979, of the hull by leverage.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import ceil
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
+from compact.analysis.stages.ensemble import Share, polynomial_terms
 from compact.engines import ENGINES
 from compact.quantities import SWEEP_CORRECTION
 from compact.scene.loader import Scene
 from compact.sweep.design import Axis, Sampled
 from compact.sweep.run import Evaluate, Results, Sweep, described, in_parts
-from compact.sweep.surfaces import (
-    FloatArray,
-    Surface,
-    choose_points,
-    connected_parts,
-    default_count,
-    distances,
-    fit_surface,
-    inside_hull,
-    refinement_weights,
-)
+
+FloatArray = NDArray[np.float64]
 
 ALL = "all"
 ROUNDS = 3  # [-], of chosen points; the second refines the surface, and later ones replace points without a result
@@ -44,6 +45,15 @@ FORCES = ("load", "resistance")  # with an error estimate
 CORRECTED = (*FORCES, "capture_angle", "contact_length", "peak_pressure", "exit_density_ratio")
 ORIGIN = "two_dimensions"
 ORIGIN_MEANING = "solved or refused by the engine at this point; empty for columns that a response surface corrects"
+POINTS_PER_COEFFICIENT = 3  # [-], default number of chosen points over the coefficients of a quadratic surface
+PART_SIZE = 6  # [-], largest number of points in one part
+MIN_WEIGHT = 0.1  # [-], least weight over the largest
+MAX_CONVEX = 4  # [-], parameters up to which a convex hull of the chosen points is computed
+DECIMALS = 9  # [-], of distances; nearer points are equal
+ROUNDING = 10.0**-DECIMALS  # [-], of coordinates
+COVERAGE = 2.0  # [-], error estimate over the rms of the leave-one-out errors; about 95 % of normal errors
+DEGREES = {"linear": 1, "quadratic": 2}  # of polynomial surfaces
+KERNELS = {"thin-plate spline": "thin_plate_spline", "cubic spline": "cubic"}  # of radial basis functions
 
 
 def create_sweep(
@@ -107,18 +117,20 @@ class CorrectedSweep(Sweep):
 
     def _places_and_groups(self) -> tuple[FloatArray, list[list[int]]]:
         """Return the coordinates of all points, 0 to 1 over the sweep [-], and the points with the same words."""
-        grid = np.indices(self.design.shape).reshape(len(self.design.shape), -1)
-        columns, words = [], [np.zeros(self.size, int)]
-        for axis, index in zip(self.design.axes, grid, strict=False):
-            if any(isinstance(value, str | bool) for value in axis.values):
-                words.append(index)
-            elif len(axis.values) > 1:
-                values = np.array(axis.values, dtype=float)
-                columns.append(((values - values.min()) / np.ptp(values))[index])
-        columns += list(self.design.shares[grid[-1]].T) if self.design.names else []
-        places = np.column_stack(columns) if columns else np.zeros((self.size, 1))
-        _, group = np.unique(np.column_stack(words), axis=0, return_inverse=True)
-        return places, [np.flatnonzero(group == number).tolist() for number in range(group.max() + 1)]
+        changes = self.design.changes
+        words, columns = [], [np.zeros((self.size, 0))]
+        for key, first in changes[0].keys.items():
+            values = [change.keys[key] for change in changes]
+            if any(isinstance(value, str | bool) for value in values):
+                words.append(values)
+            elif isinstance(first, Share):
+                columns.append(np.array(values))
+            elif np.ptp(values) > 0:
+                columns.append((np.array(values)[:, None] - min(values)) / np.ptp(values))
+        places, groups = np.hstack(columns), dict[Any, list[int]]()
+        for number, group in enumerate(zip(*words, strict=True) if words else [()] * self.size):
+            groups.setdefault(group, []).append(number)
+        return places if places.size else np.zeros((self.size, 1)), list(groups.values())
 
     def _results(self, evaluated: Evaluate) -> dict[int, Results]:
         """Return the results of all points: columns, chosen points, and the correction.
@@ -185,22 +197,21 @@ class Correction:
         exact: Mapping[int, Results],
         convex: bool,
     ) -> None:
-        self.places, self.columns, self.exact, self.convex = places, columns, exact, convex
-        self.failed = [number for number in group if columns[number].get("reason")]
-        self.able = [number for number in group if number not in self.failed]
+        self.places, self.group, self.columns, self.exact, self.convex = places, group, columns, exact, convex
+        self.able = [number for number in group if not columns[number].get("reason")]
         self.chosen = [number for number in self.able if number in exact]
         fine, coarse = (
-            np.array([[results[number].get(name, np.nan) for name in CORRECTED] for number in self.chosen], float)
+            np.array([[results[i].get(name, np.nan) for name in CORRECTED] for i in self.chosen]).reshape(
+                -1, len(CORRECTED)
+            )
             for results in (exact, columns)
         )
-        ratios = np.full((len(self.chosen), len(CORRECTED)), np.nan)  # nan where they have no logarithm
-        if self.chosen:
-            np.divide(fine, coarse, out=ratios, where=fine * coarse > 0)
+        ratios = np.divide(fine, coarse, out=np.full(fine.shape, np.nan), where=fine * coarse > 0)
         has_forces = np.isfinite(ratios[:, : len(FORCES)]).all(axis=1)
         self.solved = [number for number, is_solved in zip(self.chosen, has_forces, strict=True) if is_solved]
-        self.factors = ratios[has_forces]
+        self.factors = dict(zip(CORRECTED, ratios[has_forces].T, strict=True))
         self.surfaces: dict[str, Surface] = {}
-        for name, column in zip(CORRECTED, self.factors.T, strict=True):
+        for name, column in self.factors.items():
             if np.isfinite(column).all() and (surface := fit_surface(places[self.solved], np.log(column))):
                 self.surfaces[name] = surface
 
@@ -210,53 +221,51 @@ class Correction:
         counts = f"{len(self.solved)} of {len(self.chosen)} chosen points have a result in two dimensions"
         if not set(FORCES) <= set(self.surfaces):
             return f"{counts}, too few for a response surface; take a larger --direct, or all"
-        for name, column in zip(FORCES, self.factors.T, strict=False):
-            surface, span = self.surfaces[name], f"{column.min():.3g} to {column.max():.3g} of columns"
+        for name in FORCES:
+            surface, column = self.surfaces[name], self.factors[name]
+            span = f"{column.min():.3g} to {column.max():.3g} of columns"
             counts += f"; {name} {span}, error of interpolation {surface.error:.2%} ({surface.kind} surface)"
         return counts
 
     def further(self, count: int) -> list[int]:
         """Return the next chosen points, of a number in all: first evenly, then by the error."""
-        places, taken = self.places[self.able], [i for i, number in enumerate(self.able) if number in self.exact]
-        if not taken:
-            found = choose_points(places, ceil(FIRST_SHARE * count))
-        elif not self.solved:
+        if self.chosen and not self.solved:
             return []
-        else:
-            surface, weights = self.surfaces.get("resistance"), None
-            if surface is not None:
-                weights = refinement_weights(places, self.places[self.solved], surface.residuals)
-            found = choose_points(places, count - len(self.solved), taken, weights)
-        return [self.able[i] for i in found]
+        places, taken = self.places[self.able], [i for i, number in enumerate(self.able) if number in self.exact]
+        weights: Any = 1.0
+        if "resistance" in self.surfaces:
+            weights = refinement_weights(places, self.places[self.solved], self.surfaces["resistance"].residuals)
+        wanted = count - len(self.solved) if taken else ceil(FIRST_SHARE * count)
+        return [self.able[i] for i in choose_points(places, wanted, taken, weights)]
 
     def results(self) -> dict[int, Results]:
         """Return the results of all points of the group by their number."""
-        results = {number: self.columns[number] for number in self.failed}
+        found = {number: self.columns[number] for number in self.group}
         for number in self.chosen:
             result = self.exact[number]
-            results[number] = result | {ORIGIN: "refused" if result.get("reason") else "solved"}
-        for number, row in zip(self.solved, self.factors, strict=True):
-            for name, factor in zip(FORCES, row.tolist(), strict=False):
-                results[number] |= {f"{name}_factor": factor, f"{name}_surface_error": 0.0}
+            found[number] = result | {ORIGIN: "refused" if result.get("reason") else "solved"}
+        for name in FORCES:
+            for number, factor in zip(self.solved, self.factors[name].tolist(), strict=True):
+                found[number] |= {f"{name}_factor": factor, f"{name}_surface_error": 0.0}
         rest = [number for number in self.able if number not in self.exact]
         if not rest or not set(FORCES) <= set(self.surfaces):
-            return results | {number: {"reason": self.note} for number in rest}
+            return found | {number: {"reason": self.note} for number in rest}
         reason = (
             f"beyond the hull of the {len(self.solved)} points with a result in two dimensions, of "
             f"{len(self.chosen)} chosen; --direct all computes this point"
         )
-        inside = inside_hull(self.places[rest], self.places[self.solved], self.convex)
-        factors = {name: np.exp(surface(self.places[rest])) for name, surface in self.surfaces.items()}
+        places, solved = self.places[rest], self.places[self.solved]
+        inside, nearest = inside_hull(places, solved, self.convex), distances(places, solved).argmin(axis=1)
+        factors = {name: np.exp(surface(places)).tolist() for name, surface in self.surfaces.items()}
         for i, number in enumerate(rest):
-            factor = {name: float(values[i]) for name, values in factors.items()}
-            results[number] = self._corrected(number, factor) if inside[i] else {"reason": reason}
-        return results
+            factor = dict.fromkeys(CORRECTED, np.nan) | {name: values[i] for name, values in factors.items()}
+            corrected = self._corrected(self.columns[number], factor, self.exact[self.solved[nearest[i]]])
+            found[number] = corrected if inside[i] else {"reason": reason}
+        return found
 
-    def _corrected(self, number: int, factor: Mapping[str, float]) -> Results:
+    def _corrected(self, column: Results, factor: Mapping[str, float], nearest: Results) -> Results:
         """Return the corrected results of columns, with the engine error of the nearest solved point."""
-        column = self.columns[number]
-        nearest = self.exact[self.solved[np.argmin(distances(self.places[self.solved], self.places[number]))]]
-        found = column | {name: column[name] * factor.get(name, np.nan) for name in CORRECTED if name in column}
+        found = column | {name: column[name] * factor[name] for name in CORRECTED if name in column}
         found["resistance_coefficient"] = column["resistance_coefficient"] * factor["resistance"] / factor["load"]
         found["power"] = column["power"] * factor["resistance"]
         for name in FORCES:
@@ -264,3 +273,188 @@ class Correction:
             found |= {f"{name}_factor": factor[name], f"{name}_surface_error": error}
             found[f"{name}_error"] = nearest[f"{name}_error"] + error
         return found | {"work_residual": np.nan, "mass_residual": np.nan, "replaced": nearest.get("replaced", "")}
+
+
+# choice of points
+
+
+def distances(places: FloatArray, others: FloatArray) -> FloatArray:
+    """Return the distances between places, rounded so that equal ones are equal [-], shape (places, others)."""
+    return cdist(places, others).round(DECIMALS)
+
+
+def default_count(parameters: int) -> int:
+    """Return the default number of chosen points for a number of parameters.
+
+    Examples
+    --------
+    >>> default_count(1), default_count(2), default_count(3)
+    (9, 18, 30)
+    """
+    return POINTS_PER_COEFFICIENT * (parameters + 1) * (parameters + 2) // 2
+
+
+def choose_points(
+    places: FloatArray, count: int, taken: Sequence[int] = (), weights: FloatArray | float = 1.0
+) -> list[int]:
+    """Choose points that fill the space: from the first one on, always the point farthest from all chosen ones.
+
+    Parameters
+    ----------
+    places : FloatArray, shape (points, parameters)
+        Coordinates of the candidates and of the points taken [-].
+    count : int
+        Number of further points.
+    taken : sequence of int
+        Numbers of the points that are chosen already.
+    weights : FloatArray, shape (points,), optional
+        Factors of the distances, larger where more points are required [-].
+
+    Returns
+    -------
+    list of int
+        Numbers of the chosen points; fewer if there are no more.
+    """
+    chosen: list[int] = []
+    distance = distances(places, places[list(taken)]).min(axis=1, initial=np.inf)
+    while len(chosen) < count and distance.any():
+        chosen.append(int(np.argmax(distance * weights)))
+        distance = np.minimum(distance, distances(places, places[chosen[-1:]])[:, 0])
+    return chosen
+
+
+def refinement_weights(places: FloatArray, solved: FloatArray, residuals: FloatArray) -> FloatArray:
+    """Return weights for `choose_points`: the leave-one-out error at the nearest solved point, within a factor of ten.
+
+    Parameters
+    ----------
+    places : FloatArray, shape (points, parameters)
+        Coordinates of the candidates [-].
+    solved : FloatArray, shape (solved, parameters)
+        Coordinates of the points of a surface [-].
+    residuals : FloatArray, shape (solved,)
+        Leave-one-out errors there [-].
+    """
+    size = np.abs(residuals)
+    return np.maximum(size, max(MIN_WEIGHT * size.max(), ROUNDING))[distances(places, solved).argmin(axis=1)]
+
+
+def connected_parts(places: FloatArray, numbers: Sequence[int], size: int = PART_SIZE) -> list[list[int]]:
+    """Divide points into connected parts, each in an order of neighbours.
+
+    The points are bisected along their longest extent. A part begins next to its middle; each further point is the one
+    nearest to those before.
+
+    Parameters
+    ----------
+    places : FloatArray, shape (points, parameters)
+        Coordinates of all points [-].
+    numbers : sequence of int
+        Points to be divided.
+    size : int
+        Largest number of points of a part.
+    """
+    inside = places[list(numbers)]
+    if len(numbers) > size:
+        axis = int(np.argmax(np.ptp(inside, axis=0)))
+        order = [numbers[i] for i in np.lexsort((np.array(numbers), inside[:, axis]))]
+        half = (len(order) + 1) // 2
+        return [part for side in (order[:half], order[half:]) for part in connected_parts(places, side, size)]
+    left, ordered = sorted(numbers), list[int]()
+    while left:
+        before = places[ordered] if ordered else inside.mean(axis=0, keepdims=True)
+        ordered.append(left.pop(int(distances(places[left], before).min(axis=1).argmin())))
+    return [ordered] if ordered else []
+
+
+# response surfaces
+
+
+class Surface(NamedTuple):
+    """Response surface with its leave-one-out errors.
+
+    Parameters
+    ----------
+    kind : str
+        Name of the model.
+    residuals : FloatArray
+        Error at each point of the surface that is fitted to all others [-].
+    model : callable
+        Values [-], shape (points,), at coordinates of shape (points, parameters).
+    """
+
+    kind: str
+    residuals: FloatArray
+    model: Callable[[FloatArray], FloatArray]
+
+    @property
+    def error(self) -> float:
+        """Estimated error: COVERAGE times the rms of the leave-one-out errors [-]."""
+        return COVERAGE * float(np.sqrt(np.mean(self.residuals**2)))
+
+    def __call__(self, places: FloatArray) -> FloatArray:
+        """Return the values at coordinates [-], shape (points,)."""
+        return self.model(places)
+
+
+def fit_surface(places: FloatArray, values: FloatArray) -> Surface | None:
+    """Fit the surface with the least leave-one-out error: linear, quadratic, or radial basis functions.
+
+    Parameters
+    ----------
+    places : FloatArray, shape (points, parameters)
+        Coordinates [-].
+    values : FloatArray, shape (points,)
+        Values [-].
+
+    Returns
+    -------
+    Surface or None
+        None if the points are too few for any surface.
+    """
+    from scipy.interpolate import RBFInterpolator
+
+    def fit(kind: str, x: FloatArray, y: FloatArray) -> Callable[[FloatArray], FloatArray]:
+        if kind in KERNELS:
+            return RBFInterpolator(x, y, kernel=KERNELS[kind], degree=1)
+        coefficients = np.linalg.lstsq(polynomial_terms(x, DEGREES[kind]), y, rcond=None)[0]
+        return lambda there: polynomial_terms(there, DEGREES[kind]) @ coefficients
+
+    found: list[Surface] = []
+    others = [np.arange(len(places)) != i for i in range(len(places))]
+    for kind in (*DEGREES, *KERNELS):
+        if len(places) < polynomial_terms(places, DEGREES.get(kind, 1)).shape[1] + 2:
+            continue  # a surface without one point would not be overdetermined
+        try:
+            left = [fit(kind, places[rest], values[rest])(places[~rest])[0] for rest in others]
+            found.append(Surface(kind, values - np.array(left), fit(kind, places, values)))
+        except np.linalg.LinAlgError:  # points on a line, without one of them
+            continue
+    return min(found, key=lambda surface: surface.error, default=None)
+
+
+def inside_hull(places: FloatArray, solved: FloatArray, convex: bool) -> NDArray[np.bool_]:
+    """Return which places a surface through solved points interpolates.
+
+    Parameters
+    ----------
+    places, solved : FloatArray, shape (points, parameters)
+        Coordinates [-].
+    convex : bool
+        True for the convex hull. False for the hull by leverage: the ellipsoid of the linear regression through the
+        outermost solved point, for samples, most of which are outside the convex hull of a few of them.
+    """
+    from scipy.spatial import Delaunay, QhullError
+
+    parameters = solved.shape[1]
+    if not convex or parameters > MAX_CONVEX:
+        terms = polynomial_terms(solved, 1)
+        inverse = np.linalg.pinv(terms.T @ terms)
+        leverage = [np.einsum("ij,jk,ik->i", rows, inverse, rows) for rows in (polynomial_terms(places, 1), terms)]
+        return leverage[0] <= leverage[1].max() + ROUNDING
+    if parameters == 1:
+        return (places[:, 0] >= solved.min() - ROUNDING) & (places[:, 0] <= solved.max() + ROUNDING)
+    try:
+        return Delaunay(solved).find_simplex(places, tol=ROUNDING) >= 0
+    except (QhullError, ValueError):  # solved points on a line
+        return np.zeros(len(places), dtype=bool)

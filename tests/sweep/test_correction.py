@@ -14,16 +14,17 @@ from compact.scene.loader import load_scene
 from compact.sweep import corrected, sobol_indices
 from compact.sweep import design as vary
 from compact.sweep import run as sweep
-from compact.sweep.corrected import CorrectedSweep, create_sweep
-from compact.sweep.run import Sweep
-from compact.sweep.surfaces import (
+from compact.sweep.corrected import (
+    CorrectedSweep,
     choose_points,
     connected_parts,
+    create_sweep,
     default_count,
     fit_surface,
     inside_hull,
     refinement_weights,
 )
+from compact.sweep.run import Sweep
 
 SCENE_FILE = SCENES / "loveikin-2015.toml"
 THIN = {"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "contact.indentation": 0.002}
