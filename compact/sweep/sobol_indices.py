@@ -23,8 +23,6 @@ from compact.numerics.validation import require_finite
 if TYPE_CHECKING:
     import xarray
 
-FloatArray = NDArray[np.float64]
-
 QUANTITIES = ("load", "resistance", "resistance_coefficient", "capture_angle")  # with indices in a sweep
 BOOTSTRAPS = 1000
 CONFIDENCE = 0.95  # [-], level of the intervals
@@ -33,31 +31,33 @@ SPREAD_ROUNDING = 1e-12  # [-], of the mean; a smaller spread counts as zero
 SEED = 2015  # of the bootstrap
 
 
-class Indices(NamedTuple):
-    """Sobol indices of one quantity.
+class Index(NamedTuple):
+    """Sobol indices of one quantity for one input.
 
     Parameters
     ----------
-    first, first_low, first_high : NDArray, shape (inputs,)
-        Indices of first order and their confidence interval [-].
-    total, total_low, total_high : NDArray, shape (inputs,)
-        Total indices and their confidence interval [-].
+    first, first_low, first_high : float
+        Index of first order and its confidence interval [-].
+    total, total_low, total_high : float
+        Total index and its confidence interval [-].
+    rows : int
+        Number of rows.
     """
 
-    first: FloatArray
-    first_low: FloatArray
-    first_high: FloatArray
-    total: FloatArray
-    total_low: FloatArray
-    total_high: FloatArray
+    first: float
+    first_low: float
+    first_high: float
+    total: float
+    total_low: float
+    total_high: float
     rows: int
 
 
-SobolTable = dict[str, tuple[tuple[str, ...], Indices]]  # quantity -> names of the inputs, indices
+SobolTable = dict[str, dict[str, Index]]  # by quantity and input
 
 
-def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> Indices:
-    """Estimate the Sobol indices of a quantity; a constant quantity has indices of 0.
+def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> list[Index]:
+    """Estimate the Sobol indices of a quantity for each input; a constant quantity has indices of 0.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> I
     >>> def line(x, y):
     ...     return 2 * x + y
     >>> found = indices(line(*A), line(*B), np.array([line(B[0], A[1]), line(A[0], B[1])]))
-    >>> found.first.round(1).tolist()  # of variances 4 and 1
+    >>> [round(each.first, 1) for each in found]  # of variances 4 and 1
     [0.8, 0.2]
     """
     require_finite(at_first=at_first, at_second=at_second, at_mixed=at_mixed)
@@ -88,10 +88,9 @@ def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> I
     middle = np.mean(values[:2])  # subtracted, as the errors of the estimators grow with the mean
     values -= middle
     if np.ptp(values[:2], axis=1).max() <= SPREAD_ROUNDING * abs(middle):
-        none = np.zeros(inputs)
-        return Indices(none, none, none, none, none, none, n)
+        return [Index(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, n)] * inputs
 
-    def estimate(rows: NDArray[np.int64] | slice) -> FloatArray:
+    def estimate(rows: NDArray[np.int64] | slice) -> NDArray[np.float64]:
         """Return S and T, shape (2, inputs)."""
         f_A, f_B, *f_AB = values[:, rows]
         variance = np.var(np.concatenate([f_A, f_B]))
@@ -100,8 +99,8 @@ def indices(at_first: ArrayLike, at_second: ArrayLike, at_mixed: ArrayLike) -> I
     drawn = np.random.default_rng(SEED).integers(n, size=(BOOTSTRAPS, n))
     tail = (1 - CONFIDENCE) / 2
     low, high = np.quantile([estimate(rows) for rows in drawn], [tail, 1 - tail], axis=0)
-    first, total = estimate(slice(None))
-    return Indices(first, low[0], high[0], total, low[1], high[1], n)
+    found = np.stack([estimate(slice(None)), low, high], axis=1)  # order, estimate and bounds, input
+    return [Index._make([*each, n]) for each in found.reshape(6, inputs).T.tolist()]
 
 
 def of_table(table: "xarray.Dataset") -> SobolTable:
@@ -110,17 +109,16 @@ def of_table(table: "xarray.Dataset") -> SobolTable:
     Returns
     -------
     dict
-        Names of the inputs, and indices, by quantity; empty for a sample that was not designed for indices. A quantity
-        with fewer than LEAST_ROWS rows is left out.
+        Indices by quantity and input; empty for a sample that was not designed for indices. A quantity with fewer than
+        LEAST_ROWS rows is left out.
     """
     if table["load"].dims != ("sample",) or set(table["part"].values) == {"A"}:
         return {}
     parts, found = table["part"].values, {}
-    names = tuple(dict.fromkeys(part for part in parts if part not in ("A", "B")))
+    names = list(dict.fromkeys(parts))  # A, B, and the inputs
     for quantity in QUANTITIES:
-        values = table[quantity].values
-        rows = np.array([values[parts == part] for part in ("A", "B", *names)])
+        rows = np.array([table[quantity].values[parts == part] for part in names])
         rows = rows[:, np.isfinite(rows).all(axis=0)]
         if rows.shape[1] >= LEAST_ROWS:
-            found[quantity] = names, indices(rows[0], rows[1], rows[2:])
+            found[quantity] = dict(zip(names[2:], indices(rows[0], rows[1], rows[2:]), strict=True))
     return found

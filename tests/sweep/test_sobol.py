@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import qmc, sobol_indices
 
-from compact.sweep.sobol_indices import indices
+from compact.sweep.sobol_indices import Index, indices
 
 ISHIGAMI_A, ISHIGAMI_B = 7.0, 0.1
 
@@ -30,6 +30,11 @@ def rows(function, inputs, n, low=0.0, high=1.0):
     return function(A), function(B), np.array([function(x) for x in mixed])
 
 
+def estimated(*values):
+    """Indices with arrays over the inputs."""
+    return Index(*np.array(indices(*values)).T)
+
+
 def is_covered(found, first, total):
     return np.all(
         (found.first_low <= first)
@@ -40,7 +45,7 @@ def is_covered(found, first, total):
 
 
 def test_ishigami_lies_within_confidence_bounds_that_narrow_with_the_root_of_the_rows():
-    found = {n: indices(*rows(ishigami, 3, n, -np.pi, np.pi)) for n in (256, 1024, 4096)}
+    found = {n: estimated(*rows(ishigami, 3, n, -np.pi, np.pi)) for n in (256, 1024, 4096)}
     assert all(is_covered(each, *ishigami_indices()) for each in found.values())
     wide, narrow = (found[n].first_high - found[n].first_low for n in (256, 4096))
     assert narrow == pytest.approx(wide / 4, rel=0.25)
@@ -52,20 +57,20 @@ def test_product_has_its_closed_form():
     shares = np.array([1.0, 0.5, 0.2])
     parts = shares**2 / 3
     variance = np.prod(1 + parts) - 1
-    found = indices(*rows(lambda x: np.prod(1 + shares[:, None] * (2 * x - 1), axis=0), 3, 2048))
+    found = estimated(*rows(lambda x: np.prod(1 + shares[:, None] * (2 * x - 1), axis=0), 3, 2048))
     assert is_covered(found, parts / variance, parts * np.prod(1 + parts) / (1 + parts) / variance)
 
 
 def test_estimates_are_those_of_scipy():
     f_A, f_B, f_AB = rows(ishigami, 3, 128, -np.pi, np.pi)
     library = sobol_indices(func={"f_A": f_A[None], "f_B": f_B[None], "f_AB": f_AB[:, None]}, n=128)
-    found = indices(f_A, f_B, f_AB)
+    found = estimated(f_A, f_B, f_AB)
     assert found.first == pytest.approx(library.first_order, abs=1e-12)
     assert found.total == pytest.approx(library.total_order, abs=1e-12)
 
 
 def test_constant_function_has_zero_indices():
-    found = indices(np.full(64, 0.1), np.full(64, 0.1), np.full((2, 64), 0.1))
+    found = estimated(np.full(64, 0.1), np.full(64, 0.1), np.full((2, 64), 0.1))
     assert found.first.tolist() == found.total.tolist() == [0.0, 0.0]
 
 
