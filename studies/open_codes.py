@@ -185,7 +185,7 @@ def half_plane_by_hertz():
     """Return the peak pressure in closed form [Pa]."""
     from compact.engines.halfplane import hertz
 
-    return float(hertz(radius=RADIUS, load=LOAD, youngs_modulus=MODULUS, poisson=POISSON).peak_pressure)
+    return float(hertz(radius=RADIUS, load=LOAD, contact_modulus=MODULUS / (1 - POISSON**2)).peak_pressure)
 
 
 def half_plane_by_tamaas():

@@ -199,7 +199,7 @@ def numbers(scene: Scene, mix: Mix, formulas: Engineering, exact: LineContact) -
         known_by = PRESCRIBED if prescribed and name == "pressure" else confidence
         found[name] = Number(value, FORMULA[name].unit, known_by, *(() if low == value == high else (low, high)))
     of_half_plane = {
-        "exact_capture_angle": np.arcsin(exact.leading / exact.radius),
+        "exact_capture_angle": np.arcsin(exact.leading / scene.machine.roller_radius),
         "exact_roller_force": exact.load * scene.machine.roller_length,
         "exact_contact_length": exact.contact_length,
     }

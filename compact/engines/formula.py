@@ -290,10 +290,8 @@ def roll(
     phi = float(capture_angle(pressure, E, nu, alpha))
     load = float(roller_force(phi, E, nu, alpha, R, 1.0, *options))
     length, leading = float(contact_length(phi, R, alpha)), float(R * np.sin(phi))
-    contact = LineContact(
-        exponent=1 - alpha, radius=R, contact_modulus=E / (1 - nu**2), contact_length=length, load=load,
-        peak_pressure=pressure, leading=leading, trailing=leading - length, centroid=(2 / 3) * (1 - 2 * alpha) * length,
-    )  # fmt: skip
+    centroid = (2 / 3) * (1 - 2 * alpha) * length
+    contact = LineContact(1 - alpha, length, load, pressure, leading, leading - length, centroid)
     if contact.half_width > MAX_HALF_WIDTH_RATIO * layer.height:
         warnings.warn(
             f"half-plane theory needs `half_width` < {MAX_HALF_WIDTH_RATIO:g} `height`, got {contact.half_width:.3g} m "
@@ -303,17 +301,9 @@ def roll(
     ahead = contact.trailing + length * np.square(np.sin(np.linspace(0, np.pi / 2, CONTACT_SAMPLES)))
     ahead[-1] = leading
     samples = np.asarray(contact.pressure(ahead))
-    along = Contact(
-        load=load,
-        resistance=float(roller_resistance(load, length, R, alpha, rolling_friction)),
-        leading=leading,
-        trailing=leading - length,
-        x=ahead,
-        pressure=samples,
-        shear_traction=-roller.friction * samples,
-        peak_pressure=pressure,
-        own={"capture_angle": phi, "exponent": alpha},
-    )
+    resistance, shear = float(roller_resistance(load, length, R, alpha, rolling_friction)), -roller.friction * samples
+    own = {"capture_angle": phi, "exponent": alpha}
+    along = Contact(load, resistance, leading, leading - length, ahead, samples, shear, peak_pressure=pressure, own=own)
     result = rolling_contact.for_travel(along, speed)
     rolling_contact.require_on_target(result, roller, TARGET_TOLERANCE)
     return result

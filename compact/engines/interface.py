@@ -144,6 +144,10 @@ class Case:
     numerics: Mapping[str, Any] = field(default_factory=dict)
     progress: Callable[[str], None] | None = None
 
+    def within(self, keyword: str) -> dict[str, float]:
+        """Return the tolerance as a keyword of an engine; nothing for its default."""
+        return {} if self.tolerance is None else {keyword: self.tolerance}
+
 
 class Engine:
     """Contact engine; another package subclasses it, sets the attributes and defines `contact`.
@@ -200,23 +204,17 @@ class Engine:
         require_moving(speed)
         require_known("rolling", roller.rolling, get_args(RollerCondition))
         require_known("profile", roller.profile, get_args(GapGeometry))
-        given = {"machine.roller_condition": "rolling", "machine.gap_geometry": "profile"}
-        values: dict[str, Any] = {key: getattr(roller, name) for key, name in given.items()}
-        values["contact.indentation"] = roller.indentation
         if layer is not None:
             require_known("base", layer.base, get_args(BaseCondition))
-            values |= {
-                "layer.base": layer.base,
-                "layer.plies": layer.plies or None,
-                "layer.lower_lift": layer.lower_lift,
-            }
+        names = {"machine.roller_condition": "rolling", "machine.gap_geometry": "profile"}
         for limit in self.limits:
-            if limit.fixed or limit.key not in values or limit.takes(values[limit.key], roller.friction):
-                continue
-            name = given.get(limit.key, limit.key.partition(".")[2])
-            got = reprlib.repr(values[limit.key])
-            friction = f" with `friction` {roller.friction:g}" if limit.smooth else ""
-            raise ValueError(f"the engine {self.name} takes no `{name}` {got}{friction}, as {limit.why}")
+            table, key = limit.key.split(".")
+            name = names.get(limit.key, key)
+            value = getattr(layer if table == "layer" else roller, name, None) or None
+            if not (limit.fixed or value is None or limit.takes(value, roller.friction)):
+                friction = f" with `friction` {roller.friction:g}" if limit.smooth else ""
+                got = f"{reprlib.repr(value)}{friction}"
+                raise ValueError(f"the engine {self.name} takes no `{name}` {got}, as {limit.why}")
 
     def contact(self, case: Any, start: Any = None) -> Contact:
         """Compute a contact.
@@ -247,10 +245,6 @@ class Engine:
         """
         return VISCOELASTIC if self.takes == "linear layer" else ""
 
-    def seconds(self, case: Case | None = None) -> float:
-        """Estimate the processor time of a contact [s]."""
-        return self.cost
-
     @property
     def fitted_keys(self) -> tuple[str, ...]:
         """Keys of the scene, beyond the mix, that a fit to measurements may change."""
@@ -259,7 +253,7 @@ class Engine:
     @property
     def affordable(self) -> bool:
         """True if hundreds of contacts may be computed."""
-        return self.seconds() < AFFORDABLE
+        return self.cost < AFFORDABLE
 
     def reads(self, key: str) -> bool:
         """Return True for a key or table that not every engine reads, such as "contact.speeds", but this one."""

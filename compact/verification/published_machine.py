@@ -87,8 +87,8 @@ class Method:
     @property
     def hertz(self) -> LineContact:
         """Hertz's contact of the same capture angle."""
-        half_width = CART.roller_radius * math.sin(self.angle)
-        return contact.hertz(radius=CART.roller_radius, youngs_modulus=MODULUS, poisson=POISSON, half_width=half_width)
+        radius, modulus = CART.roller_radius, MODULUS / (1 - POISSON**2)
+        return contact.hertz(radius=radius, contact_modulus=modulus, half_width=radius * math.sin(self.angle))
 
 
 def fitted_modulus() -> float:

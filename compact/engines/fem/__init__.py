@@ -22,10 +22,8 @@ class FemEngine(Engine):
         """Solve the contact to the tolerance of the case."""
         from compact.engines.fem.engine import roll
 
-        options: dict[str, Any] = {} if case.tolerance is None else {"tolerance": case.tolerance}
-        return roll(
-            case.layer, case.roller, case.material, case.speed, torque=case.torque, estimate=case.estimate, **options
-        )
+        options: dict[str, Any] = {"torque": case.torque, "estimate": case.estimate, **case.within("tolerance")}
+        return roll(case.layer, case.roller, case.material, case.speed, **options)
 
     def expand(self, case: Case) -> "ResistanceExpansion":
         """Expand the resistance to first order in the acceleration, of a rolling roller without friction."""
@@ -34,8 +32,8 @@ class FemEngine(Engine):
         roller = case.roller
         if roller.rolling in ("free", "driven"):
             roller = replace(roller, rolling="frictionless")
-        options: dict[str, Any] = {} if case.tolerance is None else {"tolerance": case.tolerance}
-        return expand_resistance(case.layer, roller, case.material, case.speed, estimate=False, **options)
+        options: dict[str, Any] = {"estimate": False, **case.within("tolerance")}
+        return expand_resistance(case.layer, roller, case.material, case.speed, **options)
 
     def fields(self, contact: Any) -> Any:
         """Return a mesh with displacement, stress and pressure."""

@@ -81,8 +81,8 @@ class SurfaceCompliance:
     ----------
     x : ndarray
         Corner and middle nodes of the surface in turn [m], ascending, shape (n,).
-    first, last : int
-        The loaded nodes are `x[first:last]`, m of them; the first and the last one are corners.
+    loaded : slice
+        The loaded nodes among `x`, m of them; the first and the last one are corners.
     response : ndarray
         Component i of the displacement of node a under a unit force k on loaded node b, `response[i, a, k, b]`,
         shape (2, n, 2, m).
@@ -93,16 +93,10 @@ class SurfaceCompliance:
     """
 
     x: Array
-    first: int
-    last: int
+    loaded: slice
     response: Array
     initial: Displacement = at_rest
     stretch_rate: Array | None = None
-
-    @property
-    def loaded(self) -> slice:
-        """Loaded nodes among all surface nodes."""
-        return slice(self.first, self.last)
 
     def displacement(self, forces: Array) -> Array:
         """Displacement of all nodes under forces on the loaded ones, without the initial one; (2, n) or (2, n, j)."""
@@ -170,14 +164,11 @@ class LayerStiffness:
         Nodes of the lines of equal height from the base up, each with x ascending, shape (lines, n).
     solve : callable
         Displacements of all unknowns under forces on them, shape (unknowns, k).
-    end_tension : ndarray
-        Nodal forces of a unit force along x on the end at lower and at upper x, shape (nodes, 2, 2).
     """
 
     basis: Basis
     lines: NDArray[np.intp]
     solve: Solve
-    end_tension: Array
 
     @property
     def surface(self) -> NDArray[np.intp]:
@@ -190,6 +181,11 @@ class LayerStiffness:
             return self.solve(forces.reshape(len(forces) * 2, -1)).reshape(forces.shape)
 
 
+def end_behind(layer: Layer, speed: float) -> End:
+    """Return the end at which a layer on a frictionless base is held, at lower (0) or upper (1) x; 0 if bonded."""
+    return 1 if layer.base == "slip" and speed < 0 else 0
+
+
 def element_moduli(mesh: RowMesh, poisson: float, layer: Layer) -> Array:
     """Moduli (2 mu, 2 mu, mu, lambda) [-] of the elements for E = 1 times the modulus of their ply, (elements, 4)."""
     relative = layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
@@ -197,8 +193,8 @@ def element_moduli(mesh: RowMesh, poisson: float, layer: Layer) -> Array:
 
 
 @lru_cache(maxsize=2)  # a mesh and its refinement, 0.1 GB; every speed, modulus and spectrum on a mesh shares them
-def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffness:
-    """Assemble and factorise the stiffness of a layer."""
+def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer, behind: End = 0) -> LayerStiffness:
+    """Assemble and factorise the stiffness of a layer; one on a frictionless base is held at its end behind."""
     quads = MeshQuad(np.ascontiguousarray(mesh.points.T), np.ascontiguousarray(mesh.quads.T))
     basis = Basis(quads, ElementQuad2(), intorder=GAUSS_ORDER)
     K = assemble_stiffness(basis, element_moduli(mesh, poisson, layer))
@@ -206,10 +202,8 @@ def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffne
     lines = np.empty((2 * rows + 1, 2 * columns + 1), dtype=np.intp)
     for (x, y), nodes in zip(basis.elem.doflocs, basis.element_dofs.reshape(-1, rows, columns), strict=True):
         lines[int(2 * y) :: 2, int(2 * x) :: 2][:rows, :columns] = nodes
-    fixed = np.concatenate([2 * lines[0], 2 * lines[0] + 1])
-    if layer.base == "slip":  # fixed along x at one node in the middle, without reaction
-        fixed = np.append(2 * lines[0] + 1, 2 * lines[0][np.argmin(np.abs(basis.doflocs[0][lines[0]]))])
-    free = np.setdiff1d(np.arange(K.shape[0]), fixed)
+    held = lines[0] if layer.base == "bonded" else lines[:, -behind]
+    free = np.setdiff1d(np.arange(K.shape[0]), np.concatenate([2 * held, 2 * lines[0] + 1]))
     solve_free = _factorised(K[free][:, free].tocsc())
 
     def solve(forces: Array) -> Array:
@@ -217,7 +211,7 @@ def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer) -> LayerStiffne
         displacement[free] = solve_free(forces[free])
         return displacement
 
-    return LayerStiffness(basis, lines, solve, _end_tension(mesh, layer, lines, basis.N))
+    return LayerStiffness(basis, lines, solve)
 
 
 @lru_cache(maxsize=8)
@@ -227,13 +221,14 @@ def surface_compliance(
     """Condense a layer to its surface, loaded within a half-width `window` [m] of the centre of the mesh.
 
     Symmetry of a mirrored mesh halves the number of unit forces; `sheared` includes forces along x. A layer on a
-    frictionless base is held along x behind the roller, at lower (0) or upper (1) x; displacements along x count from
-    the end ahead. With `stretch_rate` the derivative by the log of a uniform stretch s of the mesh along x too,
+    frictionless base is held along x behind the roller, at lower (0) or upper (1) x; displacements along x then count
+    from the end ahead, which is undisturbed. With `stretch_rate` the derivative by the log of a uniform stretch s of
+    the mesh along x too,
 
         du/d ln s = -K^-1 (dK/d ln s) K^-1 f,   f and y fixed
     """
-    body = layer_stiffness(mesh, poisson, layer)
-    basis = body.basis
+    body = layer_stiffness(mesh, poisson, layer, behind)
+    basis, pulled = body.basis, sheared and layer.base == "slip"
     if stretch_rate:
         B, moduli = strain_matrix(basis), element_moduli(mesh, poisson, layer)
         mixed = element_matrices(basis, B, strain_matrix(basis, -1.0, 0.0), moduli)  # strains along x decrease with s
@@ -252,37 +247,20 @@ def surface_compliance(
     inside = np.flatnonzero(np.abs(x[::2] - mesh.centre) <= window * (1 + WINDOW_ROUNDING))
     first, last = 2 * inside[0], 2 * inside[-1] + 1
     count = last - first
-    mirrored = count // 2 if mesh.mirrored else 0
+    mirrored = count // 2 if mesh.mirrored and not pulled else 0
     loaded = body.surface[first + mirrored : last]
-    slipping = layer.base == "slip"
     response = np.zeros((1 + stretch_rate, 2, len(x), 2, count))
     for k in range(0 if sheared else 1, 2):
         for start in range(0, count - mirrored, LOAD_BLOCK):
             some = loaded[start : start + LOAD_BLOCK]
             forces = np.zeros((basis.N, 2, len(some)))
             forces[some, k, np.arange(len(some))] = 1
-            if k == 0 and slipping:
-                forces -= body.end_tension.mean(axis=2, keepdims=True)
             response[..., k, mirrored + start : mirrored + start + len(some)] = respond(forces)
     sign = np.array([[1, -1], [-1, 1]])[:, None, :, None]  # mirroring reverses components along x, not along y
     response[..., :mirrored] = (sign * response[:, :, ::-1, :, ::-1])[..., :mirrored]
-    if sheared and slipping:  # each end holds half of the shear so far
-        tension = (body.end_tension @ [[-0.5], [0.5]]) * (1 - 2 * behind)
-        response[..., 0, :] += respond(tension)
-        response[:, 0] -= response[:, 0, [behind - 1]]  # displacements count from the end ahead, which is undisturbed
-    return SurfaceCompliance(x, first, last, response[0], stretch_rate=response[1] if stretch_rate else None)
-
-
-def _end_tension(mesh: RowMesh, layer: Layer, lines: NDArray[np.intp], count: int) -> Array:
-    """Nodal forces of unit sum along x on either end that stretch all plies equally, shape (count, 2, 2)."""
-    rows = np.diff(mesh.y) * layer.stiffness((mesh.y[1:] + mesh.y[:-1]) / 2)
-    share = np.zeros(len(lines))
-    share[1::2] = 4 * rows  # consistent forces of a uniform stress on quadratic sides, which leave the strains uniform
-    share[:-2:2] += rows
-    share[2::2] += rows
-    forces = np.zeros((count, 2, 2))
-    forces[lines[:, 0], 0, 0] = forces[lines[:, -1], 0, 1] = share / share.sum()
-    return forces
+    if pulled:
+        response[:, 0] -= response[:, 0, [behind - 1]]
+    return SurfaceCompliance(x, slice(first, last), response[0], stretch_rate=response[1] if stretch_rate else None)
 
 
 def _factorised(K: csr_matrix) -> Solve:

@@ -481,7 +481,7 @@ class PressedRoller:
     def _solve_between(self, edges: Array, displacement: Array, terms: int) -> ContactPatch:
         """Solve between fixed edges; the last two coefficients are the amplitudes of the singular pressures."""
         surface, exponent = self.surface, self.problem.exponent
-        low, high = surface.x[surface.first], surface.x[surface.last - 1]
+        low, high = surface.x[surface.loaded][[0, -1]]
         if edges[0] < low or edges[1] > high:
             raise BeyondWindowError(f"the edges {edges.tolist()} m leave the loaded zone, {low:.3g} to {high:.3g} m")
         if not edges[1] - edges[0] > MIN_LENGTH * (high - low):

@@ -35,6 +35,7 @@ from compact import rolling_contact
 from compact.engines.fem import FEM
 from compact.engines.fem.compliance import (
     SurfaceCompliance,
+    end_behind,
     shape_matrix,
     steady_creep_operator,
     surface_compliance,
@@ -264,7 +265,7 @@ def elastic_surface(
 ) -> SurfaceCompliance:
     """Compliance of the elastic layer of unit modulus, loaded within a half-width `window` [m] of the mesh."""
     sheared = bool(problem.traction_ratio) or problem.turns_with_friction or problem.roller.profile == "deformed"
-    behind = 0 if problem.speed > 0 or problem.layer.base == "bonded" else 1
+    behind = end_behind(problem.layer, problem.speed)
     return surface_compliance(mesh, problem.material.poisson, problem.layer, window, sheared, behind, stretch_rate)
 
 
@@ -303,7 +304,7 @@ def _error_estimate(
         edges=patch.edges if grid.edges else None,
     )
     try:
-        fine = retarded_surface(problem, finer.mesh, surface.x[surface.last - 1] - grid.mesh.centre)
+        fine = retarded_surface(problem, finer.mesh, surface.x[surface.loaded][-1] - grid.mesh.centre)
         refined = as_deep = solve_at_target(problem, fine, finer)
         if problem.roller.load is not None:
             as_deep = solve_at_indentation(problem, fine, finer, finer.indentation)

@@ -48,7 +48,8 @@ class FemContactResult(Contact):
     @property
     def stiffness(self) -> compliance.LayerStiffness:
         """Factorised stiffness of the layer, shared by all contacts on the same mesh."""
-        return compliance.layer_stiffness(self.mesh, self.material.poisson, self.layer)
+        behind = compliance.end_behind(self.layer, self.speed)
+        return compliance.layer_stiffness(self.mesh, self.material.poisson, self.layer, behind)
 
     @property
     def moduli(self) -> Array:
@@ -56,14 +57,16 @@ class FemContactResult(Contact):
         return self.material.youngs_modulus * compliance.element_moduli(self.mesh, self.material.poisson, self.layer)
 
     def elastic_displacement(self) -> Array:
-        """Displacement of the layer of relaxed modulus under the same forces [m], shape (nodes, 2)."""
+        """Displacement of the layer of relaxed modulus under the same forces [m], shape (nodes, 2).
+
+        On a frictionless base the displacements along x count from that of the base below the roller.
+        """
         stiffness = self.stiffness
         forces = np.zeros((stiffness.basis.N, 2))
         forces[stiffness.surface] = self.forces.T
-        if self.layer.base == "slip":
-            behind = 0 if self.speed > 0 else 1
-            forces -= stiffness.end_tension[..., behind] * self.forces[0].sum()
-        return stiffness.displacement(forces[:, :, None])[:, :, 0]
+        u, base = stiffness.displacement(forces[:, :, None])[:, :, 0], stiffness.lines[0]
+        u[:, 0] -= u[base[np.argmin(np.abs(stiffness.basis.doflocs[0][base]))], 0]
+        return u
 
     def elastic_strain(self) -> Array:
         """Strain (e_xx, e_yy, 2 e_xy, e) of that layer at the Gauss points [-], shape (elements, points, 4)."""
@@ -84,12 +87,10 @@ def field_mesh(result: FemContactResult) -> "meshio.Mesh":
     """
     import meshio
 
-    stiffness, (instant, *branches) = result.stiffness, creep_function(result.material)
-    basis, elastic, strain = stiffness.basis, result.elastic_displacement(), result.elastic_strain()
-    x, u = basis.doflocs[0], instant * elastic
-    for share, time in zip(*branches, strict=True):
-        for line in stiffness.lines:
-            u[line] += share * compliance.retardation_operator(x[line], time * result.speed) @ elastic[line]
+    basis, elastic, strain = result.stiffness.basis, result.elastic_displacement(), result.elastic_strain()
+    x, u = basis.doflocs[0], np.empty_like(elastic)
+    for line in result.stiffness.lines:
+        u[line] = compliance.steady_creep_operator(x[line], result.material, result.speed) @ elastic[line]
     parts = result.moduli[:, None] * strain
     stress = np.zeros((*parts.shape[:2], 6))
     stress[..., :3] = parts[..., 3:]

@@ -29,15 +29,13 @@ class SpectralEngine(Engine):
         """Solve the contact to the tolerance of the case."""
         from compact.engines.spectral.engine import roll
 
-        options = {} if case.tolerance is None else {"rtol": case.tolerance}
-        return roll(case.layer, case.roller, case.material, case.speed, **options)
+        return roll(case.layer, case.roller, case.material, case.speed, **case.within("rtol"))
 
     def expand(self, case: Case) -> "ResistanceExpansion":
         """Expand the resistance to first order in the acceleration."""
         from compact.engines.spectral.speed_derivative import expand_resistance
 
-        options = {} if case.tolerance is None else {"rtol": case.tolerance}
-        return expand_resistance(case.layer, case.roller, case.material, case.speed, **options)
+        return expand_resistance(case.layer, case.roller, case.material, case.speed, **case.within("rtol"))
 
 
 SPECTRAL = SpectralEngine()

@@ -406,7 +406,7 @@ def _coulomb_factor(m, trailing_exponent):
 def _first_product(beta, trailing_exponent):
     """D_0 = 2 Gamma(A) U(A, 1, 2 beta) 1F1(B, 1, -2 beta),  Gamma(A) U = int_0^inf e^(-s) (s/(2 beta + s))^A ds/s."""
     A, B = 1 - trailing_exponent, trailing_exponent
-    u = np.linspace(-4.7, 5, 401)  # weights of ds/s, for any power > 0 at 0 and exp(-s) at infinity
+    u = np.linspace(-6.5, 5, 475)  # weights of ds/s, for any power > 0 at 0 and exp(-s) at infinity
     s, weight = np.exp(u - np.exp(-u)), (u[1] - u[0]) * (1 + np.exp(-u))
     integrand = weight * np.exp(-s) * (s / (2 * beta[:, None] + s)) ** A
     return 2 * integrand.sum(axis=1) * hyp1f1(B, 1.0, -2 * beta)
