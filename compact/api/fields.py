@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from compact.files import read_vtu_series, write_vtu_series
+from compact.files import read_vtu_series, render_png, write_figure, write_vtu_series
 from compact.numerics.validation import require_instance
 from compact.quantities import FIELD
 from compact.report.tables import WORD, TableSpec
@@ -16,6 +16,7 @@ from compact.report.tables import WORD, TableSpec
 if TYPE_CHECKING:
     import meshio
     import pandas
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +62,10 @@ class Fields:
         """
         import pyvista
 
-        from compact.report.pictures import displaced_grid
-
-        convert = displaced_grid if displaced else pyvista.from_meshio
-        grids = {f"{self.parameter}={value:g}": convert(mesh) for value, mesh in self.frames}
+        grids = {f"{self.parameter}={value:g}": pyvista.from_meshio(mesh) for value, mesh in self.frames}
+        for grid in grids.values():
+            if displaced and "displacement" in grid.point_data:
+                grid.points = grid.points + grid.point_data["displacement"]
         return next(iter(grids.values())) if len(grids) == 1 else pyvista.MultiBlock(grids)
 
     def to_dataframe(self) -> "pandas.DataFrame":
@@ -95,12 +96,12 @@ class Fields:
         return collection
 
     def picture(self, path: str | Path, field: str | None = None, frame: int = 0) -> Path:
-        """Write a picture of one field of the displaced layer, rendered off screen by pyvista.
+        """Write a picture of one field of the displaced layer as PNG.
 
         Parameters
         ----------
         path : str or Path
-            PNG, JPEG, TIFF or BMP file.
+            PNG file.
         field : str, optional
             Name of the field; the density ratio, or the pressure of a linear layer, by default.
         frame : int
@@ -111,40 +112,20 @@ class Fields:
         Path
             The file.
         """
-        from compact.report.pictures import write_picture
+        return write_figure(Path(path), self._drawn(field, frame))
 
-        return write_picture(Path(path), self.frames[frame][1], self._contact(frame), field)
+    def _drawn(self, field: str | None = None, frame: int = 0) -> "Figure":
+        from compact.report.contact_figures import draw_picture
 
-    def show(self, field: str | None = None, frame: int = 0) -> Any:
-        """Show one field in a window of pyvista, or in a notebook by its backend.
-
-        Parameters
-        ----------
-        field, frame
-            As of `picture`.
-        """
-        from compact.report.pictures import displaced_grid, shown_field
-
-        mesh = self.frames[frame][1]
-        return displaced_grid(mesh).plot(scalars=shown_field(mesh, field), cpos="xy", show_edges=True)
-
-    def _contact(self, frame: int) -> Any:
-        return self.contacts[frame] if self.contacts else None
+        return draw_picture(self.frames[frame][1], self.contacts[frame] if self.contacts else None, field)
 
     def __repr__(self) -> str:
         cells = sum(len(block.data) for block in self.mesh.cells)
         frames = f", {len(self.frames)} frames" if len(self.frames) > 1 else ""
         return f"<fields {', '.join(self.names)} on {cells} elements{frames}>"
 
-    def _repr_png_(self) -> bytes | None:
-        """Return the picture that a notebook shows; None without pyvista."""
-        from compact.files import ResultsError
-        from compact.report.pictures import encode_picture, render_fields
-
-        try:
-            return encode_picture(render_fields(self.mesh, self._contact(0)))
-        except ResultsError:
-            return None
+    def _repr_png_(self) -> bytes:
+        return render_png(self._drawn())
 
 
 def read_fields(path: str | Path) -> Fields:

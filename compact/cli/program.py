@@ -20,7 +20,7 @@ from compact.analysis.failures import internal_sentence, is_numeric, is_refusal,
 from compact.cli import INTERRUPTED, INTERRUPTED_MESSAGE, checks
 from compact.cli import options as cli
 from compact.cli.options import ENGINE_JOB, JOB, OWNING_JOB, SUCCESS, Console, EngineJob, Job, OwningJob, ScenePath
-from compact.files import ResultsError, default_directory, json_text, read_json
+from compact.files import ResultsError, default_directory, json_text, read_json, write_figure
 
 Format = Literal["csv", "fmu", "vtu"]
 app = App(
@@ -168,14 +168,14 @@ def roll(
     speed
         speed of the cart in m/s; default its mean speed
     picture
-        file for a picture of the displaced layer with its density ratio or pressure, such as layer.png; needs an engine
-        with fields, fem or compaction, and pyvista
+        PNG file for a picture of the displaced layer with its density ratio or pressure; needs an engine with fields,
+        fem or compaction
     """
     given = job.read(scene)
 
     from compact.analysis.study import Study
     from compact.report import text, writer
-    from compact.report.pictures import require_picture, write_picture
+    from compact.report.contact_figures import draw_picture
     from compact.scene.plausible_ranges import check_speed
 
     if speed is None:
@@ -187,13 +187,13 @@ def roll(
         study = Study(given, progress=progress.report)
         contacts = study.stages.contacts
         if picture is not None:
-            require_picture(picture, contacts.engine)
+            contacts.require_fields()
         progress.begin(f"contact by {name}")
         passes = contacts.passes_at(speed)
         progress.begin("tables and figures")
         writer.write_contact(directory, study, speed, passes)
         if picture is not None:
-            write_picture(picture, contacts.field_mesh(passes[0]), passes[0])
+            write_figure(picture, draw_picture(contacts.field_mesh(passes[0]), passes[0]))
     contact = read_json(directory / "contact.json")
     job.show(lambda: text.contact_digest(study, speed, passes), directory, contact=contact)
 

@@ -13,7 +13,7 @@ from matplotlib.patches import Circle
 
 from compact.analysis.stages.verdict import ModelAnswer
 from compact.engines.halfplane import LineContact
-from compact.quantities import CONTACT, FIELD, MOTION, SPEED
+from compact.quantities import CONTACT, FIELD, MOTION, SPEED, Quantity
 from compact.report.figures import DASHES, PALETTE, ZERO, curve, engine_style, label_decades, panels
 from compact.resistance import ResistanceMap
 from compact.rolling_contact import Contact
@@ -25,6 +25,8 @@ SMALL_ACCELERATION = 1e-3  # [-], of the largest acceleration at 1 m/s; small ag
 LEAST_SPAN = 0.02  # [-], of a value, shown on each side of a constant curve
 FIELD_COLOURS = {"pressure": "viridis", "dissipation": "magma", "density_ratio": "cividis", "plastic_work": "magma"}
 FIELD_DECADES = {"dissipation": 3}  # [-], decades of a logarithmic colour scale below the maximum
+PREFERRED_FIELDS = ("density_ratio", "pressure")  # of a picture
+CORNERS = 4  # [-], nodes of a quadrilateral without nodes on its sides
 OUTLINE_NODES = [0, 4, 1, 5, 2, 6, 3, 7]  # of a quadrilateral with nodes on its sides, in order
 SHOWN_CONTACTS = 2.5  # [-], contact lengths shown on each side
 DEEPEST_RATIO = 2.5  # [-], height over shown half-width, up to which a layer is shown down to its base
@@ -166,7 +168,29 @@ def draw_models(models: Sequence[ModelAnswer], speeds: Mapping[str, float]) -> F
     return figure
 
 
-def draw_fields(layers: Sequence[tuple["Mesh", Any]]) -> Figure:
+def draw_picture(mesh: "Mesh", contact: Contact | None = None, field: str | None = None) -> Figure:
+    """Draw one field of the displaced layer, to scale, of a contact or a file.
+
+    Parameters
+    ----------
+    mesh, contact
+        As of `draw_fields`.
+    field : str, optional
+        Name of the field; the density ratio, or the pressure of a linear layer, by default.
+
+    Raises
+    ------
+    ValueError
+        If the mesh has no such field.
+    """
+    known = [name for name, values in mesh.cell_data.items() if np.ndim(values[0]) == 1]
+    found = [name for name in ((field,) if field else (*PREFERRED_FIELDS, *known)) if name in known]
+    if not found:
+        raise ValueError(f"the layer has the fields {', '.join(known) or 'none'}, got {field!r}")
+    return draw_fields([(mesh, contact)], found[:1])
+
+
+def draw_fields(layers: Sequence[tuple["Mesh", Contact | None]], names: Sequence[str] = ()) -> Figure:
     """Draw the fields of an engine on the deformed layer, to scale, a row for each contact.
 
     Each field has one colour scale for all rows.
@@ -174,44 +198,55 @@ def draw_fields(layers: Sequence[tuple["Mesh", Any]]) -> Figure:
     Parameters
     ----------
     layers : sequence of tuples
-        Mesh with displacement and element means, and the `Contact` of the engine.
-
-    Notes
-    -----
-    Matplotlib draws element means without a graphics driver; VTK terminates the process where the driver is missing.
+        Mesh with displacement and element means, and the contact, around which it is drawn; None for the whole mesh.
+    names : sequence of str, optional
+        Names of the fields; all of an engine by default.
     """
-    names = [name for name in FIELD_COLOURS if name in layers[0][0].cell_data]
-    height = layers[0][1].layer.height * 1e3
-    reach = SHOWN_CONTACTS * 1e3 * max(contact.leading - contact.trailing for _, contact in layers)
-    deep = height > DEEPEST_RATIO * reach
-    low, high = height - DEEPEST_RATIO * reach if deep else -0.08 * reach, height + 0.35 * reach
-    size = FIELD_PANEL_WIDTH, FIELD_PANEL_WIDTH * (high - low) / (2 * reach)
+    names = names or [name for name in FIELD_COLOURS if name in layers[0][0].cell_data]
+    outlines = [_outlines(mesh) for mesh, _ in layers]
+    contacts, deep = [contact for _, contact in layers if contact is not None], False
+    (left, low), (right, high) = outlines[0].min(axis=(0, 1)), outlines[0].max(axis=(0, 1))
+    if contacts:
+        reach = SHOWN_CONTACTS * 1e3 * max(contact.leading - contact.trailing for contact in contacts)
+        left, right, height = -reach, reach, contacts[0].layer.height * 1e3
+        deep = height > DEEPEST_RATIO * reach
+        low, high = height - DEEPEST_RATIO * reach if deep else -0.08 * reach, height + 0.35 * reach
+    width = FIELD_PANEL_WIDTH if len(names) > 1 else 2 * FIELD_PANEL_WIDTH
     margins: dict[str, Any] = {"bottom": 1.15, "top": 0.1, "gaps": (0.35, 0.15)}
+    size = width, width * (high - low) / (right - left)
     figure, axes = panels(len(layers), len(names), size, **margins, sharex=True, sharey=True)
     for column, name in zip(axes.T, names, strict=True):
-        values = [layer.cell_data[name][0] * FIELD[name].plot_factor for layer, _ in layers]
+        quantity = FIELD.get(name, Quantity(name, "1"))
+        values = [np.asarray(mesh.cell_data[name][0]) * quantity.plot_factor for mesh, _ in layers]
         norm, decades = Normalize(min(map(np.min, values)), max(map(np.max, values))), FIELD_DECADES.get(name)
         if decades is not None:
             most = float(norm.vmax or 0.0)
             norm = LogNorm(most / 10**decades, most) if most > 0 else Normalize(0.0, 1.0)
-        for ax, (layer, rolled), each in zip(column, layers, values, strict=True):
-            displaced = (layer.points + layer.point_data["displacement"])[:, :2] * 1e3
+        for ax, (_, contact), outline, each in zip(column, layers, outlines, values, strict=True):
             shown = PolyCollection(
-                displaced[layer.cells[0].data[:, OUTLINE_NODES]], array=np.maximum(each, float(norm.vmin or 0.0)),
-                cmap=FIELD_COLOURS[name], norm=norm, antialiased=False, linewidth=0,
+                outline, array=np.maximum(each, float(norm.vmin or 0.0)), cmap=FIELD_COLOURS.get(name, "viridis"),
+                norm=norm, antialiased=False, linewidth=0,
             )  # fmt: skip
             ax.add_collection(shown)
             ax.set_aspect("equal")
-            _draw_surroundings(ax, rolled, reach, low if deep else None)
+            if contact is not None:
+                _draw_surroundings(ax, contact, right, low if deep else None)
         column[-1].set_xlabel(FIELD["position"].axis_label)
         place, tall = column[-1].get_position(), figure.get_size_inches()[1]
         bar = figure.add_axes((place.x0, 0.5 / tall, place.width, 0.13 / tall))
         figure.colorbar(shown, cax=bar, orientation="horizontal", extend="min" if decades else "neither")
-        bar.set_xlabel(FIELD[name].axis_label + (", black: below the scale" if decades else ""))
+        bar.set_xlabel(quantity.axis_label + (", black: below the scale" if decades else ""))
     for ax in axes[:, 0]:
         ax.set_ylabel(FIELD["height"].axis_label)
-    axes[0, 0].set(xlim=(-reach, reach), ylim=(low, high))  # shared by all
+    axes[0, 0].set(xlim=(left, right), ylim=(low, high))  # shared by all
     return figure
+
+
+def _outlines(mesh: "Mesh") -> Any:
+    """Return the outlines of the displaced elements [mm], shape (elements, corners, 2)."""
+    nodes = mesh.cells[0].data
+    nodes = nodes[:, OUTLINE_NODES] if nodes.shape[1] > CORNERS else nodes
+    return (mesh.points + mesh.point_data.get("displacement", 0.0))[nodes, :2] * 1e3
 
 
 def _draw_surroundings(ax: Axes, contact: Any, reach: float, bottom: float | None) -> None:

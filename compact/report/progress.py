@@ -8,8 +8,8 @@
     for case in tracked(cases, "case"):
         ...
 
-The line appears after two seconds, is refreshed by its own thread, and is erased at the end. Nothing is written where
-standard error is no terminal or a dumb one, or where `quiet` is set.
+The line is refreshed by its own thread, and is erased at the end. Nothing is written where standard error is no
+terminal or a dumb one, or where `quiet` is set.
 
 Loggers are those of the standard library below "compact": `compact.stages` has the stages of a job (INFO) and the
 iterations of its solvers (DEBUG), `compact.files` every file that is complete (INFO), `compact.analysis.worker_pool`
@@ -24,21 +24,17 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from threading import Timer
 from time import monotonic, process_time
 from typing import TYPE_CHECKING, Any, Self, TextIO, TypeVar
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Line
 
-DELAY = 2.0  # [s], before the line appears
 REFRESH_RATE = 4  # [1/s]
-
 STAGES = "compact.stages"  # logger of the stages, INFO, and of the lines of text on them, DEBUG
-
 PACKAGE = "compact"  # parent of all loggers
 BEFORE = "start"  # stage before the first one: imports and the scene
-HEADER = ("stage", "runs", "wall [s]", "processor [s]", "share")
+ROW = "{:<{}}{:>15}{:>15}{:>15}{:>15}"  # of the profile
 
 _LOG = logging.getLogger(STAGES)
 Item = TypeVar("Item")
@@ -51,77 +47,55 @@ class Progress:
     ----------
     total : int, optional
         Number of parts of the job, which `advance` counts.
-    after : float, optional
-        Delay before the line appears [s]; `DELAY` by default.
 
     Attributes
     ----------
     stage, detail : str
         Running stage, and a line of text on it.
-    done : int
-        Parts that are done.
     """
 
-    def __init__(
-        self, *, total: int | None = None, quiet: bool = False, stream: TextIO | None = None, after: float | None = None
-    ) -> None:
-        self._stream = sys.stderr if stream is None else stream
-        self._silent = quiet or not self._stream.isatty()
-        self._timer, self._start = Timer(DELAY if after is None else after, self._show), monotonic()
+    def __init__(self, *, total: int | None = None, quiet: bool = False, stream: TextIO | None = None) -> None:
+        self._stream, self._quiet = sys.stderr if stream is None else stream, quiet
         self._line: Line | None = None
-        self.stage, self.detail, self.total = "", "", total
-        self.done = self._runs = 0
+        self.stage, self.detail, self._total, self._runs = "", "", total, 0
 
     def begin(self, stage: str) -> None:
         """Begin a stage; stages of one name in a row are counted."""
         _LOG.info("%s", stage)
         self._runs = self._runs + 1 if stage == self.stage else 1
-        self.stage, self.detail = stage, ""
-        self._update()
+        self.stage = stage
+        self.report("")
 
     def advance(self, parts: int = 1) -> None:
         """Count parts of the job that are done."""
-        self.done += parts
-        self._update()
+        if self._line is not None:
+            self._line.advance(self._line.task_ids[0], parts)
 
     def report(self, detail: str) -> None:
         """Show a line of text on the running stage; the callback of solvers."""
         self.detail = detail
         if detail:
             _LOG.debug("%s", detail)
-        self._update()
+        if self._line is not None:
+            stage = f"{self.stage} {self._runs}" if self._runs > 1 else self.stage
+            self._line.update(self._line.task_ids[0], description=", ".join(filter(None, (stage, detail))))
 
     def __enter__(self) -> Self:
-        self._start = monotonic()
-        if not self._silent:
-            self._timer.daemon = True
-            self._timer.start()
+        if not self._quiet and self._stream.isatty():
+            from rich import progress
+            from rich.console import Console
+
+            shown: list[Any] = [progress.SpinnerColumn("line"), progress.TimeElapsedColumn(), "elapsed"]
+            shown += [progress.MofNCompleteColumn(separator=" of ")] if self._total else []
+            options: dict[str, Any] = {"transient": True, "refresh_per_second": REFRESH_RATE}
+            self._line = progress.Progress(*shown, "{task.description}", console=Console(file=self._stream), **options)
+            self._line.add_task(self.stage, total=self._total)
+            self._line.start()
         return self
 
     def __exit__(self, *error: object) -> None:
-        if not self._silent:
-            self._timer.cancel()
-            self._timer.join()  # a line that is about to appear must exist before it is erased
         if self._line is not None:
             self._line.stop()
-
-    def _update(self) -> None:
-        if self._line is not None:
-            stage = f"{self.stage} {self._runs}" if self._runs > 1 else self.stage
-            parts = "" if self.total is None else f"{self.done} of {self.total}"
-            self._line.update(self._line.task_ids[0], description=", ".join(filter(None, (stage, parts, self.detail))))
-
-    def _show(self) -> None:
-        from rich import progress
-        from rich.console import Console
-
-        columns = progress.SpinnerColumn("line"), progress.TimeElapsedColumn(), "elapsed", "{task.description}"
-        options: dict[str, Any] = {"transient": True, "refresh_per_second": REFRESH_RATE}
-        self._line = progress.Progress(*columns, console=Console(file=self._stream), **options)
-        self._line.add_task("", total=None)
-        self._line.tasks[0].start_time = self._start
-        self._update()
-        self._line.start()
 
 
 def tracked(items: Iterable[Item], stage: str | Callable[[Item], str] = "case", **options: Any) -> Iterator[Item]:
@@ -135,10 +109,11 @@ def tracked(items: Iterable[Item], stage: str | Callable[[Item], str] = "case", 
         Name of the stage, or a function of the item that returns it.
     """
     cases = list(items)
-    with Progress(**options) as progress:
-        for number, case in enumerate(cases, start=1):
-            progress.begin(f"{stage(case) if callable(stage) else stage}, {number} of {len(cases)}")
+    with Progress(total=len(cases), **options) as progress:
+        for case in cases:
+            progress.begin(stage(case) if callable(stage) else stage)
             yield case
+            progress.advance()
 
 
 @contextmanager
@@ -193,12 +168,11 @@ class StageProfile(logging.Handler):
         self.stop()
         wall, processor = (sum(getattr(each, name) for each in self.stages.values()) for name in ("wall", "processor"))
         ordered = sorted(self.stages.items(), key=lambda item: -item[1].wall)
-        rows = [HEADER] + [
-            (name, str(each.runs or ""), f"{each.wall:.2f}", f"{each.processor:.2f}", f"{each.wall / (wall or 1):.0%}")
-            for name, each in [*ordered, ("total", StageTime(0, wall, processor))]
-        ]
-        width = max(len(row[0]) for row in rows)
-        lines = [f"{row[0]:<{width}}" + "".join(f"{cell:>15}" for cell in row[1:]) for row in rows]
+        width = max(map(len, self.stages))
+        lines = [ROW.format("stage", width, "runs", "wall [s]", "processor [s]", "share")]
+        for name, each in [*ordered, ("total", StageTime(0, wall, processor))]:
+            share = f"{each.wall / (wall or 1):.0%}"
+            lines.append(ROW.format(name, width, each.runs or "", f"{each.wall:.2f}", f"{each.processor:.2f}", share))
         children = _children_time() - self._children
         return "\n".join([*lines, *([f"worker processes: {children:.2f} s of processor time"] if children else [])])
 

@@ -3,6 +3,7 @@
 from itertools import combinations
 from types import SimpleNamespace
 
+import meshio
 import numpy as np
 import pytest
 from matplotlib.colors import LogNorm, to_rgb
@@ -13,6 +14,7 @@ from compact.report import contact_figures, figures
 from compact.report.figures import law_style
 from compact.rolling_contact import Layer, Roller
 
+LEFT, RIGHT = 0.9, 0.98  # [-], density ratios of the two halves of a layer
 COLOURS = {name: law_style(name)["color"] for name in LAWS}
 # Machado, Oliveira and Fernandes, IEEE Trans. Vis. Comput. Graph. 15 (2009) 1291, severity 1, on linear RGB
 SIGHT = {
@@ -129,6 +131,37 @@ def test_field_figure_shows_the_base_or_states_its_depth():
     low = deep.axes[0].get_ylim()[0]
     assert low == pytest.approx(2000 - 2.5 * 2.5 * 50)
     assert f"rigid base, bonded, {low:.0f} mm below" in words(deep)
+
+
+@pytest.fixture
+def layer():
+    """Layer of 0.4 m by 0.1 m that a uniform displacement lowers by 10 mm, denser on the right."""
+    x, y = np.meshgrid(np.linspace(-0.2, 0.2, 9), np.linspace(0.0, 0.1, 3), indexing="ij")
+    number = np.arange(x.size).reshape(x.shape)
+    corners = (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:])
+    cells = np.stack([each.ravel() for each in corners], axis=1)
+    ratio = np.where(x.ravel()[cells].mean(axis=1) < 0, LEFT, RIGHT)
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1)
+    lowered = {"displacement": np.tile([0.0, -0.01, 0.0], (x.size, 1))}
+    return meshio.Mesh(points, [("quad", cells)], lowered, {"density_ratio": [ratio]})
+
+
+def test_picture_has_the_displaced_elements_with_their_density_and_the_roller(layer):
+    rolled = layer_of([0.0, 0.0], [0.0, 0.0], height=0.1, contact=0.06)[1]
+    ax, scale = contact_figures.draw_picture(layer, rolled).axes
+    (shown,), (roller,) = ax.collections, ax.patches[:1]
+    middles = np.array([path.vertices[:4].mean(axis=0) for path in shown.get_paths()])
+    assert np.asarray(shown.get_array()) == pytest.approx(np.where(middles[:, 0] < 0, LEFT, RIGHT))
+    assert (middles[:, 1].min(), middles[:, 1].max()) == pytest.approx((15.0, 65.0))  # 25 and 75 mm, lowered by 10
+    assert roller.center[1] - roller.radius == pytest.approx(90.0)
+    assert scale.get_xlabel() == "density ratio k [-]"
+
+
+def test_picture_of_a_file_shows_the_whole_mesh_and_an_unknown_field_is_refused_with_the_known_ones(layer):
+    low, high = contact_figures.draw_picture(layer).axes[0].get_ylim()
+    assert (low, high) == pytest.approx((-10.0, 90.0))
+    with pytest.raises(ValueError, match="the layer has the fields density_ratio, got 'heat'"):
+        contact_figures.draw_picture(layer, field="heat")
 
 
 # order of the laws

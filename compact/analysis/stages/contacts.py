@@ -224,13 +224,17 @@ class ContactStage:
 
     def field_mesh(self, result: Contact) -> Any:
         """Return the mesh with fields of a contact, with the excess pressure of its pore air where the scene has it."""
-        require_known(
-            "engine with fields", self.engine.name, [each.name for each in ENGINES.values() if each.has_fields]
-        )
+        self.require_fields()
         mesh = self.engine.fields(result)
         if has_air(self.scene):
             add_air_field(mesh, result, pore_air_of(self.mix, self.scene.layer.fed_density_ratio))
         return mesh
+
+    def require_fields(self) -> None:
+        """Require an engine with fields inside the layer."""
+        require_known(
+            "engine with fields", self.engine.name, [each.name for each in ENGINES.values() if each.has_fields]
+        )
 
     # what the resistance requires
 
