@@ -249,16 +249,23 @@ PROCESS = _table("""
     bite_limit            | m    | mm    |   | bite at the nip angle
     product_height        | m    | mm    |   | height of the product
     product_density_ratio | 1    |       | k | density ratio of the product
-    bottom_density_ratio  | 1    |       | k | density ratio of the bottom quarter
-    top_density_ratio     | 1    |       | k | density ratio of the top quarter
-    overpressed_height    | m    | mm    |   | height with a density ratio above 1
     confined_work         | J/m3 | kJ/m³ |   | work of confined compression per volume of the product
     strokes_for_density   | 1    |       |   | strokes until the required density ratio
-    fastest_mould         | m/s  |       |   | fastest mould for the required density ratio
-    least_strokes         | 1    |       |   | least strokes for the required density ratio
     rate_factor           | 1    |       |   | factor of the yield pressure by the rate of compaction
     mass_residual         | 1    |       |   | mass-balance residual | relative, of compacting layers only
     work_residual         | 1    |       |   | energy-balance residual | relative residual
+""")
+# Further results of lumped lifts in two dimensions
+PROCESS_LIFTS = _table("""
+    load_centre           | m    |       |   | centre of the load from the empty mould
+    skew_moment           | Nm   |       |   | skew moment of the load about the middle of the roller
+    specific_work         | J/m3 | kJ/m³ |   | work per volume of the product
+    bottom_density_ratio  | 1    |       | k | density ratio of the bottom quarter
+    top_density_ratio     | 1    |       | k | density ratio of the top quarter
+    overpressed_height    | m    | mm    |   | height with a density ratio above 1
+    surface               | m    | mm    |   | height behind the roller
+    air_excess_behind     | Pa   | kPa   |   | largest excess pressure of pore air behind the contact
+    largest_work_residual | 1    |       |   | largest energy-balance residual of a pass
 """)
 # One stroke on a section, per unit roller length
 STROKE = _table("""

@@ -68,7 +68,7 @@ def one_way(case, occlusion, permeabilities=PERMEABILITIES, speeds=SPEEDS):
     found = []
     for permeability in permeabilities:
         under = air_under(contact, layer, roller, pore_air(permeability, moisture, occlusion=occlusion))
-        forces = [under.forces(under.pressure(speed)) for speed in speeds]
+        forces = [under.forces(under.pressure(speed))[:2] for speed in speeds]
         found.append(np.array(forces) / [contact.load, contact.resistance])
     return np.array(found)
 
@@ -91,13 +91,13 @@ def coupled(case, ratios, occlusion=None, fed=FED):
     scale = np.array([contact.load, contact.resistance])
     for ratio in ratios:
         speed, begin = ratio * air.permeability, process_time()
-        alone = np.array(under.forces(under.pressure(speed))) / scale
+        alone = np.array(under.forces(under.pressure(speed))[:2]) / scale
         try:
             start = roll_coupled(contact, air, speed, start=start)
         except RuntimeError as error:
             yield ratio, alone, str(error), None, process_time() - begin
             return
-        changes = np.array([start.load, start.resistance]) / scale - 1
+        changes = np.array(start.changes[:2]) / scale
         yield ratio, alone, changes, start.rolling.steps[-1].bow_wave, process_time() - begin
 
 

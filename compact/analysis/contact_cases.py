@@ -6,7 +6,7 @@ scene -> case_of -> Engine.contact -> Contact
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,9 +15,10 @@ import numpy as np
 from compact.analysis.failures import is_refusal
 from compact.analysis.mix_laws import LAWS
 from compact.analysis.multipass import roll_stages, there_and_back
-from compact.analysis.pore_air import AirForces, air_under, has_air, pore_air_of
+from compact.analysis.pore_air import air_under, has_air, pore_air_of
 from compact.engines import ENGINES
 from compact.engines.interface import Case, Engine
+from compact.engines.pore_air import AirForces
 from compact.machine.ranking import first_of
 from compact.material.laws import Compaction, Elastic, Viscoelastic
 from compact.material.mix import Mix
@@ -35,7 +36,8 @@ from compact.scene.constraints import adapt
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
-    from compact.analysis.process import ProcessDetail, ProcessStudy
+    from compact.analysis.process import ProcessStudy
+    from compact.engines.process.lifts import ProcessDetail
 
 Progress = Callable[[str], None]  # of lines of text
 Passes = tuple[Contact, ...]
@@ -367,8 +369,7 @@ def air_forces_of(scene: Scene, mix: Mix, contact: Contact, speed: float) -> Air
         return None
     layer, roller, _ = contact_inputs(scene, mix, scene.accuracy.engine, speed)
     under = air_under(contact, layer, roller, pore_air_of(mix, scene.layer.fed_density_ratio))
-    pressure = under.pressure(speed)
-    return AirForces(*under.forces(pressure), under.largest_excess_behind(pressure))
+    return under.forces(under.pressure(speed))
 
 
 def contact_record(engine: str, speed: float, passes: Passes, air: AirForces | None = None) -> Contact:
@@ -386,7 +387,7 @@ def contact_record(engine: str, speed: float, passes: Passes, air: AirForces | N
     first, numbers = passes[0], dict[str, Any]()
     if air is not None:
         numbers = {"load": first.load + air.load, "resistance": first.resistance + air.resistance}
-        numbers |= {f"air_{name}": value for name, value in asdict(air).items()}
+        numbers |= {f"air_{name}": value for name, value in air._asdict().items()}
     compacted = passes if first.exit_height is not None else ()
     rows = ({name: getattr(each, name) for name in PASS} for each in compacted)
     return first.record(engine, speed, passes=tuple(rows), **numbers)

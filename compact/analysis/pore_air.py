@@ -9,14 +9,15 @@ over those of the curve are interpolated over the logarithm of the ratio (`Coupl
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from compact.engines import ENGINES
+from compact.engines.pore_air import AirForces
 from compact.material.mix import Mix, Parameter
 from compact.material.pore_air import PoreAir, water_volume
 from compact.numerics import Array
@@ -25,45 +26,12 @@ from compact.scene.loader import Scene
 
 if TYPE_CHECKING:  # scikit-fem is imported where a pressure is computed
     from compact.engines.pore_air.coupled_rolling import CoupledContact
-    from compact.engines.pore_air.steady_flow import AirPressure
+    from compact.engines.pore_air.steady_flow import AirUnderContact
 
 RATIOS = np.geomspace(1e9, 1e17, 25)  # [1/(m s)], speed over permeability: from drained to undrained
 SCALE = 1e-9  # [-], forces over those of the skeleton below which the curve is linear
 MAP_NODES = 25  # [-], speeds of a map with air
 DEAERATION_SHARE = 0.1  # [-], load of the air over that of the skeleton at the de-aeration speed
-
-
-class AirUnderRoller(Protocol):
-    """Pore air under a roller at the deformation of one contact."""
-
-    def pressure(self, speed: float, start: "AirPressure | None" = None) -> "AirPressure":
-        """Return the pressure at a speed [m/s]."""
-
-    def forces(self, pressure: "AirPressure") -> tuple[float, float]:
-        """Return load and resistance [N/m]."""
-
-    def largest_excess_behind(self, pressure: "AirPressure") -> float:
-        """Return the largest excess pressure behind the contact [Pa]."""
-
-
-@dataclass(frozen=True)
-class AirForces:
-    """Changes of a contact by its pore air at one speed.
-
-    Parameters
-    ----------
-    load, resistance : float
-        Changes of load and resistance of the roller per unit length, in the direction of the travel [N/m].
-    excess_behind : float
-        Largest excess pressure behind the contact [Pa], a tensile stress of the skeleton.
-    """
-
-    load: float
-    resistance: float
-    excess_behind: float
-
-
-NO_FORCES = AirForces(0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -129,7 +97,7 @@ class AirCurve:
     excesses_behind : tuple of float
         Largest excess pressures behind the contact [Pa].
     coupled : tuple of CoupledSample
-        Coupled contacts, by which the forces are corrected; empty without a correction.
+        Coupled contacts by ascending ratio, by which the forces are corrected; empty without a correction.
     """
 
     skeleton_load: float
@@ -154,9 +122,7 @@ class AirCurve:
         -------
         AirForces
         """
-        ratio = np.array([abs(speed) / permeability])
-        loads, resistances, excesses = (float(each[0]) for each in self._evaluate(ratio))
-        return AirForces(loads, resistances, excesses)
+        return AirForces(*(float(each[0]) for each in self._evaluate(np.array([abs(speed) / permeability]))))
 
     def deaeration_speed(self, permeability: float, share: float = DEAERATION_SHARE) -> float | None:
         """Return the speed at which the air changes the load by a share of that of the skeleton.
@@ -180,10 +146,6 @@ class AirCurve:
             return None
         ends = slice(above[0] - 1, above[0] + 1)
         return float(permeability * np.exp(np.interp(share, shares[ends], np.log(ratios[ends]))))
-
-    def with_coupled(self, samples: Iterable[CoupledSample]) -> "AirCurve":
-        """Return the curve corrected by coupled contacts."""
-        return replace(self, coupled=tuple(sorted(samples, key=lambda each: each.ratio)))
 
     @cached_property
     def _spline(self) -> PchipInterpolator:
@@ -236,7 +198,7 @@ def pore_air_of(mix: Mix, fed_density_ratio: float) -> PoreAir:
     )
 
 
-def air_under(result: Any, layer: Layer, roller: Roller, air: PoreAir) -> AirUnderRoller:
+def air_under(result: Any, layer: Layer, roller: Roller, air: PoreAir) -> "AirUnderContact":
     """Return the pore air in a contact by columns or by finite elements with irreversible compaction.
 
     Parameters
@@ -252,23 +214,19 @@ def air_under(result: Any, layer: Layer, roller: Roller, air: PoreAir) -> AirUnd
 
     Returns
     -------
-    AirUnderRoller
+    AirUnderContact
     """
-    if hasattr(result, "solution"):
-        from compact.engines.pore_air.steady_flow import RollerAir
+    from compact.engines.pore_air.steady_flow import ColumnAir, RollerAir
 
-        return RollerAir(result.solution, air)
-    from compact.engines.pore_air.steady_flow import ColumnAir
-
-    return ColumnAir(air, layer, roller, result)
+    return RollerAir(result.solution, air) if hasattr(result, "solution") else ColumnAir(air, layer, roller, result)
 
 
-def air_curve(under: AirUnderRoller, permeability: float, contact: Contact) -> AirCurve:
+def air_curve(under: "AirUnderContact", permeability: float, contact: Contact) -> AirCurve:
     """Compute the curve of a contact.
 
     Parameters
     ----------
-    under : AirUnderRoller
+    under : AirUnderContact
         Pore air of the contact.
     permeability : float
         Its permeability [m2].
@@ -282,7 +240,7 @@ def air_curve(under: AirUnderRoller, permeability: float, contact: Contact) -> A
     rows, start = [], None
     for ratio in RATIOS.tolist():
         start = under.pressure(ratio * permeability, start)
-        rows.append((*under.forces(start), under.largest_excess_behind(start)))
+        rows.append(under.forces(start))
     loads, resistances, excesses = (tuple(column) for column in np.array(rows).T.tolist())
     return AirCurve(contact.load, abs(contact.resistance), tuple(RATIOS.tolist()), loads, resistances, excesses)
 
@@ -367,31 +325,6 @@ def coupled_contact(
         ) from error
 
 
-def coupled_forces(contact: Any, air: PoreAir, speed: float) -> AirForces:
-    """Compute the changes of a contact by coupling with its pore air.
-
-    Parameters
-    ----------
-    contact : Contact
-        Contact without air.
-    air : PoreAir
-        Pore air.
-    speed : float
-        Speed of the roller [m/s].
-
-    Returns
-    -------
-    AirForces
-
-    Raises
-    ------
-    RuntimeError
-        As of `coupled_contact`.
-    """
-    found = coupled_contact(contact, air, speed)
-    return AirForces(found.load - contact.load, found.resistance - contact.resistance, found.largest_excess_behind)
-
-
 def coupled_samples(
     contact: Any, air: PoreAir, curve: AirCurve, speeds: Iterable[float], count: Callable[[str], None]
 ) -> Iterator[CoupledSample]:
@@ -424,7 +357,7 @@ def coupled_samples(
         count("coupled")
         start = coupled_contact(contact, air, speed, start)
         alone = curve.at(speed, air.permeability)
-        load, resistance = start.load - contact.load, abs(start.resistance) - abs(contact.resistance)
+        load, resistance, _ = start.changes
         yield CoupledSample(abs(speed) / air.permeability, load / alone.load, resistance / alone.resistance)
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from compact import files, quantities
 from compact.analysis.contact_cases import Passes, air_forces_of, contact_record, roll_passes
 from compact.analysis.failures import MAX_REASON, reason_of
-from compact.analysis.pore_air import coupled_forces, is_coupled, pore_air_of
+from compact.analysis.pore_air import coupled_contact, is_coupled, pore_air_of
 from compact.analysis.stages.ensemble import START, Change, Share, Step, evaluate
 from compact.analysis.store import Store, open_store
 from compact.analysis.study import Study
@@ -120,7 +120,7 @@ def _computed(study: Study, initial_guess: Contact | None) -> tuple[Results, Con
     passes = passes or roll_passes(scene, mix, speed)
     first = passes[0]
     if is_coupled(scene):
-        air: Any = coupled_forces(first, pore_air_of(mix, scene.layer.fed_density_ratio), speed)
+        air: Any = coupled_contact(first, pore_air_of(mix, scene.layer.fed_density_ratio), speed).changes
     else:
         air = air_forces_of(scene, mix, first, speed)
     record = contact_record(scene.accuracy.engine, speed, passes, air)

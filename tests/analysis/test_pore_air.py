@@ -59,7 +59,7 @@ def test_deaeration_speed_is_proportional_to_the_permeability(curve):
 
 
 def test_coupled_contacts_correct_the_curve(curve):
-    corrected = curve.with_coupled([CoupledSample(1e14, 3.0, 8.0), CoupledSample(1e12, 2.0, 4.0)])
+    corrected = replace(curve, coupled=(CoupledSample(1e12, 2.0, 4.0), CoupledSample(1e14, 3.0, 8.0)))
     alone, coupled = curve.at(1.0, 1e-13), corrected.at(1.0, 1e-13)  # half-way between both samples
     assert coupled.load == pytest.approx(2.5 * alone.load)
     assert coupled.resistance == pytest.approx(6.0 * alone.resistance)

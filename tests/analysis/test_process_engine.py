@@ -91,7 +91,7 @@ def test_map_holds_at_speeds_without_a_contact(study):
     found, sampled = study.stages.contacts.process, study.stages.resistance.map
     for share in (0.05, 0.2, 0.7, 1.9):
         speed = share * study.scene.mean_speed
-        expected = 2 * found.forces_at(speed).resistance + found.sleeve_drag
+        expected = 2 * found.row_at(speed).estimate("resistance").value + found.sleeve_drag
         assert sampled(speed) == pytest.approx(expected, rel=1e-3)
         assert sampled(speed) == pytest.approx(expected, rel=max(sampled.error, 1e-6))
 
@@ -102,7 +102,7 @@ def test_floor_grows_with_the_duration(study):
     assert stage.over(study.scene.motion.duration) is stage
     assert stage.over(longer) is other
     drag, speed = study.stages.contacts.process.sleeve_drag, other.scene.mean_speed
-    floor = 2 * other.contacts.process.row.confined_floor + drag
+    floor = 2 * other.contacts.process.row.numbers["confined_floor"] + drag
     assert other.map(speed) == pytest.approx(floor, rel=2e-3)
     assert (other.map(speed) - drag) / (stage.map(speed) - drag) == pytest.approx(1.25, rel=0.02)
     assert study.stages.drive.over(longer).resistance is other
@@ -152,7 +152,7 @@ def test_lumped_lifts_are_kept_with_the_results(monkeypatch, tmp_path):
     force = 2 * first.stages.contacts.process.resistance
     drag = first.stages.contacts.process.sleeve_drag
     assert first.stages.resistance.map.engine_error == pytest.approx(
-        first.stages.contacts.process.two_dimensions.resistance.error * force / (force + drag), rel=0.02
+        first.stages.contacts.process.row.estimate("resistance").error * force / (force + drag), rel=0.02
     )
 
 

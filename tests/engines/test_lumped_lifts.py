@@ -11,9 +11,9 @@ from lift_sequences import sequence
 from compact.analysis.multipass import Pass, passes
 from compact.engines.process import lifts as lumped_lifts
 from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
-from compact.engines.process.lifts import LiftAir, TwoDimensionalRow, lift_thickness, process_frames, simulate_lifts
+from compact.engines.process.lifts import KnownLifts, lift_thickness, simulate_lifts
 from compact.engines.process.roller_row import RollerRow
-from compact.engines.process.section import FormingProblem, solve_closure
+from compact.engines.process.strokes import FormingProblem, solve_closure
 from compact.material.pore_air import PoreAir
 from compact.rolling_contact import Layer, Roller
 
@@ -33,50 +33,55 @@ def pair(**functions):
     return sequence(0.004, **functions), sequence(0.005, **functions)
 
 
+def lifted(row, sequences):
+    """The row with lifts of its own rate and speed."""
+    return replace(row, lifts=KnownLifts(tuple(sequences), row.history.rate_factor, MACHINE.cart_speed))
+
+
 def test_forces_are_integrals_over_the_strokes(row):
     """Constant P gives P L, constant F/t the advance times the fed thickness."""
-    found = TwoDimensionalRow(row, pair())
-    assert found.load.value == pytest.approx(1e3 * 0.4, rel=1e-12)
+    found = lifted(row, pair())
+    assert found.estimate("load").value == pytest.approx(1e3 * 0.4, rel=1e-12)
     fed = row.history.make_up @ MACHINE.stroke_shares
-    assert found.resistance.value == pytest.approx(1e5 * MACHINE.advance * fed, rel=1e-12)
-    assert found.specific_work == pytest.approx(1e5 * fed / row.product_height, rel=1e-12)
-    assert found.load.extrapolated_share == 0
-    assert found.load.lumping_error == pytest.approx(0, abs=1e-12)
-    assert found.load.mesh_error == pytest.approx(0.01)
-    assert found.resistance.mesh_error == pytest.approx(0.05)
-    assert found.load.error == pytest.approx(0.01)
+    assert found.estimate("resistance").value == pytest.approx(1e5 * MACHINE.advance * fed, rel=1e-12)
+    assert found.numbers_by_lifts["specific_work"] == pytest.approx(1e5 * fed / row.product_height, rel=1e-12)
+    assert found.estimate("load").extrapolated_share == 0
+    assert found.estimate("load").lumping_error == pytest.approx(0, abs=1e-12)
+    assert found.estimate("load").mesh_error == pytest.approx(0.01)
+    assert found.estimate("resistance").mesh_error == pytest.approx(0.05)
+    assert found.estimate("load").error == pytest.approx(0.01)
 
 
 def test_air_is_in_proportion_to_the_mix_that_a_pass_displaces(row):
     """P_air = c t and F_air = c t^2 of the lifts are those of the strokes with their make-up."""
-    found, made_up = TwoDimensionalRow(row, pair()), row.history.make_up
-    assert found.air_load.value == pytest.approx(2e4 * float(made_up @ row.lengths), rel=1e-12)
+    found, made_up = lifted(row, pair()), row.history.make_up
+    assert found.estimate("air_load").value == pytest.approx(2e4 * float(made_up @ row.lengths), rel=1e-12)
     swept = MACHINE.advance * MACHINE.stroke_shares
-    assert found.air_resistance.value == pytest.approx(1e4 * float(made_up**2 @ swept), rel=1e-12)
-    assert found.air_load.error == pytest.approx(0, abs=1e-12)
-    assert found.air_excess_behind == 2e3
+    assert found.estimate("air_resistance").value == pytest.approx(1e4 * float(made_up**2 @ swept), rel=1e-12)
+    assert found.estimate("air_load").error == pytest.approx(0, abs=1e-12)
+    assert found.numbers_by_lifts["air_excess_behind"] == 2e3
 
 
 def test_two_thicknesses_err_by_the_difference_of_a_line_and_a_power_law(row):
     """Of F/t as a power of t the value is that of the line, and the error leads to the exact result."""
     sequences = tuple(sequence(t, work=lambda k, t=t: 1e5 * t**-0.2) for t in (0.005, 0.006))
-    found, made_up = TwoDimensionalRow(row, sequences), row.history.make_up
+    found, made_up = lifted(row, sequences), row.history.make_up
     exact = MACHINE.advance * float(1e5 * made_up**0.8 @ MACHINE.stroke_shares)
-    assert found.resistance.value * (1 + found.resistance.lumping_error) == pytest.approx(exact, rel=1e-9)
-    assert 0.05 < found.resistance.lumping_error < 0.1
-    with pytest.raises(ValueError, match="two thicknesses on one mesh at least, got 1"):
-        TwoDimensionalRow(row, (sequence(),))
+    assert found.estimate("resistance").value * (1 + found.estimate("resistance").lumping_error) == pytest.approx(
+        exact, rel=1e-9
+    )
+    assert 0.05 < found.estimate("resistance").lumping_error < 0.1
 
 
 def test_exponential_forces_are_interpolated_and_extrapolated_exactly(row):
     def load(k):
         return 1e3 * np.exp(12 * k)
 
-    short, long = (TwoDimensionalRow(row, pair(to=to, load=load)) for to in (0.85, 0.95))
+    short, long = (lifted(row, pair(to=to, load=load)) for to in (0.85, 0.95))
     exact = float(load(row.history.density_ratio) @ row.lengths)
-    assert long.load.value == pytest.approx(exact, rel=1e-9)
-    assert short.load.value == pytest.approx(exact, rel=1e-9)
-    assert 0.4 < short.load.extrapolated_share < 1
+    assert long.estimate("load").value == pytest.approx(exact, rel=1e-9)
+    assert short.estimate("load").value == pytest.approx(exact, rel=1e-9)
+    assert 0.4 < short.estimate("load").extrapolated_share < 1
     assert row.centre_of(load(row.history.density_ratio)) > 0.2
 
 
@@ -87,7 +92,7 @@ def test_fields_show_the_rows_of_the_lifts_at_the_density_of_the_strokes(row):
     assert ratios[[0, -1]] == pytest.approx([0.85, 0.95])
     assert stresses[[0, -1]] == pytest.approx([1e4, 3e4])
     assert lifts.profile_at(0.75)[1] == pytest.approx(0.75)
-    count, mesh = next(process_frames(row, lifts))
+    count, mesh = next(lifted(row, (lifts,)).frames())
     x, y = mesh.points[mesh.cells[0].data[:, 2], :2].T
     assert y.max() == pytest.approx(0.22)
     assert x.max() == pytest.approx(row.edges[1])
@@ -111,36 +116,34 @@ def test_thickness_and_mesh_are_extrapolated(row):
 
     cases = [(0.004, 6), (0.005, 6), (0.006, 6), (0.005, 9), (0.005, 12)]
     sequences = tuple(sequence(t, n, work=work_of(t, n)) for t, n in cases)
-    found = TwoDimensionalRow(row, sequences)
+    found = lifted(row, sequences)
     made_up = row.history.make_up
     exact = MACHINE.advance * float((1e5 + 2e7 * made_up) * made_up @ MACHINE.stroke_shares)
-    assert found.resistance.value == pytest.approx(exact, rel=1e-9)
+    assert found.estimate("resistance").value == pytest.approx(exact, rel=1e-9)
     mesh_limit = 6 / 7  # the sums below are those of 6 elements
-    power = float(found.at_strokes("resistance", found.lumpings, 0) @ made_up) / float(made_up.sum())
-    line = float(found.at_strokes("resistance", found.lumpings) @ made_up) / float(made_up.sum())
+    power = float(found.at_strokes("resistance", found.lifts.lumpings, 0) @ made_up) / float(made_up.sum())
+    line = float(found.at_strokes("resistance", found.lifts.lumpings) @ made_up) / float(made_up.sum())
     assert line * mesh_limit == pytest.approx(float((1e5 + 2e7 * made_up) @ made_up / made_up.sum()), rel=1e-9)
-    assert found.resistance.lumping_error == pytest.approx(abs(power / line - 1), rel=0.05)
-    assert found.resistance.mesh_error == pytest.approx(1 - 1 / (1 + 1 / 12), rel=1e-9)
-    assert [each.thickness for each in found.lumpings] == [0.004, 0.005, 0.006]
-    assert [each.increments for each in found.meshes] == [12, 9, 6]
+    assert found.estimate("resistance").lumping_error == pytest.approx(abs(power / line - 1), rel=0.05)
+    assert found.estimate("resistance").mesh_error == pytest.approx(1 - 1 / (1 + 1 / 12), rel=1e-9)
+    assert [each.thickness for each in found.lifts.lumpings] == [0.004, 0.005, 0.006]
+    assert [each.increments for each in found.lifts.meshes] == [12, 9, 6]
 
 
-def test_profile_and_strip_stress_are_those_of_the_product(row):
-    found = TwoDimensionalRow(row, pair())
-    assert found.of_product("bottom_density_ratio") == pytest.approx(0.93 - 0.07, abs=1e-6)
-    assert found.of_product("top_density_ratio") == pytest.approx(0.93 + 0.09, abs=1e-6)
-    stress = MIX.confined_stress_ratio * (MIX.yield_pressure(0.88) + 14e3) - 14e3
-    assert found.strip_stress_ratio() == pytest.approx(float(stress) / (2 * 1e3 / (np.pi * 0.22)), rel=1e-9)
+def test_profile_is_that_of_the_product(row):
+    found = lifted(row, pair()).numbers_by_lifts
+    assert found["bottom_density_ratio"] == pytest.approx(0.93 - 0.07, abs=1e-6)
+    assert found["top_density_ratio"] == pytest.approx(0.93 + 0.09, abs=1e-6)
 
 
 def test_mould_at_rest_has_no_work_of_the_throughput(row):
     machine = replace(MACHINE, mould_speed=0.0, strokes=5)
     problem = replace(row.problem, machine=machine)
     still = RollerRow(solve_closure(problem, Closure("gap", 0.001)), 0.98)
-    found = TwoDimensionalRow(still, pair())
-    assert found.resistance.value == 0
-    assert np.isnan(found.specific_work)
-    assert found.load.value == pytest.approx(1e3 * 0.4)
+    found = lifted(still, pair())
+    assert found.estimate("resistance").value == 0
+    assert np.isnan(found.numbers_by_lifts["specific_work"])
+    assert found.estimate("load").value == pytest.approx(1e3 * 0.4)
 
 
 @pytest.fixture
@@ -181,8 +184,8 @@ def test_fill_above_the_generatrix_is_pressed_alone(fake_roll, row):
     found = lifts_of(Fill(0.2255, 0.75))
     assert fake_roll[0] == pytest.approx(0.0055)
     assert [lift.thickness for lift in found.lifts[:3]] == [0.0, 0.005, 0.005]
-    both = TwoDimensionalRow(row, (found, replace(found, thickness=0.004)))
-    assert np.isfinite(both.resistance.value)
+    both = lifted(row, (found, replace(found, thickness=0.004)))
+    assert np.isfinite(both.estimate("resistance").value)
 
 
 def test_sequence_ends_where_nothing_becomes_denser(fake_roll, monkeypatch):
@@ -231,7 +234,7 @@ def test_air_of_a_lift_one_way_and_coupled():
     problem = FormingProblem(replace(MACHINE, height=0.05), MIX, Fill(0.05, 0.75), Feed(0.75))
 
     def first(permeability, coupled):
-        air = LiftAir(PoreAir(permeability=permeability, water=0.21, fed_density_ratio=0.75), coupled)
+        air = PoreAir(permeability=permeability, water=0.21, fed_density_ratio=0.75), coupled
         return simulate_lifts(problem, 0.35, 1.0, 0.76, thickness=0.003, increments=6, air=air).lifts[0]
 
     drained, twice, coupled = first(4e-11, False), first(2e-11, False), first(4e-11, True)

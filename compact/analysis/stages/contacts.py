@@ -27,9 +27,7 @@ from compact.analysis.contact_cases import (
 )
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
 from compact.analysis.pore_air import (
-    NO_FORCES,
     AirCurve,
-    AirForces,
     add_air_field,
     air_curve,
     air_under,
@@ -41,6 +39,7 @@ from compact.analysis.pore_air import (
 from compact.analysis.stages.kept_results import KeptResults, contacts_key, read_results
 from compact.engines import ENGINES
 from compact.engines.halfplane import LineContact, galin
+from compact.engines.pore_air import NO_FORCES, AirForces
 from compact.material.mix import Mix
 from compact.numerics.validation import require_known
 from compact.rolling_contact import Contact, compaction_rate
@@ -342,7 +341,7 @@ class ContactStage:
             return None
         curve = air_curve(air_under(contact, layer, roller, air), air.permeability, contact)
         if is_coupled(self.scene):
-            curve = curve.with_coupled(coupled_samples(contact, air, curve, self.speeds, self.count))
+            curve = replace(curve, coupled=tuple(coupled_samples(contact, air, curve, self.speeds, self.count)))
         return curve
 
     def air_forces(self, speed: float) -> AirForces | None:
@@ -414,7 +413,7 @@ class ProcessStage(ContactStage):
     @property
     def return_ratios(self) -> tuple[float, float]:
         """Load and resistance of a return stroke over those of a forward stroke [-]."""
-        return self.process.forces_at(self.scene.mean_speed).return_ratios
+        return self.process.row.return_ratios
 
     @property
     def sleeve_drag(self) -> float:

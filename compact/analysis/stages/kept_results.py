@@ -25,7 +25,7 @@ from compact.rolling_contact import Contact
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
-    from compact.analysis.process import KnownLifts
+    from compact.engines.process.lifts import KnownLifts
 
 MAP_FILE, CONTACTS_FILE = "resistance.nc", "contacts.json"
 KEPT_FILES = (  # prefixes of files that depend on the contacts alone
@@ -120,7 +120,7 @@ def _read(name: str, content: Any) -> Any:
     """Return a record from its JSON."""
     kind = RECORDS.get(name, Any)
     if content and name == "lifts":  # imports the finite elements
-        from compact.analysis.process import KnownLifts
+        from compact.engines.process.lifts import KnownLifts
 
         kind = KnownLifts
     return content and TypeAdapter(kind).validate_python(content)

@@ -15,9 +15,10 @@ import numpy as np
 from compact import contact, resistance
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import nearest_speed
-from compact.analysis.pore_air import NO_FORCES, nodes_of_map
+from compact.analysis.pore_air import nodes_of_map
 from compact.analysis.stages.contacts import ContactStage
 from compact.contact import DryResistance
+from compact.engines.pore_air import NO_FORCES
 from compact.machine.cart import Balance, Cart, MotionResistance
 from compact.machine.rigid_drive import steady_balance
 from compact.numerics import Array

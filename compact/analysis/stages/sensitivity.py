@@ -20,11 +20,12 @@ import numpy as np
 from compact import drive
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_speeds, roll_scene
-from compact.analysis.pore_air import NO_FORCES, has_air
+from compact.analysis.pore_air import has_air
 from compact.analysis.stages.drives import Stages, build_stages
 from compact.analysis.stages.ensemble import Change, Peaks, ensemble, first_law, peaks_at
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.engines import ENGINES
+from compact.engines.pore_air import NO_FORCES
 from compact.machine.cart import Cart
 from compact.machine.ranking import BUILD_TOLERANCE
 from compact.motion.profile import Cycle

@@ -21,6 +21,7 @@ from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, So
 from compact.engines.compaction.rolling import DAMPING, IncrementalRolling, IncrementSolver, RollingStep
 from compact.engines.compaction.steady_search import search_class
 from compact.engines.compaction.steady_state import DepthTarget, Relaxation
+from compact.engines.pore_air import AirForces
 from compact.engines.pore_air.steady_flow import AirPressure, RollerAir
 from compact.material.pore_air import PoreAir
 from compact.numerics import Array
@@ -30,16 +31,12 @@ RELAXATION = 0.5  # [-], share of the change of the pressure that the next step 
 
 
 class CoupledContact(NamedTuple):
-    """Steady contact coupled with the pore air, per unit roller length.
+    """Steady contact coupled with the pore air.
 
     Parameters
     ----------
-    load, resistance : float
-        Total forces on the roller, those of skeleton and air [N/m].
-    air_load : float
-        Part of the load by the pressure of the air on the roller [N/m].
-    largest_excess_behind : float
-        Largest excess pressure behind the contact [Pa].
+    changes : AirForces
+        Changes of the total forces on the roller, those of skeleton and air, and the excess pressure behind.
     pressure : AirPressure
         Pressure of the air.
     rolling : CoupledRolling
@@ -48,10 +45,7 @@ class CoupledContact(NamedTuple):
         Slow relaxation of the bow wave of the solution.
     """
 
-    load: float
-    resistance: float
-    air_load: float
-    largest_excess_behind: float
+    changes: AirForces
     pressure: AirPressure
     rolling: "CoupledRolling"
     relaxation: Relaxation
@@ -109,9 +103,9 @@ def roll_coupled(
     assert isinstance(rolling, CoupledRolling)  # copies of it
     step, of_air = rolling.steps[-1], RollerAir(rolling, air)
     pressure = of_air.pressure(speed)
-    resistance, (air_load, _) = float(np.sign(speed)) * step.resistance, of_air.forces(pressure)
-    behind = of_air.largest_excess_behind(pressure)
-    return CoupledContact(step.load, resistance, air_load, behind, pressure, rolling, search.relaxation)
+    load, resistance = step.load - contact.load, float(np.sign(speed)) * step.resistance - contact.resistance
+    changes = AirForces(load, resistance, of_air.forces(pressure).excess_behind)
+    return CoupledContact(changes, pressure, rolling, search.relaxation)
 
 
 class CoupledRolling(IncrementalRolling):

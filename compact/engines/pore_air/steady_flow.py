@@ -44,6 +44,7 @@ from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad
 from skfem.helpers import dot, grad, mul
 from threadpoolctl import threadpool_limits
 
+from compact.engines.pore_air import AirForces
 from compact.material.pore_air import PoreAir
 from compact.numerics import Array, BoolArray
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive
@@ -268,17 +269,11 @@ class AirUnderContact:
         """Solve for the pressure at a speed of the roller along x [m/s], not 0; `start` is one at another speed."""
         return self.flow.solve(abs(speed), start)
 
-    def forces(self, pressure: AirPressure) -> tuple[float, float]:
-        """Return load and resistance of the air on the roller [N/m]."""
+    def forces(self, pressure: AirPressure) -> AirForces:
+        """Return load and resistance of the air on the roller, and its largest excess pressure behind the contact."""
         excess, (x, y) = pressure.excess[self.on_roller, -1], self.surface[:, self.on_roller]
-        return float(np.trapezoid(excess, x)), float(np.trapezoid(excess, y))
-
-    def largest_excess_behind(self, pressure: AirPressure) -> float:
-        """Return the largest excess pressure behind the contact [Pa], 0 if there is none.
-
-        The total stress on horizontal planes vanishes there, so that it is a tensile stress of the skeleton.
-        """
-        return max(float(pressure.excess[pressure.flow.x < self.contact[0]].max()), 0.0)
+        behind = max(float(pressure.excess[pressure.flow.x < self.contact[0]].max()), 0.0)
+        return AirForces(float(np.trapezoid(excess, x)), float(np.trapezoid(excess, y)), behind)
 
 
 class ColumnAir(AirUnderContact):

@@ -30,9 +30,7 @@ class ProcessEngine(RateEngine):
 
     def contact(self, case: Any, start: Any = None) -> Contact:
         """Compute the means over the strokes under a roller at a speed of the cart."""
-        from compact.engines.process.contact import process_contact
-
-        return process_contact(case.process, case.speed)
+        return case.process.row_at(abs(case.speed)).contact(case.speed)
 
     def valid(self, height_ratio: float | None = None, detail: str | None = None) -> str:
         """Refuse columns alone: the confined floor."""

@@ -1,4 +1,4 @@
-"""Results of a forming process along one roller: load, resistance, density, balances, confined floor and feed sleeves.
+"""Forming process along one roller: forces by columns and by lumped lifts, balances, confined floor, sleeves, fields.
 
 The sections under the roller have had 1, 2, ... N strokes, so that the forces of the strokes on one section, in order,
 are those along the roller at one instant:
@@ -29,29 +29,75 @@ with the head H, the bulk density rho of the loose mix, the friction mu on the w
 K = 1 - sin phi of mix that fills a silo (Jaky), the hydraulic diameter D and the angle of internal friction phi. The
 drag is the friction of a silo on a rough bed at rest. It contains no cohesion, and no mix that leaves the sleeve.
 
+Lumped lifts give load and resistance in two dimensions as sums over the same strokes:
+
+    P_row = sum_n P(k_n) dz_n,    F_row = v_form T sum_n (F/t)(k_n) t_n
+
+The strokes n have the mean density k_n, the length dz_n along the roller and the make-up t_n of the columns: the mean
+density follows from the balance of mix, whatever the model. P and F/t come from lumped lifts as functions of the mean
+density, the first at that behind a stroke, the second at the mean of both sides. Between lifts their logarithms are
+interpolated; beyond the last lift they are extrapolated, and the share of the result that is extrapolated is stated.
+
+P and F/t are extrapolated linearly in the thickness of the lifts to t_n at every density. Errors, added as independent
+ones: the larger difference to a power law of the thickness and, of three, to a parabola; the finest mesh less the limit
+of vanishing elements, of first order in 1/increments; without other meshes the estimate of the engine.
+
+The excess pressure of the pore air is in proportion to the mix that a pass displaces, as long as its flow is linear:
+
+    P_air(t_n) = P_air(t) t_n/t,    F_air/t_n = (F_air/t) t_n/t
+
+Both are taken from the thinnest lifts; the error is the difference to the thickest, and to the other meshes.
+
+With feed before forward strokes alone, the sections under the roller have had their first stroke in forward direction,
+or one stroke later. In a forward stroke each of them gets the force of its last fed stroke, in a return stroke that of
+its last stroke without feed. With feed before every stroke both directions are equal.
+
+The row is also the contact of the engine "process". Over a stroke its resistance depends on the speed alone:
+
+    rate         the yield pressure follows the speed of the cart where it passes a section, by the rate factor
+    pore air     its forces are in proportion to the speed, where `mix.pore_air` counts them
+    acceleration does not enter: the mix has no memory in time
+    position     does not enter: every section along the travel has had the same strokes. The overlap of two rollers,
+                 3 % of the stroke in the published machine, is met by both; the mean force is also the largest one
+    duration     at a given speed of the mould, F grows with the time of a stroke, in which the mould brings more mix:
+                 each duration of a pass has a map of its own (`ResistanceStage.over`)
+
+Fields of a process are rectangles in z, along the roller, and y, the height. In two dimensions the rows of a section
+are those of the lumped lifts at its mean density. Frame n shows the mould after the n-th stroke since its start: the
+first section has had n strokes and lies farthest from the empty mould, and loose fill follows it.
+
 References
 ----------
 H. A. Janssen, Versuche ueber Getreidedruck in Silozellen, Z. VDI 39 (1895) 1045-1049; J. Jaky, The coefficient of earth
 pressure at rest, J. Soc. Hung. Eng. Arch. 78 (1944) 355-358.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from compact.engines.process.section import FormingProblem, SectionHistory
+from compact.engines.column.column_pass import Column, Columns
+from compact.engines.process.lifts import KnownLifts, LiftSequence
+from compact.engines.process.strokes import FormingProblem, SectionHistory, SectionState
 from compact.material.laws import Compaction
 from compact.numerics import Array
-from compact.numerics.validation import require_fields, require_positive, require_that
+from compact.numerics.validation import require_positive
+from compact.rolling_contact import Contact
+
+if TYPE_CHECKING:
+    import meshio
 
 QUADRATURE_POINTS = 64  # [-], of Gauss and Legendre over ln(1 - k); the error is below 1e-12 up to k = 0.99
 GRAVITY = 9.80665  # [m/s2], standard acceleration of gravity
+COLUMNS_ERROR = 1e-6  # [-], of the forces; difference of 3, 20 and 80 merged layers
+FRAMES_MAX = 60  # [-], frames of a series; later strokes are shown at equal intervals
+FILL_SHARE = 0.15  # [-], length of the fill shown in front of the roller over that of the roller
 
 
-@dataclass(frozen=True)
-class MixFlow:
+class MixFlow(NamedTuple):
     """Mix that passes a section in one stroke, as heights of grains over the area that the roller sweeps [m].
 
     Times the advance of the mould, the length of the stroke and the density of the mix without air it is a mass.
@@ -79,10 +125,29 @@ class MixFlow:
     retained: float
     missing: float
 
+
+class Estimate(NamedTuple):
+    """Number with its error.
+
+    Parameters
+    ----------
+    value : float
+        Value in its unit.
+    lumping_error, mesh_error : float
+        Relative errors by the thickness of the lifts and by the mesh, or by the merged layers of columns [-].
+    extrapolated_share : float
+        Share of the value from strokes denser than the densest lift [-].
+    """
+
+    value: float
+    lumping_error: float = 0.0
+    mesh_error: float = 0.0
+    extrapolated_share: float = 0.0
+
     @property
-    def residual(self) -> float:
-        """Grains of the product over those of fill and feed, less 1 [-]."""
-        return self.product / (self.fill + self.fed) - 1
+    def error(self) -> float:
+        """Relative error of both causes [-]."""
+        return float(np.hypot(self.lumping_error, self.mesh_error))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,10 +160,13 @@ class RollerRow:
         Strokes on one section.
     required_density_ratio : float
         Density ratio that the product should have [-].
+    lifts : KnownLifts, optional
+        Lumped lifts; None by columns alone.
     """
 
     history: SectionHistory
     required_density_ratio: float
+    lifts: KnownLifts | None = None
 
     @property
     def problem(self) -> FormingProblem:
@@ -120,35 +188,13 @@ class RollerRow:
 
     @property
     def load(self) -> float:
-        """Load of the roller [N]."""
+        """Load of the roller by columns [N]."""
         return float(self.history.load @ self.lengths)
 
     @property
     def resistance(self) -> float:
-        """Resistance of the roller [N]."""
+        """Resistance of the roller by columns [N]."""
         return float(self.history.resistance @ self.lengths)
-
-    @property
-    def load_centre(self) -> float:
-        """Centre of the load from the edge at the empty mould [m]; the middle of the roller without load."""
-        return self.centre_of(self.history.load)
-
-    def centre_of(self, line_load: Array) -> float:
-        """Return the centre of the loads of the strokes per unit roller length [N/m], from the empty mould [m]."""
-        middle = (self.edges[:-1] + self.edges[1:]) / 2
-        load = line_load * self.lengths
-        return float(load @ middle / load.sum()) if load.sum() else self.problem.machine.roller_length / 2
-
-    @property
-    def load_unevenness(self) -> float:
-        """Largest over mean load per unit length [-]; 1 without load."""
-        mean = self.load / self.problem.machine.roller_length
-        return float(self.history.load[self.lengths > 0].max()) / mean if mean else 1.0
-
-    @property
-    def peak_pressure(self) -> float:
-        """Largest vertical stress under the roller [Pa]."""
-        return float(self.history.peak_pressure.max())
 
     @property
     def product_height(self) -> float:
@@ -160,20 +206,11 @@ class RollerRow:
         """Mean density ratio of the product [-]."""
         return self.history.of_product("density_ratio")
 
-    @property
-    def bottom_density_ratio(self) -> float:
-        """Mean density ratio of the bottom quarter of the product [-]."""
-        return self.history.of_product("bottom_density_ratio")
-
-    @property
-    def top_density_ratio(self) -> float:
-        """Mean density ratio of the top quarter of the product [-]."""
-        return self.history.of_product("top_density_ratio")
-
-    @property
-    def overpressed_height(self) -> float:
-        """Height of the product whose density ratio exceeds 1 [m]: columns close their pores before that."""
-        return 0.0
+    def centre_of(self, line_load: Array) -> float:
+        """Return the centre of the loads of the strokes per unit roller length [N/m], from the empty mould [m]."""
+        middle = (self.edges[:-1] + self.edges[1:]) / 2
+        load = line_load * self.lengths
+        return float(load @ middle / load.sum()) if load.sum() else self.problem.machine.roller_length / 2
 
     @cached_property
     def flow(self) -> MixFlow:
@@ -185,11 +222,6 @@ class RollerRow:
         extruded, lack = min(surplus, fill), self.required_density_ratio / self.product_density_ratio - 1
         return MixFlow(product, fill, fed, extruded, surplus - extruded, max(lack, 0.0) * product)
 
-    @property
-    def confined_work(self) -> float:
-        """Work of confined compression in closed form per volume of the product [J/m3]; 0 without densification."""
-        return self.confined_work_of(self.problem, self.history.rate_factor)
-
     def confined_work_of(self, problem: FormingProblem, rate_factor: float) -> float:
         """Return the work of confined compression of another mix [J/m3] with the same grains of fill and feed."""
         flow = self.flow
@@ -198,43 +230,241 @@ class RollerRow:
         return confined_work(problem.material, entries, self.product_density_ratio, rate_factor)
 
     @property
-    def confined_floor(self) -> float:
-        """Confined floor of the resistance of the roller [N]; 0 of a mould at rest."""
-        return self.problem.machine.advance * self.product_height * self.confined_work
+    def numbers(self) -> dict[str, float]:
+        """Results by columns, by the names of `quantities.PROCESS`."""
+        history, machine, load = self.history, self.problem.machine, self.load
+        centre, mean = self.centre_of(history.load), load / machine.roller_length
+        work = self.confined_work_of(self.problem, history.rate_factor)
+        return {
+            "load": load,
+            "resistance": self.resistance,
+            "confined_floor": machine.advance * self.product_height * work,
+            "load_centre": centre,
+            "skew_moment": load * (centre - machine.roller_length / 2),
+            "load_unevenness": float(history.load[self.lengths > 0].max()) / mean if mean else 1.0,
+            "peak_pressure": float(history.peak_pressure.max()),
+            "strokes": machine.strokes_on_section,
+            "largest_bite": float(history.bite.max()),
+            "bite_limit": machine.max_bite,
+            "product_height": self.product_height,
+            "product_density_ratio": self.product_density_ratio,
+            "confined_work": work,
+            "strokes_for_density": history.strokes_until(self.required_density_ratio),
+            "rate_factor": history.rate_factor,
+            "mass_residual": history.mass_residual,
+            "work_residual": history.work_residual,
+        }
+
+    # by lumped lifts
 
     @property
-    def skew_moment(self) -> float:
-        """Moment of the load about the middle of the roller [N m], + towards the finished product."""
-        return self.load * (self.load_centre - self.problem.machine.roller_length / 2)
+    def thinnest(self) -> LiftSequence:
+        """Sequence of the thinnest lifts."""
+        assert self.lifts is not None
+        return self.lifts.lumpings[0]
 
     @property
-    def specific_work(self) -> float:
-        """Work of the roller per volume of the product [J/m3]; nan of a mould at rest, which yields none."""
-        return self.work_per_volume(self.resistance)
-
-    def work_per_volume(self, resistance: float) -> float:
-        """Return the work of a resistance [N] per volume of the product [J/m3]; nan of a mould at rest."""
-        advance = self.problem.machine.advance
-        return resistance / (advance * self.product_height) if advance else float("nan")
+    def rate_scale(self) -> float:
+        """Rate factor of the strokes over that of the lifts [-], to which their forces are in proportion."""
+        assert self.lifts is not None
+        return self.history.rate_factor / self.lifts.rate_factor
 
     @property
-    def strokes_for_density(self) -> float:
-        """Strokes after which a section has the required density with this feed [-]; inf if it has not."""
-        return self.history.strokes_until(self.required_density_ratio)
+    def air_scale(self) -> float:
+        """Speed of the strokes over that of the lifts [-], to which the forces of their pore air are in proportion."""
+        assert self.lifts is not None
+        return self.problem.machine.cart_speed / self.lifts.cart_speed
 
+    @property
+    def numbers_by_lifts(self) -> dict[str, float]:
+        """Results of the thinnest lifts, by the names of `quantities.PROCESS_LIFTS`.
 
-def confined_stress(material: Compaction, density_ratio: np.ndarray, rate_factor: float = 1.0) -> np.ndarray:
-    """Return the vertical stress of rigid-plastic mix in confined compression [Pa].
+        Fields are those at the density of the product, or behind the last lift if that is less.
+        """
+        assert self.lifts is not None
+        machine, load, ratio = self.problem.machine, self.estimate("load").value, self.thinnest.values("density_ratio")
+        centre, swept = self.centre_of(self.at_strokes("load")), machine.advance * self.product_height
+        product = ("bottom_density_ratio", "top_density_ratio", "overpressed_height", "surface")
+        return {
+            "air_excess_behind": float(self.thinnest.values("air_excess_behind").max()) * self.air_scale,
+            "load_centre": centre,
+            "skew_moment": load * (centre - machine.roller_length / 2),
+            "specific_work": self.estimate("resistance").value / swept if swept else float("nan"),
+            **{
+                name: float(np.interp(self.product_density_ratio, ratio, self.thinnest.values(name)))
+                for name in product
+            },
+            "largest_work_residual": max(each.largest_work_residual for each in self.lifts.sequences),
+        }
 
-    Parameters
-    ----------
-    density_ratio : ndarray
-        Density ratio k [-].
-    rate_factor : float
-        Factor of the yield pressure [-].
-    """
-    ratio, strength = material.confined_stress_ratio, material.tensile_strength
-    return ratio * (rate_factor * material.yield_pressure(density_ratio) + strength) - strength
+    def at_strokes(self, name: str, sequences: Sequence[LiftSequence] = (), degree: int = 1) -> Array:
+        """Return P or F/t of every stroke [N/m, N/m2], extrapolated in the thickness of the lifts to its make-up.
+
+        Parameters
+        ----------
+        name : {"load", "resistance"}
+            Force.
+        sequences : sequence of LiftSequence
+            One or more sequences of different thicknesses; those of one mesh by default.
+        degree : int
+            Degree of the polynomial in the thickness, less than the number of sequences; 0 for a power law.
+        """
+        assert self.lifts is not None
+        sequences = sequences or self.lifts.lumpings
+        density, made_up = self._densities(name), self.history.make_up
+        table = self.rate_scale * np.array([sequence.at(name, density) for sequence in sequences])
+        if len(sequences) == 1:
+            return table[0]
+        thickness = np.array([sequence.thickness for sequence in sequences])
+        if not degree:
+            slope, level = np.polyfit(np.log(thickness), np.log(table), 1)
+            return np.asarray(np.exp(level + slope * np.log(np.where(made_up > 0, made_up, thickness[0]))))
+        powers = np.arange(degree, -1, -1)[:, None]
+        return np.sum(np.polyfit(thickness, table, degree) * made_up**powers, axis=0)
+
+    def _densities(self, name: str) -> Array:
+        """Mean density ratio of every stroke to which a force belongs [-]: behind it, or the mean of both sides."""
+        states = np.array([state.density_ratio for state in self.history.states])
+        return states[1:] if name.endswith("load") else (states[:-1] + states[1:]) / 2
+
+    def _weights(self, name: str) -> Array:
+        """Weights of the strokes in a sum: their lengths [m], or the mix that they press over an advance [m2]."""
+        if name.endswith("load"):
+            return self.lengths
+        machine = self.problem.machine
+        shares = machine.stroke_shares if machine.strokes is None else 1.0
+        return np.asarray(machine.advance * self.history.make_up * shares)
+
+    def estimate(self, name: str) -> Estimate:
+        """Estimate a force on the roller [N] by lumped lifts, or by columns without any.
+
+        Parameters
+        ----------
+        name : {"load", "resistance", "air_load", "air_resistance"}
+            Force, without pore air, or its part by the excess pressure of the pore air; 0 of a resistance over a mould
+            at rest, whose work per stroke is not that of the row.
+        """
+        if self.lifts is None:
+            return Estimate(float(getattr(self.history, name) @ self.lengths), 0.0, COLUMNS_ERROR)
+        lumpings, meshes, weights = self.lifts.lumpings, self.lifts.meshes, self._weights(name)
+        if name.startswith("air"):
+            weights, density = self.history.make_up * weights * self.air_scale, self._densities(name)
+            sequences = lumpings[0], lumpings[-1], meshes[0], meshes[-1]
+            value, thickest, finest, coarsest = (float(each.at(name, density) @ weights) for each in sequences)
+            return Estimate(value, abs(thickest / value - 1), abs(coarsest / finest - 1)) if value else Estimate(0.0)
+        forces = self.at_strokes(name)
+        value = float(forces @ weights)
+        if value == 0:
+            return Estimate(0.0)
+        others = [self.at_strokes(name, lumpings, degree) for degree in ((0, 2) if len(lumpings) > 2 else (0,))]
+        lumping = max(abs(float(other @ weights) / value - 1) for other in others)
+        mesh_limit, mesh = 1.0, float(np.average(lumpings[0].values(f"{name}_error"), weights=lumpings[0].values(name)))
+        if len(meshes) > 1:
+            sums = [float(self.at_strokes(name, [sequence]) @ weights) for sequence in meshes]
+            limit = float(np.polyfit([1 / sequence.increments for sequence in meshes], sums, 1)[1])
+            mesh_limit, mesh = limit / sums[-1], abs(limit / sums[0] - 1)
+        beyond = self.history.density_ratio > min(each.values("density_ratio").max() for each in lumpings)
+        return Estimate(value * mesh_limit, lumping, mesh, float(forces[beyond] @ weights[beyond]) / value)
+
+    # strokes in both directions, as a contact of the engine
+
+    def of_strokes(self, name: str) -> Array:
+        """Return the force of every stroke on a section per roller length [N/m], of lumped lifts on their own mesh.
+
+        Parameters
+        ----------
+        name : {"load", "resistance"}
+            Force.
+        """
+        if self.lifts is None:
+            return np.asarray(getattr(self.history, name))
+        return self.at_strokes(name) * (self.history.make_up if name == "resistance" else 1.0)
+
+    def share(self, name: str, direction: int) -> float:
+        """Return a force in a direction, 0 forward and 1 return, over the mean of both in the product [-]."""
+        if self.problem.feed.strokes != "forward":
+            return 1.0
+        strokes = self.of_strokes(name)
+        numbers = np.arange(len(strokes))
+        last = numbers - (numbers + direction) % 2  # the last stroke of the direction, -1 before the first
+        forces = np.where(last >= 0, strokes[np.maximum(last, 0)], 0.0)
+        return float(forces @ self.lengths) / float(strokes @ self.lengths)
+
+    @property
+    def return_ratios(self) -> tuple[float, float]:
+        """Load and resistance of a return stroke over those of a forward stroke [-]."""
+        load, resistance = (self.share(name, 1) / self.share(name, 0) for name in ("load", "resistance"))
+        return load, resistance
+
+    def contact(self, speed: float) -> Contact:
+        """Return all strokes under the roller in a forward stroke at a speed of the cart [m/s], as one contact.
+
+        Forces are means over the roller length, the indentation is the mean bite, the edges are weighted by the load
+        of the strokes, the exit is the product.
+        """
+        history, length, peak = (
+            self.history,
+            self.problem.machine.roller_length,
+            float(self.history.peak_pressure.max()),
+        )
+        weights = history.load * self.lengths
+        weights = weights / weights.sum() if weights.any() else np.full(len(weights), 1 / len(weights))
+        columns, residual, estimates = history.states[-1].columns, history.work_residual, {}
+        if self.lifts is not None:
+            columns = tuple(Column(*each) for each in self.thinnest.profile_at(self.product_density_ratio).T.tolist())
+            ratio, peaks = self.thinnest.values("density_ratio"), self.thinnest.values("peak_pressure")
+            peak = self.rate_scale * float(np.interp(self.product_density_ratio, ratio, peaks))
+            residual = max(residual, *(sequence.largest_work_residual for sequence in self.lifts.sequences))
+        estimates = {name: self.estimate(name) for name in ("load", "resistance")}
+        load, resistance = (each.value * self.share(name, 0) / length for name, each in estimates.items())
+        return Contact(
+            load=load, resistance=float(np.copysign(resistance, speed)),
+            leading=float(weights @ history.leading), trailing=float(weights @ history.trailing),
+            error=(estimates["load"].error, estimates["resistance"].error), work_residual=residual, peak_pressure=peak,
+            indentation=float(weights @ np.maximum(history.bite, 0.0)), exit_height=self.product_height,
+            exit_density_ratio=self.product_density_ratio, mass_residual=history.mass_residual, speed=speed,
+            exit=Columns(columns),
+        )  # fmt: skip
+
+    # fields
+
+    def rows_of(self, state: SectionState) -> Iterator[tuple[float, float, float]]:
+        """Yield height [m], density ratio [-] and lateral stress at rest [Pa] of the rows of a section, from the base.
+
+        They are its layers, or those of the thinnest lifts at the mean density of the section.
+        """
+        if self.lifts is None:
+            yield from ((column.height, column.density_ratio, column.lateral_stress) for column in state.columns)
+        else:
+            yield from zip(*self.thinnest.profile_at(state.density_ratio).tolist(), strict=True)
+
+    def frames(self) -> Iterator[tuple[float, "meshio.Mesh"]]:
+        """Yield the number of strokes since the start, and the fields with the rows of `rows_of`.
+
+        Cell data: density ratio [-], lateral stress at rest [Pa], number of strokes.
+        """
+        import meshio
+
+        machine, states, count = self.problem.machine, self.history.states, self.history.count
+        for number in np.unique(np.linspace(1, count, min(count, FRAMES_MAX)).round().astype(int)).tolist():
+            if machine.strokes is not None:
+                pieces = [(0.0, machine.roller_length, number, states[number])]
+            else:
+                edges = machine.edges
+                pieces = [(float(edges[n - 1]), float(edges[n]), n, states[n]) for n in range(1, number + 1)]
+                pieces.insert(0, (-FILL_SHARE * machine.roller_length, 0.0, 0, states[0]))
+            points, values = [], []
+            for low, high, strokes, state in pieces:
+                bottom = 0.0
+                for height, ratio, stress in self.rows_of(state):
+                    top = bottom + height
+                    points += [(low, bottom, 0.0), (high, bottom, 0.0), (high, top, 0.0), (low, top, 0.0)]
+                    values.append((ratio, stress, float(strokes)))
+                    bottom = top
+            names, columns = ("density_ratio", "lateral_stress", "strokes"), np.array(values).T
+            data = {name: [column] for name, column in zip(names, columns, strict=True)}
+            cells = [("quad", np.arange(len(points)).reshape(-1, 4))]
+            yield float(number), meshio.Mesh(np.array(points), cells, cell_data=data)
 
 
 def confined_work(
@@ -266,20 +496,23 @@ def confined_work(
     if not 0 < density_ratio < 1:
         raise ValueError(f"`density_ratio` must lie between 0 and 1, got {density_ratio!r}")
     require_positive(rate_factor=rate_factor)
+    ratio, strength = material.confined_stress_ratio, material.tensile_strength
     nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
     work = 0.0
     for share, entry in entries:
         low, high = -np.log1p(-entry), -np.log1p(-density_ratio)
         u = (low + high) / 2 + (high - low) / 2 * nodes
         k = -np.expm1(-u)
-        integrand = confined_stress(material, k, rate_factor) / k**2 * (1 - k)  # dk = (1 - k) du
+        stress = ratio * (rate_factor * material.yield_pressure(k) + strength) - strength
+        integrand = stress / k**2 * (1 - k)  # dk = (1 - k) du
         work += share * (high - low) / 2 * float(weights @ integrand)
     return density_ratio * work
 
 
-@dataclass(frozen=True)
-class FeedSleeve:
-    """Sleeve full of loose mix above the bed.
+def bed_stress(
+    width: float, length: float, head: float, wall_friction: float, bulk_density: float, lateral_ratio: float
+) -> float:
+    """Compute the vertical stress on the bed below a sleeve full of loose mix [Pa].
 
     Parameters
     ----------
@@ -291,48 +524,33 @@ class FeedSleeve:
         Height H of the mix above the bed [m].
     wall_friction : float
         Friction coefficient mu of mix on the wall [-]; 0 for a smooth wall, which carries no weight.
+    bulk_density : float
+        Bulk density of the loose mix [kg/m3].
+    lateral_ratio : float
+        Lateral over vertical stress K [-].
+
+    Examples
+    --------
+    >>> f"{bed_stress(0.18, 1.164, 1.0, 0.35, 1700.0, 0.43):.0f} Pa"
+    '7382 Pa'
     """
+    diameter = 2 * width * length / (width + length)
+    decay = 4 * wall_friction * lateral_ratio * head / diameter
+    return float(GRAVITY * bulk_density * head * (-np.expm1(-decay) / decay if decay else 1.0))
 
-    width: float
-    length: float
-    head: float
-    wall_friction: float
 
-    def __post_init__(self) -> None:
-        require_fields(self, positive="width length head", nonnegative="wall_friction")
+def sleeve_drag(
+    width: float, length: float, head: float, wall_friction: float, bulk_density: float, friction_angle: float
+) -> float:
+    """Compute the shear force of the bed on the mix of one sleeve [N].
 
-    def bed_stress(self, bulk_density: float, earth_pressure_coefficient: float) -> float:
-        """Compute the vertical stress on the bed [Pa].
-
-        Parameters
-        ----------
-        bulk_density : float
-            Bulk density of the loose mix [kg/m3].
-        earth_pressure_coefficient : float
-            Lateral over vertical stress [-].
-
-        Examples
-        --------
-        >>> f"{FeedSleeve(0.18, 1.164, 1.0, 0.35).bed_stress(1700.0, 0.43):.0f} Pa"
-        '7382 Pa'
-        """
-        require_positive(bulk_density=bulk_density, earth_pressure_coefficient=earth_pressure_coefficient)
-        diameter = 2 * self.width * self.length / (self.width + self.length)
-        decay = 4 * self.wall_friction * earth_pressure_coefficient * self.head / diameter
-        carried = -np.expm1(-decay) / decay if decay else 1.0
-        return float(GRAVITY * bulk_density * self.head * carried)
-
-    def drag(self, bulk_density: float, friction_angle: float) -> float:
-        """Compute the shear force of the bed on the mix of one sleeve [N].
-
-        Parameters
-        ----------
-        bulk_density : float
-            Bulk density of the loose mix [kg/m3].
-        friction_angle : float
-            Angle of internal friction [deg], between 0 and 90.
-        """
-        require_that(0 < friction_angle < 90, friction_angle, "`friction_angle` must lie between 0 and 90, got")
-        angle = np.radians(friction_angle)
-        stress = self.bed_stress(bulk_density, float(1 - np.sin(angle)))
-        return float(stress * self.width * self.length * np.tan(angle))
+    Parameters
+    ----------
+    width, length, head, wall_friction, bulk_density
+        See `bed_stress`.
+    friction_angle : float
+        Angle of internal friction [deg], between 0 and 90.
+    """
+    angle = np.radians(friction_angle)
+    stress = bed_stress(width, length, head, wall_friction, bulk_density, float(1 - np.sin(angle)))
+    return float(stress * width * length * np.tan(angle))

@@ -95,22 +95,8 @@ class SectionState:
     @property
     def density_ratio(self) -> float:
         """Mean density ratio over the height [-]."""
-        return self.mean_density_ratio(0.0, 1.0)
-
-    @property
-    def bottom_density_ratio(self) -> float:
-        """Mean density ratio of the bottom quarter [-]."""
-        return self.mean_density_ratio(0.0, QUARTER)
-
-    @property
-    def top_density_ratio(self) -> float:
-        """Mean density ratio of the top quarter [-]."""
-        return self.mean_density_ratio(1 - QUARTER, 1.0)
-
-    def mean_density_ratio(self, low: float, high: float) -> float:
-        """Return the mean density ratio [-] between two shares of the height, 0 at the base and 1 at the surface."""
         heights, ratios, *_ = np.array(self.columns).T
-        return mean_over_height(heights, ratios, low, high)
+        return mean_over_height(heights, ratios, 0.0, 1.0)
 
     def merged(self, count: int) -> "SectionState":
         """Merge neighbours until `count` layers remain, those with the least difference of density over height first.
@@ -270,7 +256,7 @@ class FormingProblem:
         rate = compaction_rate(machine.cart_speed, machine.roller_radius, machine.height + bite, bite)
         return self.material.rate_factor(rate)
 
-    def with_amount(self, amount: float, rate_factor: float = 1.0, **options: float) -> SectionHistory:
+    def with_amount(self, amount: float, rate_factor: float = 1.0) -> SectionHistory:
         """Compute the strokes with a gap, or a largest make-up of the laws without a gap [m].
 
         Parameters
@@ -279,9 +265,6 @@ class FormingProblem:
             Gap of the law "room", or largest make-up of the other laws [m].
         rate_factor : float
             Factor of the yield pressure [-].
-        **options
-            `rtol`, error of a step of the integration over the size of a stroke, and `until_density_ratio`, mean
-            density ratio after which no further stroke is computed [-].
 
         Returns
         -------
@@ -301,7 +284,7 @@ class FormingProblem:
                 return max(surface - state.height, 0.0) if shares[index] > 0 else 0.0
             return float(amount * shares[index])
 
-        return self._simulate(make_up, rate_factor, amount, **options)
+        return self._simulate(make_up, rate_factor, amount)
 
     def at_pressure(self, pressure: float, offered: Array, rate_factor: float) -> SectionHistory:
         """Compute the strokes with a make-up that brings the stress to a pressure [Pa], at most that offered [m].
@@ -339,14 +322,7 @@ class FormingProblem:
     def _stack(self, columns: Sequence[Column], rate_factor: float) -> ColumnLayer:
         return column_layer(columns, self.material, rate_factor, GapShape(float(self.machine.roller_radius), 1.0))
 
-    def _simulate(
-        self,
-        make_up: MakeUp,
-        rate_factor: float,
-        amount: float,
-        rtol: float = INTEGRATION_RTOL,
-        until_density_ratio: float = np.inf,
-    ) -> SectionHistory:
+    def _simulate(self, make_up: MakeUp, rate_factor: float, amount: float) -> SectionHistory:
         """Compute the strokes on a section."""
         fill, fed, height = self.fill, self.feed.density_ratio, self.machine.height
         if not fill.density_ratio > self.material.loose_density_ratio:
@@ -370,14 +346,12 @@ class FormingProblem:
                     )
                 if not bite < layer.max_indentation:
                     raise OverfilledError(f"stroke {index + 1} closes all pores: {layer.limit}; feed less mix")
-                passed = layer.compute_pass(bite, rtol)
+                passed = layer.compute_pass(bite, INTEGRATION_RTOL)
                 raised, work = passed.exit.layer, passed.own["plastic_work"] + passed.own["elastic_work"]
                 edges = passed.leading, -passed.trailing
                 forces = passed.load, passed.resistance, passed.peak_pressure, *edges, work
             rows.append((added, bite, *forces))
             states.append(replace(state, columns=raised).merged(self.layers))
-            if states[-1].density_ratio >= until_density_ratio:
-                break
         arrays = list(np.array(rows).T)
         fields: list[Any] = [*arrays, tuple(states), self, rate_factor, amount, arrays[0]]
         return SectionHistory(*fields)
@@ -406,8 +380,6 @@ def solve_closure(problem: FormingProblem, closure: Closure) -> SectionHistory:
     ValueError
         If the density of the product cannot be reached, or the pressure closes all pores.
     """
-    if closure.kind == "gap" and problem.feed.law != "room":
-        raise ValueError(f"a `gap` is a closure of the feed law 'room', got {problem.feed.law!r}; give the density")
     machine, amount = problem.machine, closure.value
     offered = (machine.max_bite if closure.offered is None else closure.offered) * problem.feed.shares(machine)
     factor = problem.rate_factor(closure.value if closure.kind == "gap" else machine.max_bite)
