@@ -19,7 +19,6 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import FixedLocator, NullFormatter, StrMethodFormatter
 from numpy.typing import NDArray
 
-from compact import quantities
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import LawSizing
@@ -352,41 +351,33 @@ def draw_durations(found: DurationStudy, own_duration: float) -> Figure:
     found : DurationStudy
         Ranking over the duration.
     own_duration : float
-        Duration of the scene [s], marked where it is within the range.
+        Duration of the scene, a dotted line [s].
     """
     figure, (axes,) = panels(1, len(found.orders), (5.2, 3.4), bottom=0.6, gaps=(0.85, 0.3))
-    times, small = np.array(found.durations), {"textcoords": "offset points", "fontsize": "small"}
+    times = np.array(found.durations)
     for ax, by in zip(axes, found.orders, strict=True):
-        factor, peaks, segments = quantities.CRITERIA[by].plot_factor, found.values(by), found.segments(by)
-        crossed = [each for each in found.crossovers if each.by == by]
-        ax.set(xlabel="duration of a pass T [s]", ylabel=quantities.CRITERIA[by].axis_label)
-        if np.isfinite(list(peaks.values())).any():
-            ax.set(xscale="log", yscale="log")
-            for values in peaks.values():
-                ax.plot(times, np.where(np.isfinite(values), values, np.nan) * factor, color="0.82", linewidth=0.8)
-            for law, low, high in segments:
-                grid = np.unique([low, high, *times[(times > low) & (times < high)]])
-                line = np.exp(np.interp(np.log(grid), np.log(times), np.log(peaks[law])))
-                for each in crossed:
-                    line = np.where(np.isclose(grid, each.duration), each.value, line)
-                ax.plot(grid, line * factor, **law_style(law) | {"linewidth": 2.2, "label": law})
-            for each in crossed:
-                place = each.duration, each.value * factor
-                ax.plot(*place, "o", color="black", markersize=4, zorder=3)
-                ax.annotate(f"{each.duration:.3g} s", place, (4, 4), **small)
-            label_decades(ax.xaxis, times[0], times[-1])
-            label_decades(ax.yaxis, *ax.get_ylim())
-            ax.set_xlim(times[0], times[-1])
-            ax.grid(color="0.93")
-            if segments:
-                ax.legend(loc="upper right", fontsize="small", title="first law", title_fontsize="small")
-        else:
-            words = f"no law has a finite {quantities.CRITERIA[by].term}"
-            ax.text(0.5, 0.5, words, transform=ax.transAxes, ha="center", va="center", fontsize=9)
-        if times[0] <= own_duration <= times[-1]:
-            ax.axvline(own_duration, color="0.6", linewidth=0.8, linestyle=":", zorder=0)
-            place = own_duration, 0.02
-            ax.annotate("scene", place, (-3, 0), xycoords=("data", "axes fraction"), color="0.4", ha="right", **small)
+        quantity, peaks = CRITERIA[by].quantity, found.values(by)
+        ax.set(xlabel="duration of a pass T [s]", ylabel=quantity.axis_label, xlim=(times[0], times[-1]))
+        ax.axvline(own_duration, color="0.6", linewidth=0.8, linestyle=":", zorder=0)
+        if not np.isfinite(list(peaks.values())).any():
+            ax.text(0.5, 0.5, f"no law has a finite {quantity.term}", transform=ax.transAxes, ha="center", fontsize=9)
+            continue
+        ax.set(xscale="log", yscale="log")
+        for values in peaks.values():
+            finite = np.where(np.isfinite(values), values, np.nan)
+            ax.plot(times, finite * quantity.plot_factor, color="0.82", linewidth=0.8)
+        for law, low, high in found.segments(by):
+            grid = np.unique([low, high, *times[(times > low) & (times < high)]])
+            line = np.exp(np.interp(np.log(grid), np.log(times), np.log(peaks[law])))
+            ax.plot(grid, line * quantity.plot_factor, **law_style(law) | {"linewidth": 2.2, "label": law})
+        for each in (each for each in found.crossovers if each.by == by):
+            place = each.duration, each.value * quantity.plot_factor
+            ax.plot(*place, "o", color="black", markersize=4, zorder=3)
+            ax.annotate(f"{each.duration:.3g} s", place, (4, 4), textcoords="offset points", fontsize="small")
+        label_decades(ax.xaxis, times[0], times[-1])
+        label_decades(ax.yaxis, *ax.get_ylim())
+        ax.set_xlim(times[0], times[-1])
+        ax.legend(loc="upper right", fontsize="small", title="first law", title_fontsize="small")
     return figure
 
 

@@ -238,17 +238,11 @@ class TableSpec:
         return xarray.Dataset(found, coordinate, dict(attributes))
 
     def to_html(self) -> str:
-        """Return the table with its title for a notebook: units of plots in the head, four digits."""
-        frame = self.to_dataframe()
-        for name, quantity in self.quantities.items():
-            if quantity.plot_factor != 1:
-                frame[name] = frame[name] * quantity.plot_factor
-        heads = {name: name.replace("_", " ") for name in self.quantities}
-        units = {name: f" [{each.shown_unit}]" if each.shown_unit else "" for name, each in self.quantities.items()}
-        frame.columns = [heads[name] + units[name] for name in heads]
-        table = frame.to_html(
-            index=False, max_rows=HTML_ROWS, float_format="{:.4g}".format, border=0, na_rep="", justify="left"
-        )
+        """Return the table with its title for a notebook, as text of the page."""
+        import pandas
+
+        frame = pandas.DataFrame({name.replace("_", " "): self.text(name) for name in self.quantities})
+        table = frame.to_html(index=False, max_rows=HTML_ROWS, border=0, justify="left")
         for tag in ("th", "td"):
             table = table.replace(f"<{tag}>", f'<{tag} style="{CELL}">')
         return f"<p><b>{escape(self.title)}</b></p>{table}"

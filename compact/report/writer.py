@@ -73,7 +73,10 @@ def write_study(
                 files += results.write_tables(place, results.ITEMS[item](study))
         if "fields" in items:
             files += _write_fields(study, place)
-        pictures = _draw(study) if {"figures", "report"} & set(items) else {}
+        pictures = {}
+        for name, (draw, *shown) in (study_figures(study) if {"figures", "report"} & set(items) else {}).items():
+            study.count("figures")
+            pictures[name] = render_png(draw(*shown))
         if "tables" in items:
             files += results.write_tables(place, results.ITEMS["tables"](study))
         if study.over_durations is not None:
@@ -164,15 +167,6 @@ def _write_report(study: Study, directory: Path, pictures: Mapping[str, bytes]) 
         found["fields"] = (directory / "fields.png").read_bytes()
     yield pressure
     yield write_page(directory / "report.html", study, found)
-
-
-def _draw(study: Study) -> dict[str, bytes]:
-    """Draw the figures of a study, PNG files by name."""
-    pictures = {}
-    for name, (figure, *shown) in study_figures(study).items():
-        study.count("figures")
-        pictures[name] = render_png(figure(*shown))
-    return pictures
 
 
 def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:

@@ -113,7 +113,7 @@ def test_laboratory_tests_of_an_elastic_material_have_closed_forms(spring):
     assert repr(tests) == "<6 laboratory tests of spring>"
     assert len(tests.to_dataframe()) == sum(len(each.axial_strain) for each in tests)
     assert [len(panel.lines) for panel in tests.plot().axes] == [2, 2, 4, 5]
-    assert "axial stress [kPa]" in tests._repr_html_()
+    assert "axial stress<" in tests._repr_html_()
 
 
 def test_target_out_of_reach_is_refused(spring):

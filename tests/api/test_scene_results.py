@@ -71,7 +71,7 @@ def test_contacts_equal_those_of_a_study_and_have_units(scene, contacts):
     assert "creep" not in frame  # which no column has
     assert isinstance(contacts.plot(), Figure)
     assert repr(contacts) == "<3 contacts by column, 0.05 to 0.2 m/s, Small: the published machine, three laws>"
-    assert "load [kN/m]" in contacts._repr_html_()
+    assert " kN/m<" in contacts._repr_html_()
 
 
 def test_contacts_of_another_engine_and_of_the_formulas(scene):
