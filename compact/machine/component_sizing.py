@@ -36,7 +36,7 @@ import rainflow
 from scipy.integrate import cumulative_trapezoid
 
 from compact.machine.ranking import group_equal
-from compact.machine.rigid_drive import CycleStatistics, sample_pieces
+from compact.machine.rigid_drive import Run, sample_pieces
 from compact.machine.shaft import CartsOnShaft
 from compact.numerics import Array, BoolArray
 from compact.numerics.piecewise import find_maximum, interior_grid
@@ -147,12 +147,12 @@ def shaft_requirement(carts: CartsOnShaft) -> ShaftRequirement:
     return ShaftRequirement(speed, *samples, inertia, max(driving, 0.0), max(braking, 0.0))
 
 
-def requirement_of_run(run: CycleStatistics, angles: tuple[float, ...] = (0.0,)) -> ShaftRequirement:
+def requirement_of_run(run: Run, angles: tuple[float, ...] = (0.0,)) -> ShaftRequirement:
     """Compute the torque of a uniform shaft from a run whose driven end follows the law, such as an elastic drive.
 
     Parameters
     ----------
-    run : CycleStatistics
+    run : Run
         Run with samples in order of time that resolve its oscillation.
     angles : tuple of float
         Lead of each cart over the shaft [rad]; all carts have the same run.

@@ -181,7 +181,7 @@ class MotorKind(CrankDrive):
         for run in self.own_runs(runs)[:1]:
             count("run-up")
             try:
-                start = simulate_acceleration_phase(run.cart, run.load.motor, run.cycle, run.resistance)
+                start = simulate_acceleration_phase(run.cart, run.drive, run.cycle, run.resistance)
             except RuntimeError as error:
                 warnings.warn(f"no start from rest under '{run.name}': {error}", stacklevel=2)
             else:
@@ -249,12 +249,12 @@ class HydraulicKind(Drive):
         """
         if run.lack:
             return {}
-        oil = replace(run.hydraulic, bulk_modulus=scene.drive.hydraulics.bulk_modulus)
+        oil = replace(run.drive, bulk_modulus=scene.drive.hydraulics.bulk_modulus)
         try:
-            stroke = replace(run, hydraulic=oil).simulate_stroke(rtol=STROKE_TOLERANCE)
+            stroke = replace(run, drive=oil).simulate_stroke(rtol=STROKE_TOLERANCE)
         except RuntimeError:
             return {}
-        force = abs(run.hydraulic.piston_area * (stroke.inlet_pressure - stroke.outlet_pressure))
+        force = abs(run.drive.piston_area * (stroke.inlet_pressure - stroke.outlet_pressure))
         return {"peak_force": float(force.max()), "peak_power": float((force * abs(stroke.velocity)).max())}
 
 

@@ -118,7 +118,7 @@ def simulate_elastic(
     problem = CartMotion(cart, drive, cycle, resistance, tolerance)
     periodic = regime == "periodic"
     trajectory = problem.solve_periodic() if periodic else problem.integrate(problem.law, problem.rest_state)
-    return ElasticRun(cart, cycle, resistance, working, trajectory, problem.cost, drive.include_added_mass)
+    return ElasticRun(cart, cycle, resistance, working, drive, trajectory, problem.cost)
 
 
 def _require_resolvable(cart, drive, cycle):
@@ -136,28 +136,16 @@ def _require_resolvable(cart, drive, cycle):
 
 
 @dataclass(frozen=True)
-class ElasticRun(rigid_drive.CycleStatistics):
+class ElasticRun(rigid_drive.Run):
     """One cycle of a cart behind a spring; arrays of shape (n,) resolve the oscillation, steps in order of time.
 
     Force and power are those of the driven end, which follows the law.
-
-    Parameters
-    ----------
-    resistance : callable
-        Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
-    working : tuple of float
-        Working part of the forward stroke [-].
-    include_added_mass : bool
-        Resistance that depends on the acceleration.
     """
 
-    cart: Cart
-    cycle: Cycle
-    resistance: Resistance
-    working: tuple[float, float]
     trajectory: Trajectory
     cost: SolutionCost
-    include_added_mass: bool
+
+    impulses = ()
 
     @cached_property
     def time(self) -> Array:
@@ -192,7 +180,7 @@ class ElasticRun(rigid_drive.CycleStatistics):
         velocity = np.where(slip * motion.velocity > 0, motion.velocity, 0.0)  # rounding at the ends of a slip
         moving = direction * np.maximum(np.abs(velocity), slowest)  # limit from inside the motion
         travel = slip * (motion.position - turn)
-        mix = evaluate_resistance(self.resistance, moving, self.include_added_mass * acceleration, travel)
+        mix = evaluate_resistance(self.resistance, moving, self.drive.include_added_mass * acceleration, travel)
         limit = balance(self.cart, zero, mix, direction).drive_force
         share = np.divide(mix, limit, out=np.zeros(mix.shape), where=limit != 0)
         mix = np.where(np.abs(velocity) < slowest, motion.resistance * share, mix)
@@ -228,12 +216,7 @@ class ElasticRun(rigid_drive.CycleStatistics):
     @cached_property
     def rigid(self) -> rigid_drive.Run:
         """Run with the law imposed on the cart itself."""
-        return rigid_drive.simulate(self.cart, rigid_drive.Rigid(), self.cycle, self.resistance, working=self.working)
-
-    @property
-    def dynamic_amplification(self) -> float:
-        """Dynamic amplification: peak force over that of the rigid drive [-]; nan if that is infinite."""
-        return self.peak_force / self.rigid.peak_force if math.isfinite(self.rigid.peak_force) else math.nan
+        return rigid_drive.Run(self.cart, self.cycle, self.resistance, self.working, rigid_drive.Rigid())
 
     @cached_property
     def peak_jerk(self) -> float:

@@ -18,7 +18,7 @@ oil and variation of Cd are neglected.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from itertools import count, pairwise
 from typing import Any
@@ -27,7 +27,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from compact.machine.cart import Cart, Resistance, balance
-from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, Rigid, Run, evaluate_resistance, simulate
+from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, Rigid, Run, evaluate_resistance, solved
 from compact.motion.profile import Cycle
 from compact.numerics import Array
 from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise, interior_grid
@@ -100,10 +100,9 @@ class Hydraulic(Rigid):
         """Pressure drop over flow per area [Pa s/m]."""
         return np.sqrt(np.hypot(drop, self.transition_drop) * self.oil_density / 2) / self.discharge_coefficient
 
-    def run(self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]) -> "HydraulicRun":
+    def run(self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]) -> Run:
         """Solve the inverse problem over a cycle, for `rigid_drive.simulate`."""
-        run = simulate(cart, Rigid(), cycle, resistance, working=working)
-        return HydraulicRun(**{field.name: getattr(run, field.name) for field in fields(run)}, hydraulic=self)
+        return solved(HydraulicRun(cart, cycle, resistance, working, self))
 
 
 @dataclass(frozen=True)
@@ -145,14 +144,12 @@ def solve_valve_flow(hydraulic: Hydraulic, velocity: Array, force: Array) -> Val
 
 @dataclass(frozen=True)
 class HydraulicRun(Run):
-    """One cycle of a cart under a law controlled by two valves."""
-
-    hydraulic: Hydraulic
+    """One cycle of a cart under a law controlled by two valves; the drive is a `Hydraulic`."""
 
     @cached_property
     def valve_flow(self) -> ValveFlow:
         """Flow, pressures and areas over the cycle, shape (n,)."""
-        return solve_valve_flow(self.hydraulic, self.state.velocity, self.direction * self.drive_force)
+        return solve_valve_flow(self.drive, self.state.velocity, self.direction * self.drive_force)
 
     @property
     def peak_pressure(self) -> float:
@@ -169,29 +166,29 @@ class HydraulicRun(Run):
         """Quantity of the drive that is insufficient for the law; empty for a sufficient drive."""
         if self.impulses:
             return "force: the velocity jumps"
-        if self.peak_flow > self.hydraulic.pump_flow:
+        if self.peak_flow > self.drive.pump_flow:
             return "pump flow"
-        if self.valve_flow.inlet_pressure.max() >= self.hydraulic.supply_pressure:
+        if self.valve_flow.inlet_pressure.max() >= self.drive.supply_pressure:
             return "supply pressure"
-        return "valve area" if self.valve_flow.inlet_area.max() > self.hydraulic.valve_area else ""
+        return "valve area" if self.valve_flow.inlet_area.max() > self.drive.valve_area else ""
 
     @property
     def pump_work(self) -> float:
         """Work of the pump over the cycle [J], p_s times its constant flow."""
-        return self.hydraulic.supply_pressure * self.hydraulic.pump_flow * self.period
+        return self.drive.supply_pressure * self.drive.pump_flow * self.period
 
     @property
     def throttle_heat(self) -> float:
         """Heat of both valves over the cycle [J]."""
         valves = self.valve_flow
-        drop = self.hydraulic.supply_pressure - valves.inlet_pressure + valves.outlet_pressure
+        drop = self.drive.supply_pressure - valves.inlet_pressure + valves.outlet_pressure
         return self._mean(valves.flow * drop) * self.period
 
     @property
     def relief_heat(self) -> float:
         """Heat of the relief valve over the cycle [J]."""
-        excess = self.hydraulic.pump_flow - self.valve_flow.flow
-        return self._mean(self.hydraulic.supply_pressure * excess) * self.period
+        excess = self.drive.pump_flow - self.valve_flow.flow
+        return self._mean(self.drive.supply_pressure * excess) * self.period
 
     @property
     def energy_residual(self) -> float:
@@ -211,9 +208,9 @@ class HydraulicRun(Run):
         def area(name: str) -> PiecewisePolynomial:
             def over_time(time: Array) -> Array:
                 state = dynamics.state_at(leg, np.clip(time / leg.duration, first, last))
-                return getattr(solve_valve_flow(self.hydraulic, state.velocity, state.forces.drive_force), name)
+                return getattr(solve_valve_flow(self.drive, state.velocity, state.forces.drive_force), name)
 
-            return fit_piecewise(over_time, leg.duration * breaks, AREA_TOLERANCE * self.hydraulic.valve_area)
+            return fit_piecewise(over_time, leg.duration * breaks, AREA_TOLERANCE * self.drive.valve_area)
 
         return area("inlet_area"), area("outlet_area")
 
@@ -234,7 +231,7 @@ class HydraulicRun(Run):
         pressures = float(valves.inlet_pressure[0]), float(valves.outlet_pressure[0])
         stroke = dynamics.cycle.forward.stroke
         return simulate_stroke(
-            dynamics.cart, self.hydraulic, stroke, self.valve_areas(), dynamics.resistance, pressures, rtol=rtol
+            dynamics.cart, self.drive, stroke, self.valve_areas(), dynamics.resistance, pressures, rtol=rtol
         )
 
 

@@ -14,17 +14,16 @@ friction holds the carts: a motor that is too weak for carts away from a dead ce
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from operator import attrgetter
 
 import numpy as np
 
 from compact.machine import rigid_drive
 from compact.machine.cart import Cart, Resistance
 from compact.machine.shaft import RIGID, Belt, CartsOnShaft, ShaftRevolution, TorqueCurve, solve_shaft_speed
-from compact.motion.profile import Cycle, Discontinuity, MotionProfile
+from compact.motion.profile import Cycle, MotionProfile
 from compact.numerics import Array
 from compact.numerics.piecewise import find_maximum, interior_grid
 from compact.numerics.validation import require_fields, require_nonnegative, require_opposing, require_positive
@@ -166,7 +165,7 @@ def simulate_motor(
     require_nonnegative(start_speed=0.0 if start_speed is None else start_speed)
     speed = _first_guess(load) if start_speed is None else start_speed
     revolution = solve_shaft_speed(load.residual, load.breaks(), speed, tolerance, periodic=start_speed is None)
-    run = MotorRun(load, revolution, working)
+    run = MotorRun(cart, cycle, resistance, working, motor, revolution)
     run.require_no_slip()
     return run
 
@@ -189,49 +188,31 @@ def _first_guess(load: ShaftLoad) -> float:
 
 
 @dataclass(frozen=True)
-class MotorRun(rigid_drive.CycleStatistics):
-    """One revolution of the shaft; arrays of shape (n,) in order of angle. Forces are those of the first cart.
+class MotorRun(rigid_drive.Run):
+    """One revolution of the shaft; arrays of shape (n,) in order of angle. Forces are those of the first cart."""
 
-    Parameters
-    ----------
-    working : tuple of float
-        Working part of the forward stroke [-].
-    """
-
-    load: ShaftLoad
     revolution: ShaftRevolution
-    working: tuple[float, float]
 
-    cart, cycle, resistance = (property(attrgetter(f"load.{name}")) for name in ("cart", "cycle", "resistance"))
+    @cached_property
+    def load(self) -> ShaftLoad:
+        """Torque of the carts on the shaft."""
+        motor = self.drive
+        return ShaftLoad(self.cart, self.cycle, self.resistance, motor.angles, motor.rod, motor=motor)
 
-    @property
-    def time(self) -> Array:
-        """Time since the start of the revolution [s]."""
-        return self.revolution.time.ravel()
-
-    @property
-    def weights(self) -> Array:
-        """Quadrature weights over the revolution [s]."""
-        return self.revolution.weights.ravel()
-
-    @property
-    def direction(self) -> Array:
-        """Direction of the law: +1 forward, -1 on the return stroke, 0 in a dwell."""
-        middle = (self.revolution.breaks[:-1] + self.revolution.breaks[1:]) / 2 + self.load.motor.angles[0]
+    @cached_property
+    def samples(self) -> tuple[Array, Array, Array, rigid_drive.DriveState]:
+        """Time and quadrature weights [s], direction of the law, and state of the first cart."""
+        solved = self.revolution
+        middle = (solved.breaks[:-1] + solved.breaks[1:]) / 2 + self.drive.angles[0]
         direction = self.cycle.direction(np.mod(middle, 2 * np.pi) * (self.cycle.period / (2 * np.pi)))
-        return np.repeat(direction, self.revolution.angle.shape[1])
+        state = self.load.states_at(solved.angle, solved.energy, solved.acceleration, solved.jerk)[0]
+        directions = np.repeat(direction, solved.angle.shape[1])
+        return solved.time.ravel(), solved.weights.ravel(), directions, rigid_drive.flattened(state)
 
     @cached_property
     def period(self) -> float:
         """Duration of the revolution [s]."""
         return float(self.weights.sum())
-
-    @cached_property
-    def state(self) -> rigid_drive.DriveState:
-        """Motion and forces of the first cart."""
-        revolution = self.revolution
-        motion = revolution.angle, revolution.energy, revolution.acceleration, revolution.jerk
-        return rigid_drive.flattened(self.load.states_at(*motion)[0])
 
     @property
     def angle(self) -> Array:
@@ -261,17 +242,17 @@ class MotorRun(rigid_drive.CycleStatistics):
     @property
     def motor_torque(self) -> Array:
         """Torque g T of the motor on the shaft [N m]."""
-        return self.load.motor.torque(*self._of_shaft)
+        return self.drive.torque(*self._of_shaft)
 
     @property
     def motor_power(self) -> Array:
         """Power T w of the motor [W]."""
-        return self.load.motor.power(*self._of_shaft)
+        return self.drive.power(*self._of_shaft)
 
     @property
     def belt_torque(self) -> Array:
         """Torque on the motor pulley [N m]."""
-        return self.load.motor.belt_torque(*self._of_shaft)
+        return self.drive.belt_torque(*self._of_shaft)
 
     @cached_property
     def shaft_torque(self) -> Array:
@@ -279,54 +260,38 @@ class MotorRun(rigid_drive.CycleStatistics):
         revolution = self.revolution
         return self.load.torque(revolution.angle, revolution.energy, revolution.acceleration).ravel()
 
-    def _largest(self, quantity: Callable[..., Array]) -> float:
+    def largest(self, quantity: Callable[[rigid_drive.DriveState], Array]) -> float:
+        """Return the largest |quantity(state)| of the first cart over the revolution, also between samples."""
+        return self._largest_of_shaft(lambda *at: quantity(self.load.states_at(*at)[0]))
+
+    def _largest_of_shaft(self, quantity: Callable[..., Array]) -> float:
         """Largest |quantity(angle, energy, acceleration, jerk)| over the revolution, also between samples."""
         evaluate, grid = self.revolution.evaluate, interior_grid(self.revolution.breaks, steps=PEAK_STEPS)
         return find_maximum(lambda angle: np.abs(quantity(angle, *evaluate(angle))), grid)[0]
 
-    def _largest_of_shaft(self, quantity: Callable[..., Array]) -> float:
+    def _largest_of_motor(self, quantity: Callable[..., Array]) -> float:
         """Largest |quantity(speed, acceleration)| of the shaft."""
-        return self._largest(lambda _angle, energy, acceleration, _jerk: quantity(np.sqrt(2 * energy), acceleration))
+        return self._largest_of_shaft(lambda _, energy, acceleration, __: quantity(np.sqrt(2 * energy), acceleration))
 
     @cached_property
     def peak_motor_torque(self) -> float:
         """Largest |T| of the motor [N m]."""
-        return self._largest_of_shaft(self.load.motor.torque) / self.load.motor.gear_ratio
+        return self._largest_of_motor(self.drive.torque) / self.drive.gear_ratio
 
     @cached_property
     def peak_motor_power(self) -> float:
         """Largest |T w| of the motor [W]."""
-        return self._largest_of_shaft(self.load.motor.power)
+        return self._largest_of_motor(self.drive.power)
 
     @cached_property
     def peak_belt_torque(self) -> float:
         """Largest torque on the motor pulley, or on the gear without a belt [N m]."""
-        return self._largest_of_shaft(self.load.motor.belt_torque)
-
-    @cached_property
-    def peak_force(self) -> float:
-        """Largest |H| [N]."""
-        return self._largest(lambda *at: self.load.states_at(*at)[0].forces.drive_force)
-
-    @cached_property
-    def peak_power(self) -> float:
-        """Largest |H v| [W]."""
-        return self._largest(lambda *at: self.load.states_at(*at)[0].drive_power)
-
-    @cached_property
-    def peak_jerk(self) -> float:
-        """Largest |jerk| [m/s^3]; infinite if the acceleration of the law jumps."""
-        return math.inf if self.shocks else self._largest(lambda *at: self.load.states_at(*at)[0].jerk)
-
-    @property
-    def shocks(self) -> tuple[Discontinuity, ...]:
-        """Jumps of the acceleration of the law, at uniform speed."""
-        return tuple(join for join in self.cycle.discontinuities() if join.order == 2)
+        return self._largest_of_motor(self.drive.belt_torque)
 
     @property
     def belt_creep(self) -> float:
         """Largest |creep| of the belt [-]; 0 without one."""
-        belt = self.load.motor.belt
+        belt = self.drive.belt
         return 0.0 if belt is None else self.peak_belt_torque / belt.creep_torque
 
     @property
@@ -336,7 +301,7 @@ class MotorRun(rigid_drive.CycleStatistics):
 
     def require_no_slip(self) -> None:
         """Require a belt torque within the slip limit."""
-        belt = self.load.motor.belt
+        belt = self.drive.belt
         if belt is not None and (torque := self.peak_belt_torque) > belt.slip_torque:
             raise RuntimeError(
                 f"the belt slips under '{self.name}': {torque:.4g} N m on the motor pulley, its limit is "
@@ -350,10 +315,9 @@ class MotorRun(rigid_drive.CycleStatistics):
         return (self.largest_speed - self.least_speed) * self.period / (2 * math.pi)
 
     @cached_property
-    def dynamic_amplification(self) -> float:
-        """Dynamic amplification: peak force over that of a drive at uniform speed, in the period of the law [-]."""
-        uniform = rigid_drive.simulate(self.cart, self.load.motor.rod, self.cycle, self.resistance)
-        return self.peak_force / uniform.peak_force
+    def rigid(self) -> rigid_drive.Run:
+        """Run at uniform speed in the period of the law."""
+        return rigid_drive.Run(self.cart, self.cycle, self.resistance, self.working, self.drive.rod)
 
     @cached_property
     def drawn_energy(self) -> float:
@@ -374,7 +338,7 @@ class MotorRun(rigid_drive.CycleStatistics):
     def energy_residual(self) -> float:
         """Energy-balance residual of motor, carts and shaft over int |load power| dt [-]."""
         driving, loading = self.speed * np.array([self.motor_torque, self.shaft_torque])
-        gain = self.load.motor.inertia * (self.revolution.energy[-1, -1] - self.revolution.energy[0, 0])
+        gain = self.drive.inertia * (self.revolution.energy[-1, -1] - self.revolution.energy[0, 0])
         return float(abs(np.sum(self.weights * (driving - loading)) - gain) / np.sum(self.weights * np.abs(loading)))
 
 
@@ -431,7 +395,7 @@ def simulate_acceleration_phase(
     for revolution in range(MAX_REVOLUTIONS):
         for section in [breaks] if revolution else _graded_sections(first[1], breaks):
             solution = solve_shaft_speed(load.residual, section, parts[-1][2][-1], ENERGY_TOLERANCE, periodic=False)
-            run = MotorRun(load, solution, periodic.working)
+            run = replace(periodic, revolution=solution)
             run.require_no_slip()
             works = works + run.speed * np.array([run.motor_torque, run.shaft_torque]) @ run.weights
             parts.append((parts[-1][0][-1] + run.time, 2 * np.pi * revolution + run.angle, run.speed))

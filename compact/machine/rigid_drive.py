@@ -10,8 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
-from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,13 +33,17 @@ CRANK_LAW_TOLERANCE = 1e-9  # [-], of the stroke; a law within it is that of the
 class Rigid:
     """Drive that imposes the law exactly and pushes along the travel (cam, rack)."""
 
+    def run(self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]) -> "Run":
+        """Run a cart under the law, for `simulate`."""
+        return solved(Run(cart, cycle, resistance, working, self))
+
     def rod_tangent(self, time: ArrayLike, _period: float) -> Array:
         """Return tan(beta) of the rod [-]: zero."""
         return np.zeros(np.shape(time))
 
 
 @dataclass(frozen=True)
-class Crank:
+class Crank(Rigid):
     """Crank with uniform rotation and connecting rod, in line with the pin.
 
         sin(beta) = (r/l) sin(psi),   x = r (1 - cos psi) + l (1 - cos beta)
@@ -113,7 +116,7 @@ class InverseDynamics:
     """
 
     cart: Cart
-    drive: Rigid | Crank
+    drive: Rigid
     cycle: Cycle
     resistance: Resistance
 
@@ -198,26 +201,106 @@ def evaluate_resistance(
     return force
 
 
-class CycleStatistics:
-    """Statistics over one cycle of a run.
+@dataclass(frozen=True)
+class Run:
+    """One cycle of a cart under a drive: arrays over time, shape (n,), pieces of the motion in order, and statistics.
 
-    A run has `cart`, `cycle`, `resistance`, `time` and `weights` [s] of shape (n,), `state` and the peaks of force [N]
-    and power [W].
+    A join of pieces appears twice, with its values before and after. This run imposes the law on the cart; those of
+    drives that solve an equation of motion have the same statistics over their own motion.
+
+    Parameters
+    ----------
+    resistance : callable
+        Force of the mix [N] of velocity [m/s] and acceleration [m/s^2].
+    working : tuple of float
+        Start and end of the working part of the forward stroke [-], for `nonuniformity`.
+    drive : Rigid, Crank, ElasticDrive, Motor or Hydraulic
+        Drive of the run.
     """
 
-    if TYPE_CHECKING:
+    cart: Cart
+    cycle: Cycle
+    resistance: Resistance
+    working: tuple[float, float]
+    drive: Any
 
-        def __getattr__(self, name: str) -> Any: ...
+    @cached_property
+    def inverse_dynamics(self) -> InverseDynamics:
+        """Forces that the law requires of a drive that imposes it."""
+        return InverseDynamics(self.cart, self.drive, self.cycle, self.resistance)
+
+    @cached_property
+    def samples(self) -> tuple[Array, Array, Array, DriveState]:
+        """Time and quadrature weights [s], direction of the law, and state of the cart."""
+        return _sample(self.inverse_dynamics)
+
+    @property
+    def time(self) -> Array:
+        """Time since the start of the forward stroke [s]."""
+        return self.samples[0]
+
+    @property
+    def weights(self) -> Array:
+        """Quadrature weights over the cycle [s]."""
+        return self.samples[1]
+
+    @property
+    def direction(self) -> Array:
+        """Direction of the law: +1 forward, -1 on the return stroke, 0 in a dwell."""
+        return self.samples[2]
+
+    @property
+    def state(self) -> DriveState:
+        """Motion and forces of the cart."""
+        return self.samples[3]
+
+    @property
+    def rigid(self) -> "Run":
+        """Run with the law imposed on the cart itself, such as this one."""
+        return self
+
+    def largest(self, quantity: Callable[[DriveState], Array]) -> float:
+        """Return the largest |quantity(state)| over the cycle, also between samples."""
+        dynamics = self.inverse_dynamics
+        return dynamics.largest(lambda *at: quantity(dynamics.state_at(*at)))
+
+    @property
+    def impulses(self) -> tuple[Discontinuity, ...]:
+        """Jumps of velocity that the drive imposes; a compliant drive turns them into finite forces."""
+        return tuple(join for join in self.shocks if join.order == 1)
+
+    @cached_property
+    def shocks(self) -> tuple[Discontinuity, ...]:
+        """Jumps of velocity or acceleration."""
+        return tuple(join for join in self.cycle.discontinuities() if join.order <= 2)
+
+    @cached_property
+    def peak_force(self) -> float:
+        """Largest |H| [N]; infinite if the velocity jumps."""
+        return math.inf if self.impulses else self.largest(lambda state: state.forces.drive_force)
+
+    @cached_property
+    def peak_power(self) -> float:
+        """Largest |H v| [W]; infinite if the velocity jumps."""
+        return math.inf if self.impulses else self.largest(lambda state: state.drive_power)
+
+    @cached_property
+    def peak_jerk(self) -> float:
+        """Largest |jerk| [m/s^3]; infinite if velocity or acceleration jumps."""
+        return math.inf if self.shocks else self.largest(lambda state: state.jerk)
+
+    @cached_property
+    def nonuniformity(self) -> float:
+        """(v_max - v_min)/v_mean over the working part of the forward stroke [-]."""
+        motion = self.cycle.forward
+        time = np.linspace(*self.working, NONUNIFORMITY_SAMPLES) * motion.duration
+        velocity, ends = motion.velocity(time), motion.position(time[[0, -1]])
+        return float((velocity.max() - velocity.min()) / ((ends[1] - ends[0]) / (time[-1] - time[0])))
 
     @property
     def name(self) -> str:
         """Name of the law."""
         return self.cycle.forward.name
-
-    @property
-    def impulses(self) -> tuple[Discontinuity, ...]:
-        """Velocity jumps of a drive that imposes the law; a compliant one turns them into finite forces."""
-        return ()
 
     @property
     def period(self) -> float:
@@ -276,10 +359,12 @@ class CycleStatistics:
         """Peak force over the force at the constant mean speed [-]."""
         return self.peak_force / self.steady_force if self.steady_force else math.inf
 
-    @property
+    @cached_property
     def dynamic_amplification(self) -> float:
-        """Dynamic amplification: peak force over that of a drive that imposes the law [-]; 1 for such a drive."""
-        return 1.0
+        """Peak force over that of a drive that imposes the law [-]: 1 for such a drive, nan if that is infinite."""
+        if self.rigid is self:
+            return 1.0
+        return self.peak_force / self.rigid.peak_force if math.isfinite(self.rigid.peak_force) else math.nan
 
     def time_fraction(self, condition: Callable[[Array, Array], BoolArray]) -> float:
         """Fraction of the cycle in which a condition on velocity and acceleration of the cart is true, to 1 % [-]."""
@@ -288,67 +373,6 @@ class CycleStatistics:
     def _mean(self, values):
         """Mean over the cycle."""
         return float(np.sum(self.weights * values) / self.period)
-
-
-@dataclass(frozen=True)
-class Run(CycleStatistics):
-    """One cycle of a cart under an imposed law; arrays of shape (n,), pieces of the motion in order of time.
-
-    A join appears twice, with its values before and after.
-
-    Parameters
-    ----------
-    time, weights : ndarray
-        Time and quadrature weights [s].
-    direction : ndarray
-        +1 forward, -1 on the return stroke, 0 in a dwell.
-    """
-
-    inverse_dynamics: InverseDynamics
-    working: tuple[float, float]
-    time: Array
-    weights: Array
-    direction: Array
-    state: DriveState
-
-    cart, cycle, resistance = (
-        property(attrgetter(f"inverse_dynamics.{name}")) for name in ("cart", "cycle", "resistance")
-    )
-
-    @property
-    def impulses(self) -> tuple[Discontinuity, ...]:
-        """Jumps of velocity."""
-        return tuple(join for join in self.shocks if join.order == 1)
-
-    @cached_property
-    def shocks(self) -> tuple[Discontinuity, ...]:
-        """Jumps of velocity or acceleration."""
-        return tuple(join for join in self.cycle.discontinuities() if join.order <= 2)
-
-    @cached_property
-    def nonuniformity(self) -> float:
-        """(v_max - v_min)/v_mean over the working part of the forward stroke [-]."""
-        motion = self.cycle.forward
-        time = np.linspace(*self.working, NONUNIFORMITY_SAMPLES) * motion.duration
-        velocity, ends = motion.velocity(time), motion.position(time[[0, -1]])
-        return float((velocity.max() - velocity.min()) / ((ends[1] - ends[0]) / (time[-1] - time[0])))
-
-    @cached_property
-    def peak_force(self) -> float:
-        """Largest |H| [N]; infinite if the velocity jumps."""
-        dynamics = self.inverse_dynamics
-        return math.inf if self.impulses else dynamics.largest(lambda *at: dynamics.state_at(*at).forces.drive_force)
-
-    @cached_property
-    def peak_power(self) -> float:
-        """Largest |H v| [W]; infinite if the velocity jumps."""
-        dynamics = self.inverse_dynamics
-        return math.inf if self.impulses else dynamics.largest(lambda *at: dynamics.state_at(*at).drive_power)
-
-    @cached_property
-    def peak_jerk(self) -> float:
-        """Largest |jerk| [m/s^3]; infinite if velocity or acceleration jumps."""
-        return math.inf if self.shocks else self.inverse_dynamics.largest(lambda leg, z: leg.at_phase(z, 3))
 
 
 def _kinetic_gain(mass: float, join: Discontinuity) -> float:
@@ -371,7 +395,7 @@ def simulate(
     ----------
     cart : Cart
     drive : Rigid, Crank, ElasticDrive, Motor or Hydraulic
-        Drive. A drive with a method `run` solves its own equation of motion.
+        Drive; its method `run` returns the run.
     motion : MotionProfile or Cycle
         Law; a `MotionProfile` is repeated without dwells.
     resistance : callable
@@ -390,13 +414,17 @@ def simulate(
     require_instance(Cart, "a Cart", cart=cart)
     require_instance((MotionProfile, Cycle), "a motion law or its Cycle", motion=motion)
     cycle = motion if isinstance(motion, Cycle) else motion.cycle()
-    if hasattr(drive, "run"):
-        return drive.run(cart, cycle, resistance, working)
-    require_instance((Rigid, Crank), "a drive, such as Rigid()", drive=drive)
-    require_law_of_drive(drive, cycle)
-    require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
-    dynamics = InverseDynamics(cart, drive, cycle, resistance)
-    return Run(dynamics, working, *_sample(dynamics))
+    if not hasattr(drive, "run"):
+        require_instance(Rigid, "a drive, such as Rigid()", drive=drive)
+    return drive.run(cart, cycle, resistance, working)
+
+
+def solved(run: Run) -> Run:
+    """Solve a run that imposes its law, a subclass of `Run` too; mistakes of law and resistance are raised here."""
+    require_law_of_drive(run.drive, run.cycle)
+    require_opposing(run.resistance, run.cycle.forward.stroke / run.cycle.forward.duration)
+    _ = run.state
+    return run
 
 
 def _sample(dynamics):

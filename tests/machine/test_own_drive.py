@@ -15,9 +15,8 @@ PACKAGE = '''
 
 from dataclasses import dataclass
 
-from compact.drive import Rigid, simulate
 from compact.machine.drives import Drive
-from compact.machine.rigid_drive import Run
+from compact.machine.rigid_drive import Rigid, Run, solved
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,7 @@ class WinchRun(Run):
 
 class Rope(Rigid):
     def run(self, cart, cycle, resistance, working):
-        return WinchRun(**vars(simulate(cart, Rigid(), cycle, resistance, working=working)))
+        return solved(WinchRun(cart, cycle, resistance, working, self))
 
 
 class Winch(Drive):
