@@ -24,7 +24,7 @@ from compact.report import text, writer
 from compact.report.page import write_page
 from compact.scene import plausible_ranges
 from compact.scene.loader import load_scene
-from compact.scene.schema import Layer, Process, declared_keys, table_of
+from compact.scene.schema import Layer, declared_keys, table_of
 
 SCENES = Path(__file__).parents[1] / "studies" / "scenes"
 HUGE = 1.7e308  # largest number of a scene
@@ -71,7 +71,7 @@ TABLES: dict[str, dict[str, Any]] = DRIVES | {  # with the optional keys and tab
     "load": {"contact.load": 5e3, "contact.held": "load", "contact.speeds": [0.05, 0.2]},
     "pressure": {"contact.peak_pressure": 1e5, "contact.speeds": [0.05, 0.2]},
 }  # fmt: skip
-LISTS = {"layer.plies": Layer, "process.feed_table": Process}  # keys whose values are lists of tables
+LISTS = {"layer.plies": Layer}  # keys whose values are lists of tables
 BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length")
 SHORT = {"motion.laws": ["cubic"], "output.items": ["tables"]}  # changes of every scene, for speed
 

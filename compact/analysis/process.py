@@ -118,14 +118,10 @@ class ProcessStudy:
             nip_angle=table.nip_angle,
             strokes=table.strokes,
         )
-        fill = Fill(self.scene.product.height, table.feed_density_ratio, by_sleeve=True)
+        fill = Fill(self.scene.product.height, table.feed_density_ratio)  # by the first sleeve
         if table.fill_height is not None and table.fill_density_ratio is not None:
             fill = Fill(table.fill_height, table.fill_density_ratio)
-        points = table.feed_table or ()
-        feed = Feed(
-            table.feed_density_ratio, table.feed, table.feed_count or 0,
-            tuple(point.position for point in points), tuple(point.relative_thickness for point in points), table.feeds,
-        )  # fmt: skip
+        feed = Feed(table.feed_density_ratio, table.feed, table.feed_count or 0, table.feeds)
         return FormingProblem(forming, compaction_material(self.scene, self.mix), fill, feed, table.layers)
 
     @property
@@ -321,9 +317,6 @@ class ProcessStudy:
             flow.extruded > UNFED_SHARE * flow.product
             and f"over-feed: {flow.extruded / flow.product:.2%} of the product's mix are extruded towards the empty "
             f"mould, and {flow.retained / flow.product:.2%} stay in the sleeves",
-            not flow.fed and "no feed: the strokes compact the fill alone",
-            not row.load
-            and f"the roller touches nothing: the mix stays below the generatrix, {self.problem.machine.height:g} m",
         ]  # fmt: skip
         if self.lifts is not None:
             found, tension = row.numbers_by_lifts, self.mix.cohesion / np.tan(np.radians(self.mix.friction_angle))
@@ -345,6 +338,4 @@ class ProcessStudy:
                 and f"an excess pressure of {found['air_excess_behind'] / 1e3:.0f} kPa behind the roller exceeds the "
                 "tensile strength of the mix: lifts may crack",
             ]  # fmt: skip
-        elif self.detail != "columns":
-            sentences.append("no lumped lifts: nothing is fed, and columns alone answer")
         return tuple(str(sentence) for sentence in sentences if sentence)

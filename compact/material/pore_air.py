@@ -126,21 +126,20 @@ class PoreAir:
         ndarray
             Permeability [m2].
         """
-        void_ratio = np.asarray(void_ratio, dtype=float)
-        if self.occlusion_saturation is None:
-            return np.full(void_ratio.shape, self.permeability)
-        fed = self._relative_permeability(np.asarray(1 / self.fed_density_ratio - 1))
-        share = self._relative_permeability(void_ratio) / fed
+        occlusion = self.occlusion_saturation
+        if occlusion is None:
+            return np.full(np.shape(void_ratio), self.permeability)
+
+        def relative(void_ratio: ArrayLike) -> Array:
+            over = np.minimum(self.saturation(void_ratio) / occlusion, 1.0)
+            return (1 - over) ** 2 * (1 - over**2)
+
+        share = relative(void_ratio) / relative(1 / self.fed_density_ratio - 1)
         return self.permeability * np.maximum(share, OCCLUDED_SHARE)
 
     def mobility(self, void_ratio: ArrayLike) -> Array:
         """Compute permeability over viscosity [m2/(Pa s)] at air voids over solids and water e [-]."""
         return self.permeability_at(void_ratio) / self.viscosity
-
-    def _relative_permeability(self, void_ratio: Array) -> Array:
-        assert self.occlusion_saturation is not None  # else the permeability is constant
-        relative = np.minimum(self.saturation(void_ratio) / self.occlusion_saturation, 1.0)
-        return (1 - relative) ** 2 * (1 - relative**2)
 
 
 def water_volume(moisture: float) -> float:

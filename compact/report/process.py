@@ -148,9 +148,8 @@ def _number_lines(numbers: dict[str, float], known: dict[str, Quantity]) -> Iter
 def _flow_lines(study: ProcessStudy) -> Iterator[str]:
     """Yield the balance of the mix: masses per stroke, or heights of grains of a mould at rest."""
     balance, at_rest = study.mix_balance, study.problem.machine.strokes is not None
-    filled = "filled by the first sleeve" if study.problem.fill.by_sleeve else "carried in by the mould"
     terms = {
-        "product": "product", "fill": filled, "fed": "fed before the strokes",
+        "product": "product", "fill": "loose fill of the mould", "fed": "fed before the strokes",
         "extruded": "extruded towards the empty mould", "retained": "offered, left in the sleeves",
         "missing": "missing to the required density",
     }  # fmt: skip

@@ -1,6 +1,7 @@
 """Tables of a finished study, by the names of their files; the page and summary.json select from the same tables."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
@@ -187,14 +188,13 @@ def cam_tables(study: Study) -> Iterator[File]:
     cams = [(*key, cam, cam.least_breadth()) for key, cam in laws.cams.items()]
     yield TableSpec.of("cams", cams, CAM)
     for law, cycle in study.cycles.items():
-        time = np.linspace(0, cycle.period, CAM_POINTS)
-        turned = roller_rotation(cycle, study.scene.machine.roller_radius, time)
+        turned = roller_rotation(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
         motor, names = motors[law], f"{STEPPER} torque_Nm power_W traction"
-        _, state = motor.traction_over(time)
-        values = [time, *turned, state.torque, motor.power(time), state.traction]
+        _, state = motor.traction_over(turned.time)
+        values = [*astuple(turned), state.torque, motor.power(turned.time), state.traction]
         if motor.roller.has_creep:
             names += " creep angle_with_creep_rad angular_velocity_with_creep_rad/s"
-            values += [state.creep, motor.angle(time), motor.angular_velocity(time)]
+            values += [state.creep, motor.angle(turned.time), motor.angular_velocity(turned.time)]
         yield f"cams/{law}-stepper", names, values
     yield roller_motor_table(study)
     roller: Any = next(iter(motors.values())).roller

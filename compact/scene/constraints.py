@@ -253,7 +253,6 @@ BELONGS = (  # key, key of the choice, choice to which it belongs, its content w
     ("drive.motor.breakdown_slip", "drive.motor.curve", "kloss", "the slip at the breakdown torque, such as 0.15"),
     ("process.gap", "process.feed", "room", ""),
     ("process.feed_count", "process.feed", "first", "the number of fed strokes"),
-    ("process.feed_table", "process.feed", "table", "points { position, relative_thickness }"),
 )
 
 
@@ -460,15 +459,6 @@ def _one_closure(*closures_and_process: Any):
     given = len(closures) - closures.count(None)
     if process is not None and given != 1:
         return f"exactly one of gap, product_density_ratio and extrusion_pressure must be given, got {given}"
-
-
-@rule("process.feed_table", "machine.roller_length")
-def _table_is_along_the_roller(table, length):
-    positions = [point["position"] for point in table or ()]
-    if any(b <= a for a, b in pairwise(positions)) or (positions and positions[-1] > length * GUARD):
-        return f"must have positions that rise one by one up to machine.roller_length = {length:g} m, got {positions}"
-    if table and not any(point["relative_thickness"] > 0 for point in table):
-        return "must have one positive relative_thickness at least, got none; give the thickness where mix is fed"
 
 
 @rule("mix.pore_air", "mix.overrides.air_permeability", into=ADVICE)

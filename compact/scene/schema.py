@@ -51,7 +51,7 @@ MixLaw = Literal["ellipse", "drucker-prager-cap"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
 ProcessDetail = Literal["columns", "quick", "deep"]
-FeedLaw = Literal["room", "even", "first", "table"]
+FeedLaw = Literal["room", "even", "first"]
 # names that are declared elsewhere; the last two of the fits are no parameters of a mix
 EngineName = Literal[*BUILT_IN]  # type: ignore[valid-type]
 DriveKind = Literal[*drives.DRIVES.own]  # type: ignore[valid-type]
@@ -411,13 +411,6 @@ class Cam(Table):
     bore: Maybe = optional("the diameter of the bore for the shaft [m]", 1e-3, 1, CAMS)
 
 
-class FeedPoint(Table):
-    """One point of the table of the feed along the roller."""
-
-    position: float = nonnegative("the position along the roller from the empty mould [m]")
-    relative_thickness: float = nonnegative("the thickness of the fed mix over that of the other points")
-
-
 class Process(Table):
     """The forming process: strokes over a mould that moves along the axis of the rollers, with feed before each."""
 
@@ -430,7 +423,6 @@ class Process(Table):
     feed_density_ratio: float = key("the density ratio of the mix as fed", **STATES)
     feed: FeedLaw = key("the distribution of the feed over the strokes", default="room")
     feed_count: int | None = key('the fed strokes of "first"', ge=1, le=STROKES_LIMIT, default=None)
-    feed_table: tuple[FeedPoint, ...] | None = key('the points of the feed "table"', min_length=1, default=None)
     feeds: Literal["both", "forward"] = key("the strokes before which mix is fed", default="both")
     gap: Maybe = or_zero("the gap above the lowest generatrix up to which mix is fed [m]", 1e-5, 0.2, PART_OF_ROLLER)
     product_density_ratio: Maybe = key("the mean density ratio of the product", **STATES, default=None)

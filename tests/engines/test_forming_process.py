@@ -27,7 +27,6 @@ FEEDS = {
     "room": Feed(0.75),
     "even": Feed(0.75, "even"),
     "first": Feed(0.75, "first", 6),
-    "table": Feed(0.75, "table", positions=(0.0, 0.2, 0.4), relative_thicknesses=(1.6, 1.0, 0.8)),
     "forward": Feed(0.75, strokes="forward"),
 }
 DENSE = Closure("product_density_ratio", 0.98)

@@ -286,7 +286,9 @@ def test_rotation_is_the_travel_over_the_radius():
     """Paper B, constant speed: 48 dx/(43 T R), errata B-8; each derivative is that of the one before."""
     cycle, time, h = law("reversal-4-free-both", 0.4, 3.0).cycle(), np.linspace(0.05, 5.95, 40), 1e-5
     rotation = roller_rotation(cycle, R, time)
-    assert roller_rotation(cycle, R, 1.5)[1] == pytest.approx(48 * 0.4 / (43 * 3.0 * R), rel=1e-13)
-    assert rotation[0] == pytest.approx(cycle.derivative(time, 0) / R, rel=1e-15)
-    after, before = (np.array(roller_rotation(cycle, R, time + step)) for step in (h, -h))
-    assert (after - before)[:-1] / (2 * h) == pytest.approx(np.array(rotation[1:]), abs=1e-4)
+    assert roller_rotation(cycle, R, 1.5).angular_velocity == pytest.approx(48 * 0.4 / (43 * 3.0 * R), rel=1e-13)
+    assert rotation.angle == pytest.approx(cycle.derivative(time, 0) / R, rel=1e-15)
+    after, before = roller_rotation(cycle, R, time + h), roller_rotation(cycle, R, time - h)
+    names = ("angle", "angular_velocity", "angular_acceleration", "angular_jerk")
+    slopes = [(getattr(after, name) - getattr(before, name)) / (2 * h) for name in names[:-1]]
+    assert np.array(slopes) == pytest.approx(np.array([getattr(rotation, name) for name in names[1:]]), abs=1e-4)

@@ -43,11 +43,6 @@ def lift(thickness: Any = 0.06, density_ratio: Any = 0.98, engine: str = "column
     return table("layer.lower_lift", keys, **others) | {"accuracy.engine": engine}
 
 
-def feed(position: float, thickness: float) -> dict[str, Any]:
-    """Changes that give a table of the feed."""
-    return {"process.feed": "table", "process.feed_table": [{"position": position, "relative_thickness": thickness}]}
-
-
 BOUNDS = [  # of the published scene: types and bounds of single keys
     ({"machine.roller_radius": -0.11}, "machine.roller_radius: must be positive, got -0.11; give the radius in"),
     ({"machine.weight": math.nan}, "machine.weight: must be a finite number, got nan; give the weight G of the cart i"),
@@ -205,11 +200,8 @@ PROCESS = [  # of the process scene
     ({"process.product_density_ratio": 0.74}, "process.product_density_ratio: must be above max(process.feed_density_"),
     ({"process.feed": "first"}, 'process.feed_count: is missing, and process.feed is "first"; give the number of f'),
     ({"process.feed_count": 3}, 'process.feed_count: is for process.feed = "first", got it with "room"; take it out,'),
-    ({"process.feed": "table"}, 'process.feed_table: is missing, and process.feed is "table"; give points'),
-    (feed(2.0, 1.0), "process.feed_table: must have positions that rise one by one up to … = 1.164 m"),
-    (feed(0.0, 0.0), "process.feed_table: must have one positive relative_thickness at least, got none"),
     ({"process.offered_thickness": 0.001}, "process.offered_thickness: needs process.extrusion_pressure, which is mis"),
-    ({"process.feed": "all"}, "process.feed: must be 'room', 'even', 'first' or 'table', got 'all'; give the distribu"),
+    ({"process.feed": "all"}, "process.feed: must be 'room', 'even' or 'first', got 'all'; give the distribu"),
     ({"process.nip_angle": 0.0}, "process.nip_angle: must be positive, got 0.0; give the largest angle at which"),
     ({"process": None}, "sleeve: needs process, which is missing; give it, or take the key out"),
 ]

@@ -11,7 +11,7 @@ doubled until load and resistance change by less than a tolerance; their last ch
 density ratio follows from the volume, k = k_fed H/h, and thus contains the elastic strain that remains.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -76,7 +76,11 @@ def roll_state_update(
         raise ValueError("an own material needs a layer on the rigid base, got a `lower_lift`; use a law of the mix")
     target = roller.target if exit_density_ratio is None else ("exit_density_ratio", exit_density_ratio)
     own = _OwnLayer(layer, material, GapShape(roller.radius, 0.0 if roller.profile == "parabola" else 1.0))
-    count, error, found = INCREMENTS, (np.inf, np.inf), own.at_target(target, INCREMENTS)
+
+    def at_target(count: int) -> Contact:
+        return solve_target(own, lambda depth: own.compute_pass(depth, count), *target, SEARCH_TOLERANCE)
+
+    count, error, found = INCREMENTS, (np.inf, np.inf), at_target(INCREMENTS)
     while max(error) > rtol:
         if count >= INCREMENTS_MAX:
             raise RuntimeError(
@@ -84,7 +88,7 @@ def roll_state_update(
                 f"increments, tolerance {rtol:g}; the law may jump, so smooth it or raise `rtol`"
             )
         count, before = 2 * count, found
-        found = own.at_target(target, count)
+        found = at_target(count)
         scale = rolling_contact.resistance_scale(found.resistance, found.load)
         error = abs(found.load - before.load) / found.load, abs(found.resistance - before.resistance) / scale
     result = rolling_contact.for_travel(replace(found, error=error), speed)
@@ -103,42 +107,19 @@ def required_height(height: float, exit_density_ratio: float, material: StateUpd
     return height * exit_density_ratio / material.fed_density_ratio
 
 
-@dataclass(frozen=True)
 class _OwnLayer:
-    """Layer of an own material under a roller."""
+    """Layer of an own material under a roller, with the limits of a search as of `ColumnLayer`."""
 
-    layer: Layer
-    material: StateUpdate
-    gap: GapShape
-
-    @property
-    def loosest(self) -> float:
-        """Density ratio before the pass [-]."""
-        return self.material.fed_density_ratio
-
-    @property
-    def max_indentation(self) -> float:
-        """Largest indentation [m]."""
-        pores = self.layer.height * (1 - self.loosest)
-        return (1 - CLOSED_PORES) * (min(pores, self.gap.radius) if self.gap.circular else pores)
-
-    @property
-    def limit(self) -> str:
-        """Reason why no indentation is larger."""
-        return f"the pores of {self.material.name} close, or the circle is buried to its axis"
-
-    @property
-    def height(self) -> float:
-        """Height of the layer [m]."""
-        return self.layer.height
+    def __init__(self, layer: Layer, material: StateUpdate, gap: GapShape) -> None:
+        self.layer, self.material, self.gap = layer, material, gap
+        self.height, self.loosest = layer.height, material.fed_density_ratio
+        pores = layer.height * (1 - self.loosest)
+        self.max_indentation = (1 - CLOSED_PORES) * (min(pores, gap.radius) if gap.circular else pores)
+        self.limit = f"the pores of {material.name} close, or the circle is buried to its axis"
 
     def estimate(self, name: str, depth: float) -> float:
         """Return nothing: the search begins at the largest indentation."""
         return 0.0
-
-    def at_target(self, target: tuple[str, float], count: int) -> Contact:
-        """Compute the pass in which a quantity equals its target, with a number of increments of the front."""
-        return solve_target(self, lambda depth: self.compute_pass(depth, count), *target, SEARCH_TOLERANCE)
 
     def compute_pass(self, indentation: float, count: int) -> Contact:
         """Compute the pass along +x at an indentation [m] with a number of increments of the front."""

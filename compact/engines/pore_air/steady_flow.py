@@ -47,7 +47,7 @@ from threadpoolctl import threadpool_limits
 from compact.engines.pore_air import AirForces
 from compact.material.pore_air import PoreAir
 from compact.numerics import Array, BoolArray
-from compact.numerics.validation import require_finite, require_nonnegative, require_positive
+from compact.numerics.validation import require_positive
 from compact.rolling_contact import Contact, Layer, Roller
 
 if TYPE_CHECKING:
@@ -89,10 +89,6 @@ class AirFlow:
     leakage : ndarray, shape (n, m)
         Leakage s to the surroundings [1/(Pa s)]; none by default.
 
-    Raises
-    ------
-    ValueError
-        If an array is out of its range.
     """
 
     x: Array
@@ -102,11 +98,6 @@ class AirFlow:
     drained: BoolArray
     ambient_pressure: float
     leakage: Array | float = 0.0
-
-    def __post_init__(self) -> None:
-        require_positive(air_volume=self.air_volume, ambient_pressure=self.ambient_pressure)
-        require_finite(mobility=self.mobility)
-        require_nonnegative(leakage=self.leakage)
 
     def solve(self, speed: float, start: "AirPressure | None" = None) -> "AirPressure":
         """Solve for the pressure at a speed of the roller.

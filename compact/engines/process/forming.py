@@ -22,7 +22,7 @@ import numpy as np
 from compact.numerics import Array
 from compact.numerics.validation import require_fields
 
-FeedLaw = Literal["room", "even", "first", "table"]
+FeedLaw = Literal["room", "even", "first"]
 FedStrokes = Literal["both", "forward"]
 ClosureKind = Literal["gap", "product_density_ratio", "extrusion_pressure"]
 COUNT_ROUNDING = 1e-9  # [-], of the number of strokes; 70.0000000001 is 70
@@ -116,13 +116,10 @@ class Fill:
         Height [m].
     density_ratio : float
         Density ratio [-].
-    by_sleeve : bool
-        True if the first sleeve fills the empty mould, so that the fill is part of the feed.
     """
 
     height: float
     density_ratio: float
-    by_sleeve: bool = False
 
 
 @dataclass(frozen=True)
@@ -133,13 +130,11 @@ class Feed:
     ----------
     density_ratio : float
         Density ratio of the mix as fed [-].
-    law : {"room", "even", "first", "table"}
+    law : {"room", "even", "first"}
         Make-up of each stroke: the room up to a gap above the lowest generatrix; the same thickness; the same in the
-        first strokes, nothing later; in proportion to a table along the roller.
+        first strokes, nothing later.
     count : int
         Number of fed strokes of the law "first".
-    positions, relative_thicknesses : tuple of float
-        Table of the law "table": z [m], ascending, and thickness in relation to the other entries [-].
     strokes : {"both", "forward"}
         Fed strokes: every one, or every second one.
     """
@@ -147,22 +142,16 @@ class Feed:
     density_ratio: float
     law: FeedLaw = "room"
     count: int = 0
-    positions: tuple[float, ...] = ()
-    relative_thicknesses: tuple[float, ...] = ()
     strokes: FedStrokes = "both"
 
     def shares(self, machine: FormingMachine) -> Array:
         """Return the make-up of each stroke over the largest one [-], shape (stroke_count,); 0 of a stroke without."""
-        count = machine.stroke_count
-        fed = np.ones(count)
+        fed = np.ones(machine.stroke_count)
         if self.strokes == "forward":
             fed[1::2] = 0.0
         if self.law == "first":
             fed[np.cumsum(fed) > self.count] = 0.0
-        if self.law == "table":
-            middle = (machine.edges[:-1] + machine.edges[1:]) / 2
-            fed *= np.interp(middle, self.positions, self.relative_thicknesses)
-        return np.asarray(fed / fed.max())
+        return fed
 
 
 @dataclass(frozen=True)
