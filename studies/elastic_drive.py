@@ -31,11 +31,11 @@ def main(scene="loveikin-2015", laws=LAWS, stiffnesses=(1e5, 1e6, 1e7, 1e8, 1e9)
     """Return rows of HEADER, SI, for each law and stiffness; `ratio` is the damping ratio c/(2 sqrt(k m))."""
     study = Study(load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.items": [], **changes}))
     rows, runs, motion = [], {}, study.scene.motion
-    for (name, cycle), stiffness in tracked(product(study.cycles.items(), stiffnesses), "drive"):
+    for (name, cycle), stiffness in tracked(product(study.stages.laws.cycles.items(), stiffnesses), "drive"):
         spring = ElasticDrive(stiffness, 2 * ratio * np.sqrt(stiffness * study.stages.resistance.cart.mass))
         working = (motion.run_up, 1 - motion.run_down)
         run = runs[name, stiffness] = simulate(
-            study.stages.resistance.cart, spring, cycle, study.resistance, working=working
+            study.stages.resistance.cart, spring, cycle, study.stages.resistance.resistance, working=working
         )
         rows.append((
             name, stiffness, run.peak_force, run.dynamic_amplification, run.nonuniformity, run.peak_power,

@@ -71,9 +71,9 @@ def main(
     for moisture, ratio, radius in tracked(itertools.product(moistures, density_ratios, radii), "contact"):
         case = base.replaced(**{"mix.moisture": moisture, "mix.density_ratio": ratio, "machine.roller_radius": radius})
         study = Study(case)
-        found = {"1.5-1.8": of_formulas(study), "galin": of_half_plane(study.mix, radius)}
+        found = {"1.5-1.8": of_formulas(study), "galin": of_half_plane(study.stages.contacts.mix, radius)}
         for engine in engines:
-            found[engine] = of_contact(roll_scene(case, study.mix, case.mean_speed, engine), radius)
+            found[engine] = of_contact(roll_scene(case, study.stages.contacts.mix, case.mean_speed, engine), radius)
         rows += [(moisture, ratio, radius, engine, *map(float, values)) for engine, values in found.items()]
     if out:
         from compact.files import atomic_file, write_csv

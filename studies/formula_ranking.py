@@ -17,12 +17,12 @@ SCENES = Path(__file__).parent / "scenes"
 def main(scene="loveikin-2015", by="peak_power", **overrides):
     """Return (end of the spread, resistance of a cart [N], laws in order) for each required pressure."""
     nominal = load_scene(SCENES / f"{scene}.toml", **{"output.items": [], "drive.rank_by": [by], **overrides})
-    pressure = Study(nominal).mix.parameter("required_pressure")
+    pressure = Study(nominal).stages.contacts.mix.parameter("required_pressure")
     rows = []
     for end in tracked(("low", "value", "high"), "end of the spread"):
         study = Study(nominal.replaced(**{"mix.overrides.required_pressure": getattr(pressure, end)}))
-        order = [(place.rank, place.run.name) for place in study.rankings[by]]
-        rows.append((end, study.resistance.force, order))
+        order = [(place.rank, place.run.name) for place in study.stages.drive.rankings[by]]
+        rows.append((end, study.stages.resistance.resistance.force, order))
     return rows
 
 

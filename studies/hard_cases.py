@@ -127,7 +127,7 @@ def stiff_ply():
 @case("columns compacted to a density ratio of 0.995", "mass balance")
 def fully_compacted():
     scene = load_scene(SCENE)
-    material = mix_laws.compaction_material(scene, Study(scene).mix)
+    material = mix_laws.compaction_material(scene, Study(scene).stages.contacts.mix)
     fed = column.required_feed(0.22, 0.995, material, 0.2, radius=1.0)
     roller = Roller(1.0, indentation=fed.indentation)
     found = column.roll(Layer(fed.height), roller, material, 0.2)
@@ -137,7 +137,7 @@ def fully_compacted():
 @case("columns, second pass at the same height", "no resistance: the mix is compacted already")
 def second_pass():
     scene = load_scene(SCENE)
-    layer, roller, material = contact_cases.contact_inputs(scene, Study(scene).mix, "column", 0.2)
+    layer, roller, material = contact_cases.contact_inputs(scene, Study(scene).stages.contacts.mix, "column", 0.2)
     roller = replace(roller, rolling="frictionless")
     first = column.roll(layer, roller, material, 0.2)
     height = layer.height - first.indentation
@@ -150,9 +150,9 @@ def second_pass():
 def stiff_drive():
     study = Study(load_scene(SCENE, **{"motion.laws": ["parabolic"], "output.items": []}))
     cart = replace(study.stages.resistance.cart, guide_friction=0.0)
-    force, inertia = study.resistance.force, cart.mass * 4 * 0.4 / 9
+    force, inertia = study.stages.resistance.resistance.force, cart.mass * 4 * 0.4 / 9
     spring = ElasticDrive(1e9, 2 * 0.01 * math.sqrt(1e9 * cart.mass))
-    run = simulate(cart, spring, study.cycles["parabolic"], study.resistance)
+    run = simulate(cart, spring, study.stages.laws.cycles["parabolic"], study.stages.resistance.resistance)
     impact = force + inertia + math.sqrt(4 * force * inertia - inertia**2)
     return f"H {run.peak_force:.6g} N", run.peak_force / impact - 1
 
@@ -160,7 +160,12 @@ def stiff_drive():
 @case("speed through 0, stick and slip", "energy balance")
 def stick_slip():
     study = Study(load_scene(SCENE, **{"motion.laws": ["quintic"], "output.items": []}))
-    run = simulate(study.stages.resistance.cart, ElasticDrive(2e5, 1e3), study.cycles["quintic"], study.resistance)
+    run = simulate(
+        study.stages.resistance.cart,
+        ElasticDrive(2e5, 1e3),
+        study.stages.laws.cycles["quintic"],
+        study.stages.resistance.resistance,
+    )
     return f"stick time {run.stick_time:.4f} s", run.energy_residual
 
 
@@ -178,7 +183,8 @@ def no_dwell():
     law = motion.law("reversal-4", 0.4, 3.0)
     study = Study(load_scene(SCENE, **{"motion.laws": ["reversal-4"], "output.items": []}))
     runs = [
-        simulate(study.stages.resistance.cart, Rigid(), cycle, study.resistance) for cycle in (law, law.cycle(0.0, 0.0))
+        simulate(study.stages.resistance.cart, Rigid(), cycle, study.stages.resistance.resistance)
+        for cycle in (law, law.cycle(0.0, 0.0))
     ]
     return f"H {runs[1].peak_force:.6g} N", runs[1].peak_force / runs[0].peak_force - 1
 
@@ -208,7 +214,7 @@ def excessive_load():
         "machine.roller_condition": "frictionless",
     }
     scene = load_scene(SCENE, **{"contact.load": 1e7, **frictionless})
-    return contact_cases.roll_scene(scene, Study(scene).mix, 0.2).load, math.nan
+    return contact_cases.roll_scene(scene, Study(scene).stages.contacts.mix, 0.2).load, math.nan
 
 
 @case("non-finite speed, load, indentation", "an error for each")

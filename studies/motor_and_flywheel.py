@@ -36,7 +36,7 @@ def main(scene="loveikin-2015", laws=("cubic", "reversal-4"), carts=(1, 2, 3, 4)
     for count, inertia in tracked(product(carts, inertias), "motor"):
         motor = MOTOR | {"torque": MOTOR["torque"] * count, "inertia": inertia}
         study = Study(base.replaced(**{"drive.kind": "motor", "drive.carts": count, "drive.motor": motor}))
-        for name, run in study.runs.items():
+        for name, run in study.stages.drive.runs.items():
             runs[name, count, inertia] = run
             mean = float(np.sum(run.weights * run.motor_torque * run.speed)) / run.period
             rows.append((

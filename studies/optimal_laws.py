@@ -66,7 +66,9 @@ def _gains(objective, nominal, robust):
         if not violations(nominal.stages.laws.limits, cycle.forward)
     ]
     for load in robust.stages.laws.motion_resistances:
-        optimal, regret = (_value(objective, load, study.cycles[name].forward) for study in (nominal, robust))
+        optimal, regret = (
+            _value(objective, load, study.stages.laws.cycles[name].forward) for study in (nominal, robust)
+        )
         best, least = _best(objective, load, published)
         yield objective, load.resistance.force, best, least, optimal, 1 - optimal / least, regret, 1 - regret / least
 
@@ -117,7 +119,7 @@ def _draw(study, front):
     styles = {"least-peak-power": {"color": PALETTE[0]}, "least-peak-force": {"color": PALETTE[4]}}
     styles |= {name: law_style(name) for name in ("reversal-4-free-acceleration", "reversal-2")}
     for name, style in styles.items():
-        forward = study.cycles[name].forward
+        forward = study.stages.laws.cycles[name].forward
         v, a = forward.velocity(time), forward.acceleration(time)
         speed.plot(time, v, **style, label=name)
         power.plot(

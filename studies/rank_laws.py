@@ -109,7 +109,7 @@ def ranked(base, engine, drives, directory):
     if engine == "compaction":
         cart, resistance = compacting(fastest)
     else:
-        cart, resistance = fastest.stages.resistance.cart, fastest.resistance
+        cart, resistance = fastest.stages.resistance.cart, fastest.stages.resistance.resistance
         if fastest.stages.contacts.speeds and directory:
             directory.mkdir(parents=True, exist_ok=True)
             list(fastest.keep(directory, []))
@@ -142,7 +142,7 @@ def compacting(study, increments=INCREMENTS):
     scene, contacts = study.scene, []
     speeds = study.stages.resistance.largest_speed * np.array([1 / 10, 1 / 3, 1])
     for speed in speeds:
-        layer, roller, material = contact_inputs(scene, study.mix, "compaction", float(speed))
+        layer, roller, material = contact_inputs(scene, study.stages.contacts.mix, "compaction", float(speed))
         guess = contacts[-1] if contacts else None
         contacts.append(compaction.roll(layer, roller, material, float(speed), increments=increments, start=guess))
     load, force = scene.machine.roller_length * np.array([[each.load, each.resistance] for each in contacts]).T
@@ -157,7 +157,7 @@ def runs(study, cart, resistance):
     working = (study.scene.motion.run_up, 1 - study.scene.motion.run_down)
     return {
         name: simulate(cart, study.stages.drive.model.make(study.scene, cycle), cycle, resistance, working=working)
-        for name, cycle in study.cycles.items()
+        for name, cycle in study.stages.laws.cycles.items()
     }
 
 
@@ -185,9 +185,10 @@ def spread(base, drives, samples):
 def _stability(base, mixes, drive):
     """Yield rows of SPREAD_HEADER by one drive, for the criteria in SHOWN."""
     studies = [Study(scene.replaced(**DRIVES[drive])) for scene in (base, *mixes)]
-    nominal, *others = [study.rankings for study in studies]
+    nominal, *others = [study.stages.drive.rankings for study in studies]
     forces = [
-        float(study.resistance(study.scene.motion.stroke / study.scene.motion.duration, 0.0)) for study in studies[1:]
+        float(study.stages.resistance.resistance(study.scene.motion.stroke / study.scene.motion.duration, 0.0))
+        for study in studies[1:]
     ]
     for by in SHOWN:
         best, value = _first_laws(nominal[by]), _values(nominal[by])

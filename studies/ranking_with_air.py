@@ -60,7 +60,7 @@ def answer(changes: dict[str, object]) -> tuple[str, str, str]:
     """Return the resistances and the first laws by both criteria; the reason where the contact is not steady."""
     study = Study(load_scene(SCENE, **changes))
     try:
-        resistances = ", ".join(f"{each.resistance:.0f}" for each in study.contacts)
+        resistances = ", ".join(f"{each.resistance:.0f}" for each in study.stages.contacts.records)
         return resistances, *(first_laws(study, criterion) for criterion in CRITERIA)
     except RuntimeError as error:
         return str(error), "", ""
@@ -68,7 +68,7 @@ def answer(changes: dict[str, object]) -> tuple[str, str, str]:
 
 def first_laws(study: Study, criterion: str) -> str:
     """Return the first laws by a criterion with their values, and where the first two tie."""
-    found = study.rankings[criterion][:SHOWN]
+    found = study.stages.drive.rankings[criterion][:SHOWN]
     return ", ".join(f"{each.run.name} {each.value:.0f}" for each in found) + (" (a tie)" if found[0].tie else "")
 
 

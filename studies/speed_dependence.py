@@ -62,7 +62,9 @@ def curves_of(name, scene, speeds):
     study = Study(scene)
     try:
         if not study.stages.contacts.speeds:
-            yield Curve(name, speeds, np.full(len(speeds), float(study.resistance(scene.mean_speed, 0.0))))
+            yield Curve(
+                name, speeds, np.full(len(speeds), float(study.stages.resistance.resistance(scene.mean_speed, 0.0)))
+            )
             return
         resistance = study.stages.resistance.sampled_map(None, float(speeds[-1]))
     except RuntimeError as error:
@@ -75,7 +77,7 @@ def curves_of(name, scene, speeds):
         # a mix of the yield pressure at the mean speed, without rate sensitivity, has the contact of that speed at all
         yield Curve(ELEMENTS + NO_RATE, speeds, np.full(len(speeds), float(resistance(scene.mean_speed))))
         permeability, length = (
-            study.mix.parameter("air_permeability"),
+            study.stages.contacts.mix.parameter("air_permeability"),
             scene.machine.rollers * scene.machine.roller_length,
         )
         by_air = [

@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, Ranked, is_tie, value_of
 
+NAMED_LAWS = 3  # [-], largest number of laws of one rank that are named
+
 
 class Place(NamedTuple):
     """Place of a law in a ranking by one criterion.
@@ -45,6 +47,9 @@ class Place(NamedTuple):
     def tie(self) -> bool:
         """True if the next worse value is within the build tolerance."""
         return is_tie(self.margin)
+
+
+Places = dict[str, dict[str, list[Place]]]  # by drive and criterion
 
 
 def places(ranked: Sequence[Ranked], by: str, heavier: Mapping[str, Any] | None) -> list[Place]:
@@ -101,7 +106,7 @@ def error(run: Any, heavier: Any, by: str) -> float:
 
 
 class Agreement(NamedTuple):
-    """Agreement of two rankings of the same laws.
+    """Agreement of two rankings of the same laws by one criterion.
 
     Parameters
     ----------
@@ -110,39 +115,76 @@ class Agreement(NamedTuple):
     resolved_discordant_pairs : int
         Number of resolved discordant pairs: both differences exceed the errors and the build tolerance. An unknown
         error counts as zero.
+    first, other_first : str
+        First law of either ranking; several laws, their number or "none" where there is not one.
+    engine, drive, other_engine, other_drive : str
+        Engine and kind of drive of either ranking.
     """
 
     tau: float
     discordant_pairs: int
     resolved_discordant_pairs: int
     pairs: int
+    first: str
+    other_first: str
+    by: str
+    engine: str = ""
+    drive: str = ""
+    other_engine: str = ""
+    other_drive: str = ""
 
 
-def agreement(one: Sequence[Place], other: Sequence[Place], by: str) -> Agreement:
-    """Compare two rankings by a criterion over the laws that are finite in both."""
+def agreement(one: Sequence[Place], other: Sequence[Place], by: str, *case: str) -> Agreement:
+    """Compare two rankings over the laws that are finite in both; `case` is engine and drive of either."""
     found = [{place.law: place for place in order if not place.reason} for order in (one, other)]
     laws = [law for law in found[0] if law in found[1]]
-    first, second = (_signs([order[law].rank for law in laws]) for order in found)
-    floor = CRITERIA[by].floor
-    apart = np.logical_and(*(_apart([order[law] for law in laws], floor) for order in found))
-    discordant = first * second < 0
-    size = math.sqrt(np.sum(first**2) * np.sum(second**2))
+    signs, apart = [], []  # of all pairs of laws, in either ranking
+    for order in found:
+        rows = [(place.rank, place.value, place.error or 0.0) for place in map(order.__getitem__, laws)]
+        ranks, values, errors = np.array(rows, float).reshape(-1, 3).T
+        signs.append(np.sign(np.subtract.outer(ranks, ranks)))
+        beyond = np.abs(np.subtract.outer(values, values)) > np.add.outer(errors, errors)
+        apart.append(beyond & _built_apart(values, CRITERIA[by].floor))
+    discordant = signs[0] * signs[1] < 0
+    size = math.sqrt(np.sum(signs[0] ** 2) * np.sum(signs[1] ** 2))
     return Agreement(
-        tau=float(np.sum(first * second) / size) if size else math.nan,
-        discordant_pairs=int(np.sum(discordant)) // 2,
-        resolved_discordant_pairs=int(np.sum(discordant & apart)) // 2,
-        pairs=len(laws) * (len(laws) - 1) // 2,
+        float(np.sum(signs[0] * signs[1]) / size) if size else math.nan,
+        int(np.sum(discordant)) // 2,
+        int(np.sum(discordant & apart[0] & apart[1])) // 2,
+        len(laws) * (len(laws) - 1) // 2,
+        _first_laws(one),
+        _first_laws(other),
+        by,
+        *case,
     )
 
 
-def _signs(ranks: Sequence[int]) -> NDArray[np.float64]:
-    return np.sign(np.subtract.outer(np.array(ranks, float), np.array(ranks, float)))
+def agreements(places_by_engine: Mapping[str, Places]) -> list[Agreement]:
+    """Compare the first ranking with those of every other engine, and with those of its other drives.
+
+    Parameters
+    ----------
+    places_by_engine : mapping of str to Places
+        Places by engine, drive and criterion; engine and drive of the scene first.
+    """
+    engine, *others = places_by_engine
+    own = places_by_engine[engine]
+    drive, *other_drives = own
+    cases = [(engine, kind, name, kind) for name in others for kind in own]
+    cases += [(engine, drive, engine, other) for other in other_drives]
+    return [
+        agreement(order, places_by_engine[case[2]][case[3]][by], by, *case)
+        for case in cases
+        for by, order in own[case[1]].items()
+    ]
 
 
-def _apart(order: Sequence[Place], floor: float) -> NDArray[np.bool_]:
-    """Find the pairs of values that differ by more than their errors and the build tolerance."""
-    values, errors = (np.array(column, float) for column in ([p.value for p in order], [p.error or 0.0 for p in order]))
-    return (np.abs(np.subtract.outer(values, values)) > np.add.outer(errors, errors)) & _built_apart(values, floor)
+def _first_laws(order: Sequence[Place]) -> str:
+    """Name the laws of rank 1, or their number where they are many; "none" where all values are infinite."""
+    laws = [place.law for place in order if place.rank == 1 and not place.reason]
+    if not laws:
+        return "none"
+    return "/".join(sorted(laws)) if len(laws) <= NAMED_LAWS else f"{len(laws)} laws alike"
 
 
 def _built_apart(values: ArrayLike, floor: float) -> NDArray[np.bool_]:

@@ -1,7 +1,7 @@
 """Study of one scene, from the contact to the ranking of the motion laws.
 
     study = Study(load_scene("scene.toml"))
-    study.rankings["peak_force"]
+    study.stages.drive.rankings["peak_force"]
 
 A study is a pipeline of stages: contacts, resistance, laws, drives, comparison of engines. Each result is computed when
 first used, and the runs of each stage are counted. `report.writer` writes the results; `compact run` does both.
@@ -12,13 +12,12 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property, partial
-from operator import attrgetter
 from pathlib import Path
-from typing import Any
 
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import Progress
 from compact.analysis.pore_air import AirAnswer, air_answer
+from compact.analysis.ranking_uncertainty import Agreement, Places, agreements
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
 from compact.analysis.sizing.work_balance import WorkBalance, work_balance
@@ -35,36 +34,13 @@ from compact.analysis.stages.verdict import (
     SIZING_PEAKS,
     Answer,
     ModelAnswer,
-    Places,
-    RankingAgreement,
     Verdict,
     answer_of,
     model_answer,
-    ranking_agreements,
     verdict,
 )
 from compact.analysis.worker_pool import Executor, Job, SerialExecutor
-from compact.contact import DryResistance
-from compact.machine.ranking import Ranked
-from compact.material.mix import Mix
-from compact.motion.profile import Cycle
-from compact.resistance import ResistanceMap
-from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
-
-
-def _of(path: str, meaning: str) -> Any:
-    """Return the property of a study for an attribute of its stages, such as "contacts.engine"."""
-    return property(attrgetter(f"stages.{path}"), doc=meaning)
-
-
-def _without(kind: type[Exception], meaning: str) -> Any:
-    """Return the property of a study for the engines of the comparison that end with an error, by name."""
-
-    def errors(study: "Study") -> dict[str, Any]:
-        return {name: each for name, each in study._compared.items() if isinstance(each, kind)}
-
-    return property(errors, doc=f"errors of the engines of the comparison by which {meaning}")
 
 
 class Study:
@@ -89,15 +65,6 @@ class Study:
         Number of runs of each stage.
     """
 
-    heaping: dict[str, HeapingError] = _without(HeapingError, "the mix heaps up in front of the roller")
-    unsteady: dict[str, UnsteadyError] = _without(UnsteadyError, "the motion does not become steady")
-    without_equilibrium: dict[str, EquilibriumError] = _without(EquilibriumError, "there is no equilibrium")
-    contacts: list[Contact] = _of("contacts.records", "scalar results of one roller at each speed")
-    resistance: ResistanceMap | DryResistance = _of("resistance.resistance", "resistance of the mix to one cart [N]")
-    cycles: dict[str, Cycle] = _of("laws.cycles", "forward and return strokes by name of the law; optimal laws last")
-    runs: dict[str, Any] = _of("drive.runs", "`Run`, `ElasticRun`, `HydraulicRun` or `MotorRun` by name of the law")
-    rankings: dict[str, list[Ranked]] = _of("drive.rankings", "laws in order, by each criterion of the scene")
-
     def __init__(
         self,
         scene: Scene,
@@ -113,7 +80,6 @@ class Study:
         self._executor: Executor = SerialExecutor()
         shortest = min(self.durations, default=None)
         self.stages = build_stages(scene, self.count, directory, progress, shortest=shortest)
-        self.mix: Mix = self.stages.contacts.mix
 
     def count(self, stage: str) -> None:
         """Count one run of a stage."""
@@ -150,7 +116,7 @@ class Study:
     def pore_air(self) -> AirAnswer | None:
         """Numbers on the pore air; None for a linear layer, and for mix that is occluded as fed."""
         curve = self.stages.contacts.air_curve
-        return None if curve is None else air_answer(curve, self.mix, self.scene.mean_speed)
+        return None if curve is None else air_answer(curve, self.stages.contacts.mix, self.scene.mean_speed)
 
     @cached_property
     def sensitivities(self) -> list[Shift]:
@@ -220,7 +186,7 @@ class Study:
         case = self.scene.motion.duration, self.scene.drive.kind
         own = [each for key, each in self.verdicts.items() if key[:2] == case]
         ties = [law for each in own for law in each.contenders[1:]]
-        ranked = [place.run.name for ranks in self.rankings.values() for place in ranks[:3]]
+        ranked = [place.run.name for ranks in self.stages.drive.rankings.values() for place in ranks[:3]]
         return list(dict.fromkeys([*(each.law for each in own), *ties, *ranked]))[:3]
 
     @cached_property
@@ -249,7 +215,10 @@ class Study:
     @cached_property
     def _answers(self) -> dict[str, Job]:
         """Jobs of the engines of the comparison by name."""
-        laws, directory = (self.stages.laws.prescribed, self.cycles), self._directory and self._directory / DIRECTORY
+        laws, directory = (
+            (self.stages.laws.prescribed, self.stages.laws.cycles),
+            self._directory and self._directory / DIRECTORY,
+        )
         return {
             name: self._executor.submit(
                 partial(answer_of, self.scene.with_engine(name), laws), directory and directory / name
@@ -262,7 +231,7 @@ class Study:
         """Jobs of the contacts by the other laws of the mix."""
         assert self.stages.contacts.held is not None  # of a compacting engine
         work = partial(contact_by_law, self.stages.contacts.held)
-        return [self._executor.submit(work, each) for each in scenes_of_laws(self.scene, self.mix)]
+        return [self._executor.submit(work, each) for each in scenes_of_laws(self.scene, self.stages.contacts.mix)]
 
     def begin_model_spread(self) -> None:
         """Start the contacts by the other laws of the mix, where they are required and not kept."""
@@ -281,10 +250,15 @@ class Study:
         self.count("model spread")
         return spread_of([job.result() for job in self._answers_by_law])
 
-    @cached_property
+    @property
     def comparison(self) -> dict[str, ModelAnswer]:
         """Answer of each engine of the comparison by name, but of those without a steady state."""
         return {name: each for name, each in self._compared.items() if isinstance(each, ModelAnswer)}
+
+    @property
+    def failures(self) -> dict[str, Exception]:
+        """Errors of the other engines of the comparison by name: no steady state, or no equilibrium."""
+        return {name: each for name, each in self._compared.items() if isinstance(each, Exception)}
 
     @cached_property
     def _compared(self) -> dict[str, Answer]:
@@ -305,6 +279,6 @@ class Study:
         }
 
     @cached_property
-    def agreements(self) -> list[RankingAgreement]:
+    def agreements(self) -> list[Agreement]:
         """Agreement of the ranking of the scene with those of the other engines and of its other drive."""
-        return ranking_agreements(self.places_by_engine)
+        return agreements(self.places_by_engine)

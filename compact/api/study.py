@@ -23,7 +23,7 @@ class Study(Tabular, study.Study):
     >>> study = Study(load_scene("studies/scenes/small.toml"))
     >>> study
     <study of Small: the published machine, three laws, engine formula, 3 laws>
-    >>> study.rankings["peak_power"][0].run.name
+    >>> study.stages.drive.rankings["peak_power"][0].run.name
     'reversal-3'
     """
 
@@ -31,9 +31,11 @@ class Study(Tabular, study.Study):
 
     def columns(self) -> dict[str, list[Any]]:
         """Return the values of all laws by each criterion of the scene, in the order of the first."""
-        criteria = list(self.rankings)
-        values = {by: {place.run.name: place.value for place in ranked} for by, ranked in self.rankings.items()}
-        order = [place.run.name for place in self.rankings[criteria[0]]]
+        criteria = list(self.stages.drive.rankings)
+        values = {
+            by: {place.run.name: place.value for place in ranked} for by, ranked in self.stages.drive.rankings.items()
+        }
+        order = [place.run.name for place in self.stages.drive.rankings[criteria[0]]]
         return {"law": order} | {by: [values[by][name] for name in order] for by in criteria}
 
     def plot(self) -> "Figure":

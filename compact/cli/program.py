@@ -138,7 +138,6 @@ def run(
     from compact.analysis.worker_pool import ProcessExecutor, cores
     from compact.report import text
     from compact.report import writer as report
-    from compact.rolling_contact import HeapingError
 
     progress = job.progress()
     directory = job.place(scene)
@@ -148,12 +147,9 @@ def run(
     )  # fmt: skip
     others = study.scene.compared_engines if study.scene.compare and cores() > 1 else ()
     helpers = ProcessExecutor(min(cores(), len(others))) if others else None
-    try:
-        kept = f"complete files are in {directory}; the same command computes the others"
-        with cli.interrupt_noted(lambda: kept), progress:
-            summary = report.write_study(study, directory, job.force, helpers)
-    except HeapingError as error:
-        raise HeapingError(f"{error}; {text.other_resistances(study.scene)}", error.heaping) from error
+    kept = f"complete files are in {directory}; the same command computes the others"
+    with cli.interrupt_noted(lambda: kept), progress:
+        summary = report.write_study(study, directory, job.force, helpers)
     job.show(lambda: text.study_digest(study), directory, summary=summary)
 
 

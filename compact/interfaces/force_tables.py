@@ -14,6 +14,7 @@ unit of `functional_mockup`.
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -66,12 +67,13 @@ class CartModel:
                 "drive.end_springs: their force depends on the position, which F(v, a) does not contain; remove the "
                 "table and add the springs to the other model"
             )
-        peaks = [cycle.forward.peaks() for cycle in study.cycles.values()]
+        peaks = [cycle.forward.peaks() for cycle in study.stages.laws.cycles.values()]
         accelerations = [each.acceleration for each in peaks if np.isfinite(each.acceleration)]
         speeds = [each.velocity for each in peaks]
         fastest = float(study.stages.resistance.map.speeds[-1]) if study.stages.contacts.speeds else max(speeds)
         largest = max(accelerations, default=study.scene.mean_speed / study.scene.motion.duration)
-        return cls(study.stages.resistance.cart, study.resistance, fastest, float(largest), study.scene.mean_speed)
+        force: Any = study.stages.resistance.resistance
+        return cls(study.stages.resistance.cart, force, fastest, float(largest), study.scene.mean_speed)
 
     def forces(self, velocity: ArrayLike, acceleration: ArrayLike) -> dict[str, Array]:
         """Compute resistance, guide friction and their sum [N] at velocities [m/s] and accelerations [m/s2]."""

@@ -175,7 +175,7 @@ def _contacts(study: Study) -> Iterator[Block]:
     if study.stages.contacts.speeds:
         title = f"One roller by the engine {study.scene.accuracy.engine}, per metre of its length"
         names = "speed", "load", "resistance", "coefficient", "peak_pressure"
-        errors = {"error": [format_percent(each.resistance_error) for each in study.contacts]}
+        errors = {"error": [format_percent(each.resistance_error) for each in study.stages.contacts.records]}
         yield results.contact_table(study).shown(title, *names, **errors)
 
 

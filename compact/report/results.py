@@ -56,8 +56,8 @@ CATALOGUE = (
     "inertia_ratio fluctuation holds"
 )
 AGREEMENT = (
-    "engine drive other_engine other_drive criterion=by kendall_tau=agreement.0:3 discordant_pairs=agreement.1 "
-    "resolved_discordant_pairs=agreement.2 pairs=agreement.3 first other_first"
+    "engine drive other_engine other_drive criterion=by kendall_tau=tau:3 discordant_pairs "
+    "resolved_discordant_pairs pairs first other_first"
 )
 RANKING = "rank=0.rank law=2 value=0.value unit=1 margin=0.margin tie=0.tie"
 
@@ -70,7 +70,7 @@ def contact_table(study: Study) -> TableSpec:
         "formula_coefficient": lambda _: stage.engineering.resistance_coefficient,
         "exact_load_N/m": lambda _: float(stage.exact.load),
     }
-    return TableSpec.of("contact", study.contacts, CONTACT, **beside)
+    return TableSpec.of("contact", study.stages.contacts.records, CONTACT, **beside)
 
 
 def pass_tables(passes: Sequence[tuple[float, Sequence[Any]]]) -> Iterator[File]:
@@ -92,7 +92,7 @@ def law_table(study: Study) -> TableSpec:
     rows = [
         (each.forward, each.forward.peaks(), f"C{each.forward.smoothness(turn)}",
          *(each.forward.criterion(order, turn) for order in range(1, 5)))
-        for each in study.cycles.values()
+        for each in study.stages.laws.cycles.values()
     ]  # fmt: skip
     return TableSpec.of(
         "laws", rows, "law=0.name peak_velocity_m/s=1.velocity peak_acceleration_m/s2=1.acceleration "
@@ -108,15 +108,15 @@ def formula_table(study: Study) -> TableSpec:
 
 def mix_table(study: Study) -> TableSpec:
     """Tabulate the parameters of the mix."""
-    return TableSpec.of("mix", study.mix.parameters, "parameter=name value unit low high flag origin")
+    return TableSpec.of("mix", study.stages.contacts.mix.parameters, "parameter=name value unit low high flag origin")
 
 
 def study_tables(study: Study) -> Iterator[File]:
     """Tabulate formulas, mix, laws, cycles, drive, rankings and sizing: the output item "tables"."""
-    joins = [(name, join) for name, cycle in study.cycles.items() for join in cycle.discontinuities()]
+    joins = [(name, join) for name, cycle in study.stages.laws.cycles.items() for join in cycle.discontinuities()]
     names = "law=0 time_s=1.time quantity=1.quantity before_SI=1.before after_SI=1.after"
     yield from (formula_table(study), mix_table(study), law_table(study), TableSpec.of("joins", joins, names))
-    for name, run in study.runs.items():
+    for name, run in study.stages.drive.runs.items():
         forces = run.state.forces
         values = run.time, *run.state[:5], run.drive_force, run.drive_power, forces.front_reaction, forces.rear_reaction
         yield f"cycles/{name}", CYCLE, values
@@ -130,7 +130,9 @@ def _drive_tables(study: Study) -> Iterator[File]:
     stage = study.stages.drive
     if stage.model.table:
         title, names = stage.model.table
-        yield TableSpec.of(title, stage.model.own_runs(list(study.runs.values())), names, **stage.model.computed)
+        yield TableSpec.of(
+            title, stage.model.own_runs(list(study.stages.drive.runs.values())), names, **stage.model.computed
+        )
     yield from stage.tables()
 
 
@@ -146,7 +148,7 @@ def _ranking_tables(study: Study) -> Iterator[File]:
     yield TableSpec.of("ranking", ranked, names)
     values = [
         (name, kind, by, criterion_of(run, by), criterion.unit, criterion_error(study, run, by))
-        for name, run in study.runs.items() for by, criterion in CRITERIA.items()
+        for name, run in study.stages.drive.runs.items() for by, criterion in CRITERIA.items()
     ]  # fmt: skip
     yield TableSpec.of("criteria", values, "law=0 drive=1 criterion=2 value=3 unit=4 error=5")
     if study.comparison:
@@ -171,7 +173,7 @@ def comparison_places(study: Study, kind: str, by: str) -> dict[str, dict[str, P
 def reaction_tables(study: Study) -> Iterator[File]:
     """Tabulate the extremes of the guide-wheel reactions."""
     rows = []
-    for name, run in study.runs.items():
+    for name, run in study.stages.drive.runs.items():
         front, rear = run.state.forces.front_reaction, run.state.forces.rear_reaction
         lifted = float(np.sum(run.weights * ((front < 0) | (rear < 0))) / run.period)
         rows.append((name, *(float(value) for each in (front, rear) for value in (each.min(), each.max())), lifted))
@@ -187,7 +189,7 @@ def cam_tables(study: Study) -> Iterator[File]:
         yield f"cams/{law}-{follower}", " ".join(points), list(points.values())
     cams = [(*key, cam, cam.least_breadth()) for key, cam in laws.cams.items()]
     yield TableSpec.of("cams", cams, CAM)
-    for law, cycle in study.cycles.items():
+    for law, cycle in study.stages.laws.cycles.items():
         turned = roller_rotation(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
         motor, names = motors[law], f"{STEPPER} torque_Nm power_W traction"
         _, state = motor.traction_over(turned.time)

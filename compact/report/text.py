@@ -17,14 +17,13 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages.uncertainty import AIR, DRIVE, FED, LAW, MARGIN_SOURCES, MIX
-from compact.analysis.stages.verdict import Verdict, resistances_without_wave, sizing_model
+from compact.analysis.stages.verdict import Verdict, sizing_model
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA, first_of
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
 from compact.report.tables import TableSpec, format_column, format_percent
-from compact.rolling_contact import Contact
-from compact.scene.loader import Scene
+from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.schema import Overrides
 
 TEXT_WIDTH = 118  # characters of a line, without its indent
@@ -33,6 +32,9 @@ ANSWER = (  # sentences of the answer, of terminal and page, the most important 
     "measurement", "stiffness", "other_cases", "limits", "spread", "motor", "motor_margin", "heaping", "infinite",
     "not_made", "reachable", "held", "sleeves", "durations", "bearings", "valid_formulas",
 )  # fmt: skip
+FAILURES: dict[type[Exception], str] = {
+    HeapingError: "heaps up", UnsteadyError: "not steady", EquilibriumError: "no equilibrium",
+}  # fmt: skip
 ANSWER_CRITERIA = 2  # [-], number of criteria in the answer; the tables have the others
 SPACE = re.compile(r"\s+(?=[;,:)])|(?<=\()\s+|(?<=\s)\s+")  # before marks, and more than one
 
@@ -158,11 +160,6 @@ def changed_firsts(study: Study) -> dict[str, set[str]]:
     return changed
 
 
-def other_resistances(scene: Scene) -> str:
-    """State the resistances of a cart without a bow wave, for a scene whose mix heaps up."""
-    return say("other_resistances", resistances_without_wave(scene))
-
-
 # the answer
 
 
@@ -197,9 +194,8 @@ def model_table(study: Study) -> TableSpec:
     columns["error"] = [say("model_error", each) for each in models]
     columns["laws of the mix"] = [say("model_spread", each) for each in models]
     columns["for sizing?"] = [say("sizing", each.invalid, each.fitted) for each in models]
-    without = dict.fromkeys(study.heaping, "heaps up") | dict.fromkeys(study.unsteady, "not steady")
-    for name, reason in (without | dict.fromkeys(study.without_equilibrium, "no equilibrium")).items():
-        told = {"model": name, "resistance": reason}
+    for name, failure in study.failures.items():
+        told = {"model": name, "resistance": FAILURES[type(failure)]}
         for head, cells in columns.items():
             cells.append(told.get(head, "–"))
     return TableSpec.of_columns(say("models", study), columns, {})

@@ -27,7 +27,7 @@ from compact.files import (
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import results
 from compact.report.tables import json_number, json_numbers, json_values, write_arrays
-from compact.rolling_contact import Contact
+from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
 SHAFT = (
@@ -39,6 +39,7 @@ MOTOR = (
     "by chosen=chosen.motor.name gear_ratio=chosen.gear_ratio inertia_ratio=chosen.inertia_ratio "
     "next_smaller=next_smaller.motor.name next_smaller_fails=next_smaller.failures"
 )
+AGREED = "drive criterion=by first other_first tau discordant_pairs resolved_discordant_pairs pairs"
 HEAPING = "depth_m wave_height_m travel_m contact_angle_rad"
 UNSTEADY = "depth_m wave_height_m travel_m distance load_N/m resistance_N/m"
 HELD = {"height": "indentation_m", "load": "load_N/m", "peak_pressure": "peak_pressure_Pa"}
@@ -173,28 +174,35 @@ def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
     """List the figures of a study: function and results by name."""
     from compact.report import contact_figures, figures
 
-    items, drive = study.scene.output.items, study.stages.drive
+    items, drive, cycles = study.scene.output.items, study.stages.drive, study.stages.laws.cycles
     places, first = drive.places[study.scene.drive.kind], study.machine_sizing.first
-    found: dict[str, tuple[Any, ...]] = {"kinematics": (figures.draw_kinematics, study.cycles)}
+    found: dict[str, tuple[Any, ...]] = {"kinematics": (figures.draw_kinematics, cycles)}
     if "reactions" in items:
-        by_rod = (name for name, run in study.runs.items() if run.state.rod_tangent.any())
-        found["reactions"] = (figures.draw_reactions, study.runs, list(dict.fromkeys([drive.best_law, *by_rod])))
+        by_rod = (name for name, run in drive.runs.items() if run.state.rod_tangent.any())
+        found["reactions"] = (
+            figures.draw_reactions,
+            drive.runs,
+            list(dict.fromkeys([drive.best_law, *by_rod])),
+        )
     if "cams" in items:
-        found["cams"] = (figures.draw_cams, study.stages.laws.cams, list(study.cycles), "roller")
+        found["cams"] = (figures.draw_cams, study.stages.laws.cams, list(cycles), "roller")
     if "crank" in items:
         found["crank"] = (figures.draw_crank_turns, drive.turns)
     if study.stages.contacts.speeds:
-        peaks = [cycle.forward.peaks().acceleration for cycle in study.cycles.values()]
-        found["contact"] = (contact_figures.draw_loads, study.contacts)
+        peaks = [cycle.forward.peaks().acceleration for cycle in cycles.values()]
+        found["contact"] = (contact_figures.draw_loads, study.stages.contacts.records)
         found["resistance"] = (contact_figures.draw_resistance, study.stages.resistance.map, float(np.median(peaks)))
     if first is not None and first.requirement is not None:
         found["shaft"] = (figures.draw_shaft_torque, first, study.machine_sizing.rule)
     if study.over_durations is not None:
         found["duration"] = (figures.draw_durations, study.over_durations, study.scene.motion.duration)
     if study.verdicts:
-        speeds = {law: study.cycles[law].forward.peaks().velocity for law in study.best_laws}
+        speeds = {law: cycles[law].forward.peaks().velocity for law in study.best_laws}
         found["models"] = (contact_figures.draw_models, study.models, speeds)
-        found["best_cycles"] = (figures.draw_best_cycles, {law: study.runs[law] for law in study.best_laws})
+        found["best_cycles"] = (
+            figures.draw_best_cycles,
+            {law: drive.runs[law] for law in study.best_laws},
+        )
     comparisons = {by: results.comparison_places(study, study.scene.drive.kind, by) for by in places}
     found["ranking"] = (figures.draw_rankings, places, comparisons)
     return found
@@ -208,7 +216,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
     files : list of str
         Paths of its files, relative to the directory of the results.
     """
-    scene, stages, unreachable = study.scene, study.stages, study.mix.not_achievable
+    scene, stages, unreachable = study.scene, study.stages, study.stages.contacts.mix.not_achievable
     return {
         "schema": SCHEMA,
         "title": scene.title,
@@ -229,8 +237,8 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"density_achievable": not unreachable, "reason": unreachable},
         "numbers": {name: asdict(number) for name, number in stages.contacts.numbers.items()},
-        "contacts": [contact.to_json() for contact in study.contacts],
-        "laws": {name: _run_numbers(study, run) for name, run in study.runs.items()},
+        "contacts": [contact.to_json() for contact in study.stages.contacts.records],
+        "laws": {name: _run_numbers(study, run) for name, run in study.stages.drive.runs.items()},
         "laws_not_made": stages.laws.not_made,
         "rankings": _rankings(stages.drive.places[scene.drive.kind]),
         "rigid_rankings": _rankings(stages.drive.places.get("rigid", {})),
@@ -239,13 +247,19 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "heaping": {
             name: json_numbers(error.heaping, HEAPING)
             | {"is_estimate": error.heaping.travel is None, "reason": str(error)}
-            for name, error in study.heaping.items()
+            for name, error in study.failures.items()
+            if isinstance(error, HeapingError)
         },
         "unsteady": {
             name: json_numbers(error.unsteady, UNSTEADY) | {"reason": str(error)}
-            for name, error in study.unsteady.items()
+            for name, error in study.failures.items()
+            if isinstance(error, UnsteadyError)
         },
-        "no_equilibrium": {name: {"reason": str(error)} for name, error in study.without_equilibrium.items()},
+        "no_equilibrium": {
+            name: {"reason": str(error)}
+            for name, error in study.failures.items()
+            if isinstance(error, EquilibriumError)
+        },
         "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "evaluation_counts": dict(study.counts),
         "files": files,
@@ -405,11 +419,7 @@ def _comparison(study: Study) -> dict[str, Any]:
             "resistance_error": other.error,
             "roller_load": json_number(other.roller_load, "N"),
             "rankings": {kind: _rankings(order) for kind, order in study.places_by_engine[name].items()},
-            "agreement": [
-                json_values(each, "drive criterion=by first other_first") | each.agreement._asdict()
-                for engine, each in agreed
-                if engine == name
-            ],
+            "agreement": [json_values(each, AGREED) for engine, each in agreed if engine == name],
             "evaluation_counts": dict(other.counts),
         }
         for name, other in study.comparison.items()

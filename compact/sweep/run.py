@@ -85,12 +85,12 @@ def headline(rank: bool, scene: Scene, change: Change) -> Results:
         warnings.simplefilter("error", RuntimeWarning)  # an invalid operation of numpy yields no valid result
         try:
             study = Study(scene)
-            found["required_pressure"] = float(study.mix.required_pressure)
-            found["saturation"] = float(study.mix.saturation)
-            found["not_reachable"] = study.mix.not_achievable
+            found["required_pressure"] = float(study.stages.contacts.mix.required_pressure)
+            found["saturation"] = float(study.stages.contacts.mix.saturation)
+            found["not_reachable"] = study.stages.contacts.mix.not_achievable
             numbers, contact = _computed(study, change.start)
             numbers["power"] = numbers["resistance"] * scene.mean_speed
-            for by, (best, *_) in study.rankings.items() if rank else ():
+            for by, (best, *_) in study.stages.drive.rankings.items() if rank else ():
                 numbers |= {by: best.value, f"best_law_by_{by}": best.run.name}
             found |= {name: each if isinstance(each, str) else float(each) for name, each in numbers.items()}
         except Exception as error:  # a failed point does not stop a sweep
@@ -105,7 +105,7 @@ def _computed(study: Study, initial_guess: Contact | None) -> tuple[Results, Con
 
     The contact starts from the initial guess if that converges, else from scratch.
     """
-    scene, mix, machine, speed = study.scene, study.mix, study.scene.machine, study.scene.mean_speed
+    scene, mix, machine, speed = study.scene, study.stages.contacts.mix, study.scene.machine, study.scene.mean_speed
     if not study.stages.contacts.speeds:
         formulas = study.stages.contacts.engineering
         return {name: getattr(formulas, name) for name in ("resistance_coefficient", *SHAPE)} | {

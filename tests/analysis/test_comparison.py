@@ -57,8 +57,10 @@ def test_compared_engine_gives_the_results_of_its_own_scene(written, engine, giv
     alone = Study(scene(**{"accuracy.engine": engine, "compare": None, "output.items": []} | given))
     compared_engine = study.comparison[engine]
     speed = np.array([0.06, 0.12])
-    assert compared_engine.resistance(speed, 0 * speed) == pytest.approx(alone.resistance(speed, 0 * speed), rel=1e-12)
-    for by, ranked in alone.rankings.items():
+    assert compared_engine.resistance(speed, 0 * speed) == pytest.approx(
+        alone.stages.resistance.resistance(speed, 0 * speed), rel=1e-12
+    )
+    for by, ranked in alone.stages.drive.rankings.items():
         found = [(place.rank, place.law, place.value) for place in study.places_by_engine[engine]["rigid"][by]]
         assert found == [(place.rank, place.run.name, pytest.approx(place.value, rel=1e-12)) for place in ranked]
 
@@ -81,10 +83,12 @@ def test_ranking_table_lists_every_engine_and_drive(tmp_path):
     ours = [row for row in found if row["engine"] == "spectral" and row["criterion"] == "peak_force"]
     for kind in ("elastic", "rigid"):
         tabulated = {row["law"]: float(row["value"]) for row in ours if row["drive"] == kind}
-        runs = [run if kind == "elastic" else run.rigid for run in study.runs.values()]
+        runs = [run if kind == "elastic" else run.rigid for run in study.stages.drive.runs.values()]
         assert tabulated == {run.name: pytest.approx(run.peak_force, rel=1e-9) for run in runs}
     places = summary["rigid_rankings"]["peak_power"]
-    assert [place["value"] for place in places] == sorted(run.rigid.peak_power for run in study.runs.values())
+    assert [place["value"] for place in places] == sorted(
+        run.rigid.peak_power for run in study.stages.drive.runs.values()
+    )
 
 
 def test_error_of_a_criterion_follows_from_the_error_of_the_resistance(written):
@@ -95,7 +99,7 @@ def test_error_of_a_criterion_follows_from_the_error_of_the_resistance(written):
     friction = study.stages.resistance.cart.guide_friction * (
         2 * study.stages.contacts.roller_load - study.stages.resistance.cart.weight
     )
-    for name, run in study.runs.items():  # energy of a cycle less the friction of the guides
+    for name, run in study.stages.drive.runs.items():  # energy of a cycle less the friction of the guides
         mix = run.energy - 0.8 * friction
         assert float(tabulated[name]["error"]) == pytest.approx(share * mix, rel=0.02)
         assert summary["laws"][name]["errors"]["energy"] == pytest.approx(float(tabulated[name]["error"]), rel=1e-9)
@@ -105,7 +109,7 @@ def test_error_of_a_criterion_follows_from_the_error_of_the_resistance(written):
 def test_rankings_by_engines_of_proportional_resistance_agree(written):
     """The peak of m a + F is ranked as a for any constant F."""
     study, _, directory = written
-    agreed = {(each.other_engine, each.by): each.agreement for each in study.agreements}
+    agreed = {(each.other_engine, each.by): each for each in study.agreements}
     assert agreed["formula", "peak_force"].tau == pytest.approx(1.0)
     assert {row["other_engine"] for row in rows(directory / "agreement.csv")} == {"formula", "column"}
 

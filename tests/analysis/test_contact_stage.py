@@ -50,7 +50,7 @@ def test_a_scaled_fit_states_its_origin():
 @pytest.mark.parametrize(("speed", "load", "resistance"), [(0.03, 15386.4, 289.42), (0.3, 20455.8, 392.89)])
 def test_scene_gives_the_published_contact(speed, load, resistance):
     case = study(**CASE_G, **{"accuracy.engine": "spectral"})
-    rolled = contact_cases.roll_scene(case.scene, case.mix, speed)
+    rolled = contact_cases.roll_scene(case.scene, case.stages.contacts.mix, speed)
     assert rolled.load == pytest.approx(load, rel=1e-5)
     assert rolled.resistance == pytest.approx(resistance, rel=1e-4)
 
@@ -58,7 +58,7 @@ def test_scene_gives_the_published_contact(speed, load, resistance):
 def test_plies_of_a_scene_are_passed_to_the_engine():
     plies = [{"thickness": 0.2, "relative_modulus": 1.0}, {"thickness": 0.02, "relative_modulus": 20.0}]
     case = study(**CASE_G, **{"layer.plies": plies, "accuracy.engine": "spectral"})
-    rolled = contact_cases.roll_scene(case.scene, case.mix, 0.3)
+    rolled = contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.3)
     mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))
     layer = Layer(0.22, plies=(Ply(thickness=0.2, stiffness=1.0), Ply(thickness=0.02, stiffness=20.0)))
     direct = spectral.roll(layer, Roller(0.11, indentation=0.003), mix, 0.3)
@@ -66,19 +66,19 @@ def test_plies_of_a_scene_are_passed_to_the_engine():
     with pytest.raises(
         ValueError, match=r"the engine formula takes no `indentation` 0.003, as the depth of a contact on a half-plane"
     ):
-        contact_cases.roll_scene(case.scene, case.mix, 0.3, "formula")
+        contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.3, "formula")
 
 
 def test_default_target_is_the_pressure_required_by_the_mix():
     case = study(**{"machine.roller_condition": "frictionless", "machine.gap_geometry": "parabola"})
-    rolled = contact_cases.roll_scene(case.scene, case.mix, 0.1, "spectral")
-    assert rolled.peak_pressure == pytest.approx(case.mix.required_pressure, rel=1e-6)
+    rolled = contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.1, "spectral")
+    assert rolled.peak_pressure == pytest.approx(case.stages.contacts.mix.required_pressure, rel=1e-6)
 
 
 @pytest.mark.slow
 def test_engine_satisfies_the_tolerance_of_the_scene():
     coarse, fine = (study(**CASE_G, **{"accuracy.engine": "fem", "accuracy.tolerance": t}) for t in (1e-2, 1e-3))
-    rough, close = (contact_cases.roll_scene(case.scene, case.mix, 0.3) for case in (coarse, fine))
+    rough, close = (contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.3) for case in (coarse, fine))
     assert close.forces.shape[1] > rough.forces.shape[1]  # more nodes on the surface
     assert abs(close.resistance / 392.888 - 1) < 1e-3  # contact.md g, digits of the spectral engine
     assert abs(rough.resistance / 392.888 - 1) < 1e-2
@@ -93,10 +93,10 @@ def test_engine_satisfies_the_tolerance_of_the_scene():
 def test_torque_of_the_scene_acts_on_the_whole_roller(rolling, torque, speed):
     free = study(**SHALLOW)
     turned = study(**SHALLOW, **{"machine.roller_condition": rolling, "machine.roller_torque": torque})
-    rolled = contact_cases.roll_scene(turned.scene, turned.mix, speed)
+    rolled = contact_cases.roll_scene(turned.scene, turned.stages.contacts.mix, speed)
     pull = np.sign(speed) * torque / 1.164 / 0.11  # T/(L R)
     assert np.trapezoid(rolled.shear_traction, rolled.x) == pytest.approx(-pull, rel=2e-3)
-    unloaded = contact_cases.roll_scene(free.scene, free.mix, speed)
+    unloaded = contact_cases.roll_scene(free.scene, free.stages.contacts.mix, speed)
     assert rolled.resistance - unloaded.resistance == pytest.approx(-pull, rel=0.03)  # first order in the slope
 
 
@@ -163,11 +163,11 @@ def test_compaction_continues_from_the_previous_speed_under_a_rate_effect(monkey
     assert [rolled.speed for _, (rolled,) in passed] == [0.05, 0.1, 0.2]
     assert starts == [None, *(rolled for _, (rolled,) in passed)][:count]
     back = contact_cases.roll_scene(
-        study(**given).scene, study(**given).mix, -0.1, "compaction", initial_guess=passed[0][1][0]
+        study(**given).scene, study(**given).stages.contacts.mix, -0.1, "compaction", initial_guess=passed[0][1][0]
     )
     assert (back.speed, starts[-1]) == (-0.1, None)  # the opposite direction is no initial guess
     other = study(**given, **{"mix.overrides.heckel_slope": 14e-6})
-    contact_cases.roll_scene(other.scene, other.mix, 0.1, "compaction", initial_guess=passed[0][1][0])
+    contact_cases.roll_scene(other.scene, other.stages.contacts.mix, 0.1, "compaction", initial_guess=passed[0][1][0])
     assert starts[-1] is passed[0][1][0]  # another mix: initial guess, not the result
 
 
@@ -184,13 +184,13 @@ def test_initial_guess_supplies_the_layer_where_elastic_recovery_depends_on_spee
     monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
     given = {"mix.overrides.rate_sensitivity": 0.02}
     case = study(**given)
-    last = contact_cases.roll_scene(case.scene, case.mix, 0.2, "compaction")
-    assert contact_cases.contact_inputs(case.scene, case.mix, "compaction", 0.05)[0] != last.layer
-    contact_cases.roll_scene(case.scene, case.mix, 0.05, "compaction", initial_guess=last)
+    last = contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.2, "compaction")
+    assert contact_cases.contact_inputs(case.scene, case.stages.contacts.mix, "compaction", 0.05)[0] != last.layer
+    contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.05, "compaction", initial_guess=last)
     assert calls[-1] == (last.layer, last, case.scene.mix.density_ratio)
     higher = study(**given, **{"product.height": 0.2201})
-    contact_cases.roll_scene(higher.scene, higher.mix, 0.05, "compaction", initial_guess=last)
-    layer = contact_cases.contact_inputs(higher.scene, higher.mix, "compaction", 0.05)[0]
+    contact_cases.roll_scene(higher.scene, higher.stages.contacts.mix, 0.05, "compaction", initial_guess=last)
+    layer = contact_cases.contact_inputs(higher.scene, higher.stages.contacts.mix, "compaction", 0.05)[0]
     assert calls[-1] == (layer, last, case.scene.mix.density_ratio)  # which the engine stretches
 
 
@@ -216,38 +216,38 @@ def test_initial_guess_supplies_the_layer_where_elastic_recovery_depends_on_spee
 def test_failed_contact_states_scene_engine_and_speed(changes, words):
     case = study(**changes, unusual=[f"contact.{target}" for target in ("indentation", "load", "peak_pressure")])
     with pytest.raises(RuntimeError, match=rf"^Small: .*, {case.scene.accuracy.engine} at 0\.1 m/s: .*{words}"):
-        contact_cases.roll_scene(case.scene, case.mix, 0.1)
+        contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.1)
 
 
 def test_columns_give_the_height_and_density_of_the_product():
     case = study(**{"accuracy.engine": "column"})
-    rolled = contact_cases.roll_scene(case.scene, case.mix, 0.2)
+    rolled = contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.2)
     assert rolled.exit_height == pytest.approx(case.scene.product.height, rel=1e-9)
     assert rolled.exit_density_ratio == pytest.approx(case.scene.mix.density_ratio, abs=1e-9)
 
 
 def test_compaction_material_has_mohr_coulomb_strength_and_the_heckel_slope():
     case = study(**{"mix.overrides.friction_angle": 30.0, "mix.overrides.cohesion": 10e3})
-    material = mix_laws.compaction_material(case.scene, case.mix)
+    material = mix_laws.compaction_material(case.scene, case.stages.contacts.mix)
     assert material.critical_slope == pytest.approx(np.sqrt(3) / 2)
     assert material.tensile_strength == pytest.approx(10e3 * np.sqrt(3))
     stiff = replace(material, unloading_modulus=4e9, fed_density_ratio=0.9)  # negligible elastic strain
     pressure = np.array([130e3, 220e3])
     loosening = -np.log(1 - simulate_oedometer(stiff, pressure).density_ratio)
-    assert np.diff(loosening) / np.diff(pressure) == pytest.approx(case.mix.heckel_slope, rel=1e-3)
+    assert np.diff(loosening) / np.diff(pressure) == pytest.approx(case.stages.contacts.mix.heckel_slope, rel=1e-3)
 
 
 def test_prescribed_load_acts_on_a_layer_of_the_nominal_height():
     case = study(**{"accuracy.engine": "column", "contact": {"load": 9740.0}})
-    rolled = contact_cases.roll_scene(case.scene, case.mix, 0.2)
+    rolled = contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.2)
     assert rolled.load * case.scene.machine.roller_length == pytest.approx(9740, rel=1e-9)
-    layer, *_ = contact_cases.contact_inputs(case.scene, case.mix, "column", 0.2)
+    layer, *_ = contact_cases.contact_inputs(case.scene, case.stages.contacts.mix, "column", 0.2)
     assert layer.height == pytest.approx(0.22 * 0.98 / 0.94)
 
 
 def test_lift_has_its_thickness_and_density_at_the_exit():
     case = study(**{"layer.lift_thickness": 0.06, "accuracy.engine": "column"})
-    rolled = contact_cases.roll_scene(case.scene, case.mix, 0.2)
+    rolled = contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.2)
     assert rolled.exit_height == pytest.approx(0.06, rel=1e-6)
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-6)
 
@@ -256,6 +256,6 @@ def test_lift_has_its_thickness_and_density_at_the_exit():
 @pytest.mark.parametrize("ratio", [1.5, 5.0])
 def test_every_contact_of_a_scene_has_an_error_estimate(name, ratio):
     case = study(**{"accuracy.engine": name, "layer.lift_thickness": 0.06, "mix.overrides.instant_over_relaxed": ratio})
-    load, resistance = contact_cases.roll_scene(case.scene, case.mix, 0.033).error
+    load, resistance = contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.033).error
     assert 0 < load <= case.scene.accuracy.tolerance
     assert 0 < resistance <= case.scene.accuracy.tolerance

@@ -41,7 +41,7 @@ def test_crossover_of_two_laws_is_that_of_the_closed_form():
     """
     changes = {"motion.laws": ["parabolic", "cubic"], "machine.guide_friction": 0.0}
     found = study(**changes)
-    force = found.resistance(np.array([1.0]), np.zeros(1))[0]
+    force = found.stages.resistance.resistance(np.array([1.0]), np.zeros(1))[0]
     mass, stroke = 1000.0, 0.4
 
     def cubic(duration):
@@ -84,20 +84,22 @@ def test_each_duration_is_a_scene_of_that_duration_at_the_same_height(engine):
         alone = Study(load_scene(SMALL, **engine | depth | {"motion.duration": duration}))
         for each in order:
             rel = 1e-12 if not engine else 5e-3
-            assert alone.runs[each.run.name].peak_force == pytest.approx(each.value, rel=rel)
+            assert alone.stages.drive.runs[each.run.name].peak_force == pytest.approx(each.value, rel=rel)
 
 
 def test_contacts_of_one_map_serve_all_durations():
     """The map covers the fastest law of the shortest pass; no contact is computed again for a duration."""
     found = study("duration=0.5:3:3", **COLUMN)
-    _ = found.runs
+    _ = found.stages.drive.runs
     before = dict(found.counts)
     over = found.over_durations
     changed = {name for name in found.counts if found.counts[name] != before.get(name, 0)}
     assert changed == {"durations"}
     own = {each.run.name: each.value for each in over.orders["peak_force"][-1]}
-    assert own == pytest.approx({each.run.name: each.value for each in found.rankings["peak_force"]}, rel=1e-12)
-    fastest = max(cycle.forward.peaks().velocity for cycle in found.cycles.values()) * 3 / 0.5
+    assert own == pytest.approx(
+        {each.run.name: each.value for each in found.stages.drive.rankings["peak_force"]}, rel=1e-12
+    )
+    fastest = max(cycle.forward.peaks().velocity for cycle in found.stages.laws.cycles.values()) * 3 / 0.5
     assert found.stages.resistance.map.speeds[-1] >= fastest * (1 - 1e-9)
 
 

@@ -26,7 +26,7 @@ def study(**changes):
 
 
 def values(study, name):
-    return np.array([getattr(contact, name) for contact in study.contacts])
+    return np.array([getattr(contact, name) for contact in study.stages.contacts.records])
 
 
 # quantity held constant over speed
@@ -35,10 +35,10 @@ def values(study, name):
 def test_height_is_held_at_every_speed_by_default():
     case = study(**PLAIN)
     depths, pressures = values(case, "indentation"), values(case, "peak_pressure")
-    mean = [contact.speed for contact in case.contacts].index(case.scene.mean_speed)
+    mean = [contact.speed for contact in case.stages.contacts.records].index(case.scene.mean_speed)
     assert case.stages.contacts.held.name == "height"
     assert depths == pytest.approx(case.stages.contacts.held.value, rel=1e-9)
-    assert pressures[mean] == pytest.approx(case.mix.required_pressure, rel=1e-6)
+    assert pressures[mean] == pytest.approx(case.stages.contacts.mix.required_pressure, rel=1e-6)
     assert np.all(np.diff(pressures) > 0)  # a stiffer layer at higher speed presses harder at the same height
 
 
@@ -63,7 +63,7 @@ def test_prescribed_load_or_pressure_is_held_unless_the_scene_prescribes_height(
     assert values(case, name) == pytest.approx(target, rel=1e-6)
     assert (case.stages.contacts.held.name, at_height.stages.contacts.held.name) == (name, "height")
     assert np.ptp(values(at_height, "indentation")) < 1e-9
-    at_mean = [c for c in at_height.contacts if c.speed == at_height.scene.mean_speed]
+    at_mean = [c for c in at_height.stages.contacts.records if c.speed == at_height.scene.mean_speed]
     assert getattr(at_mean[0], name) == pytest.approx(target, rel=1e-6)
 
 
@@ -93,19 +93,25 @@ def test_stated_height_is_that_of_every_contact_map_and_added_mass(engine, tmp_p
     assert depths == pytest.approx(depth, rel=1e-9)
 
     speed, name = 0.63 * case.stages.resistance.largest_speed, case.stages.contacts.engine.name
-    layer, roller, material = contact_cases.contact_inputs(case.scene, case.mix, name, case.scene.mean_speed)
+    layer, roller, material = contact_cases.contact_inputs(
+        case.scene, case.stages.contacts.mix, name, case.scene.mean_speed
+    )
     roller = replace(roller, indentation=depth, load=None, peak_pressure=None)
     tolerance = case.scene.accuracy.tolerance
     own = Case(layer=layer, roller=roller, material=material, speed=speed, tolerance=tolerance)
     rolled = case.stages.contacts.engine.contact(own)
     length = case.scene.machine.rollers * case.scene.machine.roller_length
     tolerance = 2 * case.scene.accuracy.tolerance
-    assert case.resistance(speed) == pytest.approx(length * rolled.resistance, rel=tolerance)
-    expected = case.stages.contacts.engine.expand(replace(own, speed=float(case.resistance.speeds[-1]), tolerance=None))
+    assert case.stages.resistance.resistance(speed) == pytest.approx(length * rolled.resistance, rel=tolerance)
+    expected = case.stages.contacts.engine.expand(
+        replace(own, speed=float(case.stages.resistance.resistance.speeds[-1]), tolerance=None)
+    )
     if expected is not None:
-        assert case.resistance.added_masses[-1] == pytest.approx(length * expected.added_mass, rel=tolerance)
+        assert case.stages.resistance.resistance.added_masses[-1] == pytest.approx(
+            length * expected.added_mass, rel=tolerance
+        )
     if name == "compaction":
-        assert len(case.resistance.contacts) == 2
+        assert len(case.stages.resistance.resistance.contacts) == 2
 
 
 def test_every_engine_of_the_comparison_holds_a_height_of_its_own():
@@ -138,7 +144,7 @@ def test_contact_by_formula_equals_the_engineering_summary(prescribed):
 def test_contact_outside_the_range_of_the_formulas_is_compared_at_the_required_pressure():
     case = study(**PLAIN, **{"contact.peak_pressure": 2e6})
     with pytest.warns(UserWarning, match="formulas do not reach the prescribed contact.*203 kPa"):
-        assert case.stages.contacts.engineering.pressure == case.mix.required_pressure
+        assert case.stages.contacts.engineering.pressure == case.stages.contacts.mix.required_pressure
 
 
 # guide friction and return stroke
@@ -148,7 +154,7 @@ def test_drive_uses_the_guide_friction_of_the_scene_and_not_eq_1_9():
     case = study()
     net_force = 2 * case.stages.contacts.roller_load - case.scene.machine.weight
     assert float(case.stages.resistance.steady.guide_friction[0]) == pytest.approx(0.008 * net_force, rel=1e-9)
-    run = case.runs["cubic"]
+    run = case.stages.drive.runs["cubic"]
     assert float(case.stages.resistance.steady.drive_force[0]) == pytest.approx(run.steady_force, rel=1e-12)
     rollers = 2 * case.stages.contacts.engineering.roller_resistance
     assert case.stages.contacts.engineering.cart_resistance - rollers == pytest.approx(
@@ -171,12 +177,16 @@ def test_return_stroke_over_compacted_mix_halves_the_work_of_compaction():
     stroke, friction, weight = 0.4, 0.008, fresh.scene.machine.weight
     there = abs(2 * fresh.stages.contacts.roller_load - weight)
     back = abs(2 * load * fresh.stages.contacts.roller_load - weight)
-    mix = float(fresh.resistance(0.1, 0.0)) * stroke  # without rate effect the resistance is independent of speed
-    assert fresh.runs["cubic"].energy == pytest.approx(2 * mix + 2 * friction * there * stroke, rel=1e-6)
-    energy = compacted.runs["cubic"].energy
+    mix = (
+        float(fresh.stages.resistance.resistance(0.1, 0.0)) * stroke
+    )  # without rate effect the resistance is independent of speed
+    assert fresh.stages.drive.runs["cubic"].energy == pytest.approx(2 * mix + 2 * friction * there * stroke, rel=1e-6)
+    energy = compacted.stages.drive.runs["cubic"].energy
     assert energy == pytest.approx(mix + friction * (there + back) * stroke, rel=1e-3)  # guide reactions of one sign
     assert fresh.stages.drive.cycle_energies["compacted"] == pytest.approx(energy, rel=1e-9)
-    assert compacted.stages.drive.cycle_energies["fresh"] == pytest.approx(fresh.runs["cubic"].energy, rel=1e-9)
+    assert compacted.stages.drive.cycle_energies["fresh"] == pytest.approx(
+        fresh.stages.drive.runs["cubic"].energy, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("kind", ["elastic", "motor"])
@@ -187,7 +197,7 @@ def test_every_drive_uses_the_resistance_of_the_return_stroke(kind):
     more = {"drive.motor": motor} if kind == "motor" else spring
     compacted = {"accuracy.engine": "column", "layer.return_stroke": "compacted", "motion.laws": ["cubic"]}
     driven, rigid = study(**compacted, **{"drive.kind": kind}, **more), study(**compacted)
-    assert driven.runs["cubic"].energy == pytest.approx(rigid.runs["cubic"].energy, rel=2e-3)
+    assert driven.stages.drive.runs["cubic"].energy == pytest.approx(rigid.stages.drive.runs["cubic"].energy, rel=2e-3)
 
 
 def test_moments_balance_on_both_strokes():

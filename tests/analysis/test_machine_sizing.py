@@ -50,7 +50,7 @@ def sentence(found):
 def test_shaft_has_the_energy_and_the_peak_power_of_the_run():
     study = study_of(**RULE)
     for name, each in study.machine_sizing.laws.items():
-        run, found = study.runs[name], each.requirement
+        run, found = study.stages.drive.runs[name], each.requirement
         assert 2 * np.pi * found.mean_torque == pytest.approx(run.energy, rel=1e-6)
         assert found.peak_torque * found.speed == pytest.approx(run.peak_power, rel=1e-6)
         assert each.required_power == pytest.approx(1.25 * run.rms_power / 0.9, rel=0.01)  # little braking
@@ -98,8 +98,8 @@ def test_spring_adds_its_oscillation_to_the_torque():
     soft = {"drive.stiffness": 1e6, "drive.damping": 3e3, "motion.duration": 0.889}
     study = study_of(**soft | {"drive.kind": "elastic", "motion.laws": ["cubic"]})
     found = study.machine_sizing.first.requirement
-    assert 2 * np.pi * found.mean_torque == pytest.approx(study.runs["cubic"].energy, rel=1e-9)
-    assert found.peak_torque * found.speed == pytest.approx(study.runs["cubic"].peak_power, rel=1e-3)
+    assert 2 * np.pi * found.mean_torque == pytest.approx(study.stages.drive.runs["cubic"].energy, rel=1e-9)
+    assert found.peak_torque * found.speed == pytest.approx(study.stages.drive.runs["cubic"].peak_power, rel=1e-3)
     assert found.peak_torque > 1.02 * sizing(**{"motion.duration": 0.889}).laws["cubic"].requirement.peak_torque
     jump = elastic(**{"motion.laws": ["constant-velocity"]}).requirement
     assert np.isfinite(jump.peak_torque)
@@ -129,7 +129,7 @@ def test_wheels_have_the_load_cycles_of_the_reactions():
     """A dry resistance reverses once a cycle, and with it the moment on the guides; the lift is constant."""
     study = study_of()
     wheels = {each.name: each for each in study.machine_sizing.wheels}
-    front = study.runs["cubic"].state.forces.front_reaction
+    front = study.stages.drive.runs["cubic"].state.forces.front_reaction
     assert wheels["front guide wheel"].cycles[0].range == pytest.approx(np.ptp(front))
     assert wheels["roller, lift"].cycles == ()
     (cycle,) = wheels["roller, along the travel"].cycles

@@ -24,7 +24,7 @@ def test_laws_of_columns_differ_by_elastic_strain_alone():
     """Both laws satisfy Heckel's curve in confined compression."""
     study = Study(scene())
     spread = study.model_spread
-    cohesion = study.mix.parameter("cohesion_loose")
+    cohesion = study.stages.contacts.mix.parameter("cohesion_loose")
     assert [each.law for each in spread.variants] == ["drucker-prager-cap"] * 3
     assert [each.cohesion_loose for each in spread.variants] == pytest.approx(
         [cohesion.low, cohesion.value, cohesion.high]
@@ -37,7 +37,7 @@ def test_law_of_the_scene_is_not_among_the_others():
     study = Study(scene(**{"mix.law": "drucker-prager-cap"}))
     laws = [(each.law, each.cohesion_loose) for each in study.model_spread.variants]
     assert [law for law, _ in laws] == ["ellipse", "drucker-prager-cap", "drucker-prager-cap"]
-    assert study.mix.cohesion_loose not in [cohesion for _, cohesion in laws]
+    assert study.stages.contacts.mix.cohesion_loose not in [cohesion for _, cohesion in laws]
 
 
 def test_mix_that_heaps_up_by_a_law_is_an_answer(monkeypatch):

@@ -232,8 +232,8 @@ def study(**changes):
 
 def test_passes_of_a_scene_alternate_in_direction_at_one_height():
     case = study()
-    done = contact_cases.roll_passes(case.scene, case.mix, 0.2)
-    first = contact_cases.roll_scene(case.scene, case.mix, 0.2)
+    done = contact_cases.roll_passes(case.scene, case.stages.contacts.mix, 0.2)
+    first = contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.2)
     assert len(done) == 3
     assert (done[0].load, done[0].exit_height) == (first.load, first.exit_height)
     assert [rolled.exit_height for rolled in done] == pytest.approx([0.22] * 3, rel=1e-9)

@@ -67,7 +67,7 @@ def test_coupled_contacts_correct_the_curve(curve):
 
 
 def test_drained_mix_has_no_air_in_its_forces_but_a_deaeration_speed(drained):
-    assert {each.air_load for each in drained.contacts} == {None}
+    assert {each.air_load for each in drained.stages.contacts.records} == {None}
     value, low, high = drained.pore_air.deaeration_speeds
     assert low == pytest.approx(value / 10)
     assert high == pytest.approx(value * 10)
@@ -78,20 +78,20 @@ def test_drained_mix_has_no_air_in_its_forces_but_a_deaeration_speed(drained):
 
 
 def test_air_increases_load_and_resistance_with_the_speed(drained, one_way):
-    for without, with_air in zip(drained.contacts, one_way.contacts, strict=True):
+    for without, with_air in zip(drained.stages.contacts.records, one_way.stages.contacts.records, strict=True):
         assert with_air.load == pytest.approx(without.load + with_air.air_load)
         assert with_air.resistance == pytest.approx(without.resistance + with_air.air_resistance)
         assert with_air.coefficient == pytest.approx(with_air.resistance / with_air.load)
-    assert np.all(np.diff([each.load for each in one_way.contacts]) > 0)
+    assert np.all(np.diff([each.load for each in one_way.stages.contacts.records]) > 0)
 
 
 def test_map_has_the_resistance_of_the_contacts(one_way):
-    forces = one_way.stages.resistance.map(np.array([each.speed for each in one_way.contacts]))
+    forces = one_way.stages.resistance.map(np.array([each.speed for each in one_way.stages.contacts.records]))
     machine = one_way.scene.machine
-    expected = [machine.rollers * machine.roller_length * each.resistance for each in one_way.contacts]
+    expected = [machine.rollers * machine.roller_length * each.resistance for each in one_way.stages.contacts.records]
     np.testing.assert_allclose(forces, expected, rtol=2e-3)
     assert one_way.stages.contacts.roller_load == pytest.approx(
-        machine.roller_length * one_way.contacts[4].load, rel=1e-9
+        machine.roller_length * one_way.stages.contacts.records[4].load, rel=1e-9
     )
 
 
@@ -116,9 +116,9 @@ def test_point_of_a_sweep_contains_the_air(drained, one_way):
     without = headline(False, lift(), Change("own"))
     found = headline(False, lift(**{"mix.pore_air": "one-way", "mix.overrides.air_permeability": 1e-13}), Change("air"))
     machine = one_way.scene.machine
-    at_mean = one_way.contacts[4]
+    at_mean = one_way.stages.contacts.records[4]
     assert found["load"] == pytest.approx(machine.roller_length * at_mean.load, rel=2e-3)
-    assert without["load"] == pytest.approx(machine.roller_length * drained.contacts[4].load, rel=1e-6)
+    assert without["load"] == pytest.approx(machine.roller_length * drained.stages.contacts.records[4].load, rel=1e-6)
 
 
 @pytest.mark.slow
@@ -131,7 +131,7 @@ def test_point_of_a_sweep_yields_to_its_air():
     scene = lift(**changes)
     assert scene.mean_speed == pytest.approx(0.1)
     found = headline(False, scene, Change("own"))
-    (record,), machine = Study(scene).contacts, scene.machine
+    (record,), machine = Study(scene).stages.contacts.records, scene.machine
     assert found["load"] == pytest.approx(machine.roller_length * record.load, rel=1e-6)
     assert found["resistance"] == pytest.approx(machine.rollers * machine.roller_length * record.resistance, rel=1e-6)
 
@@ -139,7 +139,7 @@ def test_point_of_a_sweep_yields_to_its_air():
 def test_tension_behind_the_roller_is_compared_with_the_strength(one_way):
     answer = one_way.pore_air
     assert answer.may_crack == (answer.at_mean_speed.excess_behind > answer.tensile_strength)
-    tight = air_answer(one_way.stages.contacts.air_curve, one_way.mix, 1e-6)
+    tight = air_answer(one_way.stages.contacts.air_curve, one_way.stages.contacts.mix, 1e-6)
     assert not tight.may_crack
 
 
@@ -156,7 +156,7 @@ def test_results_of_an_earlier_run_contain_the_curve(tmp_path):
 def test_mix_that_is_occluded_as_fed_is_refused_with_the_bound():
     scene = lift(**{"mix.pore_air": "one-way", "mix.overrides.occlusion_saturation": 0.75})
     with pytest.raises(ValueError, match="must exceed the saturation of the fed mix"):
-        Study(scene).contacts  # noqa: B018
+        Study(scene).stages.contacts.records  # noqa: B018
     dry = Study(lift(**{"mix.overrides.occlusion_saturation": 0.75}))
     assert dry.pore_air is None
     assert "occluded" in text.say("air", dry)
@@ -169,7 +169,7 @@ def test_finite_elements_have_the_field_of_the_air_and_the_coupled_forces():
         "contact.indentation": 0.003, "motion.duration": 4.0, "mix.pore_air": "coupled",
     }  # fmt: skip
     study = Study(lift(**changes))
-    (record,), (_, first) = study.contacts, study.stages.contacts.first_passes[0]
+    (record,), (_, first) = study.stages.contacts.records, study.stages.contacts.first_passes[0]
     alone = replace(study.stages.contacts.air_curve, coupled=()).at(0.1, 1e-12)
     assert 0.002 < alone.load / first.load < 0.1
     assert record.air_resistance > 1.5 * alone.resistance

@@ -47,11 +47,11 @@ def test_large_error_of_a_later_law_leaves_earlier_ranks_not_resolved():
 
 def test_two_discordant_pairs_among_three_laws():
     agreed = agreement(order(a=10, b=20, c=30), order(c=10, a=20, b=30), "peak_force")
-    assert agreed == (pytest.approx(-1 / 3), 2, 2, 3)
+    assert agreed[:4] == (pytest.approx(-1 / 3), 2, 2, 3)
 
 
 def test_discordant_pair_within_an_error_is_not_resolved():
-    assert agreement(order(a=10, b=20), order(b=10, a=11), "peak_force")[1:] == (1, 0, 1)
+    assert agreement(order(a=10, b=20), order(b=10, a=11), "peak_force")[1:4] == (1, 0, 1)
 
 
 @pytest.mark.parametrize(("second", "tie"), [(1009.0, True), (1011.0, False)], ids=["within", "beyond"])
@@ -75,8 +75,8 @@ def test_equal_values_share_a_resolved_rank():
 
 
 def test_discordant_pair_within_the_build_tolerance_is_not_resolved():
-    assert agreement(order(a=1000, b=1100), order(b=1000, a=1005), "peak_force")[1:] == (1, 0, 1)
-    assert agreement(order(a=1000, b=1100), order(b=1000, a=1050), "peak_force")[1:] == (1, 1, 1)
+    assert agreement(order(a=1000, b=1100), order(b=1000, a=1005), "peak_force")[1:4] == (1, 0, 1)
+    assert agreement(order(a=1000, b=1100), order(b=1000, a=1050), "peak_force")[1:4] == (1, 1, 1)
 
 
 def test_nonuniformity_is_resolved_to_a_hundredth_of_the_mean_speed():
@@ -114,7 +114,7 @@ def test_infinite_values_have_a_reason_and_form_no_pair():
     runs = [Ranked(1, run("a", 10.0), 10.0, math.nan, ""), Ranked(2, run("b", math.inf), math.inf, math.nan, "a jump")]
     first, last = places(runs, "peak_force", {"a": run("a", 11.0), "b": run("b", math.inf)})
     assert (first.resolved, last.resolved, last.error, last.reason) == (True, False, 0.0, "a jump")
-    assert agreement([first, last], [first, last], "peak_force") == (pytest.approx(math.nan, nan_ok=True), 0, 0, 0)
+    assert agreement([first, last], [first, last], "peak_force")[:4] == (pytest.approx(math.nan, nan_ok=True), 0, 0, 0)
 
 
 # properties

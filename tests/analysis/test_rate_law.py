@@ -191,7 +191,9 @@ def columns_study(directory=None, **changes):
 
 def test_stage_without_rate_effect_computes_no_further_contact():
     study = columns_study(**{"mix.overrides.rate_sensitivity": 0.0})
-    first = study.contacts[0].resistance * study.scene.machine.rollers * study.scene.machine.roller_length
+    first = (
+        study.stages.contacts.records[0].resistance * study.scene.machine.rollers * study.scene.machine.roller_length
+    )
     assert study.stages.resistance.map(0.01) == study.stages.resistance.map(0.05) == pytest.approx(first, rel=1e-12)
     assert (study.stages.resistance.map.error, study.counts["resistance"]) == (0.0, 0)
 
@@ -207,7 +209,9 @@ def test_stage_maps_and_extends_by_the_law():
     assert (study.counts["resistance"], after.contacts) == (count, before.contacts)
     length = study.scene.machine.rollers * study.scene.machine.roller_length
     for speed in (0.03 * fastest, 0.4 * fastest, 1.3 * fastest):
-        held_out = contact_cases.roll_scene(study.scene, study.mix, speed, held=study.stages.contacts.held)
+        held_out = contact_cases.roll_scene(
+            study.scene, study.stages.contacts.mix, speed, held=study.stages.contacts.held
+        )
         assert after(speed) == pytest.approx(length * held_out.resistance, rel=5e-3)
 
 

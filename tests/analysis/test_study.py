@@ -44,7 +44,7 @@ def test_published_scene_has_the_published_forces():
     study = Study(scene())
     assert study.stages.contacts.engineering.roller_force == pytest.approx(9740, rel=1e-6)
     assert study.stages.contacts.engineering.resistance_coefficient == pytest.approx(PUBLISHED_COEFFICIENT, rel=1e-5)
-    assert study.resistance.force + 0.008 * (2 * 9740 - 10000) == pytest.approx(3562, rel=1e-5)
+    assert study.stages.resistance.resistance.force + 0.008 * (2 * 9740 - 10000) == pytest.approx(3562, rel=1e-5)
 
 
 def test_prior_modulus_gives_the_uncalibrated_force():
@@ -57,8 +57,10 @@ def test_prior_modulus_gives_the_uncalibrated_force():
 @pytest.mark.parametrize("name", [name for name in LAWS if name not in ("constant-velocity", "gear-sector")])
 def test_energy_of_a_cycle_is_the_work_of_resistance_and_friction(name):
     study = Study(scene(**{"motion.laws": [name]}))
-    forces = study.resistance.force + 0.008 * (2 * study.stages.contacts.engineering.roller_force - 10000)
-    assert study.runs[name].energy == pytest.approx(2 * 0.4 * forces, rel=1e-9)
+    forces = study.stages.resistance.resistance.force + 0.008 * (
+        2 * study.stages.contacts.engineering.roller_force - 10000
+    )
+    assert study.stages.drive.runs[name].energy == pytest.approx(2 * 0.4 * forces, rel=1e-9)
 
 
 def test_laws_of_the_scene_are_those_of_the_table():
@@ -72,13 +74,15 @@ def test_criteria_of_the_scene_are_those_of_the_drives():
 def test_mean_force_of_a_cart_without_mass_is_its_resistance():
     light = {"machine.mass": 1e-9, "machine.weight": 1e-8, "unusual": ["machine.mass", "machine.weight"]}
     study = Study(scene(**light, **{"machine.guide_friction": 0.0}))
-    force = study.resistance.force
-    assert study.runs["cubic"].mean_force == pytest.approx(force, rel=1e-9)
-    assert study.runs["gear-sector"].mean_force == math.inf
+    force = study.stages.resistance.resistance.force
+    assert study.stages.drive.runs["cubic"].mean_force == pytest.approx(force, rel=1e-9)
+    assert study.stages.drive.runs["gear-sector"].mean_force == math.inf
 
 
 def test_inertia_changes_the_ranking_of_the_crank_scene():
-    slow, fast = (Study(scene(name)).rankings["peak_power"] for name in ("loveikin-2015", "loveikin-2015-crank"))
+    slow, fast = (
+        Study(scene(name)).stages.drive.rankings["peak_power"] for name in ("loveikin-2015", "loveikin-2015-crank")
+    )
     assert slow[0].run.name == "reversal-4-free-acceleration"
     assert fast[0].run.name == "cubic"
     assert [p.run.name for p in slow] != [p.run.name for p in fast]
@@ -86,16 +90,20 @@ def test_inertia_changes_the_ranking_of_the_crank_scene():
 
 def test_crank_law_is_driven_through_its_rod_in_a_crank_machine():
     study = Study(scene("loveikin-2015-crank", **{"motion.laws": ["crank", "harmonic"]}))
-    assert np.abs(study.runs["crank"].state.rod_tangent).max() == pytest.approx(0.25 / math.sqrt(1 - 0.0625), rel=1e-4)
-    assert not study.runs["harmonic"].state.rod_tangent.any()
+    assert np.abs(study.stages.drive.runs["crank"].state.rod_tangent).max() == pytest.approx(
+        0.25 / math.sqrt(1 - 0.0625), rel=1e-4
+    )
+    assert not study.stages.drive.runs["harmonic"].state.rod_tangent.any()
 
 
 def test_elastic_drive_of_a_scene_is_summarised(tmp_path):
     spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3, "motion.laws": ["cubic", "septic"]}
     study = Study(scene(**spring, **{"output.items": ["tables", "figures", "reactions"]}))
     summary = report.write_study(study, tmp_path / "out")
-    forces = study.resistance.force + 0.008 * (2 * study.stages.contacts.engineering.roller_force - 10000)
-    for name, run in study.runs.items():
+    forces = study.stages.resistance.resistance.force + 0.008 * (
+        2 * study.stages.contacts.engineering.roller_force - 10000
+    )
+    for name, run in study.stages.drive.runs.items():
         damper = np.sum(run.weights * 3e3 * run.motion.elongation_rate**2)
         slid = np.sum(run.weights * np.abs(run.state.velocity))
         assert run.energy == pytest.approx(
@@ -124,7 +132,7 @@ def test_added_mass_acts_on_the_elastic_drive_if_the_scene_includes_it(included)
         "mix.overrides.relaxation_time": 0.005,
     }
     study = Study(scene(**given))
-    run, resistance = study.runs["cubic"], study.resistance
+    run, resistance = study.stages.drive.runs["cubic"], study.stages.resistance.resistance
     state, slowest = run.state, run.trajectory.cart.knots[0]
     moves = np.abs(state.velocity) > slowest  # as resolved by the integration
     velocity, acceleration = state.velocity[moves], state.acceleration[moves]
@@ -148,10 +156,12 @@ def test_motor_drive_of_a_scene_is_summarised(tmp_path):
     }
     study = Study(scene(**given, **{"output.items": ["tables", "figures", "reactions"]}))
     summary = report.write_study(study, tmp_path / "out")
-    forces = study.resistance.force + 0.008 * (2 * study.stages.contacts.engineering.roller_force - 10000)
-    assert study.runs["cubic"].energy == pytest.approx(0.8 * forces, rel=1e-6)
-    assert study.runs["crank"].state.rod_tangent.any()
-    run = study.runs["cubic"]
+    forces = study.stages.resistance.resistance.force + 0.008 * (
+        2 * study.stages.contacts.engineering.roller_force - 10000
+    )
+    assert study.stages.drive.runs["cubic"].energy == pytest.approx(0.8 * forces, rel=1e-6)
+    assert study.stages.drive.runs["crank"].state.rod_tangent.any()
+    run = study.stages.drive.runs["cubic"]
     assert np.all(run.direction * run.state.velocity > -1e-9)
     assert summary["laws"]["gear-sector"]["peak_force"] == math.inf  # no motor follows a jump of velocity
     with (tmp_path / "out" / "motor.csv").open(newline="") as stream:
@@ -178,8 +188,8 @@ DRIVES = {
 @pytest.mark.parametrize("kind", DRIVES)
 def test_runs_of_every_drive_can_be_pickled(kind):
     study = Study(scene(**{"drive.kind": kind, "motion.laws": ["cubic", "crank"]}, **DRIVES[kind]))
-    there = pickle.loads(pickle.dumps(study.runs))
-    for name, run in study.runs.items():
+    there = pickle.loads(pickle.dumps(study.stages.drive.runs))
+    for name, run in study.stages.drive.runs.items():
         assert there[name].peak_force == run.peak_force
         assert np.array_equal(there[name].drive_power, run.drive_power)
 
@@ -192,11 +202,11 @@ def test_hydraulic_drive_of_a_scene_is_summarised(tmp_path):
     rigid = Study(scene("small", **{"drive.end_springs": springs}))
     bare = Study(scene("small"))
     for name, entry in summary["laws"].items():
-        assert entry["peak_force"] == pytest.approx(rigid.runs[name].peak_force, rel=1e-12)
-        assert entry["energy"] == pytest.approx(bare.runs[name].energy, rel=1e-9)
+        assert entry["peak_force"] == pytest.approx(rigid.stages.drive.runs[name].peak_force, rel=1e-12)
+        assert entry["energy"] == pytest.approx(bare.stages.drive.runs[name].energy, rel=1e-9)
         assert entry["energy_residual"] < 1e-6
-    assert summary["laws"]["cubic"]["peak_pressure"] < bare.runs["cubic"].peak_force / 1e-3 + 2e5
-    best = study.rankings["peak_force"][0].run.name
+    assert summary["laws"]["cubic"]["peak_pressure"] < bare.stages.drive.runs["cubic"].peak_force / 1e-3 + 2e5
+    best = study.stages.drive.rankings["peak_force"][0].run.name
     passed = np.genfromtxt(tmp_path / "out" / f"passage-{best}.csv", delimiter=",", names=True)
     assert np.abs(passed["position_m"] - passed["law_position_m"]).max() < 1e-3
     assert f"throttles/{best}.csv" in summary["files"]
@@ -205,7 +215,7 @@ def test_hydraulic_drive_of_a_scene_is_summarised(tmp_path):
 def test_mean_power_of_the_shaft_equals_that_of_the_run():
     study = Study(scene("loveikin-2015-crank", **{"motion.laws": ["crank"]}))
     turn = study.stages.drive.turns["1"]
-    assert turn.mean(turn.power) == pytest.approx(study.runs["crank"].mean_power, rel=1e-6)
+    assert turn.mean(turn.power) == pytest.approx(study.stages.drive.runs["crank"].mean_power, rel=1e-6)
 
 
 def test_spread_of_the_force_follows_the_square_of_the_pressure():
@@ -232,7 +242,7 @@ def test_cycle_table_integrates_to_the_energy(written):
         rows = [{name: float(cell) for name, cell in row.items()} for row in csv.DictReader(stream)]
     time, power = (np.array([row[name] for row in rows]) for name in ("time_s", "drive_power_W"))
     assert np.trapezoid(power, time) == pytest.approx(
-        study.runs["cubic"].energy, rel=5e-4
+        study.stages.drive.runs["cubic"].energy, rel=5e-4
     )  # trapezoidal rule on 129 points
 
 
@@ -242,7 +252,7 @@ def test_angle_of_a_stepper_in_the_roller_follows_the_travel(written):
     assert rows["angle_rad"].max() * study.scene.machine.roller_radius == pytest.approx(0.4, rel=1e-9)
     speed = 1.2 * 0.4 / 3.0 / 0.11  # D 3.2: 6/5 of the mean speed, B eq (46)
     assert np.abs(rows["angular_velocity_rads"]).max() == pytest.approx(speed, rel=1e-9)
-    run, rollers = study.runs["reversal-3"], study.scene.machine.rollers
+    run, rollers = study.stages.drive.runs["reversal-3"], study.scene.machine.rollers
     assert rollers * np.trapezoid(rows["power_W"], rows["time_s"]) == pytest.approx(run.energy, rel=5e-3)
     assert rollers * np.abs(rows["torque_Nm"]).max() == pytest.approx(run.peak_force * 0.11, rel=1e-2)
     assert np.abs(rows["traction"]).max() == pytest.approx(
@@ -264,11 +274,11 @@ OPTIMISE = {"objectives": ["peak_force", "peak_power"], "smoothness": 1, "steady
 def test_optimal_laws_rank_first():
     laws = ["reversal-2", "reversal-3-free-acceleration", "reversal-4-free-acceleration", "combined-4"]
     study = Study(scene(**{"motion.laws": laws, "motion.optimise": OPTIMISE}))
-    assert study.rankings["peak_force"][0].run.name == "least-peak-force"
-    assert study.rankings["peak_power"][0].run.name == "least-peak-power"
+    assert study.stages.drive.rankings["peak_force"][0].run.name == "least-peak-force"
+    assert study.stages.drive.rankings["peak_power"][0].run.name == "least-peak-power"
     for objective in OPTIMISE["objectives"]:
-        optimal = study.cycles[f"least-{objective.replace('_', '-')}"].forward
-        assert getattr(study.runs[optimal.name], objective) == pytest.approx(optimal.value, rel=1e-4)
+        optimal = study.stages.laws.cycles[f"least-{objective.replace('_', '-')}"].forward
+        assert getattr(study.stages.drive.runs[optimal.name], objective) == pytest.approx(optimal.value, rel=1e-4)
         assert study.stages.laws.limits.velocity is None  # the formulas do not depend on speed
     assert study.counts["laws"] == 6
 
@@ -297,7 +307,7 @@ def test_resistance_map_extends_to_the_speed_of_the_optimal_law(layer):
         == study.stages.resistance.largest_speed
         == pytest.approx(study.stages.resistance.map.speeds[-1])
     )
-    assert study.runs["least-peak-force"].peak_force == pytest.approx(there.value, rel=1e-3)
+    assert study.stages.drive.runs["least-peak-force"].peak_force == pytest.approx(there.value, rel=1e-3)
 
 
 def test_velocity_bound_of_the_scene_holds():
@@ -311,9 +321,12 @@ def test_velocity_bound_of_the_scene_holds():
 def test_optimal_law_for_the_spread_of_the_mix_has_little_regret():
     made = OPTIMISE | {"objectives": ["peak_power"], "spread": ["required_pressure"]}
     study = Study(scene(**{"motion.laws": ["reversal-4"], "motion.optimise": made}))
-    low, high = (study.stages.laws.motion_resistances[k].resistance.force / study.resistance.force for k in (1, 2))
+    low, high = (
+        study.stages.laws.motion_resistances[k].resistance.force / study.stages.resistance.resistance.force
+        for k in (1, 2)
+    )
     assert low < 1 / 2.2 < 2.2 < high  # the force follows the square of the pressure
-    assert 1 < study.cycles["least-peak-power"].forward.value < 1.05
+    assert 1 < study.stages.laws.cycles["least-peak-power"].forward.value < 1.05
 
 
 @pytest.mark.slow
@@ -375,7 +388,7 @@ def test_optimisation_without_convergence_omits_its_law_alone(monkeypatch):
     monkeypatch.setattr("compact.analysis.stages.laws.optimise", optimise)
     study = Study(scene(**{"motion.laws": ["cubic"], "motion.optimise": OPTIMISE}))
     with pytest.warns(UserWarning, match="least-peak-power is not made: no stationary law after 60 steps"):
-        assert list(study.cycles) == ["cubic", "least-peak-force"]
+        assert list(study.stages.laws.cycles) == ["cubic", "least-peak-force"]
     assert study.stages.laws.not_made == {"least-peak-power": "no stationary law after 60 steps"}
     with pytest.raises(RuntimeError, match="no cam: least-peak-power is not made: no stationary law"):
         study.stages.laws.cam("least-peak-power", "roller")
@@ -389,7 +402,7 @@ def test_tabulated_law_is_ranked_with_the_published_laws(tmp_path):
     text = (SCENES / "small.toml").read_text().replace("rod_length", 'tables = ["mine.csv"]\nrod_length')
     (tmp_path / "scene.toml").write_text(text)
     study = Study(load_scene(tmp_path / "scene.toml"))
-    assert study.runs["mine"].peak_force == pytest.approx(
+    assert study.stages.drive.runs["mine"].peak_force == pytest.approx(
         study.stages.contacts.engineering.roller_resistance * 2 + 75.84 + 256.6, rel=1e-3
     )
 
@@ -412,7 +425,7 @@ def test_broken_table_is_refused_with_its_name(tmp_path):
     text = (SCENES / "small.toml").read_text().replace("rod_length", 'tables = ["mine.csv"]\nrod_length')
     (tmp_path / "scene.toml").write_text(text)
     with pytest.raises(SceneError, match=r"mine\.csv: not a table of time \[s\] and position \[m\]"):
-        _ = Study(load_scene(tmp_path / "scene.toml")).runs
+        _ = Study(load_scene(tmp_path / "scene.toml")).stages.drive.runs
 
 
 def test_formula_scene_loads_no_heavy_module(tmp_path):
@@ -453,6 +466,6 @@ def test_sufficient_remedies_for_too_few_rollers_are_stated():
 def test_resistance_map_covers_the_speeds_of_an_elastic_drive_after_a_velocity_jump(laws):
     spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3}
     study = Study(scene(**spring, **{"accuracy.engine": "column", "layer.lift_thickness": 0.06, "motion.laws": laws}))
-    run = study.runs[laws[-1]]
+    run = study.stages.drive.runs[laws[-1]]
     assert np.abs(run.state.velocity).max() < study.stages.resistance.map.speeds[-1]
     assert study.stages.resistance.largest_speed >= 4 * 0.4 / 3

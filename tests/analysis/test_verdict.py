@@ -165,12 +165,12 @@ def test_first_law_depends_on_a_spring_that_nobody_has_measured(spring, laws):
     stiffness, ratio = spring
     drive = {"drive.stiffness": stiffness, "drive.damping": 2 * ratio * np.sqrt(stiffness * 1000.0)}
     found = Study(load_scene(ENGINES, **FORMULA, **drive, **{"motion.laws": laws}))
-    force, power = found.rankings["peak_force"], found.rankings["peak_power"]
+    force, power = found.stages.drive.rankings["peak_force"], found.stages.drive.rankings["peak_power"]
     law, least, frugal, least_power, parabolic = SPRINGS[spring]
     assert (force[0].run.name, power[0].run.name) == (law, frugal)
     assert (force[0].value, power[0].value) == pytest.approx((1e3 * least, 1e3 * least_power), rel=0.01)
     if parabolic:
-        assert found.runs["parabolic"].peak_force == pytest.approx(1e3 * parabolic, rel=0.01)
+        assert found.stages.drive.runs["parabolic"].peak_force == pytest.approx(1e3 * parabolic, rel=0.01)
 
 
 MOTOR = {
@@ -241,7 +241,7 @@ def test_columns_are_valid_up_to_two_contact_lengths():
     columns = load_scene(ENGINES).with_engine("column")
     assert reason_against(columns, 1.9) == ""
     assert reason_against(columns, 4.6) == "no bow wave, layer 4.6 contact lengths high"
-    lengths = [contact.leading - contact.trailing for contact in study().contacts]
+    lengths = [contact.leading - contact.trailing for contact in study().stages.contacts.records]
     assert min(lengths) <= 0.22 / study().models[0].height_ratio <= max(lengths)
     assert min(lengths) > np.sqrt(2 * 0.11 * 0.0111)  # R and depth; the contact ends behind the lowest point
     assert not study().models[0].valid

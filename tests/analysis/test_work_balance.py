@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis.material_tests import oedometer
+from compact.analysis.material_tests import LaboratoryProgramme
 from compact.analysis.sizing.work_balance import heckel_work
 from compact.analysis.study import Study
 from compact.material.laws import Compaction
@@ -40,7 +40,7 @@ def test_confined_work_is_that_of_the_oedometer_of_stiff_mix():
         unloading_modulus=1e11, poisson=0.3, heckel_slope=14.4e-6, loose_density_ratio=0.72, critical_slope=1.0,
         tensile_strength=14e3, fed_density_ratio=0.936, heckel_test="confined",
     )  # fmt: skip
-    test = oedometer(material, 183e3)
+    test = LaboratoryProgramme(material, 0.98, 183e3).test("oedometer")
     end = int(test.axial_stress.argmax()) + 1
     # of the volume before: dw = s_v d(e_v) V, V = exp(-e_v); over the volume at the end
     work = np.trapezoid(test.axial_stress[:end] * np.exp(-test.axial_strain[:end]), test.axial_strain[:end])

@@ -62,7 +62,9 @@ def test_engine_of_another_package_ranks_and_reports(installed, tmp_path):
     assert [*study.places_by_engine] == ["winkler", "formula"]
     assert "engine winkler" in (tmp_path / "out" / "report.html").read_text("utf-8")
     assert study.stages.contacts.second_pass is None
-    assert [place.law for place in scene.rank()] == [place.run.name for place in study.rankings["peak_force"]]
+    assert [place.law for place in scene.rank()] == [
+        place.run.name for place in study.stages.drive.rankings["peak_force"]
+    ]
     assert (tmp_path / "out" / "report.html").exists()
 
 

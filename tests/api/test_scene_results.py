@@ -83,7 +83,11 @@ def test_contacts_of_another_engine_and_of_the_formulas(scene):
 
 def test_resistance_is_a_function_and_a_table(scene):
     resistance = scene.resistance()
-    assert float(resistance(-0.1)) == -float(resistance(0.1)) == -float(compact.Study(scene).resistance(0.1))
+    assert (
+        float(resistance(-0.1))
+        == -float(resistance(0.1))
+        == -float(compact.Study(scene).stages.resistance.resistance(0.1))
+    )
     frame = resistance.to_dataframe()
     assert frame["resistance"].loc[resistance.law.speeds[0]] == resistance.law.forces[0]
     assert resistance.to_xarray()["resistance"].attrs["units"] == "N"
@@ -95,7 +99,7 @@ def test_resistance_is_a_function_and_a_table(scene):
 def test_ranking_equals_that_of_a_study(scene):
     ranking, study = scene.rank(resistance=scene.resistance()), scene.study()
     assert ranking.by == "peak_force"
-    assert [place.law for place in ranking] == [place.run.name for place in study.rankings["peak_force"]]
+    assert [place.law for place in ranking] == [place.run.name for place in study.stages.drive.rankings["peak_force"]]
     assert ranking.to_dataframe()["peak_force"].tolist() == study.to_dataframe()["peak_force"].tolist()
     assert isinstance(ranking.plot(), Figure)
     assert repr(ranking) == f"<3 laws by peak drive force, rigid drive; first {ranking[0].law}>"
@@ -140,7 +144,7 @@ def test_study_writes_what_the_command_writes(tmp_path):
     formula = compact.load_scene(SCENES / "small.toml", **{"output.items": ["tables"]})
     study = formula.run(tmp_path / "out")
     assert (tmp_path / "out" / "summary.json").exists()
-    assert study.to_dataframe().index[0] == study.rankings["peak_force"][0].run.name
+    assert study.to_dataframe().index[0] == study.stages.drive.rankings["peak_force"][0].run.name
     assert "cubic" in study._repr_html_()
     assert "cubic" not in formula.study()._repr_html_()  # a view starts no computation
 

@@ -86,7 +86,7 @@ def value(unit, name):
 
 @pytest.mark.slow
 def test_unit_has_the_forces_of_the_rigid_drive(study, model, unit):
-    cart, state = unit(model), study.runs["reversal-4"].state
+    cart, state = unit(model), study.stages.drive.runs["reversal-4"].state
     moving = np.flatnonzero(np.abs(state.velocity) > 1e-6)[::5]
     assert moving.size > 50
     for k in moving:
@@ -179,7 +179,7 @@ def test_cart_that_stops_within_a_step_moves_on_in_the_rest_of_it(model, tmp_pat
 @pytest.mark.parametrize("memory", [False, True])
 def test_table_meets_its_tolerance_against_the_drive(study, model, model_with_memory, memory, tolerance):
     used = model_with_memory if memory else model
-    table, state = force_table(used, tolerance), study.runs["reversal-4"].state
+    table, state = force_table(used, tolerance), study.stages.drive.runs["reversal-4"].state
     assert table.interpolation_error <= tolerance
     moving = np.abs(state.velocity) > np.min(np.abs(table.velocity[table.velocity != 0]))
     velocity, acceleration = state.velocity[moving], state.acceleration[moving]

@@ -114,7 +114,7 @@ def test_page_has_the_numbers_of_the_study_in_every_section_and_not_too_many_wor
     words = unescape(page.words).replace("\N{NO-BREAK SPACE}", " ")
     assert [attributes["id"] for attributes in page.all("details") if "id" in attributes] == SECTIONS
     for by, unit in (("peak_force", "N"), ("peak_power", "W")):
-        value = format_column([study.rankings[by][0].value], unit)[0]
+        value = format_column([study.stages.drive.rankings[by][0].value], unit)[0]
         assert f"{value} (1)" in words
         first = study.places_by_engine["formula"]["rigid"][by][0]
         assert f"{first.law} {format_column([first.value], unit, 3)[0]}" in words  # in the row of the model
@@ -162,12 +162,12 @@ def test_checks_pass_for_every_contact_and_run(written):
     found = study.checks
     assert all(check.passed for check in found)
     assert sum("work of the contact" in check.name for check in found) == len(study.stages.contacts.first_passes)
-    assert sum("work over a cycle" in check.name for check in found) == len(study.runs)
+    assert sum("work over a cycle" in check.name for check in found) == len(study.stages.drive.runs)
 
 
 def test_open_energy_balance_of_a_cycle_fails_its_check():
     study = Study(scene(**{"output.items": [], "motion.laws": ["cubic"]}))
-    run = study.runs["cubic"]
+    run = study.stages.drive.runs["cubic"]
     study.stages.drive.runs = {"cubic": replace(run, state=run.state._replace(resistance=1.001 * run.state.resistance))}
     failed = [check for check in study.checks if not check.passed]
     assert [check.name for check in failed] == ["work over a cycle, cubic"]
@@ -203,8 +203,8 @@ def test_ends_are_those_of_a_scene_so_changed(engine, keys, rel):
             if LAYERS[engine]:
                 exact.stages.resistance.resistance = replace(exact.stages.resistance.map, added_masses=None)  # steady
             for by in ("peak_force", "peak_power"):
-                assert end.least[by] == pytest.approx(exact.rankings[by][0].value, rel=rel)
-                assert end.law[by] == exact.rankings[by][0].run.name
+                assert end.least[by] == pytest.approx(exact.stages.drive.rankings[by][0].value, rel=rel)
+                assert end.law[by] == exact.stages.drive.rankings[by][0].run.name
 
 
 def test_sensitivities_of_an_expensive_engine_are_by_its_map_or_by_formula():
@@ -217,7 +217,7 @@ def test_sensitivities_of_an_expensive_engine_are_by_its_map_or_by_formula():
     shifts = {shift.name: shift for shift in dear.sensitivities}
     assert {name for name, shift in shifts.items() if shift.by == "fem"} == {"machine.mass", "machine.guide_friction"}
     assert shifts["machine.mass"].base.least["peak_force"] == pytest.approx(
-        min(run.peak_force for run in study.runs.values()), rel=1e-3
+        min(run.peak_force for run in study.stages.drive.runs.values()), rel=1e-3
     )
     assert "Inputs that do not change the layer are by the resistance map of the engine" in page_html(dear)
 
@@ -269,7 +269,7 @@ def test_page_is_small_and_repeats_no_run(written):
     assert path.stat().st_size < LARGEST
     assert "report.html" in summary["files"]
     assert summary["evaluation_counts"]["runs"] == 2 * len(
-        study.cycles
+        study.stages.laws.cycles
     )  # against the resistance, and against it with its error
     assert summary["evaluation_counts"]["report"] == 1
 

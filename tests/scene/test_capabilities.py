@@ -42,7 +42,7 @@ def taken(engine, key, value, friction):
 @pytest.mark.parametrize("friction", [0.0, 0.35])
 def test_table_and_engines_accept_the_same_values(engine, friction):
     study = Study(load_scene(SMALL, **{"mix.overrides.steel_friction": friction}))
-    layer, _, material = contact_inputs(study.scene, study.mix, engine, SPEED)
+    layer, _, material = contact_inputs(study.scene, study.stages.contacts.mix, engine, SPEED)
     plies = (), (Ply(thickness=layer.height, stiffness=2.0),)
     cases = product(get_args(RollerCondition), get_args(GapGeometry), get_args(BaseCondition), plies)
     for rolling, profile, base, stack in cases:

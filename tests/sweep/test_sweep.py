@@ -77,7 +77,7 @@ def cluster():
 
 def test_points_are_those_of_single_studies(whole, tmp_path):
     there = COLUMNS.replaced(**{"mix.moisture": 0.12, "mix.density_ratio": 0.96})
-    rolled = sweep.roll_passes(there, Study(there).mix, 0.4 / 3)[0]
+    rolled = sweep.roll_passes(there, Study(there).stages.contacts.mix, 0.4 / 3)[0]
     point = whole.sel(moisture=0.12, density_ratio=0.96)
     assert float(point["load"]) == 1.164 * rolled.load
     assert float(point.resistance) == 2 * 1.164 * rolled.resistance
@@ -105,7 +105,7 @@ def test_table_is_labelled_and_identical_when_read_back(tmp_path):
 def test_laws_are_ranked_at_every_point(tmp_path):
     scene = FORMULA.replaced(**{"motion.laws": ["parabolic", "septic"]})
     table, _ = swept(tmp_path, scene, ["mix.moisture=0.09,0.1"], rank=True)
-    place = Study(scene).rankings["peak_power"][0]
+    place = Study(scene).stages.drive.rankings["peak_power"][0]
     assert table.best_law_by_peak_power.values[1] == place.run.name
     assert float(table.peak_power[1]) == place.value
     assert table.peak_power.attrs["units"] == "W"

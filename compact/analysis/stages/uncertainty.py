@@ -34,11 +34,10 @@ from compact.analysis.stages.drives import Stages, simulate_laws
 from compact.analysis.stages.ensemble import (
     Change,
     Peaks,
-    Run,
     drive_peaks,
     ensemble,
+    evaluate,
     first_law,
-    peaks_at,
     polynomial_terms,
 )
 from compact.analysis.stages.resistance import ResistanceLaw
@@ -242,22 +241,12 @@ def ranking_uncertainty(
     RankingUncertainty
     """
     scene, contacts, model = stages.contacts.scene, stages.contacts, sizing_model(models)
-    leads, duration, kind, met = models[0].valid, scene.motion.duration, scene.drive.kind, model.resistance
-    laws, cart, cycles = {by: each.law for by, each in verdicts.items()}, stages.resistance.cart, stages.laws.cycles
-    base = {by: model.values(duration, kind, by) for by in laws}
+    leads, case, met = models[0].valid, (scene.motion.duration, scene.drive.kind), model.resistance
+    laws, cycles = {by: each.law for by, each in verdicts.items()}, stages.laws.cycles
+    base = {by: model.values(*case, by) for by in laws}
     mix = mix_spread(scene, contacts.process, executor)
-    answers: list[tuple[str, str, Mapping[str, Peaks]]] = []  # source, variation, peaks at its ends
+    sources: list[tuple[str, str, Mapping[str, Change | Peaks]]] = []  # name, variation, changes or known peaks
 
-    def near(share: float) -> dict[str, Cycle]:
-        """Return the recommended laws, and those within a share of the least peak by any criterion."""
-        close = {law for each in base.values() for law, value in each.items() if value <= share * min(each.values())}
-        return {law: cycle for law, cycle in cycles.items() if law in {*close, *laws.values()}}
-
-    def solved(changes: Sequence[Change], run: Run) -> dict[str, Peaks]:
-        table = ensemble(scene, changes, run, executor)
-        return {each.label: peaks_at(table, number) for number, each in enumerate(changes)}
-
-    under = partial(drive_peaks, cart, near(CONTENDER_SHARE), met, tuple(laws))
     ratios: dict[str, tuple[float, float] | None] = {
         name: None if error is None else (1 - error, 1 + error)
         for name, error in ((MESH, getattr(met, "engine_error", None)), (MAP, getattr(met, "error", None)))
@@ -268,41 +257,66 @@ def ranking_uncertainty(
     for name, pair in ratios.items():
         if pair and max(abs(ratio - 1) for ratio in pair) >= LEAST_EFFECT:
             words = f"{pair[0]:.2f} to {pair[1]:.2f} times the resistance"
-            ends = [Change(f"{each:.2f} times", resistance=met.scaled(each)) for each in pair]
-            answers.append((name, f"one-way to undrained, {words}" if name == AIR else words, solved(ends, under)))
+            ends = {f"{each:.2f} times": Change(f"{each:.2f} times", resistance=met.scaled(each)) for each in pair}
+            sources.append((name, f"one-way to undrained, {words}" if name == AIR else words, ends))
     others = [each for each in models if each.valid and each is not model and model.valid]
-    at_once = {each.engine: {by: each.values(duration, kind, by) for by in laws} for each in others}
-    answers.append((MODELS, ", ".join(at_once), at_once))
-    moved: Run = partial(drive_peaks, cart, cycles, met, tuple(laws))
-    if DRIVES[kind].realises:
-        moved = partial(_realised_peaks, scene, cart, near(OIL_SHARE), met, tuple(laws))
-    by_drive = solved(drive_variants(scene), moved)
-    answers.append((DRIVE, ", ".join(by_drive), by_drive))
+    by_model = {each.engine: {by: each.values(*case, by) for by in laws} for each in others}
+    by_drive = {each.label: each for each in drive_variants(scene)}
+    sources += [(MODELS, ", ".join(by_model), by_model), (DRIVE, ", ".join(by_drive), by_drive)]
     if leads and contacts.second_pass is not None and scene.layer.return_stroke != "compacted":
         returned = replace(stages.resistance.map, return_ratio=contacts.second_pass[1])
-        compacted = under(scene, Change("compacted", resistance=returned))
-        answers.append((RETURN, "over fresh or compacted mix", {"compacted": compacted, "fresh": base}))
-    for other in (each for each in model.places if each != duration):
+        compacted = Change("compacted", resistance=returned)
+        sources.append((RETURN, "over fresh or compacted mix", {"compacted": compacted, "fresh": base}))
+    for other in (each for each in model.places if each != case[0]):
         words = f"{other:.3g} s"
-        answers.append((DURATION, words, {words: {by: model.values(other, kind, by) for by in laws}}))
-    sources = tuple(
-        Source(name, words, tuple(_end(label, each, base, laws) for label, each in ends.items()))
-        for name, words, ends in answers
-        if ends
-    )
-
+        sources.append((DURATION, words, {words: {by: model.values(other, case[1], by) for by in laws}}))
     extremes = [1.0, *((mix.low, mix.high) if mix else ()), *(spread or ())]
     scales = np.linspace(SCALE_ENDS[0] * min(extremes), SCALE_ENDS[1] * max(extremes), SCALES).tolist()
-    run = partial(drive_peaks, cart, {law: cycles[law] for law in laws.values()}, met, tuple(laws))
-    found = solved([Change(f"{scale}", resistance=met.scaled(scale)) for scale in scales], run)
+
+    def near(share: float) -> dict[str, Cycle]:
+        """Return the recommended laws, and those within a share of the least peak by any criterion."""
+        close = {law for each in base.values() for law, value in each.items() if value <= share * min(each.values())}
+        return {law: cycle for law, cycle in cycles.items() if law in {*close, *laws.values()}}
+
+    followed = {"": near(CONTENDER_SHARE)} | {str(scale): near(0.0) for scale in scales}
+    followed |= dict.fromkeys(by_drive, near(OIL_SHARE) if DRIVES[case[1]].realises else cycles)
+    changes = [each for *_, ends in sources for each in ends.values() if isinstance(each, Change)]
+    changes += [Change(str(scale), resistance=met.scaled(scale)) for scale in scales]
+    run = partial(_peaks, stages.resistance.cart, followed, met, tuple(laws))
+    answers = iter([peaks for _, peaks in sorted(evaluate(scene, changes, run, executor).items())])
+    known = tuple(
+        Source(name, words, tuple(
+            _end(label, next(answers) if isinstance(each, Change) else each, base, laws) for label, each in ends.items()
+        ))
+        for name, words, ends in sources
+        if ends
+    )  # fmt: skip
+    scaled = list(answers)
     peaks = {}
     for by, law in laws.items():
-        values = [each.get(by, {}).get(law, math.inf) for each in found.values()]
-        known = [(scale, value) for scale, value in zip(scales, values, strict=True) if math.isfinite(value)]
-        peaks[by] = tuple(scale for scale, _ in known), tuple(value for _, value in known)
+        values = np.array([scales, [each.get(by, {}).get(law, math.inf) for each in scaled]])
+        at, value = values[:, np.isfinite(values[1])].tolist()
+        peaks[by] = tuple(at), tuple(value)
     if mix is not None:
         mix = replace(mix, shares={by: _shares(mix, *peaks[by]) for by in laws})
-    return RankingUncertainty(sources, mix, peaks, laws)
+    return RankingUncertainty(known, mix, peaks, laws)
+
+
+def _peaks(
+    cart: Cart,
+    cycles: Mapping[str, Mapping[str, Cycle]],
+    resistance: ResistanceLaw,
+    criteria: Iterable[str],
+    scene: Scene,
+    change: Change,
+) -> Peaks:
+    """Return the peaks of the laws that belong to the label of a change, under the drive of the changed scene."""
+    followed, drive = cycles.get(change.label, cycles[""]), DRIVES[scene.drive.kind]
+    if not (drive.realises and change.keys):
+        return drive_peaks(cart, followed, resistance, criteria, scene, change)
+    runs = simulate_laws(scene, cart, followed, resistance, RuntimeError)
+    made = {law: drive.realised_peaks(scene, run) for law, run in runs}
+    return {by: {law: peaks[by] for law, peaks in made.items() if by in peaks} for by in criteria}
 
 
 def _end(words: str, values: Peaks, base: Peaks, laws: Mapping[str, str]) -> SourceEnd:
@@ -370,24 +384,6 @@ def drive_variants(scene: Scene) -> list[Change]:
     `measured` does not vary.
     """
     return [Change(*each) for each in DRIVES[scene.drive.kind].variants(scene)]
-
-
-def _realised_peaks(
-    nominal: Scene,
-    cart: Cart,
-    cycles: Mapping[str, Cycle],
-    resistance: ResistanceLaw,
-    criteria: Iterable[str],
-    scene: Scene,
-    change: Change,
-) -> Peaks:
-    """Return the peaks of what the drive of a changed scene makes of the laws of the nominal one."""
-    found: dict[str, dict[str, float]] = {by: {} for by in criteria}
-    for law, run in simulate_laws(nominal, cart, cycles, change.resistance or resistance, RuntimeError):
-        for by, value in DRIVES[nominal.drive.kind].realised_peaks(scene, run).items():
-            if by in found:
-                found[by][law] = value
-    return found
 
 
 # the mix

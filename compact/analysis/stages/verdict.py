@@ -20,8 +20,7 @@ its pore air, and the drive where its data are not measured.
 import math
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -29,7 +28,7 @@ from typing import Any
 import numpy as np
 
 from compact.analysis.contact_cases import HeldQuantity, process_detail
-from compact.analysis.ranking_uncertainty import Agreement, Place, agreement
+from compact.analysis.ranking_uncertainty import Place, Places
 from compact.analysis.stages.drives import KnownLaws, Stages, build_stages
 from compact.engines import ENGINES
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, ROUNDING_TIE, group_equal
@@ -38,9 +37,6 @@ from compact.scene.loader import Scene
 
 SIZING_PEAKS = ("peak_force", "peak_power")  # criteria of the verdict
 DIRECTORY = "comparison"  # under the results; kept results of the engines of the comparison
-NAMED_LAWS = 3  # [-], largest number of laws of one rank that are named
-
-Places = dict[str, dict[str, list[Place]]]  # by drive and criterion
 
 
 @dataclass(frozen=True)
@@ -337,66 +333,3 @@ def contenders(order: Sequence[Place], by: str) -> list[str]:
     first = finite[0]
     limit = first.value + max(BUILD_TOLERANCE * CRITERIA[by].scale(first.value), first.error or 0.0)
     return [place.law for place in finite if place.value - (place.error or 0.0) <= limit or place.rank == 1]
-
-
-def resistances_without_wave(scene: Scene) -> dict[str, float]:
-    """Compute the resistance of a cart at the mean speed [N] by formula and by columns, which have no bow wave.
-
-    Columns are absent where they do not cover the scene.
-    """
-    formula = build_stages(scene.with_engine("formula")).contacts.engineering.roller_resistance
-    found = {"formula": scene.machine.rollers * float(formula)}
-    with suppress(ValueError, RuntimeError):
-        rolled = build_stages(scene.with_engine("column")).contacts.reference[0]
-        found["column"] = scene.machine.rollers * scene.machine.roller_length * float(rolled.resistance)
-    return found
-
-
-@dataclass(frozen=True)
-class RankingAgreement:
-    """Agreement of two rankings by one criterion.
-
-    Parameters
-    ----------
-    first, other_first : str
-        First law of either ranking; several laws, their number or "none" where there is not one.
-    """
-
-    engine: str
-    drive: str
-    other_engine: str
-    other_drive: str
-    by: str
-    agreement: Agreement
-    first: str
-    other_first: str
-
-
-def ranking_agreements(places: Mapping[str, Places]) -> list[RankingAgreement]:
-    """Compare the first ranking with those of every other engine, and with those of its other drives.
-
-    Parameters
-    ----------
-    places : mapping of str to Places
-        Places by engine, drive and criterion; engine and drive of the scene first.
-    """
-    engine, *other_engines = places
-    drive, *other_drives = places[engine]
-    cases = [(kind, name, kind) for name in other_engines for kind in places[engine]]
-    cases += [(drive, engine, other) for other in other_drives]
-    return [
-        RankingAgreement(
-            engine, kind, name, other_kind, by, agreement(order, other, by), *map(_first_laws, (order, other))
-        )
-        for kind, name, other_kind in cases
-        for by, order in places[engine][kind].items()
-        for other in (places[name][other_kind][by],)
-    ]
-
-
-def _first_laws(order: list[Place]) -> str:
-    """Name the laws of rank 1, or their number where they are many; "none" where all values are infinite."""
-    laws = [place.law for place in order if place.rank == 1 and not place.reason]
-    if not laws:
-        return "none"
-    return "/".join(sorted(laws)) if len(laws) <= NAMED_LAWS else f"{len(laws)} laws alike"
