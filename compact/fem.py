@@ -11,7 +11,6 @@ from compact.engines.fem.engine import FemContactResult
 from compact.engines.fem.engine import roll as roll_linear
 from compact.files import write_vtu
 from compact.material.laws import Compaction, Elastic
-from compact.mesh import DEFAULT_ERROR, RowMesh
 from compact.rolling_contact import Contact, Layer, PrescribedMotion, Roller
 
 if TYPE_CHECKING:
@@ -30,9 +29,7 @@ def roll(
     speed: float,
     *,
     torque: float | None = None,
-    mesh: RowMesh | None = None,
-    tolerance: float = DEFAULT_ERROR,
-    estimate: bool = True,
+    **accuracy: Any,
 ) -> Contact:
     """Solve the steady rolling contact of one roller with a layer.
 
@@ -49,8 +46,9 @@ def roll(
     torque : float, optional
         Torque on a free or driven roller per unit length, positive in the sense of rolling [N]; a free roller has none
         by default.
-    mesh, tolerance, estimate
-        Mesh, relative error [-] and error estimate of a linear layer, as of `engines.fem.engine.roll`.
+    **accuracy
+        `mesh`, `tolerance` [-] and `estimate` of a linear layer, as of `engines.fem.engine.roll`; `rtol`, `start` and
+        others of a compacting one, as of `engines.compaction.engine.roll`.
 
     Examples
     --------
@@ -62,14 +60,10 @@ def roll(
     'load 15.09 kN/m, edge 13.85 mm'
     """
     if isinstance(material, Compaction):
-        if mesh is not None:
-            raise ValueError(
-                f"`mesh` must be None for a compacting layer, which has its own, got one of {mesh.shape} elements"
-            )
         from compact.engines.compaction.engine import roll as roll_compacting
 
-        return roll_compacting(layer, roller, material, speed, torque=torque)
-    return roll_linear(layer, roller, material, speed, torque=torque, mesh=mesh, tolerance=tolerance, estimate=estimate)
+        return roll_compacting(layer, roller, material, speed, torque=torque, **accuracy)
+    return roll_linear(layer, roller, material, speed, torque=torque, **accuracy)
 
 
 def travel(

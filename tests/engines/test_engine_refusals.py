@@ -7,7 +7,7 @@ import pytest
 from column_cases import FED_HEIGHT, HEIGHT, MIX, R, circle, mix, mix_of, rolled
 from engine_calls import ROLL, expand_resistance
 
-from compact import fem, mesh
+from compact import mesh
 from compact.engines.column.column_pass import Column
 from compact.engines.column.engine import required_feed, roll, roll_over, simulate_oedometer
 from compact.engines.fem.speed_derivative import expand_resistance as expand_by_elements
@@ -142,7 +142,6 @@ VALUES = [
     (lambda: Ply(thickness=0.1, stiffness=-1.0), "`stiffness` must be positive and finite, got -1.0"),
     (lambda: Layer(0.2, plies=PLIES.plies), "must add up to the layer height, 0.2 m, got 0.22 m"),
     (lambda: mesh.graded_mesh(0.22, 0.02, 4, interfaces=(0.2, 0.1)), r"`interfaces` must ascend between 0 and the he"),
-    (lambda: fem.roll(Layer(0.22), circle(), MIX, 0.2, mesh=ROWS), r"must be None for a compacting layer, .* got one"),
     (lambda: expand_resistance(**changed("spectral", {"speed": 0.0})), "`speed` must not be 0, got 0"),
     (lambda: expand_resistance(**changed("spectral", {"rtol": -1.0})), "`rtol` must be positive and finite, got -1.0"),
     (lambda: expand_by_elements(**changed("fem", {"speed": np.inf})), "`speed` must be finite, got inf"),

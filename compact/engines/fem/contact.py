@@ -266,17 +266,13 @@ def solve_at_target(
     problem: RollingProblem,
     surface: SurfaceCompliance,
     grid: Discretisation,
-    tolerance: float = SECANT_TOLERANCE,
     start: ContactSolution | None = None,
 ) -> ContactSolution:
-    """Solve the contact with the prescribed indentation, load or peak pressure of the roller.
-
-    A relative tolerance [-] is `STICK_SECANT_TOLERANCE` at least with stick. A `start` is a neighbouring contact.
-    """
+    """Solve the contact with the prescribed indentation, load or peak pressure; `start` is a neighbouring contact."""
     name, value = problem.roller.target
     if name == "indentation":
         return solve_at_indentation(problem, surface, grid, value, start)
-    tolerance, modulus = max(tolerance, problem.target_tolerance), problem.material.youngs_modulus
+    modulus = problem.material.youngs_modulus
     logs: list[float] = []
     errors: list[float] = []
     contact, beyond, log = start, None, np.log(grid.indentation)
@@ -289,7 +285,7 @@ def solve_at_target(
         logs.append(log)
         reached = -modulus * contact.resultant[1] if name == "load" else modulus * contact.patch.peak
         errors.append(float(np.log(reached / value)))
-        if abs(errors[-1]) < tolerance:
+        if abs(errors[-1]) < problem.target_tolerance:
             return contact
         slope = INITIAL_POWER if len(logs) == 1 else (errors[-1] - errors[-2]) / (logs[-1] - logs[-2])
         log = log - np.clip(errors[-1] / slope, -MAX_LOG_STEP, MAX_LOG_STEP)

@@ -41,8 +41,6 @@ from compact.engines.fem.compliance import (
     surface_compliance,
 )
 from compact.engines.fem.contact import (
-    INITIAL_TERMS,
-    SECANT_TOLERANCE,
     BeyondWindowError,
     ContactSolution,
     Discretisation,
@@ -68,14 +66,13 @@ MIN_HALF_WIDTH = 1e-7  # [-], of a contact over the layer height, that a mesh of
 BASE_TERMS = 12  # [-], of the pressure; more resolve thinner boundary layers, but blur the edges beyond the mesh
 TERMS_PER_WIDTH = 0.5  # [-], per half-width over the top ply, within whose thickness the pressure of a thin ply falls
 MAX_TERMS = 30  # [-], of the first discretisation
-ROUGH_TOLERANCE = 1e-2  # [-], of a prescribed load or peak pressure in the contact for which a mesh is chosen
 MAX_LEVEL = 4  # [-], of refinement where the estimated error exceeds the tolerance; the first mesh has level 0
 ELEMENT_GROWTH = 1.4  # [-], ratio of elements per half-width from one level to the next, from level 2
 EDGE_GROWTH = 4  # [-], ratio of the refinement at the edges of the contact from one level to the next
 MAX_EDGE_REFINEMENT = 128  # [-], elements inside the contact over those at its edges
 FIRST_TERM_GROWTH = 2.0  # [-], ratio of pressure terms of level 1 to level 0
 TERM_GROWTH = 1.5  # [-], ratio of pressure terms from one level to the next, from level 2
-SPECTRAL_TOLERANCE = 1e-2  # [-], of the contact by the spectral engine to which a refined mesh is fitted
+SPECTRAL_TOLERANCE = 1e-2  # [-], of the contact by the spectral engine to which a mesh is fitted
 MAX_UNKNOWNS = 60_000  # [-], of a refined mesh; the mesh of its error estimate has four times as many
 MESH_ROUNDING = 1e-6  # [-], of the layer height, by which a mesh may miss the surface or an interface
 WINDOW = 1.3  # [-], half-width of the loaded zone over that of the estimated contact
@@ -203,7 +200,9 @@ def _solve_to_tolerance(problem: RollingProblem, tolerance: float) -> FemContact
 
 def _solve_on(problem: RollingProblem, grid: Discretisation, estimate: bool = True) -> FemContactResult:
     """Solve a problem on one mesh."""
-    contact = solve_contact(problem, grid)
+    contact = expand_window(
+        grid, lambda window: solve_at_target(problem, retarded_surface(problem, grid.mesh, window), grid)
+    )
     patch, shear, E = contact.patch, contact.shear, problem.material.youngs_modulus
     x, pressure = patch.sampled(PRESSURE_SAMPLES, problem.exponent)
     traction = problem.traction_ratio * pressure if shear is None else shear.traction_at(x)
@@ -235,15 +234,6 @@ def _solve_on(problem: RollingProblem, grid: Discretisation, estimate: bool = Tr
     rolling_contact.require_on_target(result, problem.roller, TARGET_FACTOR * problem.target_tolerance, torque=torques)
     result = replace(result, work_residual=_work_residual(problem, result, contact))
     return replace(result, error=_error_estimate(problem, grid, result, contact)) if estimate else result
-
-
-def solve_contact(
-    problem: RollingProblem, grid: Discretisation, tolerance: float = SECANT_TOLERANCE
-) -> ContactSolution:
-    """Solve a steady contact in a loaded zone that is wide enough, its load or peak pressure within a tolerance [-]."""
-    return expand_window(
-        grid, lambda window: solve_at_target(problem, retarded_surface(problem, grid.mesh, window), grid, tolerance)
-    )
 
 
 def expand_window(grid: Discretisation, solve: Callable[[float], Found]) -> Found:
@@ -348,7 +338,7 @@ def _work_residual(problem: RollingProblem, result: FemContactResult, contact: C
 def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolerance: float) -> Discretisation:
     """Discretisation for the elastic contact on a given mesh or one for a relative tolerance of the forces [-].
 
-    A prescribed load or peak pressure requires a rough solution with few terms, whose width may select a finer mesh.
+    With a prescribed load or peak pressure the width of the contact by the engine "spectral" may select a finer mesh.
     """
 
     def fitted(half_width: float) -> Discretisation:  # with the indentation of the elastic contact
@@ -361,16 +351,13 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
 
     half_width = spectral.expected_half_width(problem.layer, problem.roller, problem.material, problem.speed)
     first = fitted(half_width)
-    if problem.roller.indentation is not None:
+    similar = spectral_estimate(problem) if problem.roller.indentation is None else None
+    if similar is None:
         return first
-    sliding = problem
-    if problem.turns_with_friction:
-        sliding = replace(problem, roller=replace(problem.roller, rolling="frictionless"))
-    rough = solve_contact(sliding, replace(first, terms=INITIAL_TERMS), ROUGH_TOLERANCE)
-    reach = max(-rough.patch.edges[0], rough.patch.edges[1])
+    reach = max(-similar.trailing, similar.leading)
     if mesh is None and reach < half_width / spectral.WIDTH_RATIO**2:
         first = fitted(spectral.quantise_half_width(reach, half_width))
-    return replace(first, indentation=rough.pressed.indentation)
+    return replace(first, indentation=similar.indentation)
 
 
 def refined_discretisation(
