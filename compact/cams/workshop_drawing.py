@@ -44,17 +44,17 @@ DIMENSION_SIZES = MappingProxyType({"dimtxt": 1.0, "dimasz": 0.9, "dimexe": 0.5,
 DIMENSION_STYLE = dict.fromkeys(("dimclrd", "dimclre", "dimclrt"), BY_LAYER) | {
     "dimdec": 3, "dimdsep": ord("."), "dimzin": NO_TRAILING_ZEROS, "dimtad": 1,
 }  # fmt: skip
-# Layers: colour in SVG and in DXF (ACI), line width over the width of the drawing [-], dashes and gaps in SVG over the
+# Layers: colour in SVG and in DXF (ACI), line width over the height of a letter [-], dashes and gaps in SVG over the
 # line width [-], line type in DXF
 LAYERS = MappingProxyType(
     {
-        "PROFILE": ("#000000", 7, 1 / 700, (), "CONTINUOUS"),
-        "CUTTER": ("#b3261e", 1, 1 / 1400, (8, 4), "DASHED"),
-        "FOLLOWER": ("#1f5fa8", 5, 1 / 1400, (4, 3), "DASHED"),
-        "CENTRE": ("#6b6b6b", 8, 1 / 2000, (12, 3, 2, 3), "CENTER"),
-        "BORE": ("#000000", 7, 1 / 1000, (), "CONTINUOUS"),
-        "DIMENSIONS": ("#3a3a3a", 3, 1 / 2000, (), "CONTINUOUS"),
-        "NOTES": ("#000000", 7, 1 / 2000, (), "CONTINUOUS"),
+        "PROFILE": ("#000000", 7, 0.19, (), "CONTINUOUS"),
+        "CUTTER": ("#b3261e", 1, 0.095, (8, 4), "DASHED"),
+        "FOLLOWER": ("#1f5fa8", 5, 0.095, (4, 3), "DASHED"),
+        "CENTRE": ("#6b6b6b", 8, 0.065, (12, 3, 2, 3), "CENTER"),
+        "BORE": ("#000000", 7, 0.13, (), "CONTINUOUS"),
+        "DIMENSIONS": ("#3a3a3a", 3, 0.065, (), "CONTINUOUS"),
+        "NOTES": ("#000000", 7, 0.065, (), "CONTINUOUS"),
     }
 )
 
@@ -69,11 +69,14 @@ class WorkshopDrawing:
         Title, and description in one sentence for screen readers.
     document : ezdxf.document.Drawing
         Entities in the model space, lengths and coordinates in mm.
+    letter : float
+        Height of a letter [mm].
     """
 
     title: str
     description: str
     document: "Drawing"
+    letter: float
 
     def dxf(self) -> str:
         """Return the drawing as DXF text, units millimetres."""
@@ -86,7 +89,7 @@ class WorkshopDrawing:
         from ezdxf.disassemble import recursive_decompose  # 0.3 s
 
         found = [
-            _svg_shape(part, entity.dxf.layer)
+            _svg_shape(part, entity.dxf.layer, self.letter)
             for entity in self.document.modelspace()
             for part in recursive_decompose([entity])  # of a dimension: lines, text, arrows
             if part.dxftype() != "POINT"  # a measured point, not drawn
@@ -95,32 +98,26 @@ class WorkshopDrawing:
         low, high = corners.min(axis=0), corners.max(axis=0)
         margin = MARGIN * (high - low).max()
         (left, bottom), (width, height) = low - margin, high - low + 2 * margin
-        rules = ["text{fill:#000;font-family:sans-serif}polygon,polyline{fill:none}"]
-        for name, (colour, _, share, dashes, _) in LAYERS.items():
-            lengths = " ".join(f"{each * share * width:.3f}" for each in dashes) or "none"
-            line = f"stroke:{colour};stroke-width:{share * width:.3f};stroke-dasharray:{lengths}"
-            rules.append(f".{name}{{{line}}}")
-        rules.append(f"polygon.DIMENSIONS{{fill:{LAYERS['DIMENSIONS'][0]}}}text{{stroke:none!important}}")
         view = f'viewBox="{left:.6f} {-bottom - height:.6f} {width:.6f} {height:.6f}"'
         size = f'width="{width:.6f}mm" height="{height:.6f}mm" {view} role="img" aria-labelledby="title desc"'
         words = f'<title id="title">{escape(self.title)}</title><desc id="desc">{escape(self.description)}</desc>'
         shapes = "\n".join(shape for _, shape in found)
-        return (
-            f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{words}\n<style>{"".join(rules)}</style>\n{shapes}\n'
-            "</svg>\n"
-        )
+        return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{words}\n{shapes}\n</svg>\n'
 
 
-def _svg_shape(entity: Any, layer: str) -> tuple[Array, str]:
-    """Corners [mm] and SVG of a simple entity."""
+def _svg_shape(entity: Any, layer: str, letter: float) -> tuple[Array, str]:
+    """Corners [mm] and SVG of a simple entity; a solid is filled."""
     from ezdxf.path import make_path
 
-    kind, dxf = entity.dxftype(), entity.dxf
+    kind, dxf, (colour, _, share, dashes, _) = entity.dxftype(), entity.dxf, LAYERS[layer]
     if kind not in ("TEXT", "MTEXT"):
-        path = make_path(entity)
+        path, line = make_path(entity), share * letter
         points = np.array([(x, y) for x, y, _ in path.flattening(CIRCLE_SAGITTA)])[: -1 if path.is_closed else None]
         pairs = " ".join(f"{x!r},{-y!r}" for x, y in points.round(COORDINATE_DECIMALS).tolist())
-        return points, f'<{"polygon" if path.is_closed else "polyline"} class="{layer}" points="{pairs}"/>'
+        lengths = " ".join(f"{each * line:.3f}" for each in dashes) or "none"
+        style = f'fill="{colour if kind == "SOLID" else "none"}" stroke="{colour}" stroke-dasharray="{lengths}"'
+        tag = "polygon" if path.is_closed else "polyline"
+        return points, f'<{tag} class="{layer}" {style} stroke-width="{line:.3f}" points="{pairs}"/>'
     words, height = (dxf.text, dxf.height) if kind == "TEXT" else (entity.plain_text(), dxf.char_height)
     (x, y, _), turn, width = dxf.insert, "", LETTER_WIDTH * height * len(words)
     corners = np.array([[x, y], [x + width, y + height]])
@@ -129,7 +126,7 @@ def _svg_shape(entity: Any, layer: str) -> tuple[Array, str]:
         turned = f"rotate({-dxf.rotation:.6f} {x:.6f} {-y:.6f})"
         turn = f' text-anchor="middle" dominant-baseline="central" transform="{turned}"'
     place = f'x="{x:.6f}" y="{-y:.6f}" font-size="{FONT_SIZE * height:.6f}"{turn}'
-    return corners, f'<text class="{layer}" {place}>{escape(words)}</text>'
+    return corners, f'<text class="{layer}" font-family="sans-serif" {place}>{escape(words)}</text>'
 
 
 def workshop_drawing(cut: Cut, bore: float | None = None) -> WorkshopDrawing:
@@ -155,7 +152,7 @@ def workshop_drawing(cut: Cut, bore: float | None = None) -> WorkshopDrawing:
         place = {"insert": (left, top - LINE_SPACING * letter * i), "layer": "NOTES"}
         document.modelspace().add_text(words, height=letter, dxfattribs=place)
     sizes = f"radius from {radius.min():.1f} to {radius.max():.1f} mm about the axis, breadth {MM * cam.breadth:.1f} mm"
-    return WorkshopDrawing(title, f"profile of the {title}: {sizes}", document)
+    return WorkshopDrawing(title, f"profile of the {title}: {sizes}", document, letter)
 
 
 def _draw(space: Any, cut: Cut, bore: float | None, letter: float) -> None:

@@ -124,22 +124,23 @@ class LawStage:
     @property
     def limits(self) -> Limits:
         """Limits of [motion.optimise]; the velocity is limited to the range of the resistance map."""
-        table, motion, cam = self._table, self.scene.motion, None
-        has_map = bool(self.resistance.contacts.speeds)
-        known = self.resistance.largest_speed / self.overshoot if has_map else np.inf
+        table, motion, cam = self._table, self.scene.motion, self.scene.cam
+        known = self.resistance.largest_speed / self.overshoot if self.resistance.contacts.speeds else np.inf
         velocity = min(known, table.velocity or np.inf)
         phases = Limits if table.steady_tolerance is None else motion
-        on_cam = table.pressure_angle, table.radius_of_curvature
-        if self.scene.cam and (*on_cam, table.profile_radius) != (None, None, None):
-            breadth, radius = self.scene.cam.breadth, self.scene.cam.roller_follower_radius
-            cam = CamLimits(breadth, *on_cam, motion.dwell, table.profile_radius, radius)
+        on_cam = table.model_dump(
+            include={"pressure_angle", "radius_of_curvature", "profile_radius"}, exclude_none=True
+        )
+        if cam and on_cam:
+            on_cam |= {"breadth": cam.breadth, "dwell": motion.dwell, "roller_radius": cam.roller_follower_radius}
         return Limits(
             velocity=velocity if np.isfinite(velocity) else None,
+            run_up=phases.run_up,
+            run_down=phases.run_down,
             end_condition="dwell" if motion.dwell else "reversal",
             steady_tolerance=table.steady_tolerance or 0.0,
-            cam=cam,
+            cam=CamLimits(**on_cam) if cam and on_cam else None,
             **table.model_dump(include={"acceleration", "jerk", "snap", "smoothness"}),
-            **{phase: getattr(phases, phase) for phase in ("run_up", "run_down")},
         )
 
     @property
