@@ -17,12 +17,11 @@ from typing import TYPE_CHECKING, Any
 # isort: off
 if TYPE_CHECKING:  # for type checkers and editors, and the one list of public names
     from compact.engines.interface import Engine as Engine
-    from compact.api.results import Contacts as Contacts
     from compact.api.fields import Fields as Fields, read_fields as read_fields
     from compact.api.results import LaboratoryTests as LaboratoryTests, laboratory_tests as laboratory_tests
-    from compact.api.results import CartResistance as CartResistance, Ranking as Ranking
+    from compact.api.results import CartResistance as CartResistance, Contacts as Contacts, Ranking as Ranking
     from compact.api.scene import Scene as Scene, load_scene as load_scene, parse_scene as parse_scene
-    from compact.api.study import Process as Process, Study as Study
+    from compact.api.results import Process as Process, Study as Study
     from compact.cams.machining import Cut as Cut, cut as cut
     from compact.cams.profile import Cam as Cam, FlatFace as FlatFace, Pointed as Pointed
     from compact.cams.profile import RollerFollower as RollerFollower

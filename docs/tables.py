@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from compact.report import validation
-from compact.validation.case import CASES
+from compact.validation.case import CASES, VERDICTS
 from compact.verification import published_numbers
 
 DOCS = Path(__file__).parent
@@ -30,7 +30,7 @@ def table(name: str) -> str:
         return validation.markdown_table(header, cells)
     if kind == "validation" and not part.endswith(".csv"):
         recorded = CASES[part] if part else None  # the tests compute them again
-        return validation.markdown_case(recorded) if recorded else validation.markdown_overview([*CASES.values()])
+        return validation.markdown_case(recorded) if recorded else overview()
     path = DOCS / ("verification.csv" if kind == "verification" else name)
     header, *rows = csv.reader(path.read_text("utf-8").splitlines())
     if kind == "verification":
@@ -39,6 +39,16 @@ def table(name: str) -> str:
     if not rows:
         raise KeyError(f"no table {name}")
     return validation.markdown_table(header, rows)
+
+
+def overview() -> str:
+    """Return the count of verdicts of every case."""
+    rows = [
+        (f"[{case.name}](#{case.name})", case.kind, ", ".join(case.engines), *map(str, case.counts.values()))
+        for case in CASES.values()
+    ]
+    table = validation.markdown_table(("case", "kind", "engines", *VERDICTS), rows)
+    return f"{table}\n{validation.counts_sentence([*CASES.values()])}.\n"
 
 
 def files(paths: str) -> str:

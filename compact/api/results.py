@@ -1,13 +1,14 @@
-"""Results of a scene as tables and figures: contacts over speed, resistance of a cart, ranking, laboratory tests."""
+"""Results of a scene as tables, figures and files: contacts, resistance, ranking, laboratory tests, study, process."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from compact.analysis import process, study
 from compact.analysis.contact_cases import contact_inputs, contact_record, contact_speeds, prescribed_target
 from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest, programme_of
 from compact.analysis.mix_laws import scene_mix
@@ -26,7 +27,7 @@ from compact.motion.profile import MotionProfile
 from compact.motion.tabulated import from_function, from_table
 from compact.numerics import Array
 from compact.numerics.validation import as_numbers, require_instance, require_known
-from compact.quantities import CONTACT, MOTION, SPEED, Quantity
+from compact.quantities import CONTACT, MOTION, SPEED, STROKE, Quantity
 from compact.report.tables import TableSpec, Tabular
 from compact.resistance import ResistanceMap
 from compact.rolling_contact import Contact
@@ -420,3 +421,101 @@ def own_laws(scene: Scene, laws: Mapping[str, OwnLaw]) -> tuple[MotionProfile, .
                 )
         found.append(law)
     return tuple(found)
+
+
+class Study(Tabular, study.Study):
+    """Results of one scene, as `analysis.study.Study`, with tables, figures and files.
+
+    Examples
+    --------
+    >>> from compact.api.scene import load_scene
+    >>> study = Study(load_scene("studies/scenes/small.toml"))
+    >>> study
+    <study of Small: the published machine, three laws, engine formula, 3 laws>
+    >>> study.stages.drive.rankings["peak_power"][0].run.name
+    'reversal-3'
+    """
+
+    _index = "law"
+    _quantities: ClassVar = {name: criterion.quantity for name, criterion in CRITERIA.items()}
+
+    def columns(self) -> dict[str, list[Any]]:
+        """Return the values of all laws by each criterion of the scene, in the order of the first."""
+        rankings = self.stages.drive.rankings
+        values = {by: {place.run.name: place.value for place in ranked} for by, ranked in rankings.items()}
+        order = [place.run.name for place in rankings[next(iter(rankings))]]
+        return {"law": order} | {by: [found[name] for name in order] for by, found in values.items()}
+
+    def plot(self) -> "Figure":
+        """Draw the rankings of the laws by the criteria of the scene."""
+        from compact.report.figures import draw_rankings
+
+        return draw_rankings(self.stages.drive.places[self.scene.drive.kind], {})
+
+    def write(self, directory: str | Path, force: bool = False) -> dict[str, Any]:
+        """Write report, tables and figures, as `compact run` does.
+
+        Parameters
+        ----------
+        directory : str or Path
+            Directory of the results; created where it is missing.
+        force : bool
+            True to overwrite results of another scene.
+
+        Returns
+        -------
+        dict
+            Content of summary.json.
+        """
+        from compact.report.writer import write_study
+
+        return write_study(self, directory, force)
+
+    def __repr__(self) -> str:
+        title = self.scene.title or "an untitled scene"
+        return f"<study of {title}, engine {self.scene.accuracy.engine}, {len(self.stages.laws.prescribed)} laws>"
+
+    def _repr_html_(self) -> str:
+        computed = "rankings" in self.stages.drive.__dict__  # a view starts no computation
+        return (self.table if computed else TableSpec(repr(self)[1:-1], {}, ())).to_html()
+
+
+class Process(Tabular, process.ProcessStudy):
+    """Forming process of a scene, as `analysis.process.ProcessStudy`, with tables, figures and files."""
+
+    _quantities = STROKE
+
+    def columns(self) -> dict[str, Any]:
+        """Return the strokes on a section, per unit roller length."""
+        from compact.report.process import stroke_columns
+
+        return stroke_columns(self)
+
+    def plot(self) -> "Figure":
+        """Draw the section of the mix along the roller."""
+        from compact.report.process import draw_section
+
+        return draw_section(self)
+
+    def write(self, directory: str | Path, force: bool = False) -> list[Path]:
+        """Write tables, figures, fields and process.json, as `compact process` does.
+
+        Parameters
+        ----------
+        directory, force
+            As of `Study.write`.
+
+        Returns
+        -------
+        list of Path
+            Files written.
+        """
+        from compact.files import claimed_directory
+        from compact.report.process import write_process
+
+        with claimed_directory(directory, self.scene.hash, force) as place:
+            return write_process(self, place)
+
+    def __repr__(self) -> str:
+        strokes = f"{self.problem.machine.strokes_on_section:.4g} strokes on a section"
+        return f"<process of {self.scene.title or 'an untitled scene'}, {self.detail}, {strokes}>"

@@ -20,8 +20,15 @@ if TYPE_CHECKING:
     import xarray
 
     from compact.analysis.stages.resistance import ResistanceLaw
-    from compact.api.results import CartResistance, Contacts, LaboratoryTests, OwnLaw, Ranking
-    from compact.api.study import Process, Study
+    from compact.api.results import (
+        CartResistance,
+        Contacts,
+        LaboratoryTests,
+        OwnLaw,
+        Process,
+        Ranking,
+        Study,
+    )
     from compact.material.state_update import StateUpdate
 
 
@@ -174,7 +181,7 @@ class Scene(loader.Scene):
         Process
             Its results are computed when first used.
         """
-        from compact.api.study import Process
+        from compact.api.results import Process
 
         return Process(self, detail)
 
@@ -201,7 +208,7 @@ class Scene(loader.Scene):
         -------
         Study
         """
-        from compact.api.study import Study
+        from compact.api.results import Study
 
         return Study(self._by(engine))
 
@@ -219,7 +226,7 @@ class Scene(loader.Scene):
         -------
         Study
         """
-        from compact.api.study import Study
+        from compact.api.results import Study
         from compact.files import default_directory
 
         directory = Path(out) if out is not None else default_directory(self.file)

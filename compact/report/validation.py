@@ -9,7 +9,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from compact.files import atomic_file, write_csv, write_figure
+from compact.files import atomic_file, write_figure, write_json
 from compact.report.figures import DASHES, PALETTE, panels
 from compact.validation.case import PREDICTED, VERDICTS, Comparison, Panel, ValidationCase
 
@@ -21,9 +21,11 @@ HEADER = ("quantity", "unit", "ours", "theirs", "scatter", "deviation", "expecte
 
 def validation_text(cases: Sequence[ValidationCase]) -> str:
     """Format evaluated cases as Markdown, with a count of the verdicts."""
-    parts = [f"## {each.name}\n\n{each.title} ({each.kind}; {', '.join(each.engines)})" for each in cases]
-    bodies = [f"{part}\n\n{markdown_case(case)}" for part, case in zip(parts, cases, strict=True)]
-    return "\n".join([*bodies, counts_sentence(cases)])
+    parts = [
+        f"## {case.name}\n\n{case.title} ({case.kind}; {', '.join(case.engines)})\n\n{markdown_case(case)}"
+        for case in cases
+    ]
+    return "\n".join([*parts, counts_sentence(cases)])
 
 
 def counts_sentence(cases: Sequence[ValidationCase]) -> str:
@@ -61,15 +63,6 @@ def markdown_case(case: ValidationCase) -> str:
     return f"{markdown_table(HEADER, rows)}\n{listed}\nSource: {case.source}.\n"
 
 
-def markdown_overview(cases: Sequence[ValidationCase]) -> str:
-    """Format one line for each case with the count of its verdicts, as a table of Markdown."""
-    rows = [
-        (f"[{case.name}](#{case.name})", case.kind, ", ".join(case.engines), *map(str, case.counts.values()))
-        for case in cases
-    ]
-    return f"{markdown_table(('case', 'kind', 'engines', *VERDICTS), rows)}\n{counts_sentence(cases)}.\n"
-
-
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Format rows of cells as a table of Markdown, whose columns are aligned as text too."""
     escaped = [[cell.replace("|", "\\|") for cell in row] for row in (header, *rows)]
@@ -79,25 +72,19 @@ def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def write_validation(directory: Path, cases: Sequence[ValidationCase]) -> list[Path]:
-    """Write the text, the table of all values and one figure of each case; return the files.
+    """Write the tables, all values and one figure of each case; return the files.
 
     Parameters
     ----------
     directory : Path
         Directory; created if absent.
     """
-    rows = [
-        (case.name, each.key, each.ours, each.theirs, each.verdict) for case in cases for each in case.rows.values()
-    ]
-    written = [directory / "validation.md", directory / "validation.csv"]
+    written = [directory / "validation.md", directory / "validation.json"]
     with atomic_file(written[0]) as stream:
         stream.write(validation_text(cases) + "\n")
-    write_csv(written[1], ("case", "key", "ours", "theirs", "verdict"), rows)
-    return written + [
-        write_figure(directory / "validation" / f"{case.name}.png", draw_case(case.panels))
-        for case in cases
-        if case.panels
-    ]
+    write_json(written[1], {"cases": case_summaries(cases)})
+    figures = [(directory / "validation" / f"{case.name}.png", case.panels) for case in cases if case.panels]
+    return written + [write_figure(path, draw_case(panels)) for path, panels in figures]
 
 
 def draw_case(contents: tuple[Panel, ...]) -> Figure:
