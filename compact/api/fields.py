@@ -117,12 +117,7 @@ class Fields:
     def _drawn(self, field: str | None = None, frame: int = 0) -> "Figure":
         from compact.report.contact_figures import draw_picture
 
-<<<<<<< HEAD
         return draw_picture(self.frames[frame][1], self.contacts[frame] if self.contacts else None, field)
-=======
-    def _contact(self, frame: int) -> Any:
-        return self.contacts[frame] if self.contacts else None
->>>>>>> 9b60ca3 (api: study and process stand with the other results; validation: its values as JSON)
 
     def __repr__(self) -> str:
         cells = sum(len(block.data) for block in self.mesh.cells)
