@@ -5,12 +5,14 @@ of the mix, versions and sources. Cart, laws, drive and output are not in the ke
 """
 
 import logging
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter
+from pydantic_core import to_jsonable_python
 
 from compact import resistance
 from compact.analysis import contact_cases
@@ -36,9 +38,13 @@ CART_KEYS = {  # of [machine], on which no layered engine depends
     *("guide_friction", "journal_diameter", "bearing_friction", "rolling_arm", "rib_factor", "roller_friction"),
     *("feeder_sleeve", "overlap", "pressure_nonuniformity", "one_sided"),
 }
-RECORDS: dict[str, Any] = {
-    "held": HeldQuantity, "second_pass": tuple[float, float], "air_curve": AirCurve, "model_spread": ModelSpread,
-}  # fmt: skip
+RECORDS: dict[str, Callable[[], Any]] = {  # types of the results in JSON
+    "held": lambda: HeldQuantity,
+    "second_pass": lambda: tuple[float, float],
+    "air_curve": lambda: AirCurve,
+    "model_spread": lambda: ModelSpread,
+    "lifts": lambda: import_module("compact.engines.process.lifts").KnownLifts,  # with the finite elements
+}
 _LOG = logging.getLogger(__name__)
 
 
@@ -96,34 +102,29 @@ def contacts_key(scene: Scene, mix: Mix) -> str:
 
 def read_results(directory: Path, key: str) -> KeptResults | None:
     """Read the results of an earlier run; None without results, under another key of `contacts_key`, or damaged."""
-    path = directory / CONTACTS_FILE
+    path, found = directory / CONTACTS_FILE, None
     if not path.is_file():
         return None
     try:
         content = read_checked(path)
-        if content["key"] != key:
+        if key not in content:
             _LOG.warning("%s: of another program, table or input; its contacts are computed again", path)
             return None
-        files = tuple(_unchanged(directory, content["files"]))
-        if MAP_FILE not in files:
-            return None
-        more: dict[str, Any] = {name: _read(name, given) for name, given in content["more"].items()}
-        contacts = [Contact.from_json(each) for each in content["contacts"]]
-        known = resistance.load_resistance_map(directory / MAP_FILE, key)
-        return KeptResults(contacts=contacts, resistance_map=known, files=files, **more)
+        files = tuple(_unchanged(directory, content[key]["files"]))
+        if MAP_FILE in files:
+            more = content[key]["more"]
+            found = KeptResults(
+                contacts=[Contact.from_json(each) for each in content[key]["contacts"]],
+                resistance_map=resistance.load_resistance_map(directory / MAP_FILE, key),
+                files=files,
+                **{
+                    name: more[name] and TypeAdapter(kind()).validate_python(more[name])
+                    for name, kind in RECORDS.items()
+                },
+            )
     except (OSError, ValueError, KeyError, TypeError):  # no file, or a file of another form
         _LOG.warning("%s: damaged, or of another version; its contacts are computed again", path)
-        return None
-
-
-def _read(name: str, content: Any) -> Any:
-    """Return a record from its JSON."""
-    kind = RECORDS.get(name, Any)
-    if content and name == "lifts":  # imports the finite elements
-        from compact.engines.process.lifts import KnownLifts
-
-        kind = KnownLifts
-    return content and TypeAdapter(kind).validate_python(content)
+    return found
 
 
 def _unchanged(directory: Path, checksums: dict[str, str]) -> Iterator[str]:
@@ -144,17 +145,13 @@ def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[P
     path.unlink(missing_ok=True)  # it lists the valid files: removed first, written last
     results.resistance_map.save(directory / MAP_FILE, key)
     names = [MAP_FILE, *(name for name in results.files if name.startswith(KEPT_FILES))]
+    more = {name: to_jsonable_python(getattr(results, name)) for name in RECORDS}
+    more["lifts"] = results.lifts and results.lifts.to_json()
     content = {
-        "key": key,
         "contacts": [contact.to_json() for contact in results.contacts],
-        "more": {
-            "held": asdict(results.held), "second_pass": results.second_pass,
-            "air_curve": results.air_curve and asdict(results.air_curve),
-            "model_spread": results.model_spread and asdict(results.model_spread),
-            "lifts": results.lifts and results.lifts.to_json(),
-        },
+        "more": more,
         "files": {name: checksum((directory / name).read_bytes()) for name in names if (directory / name).is_file()},
-    }  # fmt: skip
-    write_checked(path, content)
+    }
+    write_checked(path, {key: content})
     yield directory / MAP_FILE
     yield path
