@@ -120,7 +120,7 @@ def scenes(draw, engine):
         rolling = draw(st.sampled_from(["frictionless", "free", "sliding", "driven"]))
         roller = Roller(R, load=draw(st.floats(10, 4e3)), friction=friction, rolling=rolling)
         return Layer(10.0), roller, Elastic(youngs_modulus=draw(st.floats(1e6, 1e8)), poisson=0.3), speed
-    rolling = draw(st.sampled_from(["frictionless", "sliding", "driven" if engine == "spectral" else "free"]))
+    rolling = draw(st.sampled_from(["frictionless", "sliding", "driven"] + ["free"] * (engine == "fem")))
     profile = draw(st.sampled_from(["parabola", "circle"] + ["deformed"] * (engine == "fem")))
     friction = 0.0 if rolling == "frictionless" else 0.03 + friction / 2
     depth = draw(st.floats(1e-4, 0.5 if engine == "spectral" else 0.1))
@@ -130,8 +130,19 @@ def scenes(draw, engine):
 
 
 def roll(engine, layer, roller, material, speed, **options):
-    """Contact without the estimate of errors by another mesh."""
-    return ROLL[engine](layer, roller, material, speed, **({"estimate": False} if engine == "fem" else {}) | options)
+    """Contact without the estimate of errors by another mesh; a driven roller on elements bears a torque."""
+    if engine == "fem":
+        options = {"estimate": False, "torque": torque_of(layer, roller, material)} | options
+    return ROLL[engine](layer, roller, material, speed, **options)
+
+
+def torque_of(layer, roller, material):
+    """Torque of a driven roller, 30 % of the friction on an elastic contact, with the sign of the base."""
+    if roller.rolling != "driven":
+        return None
+    smooth = replace(roller, friction=0.0, rolling="frictionless", profile="parabola")
+    load = spectral.roll(layer, smooth, replace(material, branches=()), 1.0).load
+    return (0.3 if layer.base == "bonded" else -0.3) * roller.friction * load * roller.radius
 
 
 engines = pytest.mark.parametrize(
@@ -210,6 +221,11 @@ def test_pressure_and_work_balance(engine, data):
         slope = found.x / (roller.radius if roller.profile == "parabola" else np.sqrt(roller.radius**2 - found.x**2))
         along = np.trapezoid(found.pressure * slope + found.shear_traction, found.x)
         assert along == pytest.approx(found.resistance, rel=3e-3, abs=1e-3 * found.load)
+    if engine == "fem" and roller.rolling == "driven":
+        assert np.all(np.abs(found.shear_traction) <= roller.friction * (found.pressure + 0.03 * found.peak_pressure))
+        torque = torque_of(layer, roller, material)
+        shear = -np.sign(speed) * torque / roller.radius
+        assert np.trapezoid(found.shear_traction, found.x) == pytest.approx(shear, abs=2e-3 * found.load)
 
 
 @pytest.mark.parametrize(("engine", "finer"), [("column", {"rtol": 1e-12}), ("spectral", {"rtol": 1e-8})])

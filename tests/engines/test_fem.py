@@ -1,6 +1,5 @@
 """Engine "fem": closed forms, published tables, the engine "spectral", convergence, energy balance and refusals."""
 
-import itertools
 import re
 from dataclasses import replace
 from functools import cache
@@ -14,7 +13,6 @@ from compact.engines.fem import compliance
 from compact.engines.fem import engine as fem_engine
 from compact.engines.halfplane import galin
 from compact.engines.spectral import engine as spectral
-from compact.engines.spectral.galerkin_system import creep_function
 from compact.material.laws import Elastic, Viscoelastic
 from compact.numerics import assembly
 from compact.rolling_contact import Layer, Roller
@@ -79,15 +77,6 @@ def test_sliding_contact_is_that_of_galin(friction, speed):
     assert rolled.resistance == pytest.approx(speed * exact.load * (friction + exact.centroid / 0.11), rel=1e-3)
     assert rolled.shear_traction == pytest.approx(speed * friction * rolled.pressure)
     assert rolled.work_residual < 1e-4
-
-
-def test_creep_function_is_the_inverse_of_the_relaxation_function():
-    material = Viscoelastic(youngs_modulus=1.0, poisson=0.3, branches=((0.5, 1e-3), (2.0, 0.1), (0.1, 1e3)))
-    instant, shares, times = creep_function(material)
-    assert instant + sum(shares) == pytest.approx(1, rel=1e-12)
-    for frequency in (1e-4, 0.3, 12.0, 1e5):
-        creep = instant + np.sum(shares / (1 + 1j * frequency * times))
-        assert creep * material.complex_modulus(frequency) == pytest.approx(1, rel=1e-10)
 
 
 @pytest.mark.parametrize("length", [1e-6, 0.03, 1.0, 1e5, -0.5])
@@ -249,26 +238,6 @@ def test_reaction_of_the_base_equals_the_load():
     reaction = (K @ layer.displacement(forces).ravel() - forces.ravel()).reshape(-1, 2).sum(axis=0)
     assert SLS.youngs_modulus * reaction[1] == pytest.approx(rolled.load, rel=1e-8)
     assert SLS.youngs_modulus * reaction[0] == pytest.approx(-rolled.resistance, rel=1e-6)
-
-
-TORQUE_CASES = itertools.product(["parabola", "circle", "deformed"], ["bonded", "slip"], [0.0, 700.0, -700.0])
-DEFAULT_TORQUE_CASES = (  # every profile on every base, every torque on either base
-    ("parabola", "bonded", 0.0), ("circle", "bonded", 700.0), ("deformed", "bonded", -700.0),
-    ("parabola", "slip", 700.0), ("circle", "slip", -700.0), ("deformed", "slip", 0.0),
-)  # fmt: skip
-
-
-@pytest.mark.sampled(3)
-@pytest.mark.parametrize(
-    ("profile", "base", "torque"),
-    [pytest.param(*case, marks=[pytest.mark.slow] * (case not in DEFAULT_TORQUE_CASES)) for case in TORQUE_CASES],
-)
-def test_energy_balance_with_stick_and_slip(profile, base, torque):
-    roller = Roller(0.11, indentation=0.006, friction=0.3, rolling="driven", profile=profile)
-    rolled = roll(Layer(0.22, base=base), roller, SLS, 0.03, torque=torque)
-    assert rolled.work_residual < 5e-3
-    assert np.all(np.abs(rolled.shear_traction) <= 0.3 * rolled.pressure + 1e-2 * rolled.peak_pressure)
-    assert np.trapezoid(rolled.shear_traction, rolled.x) == pytest.approx(-torque / 0.11, abs=2e-3 * rolled.load)
 
 
 # error estimate, against the engine "spectral" with a hundredth of the error or less
