@@ -136,7 +136,7 @@ def shaft_requirement(carts: CartsOnShaft) -> ShaftRequirement:
     speed, breaks = float(2 * np.pi / carts.cycle.period), carts.breaks()
 
     def torque(angle: Array) -> Array:
-        return carts.torque(angle, np.full(angle.shape, speed**2 / 2), np.zeros(angle.shape))
+        return np.sum([state.drive_power for state in carts.uniform_states(angle)], axis=0) / speed
 
     angle, weights = sample_pieces(breaks, unit=2 * np.pi)
     slopes = np.array([carts.travel(np.mod(angle + lead, 2 * np.pi))[1] for lead in carts.angles])

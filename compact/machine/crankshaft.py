@@ -8,13 +8,12 @@ Paper C; errata C-1 to C-8.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from compact.machine.cart import Balance, Cart, Resistance
+from compact.machine.cart import Cart, Resistance
 from compact.machine.component_sizing import ShaftRequirement, shaft_requirement
-from compact.machine.rigid_drive import SAMPLES_PER_PIECE, Crank, flattened
+from compact.machine.rigid_drive import SAMPLES_PER_PIECE, Crank, DriveState, flattened
 from compact.machine.shaft import CartsOnShaft
 from compact.motion.profile import law
 from compact.numerics import Array
@@ -29,35 +28,6 @@ CRANK_ANGLES = {
 }
 
 
-class CartRevolution(NamedTuple):
-    """One cart over a revolution of the shaft; arrays of one shape.
-
-    Parameters
-    ----------
-    psi, rod_angle : ndarray
-        Crank angle of this cart and beta [rad].
-    position, velocity, acceleration : ndarray
-        [m], [m/s], [m/s^2].
-    resistance, rod_force : ndarray
-        Force of the mix, and of the rod, positive in tension [N].
-    forces : Balance
-        Drive force, reactions and guide friction [N].
-    torque, power : ndarray
-        Torque of this cart on the shaft [N m] and its power [W].
-    """
-
-    psi: Array
-    position: Array
-    velocity: Array
-    acceleration: Array
-    resistance: Array
-    rod_angle: Array
-    forces: Balance
-    rod_force: Array
-    torque: Array
-    power: Array
-
-
 @dataclass(frozen=True, eq=False)
 class CrankshaftRevolution(ShaftRequirement):
     """One revolution of a crankshaft.
@@ -66,12 +36,12 @@ class CrankshaftRevolution(ShaftRequirement):
     ----------
     shaft : CartsOnShaft
         Carts under the law of the crank.
-    carts : tuple of CartRevolution
-        Carts, arrays of shape (n,).
+    carts : tuple of DriveState
+        Motion and forces of each cart, arrays of shape (n,); its torque is its power over the speed of the shaft.
     """
 
     shaft: CartsOnShaft
-    carts: tuple[CartRevolution, ...]
+    carts: tuple[DriveState, ...]
 
     @property
     def power(self) -> Array:
@@ -82,17 +52,6 @@ class CrankshaftRevolution(ShaftRequirement):
     def peak_power(self) -> float:
         """Largest |power| of the shaft [W]."""
         return self.peak_torque * self.speed
-
-
-def carts_at(shaft: CartsOnShaft, angle: Array) -> tuple[CartRevolution, ...]:
-    """Solve all carts at angles of the shaft [rad], shape (pieces, n), with one row between two breaks."""
-    speed, carts = 2 * np.pi / shaft.cycle.period, []
-    states = shaft.states_at(angle, np.full(angle.shape, speed**2 / 2), np.zeros(angle.shape))
-    for psi, state in zip([angle + lead for lead in shaft.angles], states, strict=True):
-        beta, power, force = np.arctan(state.rod_tangent), state.drive_power, state.forces.drive_force
-        motion = state.position, state.velocity, state.acceleration, state.resistance
-        carts.append(CartRevolution(psi, *motion, beta, state.forces, force / np.cos(beta), power / speed, power))
-    return tuple(carts)
 
 
 def simulate_crankshaft(
@@ -128,5 +87,5 @@ def simulate_crankshaft(
     forward = law("crank", 2 * crank.radius, np.pi / angular_speed, rod_length=crank.rod_length)
     shaft = CartsOnShaft(cart, forward.cycle(), resistance, tuple(angles), crank)
     found = shaft_requirement(shaft)
-    carts = carts_at(shaft, found.angle.reshape(-1, SAMPLES_PER_PIECE))
-    return CrankshaftRevolution(**vars(found), shaft=shaft, carts=tuple(flattened(each) for each in carts))
+    carts = shaft.uniform_states(found.angle.reshape(-1, SAMPLES_PER_PIECE))
+    return CrankshaftRevolution(**vars(found), shaft=shaft, carts=tuple(map(flattened, carts)))

@@ -181,7 +181,7 @@ class MotorKind(CrankDrive):
         for run in self.own_runs(runs)[:1]:
             count("run-up")
             try:
-                start = simulate_acceleration_phase(run.cart, run.drive, run.cycle, run.resistance)
+                start = simulate_acceleration_phase(run)
             except RuntimeError as error:
                 warnings.warn(f"no start from rest under '{run.name}': {error}", stacklevel=2)
             else:

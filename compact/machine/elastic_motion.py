@@ -18,28 +18,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from compact.machine import spring_cart
 from compact.machine.cart import Cart, Resistance, balance
 from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, evaluate_resistance
 from compact.machine.shaft import DIFFERENTIATION, ORDER, TO_CHEBYSHEV
-from compact.machine.spring_cart import (
-    AT_NEAR_PLATE,
-    CHANNELS,
-    DONE,
-    EVALUATIONS,
-    FAR_SPRING,
-    FRACTION,
-    HEADING,
-    MIN_STEP,
-    NEAR_SPRING,
-    PAUSED,
-    PIECE,
-    ROW_HEAD,
-    STEP_TOO_SHORT,
-    VELOCITY,
-    CartState,
-    SpringCart,
-    advance,
-)
+from compact.machine.spring_cart import CartState, SpringCart
 from compact.motion.profile import Cycle, Leg
 from compact.numerics import Array
 from compact.numerics.piecewise import (
@@ -83,8 +66,8 @@ class Kinematics(NamedTuple):
         H of drive spring and damper [N], and S of the end springs [N], at a plate the force that holds the cart.
     elongation, elongation_rate : ndarray
         e [m] and e' [m/s].
-    driven_end, driven_velocity : ndarray
-        y [m] and y' [m/s].
+    driven_velocity : ndarray
+        y' of the driven end [m/s].
     """
 
     position: Array
@@ -96,7 +79,6 @@ class Kinematics(NamedTuple):
     end_spring_force: Array
     elongation: Array
     elongation_rate: Array
-    driven_end: Array
     driven_velocity: Array
 
 
@@ -119,7 +101,7 @@ class Trajectory:
     @cached_property
     def _nodal(self):
         """Nodal values of y, y', y'', e, e', e'' and the jerk of each step, shape (steps, 7, ORDER + 1)."""
-        nodal = self.rows[:, ROW_HEAD:].reshape(-1, CHANNELS, ORDER + 1)
+        nodal = self.rows[:, spring_cart.ROW_HEAD :].reshape(-1, spring_cart.CHANNELS, ORDER + 1)
         jerk = (nodal[:, 2] - nodal[:, 5]) @ DIFFERENTIATION.T / self.duration[:, None]
         return np.concatenate([nodal, jerk[:, None]], axis=1)
 
@@ -146,11 +128,13 @@ class Trajectory:
         force = stiffness * (e - flank * cart.backlash / 2) + cart.damping * rate
         compression = cart.end_length - np.where(side > 0, position, cart.stroke - position)
         holding = np.clip(-side * force, 0.0, cart.end_preload)
-        pushing = np.where(np.abs(zone) == AT_NEAR_PLATE, holding, cart.end_preload + cart.end_stiffness * compression)
+        pushing = np.where(
+            np.abs(zone) == spring_cart.AT_NEAR_PLATE, holding, cart.end_preload + cart.end_stiffness * compression
+        )
         end_force = side * pushing
         resistance = force + end_force - cart.mass * acceleration
         jerk = jerk * moves
-        return Kinematics(position, velocity, acceleration, jerk, resistance, force, end_force, e, rate, y, pace)
+        return Kinematics(position, velocity, acceleration, jerk, resistance, force, end_force, e, rate, pace)
 
     def energy(self, state: CartState, driven_end: float = 0.0) -> float:
         """Energy of cart and springs [J] in a state, with the driven end at a position [m]."""
@@ -188,24 +172,29 @@ def integrate(
     Returns the trajectory, False where its speed exceeds the tables, and the number of evaluations of R.
     """
     state = np.array([*start, 0.0, 0.0, law.breaks[-1] - law.breaks[0], 0.0, 0.0], float)
-    parts, count, status = [], 0, PAUSED
-    rows = np.empty((ATTEMPTS_PER_CALL, ROW_HEAD + CHANNELS * (ORDER + 1)))
-    while status == PAUSED:  # Python handles interrupts between two calls
-        status, filled = advance(cart, law, state, rows, ATTEMPTS_PER_CALL)
+    parts, count, status = [], 0, spring_cart.PAUSED
+    rows = np.empty((ATTEMPTS_PER_CALL, spring_cart.ROW_HEAD + spring_cart.CHANNELS * (ORDER + 1)))
+    while status == spring_cart.PAUSED:  # Python handles interrupts between two calls
+        status, filled = spring_cart.advance(cart, law, state, rows, ATTEMPTS_PER_CALL)
         count += filled
-        if status == STEP_TOO_SHORT or count > max_steps:
-            i = min(int(state[PIECE]), len(law.coefficients) - 1)
-            time = law.breaks[i] + state[FRACTION] * (law.breaks[i + 1] - law.breaks[i])
-            too_short = f"steps below {MIN_STEP:g} of a piece of the law; use a smooth `resistance`"
-            too_many = f"more than {max_steps} steps; increase `damping`, or use a rigid drive"
+        if status == spring_cart.STEP_TOO_SHORT or count > max_steps:
+            i = min(int(state[spring_cart.PIECE]), len(law.coefficients) - 1)
+            time = law.breaks[i] + state[spring_cart.FRACTION] * (law.breaks[i + 1] - law.breaks[i])
+            reason = f"more than {max_steps} steps; increase `damping`, or use a rigid drive"
+            if status == spring_cart.STEP_TOO_SHORT:
+                reason = f"steps below {spring_cart.MIN_STEP:g} of a piece of the law; use a smooth `resistance`"
             raise RuntimeError(
                 f"the integration of the cart ended at {time:g} s of {law.breaks[-1]:g} s after {count} steps, at "
-                f"{state[VELOCITY]:g} m/s: {too_short if status == STEP_TOO_SHORT else too_many}"
+                f"{state[spring_cart.VELOCITY]:g} m/s: {reason}"
             )
         parts.append(rows[:filled].copy())
-    elongation, velocity, flank, zone, turn, heading = state[: HEADING + 1].tolist()
+    elongation, velocity, flank, zone, turn, heading = state[: spring_cart.HEADING + 1].tolist()
     end = CartState(elongation, velocity, int(flank), int(zone), turn, int(heading))
-    return Trajectory(cart, np.concatenate(parts), start, end), status == DONE, int(state[EVALUATIONS])
+    return (
+        Trajectory(cart, np.concatenate(parts), start, end),
+        status == spring_cart.DONE,
+        int(state[spring_cart.EVALUATIONS]),
+    )
 
 
 @dataclass
@@ -343,8 +332,8 @@ class CartMotion:
         compression = (force + cart.stiffness * half_backlash) / (cart.stiffness + cart.end_stiffness)
         flank = 1 if half_backlash == 0 else -1
         if compression < cart.end_length:
-            return CartState(-compression, 0.0, flank, int(NEAR_SPRING))
-        return CartState(-cart.end_length, 0.0, flank, int(AT_NEAR_PLATE))
+            return CartState(-compression, 0.0, flank, int(spring_cart.NEAR_SPRING))
+        return CartState(-cart.end_length, 0.0, flank, int(spring_cart.AT_NEAR_PLATE))
 
     def integrate(self, law: PiecewisePolynomial, state: CartState) -> Trajectory:
         """Integrate through a law [m] over time [s]; the speed range of the tables is extended where needed."""
@@ -371,7 +360,7 @@ class CartMotion:
         elongation = pull / cart.stiffness + flank * cart.backlash / 2
         position = row.sum() - elongation
         far = position > cart.stroke - cart.end_length > 0
-        zone = NEAR_SPRING if position < cart.end_length else FAR_SPRING if far else 0.0
+        zone = spring_cart.NEAR_SPRING if position < cart.end_length else spring_cart.FAR_SPRING if far else 0.0
         return CartState(float(elongation), float(velocity), flank, int(zone), 0.0, 1)
 
     def _cycle(self, state: CartState, early: PiecewisePolynomial, late: PiecewisePolynomial) -> Trajectory:

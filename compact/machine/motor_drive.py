@@ -361,25 +361,17 @@ class AccelerationPhase:
     speed: Array
     revolutions: int
     energy_residual: float
-    periodic: MotorRun
 
 
-def simulate_acceleration_phase(
-    cart: Cart,
-    motor: Motor,
-    motion: MotionProfile | Cycle,
-    resistance: Resistance,
-    *,
-    tolerance: float = PERIODIC_TOLERANCE,
-) -> AccelerationPhase:
-    """Simulate the acceleration phase of identical carts on a shaft at rest.
+def simulate_acceleration_phase(periodic: MotorRun, tolerance: float = PERIODIC_TOLERANCE) -> AccelerationPhase:
+    """Simulate the acceleration phase of carts and shaft from rest to a periodic regime.
 
     Parameters
     ----------
-    cart, motor, motion, resistance
-        As in `motor_drive.simulate_motor`.
+    periodic : MotorRun
+        Run of the periodic regime.
     tolerance : float
-        Relative difference from the initial speed of the periodic regime at the end [-].
+        Relative difference from its initial speed at the end [-].
 
     Raises
     ------
@@ -387,7 +379,6 @@ def simulate_acceleration_phase(
         If the motor does not start or stalls, the belt slips, or `MAX_REVOLUTIONS` do not suffice.
     """
     require_positive(tolerance=tolerance)
-    periodic = simulate_motor(cart, motor, motion, resistance)
     target, load, breaks = periodic.speed[0], periodic.load, periodic.load.breaks()
     first = _first_instant(load)
     parts = [(np.zeros(1),) * 3, tuple(np.array([value]) for value in first)]
@@ -407,8 +398,8 @@ def simulate_acceleration_phase(
             "torque or a smaller flywheel"
         )
     time, angle, speed = (np.concatenate(column) for column in zip(*parts, strict=True))
-    residual = abs(works[0] - works[1] - motor.inertia * speed[-1] ** 2 / 2) / works[0]
-    return AccelerationPhase(time, angle, speed, revolution + 1, float(residual), periodic)
+    residual = abs(works[0] - works[1] - periodic.drive.inertia * speed[-1] ** 2 / 2) / works[0]
+    return AccelerationPhase(time, angle, speed, revolution + 1, float(residual))
 
 
 def _graded_sections(first: float, breaks: Array) -> Iterator[Array]:

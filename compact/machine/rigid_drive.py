@@ -104,6 +104,11 @@ class DriveState(NamedTuple):
         """Power H v [W]."""
         return self.forces.drive_force * self.velocity
 
+    @property
+    def rod_force(self) -> Array:
+        """Force of the rod, H/cos(beta), positive in tension [N]."""
+        return self.forces.drive_force * np.hypot(1.0, self.rod_tangent)
+
 
 @dataclass(frozen=True)
 class InverseDynamics:

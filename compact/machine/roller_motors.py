@@ -274,27 +274,10 @@ def _monotone_curve(x: Array, y: Array, slope: float) -> Callable[..., Array]:
     return value
 
 
-@dataclass(frozen=True)
-class RollerRotation:
-    """Rotation of a roller that rolls without slip; arrays of the shape of `time`.
-
-    Attributes
-    ----------
-    time : ndarray
-        Time of the cycle [s].
-    angle, angular_velocity, angular_acceleration, angular_jerk : ndarray
-        Angle of rotation [rad] and its time derivatives [rad/s], [rad/s^2], [rad/s^3].
-    """
-
-    time: Array
-    angle: Array
-    angular_velocity: Array
-    angular_acceleration: Array
-    angular_jerk: Array
-
-
-def roller_rotation(cycle: Cycle, roller_radius: float, time: ArrayLike) -> RollerRotation:
+def roller_rotation(cycle: Cycle, roller_radius: float, time: ArrayLike) -> list[Array]:
     """Rotation of a motor inside a roller of a radius [m] that rolls without slip, x/R, at times of the cycle [s].
+
+    Returns angle [rad] and its first three derivatives [rad/s], [rad/s^2] and [rad/s^3], of the shape of `time`.
 
     References
     ----------
@@ -303,10 +286,10 @@ def roller_rotation(cycle: Cycle, roller_radius: float, time: ArrayLike) -> Roll
     Examples
     --------
     >>> from compact.motion.profile import law
-    >>> rotation = roller_rotation(Cycle(law("reversal-4-free-both", 0.4, 3.0)), roller_radius=0.11, time=[1.5, 4.5])
-    >>> rotation.angular_velocity.round(4).tolist()
+    >>> cycle = Cycle(law("reversal-4-free-both", 0.4, 3.0))
+    >>> _, speed, *_ = roller_rotation(cycle, roller_radius=0.11, time=[1.5, 4.5])
+    >>> speed.round(4).tolist()
     [1.3531, -1.3531]
     """
     require_positive(roller_radius=roller_radius)
-    time = np.asarray(time, float)
-    return RollerRotation(time, *(cycle.derivative(time, order) / roller_radius for order in range(4)))
+    return [cycle.derivative(np.asarray(time, float), order) / roller_radius for order in range(4)]

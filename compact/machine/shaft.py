@@ -258,6 +258,11 @@ class CartsOnShaft:
         angles = [np.mod(angle + lead, 2 * np.pi) for lead in self.angles]
         return [self._cart_state(angle, energy, acceleration, jerk) for angle in angles]
 
+    def uniform_states(self, angle: Array) -> list[rigid_drive.DriveState]:
+        """Solve motion and forces of each cart at angles [rad] of a shaft at uniform speed, one revolution a cycle."""
+        speed = 2 * np.pi / self.cycle.period
+        return self.states_at(angle, np.full(angle.shape, speed**2 / 2), np.zeros(angle.shape))
+
     def _cart_state(self, angle, energy, acceleration, jerk):
         """Motion and forces of a cart at its own angle [rad]."""
         x, slope, curvature, third = self.travel(angle)

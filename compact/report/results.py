@@ -1,7 +1,6 @@
 """Tables of a finished study, by the names of their files; the page and summary.json select from the same tables."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
@@ -190,13 +189,14 @@ def cam_tables(study: Study) -> Iterator[File]:
     cams = [(*key, cam, cam.least_breadth()) for key, cam in laws.cams.items()]
     yield TableSpec.of("cams", cams, CAM)
     for law, cycle in study.stages.laws.cycles.items():
-        turned = roller_rotation(cycle, study.scene.machine.roller_radius, np.linspace(0, cycle.period, CAM_POINTS))
+        time = np.linspace(0, cycle.period, CAM_POINTS)
+        turned = roller_rotation(cycle, study.scene.machine.roller_radius, time)
         motor, names = motors[law], f"{STEPPER} torque_Nm power_W traction"
-        _, state = motor.traction_over(turned.time)
-        values = [*astuple(turned), state.torque, motor.power(turned.time), state.traction]
+        _, state = motor.traction_over(time)
+        values = [time, *turned, state.torque, motor.power(time), state.traction]
         if motor.roller.has_creep:
             names += " creep angle_with_creep_rad angular_velocity_with_creep_rad/s"
-            values += [state.creep, motor.angle(turned.time), motor.angular_velocity(turned.time)]
+            values += [state.creep, motor.angle(time), motor.angular_velocity(time)]
         yield f"cams/{law}-stepper", names, values
     yield roller_motor_table(study)
     roller: Any = next(iter(motors.values())).roller
@@ -223,7 +223,7 @@ def crank_tables(study: Study) -> Iterator[File]:
     values = [turn.angle, turn.torque, turn.power]
     for number, cart in enumerate(turn.carts, start=1):
         names += f" rod_force_N_{number} torque_Nm_{number} power_W_{number}"
-        values += [cart.rod_force, cart.torque, cart.power]
+        values += [cart.rod_force, cart.drive_power / turn.speed, cart.drive_power]
     yield "crank-turn", names, values
 
 

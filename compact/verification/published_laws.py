@@ -89,7 +89,7 @@ def lone_phase() -> Polynomial:
 
 def roller_speed(phase: float) -> float:
     """Return the angular speed of a roller of unit radius by B without slip [-]."""
-    return roller_rotation(Cycle(unit(B)), roller_radius=1.0, time=[phase]).angular_velocity[0]
+    return roller_rotation(Cycle(unit(B)), roller_radius=1.0, time=[phase])[1][0]
 
 
 @cache

@@ -18,12 +18,10 @@ from compact.engines.halfplane import LineContact
 from compact.machine.cart import Cart, balance
 from compact.machine.crankshaft import (
     CRANK_ANGLES,
-    CartRevolution,
     CrankshaftRevolution,
-    carts_at,
     simulate_crankshaft,
 )
-from compact.machine.rigid_drive import Crank
+from compact.machine.rigid_drive import Crank, DriveState
 from compact.numerics import Array
 from compact.numerics.piecewise import find_maximum, find_roots, integrate, interior_grid
 
@@ -52,7 +50,7 @@ VELOCITY = 0.16  # [m/s], of (1.10)
 PRINTED_MEAN_POWER, PRINTED_SUM_OVER_MEAN = 4738.8, 21872.2 / 18993.8  # [W] of a cart, [-] of four carts; C
 TOWARDS, AWAY = np.array([0.0, np.pi]), np.array([np.pi, 2 * np.pi])  # [rad], strokes to the crank and back
 STEPS = 361  # [-], cells between which a reaction changes its sign
-Quantity = Callable[[CartRevolution], Array]  # of a cart, at the samples
+Quantity = Callable[[DriveState], Array]  # of a cart, at the samples
 
 
 class Method:
@@ -118,7 +116,7 @@ def mean_power(turned: CrankshaftRevolution) -> float:
 def stated_mean() -> float:
     """Compute the mean power of the stated cart [W], whose rear guide wheel lifts off."""
     breaks = [*TOWARDS, *_roots(turn(), AWAY, rear), AWAY[1]]
-    return integrate(lambda psi: _cart(turn(), psi).power, breaks) / (2 * np.pi)
+    return integrate(lambda psi: _cart(turn(), psi).drive_power, breaks) / (2 * np.pi)
 
 
 def peak_over_mean(mass: float, carts: int = 1) -> float:
@@ -167,24 +165,24 @@ def percent(turned: CrankshaftRevolution, stroke: Array, quantity: Quantity) -> 
     return 100 * float(np.sum(np.diff(edges)[above])) / np.pi
 
 
-def rear(cart: CartRevolution) -> Array:
+def rear(cart: DriveState) -> Array:
     """Return the reaction of the rear guide wheel [N]."""
     return cart.forces.rear_reaction
 
 
-def lifted(cart: CartRevolution) -> Array:
+def lifted(cart: DriveState) -> Array:
     """Return a number that is positive where the rear guide wheel lifts off [N]."""
     return -rear(cart)
 
 
-def rear_over_front(cart: CartRevolution) -> Array:
+def rear_over_front(cart: DriveState) -> Array:
     """Return the difference of the reactions of the guide wheels [N]."""
     return rear(cart) - cart.forces.front_reaction
 
 
-def _cart(turned: CrankshaftRevolution, psi: Array) -> CartRevolution:
+def _cart(turned: CrankshaftRevolution, psi: Array) -> DriveState:
     """Return the first cart at crank angles [rad] whose rows lie within one stroke."""
-    return carts_at(turned.shaft, np.atleast_2d(psi))[0]
+    return turned.shaft.uniform_states(np.atleast_2d(psi))[0]
 
 
 def _roots(turned: CrankshaftRevolution, stroke: Array, quantity: Quantity) -> Array:

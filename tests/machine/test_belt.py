@@ -4,30 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from published import CART_OF_C
+from machine_cases import CART, KLOSS, SIZE, dry, published_law
 from scipy.integrate import solve_ivp
 
 from compact.machine.motor_drive import Motor, simulate_motor
-from compact.machine.shaft import Belt, Kloss, LinearTorqueCurve
-from compact.motion.profile import law
+from compact.machine.shaft import Belt, LinearTorqueCurve
 
-CART = replace(CART_OF_C, guide_friction=0.0)
-KLOSS = Kloss(breakdown_torque=40.0, breakdown_slip=0.15, synchronous_speed=157.0)
 BELT = Belt(pulley_radius=0.1, stiffness=50e3, preload=500.0, friction=0.4, wrap=3.0)
 STRONG = replace(BELT, preload=2500.0)
-SIZE, STROKE = 3486.0, 0.4
-
-
-def dry(velocity, acceleration):
-    return SIZE * np.sign(velocity)
-
-
-def free(velocity, acceleration):
-    return np.zeros_like(velocity)
 
 
 def simulate(belt, curve=KLOSS, name="quintic", cart=CART, resistance=dry, inertias=(0.01, 50.0)):
-    return simulate_motor(cart, Motor(curve, 150.0, *inertias, belt=belt), law(name, STROKE, 3.0), resistance)
+    return simulate_motor(cart, Motor(curve, 150.0, *inertias, belt=belt), published_law(name), resistance)
 
 
 # closed form
@@ -63,7 +51,7 @@ def test_slip_torque_is_eytelweins_limit():
 def test_speed_agrees_with_a_general_solver():
     """w = g phi'/(1 - T_b/C) with T_b = T(w) - J_m g phi'', integrated over time."""
     run = simulate(STRONG, inertias=(0.01, 30.0))
-    motor, cycle = run.load.motor, run.load.cycle
+    motor, cycle = run.drive, run.cycle
     rate, C = cycle.period / (2 * np.pi), STRONG.creep_torque
 
     def taken(angle, speed, acceleration):
@@ -93,10 +81,10 @@ def test_speed_agrees_with_a_general_solver():
 
 def test_belt_loss_is_the_power_of_its_creep():
     run = simulate(STRONG)
-    motor = run.load.motor
+    motor = run.drive
     assert run.energy_residual < 1e-8
     motor_work = np.sum(run.weights * run.motor_power)
-    assert motor_work == pytest.approx(2 * STROKE * SIZE + run.belt_loss, rel=1e-8)
+    assert motor_work == pytest.approx(0.8 * SIZE + run.belt_loss, rel=1e-8)
     creep = run.belt_torque / STRONG.creep_torque
     own = motor.motor_speed(run.speed, run.revolution.acceleration.ravel())
     assert own * (1 - creep) == pytest.approx(150.0 * run.speed, rel=1e-12)
@@ -128,7 +116,7 @@ def test_error_of_a_slipping_belt_states_a_sufficient_preload():
         simulate(weak)
     preload = float(str(caught.value).split("at least ")[1].split()[0])
     run = simulate(replace(weak, preload=1.001 * preload))
-    assert np.abs(run.belt_torque).max() == pytest.approx(run.load.motor.belt.slip_torque, rel=3e-3)
+    assert np.abs(run.belt_torque).max() == pytest.approx(run.drive.belt.slip_torque, rel=3e-3)
 
 
 def test_creep_is_inversely_proportional_to_the_stiffness():

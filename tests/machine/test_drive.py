@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from machine_cases import free, friction, published_law
 from published import CART_OF_C
 from sampling import examples
 
@@ -39,20 +40,8 @@ ENERGY_OF_LAW = {
 }
 
 
-def published_law(name, **shape):
-    return law(name, stroke=0.4, duration=3.0, rod_length=0.8, **shape)
-
-
 def unit_law(name):
     return law(name, stroke=1.0, duration=1.0, rod_length=2.0)
-
-
-def free(velocity, acceleration):
-    return np.zeros_like(velocity)
-
-
-def dry(size):
-    return lambda velocity, acceleration: size * np.sign(velocity)
 
 
 def viscous(coefficient):
@@ -78,7 +67,7 @@ def test_free_cart_requires_mass_times_acceleration(name):
 @pytest.mark.parametrize("name", WITHOUT_IMPULSE)
 def test_peak_jerk_is_the_jerk_of_the_law(name):
     motion = published_law(name)
-    run = simulate(CART, Rigid(), motion, dry(3562.0))
+    run = simulate(CART, Rigid(), motion, friction(3562.0))
     jumps = any(join.order == 2 for join in motion.discontinuities())
     assert run.peak_jerk == (math.inf if jumps else pytest.approx(motion.peaks().jerk, rel=1e-8))
 
@@ -86,7 +75,7 @@ def test_peak_jerk_is_the_jerk_of_the_law(name):
 @pytest.mark.parametrize("dwell", [0.0, 0.5], ids=["reversal", "dwell"])
 @pytest.mark.parametrize("name", KINDS)
 def test_work_of_the_drive_equals_the_losses(name, dwell):
-    run = simulate(CART, Rigid(), Cycle(published_law(name), dwell, dwell), dry(3562.0))
+    run = simulate(CART, Rigid(), Cycle(published_law(name), dwell, dwell), friction(3562.0))
     assert run.energy == pytest.approx(2 * 0.4 * (3562 + GUIDE), rel=1e-9)
     standing = run.direction == 0
     assert standing.sum() == (2 * SAMPLES_PER_PIECE if dwell else 0)
@@ -122,12 +111,12 @@ def test_root_mean_squares_of_a_free_cart(name, force, power):
     ],
 )
 def test_nonuniformity_is_that_of_the_working_part(name, working, exact):
-    run = simulate(CART, Rigid(), published_law(name), dry(3562.0), working=working)
+    run = simulate(CART, Rigid(), published_law(name), friction(3562.0), working=working)
     assert run.nonuniformity == pytest.approx(exact, rel=1e-6, abs=1e-5 if name == "harmonic" else 1e-12)
 
 
 def test_dynamic_factor_is_the_peak_over_the_steady_force():
-    run = simulate(CART, Rigid(), published_law("cubic"), dry(3562.0))
+    run = simulate(CART, Rigid(), published_law("cubic"), friction(3562.0))
     assert run.steady_force == pytest.approx(3562 + GUIDE, rel=1e-14)
     assert run.dynamic_factor == pytest.approx(1 + 1000 * 6 * 0.4 / 9 / (3562 + GUIDE), rel=1e-12)
 
@@ -145,7 +134,7 @@ def test_rod_of_the_crank_is_a_triangle():
 def test_dry_resistance_at_the_ends_is_the_limit_from_inside_the_motion(size):
     """Parabolic law: acceleration 4 s/T^2 and full resistance from t = 0+ on."""
     cart = replace(CART, guide_friction=0.0)
-    run = simulate(cart, Rigid(), published_law("parabolic"), dry(size))
+    run = simulate(cart, Rigid(), published_law("parabolic"), friction(size))
     inertia = 1000 * 4 * 0.4 / 9
     there, back = run.drive_force[run.direction > 0], run.drive_force[run.direction < 0]
     assert [there[0], there[-1]] == pytest.approx([inertia + size, size - inertia], rel=1e-12)
@@ -155,7 +144,7 @@ def test_dry_resistance_at_the_ends_is_the_limit_from_inside_the_motion(size):
 
 @pytest.mark.parametrize("name", WITH_IMPULSE)
 def test_velocity_jump_requires_an_infinite_force(name):
-    run = simulate(CART, Rigid(), published_law(name), dry(3562.0))
+    run = simulate(CART, Rigid(), published_law(name), friction(3562.0))
     names = ("peak_force", "peak_power", "rms_force", "rms_power", "peak_jerk", "dynamic_factor")
     assert [getattr(run, criterion) for criterion in names] == [math.inf] * 6
     assert len(run.impulses) == 2
@@ -164,7 +153,7 @@ def test_velocity_jump_requires_an_infinite_force(name):
 
 @pytest.mark.parametrize("name", ["parabolic", "reversal-2"])
 def test_acceleration_jump_requires_an_infinite_jerk_only(name):
-    run = simulate(CART, Rigid(), published_law(name), dry(3562.0))
+    run = simulate(CART, Rigid(), published_law(name), friction(3562.0))
     assert run.peak_jerk == math.inf
     assert run.impulses == ()
     assert {join.order for join in run.shocks} == {2}
@@ -174,7 +163,7 @@ def test_acceleration_jump_requires_an_infinite_jerk_only(name):
 @pytest.mark.parametrize("run_up", [1e-2, 1e-4, 1e-6])
 def test_short_acceleration_phase_keeps_peaks_and_energy(run_up):
     motion = published_law("reversal-4", run_up=run_up, run_down=run_up)
-    run = simulate(replace(UNIT, mass=1000.0), Rigid(), motion, dry(3562.0))
+    run = simulate(replace(UNIT, mass=1000.0), Rigid(), motion, friction(3562.0))
     assert run.peak_jerk == pytest.approx(motion.peaks().jerk, rel=1e-8)
     assert run.peak_force == pytest.approx(1000 * motion.peaks().acceleration + 3562, rel=1e-8)
     assert run.energy == pytest.approx(0.8 * 3562, rel=1e-9)
@@ -186,13 +175,13 @@ def test_short_acceleration_phase_keeps_peaks_and_energy(run_up):
 @pytest.mark.parametrize("cart", [CART, replace(CART, mass=0.0), replace(CART, guide_friction=0.1)], ids=str)
 def test_crank_drive_agrees_with_the_crankshaft(cart):
     crank, speed = Crank(0.2, 0.8), np.pi / 3.0
-    run = simulate(cart, crank, published_law("crank"), dry(15924.0))
-    shaft = simulate_crankshaft(cart, crank, speed, dry(15924.0))
+    run = simulate(cart, crank, published_law("crank"), friction(15924.0))
+    shaft = simulate_crankshaft(cart, crank, speed, friction(15924.0))
     revolution = shaft.carts[0]
-    assert run.time * speed == pytest.approx(revolution.psi, abs=1e-14)
+    assert run.time * speed == pytest.approx(shaft.angle, abs=1e-14)
     assert run.drive_force == pytest.approx(revolution.forces.drive_force, rel=1e-9)
-    assert run.drive_power == pytest.approx(revolution.power, rel=1e-9, abs=1e-9 * run.peak_power)
-    assert run.mean_power == pytest.approx(shaft.mean(revolution.power), rel=1e-12)
+    assert run.drive_power == pytest.approx(revolution.drive_power, rel=1e-9, abs=1e-9 * run.peak_power)
+    assert run.mean_power == pytest.approx(shaft.mean(revolution.drive_power), rel=1e-12)
     assert run.peak_power == pytest.approx(shaft.peak_power, rel=1e-9)
 
 
@@ -277,7 +266,7 @@ def test_rank_counts_the_smaller_values(values, order, ranks, margins):
 def test_equal_laws_share_a_rank():
     """D 4.3 is D 3.3, and the gear sector is the constant velocity."""
     names = ("reversal-4", "reversal-4-free-jerk", "septic", "gear-sector", "constant-velocity")
-    every = rank(simulate(CART, Rigid(), published_law(name), dry(3562.0)) for name in names)
+    every = rank(simulate(CART, Rigid(), published_law(name), friction(3562.0)) for name in names)
     found = {place.run.name: place.rank for place in every}
     assert found["reversal-4"] == found["reversal-4-free-jerk"]
     assert found["gear-sector"] == found["constant-velocity"] == 5  # the last
@@ -286,7 +275,7 @@ def test_equal_laws_share_a_rank():
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("criterion", CRITERIA)
 def test_every_criterion_ranks_real_runs(criterion):
-    found = rank([simulate(CART, Rigid(), published_law(name), dry(3562.0)) for name in LAWS], criterion)
+    found = rank([simulate(CART, Rigid(), published_law(name), friction(3562.0)) for name in LAWS], criterion)
     values = [place.value for place in found]
     assert len(found) == len(LAWS)
     assert values == pytest.approx(sorted(values), rel=ROUNDING_TIE)

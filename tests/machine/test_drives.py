@@ -5,23 +5,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machine_cases import CART, HYDRAULIC, KLOSS, MASS, SIZE, dry, stribeck
 from published import CART_OF_C
 
 from compact.drive import Crank, Rigid, simulate
 from compact.machine.cart import EndSprings
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
-from compact.machine.hydraulic_drive import Hydraulic
 from compact.machine.motor_drive import Motor, simulate_motor
-from compact.machine.shaft import Kloss
 from compact.motion.profile import law
 
-SIZE, MASS = 3486.0, CART_OF_C.mass
 CARTS = {
-    "bare": replace(CART_OF_C, guide_friction=0.0),
-    "end springs": replace(CART_OF_C, guide_friction=0.0, end_springs=EndSprings(4e3, 0.0, 0.08, stroke=0.4)),
+    "bare": CART,
+    "end springs": replace(CART, end_springs=EndSprings(4e3, 0.0, 0.08, stroke=0.4)),
 }
-KLOSS = Kloss(40.0, 0.15, 157.0)
-HYDRAULIC = Hydraulic(1e-3, 8e6, 5e-4, 2e-5, 0.62, 870.0, 1e3, 1.4e9, 1e-4)
 DRIVES = {
     "rigid": Rigid(),
     "crank": Crank(0.2, 0.8),
@@ -36,16 +32,6 @@ IMPOSING = {
     "motor": (Motor(KLOSS, 150.0, 0.0, 1e9), "cubic", 1e-6),
     "hydraulic": (HYDRAULIC, "septic", 1e-12),
 }
-
-
-def dry(velocity, acceleration):
-    return SIZE * np.sign(velocity)
-
-
-def stribeck(velocity, acceleration):
-    """Stribeck friction, smooth on each side of speed 0."""
-    speed = np.abs(velocity)
-    return np.sign(velocity) * (2000 + 1500 * np.exp(-speed / 0.05) + 4000 * speed**2)
 
 
 def law_of(drive, name, duration=3.0):

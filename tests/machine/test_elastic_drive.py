@@ -10,23 +10,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from interrupts import interrupted, of_unix
+from machine_cases import CART, MASS, free, friction, published_law, stribeck
 from published import CART_OF_C
 from sampling import examples, sampled
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from compact.machine import elastic_motion
+from compact.machine import elastic_motion, spring_cart
 from compact.machine.cart import EndSprings
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.elastic_motion import SAMPLES, CartMotion, integrate
 from compact.machine.shaft import ORDER
 from compact.machine.spring_cart import CartState, SpringCart
-from compact.motion.profile import LAWS, Cycle, law
+from compact.motion.profile import LAWS, Cycle
 from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise
 from compact.resistance import ResistanceMap
 
-CART = replace(CART_OF_C, guide_friction=0.0)
-MASS = CART.mass
 WITH_IMPULSE = ("constant-velocity", "gear-sector")
 WITHOUT_IMPULSE = [name for name in LAWS if name not in WITH_IMPULSE]
 DAMPING_RATIOS = (0.0, 0.05, 0.7, 1.0, 3.0)
@@ -34,26 +33,8 @@ STIFFNESSES = (1e4, 1e6, 1e9)  # [N/m]
 KINDS = ("septic", "complex", "reversal-4", "parabolic")  # one law of each kind; the others are slow
 
 
-def published_law(name):
-    return law(name, stroke=0.4, duration=3.0, rod_length=0.8)
-
-
 def spring(stiffness, ratio, backlash=0.0):
     return ElasticDrive(stiffness, 2 * ratio * math.sqrt(stiffness * MASS), backlash)
-
-
-def free(velocity, acceleration):
-    return np.zeros_like(velocity)
-
-
-def dry(size):
-    return lambda velocity, acceleration: size * np.sign(velocity)
-
-
-def stribeck(velocity, acceleration):
-    """Stribeck friction, smooth on each side of speed 0."""
-    speed = np.abs(velocity)
-    return np.sign(velocity) * (2000 + 1500 * np.exp(-speed / 0.05) + 4000 * speed**2)
 
 
 AT_REST = CartState(0.0, 0.0, 1)
@@ -232,7 +213,7 @@ def test_small_power_of_the_speed_sticks_without_chattering(name):
 
 def test_dry_friction_is_the_limit_of_small_powers():
     drive, motion = spring(1e6, 0.05), published_law("cubic")
-    exact = simulate_elastic(CART, drive, motion, dry(3486.0)).peak_force
+    exact = simulate_elastic(CART, drive, motion, friction(3486.0)).peak_force
     errors = [
         abs(simulate_elastic(CART, drive, motion, power_law_map(n)).peak_force / exact - 1) for n in (1e-2, 1e-3, 1e-4)
     ]
@@ -420,7 +401,9 @@ def test_peak_of_an_undamped_cart_is_the_sum_of_friction_and_impact(name):
     """F + V sqrt(k m): the cart oscillates about F/k at the speed V of the driven end, one stop per oscillation."""
     law_name, mass, stiffness, size, dwell = UNDAMPED[name]
     cart = replace(CART, mass=mass)
-    run = simulate_elastic(cart, ElasticDrive(stiffness, 0.0), published_law(law_name).cycle(dwell, dwell), dry(size))
+    run = simulate_elastic(
+        cart, ElasticDrive(stiffness, 0.0), published_law(law_name).cycle(dwell, dwell), friction(size)
+    )
     assert run.peak_force == pytest.approx(size + 0.4 / 3 * math.sqrt(stiffness * mass), rel=1e-8)
     assert run.trajectory.end[:2] == pytest.approx(run.trajectory.start[:2], rel=1e-8, abs=1e-11)
     assert run.energy_residual < 1e-6
@@ -498,7 +481,7 @@ def test_energy_balance_and_stiction_of_any_cart(name, power, ratio, size, visco
 def test_a_cycle_takes_few_steps(name):
     """Oscillations of a stiff spring limit the steps while they last."""
     for stiffness, most in ((1e6, 80), (1e9, 400), (1e15, 500)):
-        cost = simulate_elastic(CART_OF_C, spring(stiffness, 0.05), published_law(name), dry(3486.0)).cost
+        cost = simulate_elastic(CART_OF_C, spring(stiffness, 0.05), published_law(name), friction(3486.0)).cost
         assert cost.intervals <= most
         assert cost.integrations <= 20
 
@@ -508,7 +491,7 @@ def test_integration_in_slices_is_bit_identical(regime, monkeypatch):
     """Python handles interrupts between two slices."""
     cart = replace(CART_OF_C, end_springs=EndSprings(4e5, 500.0, 0.08, 0.4))
     cycle = published_law("constant-velocity").cycle(0.5, 0.2)
-    calls, advance = [], elastic_motion.advance
+    calls, advance = [], spring_cart.advance
 
     def recorded(*arguments):
         calls.append(advance(*arguments))
@@ -516,7 +499,7 @@ def test_integration_in_slices_is_bit_identical(regime, monkeypatch):
 
     whole = simulate_elastic(cart, spring(1e6, 0.05, 1e-3), cycle, stribeck, regime=regime)
     monkeypatch.setattr(elastic_motion, "ATTEMPTS_PER_CALL", 1)
-    monkeypatch.setattr(elastic_motion, "advance", recorded)
+    monkeypatch.setattr(spring_cart, "advance", recorded)
     sliced = simulate_elastic(cart, spring(1e6, 0.05, 1e-3), cycle, stribeck, regime=regime)
     assert len(calls) >= sliced.cost.intervals
     assert sliced.cost == whole.cost
@@ -572,7 +555,7 @@ def test_piecewise_polynomials_resolve_a_boundary_layer():
 def test_spring_limits_the_force_of_a_velocity_jump():
     """Undamped, with the driven end starting at V against friction: F + V sqrt(k m)."""
     run = simulate_elastic(
-        CART, ElasticDrive(1e6, 0.0), published_law("gear-sector").cycle(1.0, 1.0), dry(3486.0), regime="rest"
+        CART, ElasticDrive(1e6, 0.0), published_law("gear-sector").cycle(1.0, 1.0), friction(3486.0), regime="rest"
     )
     first = run.drive_force[run.time < 0.5]
     assert np.abs(first).max() == pytest.approx(3486.0 + 0.4 / 3 * math.sqrt(1e6 * MASS), rel=1e-2)
@@ -582,7 +565,7 @@ def test_spring_limits_the_force_of_a_velocity_jump():
 
 @pytest.mark.parametrize("name", sampled(WITHOUT_IMPULSE, KINDS))
 def test_stiff_spring_follows_the_law_but_for_its_elongation(name):
-    for cart, ratio, resistance in ((CART, 0.05, free), (CART_OF_C, 0.7, dry(3486.0))):
+    for cart, ratio, resistance in ((CART, 0.05, free), (CART_OF_C, 0.7, friction(3486.0))):
         run = simulate_elastic(cart, spring(1e9, ratio), published_law(name), resistance)
         lag = np.abs(run.cycle.derivative(run.time, 0) - run.state.position).max()
         assert lag <= (1e-5 * 0.4 if resistance is free else run.peak_force / 1e9 * (1 + 1e-6))
@@ -600,14 +583,14 @@ def test_septic_law_causes_no_residual_vibration_of_a_stiff_spring():
 @pytest.mark.parametrize("regime", ["rest", "periodic"])
 def test_energy_balance_with_backlash(name, backlash, regime):
     run = simulate_elastic(
-        CART, spring(1e6, 0.1, backlash), published_law(name).cycle(0.5, 0.2), dry(1500.0), regime=regime
+        CART, spring(1e6, 0.1, backlash), published_law(name).cycle(0.5, 0.2), friction(1500.0), regime=regime
     )
     assert run.energy_residual < 1e-6
     assert {-1, 0, 1} >= set(run.trajectory.flank.tolist()) > {0}
 
 
 def test_peak_is_not_missed_between_samples():
-    run = simulate_elastic(CART, spring(1e7, 0.02), published_law("reversal-2"), dry(3486.0))
+    run = simulate_elastic(CART, spring(1e7, 0.02), published_law("reversal-2"), friction(3486.0))
     assert np.abs(run.drive_force).max() <= run.peak_force * (1 + 1e-12)
     assert np.abs(run.drive_power).max() <= run.peak_power * (1 + 1e-12)
     densely = run.trajectory.at(np.linspace(0, run.time[-1], 400_001))
@@ -616,7 +599,7 @@ def test_peak_is_not_missed_between_samples():
 
 
 def test_cart_is_exactly_at_rest_in_a_dwell():
-    run = simulate_elastic(CART, spring(1e6, 0.1), published_law("quintic").cycle(1.0, 1.0), dry(3486.0))
+    run = simulate_elastic(CART, spring(1e6, 0.1), published_law("quintic").cycle(1.0, 1.0), friction(3486.0))
     trajectory = run.trajectory
     halfway = trajectory.at(trajectory.begin + trajectory.duration / 2)
     assert run.stick_time > 2.0

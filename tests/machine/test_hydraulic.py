@@ -7,29 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from published import CART_OF_C
+from machine_cases import CART, SIZE, dry, published_law
+from machine_cases import HYDRAULIC as DRIVE
 from sampling import examples, sampled
 
 from compact.drive import simulate
 from compact.machine.cart import EndSprings
-from compact.machine.hydraulic_drive import Hydraulic, simulate_stroke, solve_valve_flow
-from compact.motion.profile import law
+from compact.machine.hydraulic_drive import simulate_stroke, solve_valve_flow
 from compact.numerics.piecewise import PiecewisePolynomial
-
-CART = replace(CART_OF_C, guide_friction=0.0)
-SIZE = 3486.0
-DRIVE = Hydraulic(
-    piston_area=1e-3, supply_pressure=8e6, pump_flow=5e-4, valve_area=2e-5, discharge_coefficient=0.62,
-    oil_density=870.0, transition_drop=1e3, bulk_modulus=1.4e9, dead_volume=1e-4,
-)  # fmt: skip
-
-
-def dry(velocity, acceleration):
-    return SIZE * np.sign(velocity)
-
-
-def published(name, duration=3.0):
-    return law(name, stroke=0.4, duration=duration)
 
 
 def constant(area, time=2.0):
@@ -108,9 +93,9 @@ def test_valve_flow_balances_the_force(force):
 
 @pytest.mark.parametrize("name", sampled(["cubic", "quintic", "reversal-4"], ["cubic"]))
 def test_forward_problem_reproduces_the_law(name):
-    run = simulate(CART, DRIVE, published(name), dry)
+    run = simulate(CART, DRIVE, published_law(name), dry)
     stroke = run.simulate_stroke()
-    position = published(name).position(stroke.time)
+    position = published_law(name).position(stroke.time)
     assert np.abs(stroke.position - position).max() < 1e-3 * 0.4
     assert stroke.energy_residual < 1e-6
     assert stroke.energies["resistance_work"] == pytest.approx(SIZE * stroke.position[-1], rel=1e-5)
@@ -120,9 +105,9 @@ def test_forward_problem_reproduces_the_law(name):
 def test_error_is_proportional_to_the_compressibility_of_the_oil():
     moduli, errors = np.array([1e9, 4e9]), []
     for modulus in moduli:
-        run = simulate(CART, replace(DRIVE, bulk_modulus=modulus), published("cubic"), dry)
+        run = simulate(CART, replace(DRIVE, bulk_modulus=modulus), published_law("cubic"), dry)
         stroke = run.simulate_stroke()
-        errors.append(np.abs(stroke.position - published("cubic").position(stroke.time)).max())
+        errors.append(np.abs(stroke.position - published_law("cubic").position(stroke.time)).max())
     order = np.polyfit(np.log(moduli), np.log(errors), 1)[0]
     assert order == pytest.approx(-1, abs=0.05), f"the error falls as K^{order:.2f}"
 
@@ -132,7 +117,7 @@ def test_error_is_proportional_to_the_compressibility_of_the_oil():
 
 @pytest.mark.parametrize("name", ["parabolic", "harmonic", "reversal-3", "septic"])
 def test_energy_balance_of_pump_cart_and_valves(name):
-    run = simulate(CART, DRIVE, published(name), dry)
+    run = simulate(CART, DRIVE, published_law(name), dry)
     assert run.energy == pytest.approx(0.8 * SIZE, rel=1e-9)
     assert run.energy_residual < 1e-12
     assert run.pump_work == pytest.approx(8e6 * 5e-4 * 6.0, rel=1e-12)
@@ -142,11 +127,11 @@ def test_energy_balance_of_pump_cart_and_valves(name):
 @pytest.mark.slow
 def test_end_springs_reduce_the_peak_pressure():
     springs = replace(CART, end_springs=EndSprings(4e3, 300.0, 0.08, stroke=0.4))
-    bare, with_springs = (simulate(cart, DRIVE, published("harmonic", 1.4), dry) for cart in (CART, springs))
+    bare, with_springs = (simulate(cart, DRIVE, published_law("harmonic", 1.4), dry) for cart in (CART, springs))
     assert with_springs.valve_flow.inlet_pressure.max() < bare.valve_flow.inlet_pressure.max()
     stroke = with_springs.simulate_stroke()
     assert stroke.energy_residual < 1e-6
-    assert np.abs(stroke.position - published("harmonic", 1.4).position(stroke.time)).max() < 2e-3 * 0.4
+    assert np.abs(stroke.position - published_law("harmonic", 1.4).position(stroke.time)).max() < 2e-3 * 0.4
 
 
 # hard cases
@@ -166,7 +151,7 @@ def test_cart_is_at_rest_until_breakaway():
 @examples(5, slow=25)
 @given(st.floats(100, 6e3), st.floats(0.5, 5), st.sampled_from(["cubic", "quintic"]))
 def test_energy_balance_of_any_cart(size, duration, name):
-    run = simulate(CART, DRIVE, published(name, duration), lambda v, a: size * np.sign(v))
+    run = simulate(CART, DRIVE, published_law(name, duration), lambda v, a: size * np.sign(v))
     assert run.energy_residual < 1e-12
     if not run.lack:
         assert run.simulate_stroke().energy_residual < 1e-6
@@ -175,12 +160,12 @@ def test_energy_balance_of_any_cart(size, duration, name):
 @pytest.mark.parametrize("name", sampled(["quintic", "septic", "cycloidal", "combined-4"], ["quintic"]))
 def test_valve_areas_without_resistance(name):
     """Force and flow vanish at both ends: the outlet valve is open at the start and closed at the stop."""
-    run = simulate(CART, DRIVE, published(name, 2.0), lambda v, a: 0 * v)
+    run = simulate(CART, DRIVE, published_law(name, 2.0), lambda v, a: 0 * v)
     inlet, outlet = run.valve_areas()
     assert inlet(np.array([0.0, 2.0])) == pytest.approx(0, abs=1e-12)
     assert outlet(np.array([0.0, 2.0])) == pytest.approx([2e-5, 0], abs=1e-11)
     stroke = run.simulate_stroke()
-    assert np.abs(stroke.position - published(name, 2.0).position(stroke.time)).max() < 1e-3 * 0.4
+    assert np.abs(stroke.position - published_law(name, 2.0).position(stroke.time)).max() < 1e-3 * 0.4
     assert stroke.energy_residual < 1e-6
 
 
@@ -197,7 +182,7 @@ def test_valve_areas_without_resistance(name):
     ],
 )
 def test_insufficient_drive_names_the_quantity(changes, name, lack):
-    run = simulate(CART, replace(DRIVE, **changes), published(name), dry)
+    run = simulate(CART, replace(DRIVE, **changes), published_law(name), dry)
     assert run.lack == lack
     with pytest.raises(RuntimeError, match=f"the drive cannot follow '{name}': insufficient {lack}; use"):
         run.valve_areas()

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machine_cases import CART, HYDRAULIC, KLOSS, dry, free, published_law
 from published import CART_OF_C
 
 from compact.drive import Crank, Rigid, rank, simulate
@@ -23,13 +24,7 @@ from compact.motion.profile import law
 from compact.numerics.piecewise import PiecewisePolynomial
 from compact.resistance import ResistanceMap
 
-CART = replace(CART_OF_C, guide_friction=0.0)
-KLOSS = Kloss(breakdown_torque=40.0, breakdown_slip=0.15, synchronous_speed=157.0)
 BELT = Belt(pulley_radius=0.1, stiffness=50e3, preload=500.0, friction=0.4, wrap=3.0)
-HYDRAULIC = Hydraulic(
-    piston_area=1e-3, supply_pressure=8e6, pump_flow=5e-4, valve_area=2e-5, discharge_coefficient=0.62,
-    oil_density=870.0, transition_drop=1e3, bulk_modulus=1.4e9, dead_volume=1e-4,
-)  # fmt: skip
 CRANK = Crank(0.2, 0.8)
 MOTOR = CatalogueMotor("small", 5.0, 15.0, 150.0, 0.001, 300.0)
 DRIVES = {
@@ -41,24 +36,16 @@ DRIVES = {
 DAMPED = ElasticDrive(1e6, 0.2 * math.sqrt(1e6 * CART.mass))
 
 
-def dry(velocity, acceleration=0.0):
-    return 3486.0 * np.sign(velocity)
-
-
-def free(velocity, acceleration):
-    return np.zeros_like(velocity)
-
-
-def published(name):
-    return law(name, stroke=0.4, duration=3.0, rod_length=0.8)
-
-
 def elastic(drive=DAMPED, resistance=dry, name="cubic", cart=CART, dwell=0.0, **keys):
-    return simulate_elastic(cart, drive, published(name).cycle(dwell, dwell), resistance, **keys)
+    return simulate_elastic(cart, drive, published_law(name).cycle(dwell, dwell), resistance, **keys)
 
 
 def on_motor(*numbers, name="cubic", cart=CART, angles=(0.0,), simulate=simulate_motor, **keys):
-    return simulate(cart, Motor(*numbers, angles, **keys), published(name), dry)
+    return simulate(cart, Motor(*numbers, angles, **keys), published_law(name), dry)
+
+
+def accelerate(*arguments):
+    return simulate_acceleration_phase(simulate_motor(*arguments))
 
 
 def stroke(resistance):
@@ -77,7 +64,7 @@ def crankshaft(angular_speed=10.5, angles=(0.0,), crank=CRANK, cart=CART, resist
 
 
 def rigid(resistance=dry, motion=None, **keys):
-    return simulate(CART, Rigid(), motion or published("cubic"), resistance, **keys)
+    return simulate(CART, Rigid(), motion or published_law("cubic"), resistance, **keys)
 
 
 def on_crank(motion):
@@ -86,7 +73,7 @@ def on_crank(motion):
 
 def with_nan_tables():
     """Attempts of an interval fail without a shorter step; their number is limited."""
-    problem = CartMotion(CART, DAMPED, published("harmonic").cycle(), dry, 1e-8)
+    problem = CartMotion(CART, DAMPED, published_law("harmonic").cycle(), dry, 1e-8)
     problem.cart = problem.cart._replace(pieces=np.nan * problem.cart.pieces)
     return problem.integrate(problem.law, CartState(0.0, 0.1, 1))
 
@@ -142,7 +129,10 @@ VALUES = [
     (lambda: Bearing(1e3, "ball", 1.5), "`count` must be a whole number >= 1"),
     (lambda: CreepFreeRoller(0.11, 0.0, 0.35), "`load` must be positive and finite, got 0.0"),
     (lambda: driven_roller(creeps=np.zeros(9)), "`creeps` must increase with the torque at every speed"),
-    (lambda: roller_rotation(published("quintic").cycle(), -1.0, 0.0), "`roller_radius` must be positive and finite"),
+    (
+        lambda: roller_rotation(published_law("quintic").cycle(), -1.0, 0.0),
+        "`roller_radius` must be positive and finite",
+    ),
     (lambda: rigid(working=(0.5, 0.5)), "`working` must be two fractions, 0 <= first < second <= 1, got"),
     (
         lambda: rank([], "peak_forse"),
@@ -150,11 +140,14 @@ VALUES = [
     ),
     # laws and drives
     (
-        lambda: on_crank(published("cubic")),
+        lambda: on_crank(published_law("cubic")),
         r"a crank imposes its own law only, got 'cubic', .*use Rigid\(\), .*=0\.8\)",
     ),
     (lambda: on_crank(law("crank", 0.4, 3.0, rod_length=0.9)), "a crank imposes its own law only, got 'crank'"),
-    (lambda: on_crank(published("crank").cycle(far_dwell=0.1)), r"a crank cannot dwell, got dwells of 0\.1 s in all"),
+    (
+        lambda: on_crank(published_law("crank").cycle(far_dwell=0.1)),
+        r"a crank cannot dwell, got dwells of 0\.1 s in all",
+    ),
     (lambda: on_motor(KLOSS, 150.0, 0.0, 1.0, name="gear-sector"), "'gear-sector' jumps, which requires an infinite"),
     (
         lambda: balance(replace(CART_OF_C, guide_friction=0.5), 0.0, 1.0, 1.0, rod_tangent=np.array([0.0, 2.0])),
@@ -171,7 +164,10 @@ VALUES = [
     (lambda: rigid(lambda v, a: -dry(v)), r"must oppose the motion, got -3486 N at velocity 0\.133333 m/s"),
     (lambda: rigid(lambda v, a: np.sign(v) * (np.abs(v) - 0.01)), r"must oppose .* N at velocity 0\.00133333 m/s"),
     *(
-        (lambda made=made: simulate(CART, made, published("quintic"), lambda v, a: 3500.0), "must oppose the motion")
+        (
+            lambda made=made: simulate(CART, made, published_law("quintic"), lambda v, a: 3500.0),
+            "must oppose the motion",
+        )
         for made in DRIVES.values()
     ),
     (lambda: crankshaft(resistance=lambda v, a: 3500.0), "must oppose the motion"),
@@ -212,13 +208,13 @@ FAILURES = [
         r"the speed of the shaft did not converge in .* use a stronger motor or more inertia",
     ),
     (  # the torque suffices on the mean with the flywheel, but not from rest
-        lambda: on_motor(KLOSS, 35.0, 0.0, 300.0, simulate=simulate_acceleration_phase),
+        lambda: on_motor(KLOSS, 35.0, 0.0, 300.0, simulate=accelerate),
         r"it falls to .* rad/s at .* rad; use a stronger motor",
     ),
     (
         lambda: on_motor(
             Kloss(20.0, 0.02, 157.0), 150.0, 0.0, 1e3,
-            cart=CART_OF_C, angles=(np.pi / 2,), simulate=simulate_acceleration_phase,
+            cart=CART_OF_C, angles=(np.pi / 2,), simulate=accelerate,
         ),
         r"the motor does not start: it delivers .* N m on the shaft at rest",
     ),
@@ -229,7 +225,7 @@ FAILURES = [
     (  # 80 N m at rest, slip limit 54 N m
         lambda: on_motor(
             LinearTorqueCurve(80.0, 157.0), 150.0, 0.001, 50.0,
-            name="quintic", simulate=simulate_acceleration_phase, belt=BELT,
+            name="quintic", simulate=accelerate, belt=BELT,
         ),
         "the belt slips",
     ),
@@ -242,7 +238,7 @@ FAILURES = [
         lambda: pull_range(
             InverseDynamics(
                 replace(CART_OF_C, guide_friction=0.999, guide_positions=(0.1, -0.1)),
-                Rigid(), published("quintic").cycle(), dry,
+                Rigid(), published_law("quintic").cycle(), dry,
             ),
             2,
         ),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from machine_cases import CART, KLOSS, SIZE, free, friction, published_law
 from published import CART_OF_C
 from sampling import examples
 from scipy.integrate import solve_ivp
@@ -16,24 +17,8 @@ from compact.drive import Crank, Rigid, simulate
 from compact.machine.crankshaft import CRANK_ANGLES, simulate_crankshaft
 from compact.machine.motor_drive import Motor, simulate_motor
 from compact.machine.shaft import Kloss, LinearTorqueCurve
-from compact.motion.profile import law
 
-CART = replace(CART_OF_C, guide_friction=0.0)
 KINDS = ("cubic", "septic", "complex", "reversal-4", "crank", "parabolic", "modified-trapezoid")  # one of each kind
-KLOSS = Kloss(breakdown_torque=40.0, breakdown_slip=0.15, synchronous_speed=157.0)
-SIZE = 3486.0
-
-
-def published_law(name, duration=3.0):
-    return law(name, stroke=0.4, duration=duration, rod_length=0.8)
-
-
-def dry(size):
-    return lambda velocity, acceleration: size * np.sign(velocity)
-
-
-def free(velocity, acceleration):
-    return np.zeros_like(velocity)
 
 
 @dataclass(frozen=True)
@@ -54,7 +39,7 @@ class ConstantTorque:
 def test_energy_under_a_constant_torque_in_closed_form(name):
     """(J + m x'^2) phi'^2/2 = initial energy + T phi - F (path of the cart)."""
     motor, start = Motor(ConstantTorque(90.0), 2.0, 0.5, 7.0), 5.0
-    run = simulate_motor(CART, motor, published_law(name), dry(300.0), start_speed=start)
+    run = simulate_motor(CART, motor, published_law(name), friction(300.0), start_speed=start)
     position, slope = run.load.travel(run.angle)[:2]
     path = np.where(run.angle < np.pi, position, 0.8 - position)
     inertia = motor.inertia + CART.mass * slope**2
@@ -85,7 +70,7 @@ def test_kloss_curve_has_its_peak_at_the_breakdown_slip():
 @pytest.mark.parametrize("angles", [(0.0,), CRANK_ANGLES[2], CRANK_ANGLES[4]], ids=len)
 @pytest.mark.parametrize("name", ["cubic", "harmonic", "reversal-4-free-both"])
 def test_work_of_the_motor_equals_the_losses(name, angles):
-    run = simulate_motor(CART, Motor(KLOSS, 150.0, 1e-3, 20.0, angles), published_law(name), dry(SIZE))
+    run = simulate_motor(CART, Motor(KLOSS, 150.0, 1e-3, 20.0, angles), published_law(name), friction(SIZE))
     work = np.sum(run.weights * run.motor_torque * run.speed)
     assert work == pytest.approx(len(angles) * 0.8 * SIZE, rel=1e-8)
     assert run.energy == pytest.approx(0.8 * SIZE, rel=1e-8)
@@ -99,7 +84,7 @@ def test_work_of_the_motor_equals_the_losses(name, angles):
 @pytest.mark.slow
 def test_speed_agrees_with_a_general_solver():
     motor, motion = Motor(Kloss(60.0, 0.4, 157.0), 130.0, 1e-4, 30.0), published_law("quintic").cycle()
-    run = simulate_motor(CART, motor, motion, dry(SIZE))
+    run = simulate_motor(CART, motor, motion, friction(SIZE))
     rate = motion.period / (2 * np.pi)
 
     def rates(time, state):
@@ -121,8 +106,8 @@ def test_speed_agrees_with_a_general_solver():
 
 @pytest.mark.parametrize("name", KINDS)
 def test_heavy_flywheel_agrees_with_the_rigid_drive(name):
-    run = simulate_motor(CART_OF_C, Motor(KLOSS, 150.0, 0.0, 1e9), published_law(name), dry(SIZE))
-    rigid = simulate(CART_OF_C, Rigid(), published_law(name, run.period / 2), dry(SIZE))
+    run = simulate_motor(CART_OF_C, Motor(KLOSS, 150.0, 0.0, 1e9), published_law(name), friction(SIZE))
+    rigid = simulate(CART_OF_C, Rigid(), published_law(name, run.period / 2), friction(SIZE))
     assert run.fluctuation < 1e-6
     assert run.peak_force == pytest.approx(rigid.peak_force, rel=1e-6)
     assert run.peak_power == pytest.approx(rigid.peak_power, rel=1e-6)
@@ -130,16 +115,16 @@ def test_heavy_flywheel_agrees_with_the_rigid_drive(name):
     assert run.nonuniformity == pytest.approx(rigid.nonuniformity, rel=1e-4, abs=1e-6)
     assert run.peak_jerk == pytest.approx(rigid.peak_jerk, rel=1e-3)
     assert run.drawn_energy == pytest.approx(run.energy, rel=1e-6)
-    at_law_speed = simulate(CART_OF_C, Rigid(), published_law(name), dry(SIZE))
+    at_law_speed = simulate(CART_OF_C, Rigid(), published_law(name), friction(SIZE))
     assert run.dynamic_amplification == pytest.approx(rigid.peak_force / at_law_speed.peak_force, rel=1e-6)
 
 
 def test_crank_with_a_heavy_flywheel_agrees_with_the_crankshaft():
     crank = Crank(0.2, 0.8)
     run = simulate_motor(
-        CART_OF_C, Motor(KLOSS, 150.0, 0.0, 1e9, CRANK_ANGLES[3], crank), published_law("crank"), dry(SIZE)
+        CART_OF_C, Motor(KLOSS, 150.0, 0.0, 1e9, CRANK_ANGLES[3], crank), published_law("crank"), friction(SIZE)
     )
-    rigid = simulate_crankshaft(CART_OF_C, crank, 2 * np.pi / run.period, dry(SIZE), CRANK_ANGLES[3])
+    rigid = simulate_crankshaft(CART_OF_C, crank, 2 * np.pi / run.period, friction(SIZE), CRANK_ANGLES[3])
     assert np.abs(run.shaft_torque).max() == pytest.approx(rigid.peak_torque, rel=1e-3)
     mean = np.sum(run.weights * run.shaft_torque * run.speed) / run.period
     assert mean == pytest.approx(rigid.mean(rigid.power), rel=1e-6)
@@ -149,14 +134,14 @@ def test_peak_ratio_of_four_massless_cranks():
     """pi/(2 sqrt 2) for any rod (errata C-4)."""
     cart = replace(CART, mass=0.0)
     motor = Motor(KLOSS, 150.0, 0.0, 1e9, CRANK_ANGLES[4], Crank(0.2, 0.8))
-    run = simulate_motor(cart, motor, published_law("crank"), dry(2 * SIZE / 4))
+    run = simulate_motor(cart, motor, published_law("crank"), friction(2 * SIZE / 4))
     mean = np.sum(run.weights * run.shaft_torque) / run.period
     assert run.shaft_torque.max() / mean == pytest.approx(np.pi / (2 * math.sqrt(2)), rel=1e-3)
 
 
 def test_added_mass_adds_to_the_mass_of_the_cart():
     motor = Motor(KLOSS, 150.0, 0.0, 5.0)
-    heavy = simulate_motor(replace(CART, mass=1400.0), motor, published_law("cubic"), dry(SIZE))
+    heavy = simulate_motor(replace(CART, mass=1400.0), motor, published_law("cubic"), friction(SIZE))
     resisting = simulate_motor(CART, motor, published_law("cubic"), lambda v, a: SIZE * np.sign(v) + 400 * a)
     assert resisting.peak_force == pytest.approx(heavy.peak_force, rel=1e-9)
     assert resisting.period == pytest.approx(heavy.period, rel=1e-12)
@@ -164,7 +149,7 @@ def test_added_mass_adds_to_the_mass_of_the_cart():
 
 @pytest.mark.parametrize("name", ["cubic", "parabolic"])
 def test_steep_motor_on_a_bare_shaft_is_resolved(name):
-    run = simulate_motor(CART_OF_C, Motor(KLOSS, 150.0, 0.0, 1.0), published_law(name), dry(SIZE))
+    run = simulate_motor(CART_OF_C, Motor(KLOSS, 150.0, 0.0, 1.0), published_law(name), friction(SIZE))
     assert run.energy_residual < 1e-8
     assert run.energy == pytest.approx(0.8 * (SIZE + 0.008 * 9480), rel=1e-6)
 
@@ -173,7 +158,7 @@ def test_flywheel_and_more_carts_reduce_the_fluctuation():
     soft = Kloss(40.0, 0.6, 157.0)
     runs = {
         (inertia, carts): simulate_motor(
-            CART, Motor(soft, 100.0 * carts, 0.0, inertia, CRANK_ANGLES[carts]), published_law("cubic"), dry(SIZE)
+            CART, Motor(soft, 100.0 * carts, 0.0, inertia, CRANK_ANGLES[carts]), published_law("cubic"), friction(SIZE)
         )
         for inertia in (10.0, 3e5)
         for carts in (1, 2)
@@ -190,7 +175,7 @@ def test_flywheel_and_more_carts_reduce_the_fluctuation():
 @given(st.sampled_from(["cubic", "quintic", "harmonic"]), st.floats(0, 4), st.floats(0, 5e3), st.floats(0.1, 0.6))
 def test_energy_balance_of_any_motor(name, power, size, slip):
     motor = Motor(Kloss(60.0, slip, 157.0), 150.0, 0.0, 10**power)
-    run = simulate_motor(CART, motor, published_law(name), dry(size))
+    run = simulate_motor(CART, motor, published_law(name), friction(size))
     assert run.energy == pytest.approx(0.8 * size, rel=1e-6, abs=1e-3)
     assert run.energy_residual < 1e-6 or size < 1
     assert run.period == pytest.approx(run.time[-1], rel=1e-9)
@@ -201,7 +186,7 @@ def test_energy_balance_of_any_motor(name, power, size, slip):
 
 @pytest.mark.parametrize("name", KINDS)
 def test_revolution_costs_few_newton_steps(name):
-    run = simulate_motor(CART_OF_C, Motor(KLOSS, 150.0, 0.0, 20.0), published_law(name), dry(SIZE))
+    run = simulate_motor(CART_OF_C, Motor(KLOSS, 150.0, 0.0, 20.0), published_law(name), friction(SIZE))
     assert run.revolution.iterations <= 60
     assert len(run.revolution.angle) <= 80
 
@@ -218,17 +203,19 @@ def test_noisy_torque_raises():
             return self.size * (1 + 1e-3 * rng.standard_normal(np.shape(speed)))
 
     with pytest.raises(RuntimeError, match=r"did not converge|not resolved by \d{1,5} elements; use a torque curve"):
-        simulate_motor(CART, Motor(Noisy(90.0), 2.0, 0.5, 7.0), published_law("cubic"), dry(300.0), start_speed=5.0)
+        simulate_motor(
+            CART, Motor(Noisy(90.0), 2.0, 0.5, 7.0), published_law("cubic"), friction(300.0), start_speed=5.0
+        )
 
 
 @pytest.mark.parametrize("name", ["cubic", "parabolic", "crank"])
 @pytest.mark.parametrize("curve", [KLOSS, LinearTorqueCurve(60.0, 157.0)], ids=["kloss", "linear"])
 def test_extrema_of_the_shaft_between_nodes_are_found(name, curve):
     """Comparison with a hundred times as many samples of the same solution."""
-    run = simulate_motor(CART, Motor(curve, 50.0, 0.05, 10.0, angles=(0.3,)), published_law(name), dry(SIZE))
+    run = simulate_motor(CART, Motor(curve, 50.0, 0.05, 10.0, angles=(0.3,)), published_law(name), friction(SIZE))
     angle = np.concatenate([np.linspace(a, b, 1701) for a, b in itertools.pairwise(run.revolution.breaks)])
     energy, acceleration, _ = run.revolution.evaluate(angle)
-    speed, motor = np.sqrt(2 * energy), run.load.motor
+    speed, motor = np.sqrt(2 * energy), run.drive
     fluctuation = (speed.max() - speed.min()) * run.period / (2 * np.pi)
     nodes = (run.speed.max() - run.speed.min()) * run.period / (2 * np.pi)
     assert run.fluctuation == pytest.approx(fluctuation, rel=1e-6)

@@ -3,8 +3,8 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
+from machine_cases import friction
 from published import CART_OF_C
 
 from compact.drive import Crank, Rigid, simulate
@@ -24,12 +24,8 @@ MOTORS = (
 )
 
 
-def dry(force):
-    return lambda velocity, acceleration: force * np.sign(velocity)
-
-
 def carts(cart=FREE, force=0.0, name="harmonic", angles=(0.0,), dwell=0.0):
-    return CartsOnShaft(cart, law(name, STROKE, DURATION).cycle(dwell, dwell), dry(force), angles)
+    return CartsOnShaft(cart, law(name, STROKE, DURATION).cycle(dwell, dwell), friction(force), angles)
 
 
 def requirement(**keys):
@@ -64,7 +60,7 @@ def test_harmonic_law_against_friction_has_the_torque_of_its_closed_form():
 @pytest.mark.parametrize("name", ["parabolic", "cubic", "reversal-4-free-acceleration", "combined-2"])
 def test_work_of_a_revolution_is_the_energy_of_the_cycle(name):
     found = shaft_requirement(carts(CART_OF_C, FORCE, name))
-    run = simulate(CART_OF_C, Rigid(), law(name, STROKE, DURATION), dry(FORCE))
+    run = simulate(CART_OF_C, Rigid(), law(name, STROKE, DURATION), friction(FORCE))
     assert 2 * math.pi * found.mean_torque == pytest.approx(run.energy, rel=1e-9)
     assert found.peak_torque * found.speed == pytest.approx(run.peak_power, rel=1e-9)
     assert found.rms_torque * found.speed == pytest.approx(run.rms_power, rel=1e-9)
@@ -72,8 +68,8 @@ def test_work_of_a_revolution_is_the_energy_of_the_cycle(name):
 
 def test_crank_has_the_torque_of_the_crankshaft():
     crank, cycle = Crank(STROKE / 2, 0.8), law("crank", STROKE, DURATION, rod_length=0.8).cycle()
-    found = shaft_requirement(CartsOnShaft(CART_OF_C, cycle, dry(FORCE), (0.0, math.pi / 2), crank))
-    turn = simulate_crankshaft(CART_OF_C, crank, SPEED, dry(FORCE), (0.0, math.pi / 2))
+    found = shaft_requirement(CartsOnShaft(CART_OF_C, cycle, friction(FORCE), (0.0, math.pi / 2), crank))
+    turn = simulate_crankshaft(CART_OF_C, crank, SPEED, friction(FORCE), (0.0, math.pi / 2))
     assert found.peak_torque == pytest.approx(turn.peak_torque, rel=1e-6)
     assert found.mean_torque == pytest.approx(turn.mean(turn.torque), rel=1e-6)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from published import CART_OF_C
+from machine_cases import CART, SIZE, dry, published_law
 from sampling import examples
 
 from compact.drive import Crank, Rigid, simulate
@@ -17,24 +17,14 @@ from compact.machine.elastic_motion import integrate
 from compact.machine.motor_drive import Motor
 from compact.machine.shaft import Kloss
 from compact.machine.spring_cart import AT_NEAR_PLATE, NEAR_SPRING, CartState, SpringCart
-from compact.motion.profile import LAWS, law
+from compact.motion.profile import LAWS
 from compact.numerics.piecewise import PiecewisePolynomial
 
-CART = replace(CART_OF_C, guide_friction=0.0)
-SIZE = 3486.0
 WITHOUT_IMPULSE = [name for name in LAWS if name not in ("constant-velocity", "gear-sector")]
-
-
-def dry(velocity, acceleration):
-    return SIZE * np.sign(velocity)
 
 
 def cart_with_springs(stiffness=4e3, preload=300.0, length=0.08, cart=CART):
     return replace(cart, end_springs=EndSprings(stiffness, preload, length, stroke=0.4))
-
-
-def published_law(name, duration=3.0):
-    return law(name, stroke=0.4, duration=duration, rod_length=0.8)
 
 
 # closed form
