@@ -1,4 +1,4 @@
-"""Forming process of a scene: strokes under one roller, sleeves, guides, balances, printed forces for comparison.
+"""Forming process of a scene: strokes under one roller, sleeves, guides, balances.
 
 Columns give the load, its spread along the roller and the confined floor of the resistance. The floor is not for
 sizing, and the load is a lower estimate: shear and the density over the height need two dimensions. Lumped lifts
@@ -25,11 +25,9 @@ from compact.machine.cart import balance
 from compact.material.mix import Mix, bulk_density
 from compact.material.pore_air import PoreAir
 from compact.scene.loader import Scene, SceneError
-from compact.verification import published_machine
 
 WORK_LIMIT = 2e-2  # [-], residual of the energy balance of a pass
 UNFED_SHARE = 1e-6  # [-], of the product; less missing or surplus mix is rounding
-PRINTED_TOLERANCE = 1e-9  # [-], of roller radius and product height of the published machine
 
 
 class ResistancePart(NamedTuple):
@@ -48,22 +46,6 @@ class ResistancePart(NamedTuple):
     cause: str
     force: float | None
     work: float | None
-
-
-class PrintedForce(NamedTuple):
-    """Printed force, a design value, and the computed one; the Heckel slope of the prior passes through the same point.
-
-    Parameters
-    ----------
-    name : str
-        Words.
-    printed, computed : float
-        Forces [N].
-    """
-
-    name: str
-    printed: float
-    computed: float
 
 
 @dataclass(frozen=True)
@@ -286,19 +268,6 @@ class ProcessStudy:
         return tuple(
             ResistancePart(cause, force, None if force is None or not volume else force * stroke / volume)
             for cause, force in forces.items()
-        )
-
-    @property
-    def printed(self) -> tuple[PrintedForce, ...]:
-        """Forces of the published machine, if the scene has its roller and product."""
-        given = (self.scene.machine.roller_radius, self.scene.product.height)
-        known = (published_machine.CART.roller_radius, published_machine.HEIGHT)
-        if not np.allclose(given, known, rtol=PRINTED_TOLERANCE):
-            return ()
-        force = sum(part.force for part in self.parts if part.force is not None)
-        return (
-            PrintedForce("load on one roller", published_machine.ROLLER_REACTION, self.load),
-            PrintedForce("force that moves one cart", published_machine.MOVING_FORCE, force),
         )
 
     @property

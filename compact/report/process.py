@@ -97,7 +97,6 @@ def process_summary(study: ProcessStudy) -> dict[str, Any]:
         "per_roller": _with_units(row.numbers, PROCESS),
         "mix_per_stroke": {name: json_number(value, unit) for name, value in study.mix_balance.items()},
         "parts": [{"cause": part.cause} | json_numbers(part, "force_N work_J/m3") for part in study.parts],
-        "printed": [{"name": each.name} | json_numbers(each, "printed_N computed_N") for each in study.printed],
         "two_dimensions": by_lifts or None,
         "remarks": list(study.remarks),
     }
@@ -127,12 +126,6 @@ def process_digest(study: ProcessStudy) -> str:
         force = "not computed" if part.force is None else format_quantity(part.force, "N")
         work = "" if part.work is None else f"{part.work / 1e3:10.4g} kJ/m³ of product"
         lines.append(f"{_line(part.cause, force)}{work}")
-    given = study.mix.parameter("heckel_slope").flag == "given"
-    words = "not fitted" + ("" if given else ", but the Heckel slope of the prior passes through the published point")
-    for each in study.printed:
-        lines.append(
-            f"{_line(f'printed: {each.name}', f'{each.printed:.0f} N')}  computed {each.computed:.0f} N, {words}"
-        )
     return "\n".join([*lines, "", *(f"note: {remark}" for remark in study.remarks)]).rstrip()
 
 
@@ -165,21 +158,17 @@ def draw_section(study: ProcessStudy) -> Figure:
     length, fed, states = machine.roller_length, study.history.make_up, study.history.states
     figure, axes = panels(4, 1, (9.0, 1.3), bottom=0.6, top=0.9, gaps=(0.0, 0.25), sharex=True)
     section, *below = axes[:, 0]
-    pieces = [each for each in zip(row.edges[:-1], row.edges[1:], states[1:], strict=True) if each[1] > each[0]]
+    ends = zip(row.edges[:-1], row.edges[1:], range(1, len(states)), states[1:], strict=True)
+    pieces = [each for each in ends if each[1] > each[0]]
     if machine.strokes is None:
-        pieces = [(-PRODUCT_SHARE / 2 * length, 0.0, states[0]), *pieces]
-        pieces.append((length, (1 + PRODUCT_SHARE) * length, states[-1]))
-    outlines, ratios = [], []
-    for low, high, state in pieces:
-        bottom = 0.0
-        for height, ratio, _ in row.rows_of(state):
-            top = bottom + height * 1e3
-            outlines.append([(low, bottom), (high, bottom), (high, top), (low, top)])
-            ratios.append(ratio)
-            bottom = top
+        pieces = [(-PRODUCT_SHARE / 2 * length, 0.0, 0, states[0]), *pieces]
+        pieces.append((length, (1 + PRODUCT_SHARE) * length, len(states) - 1, states[-1]))
+    corners, (ratios, *_) = row.rectangles(pieces)
     norm = Normalize(min(fill.density_ratio, study.problem.feed.density_ratio), 1.0)
     colours = colormaps[SECTION_COLOURS](norm(ratios))
-    section.add_collection(PolyCollection(outlines, facecolors=colours, edgecolors=colours, linewidths=0.2))
+    section.add_collection(
+        PolyCollection(list(corners * [1.0, 1e3]), facecolors=colours, edgecolors=colours, linewidths=0.2)
+    )
     section.plot([0.0, length], [machine.height * 1e3] * 2, color="black", linewidth=3, label="roller")
     section.set(xlim=(pieces[0][0], pieces[-1][1]), ylim=(0.0, 1.25e3 * machine.height), ylabel="height y\n[mm]")
     section.legend(frameon=False, loc="upper right")

@@ -428,43 +428,48 @@ class RollerRow:
 
     # fields
 
-    def rows_of(self, state: SectionState) -> Iterator[tuple[float, float, float]]:
-        """Yield height [m], density ratio [-] and lateral stress at rest [Pa] of the rows of a section, from the base.
+    def rectangles(self, pieces: Iterable[tuple[float, float, int, SectionState]]) -> tuple[Array, Array]:
+        """Return the rows of sections, layers or those of the thinnest lifts at the mean density of the section.
 
-        They are its layers, or those of the thinnest lifts at the mean density of the section.
+        Parameters
+        ----------
+        pieces : iterable of (low, high, strokes, state)
+            Ends along the roller [m], number of strokes and section.
+
+        Returns
+        -------
+        corners : ndarray, shape (rows, 4, 2)
+            Positions z and y of the corners [m].
+        values : ndarray, shape (3, rows)
+            Density ratio [-], lateral stress at rest [Pa] and number of strokes.
         """
-        if self.lifts is None:
-            yield from ((column.height, column.density_ratio, column.lateral_stress) for column in state.columns)
-        else:
-            yield from zip(*self.thinnest.profile_at(state.density_ratio).tolist(), strict=True)
+        corners, values = [], []
+        for low, high, strokes, state in pieces:
+            rows, top = [(each.height, each.density_ratio, each.lateral_stress) for each in state.columns], 0.0
+            if self.lifts is not None:
+                rows = self.thinnest.profile_at(state.density_ratio).T.tolist()
+            for height, ratio, stress in rows:
+                bottom, top = top, top + height
+                corners.append([(low, bottom), (high, bottom), (high, top), (low, top)])
+                values.append((ratio, stress, float(strokes)))
+        return np.array(corners), np.array(values).T
 
     def frames(self) -> Iterator[tuple[float, "meshio.Mesh"]]:
-        """Yield the number of strokes since the start, and the fields with the rows of `rows_of`.
-
-        Cell data: density ratio [-], lateral stress at rest [Pa], number of strokes.
-        """
+        """Yield the number of strokes since the start, and a mesh with the fields of `rectangles`."""
         import meshio
 
         machine, states, count = self.problem.machine, self.history.states, self.history.count
         for number in np.unique(np.linspace(1, count, min(count, FRAMES_MAX)).round().astype(int)).tolist():
-            if machine.strokes is not None:
-                pieces = [(0.0, machine.roller_length, number, states[number])]
-            else:
-                edges = machine.edges
-                pieces = [(float(edges[n - 1]), float(edges[n]), n, states[n]) for n in range(1, number + 1)]
-                pieces.insert(0, (-FILL_SHARE * machine.roller_length, 0.0, 0, states[0]))
-            points, values = [], []
-            for low, high, strokes, state in pieces:
-                bottom = 0.0
-                for height, ratio, stress in self.rows_of(state):
-                    top = bottom + height
-                    points += [(low, bottom, 0.0), (high, bottom, 0.0), (high, top, 0.0), (low, top, 0.0)]
-                    values.append((ratio, stress, float(strokes)))
-                    bottom = top
-            names, columns = ("density_ratio", "lateral_stress", "strokes"), np.array(values).T
-            data = {name: [column] for name, column in zip(names, columns, strict=True)}
+            pieces = [(0.0, machine.roller_length, number, states[number])]
+            if machine.strokes is None:
+                ends = zip(machine.edges[:number], machine.edges[1:], range(1, number + 1), states[1:], strict=False)
+                pieces = [(-FILL_SHARE * machine.roller_length, 0.0, 0, states[0]), *ends]
+            corners, values = self.rectangles(pieces)
+            points = np.column_stack([corners.reshape(-1, 2), np.zeros(4 * len(corners))])
+            names = ("density_ratio", "lateral_stress", "strokes")
+            data = {name: [column] for name, column in zip(names, values, strict=True)}
             cells = [("quad", np.arange(len(points)).reshape(-1, 4))]
-            yield float(number), meshio.Mesh(np.array(points), cells, cell_data=data)
+            yield float(number), meshio.Mesh(points, cells, cell_data=data)
 
 
 def confined_work(
