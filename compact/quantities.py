@@ -250,7 +250,6 @@ PROCESS = _table("""
     product_height        | m    | mm    |   | height of the product
     product_density_ratio | 1    |       | k | density ratio of the product
     confined_work         | J/m3 | kJ/m³ |   | work of confined compression per volume of the product
-    strokes_for_density   | 1    |       |   | strokes until the required density ratio
     rate_factor           | 1    |       |   | factor of the yield pressure by the rate of compaction
     mass_residual         | 1    |       |   | mass-balance residual | relative, of compacting layers only
     work_residual         | 1    |       |   | energy-balance residual | relative residual

@@ -16,8 +16,9 @@ import numpy as np
 from compact.analysis.machine_models import cart
 from compact.analysis.mix_laws import compaction_material, scene_mix
 from compact.analysis.pore_air import pore_air_of
+from compact.engines.column.column_pass import Column
 from compact.engines.pore_air import AirForces
-from compact.engines.process.forming import Closure, ClosureKind, Feed, Fill, FormingMachine
+from compact.engines.process.forming import Closure, ClosureKind, Feed, FormingMachine
 from compact.engines.process.lifts import CASES, KnownLifts, ProcessDetail, lift_thickness, simulate_lifts
 from compact.engines.process.roller_row import RollerRow, sleeve_drag
 from compact.engines.process.strokes import FormingProblem, SectionHistory, solve_closure
@@ -100,9 +101,9 @@ class ProcessStudy:
             nip_angle=table.nip_angle,
             strokes=table.strokes,
         )
-        fill = Fill(self.scene.product.height, table.feed_density_ratio)  # by the first sleeve
+        fill = Column(self.scene.product.height, table.feed_density_ratio)  # by the first sleeve
         if table.fill_height is not None and table.fill_density_ratio is not None:
-            fill = Fill(table.fill_height, table.fill_density_ratio)
+            fill = Column(table.fill_height, table.fill_density_ratio)
         feed = Feed(table.feed_density_ratio, table.feed, table.feed_count or 0, table.feeds)
         return FormingProblem(forming, compaction_material(self.scene, self.mix), fill, feed, table.layers)
 

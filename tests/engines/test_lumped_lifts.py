@@ -9,8 +9,9 @@ from column_cases import mix
 from lift_sequences import sequence
 
 from compact.analysis.multipass import Pass, passes
+from compact.engines.column.column_pass import Column
 from compact.engines.process import lifts as lumped_lifts
-from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
+from compact.engines.process.forming import Closure, Feed, FormingMachine
 from compact.engines.process.lifts import KnownLifts, lift_thickness, simulate_lifts
 from compact.engines.process.roller_row import RollerRow
 from compact.engines.process.strokes import FormingProblem, solve_closure
@@ -23,7 +24,7 @@ MACHINE = FormingMachine(0.11, 0.4, 0.22, 0.45, 0.4 / 0.45, 1.05 / 60, 20.0)
 
 @pytest.fixture(scope="module")
 def row():
-    problem = FormingProblem(MACHINE, MIX, Fill(0.22, 0.75), Feed(0.75), 2)
+    problem = FormingProblem(MACHINE, MIX, Column(0.22, 0.75), Feed(0.75), 2)
     closure = Closure("product_density_ratio", 0.93)
     return RollerRow(solve_closure(problem, closure), 0.98)
 
@@ -173,7 +174,7 @@ def lifts_of(fill, density_ratio=0.9):
 
 
 def test_mould_that_is_not_full_takes_lifts_until_the_roller_touches(fake_roll):
-    found = lifts_of(Fill(0.208, 0.75))
+    found = lifts_of(Column(0.208, 0.75))
     assert fake_roll[0] == pytest.approx(0.208 + 3 * 0.005 - 0.22)
     assert fake_roll[1:] == pytest.approx([0.005] * (len(fake_roll) - 1))
     assert found.lifts[-1].density_ratio >= 0.9
@@ -181,7 +182,7 @@ def test_mould_that_is_not_full_takes_lifts_until_the_roller_touches(fake_roll):
 
 def test_fill_above_the_generatrix_is_pressed_alone(fake_roll, row):
     """Its lift and the fill together would be beyond the nip; its work belongs to no lift."""
-    found = lifts_of(Fill(0.2255, 0.75))
+    found = lifts_of(Column(0.2255, 0.75))
     assert fake_roll[0] == pytest.approx(0.0055)
     assert [lift.thickness for lift in found.lifts[:3]] == [0.0, 0.005, 0.005]
     both = lifted(row, (found, replace(found, thickness=0.004)))
@@ -190,7 +191,7 @@ def test_fill_above_the_generatrix_is_pressed_alone(fake_roll, row):
 
 def test_sequence_ends_where_nothing_becomes_denser(fake_roll, monkeypatch):
     monkeypatch.setattr(lumped_lifts, "roll", lambda *a, fed_layer, **k: SimpleNamespace(exit=fed_layer))
-    assert len(lifts_of(Fill(0.22, 0.75)).lifts) == lumped_lifts.LIFTS_MAX
+    assert len(lifts_of(Column(0.22, 0.75)).lifts) == lumped_lifts.LIFTS_MAX
 
 
 def test_lift_without_a_steady_state_ends_the_sequence_or_is_refused(fake_roll, monkeypatch):
@@ -201,17 +202,17 @@ def test_lift_without_a_steady_state_ends_the_sequence_or_is_refused(fake_roll, 
 
     press = lumped_lifts.roll
     monkeypatch.setattr(lumped_lifts, "roll", fail)
-    found = lifts_of(Fill(0.22, 0.75))
+    found = lifts_of(Column(0.22, 0.75))
     assert (len(found.lifts), found.stopped) == (1, "the mix heaps up")
     with pytest.raises(RuntimeError, match="heaps up"):
-        lifts_of(Fill(0.22, 0.75))
+        lifts_of(Column(0.22, 0.75))
 
 
 @pytest.mark.slow
 def test_lifts_are_passes_of_finite_elements_and_close_their_balances():
     """A thin product, so that a lift takes seconds."""
     machine = replace(MACHINE, height=0.05)
-    problem = FormingProblem(machine, MIX, Fill(0.05, 0.75), Feed(0.75))
+    problem = FormingProblem(machine, MIX, Column(0.05, 0.75), Feed(0.75))
     told = []
     found = simulate_lifts(problem, 0.35, 1.0, 0.85, thickness=0.003, increments=6, report=told.append)
     assert found.stopped == ""
@@ -231,7 +232,7 @@ def test_lifts_are_passes_of_finite_elements_and_close_their_balances():
 @pytest.mark.slow
 def test_air_of_a_lift_one_way_and_coupled():
     """Twice the speed over the permeability has twice the force of nearly drained air; coupling is of its order."""
-    problem = FormingProblem(replace(MACHINE, height=0.05), MIX, Fill(0.05, 0.75), Feed(0.75))
+    problem = FormingProblem(replace(MACHINE, height=0.05), MIX, Column(0.05, 0.75), Feed(0.75))
 
     def first(permeability, coupled):
         air = PoreAir(permeability=permeability, water=0.21, fed_density_ratio=0.75), coupled

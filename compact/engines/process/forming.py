@@ -107,22 +107,6 @@ class FormingMachine:
 
 
 @dataclass(frozen=True)
-class Fill:
-    """Loose mix in the mould before the first stroke.
-
-    Parameters
-    ----------
-    height : float
-        Height [m].
-    density_ratio : float
-        Density ratio [-].
-    """
-
-    height: float
-    density_ratio: float
-
-
-@dataclass(frozen=True)
 class Feed:
     """Mix fed before the strokes, and the law by which it is distributed over them.
 

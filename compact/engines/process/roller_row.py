@@ -174,17 +174,17 @@ class RollerRow:
         return self.history.problem
 
     @cached_property
-    def lengths(self) -> Array:
-        """Length of the roller on which each stroke meets its sections [m]; at rest the whole of it in the last."""
+    def edges(self) -> Array:
+        """Ends along the roller between which each stroke meets its sections [m]; at rest all meet the last one."""
         machine = self.problem.machine
-        if machine.strokes is not None:
-            return np.append(np.zeros(machine.stroke_count - 1), machine.roller_length)
-        return machine.advance * machine.stroke_shares
+        if machine.strokes is None:
+            return machine.edges
+        return np.append(np.zeros(machine.stroke_count), machine.roller_length)
 
     @property
-    def edges(self) -> Array:
-        """Ends of these lengths along the roller [m], shape (strokes + 1,)."""
-        return np.append(0.0, np.cumsum(self.lengths))
+    def lengths(self) -> Array:
+        """Length of the roller on which each stroke meets its sections [m]."""
+        return np.diff(self.edges)
 
     @property
     def load(self) -> float:
@@ -249,7 +249,6 @@ class RollerRow:
             "product_height": self.product_height,
             "product_density_ratio": self.product_density_ratio,
             "confined_work": work,
-            "strokes_for_density": history.strokes_until(self.required_density_ratio),
             "rate_factor": history.rate_factor,
             "mass_residual": history.mass_residual,
             "work_residual": history.work_residual,

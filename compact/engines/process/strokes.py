@@ -40,7 +40,7 @@ from scipy.optimize import brentq
 from compact.engines.column.column_ode import GapShape
 from compact.engines.column.column_pass import PLATE, Column, ColumnLayer, column_layer, plate_indentation
 from compact.engines.column.engine import INTEGRATION_RTOL
-from compact.engines.process.forming import Closure, Feed, Fill, FormingMachine
+from compact.engines.process.forming import Closure, Feed, FormingMachine
 from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.rolling_contact import compaction_rate
@@ -59,12 +59,8 @@ OVERFILLED_DENSITY_RATIO = 1 - 1e-6  # [-], stands for a section whose pores are
 BITE_ROUNDING = 1e-9  # [-], relative, of the bite at the nip angle
 
 
-class BiteError(ValueError):
-    """Error for a bite beyond the nip angle of the roller."""
-
-
-class OverfilledError(ValueError):
-    """Error for a section with more grains and water than fit below the lowest generatrix."""
+class FeedError(ValueError):
+    """Error for more mix than the roller draws in, or than grains and water leave room for below it."""
 
 
 @dataclass(frozen=True)
@@ -200,20 +196,12 @@ class SectionHistory:
         """Return the mean over the product of a quantity of `SectionState`."""
         return self.problem.machine.mean_of_product(*(getattr(state, name) for state in self.states[-2:]))
 
-    def strokes_until(self, density_ratio: float) -> float:
-        """Return the strokes until a section has a density ratio [-], with a fraction of the last one; inf if never."""
-        ratio = np.array([state.density_ratio for state in self.states])
-        n = int(np.argmax(ratio >= density_ratio))  # 0 also if none has
-        if n == 0:
-            return 0.0 if ratio[0] >= density_ratio else float("inf")
-        return float(n - 1 + (density_ratio - ratio[n - 1]) / (ratio[n] - ratio[n - 1]))
-
     def within_nip(self) -> "SectionHistory":
-        """Return the strokes; raise BiteError unless the roller draws in the mix of each of them."""
+        """Return the strokes; raise FeedError unless the roller draws in the mix of each of them."""
         stroke, machine = int(self.bite.argmax()), self.problem.machine
         bite, limit = float(self.bite[stroke]), machine.max_bite
         if bite > limit * (1 + BITE_ROUNDING):
-            raise BiteError(
+            raise FeedError(
                 f"stroke {stroke + 1} would have to draw in mix {bite * 1e3:.3g} mm above the lowest generatrix, and "
                 f"the nip angle of {machine.nip_angle:g} degrees admits {limit * 1e3:.3g} mm, R (1 - cos nip); more "
                 "strokes on a section, that is a slower mould, a faster cart or a longer roller, or less mix at a time "
@@ -232,15 +220,17 @@ class FormingProblem:
         Geometry and motion of roller and mould.
     material : Compaction
         Constitutive law of the mix.
-    fill, feed : Fill, Feed
-        Mix in the mould before the first stroke, and mix fed before the strokes.
+    fill : Column
+        Loose mix in the mould before the first stroke, with its height and density ratio.
+    feed : Feed
+        Mix fed before the strokes.
     layers : int
         Merged layers of a section.
     """
 
     machine: FormingMachine
     material: Compaction
-    fill: Fill
+    fill: Column
     feed: Feed
     layers: int = DEFAULT_LAYERS
 
@@ -272,10 +262,8 @@ class FormingProblem:
 
         Raises
         ------
-        OverfilledError
-            If grains and water fill the room below the lowest generatrix.
-        BiteError
-            If a bite would bury the roller to its axis.
+        FeedError
+            If grains and water fill the room below the lowest generatrix, or a bite would bury the roller to its axis.
         """
         shares, surface = self.feed.shares(self.machine), self.machine.height + amount
 
@@ -341,11 +329,11 @@ class FormingProblem:
             if bite > CONTACT_SHARE * height:
                 layer = self._stack(raised, rate_factor)
                 if not bite < self.machine.roller_radius:
-                    raise BiteError(
+                    raise FeedError(
                         f"stroke {index + 1} would bury the roller to its axis, bite {bite:.3g} m; feed less"
                     )
                 if not bite < layer.max_indentation:
-                    raise OverfilledError(f"stroke {index + 1} closes all pores: {layer.limit}; feed less mix")
+                    raise FeedError(f"stroke {index + 1} closes all pores: {layer.limit}; feed less mix")
                 passed = layer.compute_pass(bite, INTEGRATION_RTOL)
                 raised, work = passed.exit.layer, passed.own["plastic_work"] + passed.own["elastic_work"]
                 edges = passed.leading, -passed.trailing
@@ -373,10 +361,8 @@ def solve_closure(problem: FormingProblem, closure: Closure) -> SectionHistory:
 
     Raises
     ------
-    OverfilledError
-        If the gap closes all pores.
-    BiteError
-        If a bite exceeds that at the nip angle.
+    FeedError
+        If the gap closes all pores, or a bite exceeds that at the nip angle.
     ValueError
         If the density of the product cannot be reached, or the pressure closes all pores.
     """
@@ -411,7 +397,7 @@ def _amount_for_density(problem: FormingProblem, target: float, rate_factor: flo
     def residual(amount: float) -> float:
         try:
             ratio = min(reached(amount), OVERFILLED_DENSITY_RATIO)
-        except (OverfilledError, BiteError):
+        except FeedError:
             ratio = OVERFILLED_DENSITY_RATIO
         return float(np.log((1 - target) / (1 - ratio)))
 
@@ -425,7 +411,7 @@ def _amount_for_density(problem: FormingProblem, target: float, rate_factor: flo
             "dense or high enough already"
         )
     if residual(most) < 0:
-        raise BiteError(
+        raise FeedError(
             f"`product_density_ratio` must be at most {reached(most):.6g} in {machine.strokes_on_section:.4g} strokes "
             f"whose bite is that at the nip angle, {machine.max_bite * 1e3:.3g} mm, got {target!r}; more strokes on a "
             "section are needed: a slower mould, a faster cart or a longer roller"
