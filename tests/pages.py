@@ -18,7 +18,8 @@ class PageReader(HTMLParser):
         self.tags.append((tag, dict(attributes)))
 
     def handle_data(self, data):
-        self.text += data
+        if self.tags and self.lasttag not in ("style", "script"):
+            self.text += data
 
     def all(self, name):
         return [attributes for tag, attributes in self.tags if tag == name]
