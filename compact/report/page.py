@@ -171,9 +171,9 @@ def _ranking(study: Study) -> Iterator[Block]:
 def _contacts(study: Study) -> Iterator[Block]:
     """Tabulate the formulas, and the contacts over speed."""
     formulas = results.formula_table(study)
-    names = {"quantity": [name.replace("_", " ") for name in formulas["quantity"]]}
+    quantities = {"quantity": [name.replace("_", " ") for name in formulas["quantity"]]}
     title = "By formulas 1.1–1.10, over the spread of the mix"
-    yield TableSpec.of_columns(title, names | formulas.cells("value", "low", "high"), {})
+    yield TableSpec.of_columns(title, quantities | formulas.cells("value", "low", "high"), {})
     if study.stages.contacts.speeds:
         title = f"One roller by the engine {study.scene.accuracy.engine}, per metre of its length"
         names = "speed", "load", "resistance", "coefficient", "peak_pressure"
