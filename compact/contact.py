@@ -3,44 +3,22 @@
 Entry point that collects the formulas of `engines.formula`, `engines.halfplane`, `machine.sizing` and `resistance`.
 """
 
-from compact.engines.formula import (
-    capture_angle,
-    contact_length,
-    pressure_for_load,
-    roll,
-    roller_force,
-    roller_resistance,
-)
-from compact.engines.halfplane import LineContact, galin, hertz, pressure_exponent
-from compact.machine.sizing import (
-    RadiusRange,
-    cart_power,
-    cart_resistance,
-    guide_coefficient,
-    radius_range,
-    rollers_needed,
-    stroke_needed,
-)
-from compact.resistance import DryResistance, dry_resistance
-
-__all__ = [
-    "DryResistance",
-    "LineContact",
-    "RadiusRange",
-    "capture_angle",
-    "cart_power",
-    "cart_resistance",
-    "contact_length",
-    "dry_resistance",
-    "galin",
-    "guide_coefficient",
-    "hertz",
-    "pressure_exponent",
-    "pressure_for_load",
-    "radius_range",
-    "roll",
-    "roller_force",
-    "roller_resistance",
-    "rollers_needed",
-    "stroke_needed",
-]
+from compact.engines.formula import capture_angle as capture_angle
+from compact.engines.formula import contact_length as contact_length
+from compact.engines.formula import pressure_for_load as pressure_for_load
+from compact.engines.formula import roll as roll
+from compact.engines.formula import roller_force as roller_force
+from compact.engines.formula import roller_resistance as roller_resistance
+from compact.engines.halfplane import LineContact as LineContact
+from compact.engines.halfplane import galin as galin
+from compact.engines.halfplane import hertz as hertz
+from compact.engines.halfplane import pressure_exponent as pressure_exponent
+from compact.machine.sizing import RadiusRange as RadiusRange
+from compact.machine.sizing import cart_power as cart_power
+from compact.machine.sizing import cart_resistance as cart_resistance
+from compact.machine.sizing import guide_coefficient as guide_coefficient
+from compact.machine.sizing import radius_range as radius_range
+from compact.machine.sizing import rollers_needed as rollers_needed
+from compact.machine.sizing import stroke_needed as stroke_needed
+from compact.resistance import DryResistance as DryResistance
+from compact.resistance import dry_resistance as dry_resistance

@@ -23,7 +23,7 @@ from threadpoolctl import threadpool_limits
 
 from compact.engines.fem import compliance
 from compact.engines.fem import engine as fem
-from compact.engines.fem.contact import ContactSolution, Discretisation, RollingProblem
+from compact.engines.fem.contact import Discretisation, RollingProblem
 from compact.engines.spectral.galerkin_system import creep_function
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
@@ -112,38 +112,27 @@ def _expansion(problem: RollingProblem, grid: Discretisation, window: float) -> 
     steady = fem.solve_at_target(problem, fem.retarded(problem, elastic), grid)
     edges, grid = steady.patch.edges, replace(grid, indentation=steady.pressed.indentation)
 
-    def solve(at: RollingProblem, initial: compliance.Displacement = compliance.at_rest) -> ContactSolution:
-        contact = steady
+    def solve(speed: float, initial: compliance.Displacement = compliance.at_rest) -> tuple[Array, Array, Array, float]:
+        """Return x [m], w [m] and z_k [m], shapes (n,), (2, n) and (branches, 2, n), and the resistance [N/m]."""
+        at, contact = replace(problem, speed=speed), steady
         for _ in range(MESH_ITERATIONS):
             stretch = np.subtract(*contact.patch.edges) / np.subtract(*edges)
             x = contact.patch.edges[0] + stretch * (elastic.x - edges[0])
-            surface = fem.retarded(at, replace(elastic.stretched(stretch), x=x, initial=initial))
-            contact = fem.solve_at_target(at, surface, grid, start=contact)
-        return contact
-
-    def internal_variables(at: RollingProblem, contact: ContactSolution) -> tuple[Array, Array]:
-        """Return w and z_k [m], shapes (2, n) and (branches, 2, n)."""
-        x = contact.pressed.surface.x
-        surface = elastic.stretched(np.ptp(x) / np.ptp(elastic.x))
+            surface = replace(elastic.stretched(stretch), x=x)
+            contact = fem.solve_at_target(at, fem.retarded(at, replace(surface, initial=initial)), grid, contact)
         w = surface.displacement(contact.forces[:, elastic.loaded])
-        return w, np.array([w @ compliance.retardation_operator(x, time * at.speed).T for time in times])
+        z = np.array([w @ compliance.retardation_operator(x, time * speed).T for time in times])
+        return x, w, z, float(problem.material.youngs_modulus * contact.resultant[0])
 
-    slower, faster = (replace(problem, speed=problem.speed * (1 + side * SPEED_STEP)) for side in (-1, 1))
-    before, after = solve(slower), solve(faster)
-    speed_change, x = faster.speed - slower.speed, steady.pressed.surface.x
-    w, z = internal_variables(problem, steady)
-    z_change = internal_variables(faster, after)[1] - internal_variables(slower, before)[1]
-    mesh_velocity = (after.pressed.surface.x - before.pressed.surface.x) / speed_change
-    lengths = problem.speed * times[:, None, None]
-    z_rate = z_change / speed_change - mesh_velocity * (z - w) / lengths  # at fixed x, since z - l dz/dx = w
+    slower, speed, faster = (problem.speed * (1 + side * SPEED_STEP) for side in (-1, 0, 1))
+    (x, w, z, resistance), before, after = solve(speed), solve(slower), solve(faster)
+    mesh_velocity, _, z_change, slope = ((b - a) / (faster - slower) for a, b in zip(before, after, strict=True))
+    lengths = speed * times[:, None, None]
+    z_rate = z_change - mesh_velocity * (z - w) / lengths  # at fixed x, since z - l dz/dx = w
     lag = sum(  # g [m s2/m]
-        share * time * rate @ compliance.retardation_operator(x, time * problem.speed).T
+        share * time * rate @ compliance.retardation_operator(x, time * speed).T
         for share, time, rate in zip(shares, times, z_rate, strict=True)
     )
     step = float(DISPLACEMENT_STEP * grid.indentation / np.abs(lag[:, elastic.loaded]).max())
-    losing, gaining = (solve(problem, compliance.interpolant(x, -side * step * lag)) for side in (-1.0, 1.0))
-    forces = [
-        float(problem.material.youngs_modulus * contact.resultant[0]) for contact in (before, after, losing, gaining)
-    ]
-    resistance = float(problem.material.youngs_modulus * steady.resultant[0])
-    return resistance, (forces[1] - forces[0]) / speed_change, (forces[3] - forces[2]) / (2 * step)
+    losing, gaining = (solve(speed, compliance.interpolant(x, -side * step * lag))[-1] for side in (-1.0, 1.0))
+    return resistance, slope, (gaining - losing) / (2 * step)

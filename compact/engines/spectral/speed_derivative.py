@@ -68,39 +68,36 @@ def expand_resistance(
     if not branches:
         rolled = spectral.roll(layer, roller, material, speed)
         return ResistanceExpansion(speed, rolled.resistance, 0.0, 0.0, 0.0, 0.0)
-    time = max(time for _, time in branches)
+    time, longest = max(time for _, time in branches), problem.creep.lengths[-1]
+    masses: list[float] = []
+    errors: list[tuple[int, float]] = []
     with threadpool_limits(1):  # the matrices are too small for threads
-        resistance, slope, added_mass, error = _refine_modes(problem, half_width, rtol, time * abs(speed))
-    steady, of_speed = float(np.sign(speed) * resistance), float(slope / abs(speed))
-    return ResistanceExpansion(speed, steady, of_speed, float(added_mass / speed**2), float(error / speed**2), time)
-
-
-def _refine_modes(problem, half_width, rtol, length):
-    """Return F_ss, v dF_ss/dv, v^2 M and the error of M, with the modes that `rtol` requires; `length` is v tau [m]."""
-    masses, errors, longest = [], [], problem.creep.lengths[-1]
-    for modes in spectral.MODE_COUNTS:
-        contact = spectral.solve_contact(problem, modes, half_width)
-        half_width = contact.half_width
-        if not LENGTH_ERROR * half_width < ADDED_MASS_RTOL_MAX * longest:
-            raise RuntimeError(
-                f"the longest creep length is {longest / half_width:.1g} half-widths, too short for the digits of M; "
-                "use a higher speed, or M = -tau dF_ss/dv, the limit of low speed"
-            )
-        slope, mass = _expansion(problem, contact)
-        masses.append(mass)
-        if len(masses) < AGREEING_SOLUTIONS:
-            continue
-        scale = max(abs(mass), length * abs(slope))
-        error = CHANGE_ERROR_FACTOR * np.abs(np.diff(masses[-AGREEING_SOLUTIONS:])).max() / scale
-        errors.append((modes, float(error)))
-        if error <= rtol:
-            break
+        for modes in spectral.MODE_COUNTS:
+            contact = spectral.solve_contact(problem, modes, half_width)
+            half_width = contact.half_width
+            if not LENGTH_ERROR * half_width < ADDED_MASS_RTOL_MAX * longest:
+                raise RuntimeError(
+                    f"the longest creep length is {longest / half_width:.1g} half-widths, too short for the digits of "
+                    "M; use a higher speed, or M = -tau dF_ss/dv, the limit of low speed"
+                )
+            slope, mass = (float(each) for each in _expansion(problem, contact))  # of the log of the speed
+            masses.append(mass)
+            if len(masses) < AGREEING_SOLUTIONS:
+                continue
+            scale = max(abs(mass), time * abs(speed * slope))
+            change = float(np.abs(np.diff(masses[-AGREEING_SOLUTIONS:])).max())
+            errors.append((modes, CHANGE_ERROR_FACTOR * change / scale))
+            if errors[-1][1] <= rtol:
+                break
+    error = errors[-1][1]
     if not error <= max(rtol, ADDED_MASS_RTOL_MAX):
         raise RuntimeError(
             f"the added mass M does not converge: (modes, error over the larger of |M| and |tau dF/dv|) were {errors}; "
             "use the engine fem"
         )
-    return contact.resistance, slope, mass, (error + DIFFERENCE_ERROR + LENGTH_ERROR * half_width / longest) * scale
+    error = (error + DIFFERENCE_ERROR + LENGTH_ERROR * half_width / longest) * scale
+    steady = float(np.sign(speed) * contact.resistance)
+    return ResistanceExpansion(speed, steady, slope / abs(speed), mass / speed**2, error / speed**2, time)
 
 
 def _expansion(problem, contact):
