@@ -43,7 +43,7 @@ def published_lift(depth=DEPTH):
     from compact.rolling_contact import Layer, Roller
 
     angle = np.radians(35)
-    mix = Compaction(  # as by `mix_laws.compaction_material`
+    mix = Compaction(  # as by `contact_cases.compaction_material`
         unloading_modulus=120e6, poisson=0.3, heckel_slope=16.38e-6, heckel_test="confined", loose_density_ratio=0.72,
         critical_slope=float(np.sqrt(3) * np.sin(angle)), tensile_strength=10e3 / float(np.tan(angle)),
         fed_density_ratio=FED, rate_sensitivity=0.02, reference_rate=1e-3,

@@ -14,7 +14,7 @@ from time import process_time
 import numpy as np
 
 from compact import fem, resistance
-from compact.analysis import contact_cases, mix_laws
+from compact.analysis import contact_cases
 from compact.analysis.study import Study
 from compact.cams import profile as cam
 from compact.drive import Rigid, simulate
@@ -127,7 +127,7 @@ def stiff_ply():
 @case("columns compacted to a density ratio of 0.995", "mass balance")
 def fully_compacted():
     scene = load_scene(SCENE)
-    material = mix_laws.compaction_material(scene, Study(scene).stages.contacts.mix)
+    material = contact_cases.compaction_material(scene, Study(scene).stages.contacts.mix)
     fed = column.required_feed(0.22, 0.995, material, 0.2, radius=1.0)
     roller = Roller(1.0, indentation=fed.indentation)
     found = column.roll(Layer(fed.height), roller, material, 0.2)

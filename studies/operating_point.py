@@ -22,9 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from compact.analysis.calibration import calibrate, calibration_digest
-from compact.analysis.contact_cases import roll_scene
+from compact.analysis.contact_cases import roll_scene, scene_mix
 from compact.analysis.engineering_summary import engineering
-from compact.analysis.mix_laws import scene_mix
 from compact.engines import ENGINES
 from compact.material.mix import prior
 from compact.report.progress import tracked

@@ -19,8 +19,7 @@ from time import process_time
 
 import numpy as np
 
-from compact.analysis.contact_cases import contact_inputs
-from compact.analysis.mix_laws import scene_mix
+from compact.analysis.contact_cases import contact_inputs, scene_mix
 from compact.analysis.pore_air import air_curve, air_under
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction

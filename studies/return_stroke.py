@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from compact.analysis.mix_laws import compaction_material, scene_mix
+from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.engines.compaction import engine as rolling
 from compact.engines.compaction.reciprocating import simulate_reciprocating
 from compact.motion.profile import law

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compact.analysis.contact_cases import contact_inputs, roll_scene
-from compact.analysis.mix_laws import scene_mix
+from compact.analysis.contact_cases import contact_inputs, roll_scene, scene_mix
 from compact.material import mix
 from compact.material.laws import Compaction
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters

@@ -1,6 +1,8 @@
-"""Contacts of a scene: its case for an engine, the contacts of one or several passes, and their scalar results.
+"""Contacts of a scene: its mix, its case for an engine, the contacts of one or several passes, and their numbers.
 
 scene -> case_of -> Engine.contact -> Contact
+
+The law of the mix is elastic, viscoelastic, or one of irreversible compaction, by the kind of contact of the engine.
 """
 
 import math
@@ -8,20 +10,20 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from compact.analysis.failures import is_refusal
-from compact.analysis.mix_laws import LAWS
 from compact.analysis.multipass import roll_stages, there_and_back
 from compact.analysis.pore_air import air_under, has_air, pore_air_of
 from compact.engines import ENGINES
 from compact.engines.interface import Case, Engine
 from compact.engines.pore_air import AirForces
 from compact.machine.ranking import first_of
+from compact.material.earth_pressure import drucker_prager_cap
 from compact.material.laws import Compaction, Elastic, Viscoelastic
-from compact.material.mix import Mix
+from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
 from compact.numerics.validation import NotFiniteError, require_finite
 from compact.quantities import PASS
 from compact.rolling_contact import (
@@ -36,7 +38,6 @@ from compact.scene.constraints import adapt
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
-    from compact.analysis.process import ProcessStudy
     from compact.engines.process.lifts import ProcessDetail
 
 Progress = Callable[[str], None]  # of lines of text
@@ -45,6 +46,62 @@ Passes = tuple[Contact, ...]
 TARGETS = MappingProxyType(  # held quantity -> keyword of `Roller`
     {"height": "indentation", "load": "load", "peak_pressure": "peak_pressure"}
 )
+
+# parameters of the mix that both laws of compaction take, and those of the cap with a shear line
+COMMON = ("unloading_modulus", "poisson", "heckel_slope", "rate_sensitivity", "reference_rate")
+DRUCKER_PRAGER = ("friction_angle", "earth_pressure_coefficient", "dilatancy_angle", "shear_viscosity")
+
+
+def scene_mix(scene: Scene) -> Mix:
+    """Return the mix of a scene: the prior with the overrides of the scene, fitted ones scaled to its moisture."""
+    given = scene.mix
+    mix = prior(given.moisture, given.density_ratio, given.values)
+    origin = "fitted at another moisture or density ratio, scaled by the prior"
+    moved = {name: replace(mix.parameter(name), flag="calibrated", origin=origin) for name in given.scaled_fits}
+    return replace(mix, parameters=tuple(moved.get(p.name, p) for p in mix.parameters))
+
+
+def _relaxed(_scene: Scene, mix: Mix) -> Elastic:
+    return Elastic(youngs_modulus=mix.effective_modulus, poisson=mix.poisson)
+
+
+def _viscoelastic(_scene: Scene, mix: Mix) -> Viscoelastic:
+    branches = ((mix.instant_over_relaxed - 1, mix.relaxation_time),) if mix.instant_over_relaxed > 1 else ()
+    return Viscoelastic(youngs_modulus=mix.effective_modulus, poisson=mix.poisson, branches=branches)
+
+
+def compaction_material(scene: Scene, mix: Mix) -> Compaction:
+    """Convert the mix of a scene to its law of irreversible compaction.
+
+        M = sqrt(3) sin phi,  pt = c cot phi
+
+    Notes
+    -----
+    phi and c are the angle of internal friction and the cohesion: the critical state line equals the Mohr-Coulomb
+    limit in plane strain at constant volume. Confined compression follows the Heckel curve of mix tables. The slopes of
+    the law "drucker-prager-cap" are those of `earth_pressure`, with the cohesion of loose mix and the earth pressure
+    coefficient at the required pressure.
+    """
+    common: dict[str, Any] = {name: getattr(mix, name) for name in COMMON}
+    common |= {"loose_density_ratio": LOOSE_DENSITY_RATIO, "fed_density_ratio": scene.layer.fed_density_ratio}
+    if scene.mix.law == "drucker-prager-cap":
+        own = {name: getattr(mix, name) for name in DRUCKER_PRAGER}
+        return drucker_prager_cap(cohesion=mix.cohesion_loose, pressure=mix.required_pressure, **own, **common)
+    angle = np.radians(mix.friction_angle)
+    return Compaction(
+        **common,
+        heckel_test="confined",
+        critical_slope=float(np.sqrt(3) * np.sin(angle)),
+        tensile_strength=float(mix.cohesion / np.tan(angle)),
+    )
+
+
+LAWS: dict[str, Callable[[Scene, Mix], Elastic | Viscoelastic | Compaction]] = {
+    "half-plane": _relaxed,
+    "linear layer": _viscoelastic,
+    "compacting layer": compaction_material,
+    "process": compaction_material,
+}  # kind of the cases of an engine -> law of the mix
 
 
 @dataclass(frozen=True)
@@ -84,13 +141,6 @@ def contact_speeds(scene: Scene) -> tuple[float, ...]:
 def process_detail(scene: Scene) -> "ProcessDetail":
     """Return the detail of the forming process of a scene by the engine "process", lumped lifts by default."""
     return (scene.process and scene.process.detail) or "quick"
-
-
-def process_study(scene: Scene, report: Progress | None = None) -> "ProcessStudy":
-    """Return the forming process of a scene with the detail of its engine."""
-    from compact.analysis.process import ProcessStudy  # finite elements are imported where strokes are computed
-
-    return ProcessStudy(scene, process_detail(scene), report or (lambda _: None))
 
 
 def nearest_speed(speeds: Iterable[float], speed: float) -> int:
@@ -164,13 +214,6 @@ def contact_inputs(
     return layer, roller, material
 
 
-class ProcessCase(NamedTuple):
-    """Strokes of a forming process at one speed of the cart [m/s]."""
-
-    process: "ProcessStudy"
-    speed: float
-
-
 def case_of(
     scene: Scene,
     mix: Mix,
@@ -178,8 +221,8 @@ def case_of(
     engine: str | None = None,
     held: HeldQuantity | None = None,
     progress: Progress | None = None,
-) -> Any:
-    """Return the case of a scene for an engine: a `Case`, or a `ProcessCase` for an engine of the forming process.
+) -> Case:
+    """Return the case of a scene for an engine of single contacts.
 
     Parameters
     ----------
@@ -189,8 +232,6 @@ def case_of(
         Name of the engine; that of the scene by default.
     """
     used, machine = ENGINES[engine or scene.accuracy.engine], scene.machine
-    if used.reads("process"):
-        return ProcessCase(process_study(scene, progress), speed)
     layer, roller, material = contact_inputs(scene, mix, used.name, speed, held)
     dense = held is None and isinstance(material, Compaction) and not scene.target
     return Case(

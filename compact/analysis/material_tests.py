@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from compact.analysis.mix_laws import compaction_material, scene_mix
+from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.material import cap_plasticity
 from compact.material.drucker_prager_cap import return_to_line
 from compact.material.elliptic_cap import return_map

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.analysis.machine_models import cart
-from compact.analysis.mix_laws import compaction_material, scene_mix
 from compact.analysis.pore_air import pore_air_of
 from compact.engines.column.column_pass import Column
 from compact.engines.pore_air import AirForces

@@ -22,7 +22,7 @@ from compact.analysis.sizing.durations import DurationStudy, over_durations, req
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
 from compact.analysis.sizing.work_balance import WorkBalance, work_balance
 from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
-from compact.analysis.stages.contacts import Count, no_count
+from compact.analysis.stages.contacts import Count, contact_stage, no_count
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.stages.laws import CamDrawing
@@ -230,7 +230,7 @@ class Study:
     def _answers_by_law(self) -> list[Job]:
         """Jobs of the contacts by the other laws of the mix."""
         assert self.stages.contacts.held is not None  # of a compacting engine
-        work = partial(contact_by_law, self.stages.contacts.held)
+        work = partial(contact_by_law, self.stages.contacts.held, contact_stage)
         return [self._executor.submit(work, each) for each in scenes_of_laws(self.scene, self.stages.contacts.mix)]
 
     def begin_model_spread(self) -> None:

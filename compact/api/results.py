@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.analysis import process, study
-from compact.analysis.contact_cases import contact_inputs, contact_record, contact_speeds, prescribed_target
+from compact.analysis.contact_cases import contact_inputs, contact_record, contact_speeds, prescribed_target, scene_mix
 from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest, programme_of
-from compact.analysis.mix_laws import scene_mix
 from compact.analysis.pore_air import has_air
 from compact.analysis.ranking_uncertainty import Place, places
 from compact.analysis.stages.contacts import ContactStage, contact_stage

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from compact import files, quantities
-from compact.analysis.contact_cases import Passes, air_forces_of, contact_record, roll_passes
+from compact.analysis.contact_cases import Passes, air_forces_of, contact_record
 from compact.analysis.failures import MAX_REASON, reason_of
 from compact.analysis.pore_air import coupled_contact, is_coupled, pore_air_of
 from compact.analysis.stages.ensemble import START, Change, Share, Step, evaluate
@@ -116,8 +116,8 @@ def _computed(study: Study, initial_guess: Contact | None) -> tuple[Results, Con
     passes: Passes = ()
     if initial_guess is not None and scene.layer.passes == 1:
         with suppress(RuntimeError):
-            passes = roll_passes(scene, mix, speed, (initial_guess,))
-    passes = passes or roll_passes(scene, mix, speed)
+            passes = study.stages.contacts.roll(speed, (initial_guess,))
+    passes = passes or study.stages.contacts.roll(speed)
     first = passes[0]
     if is_coupled(scene):
         air: Any = coupled_contact(first, pore_air_of(mix, scene.layer.fed_density_ratio), speed).changes

@@ -21,8 +21,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from compact.analysis.contact_cases import roll_scene
-from compact.analysis.mix_laws import scene_mix
+from compact.analysis.contact_cases import roll_scene, scene_mix
 from compact.engines import ENGINES
 from compact.files import read_table
 from compact.numerics.validation import require_known

@@ -12,8 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from compact.analysis.calibration import calibrate, calibration_digest
-from compact.analysis.contact_cases import contact_inputs, roll_scene
-from compact.analysis.mix_laws import compaction_material, scene_mix
+from compact.analysis.contact_cases import compaction_material, contact_inputs, roll_scene, scene_mix
 from compact.cli import program as cli
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements

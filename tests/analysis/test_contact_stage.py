@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from compact.analysis import contact_cases, mix_laws
+from compact.analysis import contact_cases
 from compact.analysis.study import Study
 from compact.engines.column.engine import simulate_oedometer
 from compact.engines.spectral import engine as spectral
@@ -38,13 +38,13 @@ def study(**changes):
 
 
 def test_a_scaled_fit_states_its_origin():
-    mix = mix_laws.scene_mix(load_scene(SMALL, **{"mix.moisture": 0.09}))
+    mix = contact_cases.scene_mix(load_scene(SMALL, **{"mix.moisture": 0.09}))
     found = mix.parameter("effective_modulus")
     assert found.value == pytest.approx(1364535.2 * mix.relaxed_modulus / 0.75e6, rel=1e-12)
     assert (found.flag, found.origin) == (
         "calibrated", "fitted at another moisture or density ratio, scaled by the prior",
     )  # fmt: skip
-    assert mix_laws.scene_mix(load_scene(SMALL)).parameter("effective_modulus").flag == "given"
+    assert contact_cases.scene_mix(load_scene(SMALL)).parameter("effective_modulus").flag == "given"
 
 
 @pytest.mark.parametrize(("speed", "load", "resistance"), [(0.03, 15386.4, 289.42), (0.3, 20455.8, 392.89)])
@@ -228,7 +228,7 @@ def test_columns_give_the_height_and_density_of_the_product():
 
 def test_compaction_material_has_mohr_coulomb_strength_and_the_heckel_slope():
     case = study(**{"mix.overrides.friction_angle": 30.0, "mix.overrides.cohesion": 10e3})
-    material = mix_laws.compaction_material(case.scene, case.stages.contacts.mix)
+    material = contact_cases.compaction_material(case.scene, case.stages.contacts.mix)
     assert material.critical_slope == pytest.approx(np.sqrt(3) / 2)
     assert material.tensile_strength == pytest.approx(10e3 * np.sqrt(3))
     stiff = replace(material, unloading_modulus=4e9, fed_density_ratio=0.9)  # negligible elastic strain

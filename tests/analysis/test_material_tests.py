@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.analysis.material_tests import LaboratoryProgramme
-from compact.analysis.mix_laws import compaction_material, scene_mix
 from compact.cli import program as cli
 from compact.engines.column.engine import simulate_oedometer
 from compact.scene.loader import load_scene

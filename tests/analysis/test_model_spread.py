@@ -43,10 +43,10 @@ def test_law_of_the_scene_is_not_among_the_others():
 def test_mix_that_heaps_up_by_a_law_is_an_answer(monkeypatch):
     study, roll = Study(scene()), stage._roll
 
-    def heaping(case, mix, held):
-        if case.mix.law == "drucker-prager-cap" and mix.cohesion_loose < 15e3:
+    def heaping(contacts, held):
+        if contacts.scene.mix.law == "drucker-prager-cap" and contacts.mix.cohesion_loose < 15e3:
             raise HeapingError("the mix heaps up", HEAPED)
-        return roll(case, mix, held)
+        return roll(contacts, held)
 
     monkeypatch.setattr(stage, "_roll", heaping)
     assert [each.heaping for each in study.model_spread.variants] == [HEAPED, HEAPED, None]

@@ -77,7 +77,7 @@ def cluster():
 
 def test_points_are_those_of_single_studies(whole, tmp_path):
     there = COLUMNS.replaced(**{"mix.moisture": 0.12, "mix.density_ratio": 0.96})
-    rolled = sweep.roll_passes(there, Study(there).stages.contacts.mix, 0.4 / 3)[0]
+    rolled = Study(there).stages.contacts.roll(0.4 / 3)[0]
     point = whole.sel(moisture=0.12, density_ratio=0.96)
     assert float(point["load"]) == 1.164 * rolled.load
     assert float(point.resistance) == 2 * 1.164 * rolled.resistance

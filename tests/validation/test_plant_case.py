@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from compact.analysis.contact_cases import roll_scene
-from compact.analysis.mix_laws import scene_mix
+from compact.analysis.contact_cases import roll_scene, scene_mix
 from compact.scene.loader import load_scene
 from compact.validation.plant_case import read_plant_case, select_cases
 

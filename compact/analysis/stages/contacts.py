@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
@@ -16,12 +16,11 @@ from compact.analysis import contact_cases
 from compact.analysis.contact_cases import (
     HeldQuantity,
     Passes,
-    ProcessCase,
     Progress,
     case_of,
     contact_inputs,
     nearest_speed,
-    process_study,
+    process_detail,
     roll_passes,
     solve,
 )
@@ -145,7 +144,8 @@ class ContactStage:
         """Compute the first pass at a speed [m/s], under the quantity that is constant over speed."""
         return solve(self.engine, self.scene, self.case(speed), initial_guess)
 
-    def _roll(self, speed: float, start: Passes | None = None, held: HeldQuantity | None = None) -> Passes:
+    def roll(self, speed: float, start: Passes | None = None, held: HeldQuantity | None = None) -> Passes:
+        """Compute all passes at a speed [m/s] from others as initial guess, to the target of the scene by default."""
         self.count("rolled")
         return roll_passes(self.scene, self.mix, speed, start, held, progress=self.progress)
 
@@ -156,7 +156,7 @@ class ContactStage:
     @cached_property
     def reference(self) -> Passes:
         """All passes at the mean speed, where the contact reaches the target of the scene."""
-        return self._roll(self.scene.mean_speed)
+        return self.roll(self.scene.mean_speed)
 
     @cached_property
     def held(self) -> HeldQuantity | None:
@@ -181,7 +181,7 @@ class ContactStage:
         if speed == self.scene.mean_speed:
             return self.reference
         held = self.held
-        return self._roll(speed, initial_guess or self.__dict__.get("reference"), held)
+        return self.roll(speed, initial_guess or self.__dict__.get("reference"), held)
 
     @property
     def first_passes(self) -> list[tuple[float, Contact]]:
@@ -360,6 +360,13 @@ class ContactStage:
         return self.compacts and "model_spread" in self.scene.output.items
 
 
+class ProcessCase(NamedTuple):
+    """Strokes of a forming process at one speed of the cart [m/s]."""
+
+    process: "ProcessStudy"
+    speed: float
+
+
 class ProcessStage(ContactStage):
     """Strokes of the forming process under one roller: each contact is their mean at one speed of the cart."""
 
@@ -371,14 +378,17 @@ class ProcessStage(ContactStage):
     @cached_property
     def process(self) -> "ProcessStudy":
         """Forming process of the scene."""
-        found = process_study(self.scene, self.progress)
+        from compact.analysis.process import ProcessStudy  # finite elements are imported where strokes are computed
+
+        found = ProcessStudy(self.scene, process_detail(self.scene), self.progress or (lambda _: None))
         return replace(found, known=self.kept.lifts) if self.kept else found
 
     def case(self, speed: float) -> Any:
         """Return the strokes at a speed of the cart [m/s]."""
         return ProcessCase(self.process, speed)
 
-    def _roll(self, speed: float, start: Passes | None = None, held: HeldQuantity | None = None) -> Passes:
+    def roll(self, speed: float, start: Passes | None = None, held: HeldQuantity | None = None) -> Passes:
+        """Compute all passes at a speed [m/s] from others as initial guess, to the target of the scene by default."""
         self.count("rolled")
         return (self.first_pass(speed),)
 

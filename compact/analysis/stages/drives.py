@@ -15,8 +15,7 @@ from scipy.interpolate import PPoly
 
 from compact import drive
 from compact.analysis import machine_models
-from compact.analysis.contact_cases import Progress, case_of, nearest_speed
-from compact.analysis.mix_laws import scene_mix
+from compact.analysis.contact_cases import Progress, case_of, nearest_speed, scene_mix
 from compact.analysis.ranking_uncertainty import Place, places
 from compact.analysis.stages.contacts import ContactStage, Count, contact_stage, no_count
 from compact.analysis.stages.laws import LawStage

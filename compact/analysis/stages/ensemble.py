@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from compact.analysis.contact_cases import scene_mix
 from compact.analysis.failures import reason_of
-from compact.analysis.mix_laws import scene_mix
 from compact.analysis.stages.drives import build_stages, simulate_laws
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.analysis.store import Store

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from compact.analysis import machine_models
-from compact.analysis.mix_laws import scene_mix
+from compact.analysis.contact_cases import scene_mix
 from compact.analysis.stages.contacts import Count, contact_stage
 from compact.analysis.stages.resistance import ResistanceStage
 from compact.cams.machining import cut

@@ -8,20 +8,19 @@ the scene on the same mesh contain little discretisation error, so that a coarse
 A law by which the mix heaps up in front of the roller has no ratio, but the height of the wave and the travel.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from compact.analysis.contact_cases import HeldQuantity, case_of
-from compact.analysis.mix_laws import scene_mix
-from compact.engines import ENGINES
+from compact.analysis.contact_cases import HeldQuantity, scene_mix
 from compact.engines.interface import Case
 from compact.material.mix import Mix
-from compact.rolling_contact import Contact, Heaping, HeapingError
+from compact.rolling_contact import Contact, Heaping
 from compact.scene.loader import Scene
 
-INCREMENTS = 7  # [-], elements per contact length of the engine "compaction"; the ratios change by some per cent
-STEADY_TOLERANCE = 1e-2  # [-], the waves of loose mix scatter by as much
+# elements per contact length of "compaction" [-], the ratios change by some per cent; tolerance of the steady state
+# [-], the waves of loose mix scatter by as much
+COARSE: dict[str, Any] = {"numerics": {"increments": 7, "steady_tolerance": 1e-2}, "unlimited": False}
 LINE = "drucker-prager-cap"
 
 
@@ -103,13 +102,15 @@ def scenes_of_laws(scene: Scene, mix: Mix) -> tuple[Scene, ...]:
     return scene, *(scene.replaced(**keys) for keys in changes)
 
 
-def contact_by_law(held: HeldQuantity, scene: Scene) -> LawVariant:
+def contact_by_law(held: HeldQuantity, stage_of: Callable[[Scene, Mix], Any], scene: Scene) -> LawVariant:
     """Compute the contact by the law of a scene.
 
     Parameters
     ----------
     held : HeldQuantity
         Quantity that the contact holds.
+    stage_of : callable
+        Returns the contact stage of a scene.
     scene : Scene
         Scene with the law.
 
@@ -121,11 +122,9 @@ def contact_by_law(held: HeldQuantity, scene: Scene) -> LawVariant:
     mix = scene_mix(scene)
     variant = LawVariant(scene.mix.law, mix.cohesion_loose if scene.mix.law == LINE else None)
     try:
-        rolled = _roll(scene, mix, held)
-    except HeapingError as error:
-        return replace(variant, heaping=error.heaping, reason=str(error))
+        rolled = _roll(stage_of(scene, mix), held)
     except (ValueError, RuntimeError) as error:
-        return replace(variant, reason=str(error))
+        return replace(variant, heaping=getattr(error, "heaping", None), reason=str(error))
     return replace(variant, load=rolled.load, resistance=rolled.resistance)
 
 
@@ -156,9 +155,8 @@ def spread_of(contacts: Sequence[LawVariant]) -> ModelSpread:
     ))  # fmt: skip
 
 
-def _roll(scene: Scene, mix: Mix, held: HeldQuantity) -> Contact:
-    case = case_of(scene, mix, scene.mean_speed, held=held)
-    if isinstance(case, Case):
-        coarse = {"increments": INCREMENTS, "steady_tolerance": STEADY_TOLERANCE}
-        case = replace(case, numerics=coarse, unlimited=False)
-    return ENGINES[scene.accuracy.engine].contact(case)
+def _roll(stage: Any, held: HeldQuantity) -> Contact:
+    """Return the contact at the mean speed under a held quantity, on a coarse mesh of its own engine."""
+    stage.held = held
+    case = stage.case(stage.scene.mean_speed)
+    return stage.engine.contact(replace(case, **COARSE) if isinstance(case, Case) else case)

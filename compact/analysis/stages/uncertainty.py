@@ -27,8 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc, sobol_indices, uniform
 
-from compact.analysis.contact_cases import HeldQuantity, roll_scene
-from compact.analysis.mix_laws import scene_mix
+from compact.analysis.contact_cases import HeldQuantity, roll_scene, scene_mix
 from compact.analysis.pore_air import RATIOS
 from compact.analysis.stages.drives import Stages, simulate_laws
 from compact.analysis.stages.ensemble import (
