@@ -70,7 +70,7 @@ def test_drive_of_another_package_is_run_compared_and_reported(installed, tmp_pa
     rows = (tmp_path / "out" / "winch.csv").read_text().splitlines()
     assert rows[0] == "law,rope_force_N,work_J"
     forces = {law: float(force) for law, force, _ in (row.split(",") for row in rows[1:])}
-    assert forces == pytest.approx({name: run.peak_force / 0.9 for name, run in study.runs.items()})
+    assert forces == pytest.approx({name: run.peak_force / 0.9 for name, run in study.stages.drive.runs.items()})
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert set(summary["comparison"]["formula"]["rankings"]) == {"winch"}
     page = (tmp_path / "out" / "report.html").read_text("utf-8")

@@ -183,7 +183,8 @@ def by_fem():
     changes = {"accuracy.engine": "fem", "motion.laws": ["septic"], "machine.gap_geometry": "circle"}
     study = Study(load_scene(SCENES / "loveikin-2015.toml", **changes, **{"machine.mass": 4e3}))
     rolled = [
-        fem.roll(*contact_inputs(study.scene, study.mix, "fem", speed), speed, estimate=False) for speed in SPEEDS
+        fem.roll(*contact_inputs(study.scene, study.stages.contacts.mix, "fem", speed), speed, estimate=False)
+        for speed in SPEEDS
     ]
     study.stages.contacts.records = [
         contact_cases.contact_record("fem", *each) for each in zip(SPEEDS, [(one,) for one in rolled], strict=True)
@@ -202,12 +203,12 @@ def test_engine_reproduces_the_interpolated_traction(by_fem, time):
     motors, scene = by_fem.stages.drive.roller_motors["septic"], by_fem.scene
     (velocity,), result = motors.traction_over(np.array([time]))
     speed, way, length = abs(velocity), np.sign(velocity), scene.machine.roller_length
-    layer, roller, material = contact_inputs(scene, by_fem.mix, "fem", speed)
+    layer, roller, material = contact_inputs(scene, by_fem.stages.contacts.mix, "fem", speed)
     own = fem.roll(layer, roller, material, speed, estimate=False)
     held = Roller(
         R,
         indentation=own.indentation,
-        friction=by_fem.mix.steel_friction,
+        friction=by_fem.stages.contacts.mix.steel_friction,
         rolling="driven",
         profile=scene.machine.gap_geometry,
     )
@@ -234,9 +235,9 @@ def slides(*_, **__):
 
 def test_samples_end_at_the_coulomb_limit_or_have_no_creep(by_fem, monkeypatch):
     contacts = copy(by_fem.stages.contacts)
-    contacts.records = by_fem.contacts[:1]
+    contacts.records = by_fem.stages.contacts.records[:1]
     roller = torque_response(contacts, (-1e9, 1e9))
-    shares = roller.torques[0] / (by_fem.mix.steel_friction * R * roller.loads[0])
+    shares = roller.torques[0] / (by_fem.stages.contacts.mix.steel_friction * R * roller.loads[0])
     assert shares[[0, -1]] == pytest.approx([-FULL_SLIP_SHARE, FULL_SLIP_SHARE], abs=5e-3)
     assert np.diff(carter_parameter(shares)) == pytest.approx(0.3, abs=0.02)
     beyond = roller(np.array([0.1]), np.array([1.2 * roller.pulls[0, -1]]))
@@ -245,7 +246,7 @@ def test_samples_end_at_the_coulomb_limit_or_have_no_creep(by_fem, monkeypatch):
     monkeypatch.setattr(fem_engine, "roll", slides)
     with pytest.warns(UserWarning, match="creep of the driven rollers is left out: the roller slides"):
         result = torque_response(contacts, (-100.0, 900.0))
-    assert result == CreepFreeRoller(R, contacts.roller_load, by_fem.mix.steel_friction)
+    assert result == CreepFreeRoller(R, contacts.roller_load, by_fem.stages.contacts.mix.steel_friction)
 
 
 # beyond the Coulomb limit
