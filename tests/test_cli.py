@@ -85,17 +85,7 @@ def test_new_scene_runs_as_it_is(compact, tmp_path):
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "mine" / "out" / "mine" / "summary.json").exists()
     assert (tmp_path / "mine" / "out" / "mine" / "report.html").exists()
-    assert "laws by peak drive force [N]" in done.stdout
-
-
-def test_run_succeeds_if_one_optimal_law_is_infeasible(compact, tmp_path):
-    bounds = '[motion.optimise]\nobjectives = ["peak_force"]\nsmoothness = 1\nacceleration = 0.1\n'
-    (tmp_path / "scene.toml").write_text(f"{SMALL.read_text()}\n{bounds}")
-    with pytest.warns(UserWarning, match="least-peak-force is not made: no law satisfies all limits"):
-        done = compact("run", tmp_path / "scene.toml", "--out", tmp_path / "out", "--set", "output.items=['tables']")
-    assert done.returncode == 0
-    assert "not made: least-peak-force: no law satisfies all limits; relax, the others unchanged: accel" in done.stdout
-    assert (tmp_path / "out" / "ranking.csv").exists()
+    assert "least peak drive force:" in done.stdout
 
 
 def test_cam_command_writes_what_the_workshop_needs(compact, tmp_path):
@@ -109,16 +99,6 @@ def test_cam_command_writes_what_the_workshop_needs(compact, tmp_path):
     assert header.startswith("cam_angle_deg,follower_mm,x_mm,y_mm")
 
 
-def test_roll_writes_one_contact(compact, tmp_path):
-    plain = ("--set", "machine.gap_geometry=circle", "--set", "machine.roller_condition=frictionless")
-    done = compact("roll", SMALL, "--engine", "spectral", *plain, "--speed", "0.2", "--out", tmp_path / "contact")
-    assert done.returncode == 0, done.stderr
-    assert "at 0.2 m/s" in done.stdout
-    assert {path.name for path in (tmp_path / "contact").iterdir()} == {
-        "contact.json", "pressure.csv", "pressure.png", "scene.hash",
-    }  # fmt: skip
-
-
 @pytest.mark.slow
 def test_roll_by_finite_elements_writes_the_fields_of_a_free_roller(compact, tmp_path):
     picture = tmp_path / "layer.png"
@@ -129,8 +109,6 @@ def test_roll_by_finite_elements_writes_the_fields_of_a_free_roller(compact, tmp
         "contact.json", "fields", "fields.png", "fields.pvd", "pressure.csv", "pressure.png", "scene.hash",
     }  # fmt: skip
     assert [path.name for path in (tmp_path / "contact" / "fields").iterdir()] == ["speed=0.13333333333333333.vtu"]
-    assert re.search(r"error estimate of the load \d\.\de-\d\d, of the resistance \d\.\de-\d\d\n", done.stdout)
-    assert re.search(r"energy-balance residual \d\.\de-\d\d; iterations: \d+\n", done.stdout)
 
 
 BAD_CALLS = {
@@ -400,9 +378,10 @@ def test_interrupt_that_python_drops_is_repeated():
 def test_json_of_a_contact_is_all_that_is_printed(compact, tmp_path):
     code, output, _ = compact("roll", SMALL, "--engine", "formula", "--out", tmp_path, "--json")
     found = json.loads(output)
-    assert code == 0
-    assert found["results"] == str(tmp_path)
+    assert (code, found["results"]) == (0, str(tmp_path))
     assert found["contact"] == json.loads((tmp_path / "contact.json").read_text())
+    written = {"contact.json", "pressure.csv", "pressure.png", "scene.hash"}
+    assert {path.name for path in tmp_path.iterdir()} == written
 
 
 @pytest.mark.parametrize(
