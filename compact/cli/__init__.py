@@ -1,4 +1,4 @@
-"""The command line: its program, the commands on tests and checks, and the options that commands share.
+"""The command line: its program, and the options that commands share.
 
 The program is imported inside `main`, so that an interrupt of its import ends as any other.
 """

@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from compact.cli.checks import validate
 from compact.cli.options import NO_RESULT, SUCCESS
+from compact.cli.program import validate
 from compact.validation import half_plane, plant_case
 from compact.validation.case import CASES, Comparison, read_rows
 from compact.validation.ironing import arc_forces, chord_forces
