@@ -4,12 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from compact import fem
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral.engine import contact_of_half_width
-from compact.material.laws import Viscoelastic
+from compact.material.laws import Elastic, Viscoelastic
 from compact.rolling_contact import Layer, Roller
 
-HEIGHT, SPEED = 0.22, 1.0
+R, HEIGHT, SPEED = 0.11, 0.22, 1.0
+LAYER = Layer(HEIGHT)
+MIX = Elastic(youngs_modulus=10e6, poisson=0.3)
+SLS = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 1.0),))  # v tau is v
+
+
+def roll_elements(*case, **numerics):
+    """Contact by finite elements without the error estimate from another mesh."""
+    return fem.roll(*case, estimate=False, **numerics)
 
 
 def random_scenes(count):

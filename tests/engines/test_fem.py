@@ -6,7 +6,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from rolling_scenes import SPEED, error_ratios, prescribing, random_scenes, stiff_scene, true_errors
+from rolling_scenes import LAYER, MIX, SLS, SPEED, error_ratios, prescribing, random_scenes, stiff_scene, true_errors
+from rolling_scenes import roll_elements as roll
 
 from compact import fem, mesh
 from compact.engines.fem import compliance
@@ -17,17 +18,7 @@ from compact.material.laws import Elastic, Viscoelastic
 from compact.numerics import assembly
 from compact.rolling_contact import Layer, Roller
 
-LAYER = Layer(0.22)
-MIX = Elastic(youngs_modulus=10e6, poisson=0.3)
-SLS = Viscoelastic(
-    youngs_modulus=10e6, poisson=0.3, branches=((1.0, 1.0),)
-)  # E(t) = 10 + 10 exp(-t/1 s) MPa, so that v tau is v
 SMALL = mesh.graded_mesh(0.22, 0.02, 4)
-
-
-def roll(*case, **numerics):
-    """Contact by finite elements without the error estimate."""
-    return fem.roll(*case, estimate=False, **numerics)
 
 
 # (a) closed forms

@@ -5,6 +5,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from rolling_scenes import HEIGHT as H
+from rolling_scenes import MIX, SLS, R
+from rolling_scenes import roll_elements as roll
 from sampling import examples
 from scipy.sparse.linalg import spsolve
 
@@ -13,21 +16,11 @@ from compact.engines.fem import compliance
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral.engine import contact_of_half_width
 from compact.engines.spectral.galerkin_system import compliance_deviation
-from compact.material.laws import Elastic, Viscoelastic
+from compact.material.laws import Viscoelastic
 from compact.numerics import assembly
 from compact.rolling_contact import Layer, Ply, Roller
 
-R, H = 0.11, 0.22
-MIX = Elastic(youngs_modulus=10e6, poisson=0.3)
-SLS = Viscoelastic(
-    youngs_modulus=10e6, poisson=0.3, branches=((1.0, 1.0),)
-)  # E(t) = 10 + 10 exp(-t/1 s) MPa, so that v tau is v
 PRESSED = Roller(R, indentation=0.003)
-
-
-def roll(*case, **numerics):
-    """Contact by finite elements, without the error estimate from another mesh."""
-    return fem.roll(*case, estimate=False, **numerics)
 
 
 def two_plies(depth, jump, base="bonded"):

@@ -9,9 +9,10 @@ from functools import cache
 import numpy as np
 import pytest
 from engine_calls import expand_resistance
+from rolling_scenes import HEIGHT as H
+from rolling_scenes import MIX, R, roll_elements
 from scipy.special import jv
 
-from compact import fem
 from compact.engines.fem.speed_derivative import expand_resistance as expand_by_elements
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral.engine import build_rolling_problem, solve_pressure
@@ -19,10 +20,8 @@ from compact.material.laws import Elastic, Viscoelastic
 from compact.resistance import UNSTEADINESS_LIMIT
 from compact.rolling_contact import Layer, Roller
 
-R, H = 0.11, 0.22
 ENGINES = ("spectral", "fem")
 EXPAND = {"spectral": expand_resistance, "fem": lambda *case: expand_by_elements(*case, estimate=False)}
-MIX = Elastic(youngs_modulus=10e6, poisson=0.3)
 SOLID = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))
 QUICK = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.05),))  # creep time 0.1 s
 TABLE_C = [  # base, a/h, B0 = P/(pi E* a^2/4R), D = delta R/a^2, PM = p_max/(E* a/2R) or None where not printed
@@ -75,7 +74,7 @@ TABLE_G = [  # profile, load [N/m], its tolerances, edge [m], peak [Pa] at delta
 
 
 def roll(engine, *case):
-    return fem.roll(*case, estimate=False) if engine == "fem" else spectral.roll(*case)
+    return roll_elements(*case) if engine == "fem" else spectral.roll(*case)
 
 
 def pressed(indentation=0.006, **other):

@@ -3,7 +3,8 @@
 import mpmath
 import numpy as np
 import pytest
-from rolling_scenes import SPEED, error_ratios, prescribing, random_scenes, true_errors
+from rolling_scenes import HEIGHT as H
+from rolling_scenes import LAYER, MIX, SPEED, R, error_ratios, prescribing, random_scenes, true_errors
 
 from compact.engines.halfplane import galin, hertz
 from compact.engines.spectral import engine as spectral
@@ -17,9 +18,6 @@ from compact.engines.spectral.galerkin_system import (
 from compact.material.laws import Elastic, Viscoelastic
 from compact.rolling_contact import Layer, Roller
 
-R, H = 0.11, 0.22
-MIX = Elastic(youngs_modulus=10e6, poisson=0.3)
-LAYER = Layer(H)
 SOLID = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))  # table g
 DECADES = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=tuple((0.5, 10.0**power) for power in range(-6, 1)))
 

@@ -17,6 +17,7 @@ stretched along x. On a mesh at rest, edges that cross nodes cause errors of the
 
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -27,7 +28,6 @@ from compact.engines.fem.contact import Discretisation, RollingProblem
 from compact.engines.spectral.galerkin_system import creep_function
 from compact.material.laws import Elastic
 from compact.mesh import DEFAULT_ERROR, RowMesh
-from compact.numerics import Array
 from compact.resistance import ResistanceExpansion
 from compact.rolling_contact import Layer, Roller
 
@@ -112,7 +112,7 @@ def _expansion(problem: RollingProblem, grid: Discretisation, window: float) -> 
     steady = fem.solve_at_target(problem, fem.retarded(problem, elastic), grid)
     edges, grid = steady.patch.edges, replace(grid, indentation=steady.pressed.indentation)
 
-    def solve(speed: float, initial: compliance.Displacement = compliance.at_rest) -> tuple[Array, Array, Array, float]:
+    def solve(speed: float, initial: compliance.Displacement = compliance.at_rest) -> tuple[Any, Any, Any, float]:
         """Return x [m], w [m] and z_k [m], shapes (n,), (2, n) and (branches, 2, n), and the resistance [N/m]."""
         at, contact = replace(problem, speed=speed), steady
         for _ in range(MESH_ITERATIONS):
