@@ -253,43 +253,7 @@ class Scene(loader.Scene):
         return TableSpec(repr(self)[1:-1], dict.fromkeys(("table", "key", "value"), WORD), given).to_html()
 
 
-def load_scene(path: str | Path, /, **changes: object) -> Scene:
-    """Read a scene from a TOML file.
-
-    Parameters
-    ----------
-    path : str or Path
-        Scene file.
-    **changes : object
-        Values by key path that replace keys of the file, such as `**{"mix.moisture": 0.11}`.
-
-    Returns
-    -------
-    Scene
-
-    Raises
-    ------
-    SceneError
-        If the file cannot be read or the scene has mistakes; the message lists all of them.
-    """
-    return Scene.load(path, **changes)
-
-
-def parse_scene(text: str, file: str = "<text>") -> Scene:
-    """Read a scene from a TOML text.
-
-    Parameters
-    ----------
-    text : str
-        Content of a scene file.
-    file : str
-        File name for messages; law tables are searched in its folder.
-
-    Returns
-    -------
-    Scene
-    """
-    return Scene.parse(text, file)
+load_scene, parse_scene = Scene.load, Scene.parse
 
 
 def _plain(key: str, values: Any) -> list[Any]:

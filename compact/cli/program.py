@@ -172,12 +172,10 @@ def roll(
     from compact.analysis.study import Study
     from compact.report import text, writer
     from compact.report.contact_figures import draw_picture
-    from compact.scene.plausible_ranges import check_speed
 
-    if speed is None:
-        speed = given.mean_speed
-    else:
-        check_speed(speed, given.unusual)
+    if speed is not None:
+        given.require_fields(**{"contact.speeds": [speed]})
+    speed = given.mean_speed if speed is None else speed
     name = given.accuracy.engine
     with job.writing(scene, name, given) as (directory, progress):
         study = Study(given, progress=progress.report)

@@ -76,7 +76,20 @@ class Scene(SceneTables):
 
     @classmethod
     def load(cls, path: str | Path, /, **changes: object) -> Self:
-        """Read a scene from a TOML file; see `load_scene`."""
+        """Read a scene from a TOML file.
+
+        Parameters
+        ----------
+        path : str or Path
+            Scene file.
+        **changes : object
+            Values by key path that replace keys of the file, such as `**{"mix.moisture": 0.11}`.
+
+        Raises
+        ------
+        SceneError
+            If the file cannot be read or the scene has mistakes; the message lists all of them.
+        """
         try:
             text = _bytes(path).decode("utf-8-sig")
         except UnicodeDecodeError as error:
@@ -85,7 +98,15 @@ class Scene(SceneTables):
 
     @classmethod
     def parse(cls, text: str, file: str = "<text>") -> Self:
-        """Read a scene from a TOML text; see `parse_scene`."""
+        """Read a scene from a TOML text.
+
+        Parameters
+        ----------
+        text : str
+            Content of a scene file.
+        file : str
+            File name for messages; law tables are searched in its folder.
+        """
         return _parsed(cls, text, file, {})
 
     def _neglected(self, engine: str) -> list[Limit]:
@@ -220,31 +241,7 @@ class Scene(SceneTables):
 AnyScene = TypeVar("AnyScene", bound=Scene)
 
 
-def load_scene(path: str | Path, /, **changes: object) -> Scene:
-    """Read a scene from a TOML file.
-
-    Parameters
-    ----------
-    **changes : object
-        Values by key path that replace keys of the file, as in `Scene.replaced`.
-
-    Raises
-    ------
-    SceneError
-        If the file cannot be read or the scene has mistakes; the message lists all of them.
-    """
-    return Scene.load(path, **changes)
-
-
-def parse_scene(text: str, file: str = "<text>") -> Scene:
-    """Read a scene from a TOML text.
-
-    Parameters
-    ----------
-    file : str
-        File name for messages; law tables are searched in its folder.
-    """
-    return Scene.parse(text, file)
+load_scene, parse_scene = Scene.load, Scene.parse
 
 
 def read_change(text: str) -> tuple[str, object]:

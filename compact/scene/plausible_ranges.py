@@ -18,7 +18,6 @@ from typing import Any
 
 from compact.material.mix import prior, table_nodes
 from compact.scene.constraints import Rule
-from compact.scene.errors import Mistake, SceneError
 from compact.scene.schema import declared_keys, extra_of
 
 REFUSED = 10.0  # [-], factor outside the range beyond which a value is refused
@@ -150,23 +149,3 @@ def _rules(say: Say) -> Iterator[Rule]:
 
 REFUSALS: tuple[Rule, ...] = (*_rules(Range.refusal), Rule(("unusual",), _unusual_names_keys))
 ADVICE: tuple[Rule, ...] = tuple(_rules(Range.advice))
-
-
-def check_speed(speed: float, unusual: tuple[str, ...]) -> None:
-    """Validate a speed given on the command line like an entry of `contact.speeds`.
-
-    Parameters
-    ----------
-    speed : float
-        Speed of the cart [m/s].
-    unusual : tuple of str
-        Keys whose implausible values are intended.
-
-    Raises
-    ------
-    SceneError
-        If the speed is not a number or implausible.
-    """
-    sentence = _of_key(Range.refusal, "contact.speeds", float(speed), unusual)
-    if sentence or speed != speed:
-        raise SceneError([str(Mistake(("--speed",), sentence or "must be a number in m/s, got nan"))])

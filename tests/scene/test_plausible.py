@@ -62,4 +62,4 @@ def test_a_key_named_unusual_is_neither_refused_nor_advised_against():
 
 def test_the_speed_of_a_contact_is_checked(tmp_path, capsys):
     assert cli._exit_code(["roll", str(SMALL), "--speed", "1e6", "--out", str(tmp_path / "out")]) == 2
-    assert "--speed: 1e+06 m/s is far outside the plausible 0.0001 to 5 m/s" in capsys.readouterr().err
+    assert "contact.speeds: 1e+06 m/s is far outside the plausible 0.0001 to 5 m/s" in capsys.readouterr().err
