@@ -29,7 +29,7 @@ from compact.material.elliptic_cap import (
 from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.numerics.jit import compiled, internal
-from compact.numerics.validation import require_finite, require_positive
+from compact.numerics.validation import require_finite, require_inside, require_positive
 
 __all__ = ["CapConstants", "cap_constants", "hardening", "return_map"]  # re-exported
 
@@ -106,11 +106,7 @@ def compacted_state(
     fresh, fed = initial_state(law, 1), float(law.fed_density_ratio)
     constants = cap_constants(law, rate_factor)
     stiffness = constants.K + 4 * constants.G / 3
-    if not fed < density_ratio < 1:
-        raise ValueError(
-            f"`density_ratio` of compacted mix must lie between that of the fed mix {fed:.6g} and 1, got "
-            f"{density_ratio!r}"
-        )
+    require_inside(fed, 1, density_ratio=density_ratio)
 
     def strained(state: MaterialPoint, strain: float) -> MaterialPoint:
         return integrate_points(law, state, np.array([[0.0, strain, 0.0]]), rate_factor, tangent=False)[0]

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from compact.material.laws import DruckerPragerCap
-from compact.numerics.validation import require_positive
+from compact.numerics.validation import require_between, require_positive
 
 
 def matched_slopes(friction_angle: float, dilatancy_angle: float = 0.0) -> tuple[float, float]:
@@ -51,11 +51,7 @@ def matched_slopes(friction_angle: float, dilatancy_angle: float = 0.0) -> tuple
             f"`friction_angle` must lie between 0 and 90 degrees for a shear line, got {friction_angle!r}; mix without "
             'friction requires the law "ellipse" and its cohesion'
         )
-    if not 0 <= dilatancy_angle <= friction_angle:
-        raise ValueError(
-            f"`dilatancy_angle` must lie between 0 and `friction_angle` {friction_angle!r} degrees, got "
-            f"{dilatancy_angle!r}"
-        )
+    require_between(0, friction_angle, dilatancy_angle=dilatancy_angle)
     s, t = np.sin(np.radians([friction_angle, dilatancy_angle]))
     N = 3 * t / np.sqrt(3 + t * t)
     return float(s / (np.sqrt((1 - N * N / 9) / 3) + N * s / 9)), float(N)

@@ -17,7 +17,15 @@ from numpy.typing import ArrayLike
 
 from compact.material.confined_compression import elastic_polynomial
 from compact.numerics import Array
-from compact.numerics.validation import as_numbers, require_fields, require_known, require_number, require_positive
+from compact.numerics.validation import (
+    as_numbers,
+    require_between,
+    require_fields,
+    require_inside,
+    require_known,
+    require_number,
+    require_positive,
+)
 
 HECKEL_MAX_DENSITY_RATIO = 0.99  # [-], end of measured curves; beyond, pc keeps the modulus k dpc/dk of the curve
 REFERENCE_RATE = 1e-3  # [1/s], of a laboratory compression test: some 5 % of strain in a minute
@@ -175,11 +183,7 @@ class Compaction:
         moduli = "unloading_modulus heckel_slope loose_density_ratio critical_slope reference_rate"
         require_fields(self, positive=moduli, nonnegative="tensile_strength rate_sensitivity")
         require_poisson(self.poisson)
-        if not self.loose_density_ratio < self.fed_density_ratio < 1:
-            raise ValueError(
-                f"`fed_density_ratio` must lie between `loose_density_ratio` {self.loose_density_ratio!r} and 1, "
-                f"got {self.fed_density_ratio!r}"
-            )
+        require_inside(self.loose_density_ratio, 1, fed_density_ratio=self.fed_density_ratio)
         require_known("dry_side", self.dry_side, get_args(SubcriticalSide))
         require_known("heckel_test", self.heckel_test, get_args(HeckelTest))
 
@@ -293,15 +297,7 @@ class DruckerPragerCap(Compaction):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_fields(self, positive="friction_slope", nonnegative="dilatancy_slope shear_viscosity")
-        if self.friction_slope > self.critical_slope:
-            raise ValueError(
-                f"`friction_slope` must be at most `critical_slope` {self.critical_slope!r}, got "
-                f"{self.friction_slope!r}; a smaller earth pressure coefficient steepens the cap"
-            )
-        if self.dilatancy_slope > self.friction_slope:
-            raise ValueError(
-                f"`dilatancy_slope` must be at most `friction_slope` {self.friction_slope!r}, got "
-                f"{self.dilatancy_slope!r}"
-            )
+        require_fields(self, positive="friction_slope", nonnegative="shear_viscosity")
+        require_between(0, self.critical_slope, friction_slope=self.friction_slope)
+        require_between(0, self.friction_slope, dilatancy_slope=self.dilatancy_slope)
         require_known("dry_side", self.dry_side, ("flat",))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.numerics import Array
-from compact.numerics.validation import require_positive
+from compact.numerics.validation import require_inside, require_positive
 
 BaseCondition = Literal["bonded", "slip"]
 
@@ -54,9 +54,8 @@ class LowerLift:
     residual_stress: bool = True
 
     def __post_init__(self) -> None:
-        require_positive(thickness=self.thickness, density_ratio=self.density_ratio)
-        if not self.density_ratio < 1:
-            raise ValueError(f"`density_ratio` of the lower lift must be below 1, got {self.density_ratio!r}")
+        require_positive(thickness=self.thickness)
+        require_inside(0, 1, density_ratio=self.density_ratio)
 
     def compaction_rate(self, speed: float, radius: float, fed_density_ratio: float) -> float:
         """Compute the rate of compaction in the earlier pass [1/s], see `compaction_rate`.

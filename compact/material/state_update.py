@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from compact.numerics import Array
-from compact.numerics.validation import require_between, require_finite
+from compact.numerics.validation import require_finite, require_inside
 
 COMPONENTS = 4  # [-], of stress and strain
 
@@ -67,9 +67,7 @@ class StateUpdate:
     def __post_init__(self) -> None:
         if not callable(self.update):
             raise ValueError(f"`update` must be a function of state and strain, got {self.update!r}")
-        require_between(0, 1, fed_density_ratio=self.fed_density_ratio)
-        if not 0 < self.fed_density_ratio < 1:
-            raise ValueError(f"`fed_density_ratio` must lie between 0 and 1, got {self.fed_density_ratio!r}")
+        require_inside(0, 1, fed_density_ratio=self.fed_density_ratio)
 
     def advance(self, state: Any, strain: Array) -> tuple[Array, Any, Array]:
         """Apply one strain increment.

@@ -105,6 +105,11 @@ def require_between(low: float, high: float, **quantities: ArrayLike) -> None:
     _require(lambda value: (value >= low) & (value <= high), f"between {low:g} and {high:g}", quantities)
 
 
+def require_inside(low: float, high: float, **quantities: ArrayLike) -> None:
+    """Require all elements to lie in the open interval (low, high); raise ValueError otherwise."""
+    _require(lambda value: (value > low) & (value < high), f"above {low:g} and below {high:g}", quantities)
+
+
 def require_integers(**quantities: ArrayLike) -> None:
     """Require all elements to be whole numbers >= 1; raise ValueError otherwise."""
     _require(

@@ -49,7 +49,7 @@ DEPTH = {"indentation": 0.002, "friction": 0.3}
         ),
         ({"roller": free_roller(), "torque": np.nan}, "`torque` must be finite, got nan"),
         ({"roller": free_roller(rolling="skidding")}, "no rolling 'skidding'"),
-        ({"layer": LOOSE, "material": ON_LIFT}, "must lie between that of the fed mix 0.93576 and 1, got 0.9"),
+        ({"layer": LOOSE, "material": ON_LIFT}, "`density_ratio` must be above 0.93576 and below 1, got 0.9"),
         (
             {"layer": LIFTED, "material": ON_LIFT, "fed_layer": fresh_layer(ON_LIFT, np.array([LIFT.height]))},
             "`fed_layer` on a `lower_lift` must have a state `lower` of it, got None",

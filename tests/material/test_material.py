@@ -68,9 +68,7 @@ RULES = {
     "must be positive and finite, got": [(name, value) for name in POSITIVE for value in (0.0, -1.0, np.nan, np.inf)],
     "must be zero or positive, and finite, got -1": [("tensile_strength", -1.0), ("rate_sensitivity", -1.0)],
     r"must lie in \[0, 0.5\), got": [("poisson", value) for value in (-0.1, 0.5, np.nan)],
-    "must lie between `loose_density_ratio` 0.72 and 1, got": [
-        ("fed_density_ratio", value) for value in (0.72, 0.5, 1.0, np.nan)
-    ],
+    "must be above 0.72 and below 1, got": [("fed_density_ratio", value) for value in (0.72, 0.5, 1.0, np.nan)],
 }
 
 
