@@ -16,7 +16,7 @@ import numpy as np
 
 from compact.material.layer import HEIGHT_TOLERANCE, BaseCondition, Layer, LowerLift, Ply, compaction_rate  # noqa: F401
 from compact.numerics import Array
-from compact.numerics.validation import require_fields, require_finite, require_positive
+from compact.numerics.validation import require_fields, require_finite, require_positive, require_that
 from compact.quantities import CONTACT, PASS
 
 RollerCondition = Literal["frictionless", "sliding", "free", "driven"]
@@ -75,10 +75,8 @@ class Roller:
     def __post_init__(self) -> None:
         require_fields(self, positive="radius", nonnegative="friction")
         prescribed = self._prescribed
-        if len(prescribed) != 1:
-            raise ValueError(
-                f"exactly one of `indentation`, `load`, `peak_pressure` must be set, got {sorted(prescribed) or 'none'}"
-            )
+        rule = "exactly one of `indentation`, `load`, `peak_pressure` must be set, got"
+        require_that(len(prescribed) == 1, sorted(prescribed), rule)
         require_positive(**prescribed)
 
     @property

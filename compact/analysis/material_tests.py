@@ -26,7 +26,7 @@ from compact.material.elliptic_cap import return_map
 from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
-from compact.numerics.validation import require_positive
+from compact.numerics.validation import require_positive, require_that
 from compact.scene.loader import Scene
 
 STEPS = 200  # [-], of one test
@@ -115,11 +115,11 @@ class LaboratoryProgramme:
 
     def __post_init__(self) -> None:
         require_positive(pressure=self.pressure)
-        if not self.material.fed_density_ratio <= [*self.specimens.values()][-1] < 1:
-            raise ValueError(
-                f"`density_ratio` of the compacted specimen must lie between the initial one "
-                f"{self.material.fed_density_ratio!r} and 1, got {self.density_ratio!r}"
-            )
+        loose, dense = self.material.fed_density_ratio, [*self.specimens.values()][-1]
+        rule = (
+            f"`density_ratio` of the compacted specimen must be at least {loose!r}, that of the loose one, and below 1"
+        )
+        require_that(loose <= dense < 1, dense, f"{rule}, got")
 
     @property
     def specimens(self) -> dict[str, float]:

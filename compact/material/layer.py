@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from compact.numerics import Array
-from compact.numerics.validation import require_inside, require_positive
+from compact.numerics.validation import require_inside, require_positive, require_that
 
 BaseCondition = Literal["bonded", "slip"]
 
@@ -106,14 +106,10 @@ class Layer:
         require_positive(height=self.height)
         object.__setattr__(self, "plies", tuple(self.plies))
         total = sum(ply.thickness for ply in self.plies)
-        if self.plies and abs(total - self.height) > HEIGHT_TOLERANCE * self.height:
-            raise ValueError(
-                f"the thicknesses of `plies` must add up to the layer height, {self.height!r} m, got {total:.12g} m"
-            )
-        if self.plies and self.lower_lift is not None:
-            raise ValueError(
-                f"a layer with a `lower_lift` must have no `plies`, got {len(self.plies)}; plies are for linear layers"
-            )
+        rule = f"the thicknesses of `plies` must add up to the layer height, {self.height!r} m, got"
+        require_that(not self.plies or abs(total - self.height) <= HEIGHT_TOLERANCE * self.height, total, rule)
+        count = len(self.plies)
+        require_that(not count or self.lower_lift is None, count, "a layer with a `lower_lift` has no `plies`, got")
 
     @cached_property
     def stack(self) -> tuple[Ply, ...]:

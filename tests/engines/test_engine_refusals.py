@@ -100,7 +100,7 @@ VALUES = [
     (lambda: rolled(*CLOSING, exit_density_ratio=0.971368), r"between 0\.965641, before the pass, and 0.9656"),
     (lambda: Ply(thickness=0.0, stiffness=1.0), "`thickness` must be positive and finite, got 0.0"),
     (lambda: Ply(thickness=0.1, stiffness=-1.0), "`stiffness` must be positive and finite, got -1.0"),
-    (lambda: Layer(0.2, plies=PLIES.plies), "must add up to the layer height, 0.2 m, got 0.22 m"),
+    (lambda: Layer(0.2, plies=PLIES.plies), "must add up to the layer height, 0.2 m, got 0.22"),
     (lambda: mesh.graded_mesh(0.22, 0.02, 4, interfaces=(0.2, 0.1)), r"`interfaces` must ascend between 0 and the he"),
     (lambda: expand_resistance(**changed("spectral", {"speed": 0.0})), "`speed` must not be 0, got 0"),
     (lambda: expand_resistance(**changed("spectral", {"rtol": -1.0})), "`rtol` must be positive and finite, got -1.0"),
