@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # for type checkers and editors, and the one list of public n
     from compact.files import ResultsError as ResultsError
     from compact.machine.cart import Balance as Balance, Cart as Cart, MotionResistance as MotionResistance
     from compact.machine.cart import balance as balance
+    from compact.machine.drives import Drive as Drive
     from compact.machine.elastic_drive import ElasticDrive as ElasticDrive, ElasticRun as ElasticRun
     from compact.machine.elastic_drive import simulate_elastic as simulate_elastic
     from compact.machine.shaft import Belt as Belt, Kloss as Kloss, LinearTorqueCurve as LinearTorqueCurve

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machine_cases import CART, HYDRAULIC, KLOSS, MASS, SIZE, dry, stribeck
+from machine_cases import CART, HYDRAULIC, KLOSS, MASS, SIZE, dry, friction, stribeck
 from published import CART_OF_C
 
 from compact.drive import Crank, Rigid, simulate
@@ -77,15 +77,21 @@ def test_both_strokes_require_the_same_of_a_symmetric_machine(drive, name):
 
 
 @pytest.mark.parametrize("name", ["quintic", "parabolic", "reversal-4", "constant-velocity"])
-@pytest.mark.parametrize("stiffness", [1e5, 1e6, 1e9])
+@pytest.mark.parametrize(
+    ("stiffness", "backlash"), [(1e5, 0.0), (1e9, 0.0), (1e6, 1e-3), (1e6, 1e-4), (1e6, 2e-3)], ids=str
+)
 @pytest.mark.parametrize("regime", ["periodic", "rest"])
-def test_energy_balance_of_any_spring(regime, stiffness, name):
-    drive = ElasticDrive(stiffness, 0.1 * math.sqrt(stiffness * MASS), 1e-3 if stiffness == 1e6 else 0.0)
-    cart = replace(CART_OF_C, end_springs=EndSprings(2e4, 300.0, 0.08, stroke=0.4))
-    run = simulate_elastic(cart, drive, law_of("elastic", name).cycle(0.5, 0.2), stribeck, regime=regime)
+@pytest.mark.parametrize(
+    ("springs", "resistance"), [(EndSprings(2e4, 300.0, 0.08, stroke=0.4), stribeck), (None, friction(1500.0))]
+)
+def test_energy_balance_of_any_spring(regime, stiffness, backlash, name, springs, resistance):
+    drive = ElasticDrive(stiffness, 0.1 * math.sqrt(stiffness * MASS), backlash)
+    cart = replace(CART_OF_C if springs else CART, end_springs=springs)
+    run = simulate_elastic(cart, drive, law_of("elastic", name).cycle(0.5, 0.2), resistance, regime=regime)
     assert run.energy_residual < 1e-9
     assert run.shocks  # the acceleration jumps at each stop by friction
     assert {-1, 0, 1} & set(run.trajectory.zone.tolist())
+    assert set(run.trajectory.flank.tolist()) - {1} == ({-1, 0} if backlash else set())
 
 
 @pytest.mark.parametrize("cart", CARTS)

@@ -15,7 +15,7 @@ PACKAGE = '''
 
 from dataclasses import dataclass
 
-from compact.machine.drives import Drive
+from compact import Drive
 from compact.machine.rigid_drive import Rigid, Run, solved
 
 
