@@ -5,7 +5,6 @@ Maps of a sample show the median. Crosses mark where rolling cannot reach the de
 
 import re
 import warnings
-from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -90,15 +89,13 @@ def sweep_digest(table: "Dataset", sobol: SobolTable) -> str:
 
 def _count_sentences(sentences: Iterable[str]) -> list[str]:
     """Count sentences that differ in numbers only; return the most frequent ones."""
-    counts: Counter[str] = Counter()
-    examples: dict[str, str] = {}
+    kinds: dict[str, list[str]] = {}
     for sentence in filter(None, sentences):
-        kind = DIGITS.sub("#", sentence)
-        counts[kind] += 1
-        examples.setdefault(kind, sentence)
-    shown = counts.most_common(SHOWN_SENTENCES)
-    rest = counts.total() - sum(count for _, count in shown)
-    return [*(f"{count} x {examples[kind]}" for kind, count in shown), *[f"{rest} x for other reasons"] * bool(rest)]
+        kinds.setdefault(DIGITS.sub("#", sentence), []).append(sentence)
+    ordered = sorted(kinds.values(), key=len, reverse=True)
+    rest = sum(map(len, ordered[SHOWN_SENTENCES:]))
+    shown = [f"{len(each)} x {each[0]}" for each in ordered[:SHOWN_SENTENCES]]
+    return [*shown, f"{rest} x for other reasons"] if rest else shown
 
 
 # figures

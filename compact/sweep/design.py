@@ -78,10 +78,9 @@ def read_design(text: str) -> Axis | Sampled:
         raise ValueError(f"--vary takes {forms}, got {text!r}")
 
     def whole(word: str) -> int:
-        try:
-            return int(word)
-        except ValueError:
-            raise ValueError(f"--vary {key}: takes a whole number of values, got {word!r}") from None
+        if not word.isdecimal():
+            raise ValueError(f"--vary {key}: takes a whole number of values, got {word!r}")
+        return int(word)
 
     def value(word: str) -> Any:
         """Return a value as in a scene file, or a bare word."""
