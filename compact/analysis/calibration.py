@@ -7,7 +7,7 @@ assumptions are refitted with its correction. Finite elements start at a small c
 is the initial guess on the required mesh. Each trial is computed from scratch, so that the scene reproduces its result.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.analysis.contact_cases import contact_inputs, roll_scene, scene_mix
+from compact.analysis.stages.ensemble import Change, evaluate
 from compact.material import mix
 from compact.material.laws import Compaction
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene, SceneError
-from compact.scene.plant_data import Band, Measured
+from compact.scene.plant_data import Measured
 
 UNKNOWNS = ("heckel_slope", "fed_density_ratio")
 BROYDEN_LENGTH = 2e-3  # [-], change of the unknowns with half the weight in the update of the slopes
@@ -91,8 +92,18 @@ class Calibration:
 
     @cached_property
     def refits(self) -> tuple[Refit, ...]:
-        """Parameters at every bound of data and assumptions."""
-        return tuple(self.model.refits(self.fit))
+        """Parameters at every bound of data and assumptions: an ensemble of fits of the corrected column model."""
+        model, spreads = self.model, (scene_mix(self.model.scene).parameter(name) for name in ASSUMED)
+        assumed = {f"mix.overrides.{each.name}": (each.low, each.high) for each in spreads if each.low < each.high}
+        cases: list[tuple[str, float, dict[str, float], list[float]]] = []
+        for i, (name, band) in enumerate(model.data):
+            for bound in {band.low, band.high} - {band.value}:
+                cases.append((name, bound, {}, [*model.values[:i], bound, *model.values[i + 1 :]]))
+        for key, bounds in (assumed | model.measured.assumptions).items():
+            cases += [(key, bound, {key: bound}, model.values) for bound in bounds]
+        changes = [Change(f"{number}", keys) for number, (_, _, keys, _) in enumerate(cases)]
+        found = evaluate(model.scene, changes, partial(_refitted, model, self.fit, [case[-1] for case in cases]))
+        return tuple(Refit(name, bound, **found[number]) for number, (name, bound, *_) in enumerate(cases))
 
     @property
     def heckel_slope(self) -> float:
@@ -161,9 +172,9 @@ def calibrate(
         f"contact.{name}: a calibration compacts the product to its density; delete {value:g} from the scene"
         for name, value in scene.target.items()
     ]
-    if not unfit and scene.mix.pore_air != "drained":
+    if scene.mix.pore_air != "drained":
         words = "a calibration has contacts without pore air; delete the key, and give forces of slow rolling"
-        unfit = [f'mix.pore_air: {words}, got "{scene.mix.pore_air}"']
+        unfit.append(f'mix.pore_air: {words}, got "{scene.mix.pore_air}"')
     if unfit:
         raise SceneError(unfit)
     for key, bounds in measured.assumptions.items():
@@ -172,17 +183,21 @@ def calibrate(
     if guess and (guess.elements is None or guess.unknowns != model.unknowns or len(guess.rolled) != count):
         fitted = f"has fitted {', '.join(unknowns)} to {count} measurements"
         raise ValueError(f"`initial_guess` must be a calibration of finite elements that {fitted}")
-    coarse, contact = None, _column
+    coarse: Calibration | None = None
+    elements, fine, start, correction = None, None, model.start, None
     if engine == "compaction":
         if guess is None and options.get("increments") != COARSE_INCREMENTS:
             guess = coarse = calibrate(scene, measured, engine, unknowns, **options | {"increments": COARSE_INCREMENTS})
         before = guess.elements.excess.values() if guess and guess.elements else ()
-        contact = _FiniteElements(options, dict(zip(measured.measurements, before, strict=False)))
+        elements = _FiniteElements(options, dict(zip(measured.measurements, before, strict=False)))
+        fine = partial(model.predicted, contact=elements)
+        start, correction = (guess.fit.unknowns, guess.fit.correction) if guess else (model.shallow_start, None)
+    mapping: dict[str, Any] = {"correction": correction, "broyden_length": BROYDEN_LENGTH}
     try:
-        fit = model.fit() if engine == "column" else model.fit_elements(contact, guess.fit if guess else None)
+        fit = fit_parameters(model.columns, model.values, start, fine, **mapping)
     except ValueError as error:
         raise SceneError([str(error)]) from error
-    found, elements = model.scene_at(fit.unknowns), contact if isinstance(contact, _FiniteElements) else None
+    found = model.scene_at(fit.unknowns)
     rolled = (elements.rolled[each] if elements else _column(found, each) for each in measured.measurements)
     return Calibration(found, model, fit, tuple(rolled), elements, coarse)
 
@@ -199,14 +214,9 @@ class _Model:
     unknowns: tuple[str, ...]
 
     @property
-    def data(self) -> list[tuple[str, Band]]:
+    def data(self) -> list[tuple[str, Any]]:
         """Name and band of each datum."""
         return [each for measurement in self.measured.measurements for each in measurement.data]
-
-    @property
-    def names(self) -> list[str]:
-        """Names of the data."""
-        return [name for name, _ in self.data]
 
     @property
     def values(self) -> list[float]:
@@ -220,9 +230,24 @@ class _Model:
 
     @property
     def start(self) -> NDArray[np.float64]:
+        """Unknowns of the scene."""
         logit = self.logit(self.scene.layer.fed_density_ratio)
         known = (np.log(scene_mix(self.scene).heckel_slope), START_LOGIT if np.isnan(logit) else logit)
         return np.array([known[UNKNOWNS.index(name)] for name in self.unknowns])
+
+    @property
+    def shallow_start(self) -> NDArray[np.float64]:
+        """Unknowns of a small contact angle with about the load, for the first trial of the finite elements."""
+        start, names = dict(zip(self.unknowns, self.start, strict=True)), [name for name, _ in self.data]
+        if "fed_density_ratio" in start:
+            strain = START_ANGLE**2 * self.scene.machine.roller_radius / (2 * self.scene.lift_thickness)
+            least = self.logit(self.scene.mix.density_ratio * (1 - strain))
+            start["fed_density_ratio"] = np.fmax(start["fed_density_ratio"], least)
+        if "heckel_slope" in start and "load" in names:
+            load = names.index("load")
+            found = self.columns(np.array(list(start.values())))[load]
+            start["heckel_slope"] += np.log(PLANE_STRAIN_FACTOR * found / self.values[load])
+        return np.array(list(start.values()))
 
     def scene_at(self, u: NDArray[np.float64]) -> Scene:
         """Return the scene with the unknowns `u`; the Heckel slope of a trial has no limits."""
@@ -241,58 +266,30 @@ class _Model:
         trial, length, values = self.scene_at(u), self.scene.machine.roller_length, []
         for measurement in self.measured.measurements:
             rolled = contact(trial, measurement)
+            resistance = abs(rolled.resistance)
             known = {
                 "load": rolled.load * length,
-                "resistance": abs(rolled.resistance) * length,
-                "resistance_coefficient": abs(rolled.resistance) / rolled.load,
+                "resistance": resistance * length,
+                "resistance_coefficient": resistance / rolled.load,
             }
             values += [known[name] for name, _ in measurement.data]
         return np.array(values)
 
-    def fit(self, values: Sequence[float] | None = None, correction: Any = None) -> SpaceMappingFit:
-        """Fit the corrected column model to the data or to other values."""
-        values = self.values if values is None else values
-        return fit_parameters(partial(self.predicted, contact=_column), values, self.start, correction=correction)
+    def columns(self, u: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Predict the data by columns."""
+        return self.predicted(u, _column)
 
-    def fit_elements(self, elements: Contact, guess: SpaceMappingFit | None) -> SpaceMappingFit:
-        """Fit the finite elements to the data, from a guess, or from a small contact angle with about the load."""
-        if guess is not None:
-            start, correction = guess.unknowns, guess.correction
-        else:
-            start, correction, names = self.start, None, self.names
-            strain = START_ANGLE**2 * self.scene.machine.roller_radius / (2 * self.scene.lift_thickness)
-            least = self.logit(self.scene.mix.density_ratio * (1 - strain))
-            start = np.where(np.array(self.unknowns) == "fed_density_ratio", np.fmax(start, least), start)
-            if "heckel_slope" in self.unknowns and "load" in names:
-                load = names.index("load")
-                ratio = PLANE_STRAIN_FACTOR * self.predicted(start, _column)[load] / self.values[load]
-                start[self.unknowns.index("heckel_slope")] += np.log(ratio)
-        coarse, fine = (partial(self.predicted, contact=contact) for contact in (_column, elements))
-        return fit_parameters(coarse, self.values, start, fine, correction=correction, broyden_length=BROYDEN_LENGTH)
 
-    def refits(self, fit: SpaceMappingFit) -> Iterator[Refit]:
-        """Fit the column model at every bound of data and assumptions, with the correction of a fit."""
-        spreads = (scene_mix(self.scene).parameter(name) for name in ASSUMED)
-        assumed = {f"mix.overrides.{each.name}": (each.low, each.high) for each in spreads if each.low < each.high}
-        cases: list[tuple[str, float, _Model, list[float]]] = []
-        for i, (name, band) in enumerate(self.data):
-            for bound in {band.low, band.high} - {band.value}:
-                cases.append((name, bound, self, [*self.values[:i], bound, *self.values[i + 1 :]]))
-        for key, bounds in (assumed | self.measured.assumptions).items():
-            for bound in bounds:
-                other = replace(self, scene=self.scene.replaced(**{key: bound}))
-                cases.append((key, bound, other, self.values))
-        for name, bound, model, values in cases:
-            if fit.history and name in SHEAR_KEYS:
-                words = f"columns do not depend on it; calibrate with --set {name}={bound:g}"
-                yield Refit(name, bound, reason=words)
-                continue
-            try:
-                found = model.scene_at(model.fit(values, fit.correction).unknowns)
-            except (RuntimeError, ValueError) as error:
-                yield Refit(name, bound, reason=str(error))
-            else:
-                yield Refit(name, bound, scene_mix(found).heckel_slope, found.layer.fed_density_ratio)
+def _refitted(
+    model: _Model, fit: SpaceMappingFit, values: Sequence[Sequence[float]], scene: Scene, change: Change
+) -> dict[str, Any]:
+    """Fit the column model of a changed scene to the values of the change, with the correction of a fit."""
+    for name in change.keys.keys() & set(SHEAR_KEYS) if fit.history else ():
+        return {"reason": f"columns do not depend on it; calibrate with --set {name}={change.keys[name]:g}"}
+    there = replace(model, scene=scene)
+    again = fit_parameters(there.columns, values[int(change.label)], there.start, correction=fit.correction)
+    found = there.scene_at(again.unknowns)
+    return {"heckel_slope": scene_mix(found).heckel_slope, "fed_density_ratio": found.layer.fed_density_ratio}
 
 
 def _as_measured(scene: Scene, measurement: Any) -> tuple[Scene, float]:
@@ -342,44 +339,40 @@ class _FiniteElements:
 
 def calibration_digest(calibration: Calibration) -> str:
     """Describe a calibration in text: data, parameters, sensitivity, bounds."""
-    names, fit, coarse = calibration.model.names, calibration.fit, calibration.coarse
-    lines = ["measured"]
-    for name, value, off in zip(names, calibration.model.values, fit.misfit, strict=True):
-        lines.append(f"  {name:<24}{value:>12.6g}  fitted to {abs(np.expm1(off)):.1e}")
-    if fit.history:
-        assert fit.correction is not None  # every run updates it
-        lines.append(f"by {len(fit.history)} runs of finite elements; ratio to columns, and scatter of the last runs")
-        for name, ratio, off in zip(names, np.exp(fit.correction.ratio), fit.scatter, strict=True):
-            lines.append(f"  {name:<24}{ratio:>12.4f}  {off:.1e}")
-    if coarse:
-        found = f"K_H {coarse.heckel_slope * 1e6:.4f} /MPa, fed {coarse.fed_density_ratio:.5f}"
-        lines.append(f"on {COARSE_INCREMENTS} increments {found}")
-    lines += [
-        "calibrated",
-        f"  {'heckel_slope':<24}{calibration.heckel_slope * 1e6:>12.4f} /MPa (one-dimensional)",
-        f"  {'fed_density_ratio':<24}{calibration.fed_density_ratio:>12.5f}",
-        f"change of {' and '.join(calibration.unknowns)} by 1 % more of the datum",
-    ]
-    for name, moves in zip(names, calibration.sensitivity.T, strict=True):
-        lines.append(f"  {name:<24}" + ", ".join(f"{change:+.3f} %" for change in moves))
+    fit, coarse, width = calibration.fit, calibration.coarse, 12 * len(calibration.unknowns)
+    title = f"change of {' and '.join(calibration.unknowns)} by 1 % more"
+    lines = [f"{'measured':<26}{'value':>12}{'misfit':>10}{title:>{max(width, len(title) + 2)}}"]
+    for each in calibration_summary(calibration)["data"]:
+        moves = "".join(f"{change:>+10.3f} %" for change in each["sensitivity"])
+        lines.append(f"  {each['name']:<24}{each['value']:>12.6g}{abs(np.expm1(each['misfit'])):>10.1e}{moves}")
+    if fit.history and fit.correction:
+        ratios = zip(calibration.model.data, np.exp(fit.correction.ratio), strict=True)
+        found = ", ".join(f"{name} {ratio:.4f}" for (name, _), ratio in ratios)
+        lines.append(f"by {len(fit.history)} runs of finite elements; ratio to columns: {found}")
+    for words, each in (("calibrated", calibration), (f"on {COARSE_INCREMENTS} increments", coarse)):
+        if each:
+            found = f"K_H {each.heckel_slope * 1e6:.4f} /MPa (one-dimensional), fed {each.fed_density_ratio:.5f}"
+            lines.append(f"{words} {found}")
     lines.append(f"{'bound of':<36}{'is':>12}{'K_H, 1/MPa':>14}{'fed density':>14}")
-    for each in calibration.refits:
-        found = f"{each.heckel_slope * 1e6:>14.3f}{each.fed_density_ratio:>14.4f}"
-        lines.append(f"  {each.name:<34}{each.value:>12.5g}{f'  none: {each.reason}' if each.reason else found}")
+    for refit in calibration.refits:
+        found = f"{refit.heckel_slope * 1e6:>14.3f}{refit.fed_density_ratio:>14.4f}"
+        lines.append(f"  {refit.name:<34}{refit.value:>12.5g}{f'  none: {refit.reason}' if refit.reason else found}")
     return "\n".join(lines)
 
 
 def calibration_summary(calibration: Calibration) -> dict[str, Any]:
     """Convert a calibration to plain numbers for JSON, SI."""
-    model, misfit = calibration.model, calibration.fit.misfit
-    data = zip(model.names, model.values, misfit, calibration.sensitivity.T, strict=True)
+    data = zip(calibration.model.data, calibration.fit.misfit, calibration.sensitivity.T, strict=True)
     return {
         "scene_hash": calibration.scene.hash,
         "scene_changes": calibration.scene_changes,
         "heckel_slope": calibration.heckel_slope,
         "fed_density_ratio": calibration.fed_density_ratio,
         "fitted": calibration.unknowns,
-        "data": [dict(zip(("name", "value", "misfit", "sensitivity"), each, strict=True)) for each in data],
+        "data": [
+            {"name": name, "value": band.value, "misfit": off, "sensitivity": moves}
+            for (name, band), off, moves in data
+        ],
         "runs": [{"unknowns": u, "misfit": misfit} for u, misfit in calibration.fit.history],
         "refits": [vars(refit) for refit in calibration.refits],
     }

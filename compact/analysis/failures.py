@@ -73,37 +73,19 @@ def is_numeric(error: BaseException) -> bool:
     return isinstance(error, RuntimeWarning | ArithmeticError) or type(error).__name__ == "LinAlgError"
 
 
-def numeric_sentence(error: BaseException) -> str:
-    """Cause, module and remedy of an error for which `is_numeric` holds."""
-    said = str(error)
-    meaning = next((words for start, words in MEANINGS.items() if said.startswith(start)), OTHERWISE)
-    return f"the computation failed{_place(error)}: {meaning}; {REMEDY}"
-
-
-def memory_sentence(error: MemoryError) -> str:
-    """Place and remedy of an allocation that failed."""
-    return f"not enough memory{_place(error)}; lower the number of values, speeds or passes, or loosen the tolerance"
+def sentence_of(error: BaseException) -> str:
+    """Describe an error: a refusal in its own words, else cause, innermost module of this package, and remedy."""
+    said, files = str(error), [Path(frame.f_code.co_filename) for frame, _ in walk_tb(error.__traceback__)]
+    modules = [file.stem for file in files if PACKAGE in file.parents]
+    place = f" in {modules[-1]}" if modules else ""
+    if isinstance(error, MemoryError):
+        return f"not enough memory{place}; lower the number of values, speeds or passes, or loosen the tolerance"
+    if is_numeric(error):
+        meaning = next((words for start, words in MEANINGS.items() if said.startswith(start)), OTHERWISE)
+        return f"the computation failed{place}: {meaning}; {REMEDY}"
+    return said if is_refusal(error) else f"internal error, please report it: {type(error).__name__}: {said}"
 
 
 def reason_of(error: BaseException) -> str:
-    """Describe an error in at most MAX_REASON characters, an unexpected one as internal."""
-    message = "; ".join(getattr(error, "mistakes", ())) or str(error)
-    if isinstance(error, MemoryError):
-        message = memory_sentence(error)
-    elif is_numeric(error):
-        message = numeric_sentence(error)
-    elif not is_refusal(error):
-        message = internal_sentence(error)
-    return message[:MAX_REASON]
-
-
-def _place(error: BaseException) -> str:
-    """Name the innermost module of this package in which an error was raised; empty if there is none."""
-    files = [Path(frame.f_code.co_filename) for frame, _ in walk_tb(error.__traceback__)]
-    modules = [file.stem for file in files if PACKAGE in file.parents]
-    return f" in {modules[-1]}" if modules else ""
-
-
-def internal_sentence(error: BaseException) -> str:
-    """Class and words of an error that is a defect of the program."""
-    return f"internal error, please report it: {type(error).__name__}: {error}"
+    """Describe an error in one line of at most MAX_REASON characters."""
+    return ("; ".join(getattr(error, "mistakes", ())) or sentence_of(error))[:MAX_REASON]

@@ -24,7 +24,6 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from functools import partial
 from multiprocessing import active_children, get_context, parent_process
-from multiprocessing.synchronize import Event
 from typing import Any, Self
 
 from threadpoolctl import threadpool_limits
@@ -47,31 +46,26 @@ class WorkerError(RuntimeError):
     """No worker process survived the task."""
 
 
-class Job:
+class Job(Future[Any]):
     """Task of an executor."""
 
     def __init__(self, executor: "SerialExecutor", work: Work, task: Any) -> None:
+        super().__init__()
         self.executor, self.work, self.task, self.deaths = executor, work, task, 0
-        self._outcome: Future[Any] = Future()
 
-    @property
-    def done(self) -> bool:
-        """True if the task has a result or an error."""
-        return self._outcome.done()
-
-    def result(self) -> Any:
+    def result(self, timeout: float | None = None) -> Any:
         """Wait for the result and return it, or raise the error of the task."""
         self.executor.wait([self])
-        return self._outcome.result()
+        return super().result(timeout)
 
     def settle(self, compute: Callable[[], Any]) -> None:
         """Keep the result of a function or its error; errors of a connection are raised."""
         try:
-            self._outcome.set_result(compute())
+            self.set_result(compute())
         except (CancelledError, OSError):
             raise
         except Exception as error:
-            self._outcome.set_exception(error)
+            self.set_exception(error)
 
 
 class SerialExecutor:
@@ -99,7 +93,7 @@ class SerialExecutor:
 
     def wait(self, jobs: Sequence[Job]) -> list[Job]:
         """Return those of some jobs that are done, one at least."""
-        while not (done := [job for job in jobs if job.done]):
+        while not (done := [job for job in jobs if job.done()]):
             self._advance()
         return done
 
@@ -130,12 +124,11 @@ class ProcessExecutor(SerialExecutor):
     def __enter__(self) -> Self:
         self._others = active_children()
         context = get_context("spawn")  # threads of numpy and of the progress do not survive a fork
-        self._begun = context.Event()
-        self._pool = ProcessPoolExecutor(self.count, context, _begin_worker, (self._begun,))
+        self._pool, self._started = ProcessPoolExecutor(self.count, context, _begin_worker), []
         with suppress(BrokenProcessPool):
             # all processes start now: a pool that starts one while another dies may fail in its own thread
             for _ in range(self.count):
-                self._pool.submit(os.getpid)
+                self._started.append(self._pool.submit(os.getpid))
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -148,6 +141,11 @@ class ProcessExecutor(SerialExecutor):
     def pids(self) -> list[int | None]:
         """Numbers of the worker processes."""
         return [process.pid for process in active_children() if process not in self._others]
+
+    @property
+    def _begun(self) -> bool:
+        """True if a worker process has begun its work."""
+        return any(each.done() and each.exception() is None for each in self._started)
 
     @property
     def free(self) -> bool:
@@ -167,7 +165,7 @@ class ProcessExecutor(SerialExecutor):
             self._start(self._repeated.popleft())
         done = wait(self._running, return_when=FIRST_COMPLETED).done
         lost = any(isinstance(future.exception(), BrokenProcessPool) for future in done)
-        begun = self._begun.is_set()
+        begun = self._begun
         for future in wait(self._running).done if lost else done:  # after a death all are done, most without result
             job = self._running.pop(future)
             if not isinstance(future.exception(), BrokenProcessPool):
@@ -177,14 +175,14 @@ class ProcessExecutor(SerialExecutor):
             if job.deaths < ATTEMPTS:
                 self._repeated.append(job)
             else:
-                job.settle(partial(_raise, WorkerError(f"its worker process died {ATTEMPTS} times")))
+                job.set_exception(WorkerError(f"its worker process died {ATTEMPTS} times"))
         if lost:
             _LOG.info("a worker process died; its tasks are repeated one at a time")
             self._rebuild()
 
     def _rebuild(self) -> None:
         self.deaths += 1
-        self._failed_starts = 0 if self._begun.is_set() else self._failed_starts + 1
+        self._failed_starts = 0 if self._begun else self._failed_starts + 1
         if self._failed_starts == ATTEMPTS:
             raise RuntimeError(
                 f"{ATTEMPTS} worker processes ended before they could begin; a script that sweeps needs "
@@ -194,11 +192,7 @@ class ProcessExecutor(SerialExecutor):
         self.__enter__()
 
 
-def _raise(error: Exception) -> None:
-    raise error
-
-
-def _begin_worker(begun: Event) -> None:
+def _begin_worker() -> None:
     """Prepare a worker process: one thread of linear algebra, no interrupts, and its end with that of the parent."""
 
     def end_with_parent() -> None:
@@ -210,7 +204,6 @@ def _begin_worker(begun: Event) -> None:
     threadpool_limits(1)  # of those that a script has loaded already
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent receives it and kills its workers
     threading.Thread(target=end_with_parent, daemon=True).start()
-    begun.set()
 
 
 class DaskExecutor(SerialExecutor):

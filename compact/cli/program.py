@@ -18,7 +18,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import App, CycloptsError, Parameter
 
-from compact.analysis.failures import internal_sentence, is_numeric, is_refusal, memory_sentence, numeric_sentence
+from compact.analysis.failures import is_refusal, sentence_of
 from compact.cli import INTERRUPTED, INTERRUPTED_MESSAGE
 from compact.cli import options as cli
 from compact.cli.options import ENGINE_JOB, JOB, OWNING_JOB, SUCCESS, Console, EngineJob, Job, OwningJob, ScenePath
@@ -68,13 +68,12 @@ def _exit_code(arguments: Sequence[str]) -> int:
         if cli.is_interrupt(error):
             return cli.print_error("; ".join([INTERRUPTED_MESSAGE, *getattr(error, "__notes__", ())]), INTERRUPTED)
         if isinstance(error, MemoryError):
-            return cli.print_error(memory_sentence(error), cli.NO_RESULT)
+            return cli.print_error(sentence_of(error), cli.NO_RESULT)
         if is_refusal(error):  # invalid input, or a RuntimeError: ResultsError, or an engine that did not converge
             return cli.print_error(error, cli.INVALID_INPUT if isinstance(error, ValueError) else cli.NO_RESULT)
         if os.environ.get("COMPACT_TRACEBACK"):
             raise
-        sentence = numeric_sentence(error) if is_numeric(error) else internal_sentence(error)
-        return cli.print_error(f"{sentence} (COMPACT_TRACEBACK=1 prints the traceback)", cli.NO_RESULT)
+        return cli.print_error(f"{sentence_of(error)} (COMPACT_TRACEBACK=1 prints the traceback)", cli.NO_RESULT)
 
 
 if logging.lastResort:  # the handler of warnings to a logger that nobody has configured

@@ -100,12 +100,6 @@ class SpaceMappingFit:
     history: tuple[tuple[list[float], list[float]], ...] = ()
 
     @property
-    def scatter(self) -> Array:
-        """Largest |ln(predicted/measured)| of the fine evaluations close to u [-], shape (n,)."""
-        close = max(self.correction.close_runs, 1) if self.correction else 1
-        return np.nanmax(np.abs([misfit for _, misfit in self.history[-close:]]), axis=0)
-
-    @property
     def sensitivity(self) -> Array:
         """Sensitivity d u/d ln measured [-], shape (m, n)."""
         return np.asarray(np.linalg.pinv(self.slopes))

@@ -359,7 +359,7 @@ def connected_parts(places: FloatArray, numbers: Sequence[int], size: int = PART
         axis = int(np.argmax(np.ptp(inside, axis=0)))
         order = [numbers[i] for i in np.lexsort((np.array(numbers), inside[:, axis]))]
         half = (len(order) + 1) // 2
-        return [part for side in (order[:half], order[half:]) for part in connected_parts(places, side, size)]
+        return [part for side in (order[:half], order[half:]) for part in connected_parts(places, side, size=size)]
     left, ordered = sorted(numbers), list[int]()
     while left:
         before = places[ordered] if ordered else inside.mean(axis=0, keepdims=True)
