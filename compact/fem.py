@@ -7,6 +7,8 @@ solves compacting layers, in steady motion and in any motion (`engines.compactio
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from compact.engines.compaction import COMPACTION
+from compact.engines.fem import FEM
 from compact.engines.fem.engine import FemContactResult
 from compact.engines.fem.engine import roll as roll_linear
 from compact.files import write_vtu
@@ -88,23 +90,12 @@ def travel(
     """
     from compact.engines.compaction.reciprocating import simulate_reciprocating
 
-    if not isinstance(material, Compaction):
-        raise ValueError(
-            f"`material` must be Compaction, got {type(material).__name__}: linear layers are solved in steady motion, "
-            "and to first order in the acceleration by `compact.engines.spectral.speed_derivative.expand_resistance`"
-        )
     return simulate_reciprocating(layer, roller, material, motion, **accuracy)
 
 
 def fields(result: "FemContactResult | CompactionContactResult") -> "meshio.Mesh":
     """Compute the fields inside the layer under a steady roller, as of `field_mesh` of the engine."""
-    if isinstance(result, FemContactResult):
-        from compact.engines.fem.fields import field_mesh as linear_fields
-
-        return linear_fields(result)
-    from compact.engines.compaction.engine import field_mesh as compaction_fields
-
-    return compaction_fields(result)
+    return (FEM if isinstance(result, FemContactResult) else COMPACTION).fields(result)
 
 
 def write_fields(result: "FemContactResult | CompactionContactResult", path: str | Path) -> None:

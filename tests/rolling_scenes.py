@@ -1,6 +1,7 @@
 """Random scenes of steady rolling, and the ratio of estimated to true errors."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -93,9 +94,19 @@ def true_errors(rolled, roller, reference):
     return abs(rolled.load / at_depth.load - 1), abs(rolled.resistance - exact.resistance) / scale
 
 
-def error_ratios(estimated, true, rounding):
-    """Smallest, median and 95 % quantile of estimate over error above rounding; largest estimate of the others."""
-    estimated, true = np.array(estimated), np.array(true)
-    clear = true > rounding
-    smallest, median, large = np.quantile(estimated[clear] / true[clear], [0, 0.5, 0.95])
-    return smallest, median, large, np.max(estimated, where=~clear, initial=0)
+def assert_estimates(scenes, roll, reference, rounding, rest):
+    """Half the true error or more, five times it in the median, twenty in 95 %; below `rest` where it is rounding.
+
+    True errors are those of `roll(layer, roller, mix, speed)` from `reference(layer, mix, rolled, roller)`.
+    """
+    estimated, true = [], []
+    for layer, roller, mix, name in list(random_scenes(60))[scenes]:
+        given = prescribing(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
+        rolled = roll(layer, given, mix, SPEED)
+        estimated.append(rolled.error)
+        true.append(true_errors(rolled, given, partial(reference, layer, mix, rolled)))
+    for told, errors in zip(np.transpose(estimated), np.transpose(true), strict=True):
+        clear = errors > rounding
+        smallest, median, large = np.quantile(told[clear] / errors[clear], [0, 0.5, 0.95])
+        assert (smallest >= 0.5, median <= 5, large <= 20) == (True, True, True), (smallest, median, large)
+        assert np.max(told, where=~clear, initial=0) < rest

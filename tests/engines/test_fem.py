@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from rolling_scenes import LAYER, MIX, SLS, SPEED, error_ratios, prescribing, random_scenes, stiff_scene, true_errors
+from rolling_scenes import LAYER, MIX, SLS, SPEED, assert_estimates, prescribing, stiff_scene, true_errors
 from rolling_scenes import roll_elements as roll
 
 from compact import fem, mesh
@@ -234,31 +234,12 @@ def test_reaction_of_the_base_equals_the_load():
 # error estimate, against the engine "spectral" with a hundredth of the error or less
 
 
-def estimated_and_true_errors(scenes):
-    """Estimated and true errors of (load, resistance), one row per scene."""
-    estimated, true = [], []
-    for layer, roller, mix, name in list(random_scenes(60))[scenes]:
-
-        def exact(roller, layer=layer, mix=mix):
-            return spectral.roll(layer, roller, mix, SPEED, rtol=1e-8)
-
-        given = prescribing(roller, name, getattr(exact(roller), name))
-        rolled = fem.roll(layer, given, mix, SPEED)
-        estimated.append(rolled.error)
-        true.append(true_errors(rolled, given, exact))
-    return np.array(estimated), np.array(true)
-
-
 @pytest.mark.parametrize("scenes", [slice(5, 6), pytest.param(slice(60), marks=pytest.mark.slow)], ids=["few", "many"])
 def test_error_estimate_is_between_half_and_five_times_the_true_error(scenes):
-    """Five times in the median, twenty times in 95 %."""
-    estimated, true = estimated_and_true_errors(scenes)
-    for column in range(2):
-        smallest, median, large, rest = error_ratios(estimated[:, column], true[:, column], 1e-9)
-        assert smallest >= 0.5
-        assert median <= 5
-        assert large <= 20
-        assert rest < 1e-7
+    def exact(layer, mix, _, roller):
+        return spectral.roll(layer, roller, mix, SPEED, rtol=1e-8)
+
+    assert_estimates(scenes, fem.roll, exact, rounding=1e-9, rest=1e-7)
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 from rolling_scenes import HEIGHT as H
-from rolling_scenes import LAYER, MIX, SPEED, R, error_ratios, prescribing, random_scenes, true_errors
+from rolling_scenes import LAYER, MIX, SPEED, R, assert_estimates
 
 from compact.engines.halfplane import galin, hertz
 from compact.engines.spectral import engine as spectral
@@ -230,26 +230,12 @@ def test_surface_has_the_shape_of_the_roller(mix, friction, base):
 )
 def test_error_estimate_covers_the_true_error(scenes, modes):
     """The reference has 200 modes, 400 in the slow run, or twice as many as the result; rounding is 1e-11."""
-    estimated, true = [], []
-    for layer, roller, mix, name in list(random_scenes(60))[scenes]:
-        target_roller = prescribing(roller, name, getattr(spectral.roll(layer, roller, mix, SPEED), name))
-        rolled = spectral.roll(layer, target_roller, mix, SPEED)
 
-        def reference(roller, layer=layer, mix=mix, rolled=rolled):
-            (problem, _), half_width = (
-                build_rolling_problem(layer, roller, mix, SPEED),
-                (rolled.leading - rolled.trailing) / 2,
-            )
-            return solve_contact(problem, max(modes, 2 * rolled.history[-1][0]), half_width)
+    def reference(layer, mix, rolled, roller):
+        (problem, _), width = build_rolling_problem(layer, roller, mix, SPEED), rolled.leading - rolled.trailing
+        return solve_contact(problem, max(modes, 2 * rolled.history[-1][0]), width / 2)
 
-        estimated.append(rolled.error)
-        true.append(true_errors(rolled, target_roller, reference))
-    for estimates, errors in zip(np.transpose(estimated), np.transpose(true), strict=True):
-        smallest, median, large, rest = error_ratios(estimates, errors, 1e-11)
-        assert smallest >= 0.5
-        assert median <= 5
-        assert large <= 20
-        assert rest < 2e-10
+    assert_estimates(scenes, spectral.roll, reference, rounding=1e-11, rest=2e-10)
 
 
 # cost

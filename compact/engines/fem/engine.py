@@ -293,13 +293,10 @@ def _error_estimate(
         terms=grid.terms + EXTRA_TERMS * int(np.ceil(grid.terms / MAX_TERMS)),
         edges=patch.edges if grid.edges else None,
     )
-    try:
-        fine = retarded_surface(problem, finer.mesh, surface.x[surface.loaded][-1] - grid.mesh.centre)
-        refined = as_deep = solve_at_target(problem, fine, finer)
-        if problem.roller.load is not None:
-            as_deep = solve_at_indentation(problem, fine, finer, finer.indentation)
-    except UnresolvedError as error:
-        raise UnresolvedError(f"the error cannot be estimated; on the refined mesh {error}") from error
+    fine = retarded_surface(problem, finer.mesh, surface.x[surface.loaded][-1] - grid.mesh.centre)
+    refined = as_deep = solve_at_target(problem, fine, finer)
+    if problem.roller.load is not None:
+        as_deep = solve_at_indentation(problem, fine, finer, finer.indentation)
     true_resistance, true_lift = E * refined.resultant
     common = SCATTER_FACTOR * abs(patch.peaks[1] - patch.peaks[0]) / sum(patch.peaks) + COMMON_ERROR
     exact = 0.0 if problem.roller.load is None else problem.traction_ratio * result.load
