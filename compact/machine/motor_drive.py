@@ -14,8 +14,8 @@ friction holds the carts: a motor that is too weak for carts away from a dead ce
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -100,21 +100,14 @@ class Motor:
         """Torque that accelerates the rotor [N m]."""
         return self.motor_inertia * self.gear_ratio * acceleration
 
+    def residual(self, load: CartsOnShaft, angle: Array, energy: Array, acceleration: Array) -> Array:
+        """Return the residual torque J phi'' + sum of H x' - g T [N m] of carts on the shaft."""
+        driving = self.torque(np.sqrt(2 * energy), acceleration)
+        return self.inertia * acceleration + load.torque(angle, energy, acceleration) - driving
+
     def run(self, cart: Cart, cycle: Cycle, resistance: Resistance, working: tuple[float, float]) -> "MotorRun":
         """Simulate the periodic regime, for `rigid_drive.simulate`."""
         return simulate_motor(cart, self, cycle, resistance, working=working)
-
-
-@dataclass(frozen=True)
-class ShaftLoad(CartsOnShaft):
-    """Torque of identical carts on the shaft of a motor; angles and rod are those of the motor."""
-
-    motor: Motor = field(kw_only=True)
-
-    def residual(self, angle: Array, energy: Array, acceleration: Array) -> Array:
-        """Return the residual torque J phi'' + sum of H x' - g T [N m]."""
-        driving = self.motor.torque(np.sqrt(2 * energy), acceleration)
-        return self.motor.inertia * acceleration + self.torque(angle, energy, acceleration) - driving
 
 
 def simulate_motor(
@@ -160,30 +153,31 @@ def simulate_motor(
         )
     rigid_drive.require_law_of_drive(motor.rod, cycle)
     require_opposing(resistance, cycle.forward.stroke / cycle.forward.duration)
-    load = ShaftLoad(cart, cycle, resistance, motor.angles, motor.rod, motor=motor)
+    load = CartsOnShaft(cart, cycle, resistance, motor.angles, motor.rod)
     require_positive(tolerance=tolerance)
     require_nonnegative(start_speed=0.0 if start_speed is None else start_speed)
-    speed = _first_guess(load) if start_speed is None else start_speed
-    revolution = solve_shaft_speed(load.residual, load.breaks(), speed, tolerance, periodic=start_speed is None)
+    speed = _first_guess(motor, load) if start_speed is None else start_speed
+    residual = partial(motor.residual, load)
+    revolution = solve_shaft_speed(residual, load.breaks(), speed, tolerance, periodic=start_speed is None)
     run = MotorRun(cart, cycle, resistance, working, motor, revolution)
     run.require_no_slip()
     return run
 
 
-def _first_guess(load: ShaftLoad) -> float:
+def _first_guess(motor: Motor, load: CartsOnShaft) -> float:
     """Highest uniform speed at which the motor torque exceeds the mean load torque [rad/s]."""
     breaks = load.breaks()
     angle = np.concatenate([np.linspace(a, b, GUESS_POINTS)[None, 1:-1] for a, b in pairwise(breaks)])
     width = np.diff(breaks)[:, None]
     for share in np.linspace(1, 0, SPEED_TRIALS, endpoint=False):
-        speed = share * load.motor.curve.no_load_speed / load.motor.gear_ratio
+        speed = share * motor.curve.no_load_speed / motor.gear_ratio
         energy = np.full(angle.shape, speed**2 / 2)
         mean_load = np.sum(width * load.torque(angle, energy, 0 * energy)) / angle.shape[1] / (2 * np.pi)
-        if load.motor.torque(speed) >= mean_load:
+        if motor.torque(speed) >= mean_load:
             return speed
     raise RuntimeError(
         f"the motor stalls: the mean load torque is {mean_load:g} N m at {speed:g} rad/s, the motor delivers "
-        f"{load.motor.torque(speed):g} N m on the shaft; use a stronger motor or a larger `gear_ratio`"
+        f"{motor.torque(speed):g} N m on the shaft; use a stronger motor or a larger `gear_ratio`"
     )
 
 
@@ -194,10 +188,9 @@ class MotorRun(rigid_drive.Run):
     revolution: ShaftRevolution
 
     @cached_property
-    def load(self) -> ShaftLoad:
-        """Torque of the carts on the shaft."""
-        motor = self.drive
-        return ShaftLoad(self.cart, self.cycle, self.resistance, motor.angles, motor.rod, motor=motor)
+    def load(self) -> CartsOnShaft:
+        """Carts on the shaft."""
+        return CartsOnShaft(self.cart, self.cycle, self.resistance, self.drive.angles, self.drive.rod)
 
     @cached_property
     def samples(self) -> tuple[Array, Array, Array, rigid_drive.DriveState]:
@@ -379,13 +372,15 @@ def simulate_acceleration_phase(periodic: MotorRun, tolerance: float = PERIODIC_
         If the motor does not start or stalls, the belt slips, or `MAX_REVOLUTIONS` do not suffice.
     """
     require_positive(tolerance=tolerance)
-    target, load, breaks = periodic.speed[0], periodic.load, periodic.load.breaks()
-    first = _first_instant(load)
+    motor, load, target, breaks = periodic.drive, periodic.load, periodic.speed[0], periodic.load.breaks()
+    first = _first_instant(motor, load)
     parts = [(np.zeros(1),) * 3, tuple(np.array([value]) for value in first)]
     works = np.zeros(2)
     for revolution in range(MAX_REVOLUTIONS):
         for section in [breaks] if revolution else _graded_sections(first[1], breaks):
-            solution = solve_shaft_speed(load.residual, section, parts[-1][2][-1], ENERGY_TOLERANCE, periodic=False)
+            solution = solve_shaft_speed(
+                partial(motor.residual, load), section, parts[-1][2][-1], ENERGY_TOLERANCE, periodic=False
+            )
             run = replace(periodic, revolution=solution)
             run.require_no_slip()
             works = works + run.speed * np.array([run.motor_torque, run.shaft_torque]) @ run.weights
@@ -398,7 +393,7 @@ def simulate_acceleration_phase(periodic: MotorRun, tolerance: float = PERIODIC_
             "torque or a smaller flywheel"
         )
     time, angle, speed = (np.concatenate(column) for column in zip(*parts, strict=True))
-    residual = abs(works[0] - works[1] - periodic.drive.inertia * speed[-1] ** 2 / 2) / works[0]
+    residual = abs(works[0] - works[1] - motor.inertia * speed[-1] ** 2 / 2) / works[0]
     return AccelerationPhase(time, angle, speed, revolution + 1, float(residual))
 
 
@@ -409,14 +404,14 @@ def _graded_sections(first: float, breaks: Array) -> Iterator[Array]:
     yield breaks[1:]
 
 
-def _first_instant(load: ShaftLoad) -> tuple[float, float, float]:
+def _first_instant(motor: Motor, load: CartsOnShaft) -> tuple[float, float, float]:
     """Time [s], angle [rad] and speed [rad/s] an instant after the start: w^2 = 2 w' phi under the torque at rest."""
     angle, rest = FIRST_ANGLE * load.breaks()[1], np.zeros((1, 1))
-    place, energy = np.full((1, 1), angle), np.full((1, 1), REST_ENERGY * load.motor.curve.no_load_speed**2)
-    static, unit = (load.residual(place, energy, rest + step) for step in (0.0, 1.0))
+    place, energy = np.full((1, 1), angle), np.full((1, 1), REST_ENERGY * motor.curve.no_load_speed**2)
+    static, unit = (motor.residual(load, place, energy, rest + step) for step in (0.0, 1.0))
     acceleration = float((-static / (unit - static))[0, 0])
     if not acceleration > 0:
-        torque = float(load.motor.torque(np.zeros(())))
+        torque = float(motor.torque(np.zeros(())))
         raise RuntimeError(
             f"the motor does not start: it delivers {torque:g} N m on the shaft at rest, less than friction holds; "
             "use more torque or a larger `gear_ratio`, or start at a dead centre"
