@@ -59,11 +59,6 @@ class AirAnswer:
     shares: tuple[float, float]
     tensile_strength: float
 
-    @property
-    def may_crack(self) -> bool:
-        """True if the excess pressure behind the contact exceeds the tensile strength."""
-        return self.at_mean_speed.excess_behind > self.tensile_strength
-
 
 @dataclass(frozen=True)
 class CoupledSample:

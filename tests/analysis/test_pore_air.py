@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis.pore_air import AirCurve, CoupledSample, air_answer
+from compact.analysis.pore_air import AirCurve, CoupledSample
 from compact.analysis.stages.ensemble import Change
 from compact.analysis.study import Study
 from compact.report import text
@@ -121,28 +121,6 @@ def test_point_of_a_sweep_contains_the_air(drained, one_way):
     assert without["load"] == pytest.approx(machine.roller_length * drained.stages.contacts.records[4].load, rel=1e-6)
 
 
-@pytest.mark.slow
-def test_point_of_a_sweep_yields_to_its_air():
-    """The coupled contact of a sweep is that of a study at the same speed."""
-    changes = {
-        "accuracy.engine": "compaction", "mix.overrides.air_permeability": 1e-12, "contact.speeds": (0.1,),
-        "contact.indentation": 0.003, "motion.duration": 4.0, "mix.pore_air": "coupled",
-    }  # fmt: skip
-    scene = lift(**changes)
-    assert scene.mean_speed == pytest.approx(0.1)
-    found = headline(False, scene, Change("own"))
-    (record,), machine = Study(scene).stages.contacts.records, scene.machine
-    assert found["load"] == pytest.approx(machine.roller_length * record.load, rel=1e-6)
-    assert found["resistance"] == pytest.approx(machine.rollers * machine.roller_length * record.resistance, rel=1e-6)
-
-
-def test_tension_behind_the_roller_is_compared_with_the_strength(one_way):
-    answer = one_way.pore_air
-    assert answer.may_crack == (answer.at_mean_speed.excess_behind > answer.tensile_strength)
-    tight = air_answer(one_way.stages.contacts.air_curve, one_way.stages.contacts.mix, 1e-6)
-    assert not tight.may_crack
-
-
 def test_results_of_an_earlier_run_contain_the_curve(tmp_path):
     scene = lift(**{"mix.pore_air": "one-way"})
     first = Study(scene, directory=tmp_path)
@@ -164,6 +142,7 @@ def test_mix_that_is_occluded_as_fed_is_refused_with_the_bound():
 
 @pytest.mark.slow
 def test_finite_elements_have_the_field_of_the_air_and_the_coupled_forces():
+    """The coupled contact of a sweep is that of a study at the same speed."""
     changes = {
         "accuracy.engine": "compaction", "mix.overrides.air_permeability": 1e-12, "contact.speeds": (0.1,),
         "contact.indentation": 0.003, "motion.duration": 4.0, "mix.pore_air": "coupled",
@@ -180,3 +159,8 @@ def test_finite_elements_have_the_field_of_the_air_and_the_coupled_forces():
     assert alone.excess_behind < 1.2 * pressure.max() < 101325
     assert "air_pressure" not in study.stages.contacts.engine.fields(first).cell_data
     assert len(study_summary(study, [])["pore_air"]["coupled"]) == 1
+    found, _ = headline(study.scene)
+    length, rollers = study.scene.machine.roller_length, study.scene.machine.rollers
+    assert study.scene.mean_speed == pytest.approx(0.1)
+    assert found["load"] == pytest.approx(length * record.load, rel=1e-6)
+    assert found["resistance"] == pytest.approx(rollers * length * record.resistance, rel=1e-6)

@@ -23,15 +23,9 @@ SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "process.toml"
 MOTOR = {
     "curve": "linear", "torque": 150.0, "speed": 157.0, "gear_ratio": 40.0, "inertia": 0.01, "flywheel_inertia": 5.0,
 }  # fmt: skip
-HYDRAULICS = {
-    "piston_area": 3e-3, "supply_pressure": 12e6, "pump_flow": 6e-3, "valve_area": 1e-4, "discharge_coefficient": 0.62,
-    "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
-}  # fmt: skip
 DRIVES = {
     "rigid": {},
-    "elastic": {"drive.stiffness": 1e6, "drive.damping": 3e3, "drive.backlash": 1e-4},
     "motor": {"drive.motor": MOTOR},
-    "hydraulic": {"drive.hydraulics": HYDRAULICS},
 }
 SMALL = {
     "accuracy.engine": "process", "process.detail": "columns", "process.layers": 1, "machine.roller_length": 0.2,
