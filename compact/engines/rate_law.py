@@ -15,9 +15,7 @@ C. M. Bishop, Pattern Recognition and Machine Learning, Springer 2006, section 3
 """
 
 import warnings
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable, Iterable, Sequence
 from math import factorial
 
 import numpy as np
@@ -35,9 +33,11 @@ MIN_NOISE = 1e-4  # [-], least scatter of a contact
 NOISE_MARGIN = 1.5  # [-], error over the scatter of one contact that further contacts do not reduce
 
 
-@dataclass(frozen=True)
-class RateLaw:
-    """Resistance as a smooth function of the rate factor f of the yield pressure.
+Law = Callable[[Array], Array]  # of speeds [m/s], shape (n,)
+
+
+def fit_rate_law(samples: Sequence[ForceSample], rate_factor: Callable[[float], float]) -> tuple[Law, Law]:
+    """Fit the resistance as a smooth function of the rate factor f of the yield pressure.
 
         ln F = b0 + b1 x + b2 x^2/2 + b3 x^3/6,    x = ln f - mean,    bk ~ N(0, LAW_DERIVATIVES[k - 1]^2),  k > 0
 
@@ -46,73 +46,33 @@ class RateLaw:
 
     Parameters
     ----------
-    samples : tuple of ForceSample
+    samples : sequence of ForceSample
         Contacts with F > 0, at least one.
     rate_factor : callable
         Factor f [-] at a speed [m/s].
+
+    Returns
+    -------
+    tuple of callable
+        Resistance [N], and its relative standard error by the scatter of the contacts and the prior [-], at speeds.
     """
+    speeds, forces = np.array([each[:2] for each in samples]).T
+    scatter = np.maximum([each.noise for each in samples], MIN_NOISE)
+    mean = np.log([rate_factor(speed) for speed in speeds.tolist()]).mean()
 
-    samples: tuple[ForceSample, ...]
-    rate_factor: Callable[[float], float]
-
-    def __call__(self, speeds: Array) -> Array:
-        """Return the resistance [N] at speeds [m/s]."""
-        coefficients, _ = self._regression
-        return np.exp(self._terms(speeds) @ coefficients)
-
-    def standard_error(self, speeds: Array) -> Array:
-        """Compute the relative standard error by the scatter of the contacts and the prior.
-
-        Parameters
-        ----------
-        speeds : ndarray
-            Speeds [m/s].
-
-        Returns
-        -------
-        ndarray
-            Relative standard errors [-].
-        """
-        terms, (_, covariance) = self._terms(speeds), self._regression
-        return np.sqrt(np.sum((terms @ covariance) * terms, axis=1))
-
-    @property
-    def noise(self) -> float:
-        """Largest scatter of a contact [-]."""
-        return max(MIN_NOISE, *(each.noise for each in self.samples))
-
-    @property
-    def held_out_error(self) -> float:
-        """Largest relative error of a contact predicted by the others [-]; 0 without one between others."""
-        errors = [0.0]
-        for k, sample in list(enumerate(self.samples))[1:-1]:
-            others = replace(self, samples=self.samples[:k] + self.samples[k + 1 :])
-            predicted = float(others(np.array([sample.speed]))[0])
-            errors.append(abs(predicted / sample.force - 1))
-        return max(errors)
-
-    def map(self, speeds: Array, error: float) -> ResistanceMap:
-        """Return the map with the values of the law at speeds [m/s], and an error of interpolation [-]."""
-        return ResistanceMap(speeds, self(speeds), error, _largest_error(self.samples), contacts=self.samples)
-
-    def _terms(self, speeds: Array) -> Array:
+    def terms(at: Array) -> Array:
         """Return x^k/k!, shape (speeds, coefficients)."""
-        of_samples, here = (
-            np.log([self.rate_factor(speed) for speed in each])
-            for each in ([sample.speed for sample in self.samples], speeds.tolist())
-        )
-        x = here - of_samples.mean()
+        x = np.log([rate_factor(speed) for speed in at.tolist()]) - mean
         return np.stack([x**k / factorial(k) for k in range(len(LAW_DERIVATIVES) + 1)], axis=-1)
 
-    @cached_property
-    def _regression(self) -> tuple[Array, Array]:
-        """Coefficients of the law, and their covariance, by contacts and prior over their scatter."""
-        speeds, forces = np.array([each[:2] for each in self.samples]).T
-        scatter = np.maximum([each.noise for each in self.samples], MIN_NOISE)
-        prior = np.pad(np.diag(1 / np.array(LAW_DERIVATIVES)), ((0, 0), (1, 0)))
-        terms = np.vstack([self._terms(speeds) / scatter[:, None], prior])
-        values = np.append(np.log(forces) / scatter, np.zeros(len(prior)))
-        return np.linalg.lstsq(terms, values)[0], np.linalg.inv(terms.T @ terms)
+    prior = np.pad(np.diag(1 / np.array(LAW_DERIVATIVES)), ((0, 0), (1, 0)))
+    matrix = np.vstack([terms(speeds) / scatter[:, None], prior])
+    coefficients = np.linalg.lstsq(matrix, np.append(np.log(forces) / scatter, np.zeros(len(prior))))[0]
+    covariance = np.linalg.inv(matrix.T @ matrix)
+    return (
+        lambda at: np.exp(terms(at) @ coefficients),
+        lambda at: np.sqrt(np.sum((terms(at) @ covariance) * terms(at), axis=1)),
+    )
 
 
 def sample_rate_law(
@@ -165,13 +125,19 @@ def sample_rate_law(
         if min(each.force for each in samples.values()) <= 0:
             rest = [each[:3] for each in samples.values()]
             return sample_resistance(lambda speed: resistance(speed)[1:3], slowest, fastest, tolerance, rest)
-        law = RateLaw(tuple(sorted(samples.values())), rate_factor)
-        errors, limit = law.standard_error(speeds), max(tolerance, NOISE_MARGIN * law.noise)
-        error = max(float(errors.max()), law.held_out_error)
+        contacts = tuple(sorted(samples.values()))
+        law, standard_error = fit_rate_law(contacts, rate_factor)
+        noise = max(MIN_NOISE, *(each.noise for each in contacts))
+        errors, limit = standard_error(speeds), max(tolerance, NOISE_MARGIN * noise)
+        held_out = [0.0]  # relative errors of contacts predicted by the others, between which they are
+        for k, sample in list(enumerate(contacts))[1:-1]:
+            predict, _ = fit_rate_law(contacts[:k] + contacts[k + 1 :], rate_factor)
+            held_out.append(abs(float(predict(np.array([sample.speed]))[0]) / sample.force - 1))
+        error = max(float(errors.max()), *held_out)
         if error <= limit or len(samples) >= LAW_CONTACTS:
             break
         if errors.max() <= limit:  # the contacts contradict the prior: the speed farthest from all of them
-            errors = np.abs(np.log(speeds[:, None] / [each.speed for each in law.samples])).min(axis=1)
+            errors = np.abs(np.log(speeds[:, None] / [each.speed for each in contacts])).min(axis=1)
         speed = float(speeds[np.argmax(errors)])
         samples[speed] = resistance(speed)
     if error > limit:
@@ -181,7 +147,8 @@ def sample_rate_law(
             stacklevel=2,
         )
     for count in LAW_NODES:
-        found = law.map(np.geomspace(slowest, fastest, count), error)
+        nodes = np.geomspace(slowest, fastest, count)
+        found = ResistanceMap(nodes, law(nodes), error, _largest_error(contacts), contacts=contacts)
         if np.abs(found(speeds) / law(speeds) - 1).max() <= LAW_REPRODUCTION:
             break
     return found

@@ -14,7 +14,7 @@ from compact.engines.column import ColumnEngine
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
 from compact.engines.interface import RateEngine
-from compact.engines.rate_law import LAW_CONTACTS, RateLaw, sample_rate_law
+from compact.engines.rate_law import LAW_CONTACTS, fit_rate_law, sample_rate_law
 from compact.resistance import ForceSample, load_resistance_map
 from compact.rolling_contact import Layer, Roller, compaction_rate
 from compact.scene.loader import load_scene
@@ -109,7 +109,7 @@ def test_faster_motion_extends_the_law():
 @pytest.mark.parametrize("exponent", [0.0195, 0.06, 0.3])
 def test_map_reproduces_the_law_between_its_samples(exponent):
     found = sampled(Contacts(lambda speed: 300 * rate_factor(exponent)(speed) ** 1.09), exponent=exponent)
-    law = RateLaw(found.contacts, rate_factor(exponent))
+    law, _ = fit_rate_law(found.contacts, rate_factor(exponent))
     speeds = np.geomspace(0.002, 0.2, 1001)
     assert found(speeds) == pytest.approx(law(speeds), rel=1e-4)
 

@@ -265,17 +265,13 @@ def required_feed(
     raise RuntimeError(f"the rate of compaction still changes by {abs(factor / before - 1):.1e}; raise `rtol`")
 
 
-def simulate_oedometer(
-    material: Compaction, pressure: ArrayLike, *, rate_factor: float = 1.0, rtol: float = INTEGRATION_RTOL
-) -> OedometerResult:
+def simulate_oedometer(material: Compaction, pressure: ArrayLike, *, rtol: float = INTEGRATION_RTOL) -> OedometerResult:
     """Simulate confined compression of fresh mix through vertical stresses in turn, up or down.
 
     Parameters
     ----------
     pressure : array_like
         Vertical stresses s_v [Pa], shape (n,).
-    rate_factor : float
-        Ratio of pc to its value at rest [-].
     rtol : float
         Error of a step over the size of the whole test [-].
 
@@ -295,8 +291,8 @@ def simulate_oedometer(
     _require_compaction(material)
     pressure = np.atleast_1d(np.asarray(pressure, dtype=float))
     require_nonnegative(pressure=pressure)
-    require_positive(rate_factor=rate_factor, rtol=rtol)
-    layer = column_layer((Column(1.0, material.fed_density_ratio),), material, rate_factor, PLATE)
+    require_positive(rtol=rtol)
+    layer = column_layer((Column(1.0, material.fed_density_ratio),), material, 1.0, PLATE)
     y, error_scale, rows = layer.initial_state, layer.error_scale(layer.max_indentation, rtol), []
     for stress in pressure.tolist():
         coordinate_end = -1.0 if stress > y[STRESS] else 1.0
