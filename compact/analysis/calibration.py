@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compact.analysis.contact_cases import contact_inputs, roll_scene, scene_mix
-from compact.analysis.stages.ensemble import Change, evaluate
+from compact.analysis.stages.ensemble import Change, ensemble
 from compact.material import mix
 from compact.material.laws import Compaction
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
@@ -102,7 +102,7 @@ class Calibration:
         for key, bounds in (assumed | model.measured.assumptions).items():
             cases += [(key, bound, {key: bound}, model.values) for bound in bounds]
         changes = [Change(f"{number}", keys) for number, (_, _, keys, _) in enumerate(cases)]
-        found = evaluate(model.scene, changes, partial(_refitted, model, self.fit, [case[-1] for case in cases]))
+        found = ensemble(model.scene, changes, partial(_refitted, model, self.fit, [case[-1] for case in cases]))
         return tuple(Refit(name, bound, **found[number]) for number, (name, bound, *_) in enumerate(cases))
 
     @property

@@ -27,7 +27,7 @@ from compact import files, quantities
 from compact.analysis.contact_cases import Passes, air_forces_of, contact_record
 from compact.analysis.failures import MAX_REASON, reason_of
 from compact.analysis.pore_air import coupled_contact, is_coupled, pore_air_of
-from compact.analysis.stages.ensemble import START, Change, Share, Step, evaluate
+from compact.analysis.stages.ensemble import START, Change, Share, Step, ensemble
 from compact.analysis.store import Store, open_store
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor
@@ -56,7 +56,7 @@ SHAPE = ("capture_angle", "contact_length")
 RECORDED = ("contact_length", "peak_pressure", "load_error", "resistance_error", "work_residual", "mass_residual")
 
 Results = dict[str, Any]  # of a point by name
-Evaluate = Callable[..., dict[int, Results]]  # `ensemble.evaluate` of the scene and run of a sweep
+Evaluate = Callable[..., dict[int, Results]]  # `ensemble` of the scene and run of a sweep
 
 
 def headline(rank: bool, scene: Scene, change: Change) -> Results:
@@ -193,7 +193,7 @@ class Sweep:
         ):
             run = partial(headline, self.rank)
             given: dict[str, Any] = {"run": run, "executor": executor, "store": self.store, "step": step}
-            found = self._results(partial(evaluate, self.scene, **given))
+            found = self._results(partial(ensemble, self.scene, **given))
             table = self._table([found[number] for number in range(self.size)])
             files.write_netcdf(place / "sweep.nc", table, files.NETCDF_HDF5)
         return table

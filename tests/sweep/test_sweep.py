@@ -21,7 +21,7 @@ from sweeps import COLUMNS, FORMULA, SCENES, swept
 
 from compact import files
 from compact.analysis.stages import ensemble
-from compact.analysis.stages.ensemble import Change, Task, compute, evaluate
+from compact.analysis.stages.ensemble import Change, Task, compute
 from compact.analysis.store import open_store
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerError, run_tasks
@@ -210,7 +210,7 @@ def test_points_of_a_changed_table_are_recomputed(tmp_path):
         with (tmp_path / "other.csv").open("a") as table:
             table.write(text)
         with open_store(tmp_path / "points", resume=True) as store:
-            evaluate(scene, [change], run, store=store)
+            ensemble.ensemble(scene, [change], run, store=store)
         counts.append(len(calls))
     assert counts == [1, 1, 2]
 

@@ -1,15 +1,12 @@
 """Ensemble: a scene under changes of its keys, with the results of each changed scene or the reason why it has none.
 
-    found = evaluate(scene, [Change("thin", {"layer.lift_thickness": 0.05}), Change("thick", ...)], run, executor)
-    found[0]["load"], found[1].get("reason")
-
-    table = ensemble(scene, changes)                     # peaks of all laws, in one labelled table
-    table["value"].sel(change="thin", criterion="peak_force")
+    found = ensemble(scene, [Change("thin", {"layer.lift_thickness": 0.05}), Change("thick", ...)])
+    found[0]["peak_force"]["cycloidal"], found[1].get("reason")
 
 A change is an end of a spread, another drive, another law of the mix, a duration, an engine, a point of a sweep. `run`
 is any function that a worker can import (`functools.partial` binds what it needs besides) and that returns named values
-of a changed scene. By default every scene has contacts of its own; `drive_peaks` keeps the contacts where the drive or
-the resistance changes alone.
+of a changed scene. By default these are the peaks of all laws, with contacts of its own for every scene; `drive_peaks`
+keeps the contacts where the drive or the resistance changes alone.
 """
 
 import json
@@ -17,7 +14,7 @@ import threading
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import combinations_with_replacement, zip_longest
 from math import dist
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,9 +32,6 @@ from compact.machine.ranking import first_of, value_of
 from compact.motion.profile import Cycle
 from compact.rolling_contact import Contact
 from compact.scene.loader import FILE_KEYS, Scene
-
-if TYPE_CHECKING:
-    import xarray
 
 Values = Mapping[str, Any]  # results by name; "reason" says why there are none
 Peaks = Mapping[str, Mapping[str, float]]  # by criterion and law
@@ -134,10 +128,10 @@ def compute(task: Task) -> list[dict[str, Any]]:
     return found
 
 
-def evaluate(
+def ensemble(
     scene: Scene,
     changes: Iterable[Change],
-    run: Run,
+    run: Run | None = None,
     executor: Executor | None = None,
     *,
     groups: Sequence[Sequence[int]] | None = None,
@@ -152,9 +146,9 @@ def evaluate(
 
     Parameters
     ----------
-    run : callable
-        Returns values of a changed scene by name. If these include a `contact`, the changes of its group that follow
-        start from it: each gets that of the nearest place as `Change.start`.
+    run : callable, optional
+        Returns values of a changed scene by name; by default `peaks_of`. If these include a `contact`, the changes of
+        its group that follow start from it: each gets that of the nearest place as `Change.start`.
     executor : Executor, optional
         Open executor, to which scene, changes and run can be sent; this process by default.
     groups : sequence of sequence of int, optional
@@ -185,7 +179,7 @@ def evaluate(
         chain = group if missing and places is not None else missing
         if missing:
             at = () if places is None else tuple(map(tuple, places[list(chain)].tolist()))
-            tasks.append(Task(scene, run, tuple(changes[number] for number in chain), at, versions()))
+            tasks.append(Task(scene, run or peaks_of, tuple(changes[number] for number in chain), at, versions()))
             pending.append({number: keys[number] for number in chain})
         kept.used.update(keys.values())
     step(len(found), sum(bool(each.get("reason")) for each in found.values()))
@@ -239,49 +233,10 @@ def drive_peaks(
     return {by: {name: value_of(run, by) for name, run in runs.items()} for by in criteria}
 
 
-def ensemble(
-    scene: Scene, changes: Iterable[Change], run: Run = peaks_of, executor: Executor | None = None
-) -> "xarray.Dataset":
-    """Evaluate values by criterion and law of a scene under changes, as `evaluate`, into one table.
-
-    Returns
-    -------
-    Dataset
-        `value` over change, criterion and law, in the unit of the criterion, NaN without a solution; `first`, the law
-        of the least value over change and criterion, empty without a finite one; `reason` over change.
-    """
-    import xarray
-
-    changes = list(changes)
-    found = evaluate(scene, changes, run, executor)
-    rows = [found[number] for number in range(len(changes))]
-    reasons = [row.pop("reason", "") for row in rows]
-    criteria = list(dict.fromkeys(by for row in rows for by in row))
-    laws = list(dict.fromkeys(law for row in rows for values in row.values() for law in values))
-    value = [[[row.get(by, {}).get(law, np.nan) for law in laws] for by in criteria] for row in rows]
-    first = [[first_law(row.get(by, {})) for by in criteria] for row in rows]
-    axes = ("change", "criterion", "law")
-    return xarray.Dataset(
-        {
-            "value": (axes, np.array(value, float).reshape(len(rows), len(criteria), len(laws))),
-            "first": (axes[:2], np.array(first, object).reshape(len(rows), len(criteria))),
-            "reason": (axes[:1], np.array(reasons, object)),
-        },
-        dict(zip(axes, ([change.label for change in changes], criteria, laws), strict=True)),
-    )
-
-
 def first_law(values: Mapping[str, float]) -> str:
     """Name the law of the least value, the first of equals; empty without a finite value."""
     finite = {law: value for law, value in values.items() if np.isfinite(value)}
     return list(finite)[first_of(list(finite.values()))] if finite else ""
-
-
-def peaks_at(table: "xarray.Dataset", change: int) -> dict[str, dict[str, float]]:
-    """Return the values at one change of an ensemble by criterion and law, without those that are NaN."""
-    rows = zip(table.criterion.values.tolist(), table.value.values[change].tolist(), strict=True)
-    laws = table.law.values.tolist()
-    return {by: {law: each for law, each in zip(laws, row, strict=True) if each == each} for by, row in rows}
 
 
 def polynomial_terms(points: NDArray[np.float64], degree: int) -> NDArray[np.float64]:

@@ -22,7 +22,7 @@ from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_speeds, roll_scene
 from compact.analysis.pore_air import has_air
 from compact.analysis.stages.drives import Stages, build_stages
-from compact.analysis.stages.ensemble import Change, Peaks, ensemble, first_law, peaks_at
+from compact.analysis.stages.ensemble import Change, Peaks, ensemble, first_law
 from compact.analysis.stages.resistance import ResistanceLaw
 from compact.engines import ENGINES
 from compact.engines.pore_air import NO_FORCES
@@ -105,8 +105,8 @@ def sensitivities(stages: Stages) -> list[Shift]:
         if by not in bases:
             bases[by] = _end(run(scene.with_engine(by), Change("scene")))
         changes = [Change("low", {key: float(low)}), Change("high", {key: float(high)})]
-        table = ensemble(scene.with_engine(by), changes, run)
-        ends = (None if reason else _end(peaks_at(table, i)) for i, reason in enumerate(table.reason.values))
+        peaks = ensemble(scene.with_engine(by), changes, run)
+        ends = (None if "reason" in peaks[i] else _end(peaks[i]) for i in (0, 1))
         found.append(Shift(key, (low, high), unit, how, by, bases[by], *ends))
     return found
 

@@ -35,7 +35,6 @@ from compact.analysis.stages.ensemble import (
     Peaks,
     drive_peaks,
     ensemble,
-    evaluate,
     first_law,
     polynomial_terms,
 )
@@ -282,7 +281,7 @@ def ranking_uncertainty(
     changes = [each for *_, ends in sources for each in ends.values() if isinstance(each, Change)]
     changes += [Change(str(scale), resistance=met.scaled(scale)) for scale in scales]
     run = partial(_peaks, stages.resistance.cart, followed, met, tuple(laws))
-    answers = iter([peaks for _, peaks in sorted(evaluate(scene, changes, run, executor).items())])
+    answers = iter([peaks for _, peaks in sorted(ensemble(scene, changes, run, executor).items())])
     known = tuple(
         Source(name, words, tuple(
             _end(label, next(answers) if isinstance(each, Change) else each, base, laws) for label, each in ends.items()
@@ -431,9 +430,9 @@ def mix_spread(
     ends = [[*centre[:i], end, *centre[i + 1 :]] for i in range(len(names)) for end in (0.0, 1.0)]
     changes = [Change("scene"), Change("stiff", {"mix.overrides.heckel_slope": given.heckel_slope / 2})]
     changes += [at(f"point {i}", shares) for i, shares in enumerate((*ends, *sampled))]
-    table = ensemble(columns, changes, partial(_mix_resistance, process), None if process else executor)
-    forces = table["value"].values.reshape(-1)
-    if not forces.size or not forces[0] > 0:
+    rolled = ensemble(columns, changes, partial(_mix_resistance, process), None if process else executor)
+    forces = np.array([rolled[number].get("resistance", np.nan) for number in range(len(changes))])
+    if not forces[0] > 0:
         return None
     twice, alone, found = np.split(forces[1:] / forces[0], [1, 1 + len(ends)])
     known = found > 0  # nan without a solution
@@ -449,12 +448,12 @@ def mix_spread(
     )  # fmt: skip
 
 
-def _mix_resistance(process: "ProcessStudy | None", scene: Scene, _: Change) -> Peaks:
+def _mix_resistance(process: "ProcessStudy | None", scene: Scene, _: Change) -> dict[str, float]:
     """Return the resistance to a roller of a scene [N/m], or to a cart of a process with its mix [N]."""
     if process is not None:
-        return {"resistance": {"": process.resistance_with(scene)}}
+        return {"resistance": process.resistance_with(scene)}
     rolled = roll_scene(scene, scene_mix(scene), scene.mean_speed)
-    return {"resistance": {"": float(rolled.resistance)}}
+    return {"resistance": float(rolled.resistance)}
 
 
 def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, float]]:
