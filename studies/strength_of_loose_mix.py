@@ -22,8 +22,7 @@ from compact.engines.compaction.roller_frame import transfer_state
 from compact.engines.compaction.rolling import DAMPING, FINAL_DAMPING_RATIO, IncrementalRolling
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.files import write_figure
-from compact.material.earth_pressure import cap_slope, drucker_prager_cap
-from compact.material.laws import Compaction
+from compact.material.laws import Compaction, cap_slope, drucker_prager_cap
 from compact.rolling_contact import Layer, Roller
 
 RADIUS, DEPTH, LIFT, LENGTH = 0.11, 0.003, 0.06, 1.164  # [m], roller, depth, compacted lift, roller length

@@ -8,10 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, SolidState
-from compact.material.earth_pressure import matched_slopes
-from compact.material.laws import DruckerPragerCap
+from compact.material.laws import DruckerPragerCap, matched_slopes
 from compact.mesh import RowMesh
-from compact.validation.plasticity import solve_increment
+from compact.validation.compaction import solve_increment
 
 COHESION, MODULUS = 10e3, 100e6  # [Pa]
 DENSE = 0.985  # [-], density ratio that determines the cap

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from compact.material import cap_plasticity
-from compact.material.earth_pressure import drucker_prager_cap
-from compact.material.laws import Compaction
+from compact.material.laws import Compaction, drucker_prager_cap
 from compact.rolling_contact import Layer, Roller
 
 MIX = Compaction(

@@ -21,8 +21,7 @@ from compact.engines import ENGINES
 from compact.engines.interface import Case, Engine
 from compact.engines.pore_air import AirForces
 from compact.machine.ranking import first_of
-from compact.material.earth_pressure import drucker_prager_cap
-from compact.material.laws import Compaction, Elastic, Viscoelastic
+from compact.material.laws import Compaction, Elastic, Viscoelastic, drucker_prager_cap
 from compact.material.mix import LOOSE_DENSITY_RATIO, Mix, prior
 from compact.numerics.validation import NotFiniteError, require_finite
 from compact.quantities import PASS
@@ -79,7 +78,7 @@ def compaction_material(scene: Scene, mix: Mix) -> Compaction:
     -----
     phi and c are the angle of internal friction and the cohesion: the critical state line equals the Mohr-Coulomb
     limit in plane strain at constant volume. Confined compression follows the Heckel curve of mix tables. The slopes of
-    the law "drucker-prager-cap" are those of `earth_pressure`, with the cohesion of loose mix and the earth pressure
+    the law "drucker-prager-cap" are those of `material.laws`, with the cohesion of loose mix and the earth pressure
     coefficient at the required pressure.
     """
     common: dict[str, Any] = {name: getattr(mix, name) for name in COMMON}

@@ -18,7 +18,7 @@ from typing import Any
 from compact.engines import BUILT_IN, ENGINES
 from compact.engines.interface import Limit
 from compact.machine.drives import DRIVES
-from compact.material.earth_pressure import drucker_prager_slopes
+from compact.material.laws import drucker_prager_slopes
 from compact.material.mix import prior, scaled_fits
 from compact.scene.errors import Key, Mistake, Source
 from compact.scene.schema import NIP_ANGLE, STROKES_LIMIT, unit_of

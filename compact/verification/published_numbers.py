@@ -2,7 +2,7 @@
 
 Sources: A and B, the papers on the third-order reversal and on its boundary conditions; C, the paper on the four-cart
 crank (Loveikin and Pochka 2015); D, the monograph on cam-driven roller forming. Each line of `data/published.csv` holds
-a printed number, the verdict on it, the `formula` of ours in the names of `published_machine` and `published_laws`, and
+a printed number, the verdict on it, the `formula` of ours in the names of `formulas`, and
 the `expected` value. The expected value is exact, or follows from formulas
 evaluated by mpmath independently of this package; the column `origin` states which. Verdicts:
 
@@ -26,7 +26,7 @@ from fractions import Fraction
 from importlib.resources import files
 
 from compact.files import read_table
-from compact.verification import published_laws, published_machine
+from compact.verification import formulas
 
 TOLERANCE = 1e-9  # [-], relative, of a computed value against the expected one
 TABLE_WIDTH = 120  # characters of a line
@@ -100,10 +100,9 @@ class PublishedNumber:
 
 def rows() -> list[PublishedNumber]:
     """Evaluate the formula of every line of `data/published.csv`."""
-    names = vars(published_machine) | vars(published_laws)
     return [
         PublishedNumber(
-            computed=float(eval(line["formula"], names)),
+            computed=float(eval(line["formula"], vars(formulas))),
             decimals=int(line["decimals"]) if line["decimals"] else None,
             expected=_number(line["expected"]),
             **{name: line[name] for name in ("key", "source", "quantity", "unit", "printed", "verdict", "note")},

@@ -11,7 +11,7 @@ from compact.engines.compaction.engine import roll
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
 from compact.engines.compaction.steady_search import ShearLineSearch, mesh_errors
 from compact.engines.compaction.steady_state import WaveGrowth
-from compact.material.earth_pressure import earth_pressure_bounds, matched_slopes
+from compact.material.laws import earth_pressure_bounds, matched_slopes
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
 from compact.rolling_contact import HeapingError, Layer, Roller
 

@@ -5,7 +5,7 @@ import pytest
 from column_cases import stepped
 
 from compact.engines.column.engine import roll, simulate_oedometer
-from compact.material.earth_pressure import drucker_prager_cap
+from compact.material.laws import drucker_prager_cap
 from compact.rolling_contact import Layer, Roller
 
 HECKEL_SLOPE = 14e-6

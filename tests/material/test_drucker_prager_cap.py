@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from compact.material import cap_plasticity
 from compact.material.drucker_prager_cap import is_elastic_in_line, return_to_line
-from compact.material.earth_pressure import cap_slope, earth_pressure_bounds, matched_slopes
+from compact.material.laws import cap_slope, earth_pressure_bounds, matched_slopes
 
 PRESSURE = 200e3  # Pa, at which K0 holds
 HECKEL_SLOPE = 14.96e-6
