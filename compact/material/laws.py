@@ -22,8 +22,8 @@ References
 R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671 (pressure over density); K. H. Roscoe and J. B. Burland, On the
 generalised stress-strain behaviour of wet clay, in Engineering Plasticity, CUP 1968, 535-609 (elliptic cap); G. R.
 Johnson and W. H. Cook, Proc. 7th Int. Symp. on Ballistics (1983) 541-547 (strength over the logarithm of the rate);
-D. C. Drucker and W. Prager, Soil mechanics and plastic analysis or limit design, Q. Appl. Math. 10 (1952) 157-165; J. Jaky,
-A nyugalmi nyomas tenyezoje, J. Soc. Hungarian Architects and Engineers 78 (1944) 355-358 (K0 = 1 - sin phi).
+D. C. Drucker and W. Prager, Soil mechanics and plastic analysis or limit design, Q. Appl. Math. 10 (1952) 157-165;
+J. Jaky, A nyugalmi nyomas tenyezoje, J. Soc. Hungarian Architects and Engineers 78 (1944) 355-358 (K0 = 1 - sin phi).
 """
 
 from dataclasses import dataclass
