@@ -54,23 +54,13 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     return dispatcher
 
 
-def inlined(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Make a function part of the `compiled` functions that call it, which saves its own compilation.
-
-    Suits long functions with one caller.
-    """
-    made: Callable[..., Any] = njit(error_model="numpy", inline="always")(function)
-    return made
-
-
-def internal(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function that only `compiled` functions call, without an entry from Python and a cache of its own.
-
-    Both take a third of the time of its compilation; the cached code of its callers contains it.
-    """
-    options: dict[str, Any] = {"no_cfunc_wrapper": True, "no_cpython_wrapper": True}
-    made: Callable[..., Any] = njit(error_model="numpy", **options)(function)
-    return made
+#: Make a function part of the `compiled` functions that call it, which saves its own compilation; for long functions
+#: with one caller.
+inlined: Any = njit(error_model="numpy", inline="always")
+#: Compile a function that only `compiled` functions call, without an entry from Python and a cache of its own: both
+#: take a third of the time of its compilation, and the cached code of its callers contains it.
+NO_ENTRIES: dict[str, Any] = {"no_cfunc_wrapper": True, "no_cpython_wrapper": True}
+internal: Any = njit(error_model="numpy", **NO_ENTRIES)
 
 
 def is_compiled(function: Any) -> bool:

@@ -18,7 +18,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import Polynomial, chebyshev, polynomial
+from numpy.polynomial import Chebyshev, Polynomial, chebyshev, polynomial
 from numpy.typing import ArrayLike
 
 from compact.numerics import Array
@@ -41,11 +41,8 @@ CHECK_POWERS = np.vander(CHECK_POINTS, DEGREE + 1, increasing=True).T
 # nodal values to Chebyshev coefficients, and those to powers of u: two steps, since their product loses digits
 TO_CHEBYSHEV = np.linalg.inv(chebyshev.chebvander(2 * NODES - 1, DEGREE))
 TO_POWERS = np.column_stack(
-    [
-        np.append(Polynomial(chebyshev.cheb2poly([0] * k + [1]))(Polynomial([-1, 2])).coef, [0] * (DEGREE - k))
-        for k in range(DEGREE + 1)
-    ]
-)
+    [np.pad(Chebyshev.basis(k, [0, 1]).convert(kind=Polynomial).coef, (0, DEGREE - k)) for k in range(DEGREE + 1)]
+).astype(float)
 
 
 def graded_grid(breaks: Array, cells: int = 24) -> Array:
