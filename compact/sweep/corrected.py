@@ -151,7 +151,7 @@ class CorrectedSweep(Sweep):
         return {number: result for each in corrections for number, result in each.results().items()}
 
     def _corrections(self, columns: Mapping[int, Results], exact: Mapping[int, Results]) -> list["Correction"]:
-        return [Correction(self.places, group, columns, exact, not self.design.names) for group in self.groups]
+        return [Correction(self, group, columns, exact) for group in self.groups]
 
     def _accepted(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Return the keys that turn a scene into one that the engine of low fidelity accepts."""
@@ -177,42 +177,32 @@ class Correction:
 
     Parameters
     ----------
-    places : FloatArray, shape (size, parameters)
-        Coordinates of all points of the sweep [-].
     group : list of int
         Numbers of the points.
     columns : mapping
         Results of the engine of low fidelity at all points by their number.
     exact : mapping
         Results at the chosen points by their number.
-    convex : bool
-        As of `inside_hull`.
     """
 
     def __init__(
-        self,
-        places: FloatArray,
-        group: list[int],
-        columns: Mapping[int, Results],
-        exact: Mapping[int, Results],
-        convex: bool,
+        self, sweep: CorrectedSweep, group: list[int], columns: Mapping[int, Results], exact: Mapping[int, Results]
     ) -> None:
-        self.places, self.group, self.columns, self.exact, self.convex = places, group, columns, exact, convex
+        self.places, self.convex, self.group = sweep.places, not sweep.design.names, group
+        self.columns, self.exact = columns, exact
         self.able = [number for number in group if not columns[number].get("reason")]
         self.chosen = [number for number in self.able if number in exact]
         fine, coarse = (
-            np.array([[results[i].get(name, np.nan) for name in CORRECTED] for i in self.chosen]).reshape(
-                -1, len(CORRECTED)
-            )
+            np.array([[results[number].get(name, np.nan) for number in self.chosen] for name in CORRECTED])
             for results in (exact, columns)
         )
         ratios = np.divide(fine, coarse, out=np.full(fine.shape, np.nan), where=fine * coarse > 0)
-        has_forces = np.isfinite(ratios[:, : len(FORCES)]).all(axis=1)
+        has_forces = np.isfinite(ratios[: len(FORCES)]).all(axis=0)
         self.solved = [number for number, is_solved in zip(self.chosen, has_forces, strict=True) if is_solved]
-        self.factors = dict(zip(CORRECTED, ratios[has_forces].T, strict=True))
+        self.factors = dict(zip(CORRECTED, ratios[:, has_forces], strict=True))
         self.surfaces: dict[str, Surface] = {}
         for name, column in self.factors.items():
-            if np.isfinite(column).all() and (surface := fit_surface(places[self.solved], np.log(column))):
+            if np.isfinite(column).all() and (surface := fit_surface(self.places[self.solved], np.log(column))):
                 self.surfaces[name] = surface
 
     @property
