@@ -38,6 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import splu
+from scipy.special import hyp1f1
 from skfem import Basis, ElementQuad2, MeshQuad
 from threadpoolctl import threadpool_limits
 
@@ -54,8 +55,7 @@ MIN_INTERVAL = 1e-12  # [-], of the contact length; a corner node closer to an e
 GAUSS_ORDER = 4  # [-], 3 x 3 points: exact stiffness of rectangles, and three streamlines in each row
 WINDOW_ROUNDING = 1e-9  # [-], of the window; rounding must not exclude one of two mirrored nodes
 LOAD_BLOCK = 128  # [-], unit forces per triangular solve
-QUADRATURE_LIMIT = 2.0  # [-], interval over relaxation length; below it the recursion of the moments loses digits
-QUADRATURE_POINTS = 14  # [-], of Gauss; exact to rounding below the limit
+LARGEST_INTERVAL = 1e20  # [-], interval over relaxation length, from which the moments are 1 to rounding
 SOLVE_TOLERANCE = 1e-9  # [-], residual of a probe solve; above it the reduced pivoting is rejected
 
 Solve = Callable[[Array], Array]
@@ -162,12 +162,15 @@ class LayerStiffness:
         Scalar basis of the nodes; component i of node d is unknown 2 d + i.
     lines : ndarray of int
         Nodes of the lines of equal height from the base up, each with x ascending, shape (lines, n).
+    free : ndarray of int
+        Unknowns that are not held, shape (m,).
     solve : callable
-        Displacements of all unknowns under forces on them, shape (unknowns, k).
+        Displacements of these unknowns under forces on them, shape (m, k).
     """
 
     basis: Basis
     lines: NDArray[np.intp]
+    free: NDArray[np.intp]
     solve: Solve
 
     @property
@@ -177,8 +180,10 @@ class LayerStiffness:
 
     def displacement(self, forces: Array) -> Array:
         """Displacements of the nodes under nodal forces, both of shape (nodes, 2, k)."""
+        found = np.zeros((len(forces) * 2, forces.shape[2]))
         with threadpool_limits(1):  # two threads are 3-6 times slower in the triangular solves
-            return self.solve(forces.reshape(len(forces) * 2, -1)).reshape(forces.shape)
+            found[self.free] = self.solve(forces.reshape(found.shape)[self.free])
+        return found.reshape(forces.shape)
 
 
 def end_behind(layer: Layer, speed: float) -> End:
@@ -204,14 +209,7 @@ def layer_stiffness(mesh: RowMesh, poisson: float, layer: Layer, behind: End = 0
         lines[int(2 * y) :: 2, int(2 * x) :: 2][:rows, :columns] = nodes
     held = lines[0] if layer.base == "bonded" else lines[:, -behind]
     free = np.setdiff1d(np.arange(K.shape[0]), np.concatenate([2 * held, 2 * lines[0] + 1]))
-    solve_free = _factorised(K[free][:, free].tocsc())
-
-    def solve(forces: Array) -> Array:
-        displacement = np.zeros_like(forces)
-        displacement[free] = solve_free(forces[free])
-        return displacement
-
-    return LayerStiffness(basis, lines, solve)
+    return LayerStiffness(basis, lines, free, _factorised(K[free][:, free].tocsc()))
 
 
 @lru_cache(maxsize=8)
@@ -331,13 +329,6 @@ def retarded_along_rows(values: Array, x: Array, length: float) -> Array:
 
 
 def _exponential_moments(y: Array) -> tuple[Array, ...]:
-    """int_0^1 r^k y exp(-y (1 - r)) dr for k = 0, 1, 2."""
-    g, w = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
-    r, w = (1 + g) / 2, w / 2
-    small = np.minimum(y, QUADRATURE_LIMIT)[..., None]
-    kernel = w * small * np.exp(-small * (1 - r))
-    large = np.maximum(y, QUADRATURE_LIMIT)
-    zeroth = -np.expm1(-large)
-    first = 1 - zeroth / large
-    recursion = (zeroth, first, 1 - 2 * first / large)
-    return tuple(np.where(y < QUADRATURE_LIMIT, np.sum(kernel * r**k, axis=-1), recursion[k]) for k in range(3))
+    """int_0^1 r^k y exp(-y (1 - r)) dr = y 1F1(1, k + 2, -y)/(k + 1) for k = 0, 1, 2."""
+    y = np.minimum(y, LARGEST_INTERVAL)
+    return tuple(y / (k + 1) * hyp1f1(1.0, k + 2.0, -y) for k in range(3))
