@@ -23,7 +23,7 @@ from compact.analysis.study import Study
 from compact.files import atomic_file
 from compact.machine.ranking import CRITERIA
 from compact.report import results, text
-from compact.report.tables import ZERO_SHARE, Mark, TableSpec, format_column, format_percent, format_quantity
+from compact.report.tables import Mark, TableSpec, format_column, format_percent, format_quantity
 from compact.scene.loader import Scene
 
 UNIT_SPACE = re.compile(r"(?<=\d) (?=(?:%|[GMkmµ]?(?:N|W|J|Pa|m|s|g|rad|Nm))(?:[/²³<,.;: )\n]|$))")
@@ -165,7 +165,7 @@ def _ranking(study: Study) -> Iterator[Block]:
         columns["to the next" if len(columns) < 3 else "to its next"] = [
             "tie" if place.tie else format_percent(place.margin) for place in places
         ]
-    yield TableSpec.of_columns(f"Laws by engine and drive of the scene ({kind}); others in ranking.csv", columns, {})
+    yield TableSpec.of_columns(f"Laws by engine and drive of the scene ({kind}); others in ranking.csv", columns)
 
 
 def _contacts(study: Study) -> Iterator[Block]:
@@ -173,7 +173,7 @@ def _contacts(study: Study) -> Iterator[Block]:
     formulas = results.formula_table(study)
     quantities = {"quantity": [name.replace("_", " ") for name in formulas["quantity"]]}
     title = "By formulas 1.1–1.10, over the spread of the mix"
-    yield TableSpec.of_columns(title, quantities | formulas.cells("value", "low", "high"), {})
+    yield TableSpec.of_columns(title, quantities | formulas.cells("value", "low", "high"))
     if study.stages.contacts.speeds:
         title = f"One roller by the engine {study.scene.accuracy.engine}, per metre of its length"
         names = "speed", "load", "resistance", "coefficient", "peak_pressure"
@@ -189,18 +189,12 @@ def _uncertainty(study: Study) -> Iterator[Block]:
     cells: dict[str, list[Any]] = {"input": [each.name.split(".")[-1].replace("_", " ") for each in shifts]}
     cells["ends"] = [" to ".join(format_quantity(end, each.unit, 3) for end in each.ends) for each in shifts]
     cells["range"] = [Mark("assumed", each.how) if each.how == PRIOR else each.how for each in shifts]
-    for peak in shifts[0].base.least if shifts else ():
-        for end in ("low", "high"):
-            moved = [getattr(each, end) for each in shifts]
-            changes = [
-                each and each.least[peak] / shift.base.least[peak] - 1
-                for each, shift in zip(moved, shifts, strict=True)
-            ]
-            cells[f"{peak.removeprefix('peak_')}, {end} end"] = [
-                "out of range" if each is None else f"{'+' * (each > ZERO_SHARE)}{format_percent(each)}"
-                for each in changes
-            ]
-    yield TableSpec.of_columns("Change of the least peaks, one input at a time", cells, {})
+    for by in shifts[0].base.least if shifts else ():
+        changes = [
+            [end and end.least[by] / each.base.least[by] - 1 for end in (each.low, each.high)] for each in shifts
+        ]
+        cells[CRITERIA[by].quantity.term] = [text.say("changes", each) for each in changes]
+    yield TableSpec.of_columns("Change of the least peaks between the ends of one input at a time", cells)
 
 
 def _motion(study: Study) -> Iterator[Block]:
@@ -214,7 +208,7 @@ def _checks(study: Study) -> Iterator[Block]:
     """Tabulate the checks that are nearest to their limits."""
     nearest = sorted(study.checks, key=lambda each: -abs(each.residual) / (each.limit or 1e-300))[:SHOWN_CHECKS]
     marks = [Mark("good", "passes") if each.passed else Mark("bad", "fails") for each in nearest]
-    yield TableSpec.of("", nearest, "check=name residual:2 limit:2").shown("Checks", result=marks)
+    yield TableSpec.of("", nearest, "check=name residual limit").shown("Checks", result=marks)
 
 
 def _inputs(study: Study) -> Iterator[Block]:
@@ -227,7 +221,7 @@ def _inputs(study: Study) -> Iterator[Block]:
             yield TableSpec.of_columns(f"[{name}]", {
                 "key": [f"`{key}`" for key in keys], "value": [_input_value(getattr(part, key)) for key in keys],
                 "origin": [remark(scene, name, key) for key in keys],
-            }, {})  # fmt: skip
+            })  # fmt: skip
     mix = results.mix_table(study)
     marks = [Mark("known" if flag in KNOWN_FLAGS else "assumed", flag) for flag in mix["flag"]]
     yield mix.shown("Parameters of the mix", "parameter", "value", "low", "high", flag=marks, origin=mix["origin"])

@@ -41,9 +41,9 @@ STEPPER = "time_s angle_rad angular_velocity_rad/s angular_acceleration_rad/s2 a
 SIZING = (
     "law shaft_speed_rad/s=requirement.speed mean_torque_Nm=requirement.mean_torque "
     "rms_torque_Nm=requirement.rms_torque peak_torque_Nm=requirement.peak_torque "
-    "peak_braking_torque_Nm=requirement.peak_braking driving_share=requirement.driving_share:% "
-    "braking_share=requirement.braking_share:% largest_inertia_kgm2=requirement.largest_inertia "
-    "excess_energy_J=requirement.excess_energy required_power_W:3 motor=choice.chosen.motor.name"
+    "peak_braking_torque_Nm=requirement.peak_braking driving_share=requirement.driving_share "
+    "braking_share=requirement.braking_share largest_inertia_kgm2=requirement.largest_inertia "
+    "excess_energy_J=requirement.excess_energy required_power_W motor=choice.chosen.motor.name"
 )
 WORK_BALANCE = (
     "pass_work_J/m3 confined_work_J/m3 work_ratio loose_work_J/m3 cycle_work_J pressed_volume_m3 carried_volume_m3 "
@@ -55,7 +55,7 @@ CATALOGUE = (
     "inertia_ratio fluctuation holds"
 )
 AGREEMENT = (
-    "engine drive other_engine other_drive criterion=by kendall_tau=tau:3 discordant_pairs "
+    "engine drive other_engine other_drive criterion=by kendall_tau=tau discordant_pairs "
     "resolved_discordant_pairs pairs first other_first"
 )
 RANKING = "rank=0.rank law=2 value=0.value unit=1 margin=0.margin tie=0.tie"

@@ -7,7 +7,7 @@ from `compact.quantities`; a field that is not in it has its name as term. The f
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from html import escape
 from pathlib import Path
@@ -38,6 +38,7 @@ UNITS = (
     "m2", "m2/s", "m2/s3", "m2/s5", "m2/s7", "m3", "m3/s", "kg", "kgm2", "J/m3", "h", "SI",
 )  # fmt: skip
 WORD = Quantity("", "")  # of a column of words
+NO_QUANTITIES: Mapping[str, Quantity] = {}  # of a table of words
 OF_ROW = ("value", "low", "high")  # columns in the unit of each row, where a table has a column "unit"
 Getter = str | Callable[[Any], Any]
 
@@ -57,7 +58,6 @@ def columns(*names: str, **getters: Getter) -> dict[str, Getter]:
     ----------
     *names : str
         Columns separated by blanks. A path joins attributes, keys and indices by dots; None on the way is the value.
-        A format of the page may follow, `:%` or a number of digits; it is not of the column.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def columns(*names: str, **getters: Getter) -> dict[str, Getter]:
     """
     found: dict[str, Getter] = {}
     for each in " ".join(names).split():
-        column, _, path = each.partition(":")[0].partition("=")
+        column, _, path = each.partition("=")
         found[column] = path or split_unit(column)[0]
     return found | getters
 
@@ -143,14 +143,11 @@ class TableSpec:
         Quantity of each column; `WORD` for words.
     rows : sequence
         Values of each row in SI units; None is an empty cell.
-    forms : mapping of str to str
-        Form of a column on the page: "%" for shares as per cent, or its number of significant digits.
     """
 
     title: str
     quantities: Mapping[str, Quantity]
     rows: Sequence[Sequence[Any]]
-    forms: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, title: str, records: Iterable[Any], names: str, **getters: Getter) -> Self:
@@ -162,11 +159,12 @@ class TableSpec:
             name, unit = split_unit(column)
             words = unit == "1" and any(isinstance(row[place], str | Mark) for row in rows)
             found[name] = WORD if words else _known().get((name, unit), Quantity(name.replace("_", " "), unit))
-        forms = [(each.partition(":")[0].partition("=")[0], each.partition(":")[2]) for each in names.split()]
-        return cls(title, found, rows, {split_unit(column)[0]: form for column, form in forms if form})
+        return cls(title, found, rows)
 
     @classmethod
-    def of_columns(cls, title: str, values: Mapping[str, Iterable[Any]], known: Mapping[str, Quantity]) -> Self:
+    def of_columns(
+        cls, title: str, values: Mapping[str, Iterable[Any]], known: Mapping[str, Quantity] = NO_QUANTITIES
+    ) -> Self:
         """Make a table of columns by field; a field that has no quantity is of words."""
         rows = list(zip(*values.values(), strict=True))
         return cls(title, {name: known.get(name, WORD) for name in values}, rows)
@@ -177,20 +175,18 @@ class TableSpec:
 
     def shown(self, title: str, *names: str, **more: Sequence[Any]) -> Self:
         """Return some columns as text of the page under another title, and further columns of words."""
-        return type(self).of_columns(title, {**self.cells(*names), **more}, {})
+        return type(self).of_columns(title, {**self.cells(*names), **more})
 
     def text(self, name: str) -> list[Any]:
         """Return a column as text of the page: one prefix and one number of decimals, words as they are."""
-        values, form = self[name], self.forms.get(name, "")
+        values = self[name]
         if self.quantities[name] is WORD:
             return ["" if value is None else value for value in values]
         if name in OF_ROW and "unit" in self.quantities:
             return [format_quantity(*each) for each in zip(values, self["unit"], strict=True)]
-        if form == "%":
-            return [format_percent(value) for value in values]
         if all(isinstance(value, int) for value in values):
             return [format_number(value) for value in values]
-        return format_column(values, self.quantities[name].unit, int(form or DIGITS))
+        return format_column(values, self.quantities[name].unit)
 
     def cells(self, *names: str) -> dict[str, list[Any]]:
         """Return columns as text of the page by their heads, the terms or the names; all of them by default."""

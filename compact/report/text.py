@@ -48,7 +48,7 @@ def _macros() -> Any:
         "f": lambda value, spec: format(value, spec),
         "q": lambda value, unit: format_column([value], unit, 3)[0],
         "pct": format_percent,
-        "signed": lambda share: f"{100 * share:+.0f} %".replace("-", "−"),
+        "signed": lambda share: "–" if share is None else f"{100 * share:+.0f} %".replace("-", "−"),
         "cell": lambda value: "-" if value is None else f"{value:.5g}",
         "degrees": math.degrees,
     }
@@ -198,7 +198,7 @@ def model_table(study: Study) -> TableSpec:
         told = {"model": name, "resistance": FAILURES[type(failure)]}
         for head, cells in columns.items():
             cells.append(told.get(head, "–"))
-    return TableSpec.of_columns(say("models", study), columns, {})
+    return TableSpec.of_columns(say("models", study), columns)
 
 
 def uncertainty_table(study: Study) -> TableSpec:
@@ -211,7 +211,7 @@ def uncertainty_table(study: Study) -> TableSpec:
         others = [dict.fromkeys(each.other_firsts(by, law).values()) for each in sources]
         columns[f"first by {term}"] = [", ".join(each) or "the same" for each in others]
     columns["in the margin?"] = ["yes" if each.name in MARGIN_SOURCES else "no" for each in sources]
-    return TableSpec.of_columns("Sources of uncertainty: change of the peaks of the recommended laws", columns, {})
+    return TableSpec.of_columns("Sources of uncertainty: change of the peaks of the recommended laws", columns)
 
 
 # the terminal

@@ -91,7 +91,7 @@ def test_quantity_is_its_number_times_its_prefix(size, unit, sign):
 
 
 def test_text_is_escaped():
-    table = TableSpec.of_columns("<script>", {"<script>": ["<script>"]}, {})
+    table = TableSpec.of_columns("<script>", {"<script>": ["<script>"]})
     sections = [Section("name", "<script>", ["<script>", table, Picture(b"", "<script>", "<script>")])]
     told = {"question": "<script>", "recommendations": [["<b>"]], "sentences": ["<script>"], "pictures": []}
     page = render_page("<b>", sections=sections, models=table, **told)
