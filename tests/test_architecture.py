@@ -82,7 +82,7 @@ def test_folders_and_modules_have_a_readable_size():
 
 
 BUDGET = {  # lines of code of each part; beyond its line a feature pays by a deletion
-    "engines": 6962, "analysis": 4230, "report": 3110, "machine": 2716, "scene": 1407, "motion": 1202, "material": 1130,
+    "engines": 6962, "analysis": 4230, "report": 2245, "machine": 2716, "scene": 1407, "motion": 1202, "material": 1130,
     "sweep": 834, "cams": 516, "validation": 525, "api": 445, "numerics": 535, "cli": 470, "verification": 265,
     "interfaces": 221, "modules": 1215,
 }  # fmt: skip

@@ -4,7 +4,7 @@
     found[0]["peak_force"]["cycloidal"], found[1].get("reason")
 
 A change is an end of a spread, another drive, another law of the mix, a duration, an engine, a point of a sweep. `run`
-is any function that a worker can import (`functools.partial` binds what it needs besides) and that returns named values
+is any function that a worker can import (`functools.partial` binds its other arguments) and that returns named values
 of a changed scene. By default these are the peaks of all laws, with contacts of its own for every scene; `drive_peaks`
 keeps the contacts where the drive or the resistance changes alone.
 """
