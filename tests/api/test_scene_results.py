@@ -2,8 +2,6 @@
 
 import ast
 import pickle
-import subprocess
-import sys
 from pathlib import Path
 
 import meshio
@@ -39,13 +37,6 @@ def fields():
         for speed in (0.01, 0.02)
     )
     return compact.Fields(frames, "speed")
-
-
-def test_import_of_the_package_loads_no_heavy_module():
-    script = "import sys, compact; print(*sorted({name.split('.')[0] for name in sys.modules}))"
-    done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=True)
-    heavy = {"numpy", "scipy", "numba", "matplotlib", "xarray", "pandas", "pydantic", "meshio", "skfem", "pyvista"}
-    assert heavy & set(done.stdout.split()) == set()
 
 
 def test_scene_keeps_its_class_and_is_short_in_text(scene):
