@@ -15,8 +15,6 @@ from compact.material.mix import Mix
 from compact.quantities import FORMULA
 from compact.scene.loader import Scene
 
-LENGTH_ROUNDING = 1e-6  # [-], of a tenth of a millimetre; excess that rounding up ignores
-
 
 def _by(confidence: str) -> Any:
     """Return a field of the formulas, with its equation or origin and the confidence in it."""
@@ -130,31 +128,22 @@ def engineering(scene: Scene, mix: Mix, pressure: float) -> Engineering:
 
 
 def coverage(scene: Scene, formulas: Engineering) -> str:
-    """Check by eqs 1.2 and 1.3 that the rollers cover the width of the product.
+    """Check by eq 1.2 that the rollers cover the width of the product.
 
-    n rollers cover the product if the field of each, 2R + B_T - b_n, is at least B/n, and the stroke is B/n + b_n.
+    n rollers cover the product if the field of each, 2R + B_T - b_n, is at least B/n.
 
     Returns
     -------
     str
         Sentence with the remedy; empty if the rollers suffice.
     """
-    machine, width, needed = scene.machine, scene.product.width, formulas.rollers_needed
+    machine, needed = scene.machine, formulas.rollers_needed
     if machine.rollers >= needed:
         return ""
-    stroke = float(contact.stroke_needed(width, machine.rollers, machine.overlap))
-    sleeve = _rounded_up(stroke - 2 * machine.roller_radius)
-    stroke = _rounded_up(2 * machine.roller_radius + sleeve)  # of the rounded sleeve
     return (
-        f"eq 1.2: the product, {width:g} m wide, needs {needed} rollers, the scene has {machine.rollers}; "
-        f"set machine.rollers to {needed}, or machine.feeder_sleeve to {sleeve:.4f} m and motion.stroke "
-        f"to {stroke:.4f} m; all forces here are those of {machine.rollers}"
+        f"eq 1.2: the product, {scene.product.width:g} m wide, needs {needed} rollers, the scene has "
+        f"{machine.rollers}; set machine.rollers to {needed}; all forces here are those of {machine.rollers}"
     )
-
-
-def _rounded_up(length: float) -> float:
-    """Round a length up to a tenth of a millimetre [m]."""
-    return np.ceil(1e4 * length - LENGTH_ROUNDING) / 1e4
 
 
 PRESCRIBED = "contact: as prescribed, or the pressure of the load that is"

@@ -9,10 +9,11 @@ first used, and the runs of each stage are counted. `report.writer` writes the r
 
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import Progress
@@ -212,6 +213,10 @@ class Study:
             finally:
                 self._executor = SerialExecutor()
 
+    def submit(self, work: Callable[[Any], Any], task: Any) -> Job:
+        """Start a task by the executor of `helped`; without one it runs in this process when it is waited for."""
+        return self._executor.submit(work, task)
+
     @cached_property
     def _answers(self) -> dict[str, Job]:
         """Jobs of the engines of the comparison by name."""
@@ -220,9 +225,7 @@ class Study:
             self._directory and self._directory / DIRECTORY,
         )
         return {
-            name: self._executor.submit(
-                partial(answer_of, self.scene.with_engine(name), laws), directory and directory / name
-            )
+            name: self.submit(partial(answer_of, self.scene.with_engine(name), laws), directory and directory / name)
             for name in self.scene.compared_engines
         }
 
@@ -231,7 +234,7 @@ class Study:
         """Jobs of the contacts by the other laws of the mix."""
         assert self.stages.contacts.held is not None  # of a compacting engine
         work = partial(contact_by_law, self.stages.contacts.held, contact_stage)
-        return [self._executor.submit(work, each) for each in scenes_of_laws(self.scene, self.stages.contacts.mix)]
+        return [self.submit(work, each) for each in scenes_of_laws(self.scene, self.stages.contacts.mix)]
 
     def begin_model_spread(self) -> None:
         """Start the contacts by the other laws of the mix, where they are required and not kept."""

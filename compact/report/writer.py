@@ -57,7 +57,7 @@ def write_study(
     force : bool
         Whether results of another scene are overwritten.
     executor : Executor, optional
-        Executor of `analysis.worker_pool` for the engines of the comparison; this process by default.
+        Executor of `analysis.worker_pool` for engines of the comparison and figures; this process by default.
 
     Raises
     ------
@@ -74,14 +74,15 @@ def write_study(
                 files += results.write_tables(place, results.ITEMS[item](study))
         if "fields" in items:
             files += _write_fields(study, place)
-        pictures = {}
-        for name, (draw, *shown) in (study_figures(study) if {"figures", "report"} & set(items) else {}).items():
+        drawn = {}
+        for name, figure in (study_figures(study) if {"figures", "report"} & set(items) else {}).items():
             study.count("figures")
-            pictures[name] = render_png(draw(*shown))
+            drawn[name] = study.submit(_png, figure)
         if "tables" in items:
             files += results.write_tables(place, results.ITEMS["tables"](study))
         if study.over_durations is not None:
             files += results.write_tables(place, results.duration_tables(study.over_durations))
+        pictures = {name: job.result() for name, job in drawn.items()}
         if "report" in items:
             files += _write_report(study, place, pictures)
         if "figures" in items:
@@ -96,6 +97,12 @@ def write_study(
         summary = study_summary(study, [str(Path(file).relative_to(place)) for file in files])
         write_json(place / "summary.json", summary)
     return summary
+
+
+def _png(figure: tuple[Any, ...]) -> bytes:
+    """Draw a figure, function and results, as the content of a PNG file."""
+    draw, *shown = figure
+    return render_png(draw(*shown))
 
 
 def _write_contacts(study: Study, place: Path) -> Iterator[Path]:

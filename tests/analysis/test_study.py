@@ -4,7 +4,6 @@ import csv
 import json
 import math
 import pickle
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -445,20 +444,16 @@ def test_formula_scene_loads_no_heavy_module(tmp_path):
 # text
 
 
-def test_sufficient_remedies_for_too_few_rollers_are_stated():
+def test_a_sufficient_remedy_for_too_few_rollers_is_stated():
     study = Study(scene())
     assert study.stages.contacts.engineering.rollers_needed == 3
     said = coverage(study.scene, study.stages.contacts.engineering)
     assert said.startswith(
         "eq 1.2: the product, 1.164 m wide, needs 3 rollers, the scene has 2; set machine.rollers to 3"
     )
-    sleeve, stroke = (float(re.search(rf"{key} to ([\d.]+) m", said)[1]) for key in ("feeder_sleeve", "stroke"))
-    assert stroke == pytest.approx(1.164 / 2 + 0.012)  # eq 1.3 with two
-    longer = {"machine.feeder_sleeve": sleeve, "motion.stroke": stroke}
-    for change in ({"machine.rollers": 3, "machine.roller_positions": [0.3, 0.0, -0.3]}, longer):
-        mended = Study(scene(**change))
-        assert mended.stages.contacts.engineering.rollers_needed == mended.scene.machine.rollers
-        assert coverage(mended.scene, mended.stages.contacts.engineering) == ""
+    mended = Study(scene(**{"machine.rollers": 3, "machine.roller_positions": [0.3, 0.0, -0.3]}))
+    assert mended.stages.contacts.engineering.rollers_needed == mended.scene.machine.rollers
+    assert coverage(mended.scene, mended.stages.contacts.engineering) == ""
     assert said in " ".join(text.study_digest(Study(scene("small"))).split())
 
 
