@@ -19,7 +19,6 @@ from compact.analysis.stages.resistance import ResistanceLaw
 from compact.api.fields import Fields
 from compact.drive import rank
 from compact.engines.column.engine import roll
-from compact.engines.column.state_update_columns import required_height
 from compact.machine.ranking import CRITERIA
 from compact.material.state_update import StateUpdate
 from compact.motion.profile import MotionProfile
@@ -373,7 +372,7 @@ def roll_material(scene: Scene, material: StateUpdate, speed: float) -> Contact:
     options: dict[str, Any] = {"rtol": scene.accuracy.tolerance / 10}
     if not prescribed_target(scene):
         ratio = scene.mix.density_ratio
-        layer = replace(layer, height=required_height(scene.lift_thickness, ratio, material))
+        layer = replace(layer, height=scene.lift_thickness * ratio / material.fed_density_ratio)  # of the same grains
         options["exit_density_ratio"] = ratio
     return roll(layer, roller, material, speed, **options)
 

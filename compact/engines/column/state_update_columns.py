@@ -96,17 +96,6 @@ def roll_state_update(
     return result
 
 
-def required_height(height: float, exit_density_ratio: float, material: StateUpdate) -> float:
-    """Return the height of fresh mix for a product of a height [m] and a density ratio [-] after its rebound [m]."""
-    require_positive(height=height)
-    if not material.fed_density_ratio < exit_density_ratio < 1:
-        raise ValueError(
-            f"`exit_density_ratio` must lie between `fed_density_ratio` {material.fed_density_ratio!r} of "
-            f"{material.name} and 1, got {exit_density_ratio!r}"
-        )
-    return height * exit_density_ratio / material.fed_density_ratio
-
-
 class _OwnLayer:
     """Layer of an own material under a roller, with the limits of a search as of `ColumnLayer`."""
 
