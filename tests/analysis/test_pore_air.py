@@ -159,7 +159,7 @@ def test_finite_elements_have_the_field_of_the_air_and_the_coupled_forces():
     assert alone.excess_behind < 1.2 * pressure.max() < 101325
     assert "air_pressure" not in study.stages.contacts.engine.fields(first).cell_data
     assert len(study_summary(study, [])["pore_air"]["coupled"]) == 1
-    found, _ = headline(study.scene)
+    found = headline(False, study.scene, Change("own"))
     length, rollers = study.scene.machine.roller_length, study.scene.machine.rollers
     assert study.scene.mean_speed == pytest.approx(0.1)
     assert found["load"] == pytest.approx(length * record.load, rel=1e-6)
