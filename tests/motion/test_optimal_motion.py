@@ -444,12 +444,12 @@ def machine():
 )
 @pytest.mark.parametrize("objective", ["peak_force", "peak_power"])
 def test_no_published_law_within_the_same_limits_is_better(machine, objective, limits, members):
-    resistance = MotionResistance(machine.stages.resistance.cart, machine.resistance)
+    resistance = MotionResistance(machine.stages.resistance.cart, machine.stages.resistance.resistance)
     motion = best(objective, resistance, limits, pieces=32)
-    rivals = [name for name, cycle in machine.cycles.items() if not violations(limits, cycle.forward)]
-    run = drive.simulate(machine.stages.resistance.cart, drive.Rigid(), motion, machine.resistance)
+    rivals = [name for name, cycle in machine.stages.laws.cycles.items() if not violations(limits, cycle.forward)]
+    run = drive.simulate(machine.stages.resistance.cart, drive.Rigid(), motion, machine.stages.resistance.resistance)
     assert len(rivals) == members
-    assert getattr(run, objective) < min(getattr(machine.runs[name], objective) for name in rivals)
+    assert getattr(run, objective) < min(getattr(machine.stages.drive.runs[name], objective) for name in rivals)
     assert getattr(run, objective) == pytest.approx(motion.value, rel=3e-4)
     assert motion.gap < 1e-6
     assert violations(limits, motion) == {}
@@ -461,7 +461,7 @@ def test_no_published_law_within_the_same_limits_is_better(machine, objective, l
 @pytest.mark.parametrize("objective", ["peak_force", "peak_power"])
 def test_ipopt_finds_no_better_law_from_20_initial_laws(machine, objective, power, limits):
     ipopt_reference = pytest.importorskip("ipopt_reference", exc_type=ImportError)
-    dry_friction = MotionResistance(machine.stages.resistance.cart, machine.resistance)
+    dry_friction = MotionResistance(machine.stages.resistance.cart, machine.stages.resistance.resistance)
 
     def resistance(velocity, acceleration):
         return dry_friction(velocity, acceleration) * (np.abs(velocity) / 0.133) ** power
