@@ -382,11 +382,11 @@ def refined_discretisation(
 
 def spectral_estimate(problem: RollingProblem) -> Contact | None:
     """Contact by the engine "spectral" without stick and with a vertical gap; None where that engine has none."""
-    roller = problem.roller
-    if not problem.traction_ratio:
-        roller = replace(roller, rolling="frictionless")
-    if roller.profile == "deformed":
-        roller = replace(roller, profile="parabola")
+    roller = replace(
+        problem.roller,
+        rolling="sliding" if problem.traction_ratio else "frictionless",
+        profile="circle" if problem.roller.profile == "circle" else "parabola",
+    )
     try:
         return spectral.roll(problem.layer, roller, problem.material, problem.speed, rtol=SPECTRAL_TOLERANCE)
     except RuntimeError:

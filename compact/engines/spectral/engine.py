@@ -359,21 +359,21 @@ def expected_half_width(layer: Layer, roller: Roller, material: Elastic, speed: 
     ply is thick.
     """
     target = replace(roller, friction=0.0, rolling="frictionless", profile="parabola")
-    half_width = relaxed = _elastic_half_width(layer, target, material.youngs_modulus, material.poisson)
+    elastic = Elastic(youngs_modulus=material.youngs_modulus, poisson=material.poisson)
+    half_width = relaxed = _elastic_half_width(layer, target, elastic)
     if roller.indentation is not None or not isinstance(material, Viscoelastic) or not material.branches:
         return relaxed
     for _ in range(WIDTH_ITERATIONS):
         modulus = float(abs(material.complex_modulus(speed / half_width)))
-        half_width = _elastic_half_width(layer, target, modulus, material.poisson)
+        half_width = _elastic_half_width(layer, target, replace(elastic, youngs_modulus=modulus))
     return quantise_half_width(half_width, relaxed)
 
 
 @lru_cache(maxsize=256)
-def _elastic_half_width(layer, roller, modulus, poisson):
+def _elastic_half_width(layer, roller, elastic):
     """Estimated half-width [m] on an elastic layer."""
-    elastic = Elastic(youngs_modulus=modulus, poisson=poisson)
     problem, half_width = build_rolling_problem(layer, roller, elastic, 1.0)
-    return float(solve_contact(problem, ESTIMATE_MODES, half_width, ESTIMATE_TOLERANCE).half_width)
+    return solve_contact(problem, ESTIMATE_MODES, half_width, ESTIMATE_TOLERANCE).half_width
 
 
 def quantise_half_width(half_width: float, widest: float) -> float:
