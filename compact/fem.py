@@ -49,8 +49,8 @@ def roll(
         Torque on a free or driven roller per unit length, positive in the sense of rolling [N]; a free roller has none
         by default.
     **accuracy
-        `mesh`, `tolerance` [-] and `estimate` of a linear layer, as of `engines.fem.engine.roll`; `rtol`, `start` and
-        others of a compacting one, as of `engines.compaction.engine.roll`.
+        `mesh`, `tolerance` [-] and `estimate` of a linear layer, as of `engines.fem.engine.roll`; `increments`,
+        `steady_tolerance`, `start` and others of a compacting one, as of `engines.compaction.engine.roll`.
 
     Examples
     --------

@@ -122,7 +122,7 @@ def test_regression_of_the_layout():
     ],
 )
 def test_published_hertz(youngs_modulus, poisson, half_width, load, peak_pressure):
-    c = contact.hertz(radius=0.11, contact_modulus=youngs_modulus / (1 - poisson**2), half_width=half_width)
+    c = contact.hertz(radius=0.11, youngs_modulus=youngs_modulus, poisson=poisson, half_width=half_width)
     assert (c.load, c.peak_pressure) == pytest.approx(
         (load, peak_pressure), rel=2e-8
     )  # printed digits are cut, not rounded
@@ -289,6 +289,8 @@ def test_engine_equals_the_formulas_in_every_roller_condition(rolling):
         (lambda: contact.contact_length(1.6, 0.11, 0.47), "`capture_angle` must lie between 0 and pi/2, got 1.6"),
         (lambda: contact.roller_force(0.3, 1e6, 0.3, 0.47, 0.11, np.nan), "`length` must be positive and finite, got"),
         (lambda: contact.roller_resistance(1e4, 0.1, 0.11, 0.47, -0.1), "`friction` must be zero or positive, and"),
+        (lambda: contact.hertz(radius=0.11, contact_modulus=1e6, poisson=0.3, load=1e3), "either `contact_modulus`"),
+        (lambda: contact.hertz(radius=0.11, load=1e3), "or `youngs_modulus` with `poisson`, must be set"),
         (lambda: contact.galin(radius=0.11, friction=0.3, **MIX), "exactly one of `load`, .* must be set, got none"),
         (lambda: contact.galin(radius=0.11, friction=0.3, load=-1.0, **MIX), "`load` must be positive and finite"),
     ],

@@ -32,8 +32,10 @@ class LineContact:
     ----------
     exponent : float or ndarray
         Exponent alpha of (1.4) with which the pressure rises from the trailing edge [-].
-    contact_length : float or ndarray
-        l [m].
+    radius, contact_length : float or ndarray
+        R and l [m].
+    contact_modulus : float or ndarray
+        E* = E/(1 - nu^2) [Pa].
     load, peak_pressure : float or ndarray
         P [N/m] and p0 [Pa].
     leading, trailing : float or ndarray
@@ -43,6 +45,8 @@ class LineContact:
     """
 
     exponent: Values
+    radius: Values
+    contact_modulus: Values
     contact_length: Values
     load: Values
     peak_pressure: Values
@@ -104,7 +108,9 @@ def pressure_exponent(poisson: Values, friction: Values) -> Values:
 def hertz(
     *,
     radius: Values,
-    contact_modulus: Values,
+    contact_modulus: Values | None = None,
+    youngs_modulus: Values | None = None,
+    poisson: Values | None = None,
     load: Values | None = None,
     half_width: Values | None = None,
     peak_pressure: Values | None = None,
@@ -117,8 +123,10 @@ def hertz(
     ----------
     radius : float or ndarray
         R [m], > 0.
-    contact_modulus : float or ndarray
-        E* = E/(1 - nu^2) [Pa], > 0.
+    contact_modulus : float or ndarray, optional
+        E* = E/(1 - nu^2) [Pa], > 0; or `youngs_modulus` with `poisson`.
+    youngs_modulus, poisson : float or ndarray, optional
+        E [Pa], > 0, and nu [-], 0 to 0.5.
     load, half_width, peak_pressure : float or ndarray, optional
         P [N/m], a [m] and p0 [Pa], > 0; exactly one.
 
@@ -137,10 +145,11 @@ def hertz(
     >>> f"a = {c.half_width * 1e3:.2f} mm, p0 = {c.peak_pressure / 1e3:.0f} kPa"
     'a = 7.98 mm, p0 = 798 kPa'
     """
-    require_positive(radius=radius, contact_modulus=contact_modulus)
+    E = _contact_modulus(contact_modulus, youngs_modulus, poisson)
+    require_positive(radius=radius, contact_modulus=E)
     _require_one(load=load, half_width=half_width, peak_pressure=peak_pressure)
     length = None if half_width is None else 2 * np.asarray(half_width)
-    return _line_contact(radius, contact_modulus, np.zeros(()), load, length, peak_pressure)
+    return _line_contact(radius, E, np.zeros(()), load, length, peak_pressure)
 
 
 def galin(
@@ -183,13 +192,12 @@ def galin(
     >>> f"edges {c.trailing * 1e3:.1f} and {c.leading * 1e3:.1f} mm, p0 = {c.peak_pressure / 1e3:.0f} kPa"
     'edges -40.2 and 35.4 mm, p0 = 141 kPa'
     """
-    require_positive(radius=radius, youngs_modulus=youngs_modulus)
-    require_between(0, 0.5, poisson=poisson)
+    require_positive(radius=radius)
+    E = _contact_modulus(None, youngs_modulus, poisson)
     _require_one(load=load, contact_length=contact_length, peak_pressure=peak_pressure)
     require_finite(friction=friction)
     tangent = friction * (1 - 2 * np.asarray(poisson)) / (2 - 2 * np.asarray(poisson))  # f b
-    modulus = youngs_modulus / (1 - np.square(poisson))
-    return _line_contact(radius, modulus, tangent, load, contact_length, peak_pressure)
+    return _line_contact(radius, E, tangent, load, contact_length, peak_pressure)
 
 
 def _line_contact(
@@ -209,7 +217,18 @@ def _line_contact(
     length = np.asarray(length)
     load = load_per_square * length**2 if load is None else load
     peak = peak_per_length * length if peak_pressure is None else peak_pressure
-    return LineContact(alpha, length, load, peak, alpha * length, -rest * length, -4 / 3 * tilt * length)
+    return LineContact(alpha, radius, E, length, load, peak, alpha * length, -rest * length, -4 / 3 * tilt * length)
+
+
+def _contact_modulus(contact_modulus: Values | None, youngs_modulus: Values | None, poisson: Values | None) -> Values:
+    """Return E* as prescribed, or from E and nu."""
+    if contact_modulus is not None and youngs_modulus is None and poisson is None:
+        return contact_modulus
+    if contact_modulus is not None or youngs_modulus is None or poisson is None:
+        raise ValueError("either `contact_modulus`, or `youngs_modulus` with `poisson`, must be set")
+    require_positive(youngs_modulus=youngs_modulus)
+    require_between(0, 0.5, poisson=poisson)
+    return youngs_modulus / (1 - np.square(poisson))
 
 
 def _require_one(**targets: Values | None) -> None:

@@ -24,7 +24,7 @@ CALLS = {  # function, and valid numbers of its arguments
         {"stroke": 0.4, "duration": 3.0, "run_up": 0.2, "run_down": 0.2, "rod_length": 0.8, "energy_weight": 0.5},
     ),
     "ComplexLaw": (compact.ComplexLaw, {"energy_weight": 0.5, "acceleration_weight": 0.3}),
-    "hertz": (compact.hertz, {"radius": 0.11, "contact_modulus": 1e6, "half_width": 0.01}),
+    "hertz": (compact.hertz, {**HALF_SPACE, "half_width": 0.01}),
     "galin": (compact.galin, {**HALF_SPACE, "friction": 0.3, "load": 1e4}),
     "pressure_exponent": (compact.pressure_exponent, {"poisson": 0.3, "friction": 0.3}),
     "Cart": (compact.Cart, CART),
