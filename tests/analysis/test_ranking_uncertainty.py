@@ -45,13 +45,19 @@ def test_large_error_of_a_later_law_leaves_earlier_ranks_not_resolved():
     assert [place.resolved for place in places(ranked, "peak_force", heavier)] == [False, False, True]
 
 
-def test_two_discordant_pairs_among_three_laws():
-    agreed = agreement(order(a=10, b=20, c=30), order(c=10, a=20, b=30), "peak_force")
-    assert agreed[:4] == (pytest.approx(-1 / 3), 2, 2, 3)
-
-
-def test_discordant_pair_within_an_error_is_not_resolved():
-    assert agreement(order(a=10, b=20), order(b=10, a=11), "peak_force")[1:4] == (1, 0, 1)
+@pytest.mark.parametrize(
+    ("one", "other", "counts"),
+    [
+        pytest.param({"a": 10, "b": 20, "c": 30}, {"c": 10, "a": 20, "b": 30}, (2, 2, 3), id="three laws"),
+        pytest.param({"a": 10, "b": 20}, {"b": 10, "a": 11}, (1, 0, 1), id="within an error"),
+        pytest.param({"a": 1000, "b": 1100}, {"b": 1000, "a": 1005}, (1, 0, 1), id="within the build tolerance"),
+        pytest.param({"a": 1000, "b": 1100}, {"b": 1000, "a": 1050}, (1, 1, 1), id="beyond both"),
+    ],
+)
+def test_discordant_pairs_are_counted_and_resolved_beyond_errors_and_build_tolerance(one, other, counts):
+    found = agreement(order(**one), order(**other), "peak_force")
+    assert (found.discordant_pairs, found.resolved_discordant_pairs, found.pairs) == counts
+    assert found.tau == pytest.approx(1 - 2 * counts[0] / counts[2])
 
 
 @pytest.mark.parametrize(("second", "tie"), [(1009.0, True), (1011.0, False)], ids=["within", "beyond"])
@@ -72,11 +78,6 @@ def test_equal_values_share_a_resolved_rank():
     assert [(place.rank, place.resolved) for place in order(a=100.0, b=100.0 * (1 + 1e-12), c=110.0)] == [
         (1, True), (1, True), (3, True),
     ]  # fmt: skip
-
-
-def test_discordant_pair_within_the_build_tolerance_is_not_resolved():
-    assert agreement(order(a=1000, b=1100), order(b=1000, a=1005), "peak_force")[1:4] == (1, 0, 1)
-    assert agreement(order(a=1000, b=1100), order(b=1000, a=1050), "peak_force")[1:4] == (1, 1, 1)
 
 
 def test_nonuniformity_is_resolved_to_a_hundredth_of_the_mean_speed():

@@ -281,7 +281,8 @@ def ranking_uncertainty(
     changes = [each for *_, ends in sources for each in ends.values() if isinstance(each, Change)]
     changes += [Change(str(scale), resistance=met.scaled(scale)) for scale in scales]
     run = partial(_peaks, stages.resistance.cart, followed, met, tuple(laws))
-    answers = iter([peaks for _, peaks in sorted(ensemble(scene, changes, run, executor).items())])
+    solved = ensemble(scene, changes, run, executor)
+    answers = (solved[number] for number in range(len(changes)))
     known = tuple(
         Source(name, words, tuple(
             _end(label, next(answers) if isinstance(each, Change) else each, base, laws) for label, each in ends.items()
