@@ -291,7 +291,8 @@ def roll(
     load = float(roller_force(phi, E, nu, alpha, R, 1.0, *options))
     length, leading = float(contact_length(phi, R, alpha)), float(R * np.sin(phi))
     centroid = (2 / 3) * (1 - 2 * alpha) * length
-    contact = LineContact(1 - alpha, length, load, pressure, leading, leading - length, centroid)
+    modulus = material.contact_modulus
+    contact = LineContact(1 - alpha, R, modulus, length, load, pressure, leading, leading - length, centroid)
     if contact.half_width > MAX_HALF_WIDTH_RATIO * layer.height:
         warnings.warn(
             f"half-plane theory needs `half_width` < {MAX_HALF_WIDTH_RATIO:g} `height`, got {contact.half_width:.3g} m "
