@@ -1,6 +1,6 @@
 """Results of a sweep in addition to sweep.nc: figures, Sobol indices, and the digest on the terminal.
 
-Maps of a sample show the median. Crosses mark where rolling cannot reach the density; grey is without a number.
+Maps of a sample show the median. A map is hatched where rolling cannot reach the density, and grey without a number.
 """
 
 import re
@@ -14,12 +14,11 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from compact.files import write_csv, write_figure
 from compact.quantities import CRITERIA, INPUT, SWEEP_POINT, unit_symbol
-from compact.report.figures import law_style
+from compact.report.figures import label_contours, law_style
 from compact.sweep.sobol_indices import Index, SobolTable
 
 if TYPE_CHECKING:
@@ -31,11 +30,11 @@ DIGITS = re.compile(r"\d[\d.e+-]*")
 BAND = (0.05, 0.95)  # [-], quantiles of a sample
 DRAWN_QUANTITIES = ("resistance", "load", "power", "capture_angle", "exit_density_ratio", "resistance_coefficient")
 BEST_LAW = "best_law_by_"
+CONTOUR_LEVELS = 9  # [-]
 PANEL_COLUMNS = 3  # [-]
 LOGARITHMIC_RATIO = 10  # [-], of largest to smallest value, above which an axis is logarithmic
 CONSTANT_SPAN = 1e-9  # [-], relative range below which a quantity is constant
 NO_NUMBER = "0.82"  # grey
-CROSS: dict[str, Any] = {"color": "tab:red", "marker": "x", "linestyle": "none"}
 
 
 def write_sweep_report(directory: Path, table: "Dataset", sobol: SobolTable) -> None:
@@ -170,15 +169,19 @@ def draw_maps(table: "Dataset", names: Sequence[str]) -> Figure:
             ax.set_title(f"least {CRITERIA[name.removeprefix(BEST_LAW)].term}", fontsize=10)
             return
         values = np.ma.masked_invalid(band(plane, name)[1].values * SWEEP_POINT[name].plot_factor)
-        ax.figure.colorbar(ax.pcolormesh(plane[x], plane[y], values, cmap="viridis"), ax=ax)
         ax.set_title(SWEEP_POINT[name].axis_label, fontsize=10)
-        row, column = np.nonzero(unreachable.values)
-        ax.plot(plane[x].values[column], plane[y].values[row], **CROSS)
+        if values.count() and np.ma.ptp(values) > CONSTANT_SPAN * np.abs(values).max():
+            filled = ax.contourf(plane[x], plane[y], values, CONTOUR_LEVELS, cmap="viridis")
+            label_contours(ax, ax.contour(filled, colors="black", linewidths=0.6))
+        elif values.count():
+            ax.set(facecolor="white", title=f"{SWEEP_POINT[name].axis_label}: {values.max():.4g}")
+        if unreachable.any():
+            ax.contourf(plane[x], plane[y], unreachable.values, [0.5, 1.5], colors="none", hatches=["////"])
 
     figure = _panels(names, draw, x, y)
     marks: list[Any] = [Patch(facecolor=law_style(law)["color"], label=law) for law in best]
     if unreachable.any():
-        marks.append(Line2D([], [], label="not reachable by rolling", **CROSS))
+        marks.append(Patch(facecolor="none", edgecolor="black", hatch="////", label="not reachable by rolling"))
     if (table["reason"] != "").any():
         marks.append(Patch(facecolor=NO_NUMBER, label="no result, reason in sweep.nc"))
     _legend(figure, marks)
