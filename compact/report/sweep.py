@@ -30,7 +30,6 @@ DIGITS = re.compile(r"\d[\d.e+-]*")
 BAND = (0.05, 0.95)  # [-], quantiles of a sample
 DRAWN_QUANTITIES = ("resistance", "load", "power", "capture_angle", "exit_density_ratio", "resistance_coefficient")
 BEST_LAW = "best_law_by_"
-CONTOUR_LEVELS = 9  # [-]
 PANEL_COLUMNS = 3  # [-]
 LOGARITHMIC_RATIO = 10  # [-], of largest to smallest value, above which an axis is logarithmic
 CONSTANT_SPAN = 1e-9  # [-], relative range below which a quantity is constant
@@ -171,7 +170,7 @@ def draw_maps(table: "Dataset", names: Sequence[str]) -> Figure:
         values = np.ma.masked_invalid(band(plane, name)[1].values * SWEEP_POINT[name].plot_factor)
         ax.set_title(SWEEP_POINT[name].axis_label, fontsize=10)
         if values.count() and np.ma.ptp(values) > CONSTANT_SPAN * np.abs(values).max():
-            filled = ax.contourf(plane[x], plane[y], values, CONTOUR_LEVELS, cmap="viridis")
+            filled = ax.contourf(plane[x], plane[y], values, cmap="viridis")
             label_contours(ax, ax.contour(filled, colors="black", linewidths=0.6))
         elif values.count():
             ax.set(facecolor="white", title=f"{SWEEP_POINT[name].axis_label}: {values.max():.4g}")
