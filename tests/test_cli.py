@@ -25,8 +25,7 @@ from compact.analysis.sizing.durations import read_durations
 from compact.cli import INTERRUPTED, options
 from compact.cli import program as cli
 from compact.files import default_directory, write_json
-from compact.scene.json_schemas import scene_schema, summary_schema
-from compact.scene.loader import SceneError, parse_scene, starter_scene
+from compact.scene.loader import SceneError, parse_scene, scene_schema, starter_scene, summary_schema
 
 ROOT = Path(__file__).parent.parent
 SMALL = ROOT / "studies" / "scenes" / "small.toml"

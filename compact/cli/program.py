@@ -91,8 +91,7 @@ def new(directory: Path, /) -> None:
         folder for scene.toml; created if absent, and an existing scene is never overwritten
     """
     from compact.files import atomic_file
-    from compact.scene.json_schemas import SCENE_SCHEMA_FILE, scene_schema
-    from compact.scene.loader import starter_scene
+    from compact.scene.loader import SCENE_SCHEMA_FILE, scene_schema, starter_scene
 
     path = directory / "scene.toml"
     if path.exists():
@@ -112,7 +111,7 @@ def schema(name: Literal["scene", "summary"] = "scene", /) -> None:
     name
         file that the schema describes
     """
-    from compact.scene.json_schemas import schema_of
+    from compact.scene.loader import schema_of
 
     print(json_text(schema_of(name)))
 
@@ -301,7 +300,7 @@ def sweep(
     from compact.report.sweep import sweep_digest, sweep_summary, write_sweep_report
     from compact.sweep import design as varying
     from compact.sweep import sobol_indices
-    from compact.sweep.corrected import create_sweep
+    from compact.sweep.run import create_sweep
 
     workforce = choose_executor(workers, scheduler)
     given = job.read(scene, **{"accuracy.tolerance": tolerance})

@@ -6,7 +6,7 @@ import pytest
 
 import compact
 from compact.engines import ENGINES
-from compact.scene.json_schemas import scene_schema
+from compact.scene.loader import scene_schema
 
 SMALL = "studies/scenes/small.toml"
 PACKAGE = '''

@@ -7,7 +7,7 @@ import pytest
 
 import compact
 from compact.machine.drives import DRIVES
-from compact.scene.json_schemas import scene_schema
+from compact.scene.loader import scene_schema
 
 SMALL = "studies/scenes/small.toml"
 PACKAGE = '''
