@@ -1,11 +1,7 @@
-"""Common interface of the contact engines: layer, roller, and results of steady rolling.
+"""Common interface of the contact engines: layer with its plies and a lift below, roller, results of steady rolling.
 
-All engines share one call,
-
-    result = engine.roll(layer, roller, material, speed)
-
-so that a study selects them by name. The x axis points along the travel and y upwards; the base is at y = 0. Quantities
-are per unit roller length, in SI units.
+All engines share one call, `engine.roll(layer, roller, material, speed)`. The x axis points along the travel and y
+upwards; the base is at y = 0. Quantities are per unit roller length, in SI units.
 """
 
 from collections.abc import Mapping

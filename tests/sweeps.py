@@ -4,8 +4,8 @@ from pathlib import Path
 
 from compact.analysis.worker_pool import SerialExecutor
 from compact.scene.loader import load_scene
+from compact.sweep.corrected import create_sweep
 from compact.sweep.design import read_design
-from compact.sweep.run import create_sweep
 
 SCENES = Path(__file__).parents[1] / "studies" / "scenes"
 PLAIN = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless", "layer.fed_density_ratio": 0.9}

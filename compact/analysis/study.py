@@ -19,10 +19,9 @@ from compact.analysis import machine_models
 from compact.analysis.contact_cases import Progress
 from compact.analysis.pore_air import AirAnswer, air_answer
 from compact.analysis.ranking_uncertainty import Agreement, Places, agreements
+from compact.analysis.sizing.balances import BalanceCheck, WorkBalance, balance_checks, work_balance
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
-from compact.analysis.sizing.work_balance import WorkBalance, work_balance
-from compact.analysis.stages.balance_checks import BalanceCheck, balance_checks
 from compact.analysis.stages.contacts import Count, contact_stage, no_count
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.kept_results import KeptResults, write_results

@@ -155,8 +155,8 @@ class Scene(loader.Scene):
         """
         from compact.analysis.worker_pool import choose_executor
         from compact.numerics.validation import require_instance
+        from compact.sweep.corrected import create_sweep
         from compact.sweep.design import Axis, read_design
-        from compact.sweep.run import create_sweep
 
         require_instance(Mapping, "values by key path", vary=vary)
         varied = [

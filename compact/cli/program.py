@@ -300,7 +300,7 @@ def sweep(
     from compact.report.sweep import sweep_digest, sweep_summary, write_sweep_report
     from compact.sweep import design as varying
     from compact.sweep import sobol_indices
-    from compact.sweep.run import create_sweep
+    from compact.sweep.corrected import create_sweep
 
     workforce = choose_executor(workers, scheduler)
     given = job.read(scene, **{"accuracy.tolerance": tolerance})

@@ -11,7 +11,7 @@ from compact.analysis import process
 from compact.analysis.process import ProcessStudy
 from compact.cli import program as cli
 from compact.scene.loader import load_scene
-from compact.verification.published_numbers import MOVING_FORCE, ROLLER_REACTION
+from compact.verification.formulas import MOVING_FORCE, ROLLER_REACTION
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 SCENE = SCENES / "process.toml"

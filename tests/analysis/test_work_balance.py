@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from compact.analysis.material_tests import LaboratoryProgramme
-from compact.analysis.sizing.work_balance import heckel_work
+from compact.analysis.sizing.balances import heckel_work
 from compact.analysis.study import Study
 from compact.material.laws import Compaction
 from compact.report.text import say, sentences

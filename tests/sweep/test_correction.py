@@ -14,9 +14,8 @@ from compact.scene.loader import load_scene
 from compact.sweep import corrected, sobol_indices
 from compact.sweep import design as vary
 from compact.sweep import run as sweep
-from compact.sweep.run import (
+from compact.sweep.corrected import (
     CorrectedSweep,
-    Sweep,
     choose_points,
     connected_parts,
     create_sweep,
@@ -25,6 +24,7 @@ from compact.sweep.run import (
     inside_hull,
     refinement_weights,
 )
+from compact.sweep.run import Sweep
 
 SCENE_FILE = SCENES / "loveikin-2015.toml"
 THIN = {"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "contact.indentation": 0.002}
