@@ -7,11 +7,10 @@ import pytest
 
 from compact.cli.options import NO_RESULT, SUCCESS
 from compact.cli.program import validate
-from compact.validation import plant_case, rolling
+from compact.validation import compaction, plant_case
 from compact.validation.case import CASES, Comparison, read_rows
-from compact.validation.compaction import MIX, shear_strength
+from compact.validation.compaction import MIX, arc_forces, chord_forces, shear_strength
 from compact.validation.plant_case import select_cases
-from compact.validation.rolling import arc_forces, chord_forces
 
 CHEAP = 0.5  # [s], of processor time; longer cases are slow tests
 MARKED = [
@@ -116,5 +115,5 @@ def test_the_mix_stays_on_its_flat_side_under_the_indenter():
 
 @pytest.mark.parametrize("speed", [100.0, 1000.0])
 def test_the_half_plane_of_finite_elements_is_thick_enough_at_high_speed(speed):
-    found, exact = (rolling._resistance(engine, speed) for engine in ("fem", "spectral"))
+    found, exact = (compaction._resistance(engine, speed) for engine in ("fem", "spectral"))
     assert found == pytest.approx(exact, rel=5e-3)
