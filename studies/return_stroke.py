@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from compact.analysis.contact_cases import compaction_material, scene_mix
+from compact.api.fields import Fields
 from compact.engines.compaction import engine as rolling
 from compact.engines.compaction.reciprocating import simulate_reciprocating
 from compact.motion.profile import law
@@ -60,7 +61,7 @@ def main(
 
         rows = np.column_stack([done.stroke, done.time, done.position, done.load, done.resistance]).tolist()
         write_csv(Path(out) / "return_stroke.csv", HEADER, rows)
-        done.write_frames(Path(out))
+        Fields(done.frames, "time").to_vtk(out)
         with spinning("steady rolling"):
             steady = rolling.roll(Layer(height), roller, mix, stroke / scene.motion.duration, increments=increments)
         _draw(done, roller.radius, increments, steady).savefig(Path(out) / "return_stroke.png", dpi=100)

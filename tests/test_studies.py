@@ -373,7 +373,7 @@ def test_compacted_mix_has_little_resistance_on_the_return_stroke(capsys, tmp_pa
     assert done.position[-1] == pytest.approx(0, abs=1e-9)
     assert min(back) > end > -0.5 * forward.max()  # at the edge of the initial indentation
     assert 0 < module.release_length(done) < 2e-3
-    assert (tmp_path / "film.pvd").is_file()
+    assert (tmp_path / "fields.pvd").is_file()
 
 
 def test_documented_table_of_best_laws_is_that_of_the_study():
