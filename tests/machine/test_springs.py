@@ -87,14 +87,12 @@ def test_springs_do_no_net_work_on_a_crankshaft():
 
 
 def bounce(stiffness, preload, push, friction, speed, time):
-    """Trajectory of a cart that moves into its near spring under a constant force of the drive."""
-    weak = 1.0 if push else 1e-9  # [N/m]; compressed so far that its force is constant to 1e-6
-    elongation = -push / weak
+    """Trajectory of a cart that moves into its near spring under a constant force, part of its resistance."""
     scales = {"force_scale": max(friction, preload, 100.0), "tolerance": 1e-7}
-    cart = SpringCart(CART.mass, weak, 0.0, 0.0, float(stiffness), preload, 0.08, 0.4, **scales)
-    driven_end = PiecewisePolynomial(np.array([0.0, time]), np.array([[0.08 + elongation] + [0.0] * 10]))
-    table = PiecewisePolynomial(np.array([-1.0, 0.0, 1.0]), np.array([[-friction], [friction]]))
-    start = CartState(elongation, -speed, 1, int(NEAR_SPRING))
+    cart = SpringCart(CART.mass, 1e-9, 0.0, 0.0, float(stiffness), preload, 0.08, 0.4, **scales)
+    driven_end = PiecewisePolynomial(np.array([0.0, time]), np.array([[0.08] + [0.0] * 10]))
+    table = PiecewisePolynomial(np.array([-1.0, 0.0, 1.0]), np.array([[push - friction], [push + friction]]))
+    start = CartState(0.0, -speed, 1, int(NEAR_SPRING))
     trajectory, complete, _ = integrate(cart.with_tables(table), driven_end, start, 2000)
     assert complete
     return trajectory
