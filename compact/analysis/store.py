@@ -24,7 +24,6 @@ class Store:
     ----------
     directory : Path, optional
         Directory of the files; without one the results are not kept.
-
     base : str
         Hash of all inputs that the results have in common.
 

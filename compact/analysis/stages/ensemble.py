@@ -141,7 +141,7 @@ def ensemble(
 ) -> dict[int, dict[str, Any]]:
     """Evaluate a scene under changes of its keys.
 
-    The results do not depend on the executor. A reason stands for values where the changed scene is invalid, where
+    The results do not depend on the executor. A reason replaces the values where the changed scene is invalid, where
     `run` raises a ValueError or RuntimeError, and where no worker survives; any other error is raised.
 
     Parameters
