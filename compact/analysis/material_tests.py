@@ -23,7 +23,7 @@ from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.material import cap_plasticity
 from compact.material.drucker_prager_cap import return_to_line
 from compact.material.elliptic_cap import return_map
-from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction
+from compact.material.laws import MEASURED_DENSITY_RATIO, Compaction
 from compact.material.state_update import StateUpdate
 from compact.numerics import Array
 from compact.numerics.validation import require_positive, require_that
@@ -350,7 +350,7 @@ class StrainPath:
         """Compress the point along its axis at the confining pressure, up to the end of measured densities of a mix."""
         for axial in AXIAL_INCREMENTS.tolist():
             self._advance_at_pressure(axial)
-            if self.of_mix and self.rows[-1][-1] > HECKEL_MAX_DENSITY_RATIO:
+            if self.of_mix and self.rows[-1][-1] > MEASURED_DENSITY_RATIO:
                 break
         return self.test("biaxial" if self.confining else "unconfined")
 

@@ -1,26 +1,26 @@
 """Return mapping to an elliptic cap and the shear line of Drucker and Prager, with their corner and the apex.
 
-    cap   (P - a)^2 + (q/Mc)^2 <= a^2    P >= a,   associated,       dV = 2 lc (P - a),  de = 2 lc q/Mc^2
+    cap   (P - b)^2 + (q/Mc)^2 <= a^2    P >= b,   associated,       dV = 2 lc (P - b),  de = 2 lc q/Mc^2
     line  q <= M P                       P >= 0,   potential q - N P,  dV = -N ls,       de = ls
     cut   P >= 0
 
-with P = p + pt and a = (pc + pt)/2. Steady rolling (`engines.compaction.rolling`) has q <= M (p' + pt) for the line.
+with P = p + pt, a = (pc + pt)/2 and b = a + u. Steady rolling (`engines.compaction.rolling`) has q <= M (p' + pt) for the line.
 The carried pressure p' is that of the same place in the last step. Flow with N = 0 is then associated and every
-increment convex; in steady motion p' = p, and the law is the same. Both are q <= m P + b, with m = M, b = 0 or m = 0,
-b = M (p' + pt). A viscous stress n ls may exceed the line, up to the top Mc a of the cap where P < a.
+increment convex; in steady motion p' = p, and the law is the same. Both are q <= m P + l, with m = M, l = 0 or m = 0,
+l = M (p' + pt). A viscous stress n ls may exceed the line, up to the top Mc a of the cap where P < b.
 
 Backward Euler from the trial state (P_tr, q_tr), with V and e the increments of plastic volume and shear strain:
 
-    line    ls = (q_tr - m P_tr - b)/(3 G + K m N + n),  P = P_tr + K N ls,  q = q_tr - 3 G ls
-    apex    P = 0,  q = b + n ls                  where P of the line is negative
+    line    ls = (q_tr - m P_tr - l)/(3 G + K m N + n),  P = P_tr + K N ls,  q = q_tr - 3 G ls
+    apex    P = 0,  q = l + n ls                  where P of the line is negative
     cap     the root of `elliptic_cap`            where line and apex lie outside the cap
     corner  both surfaces                         where the cap violates the line
 
 The corner has one root V. With P = P_tr - K V and q of the cap, the flow of both surfaces determines ls,
 
-    y = P - a(k exp V),  q^2 = Mc^2 (a^2 - y^2),  ls = (q_tr - q - w V)/(3 G + w N),  w = 3 G q/(y Mc^2)
+    y = P - b(k exp V),  q^2 = Mc^2 (a^2 - y^2),  ls = (q_tr - q - w V)/(3 G + w N),  w = 3 G q/(y Mc^2)
 
-and the line requires q = m P + b + n ls. q^2 of the cap less that of the line increases with V; Newton's method on it
+and the line requires q = m P + l + n ls. q^2 of the cap less that of the line increases with V; Newton's method on it
 is safeguarded by bisection.
 
 References
@@ -37,6 +37,7 @@ from compact.material.elliptic_cap import (
     CapConstants,
     hardening,
     pressure_rise,
+    reaction,
     return_to_curve,
     yield_surface,
 )
@@ -44,7 +45,7 @@ from compact.numerics.jit import compiled, internal
 
 ROUNDING = 4e-15  # [-], of stresses over a; a state on a surface is inside
 CORNER_TOLERANCE = 4e-16  # [-], change of the pressure of the corner over trial pressure and a at convergence
-TOP_DISTANCE = 4e-5  # [-], pressure of a viscous corner above a, over a, below which it counts as top of the cap
+TOP_DISTANCE = 4e-5  # [-], pressure of a viscous corner above b, over a, below which it counts as top of the cap
 
 
 @compiled
@@ -64,13 +65,13 @@ def is_elastic_in_line(law: CapConstants, p: float, q: float, densest: float, ca
     -------
     bool
     """
-    a, slope, limit = _surfaces(law, densest, carried)
+    a, b, slope, limit = _surfaces(law, densest, carried)
     P = p + law.pt
     if P < 0 or q > slope * P + limit + ROUNDING * a:
         return False
-    if a >= P:
+    if b >= P:
         return q <= law.M * a
-    return (q / law.M) ** 2 + (P - a) ** 2 <= (a * (1 + ROUNDING)) ** 2
+    return (q / law.M) ** 2 + (P - b) ** 2 <= (a * (1 + ROUNDING)) ** 2
 
 
 @compiled
@@ -93,12 +94,12 @@ def return_to_line(law, p, q, k, densest, guess, carried, share) -> tuple:
     """
     if is_elastic_in_line(law, p, q, densest, carried):
         return 0, p, 1.0, k, densest, 0.0, 0.0, NO_SLOPES
-    a, slope, limit = _surfaces(law, densest, carried)
+    a, b, slope, limit = _surfaces(law, densest, carried)
     viscosity, P, G3 = law.viscosity / share, p + law.pt, 3 * law.G
     D = G3 + law.K * slope * law.dilatancy + viscosity
     shear = max((q - slope * P - limit) / D, 0.0)
     end, top = P + law.K * law.dilatancy * shear, law.M * a
-    if a >= P and slope == 0 and limit >= top:
+    if b >= P and slope == 0 and limit >= top:
         return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
     if end < 0:  # the apex P = 0
         shear, by_q = max((q - limit) / (G3 + viscosity), 0.0), 0.0
@@ -106,15 +107,15 @@ def return_to_line(law, p, q, k, densest, guess, carried, share) -> tuple:
             by_q = 1 / (G3 + viscosity)
         derivatives = (1 / law.K, 0.0, 0.0, 1 - G3 * by_q, 0.0, 0.0)
         return _result(law, (p, q, k, densest), (P / law.K, -law.pt, q - G3 * shear), derivatives, False)
-    if end <= a and q - G3 * shear > top:
+    if end <= b and q - G3 * shear > top:
         return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
     end_q = q - G3 * shear
-    if end <= a or (end_q / law.M) ** 2 + (end - a) ** 2 <= (a * (1 + ROUNDING)) ** 2:
+    if end <= b or (end_q / law.M) ** 2 + (end - b) ** 2 <= (a * (1 + ROUNDING)) ** 2:
         by_p, by_q = (-slope / D, 1 / D) if shear > 0 else (0.0, 0.0)
         N = law.dilatancy
         derivatives = (-N * by_p, -N * by_q, -G3 * by_p, 1 - G3 * by_q, 0.0, 0.0)
         return _result(law, (p, q, k, densest), (-N * shear, end - law.pt, end_q), derivatives, False)
-    if a < P:
+    if b < P:
         found = return_to_curve(law, yield_surface(law, p, densest), p, q, k, densest, guess)
         if q * found[2] <= slope * (found[1] + law.pt) + limit + ROUNDING * a:
             return found
@@ -123,11 +124,12 @@ def return_to_line(law, p, q, k, densest, guess, carried, share) -> tuple:
 
 @internal
 def _surfaces(law, densest, carried):
-    """Return a of the cap, and slope and intercept of the line."""
+    """Return a and b of the cap, and slope and intercept of the line."""
     a = (hardening(law, densest)[0] + law.pt) / 2
+    b = a + reaction(law, densest)[0]
     if np.isnan(carried):
-        return a, law.friction, 0.0
-    return a, 0.0, law.friction * max(carried + law.pt, 0.0)
+        return a, b, law.friction, 0.0
+    return a, b, 0.0, law.friction * max(carried + law.pt, 0.0)
 
 
 @internal
@@ -155,7 +157,7 @@ def _result(law, trial, solution, derivatives, hardens):
 
 @internal
 def _return_to_top(law, p, q, k, densest, slope, limit, viscosity):
-    """Return the results below the top q = Mc a of the cap, which bounds the viscous stress and the line where P < a.
+    """Return the results below the top q = Mc a of the cap, which bounds the viscous stress and the line where P < b.
 
     At the top the shear of the line is that of its viscous stress; the rest flows on the cap, without dilatancy.
     """
@@ -176,42 +178,46 @@ def _return_to_top(law, p, q, k, densest, slope, limit, viscosity):
 def _return_to_corner(law, p, q, k, densest, slope, limit, viscosity):
     """Return the results at the intersection of cap and line."""
     P, onset = p + law.pt, np.log(densest / k)
-    V, shear, a, h, converged = _corner(law, (P, q, densest, onset, slope), limit, viscosity)
+    V, shear, (a, b, h, g), converged = _corner(law, (P, q, densest, onset, slope), limit, viscosity)
     end = P - law.K * V
-    if viscosity > 0 and end - a < TOP_DISTANCE * a:
+    if viscosity > 0 and end - b < TOP_DISTANCE * a:
         return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
     end_q = slope * end + limit + viscosity * shear
     hardens = onset < V
-    rate = h if hardens else hardening(law, densest)[1] / 2
-    derivatives = _corner_slopes(law, (q, V, shear, a, h), end, end_q, slope, viscosity, rate)
+    rates = (h, g)
+    if not hardens:
+        rate = hardening(law, densest)[1] / 2
+        rates = (rate, rate + reaction(law, densest)[1])
+    derivatives = _corner_slopes(law, (q, V, shear, a, b, h, g), end, end_q, slope, viscosity, rates)
     result = _result(law, (p, q, k, densest), (V, end - law.pt, end_q), derivatives, hardens)
     return (0 if converged else MAX_ITERATIONS + 1, *result[1:])
 
 
 @internal
 def _corner(law, trial, limit, viscosity):
-    """Return V, shear of the line, a, da/dV and convergence at the corner of the cap and a line with an intercept.
+    """Return V, shear of the line, (a, b, da/dV, db/dV) and convergence at the corner of cap and line.
 
     The residual, q^2 of the cap less that of the line, increases with V.
     """
     P_trial, q_trial, densest, onset, slope = trial
     pc = hardening(law, densest)[0]
     a_before = (pc + law.pt) / 2
+    b_before = a_before + reaction(law, densest)[0]
     # from the intersection of line and supercritical side before hardening, or the nearest point
     M2, G3, N = law.M**2, 3 * law.G, law.dilatancy
-    square, half = 1 + slope * slope / M2, a_before - slope * limit / M2
-    root = np.sqrt(max(half * half - square * limit * limit / M2, 0.0))
+    square, half = 1 + slope * slope / M2, b_before - slope * limit / M2
+    root = np.sqrt(max(half * half - square * (b_before**2 - a_before**2 + limit * limit / M2), 0.0))
     V = (P_trial - (half + root) / square) / law.K
-    low, high, tolerance = -np.inf, np.inf, CORNER_TOLERANCE * (abs(P_trial) + a_before) / law.K
-    shear, a, h = 0.0, a_before, 0.0
+    low, high, tolerance = -np.inf, np.inf, CORNER_TOLERANCE * (abs(P_trial) + b_before) / law.K
+    shear, a, b, h, g = 0.0, a_before, b_before, 0.0, 0.0
     for _ in range(MAX_ITERATIONS):
-        a, h = a_before, 0.0
+        a, b, h, g = a_before, b_before, 0.0, 0.0
         if onset < V:
-            rise, H = pressure_rise(law, densest, V - onset, pc)
-            a, h = a_before + rise / 2, H / 2
-        y = P_trial - law.K * V - a
+            rise, H, u_rise, U = pressure_rise(law, densest, V - onset, pc)
+            a, b, h, g = a_before + rise / 2, b_before + rise / 2 + u_rise, H / 2, H / 2 + U
+        y = P_trial - law.K * V - b
         if y > 0:
-            y_V = -law.K - h
+            y_V = -law.K - g
             q_square, q_square_V = M2 * (a - y) * (a + y), 2 * M2 * (a * h - y * y_V)
             q = np.sqrt(max(q_square, 0.0))
             ratio = G3 * q / (y * M2)
@@ -226,29 +232,30 @@ def _corner(law, trial, limit, viscosity):
             residual = q_square - line * line
             change = -residual / (q_square_V - 2 * line * by_V)
         else:
-            residual, change = -y, (y - a / 2) / (law.K + h)
+            residual, change = -y, (y - a / 2) / (law.K + g)
         if (y > 0 and abs(change) <= tolerance) or high - low <= tolerance:
-            return V, shear, a, h, True
+            return V, shear, (a, b, h, g), True
         if residual > 0:
             high = V
         else:
             low = V
         next_V = V + change
         V = next_V if low < next_V < high else (low + high) / 2
-    return V, shear, a, h, False
+    return V, shear, (a, b, h, g), False
 
 
 @internal
-def _corner_slopes(law, solution, P, q, slope, viscosity, rate):
+def _corner_slopes(law, solution, P, q, slope, viscosity, rates):
     """Return the derivatives for `_result` by the implicit derivatives of yield limit and shear flow.
 
-    They are y^2 + (q/Mc)^2 = a^2 and q + 3 G ls + 3 G q (V + N ls)/(y Mc^2) = q_tr with y = P_tr - K V - a.
+    They are y^2 + (q/Mc)^2 = a^2 and q + 3 G ls + 3 G q (V + N ls)/(y Mc^2) = q_tr with y = P_tr - K V - b.
+    `rates` are the derivatives of a and b by the logarithm of the density ratio that determines them.
     """
-    _, V, shear, a, h = solution
+    _, V, shear, a, b, h, g = solution
     K, M2, N, G3 = law.K, law.M**2, law.dilatancy, 3 * law.G
-    y = P - a
+    y = P - b
     flow, weight = V + N * shear, G3 / (y * M2)
-    y_V = -K - h
+    y_V = -K - g
     q_V, q_l = -slope * K, viscosity
     # residuals by V and ls
     f_V, f_l = 2 * y * y_V + 2 * q * q_V / M2 - 2 * a * h, 2 * q * q_l / M2
@@ -257,7 +264,8 @@ def _corner_slopes(law, solution, P, q, slope, viscosity, rate):
     determinant = f_V * g_l - f_l * g_V
     # by the trial pressure, the trial shear stress, and the density ratio that determines pc
     f_p, g_p = 2 * y + 2 * q * slope / M2, slope + weight * (slope * flow - q * flow / y)
-    f_x, g_x = -2 * rate * (y + a), weight * q * flow * rate / y
+    rate, shift = rates
+    f_x, g_x = -2 * (shift * y + rate * a), weight * q * flow * shift / y
     V_p, l_p = (-f_p * g_l + f_l * g_p) / determinant, (-f_V * g_p + g_V * f_p) / determinant
     V_q, l_q = -f_l / determinant, f_V / determinant
     V_x, l_x = (-f_x * g_l + f_l * g_x) / determinant, (-f_V * g_x + g_V * f_x) / determinant

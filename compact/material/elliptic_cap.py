@@ -1,20 +1,20 @@
 """Elliptic cap with Heckel hardening: constants, hardening and return mapping of one material point.
 
-    f = q^2/M^2 + r y^2 - a^2 <= 0,    a = (pc + pt)/2,  c = (pc - pt)/2,  compression positive
+    f = q^2/M^2 + r y^2 - a^2 <= 0,    a = (pc + pt)/2,  c = (pc - pt)/2 + u,  compression positive
     cap             p > c:           y = p - c,   r = 1
     flat part       p0 <= p <= c:    y = 0
     subcritical     p < p0:          y = p - p0,  r = a^2/(p0 + pt)^2
 
 p is the mean pressure and q the von Mises stress. The full ellipse has p0 = c and no flat part; otherwise p0 =
-min(c, 0). Flow is associated; pc hardens with the plastic volumetric strain V, k = k_n exp(V). Return mapping by
-backward Euler with the plastic multiplier m results in
+min(c, 0). Flow is associated; pc hardens with the plastic volumetric strain V, k = k_n exp(V), up to the saturation
+limit. Beyond, the reaction u rises by K_s dV and only c moves. Return mapping by backward Euler with the plastic multiplier m results in
 
     p = p_tr - K V,  V = 2 m r y,    q = q_tr/(1 + 6 G m/M^2),    f(p, q, pc(k)) = 0,
 
-where tr denotes the elastic trial state. Plastic flow moves p and c towards one another and ends before they coincide,
+where tr denotes the elastic trial state, c and a move with V. Plastic flow moves p and c towards one another and ends before they coincide,
 so that the trial state determines the side. One unknown remains: x >= 0 of V = A x/((1 + x) K), where A is the trial
 pressure beyond the flat part. Without hardening x = 2 r K m. As x grows from 0 the stress moves inwards, from f > 0 to
-y = 0 and q = 0. A root always exists, and is unique if H = dpc/dV < 12 G/M^2. With N^2 = f + a^2 the ratio a/N is
+y = 0 and q = 0. A root always exists, and is unique if H = dpc/dV < 12 G/M^2. Beyond the limit H = 0. With N^2 = f + a^2 the ratio a/N is
 nearly linear in x; Newton's method on a/N = 1 is safeguarded by bisection.
 
 References
@@ -23,11 +23,11 @@ J. C. Simo and T. J. R. Hughes, Computational Inelasticity, Springer 1998, chapt
 R. W. Heckel, Trans. Metall. Soc. AIME 221 (1961) 671 (hardening curve).
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, HECKEL_MIN_PRESSURE, Compaction, DruckerPragerCap
+from compact.material.laws import HECKEL_MIN_PRESSURE, Compaction, DruckerPragerCap
 from compact.numerics.jit import compiled, internal
 
 RESIDUAL_TOLERANCE = 1e-13  # [-], |a/N - 1| at convergence of Newton's method
@@ -57,6 +57,10 @@ class CapConstants(NamedTuple):
         `Compaction.tensile_offset` [-].
     elastic : tuple of float
         Coefficients of g, `Compaction.elastic_polynomial` [-].
+    span : float
+        1/(K_H K) of the elastic strain in it [-].
+    limit, saturation : float
+        Saturation limit k_s [-], and modulus K_s of the reaction beyond it [Pa].
     flat : bool
         True for a flat subcritical side.
     line : bool
@@ -75,7 +79,10 @@ class CapConstants(NamedTuple):
     offset: float
     porosity: float
     bias: float
-    elastic: tuple[float, float, float]
+    elastic: tuple[float, float, float, float]
+    span: float
+    limit: float
+    saturation: float
     loose: float
     flat: bool
     line: bool
@@ -108,7 +115,10 @@ def cap_constants(law: Compaction, rate_factor: float, travel: float = np.inf) -
         offset=offset,
         porosity=float((1 - law.loose_density_ratio) * np.exp(-HECKEL_MIN_PRESSURE - offset)),
         bias=float(law.tensile_offset),
-        elastic=law.elastic_polynomial,
+        elastic=cast(tuple[float, float, float, float], law.elastic_polynomial),
+        span=float(1 / (law.heckel_slope * law.bulk_modulus)),
+        limit=float(law.saturation_limit),
+        saturation=float(law.saturation_modulus),
         loose=float(law.loose_density_ratio),
         flat=law.dry_side == "flat",
         line=line is not None,
@@ -134,15 +144,13 @@ def hardening(law: CapConstants, k: float) -> tuple[float, float]:
     pc, H : float
         Preconsolidation pressure and its derivative dpc/dV by the plastic volumetric strain [Pa].
     """
-    inside = min(k, HECKEL_MAX_DENSITY_RATIO)
+    inside = min(k, law.limit)
     x = inside / (1 - inside)
     gain, gain_x = _elastic_gain(law, x)
     curve = np.log((1 - law.loose) / (1 - inside))
     xi = curve - law.offset + (curve + law.bias) * gain
     stiffness = x * (1 + gain) + (curve + law.bias) * gain_x * x * (1 + x)
-    if k > HECKEL_MAX_DENSITY_RATIO:
-        xi += stiffness * np.log(k / HECKEL_MAX_DENSITY_RATIO)
-    rise = stiffness / law.slope
+    rise = stiffness / law.slope if k < law.limit else 0.0
     if xi >= HECKEL_MIN_PRESSURE:
         return xi / law.slope, rise
     fading = np.exp(2 * (xi - HECKEL_MIN_PRESSURE) / HECKEL_MIN_PRESSURE)
@@ -152,8 +160,25 @@ def hardening(law: CapConstants, k: float) -> tuple[float, float]:
 @internal
 def _elastic_gain(law, x):
     """Return g and dg/dx at x = k/(1 - k), by which elastic strain of confined compression raises pc + pt."""
-    c0, c1, c2 = law.elastic
-    return x * x * (c0 + x * (c1 + x * c2)), x * (2 * c0 + x * (3 * c1 + x * 4 * c2))
+    c0, c1, c2, c3 = law.elastic
+    share = 1 / (1 + x * law.span)
+    z = x * share
+    gain_z = z * (2 * c0 + z * (3 * c1 + z * (4 * c2 + z * 5 * c3)))
+    return z * z * (c0 + z * (c1 + z * (c2 + z * c3))), gain_z * share * share
+
+
+@compiled
+def reaction(law: CapConstants, k: float) -> tuple[float, float]:
+    """Evaluate the reaction of saturated mix, as `Compaction.saturation_pressure`.
+
+    Returns
+    -------
+    u, U : float
+        Reaction and its derivative du/dV by the plastic volumetric strain [Pa].
+    """
+    if k < law.limit:
+        return 0.0, 0.0
+    return law.saturation * np.log(k / law.limit), law.saturation
 
 
 @compiled
@@ -188,7 +213,7 @@ def return_map(law: CapConstants, p: float, q: float, k: float, densest: float, 
     surface = yield_surface(law, p, densest)
     if is_elastic(law, p, q, surface):
         return 0, p, 1.0, k, densest, 0.0, 0.0, NO_SLOPES
-    a, p0, _, r, rate = surface
+    a, p0, _, r, rate, _ = surface
     if r != 0:
         return return_to_curve(law, surface, p, q, k, densest, guess)
     # the flat part, q <= M a
@@ -222,17 +247,17 @@ def yield_surface(law: CapConstants, p: float, densest: float) -> tuple:
         Half the length of the ellipse, end of the flat part and start of the curved part [Pa].
     r : float
         Aspect of the curved part [-], 0 on the flat part.
-    rate : float
-        Derivative da/d ln k [Pa].
+    rate, shift : float
+        Derivatives da/d ln k and dc/d ln k [Pa].
     """
-    pc, H = hardening(law, densest)
-    a, c = (pc + law.pt) / 2, (pc - law.pt) / 2
+    (pc, H), (u, U) = hardening(law, densest), reaction(law, densest)
+    a, c = (pc + law.pt) / 2, (pc - law.pt) / 2 + u
     p0 = min(c, 0.0) if law.flat else c
     if p > c or p0 == c:
-        return a, p0, c, 1.0, H / 2
+        return a, p0, c, 1.0, H / 2, H / 2 + U
     if p0 <= p or law.pt == 0:  # without tensile strength p >= 0
-        return a, p0, p0, 0.0, H / 2
-    return a, p0, p0, (a / law.pt) ** 2, H / 2
+        return a, p0, p0, 0.0, H / 2, H / 2 + U
+    return a, p0, p0, (a / law.pt) ** 2, H / 2, H / 2 + U
 
 
 @internal
@@ -252,7 +277,7 @@ def is_elastic(law: CapConstants, p: float, q: float, surface: tuple) -> bool:
     -------
     bool
     """
-    a, p0, start, r, _ = surface
+    a, p0, start, r, _, _ = surface
     if r == 0:
         return p >= p0 and q <= law.M * a
     return q * q / law.M**2 + r * (p - start) ** 2 <= (a * (1 + 2 * RESIDUAL_TOLERANCE)) ** 2
@@ -280,22 +305,23 @@ def return_to_curve(law, surface, p_trial, q_trial, k, densest, guess) -> tuple:
     tuple
         As of `return_map`.
     """
-    a_before, _, start, r, rate = surface
+    a_before, _, start, r, rate, shift = surface
     distance = max(abs(p_trial - start), MIN_TRIAL_DISTANCE * a_before)
     A = distance if p_trial >= start else -distance
     onset = np.log(densest / k) if law.flat else 0.0  # V at which hardening starts
     d_trial, b, pc = q_trial / law.M, 6 * law.G / law.M**2, 2 * a_before - law.pt
     x, low, high, iterations = guess, 0.0, np.inf, MAX_ITERATIONS + 1
-    V, y, a, h, m, scale, N = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
+    V, y, a, h, g, m, scale, N = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
     for iteration in range(MAX_ITERATIONS):
-        # V, y, a, h = da/dV, m, scale = q/q_trial, N = sqrt(d^2 + r y^2) with d = q/M, and dN/dV at x
+        # V, y, a, h = da/dV, g = dc/dV, m, scale = q/q_trial, N = sqrt(d^2 + r y^2) with d = q/M, and dN/dV at x
         outer = 1 / (1 + x)
         V = A / law.K * (x * outer)
-        rise, H = 0.0, 0.0
+        rise, h, u_rise, g = 0.0, 0.0, 0.0, 0.0
         if not law.flat or onset < V:
-            rise, H = pressure_rise(law, densest, V - onset, pc)
-        a, h = a_before + rise / 2, H / 2
-        y, dy = A * outer - rise / 2, -law.K - h
+            rise, H, u_rise, U = pressure_rise(law, densest, V - onset, pc)
+            h, g = H / 2, H / 2 + U
+        a = a_before + rise / 2
+        y, dy = A * outer - rise / 2 - u_rise, -law.K - g
         ry = r * y
         inverse = 1 / (2 * ry)
         m = V * inverse
@@ -325,19 +351,21 @@ def return_to_curve(law, surface, p_trial, q_trial, k, densest, guess) -> tuple:
     k *= np.exp(V)
     densest = max(k, densest) if law.flat else k
     end_a = (hardening(law, densest)[0] + law.pt) / 2
-    if r == 1.0:  # c depends on pc
-        start = end_a - law.pt
+    if r == 1.0:  # c depends on pc and u
+        start = end_a - law.pt + reaction(law, densest)[0]
     p = start + y * (end_a / N)  # a/N removes the remaining residual
     scale *= end_a / N
     q = q_trial * scale
     work = p * V + q * (q_trial - q) / (3 * law.G)
     hardens = not law.flat or onset < V
-    return iterations, p, scale, k, densest, work, x, _slopes(law, (y, end_a, h, m, scale), r, q, rate, hardens)
+    rates = (h, g) if hardens else (rate, shift)
+    slopes = _slopes(law, (y, end_a, h, g, m, scale), r, q, rates, hardens)
+    return iterations, p, scale, k, densest, work, x, slopes
 
 
 @internal
-def pressure_rise(law: CapConstants, k: float, V: float, pc: float) -> tuple[float, float]:
-    """Compute the rise of pc by a plastic volumetric strain, without cancellation on Heckel's curve.
+def pressure_rise(law: CapConstants, k: float, V: float, pc: float) -> tuple[float, float, float, float]:
+    """Compute the rises of pc and u by a plastic volumetric strain, without cancellation on Heckel's curve.
 
     Parameters
     ----------
@@ -352,47 +380,54 @@ def pressure_rise(law: CapConstants, k: float, V: float, pc: float) -> tuple[flo
 
     Returns
     -------
-    rise, H : float
-        pc(k exp V) - pc(k), and dpc/dV after the strain [Pa].
+    rise, H, u_rise, U : float
+        pc(k exp V) - pc(k), dpc/dV after the strain, and the same of u [Pa].
     """
     gain = k * np.expm1(V)
-    low_k, high_k = min(k, k + gain), max(k, k + gain)
-    if high_k <= HECKEL_MAX_DENSITY_RATIO and 1 - low_k < law.porosity:
-        x, rise = (k + gain) / (1 - k - gain), -np.log1p(-gain / (1 - k))
+    end, u_rise, U, H_share = k + gain, 0.0, 0.0, 1.0
+    if max(k, end) >= law.limit:  # pc follows the part of the strain below the limit, u the other
+        beyond = np.log(k / law.limit)
+        u_rise = law.saturation * (max(beyond + V, 0.0) - max(beyond, 0.0) if beyond < 0 or beyond + V < 0 else V)
+        if end >= law.limit:
+            U, H_share = law.saturation, 0.0
+        k, end = min(k, law.limit), min(end, law.limit)
+        gain = end - k
+    if 1 - min(k, end) < law.porosity:
+        x, rise = end / (1 - end), -np.log1p(-gain / (1 - k))
         before, _ = _elastic_gain(law, k / (1 - k))
         after, after_x = _elastic_gain(law, x)
         curve = (pc * law.slope + law.offset + law.bias) / (1 + before)  # ln[(1 - k0)/(1 - k)] + bias
-        total = rise * (1 + after) + curve * (after - before)
-        return total / law.slope, (x * (1 + after) + (curve + rise) * after_x * x * (1 + x)) / law.slope
-    pc_end, H = hardening(law, k + gain)
-    if low_k >= HECKEL_MAX_DENSITY_RATIO:
-        return H * V, H
-    return pc_end - pc, H
+        total = (rise * (1 + after) + curve * (after - before)) / law.slope
+        H = (x * (1 + after) + (curve + rise) * after_x * x * (1 + x)) / law.slope
+    else:
+        pc_end, H = hardening(law, end)
+        total = pc_end - pc
+    return total, H_share * H, u_rise, U
 
 
 @internal
-def _slopes(law, solution, r, q, rate, hardens):
+def _slopes(law, solution, r, q, rates, hardens):
     """Return the slopes of `return_map` by the implicit derivatives of V = 2 m r y and f = 0.
+
+    `rates` are the derivatives of a and c by the logarithm of the density ratio that determines them.
 
     At constant V and m, let f/2 change by f' and V - 2 m r y by t. The solution then changes by
 
         V' = (2 r y f' + Q t)/D,    m' = (along f' - E t)/D
     """
-    y, a, h, m, scale = solution
+    y, a, h, g, m, scale = solution
     K, M2 = law.K, law.M**2
     b = 6 * law.G / M2
-    along, E, Q = 1 + 2 * r * m * (K + h), r * y * (K + h) + a * h, b * (q / law.M) ** 2 * scale
+    along, E, Q = 1 + 2 * r * m * (K + g), r * y * (K + g) + a * h, b * (q / law.M) ** 2 * scale
     D = along * Q + 2 * r * y * E
     by_m = -scale * scale * b  # d scale/dm
     # by the trial state: f' = r y p' + 1.5 (scale/M)^2 s', t = 2 m r p'
     f_s = 1.5 * scale * scale / M2
     V_p, V_s = 2 * r * (r * y * y + m * Q) / D, 2 * r * y * f_s / D
     scale_p, scale_s = by_m * r * (y - 2 * m * a * h) / D, by_m * along * f_s / D
-    # by the logarithm of the density ratio that determines a
-    if hardens:
-        rate = h
-    if r == 1.0:  # c moves with a
-        f, t = -rate * (y + a), -2 * m * rate
+    rate, shift = rates
+    if r == 1.0:  # c moves too
+        f, t = -shift * y - rate * a, -2 * m * shift
     else:  # r is proportional to a^2
         f, t = rate * (r * y * y / a - a), 4 * m * r * y * rate / a
     V_x, scale_x = (2 * r * y * f + Q * t) / D, by_m * (along * f - E * t) / D

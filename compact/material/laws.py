@@ -32,7 +32,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compact.material.confined_compression import elastic_polynomial
+from compact.material.confined_compression import TERMS, elastic_polynomial
 from compact.numerics import Array
 from compact.numerics.validation import (
     as_numbers,
@@ -44,7 +44,9 @@ from compact.numerics.validation import (
     require_positive,
 )
 
-HECKEL_MAX_DENSITY_RATIO = 0.99  # [-], end of measured curves; beyond, pc keeps the modulus k dpc/dk of the curve
+MEASURED_DENSITY_RATIO = 0.99  # [-], end of measured curves; beyond, Heckel's curve is extrapolated to the limit
+SATURATION_LIMIT = 0.998  # [-], prior of the density ratio at which the last air voids are closed
+SATURATION_MODULUS = 0.8e9  # [Pa], of grains and water beyond it; their 8 GPa change a load by 0.1 %, at lost digits
 REFERENCE_RATE = 1e-3  # [1/s], of a laboratory compression test: some 5 % of strain in a minute
 HECKEL_MIN_PRESSURE = 0.01  # [-], K_H pc below which pc departs from the curve and tends to half of this value
 
@@ -144,10 +146,16 @@ class Viscoelastic(Elastic):
 class Compaction:
     """Irreversible compaction: an elliptic cap that hardens along Heckel's curve, elastic inside.
 
-        f = q^2/M^2 + (p + pt)(p - pc) <= 0,  associated flow,  dk/k = plastic volumetric strain
-        pc(k) = ln[(1 - k0)/(1 - k)]/K_H * [1 + m ln(1 + rate/reference_rate)]
+        f = q^2/M^2 + (p - u + pt)(p - u - pc) <= 0,  associated flow,  dk/k = plastic volumetric strain
+        pc(k) = ln[(1 - k0)/(1 - min(k, k_s))]/K_H * [1 + m ln(1 + rate/reference_rate)]
+        u(k) = K_s ln max(k/k_s, 1)
 
-    p is the mean pressure and q the von Mises stress, compression positive; k is the density ratio. A Heckel curve of
+    p is the mean pressure and q the von Mises stress, compression positive; k is the density ratio at rest. No mix is
+    denser than the saturation limit k_s. There grains and water carry any further mean stress: the reaction u keeps k
+    near k_s, and the strength grows no more, as in undrained mix. u is a constraint, not the pressure of the pore
+    water, and remains after unloading.
+
+    A Heckel curve of
     confined compression, s_v = ln[(1 - k0)/(1 - k)]/K_H, is satisfied by
 
         pc(k) = [s_v(k) + pt] (1 + g)/A - pt,    A = (1 + sqrt(1 + 4 M^2/9))/2,
@@ -182,6 +190,10 @@ class Compaction:
     heckel_test : {"isotropic", "confined"}
         Test of Heckel's curve: isotropic compression, whose pressure is pc, or confined compression, whose vertical
         stress determines pc.
+    saturation_limit : float
+        k_s, density ratio that mix at rest does not exceed [-], above the initial one, below 1.
+    saturation_modulus : float
+        K_s of grains and water beyond it [Pa], > 0; it bounds the excess to u/K_s.
     """
 
     unloading_modulus: float
@@ -195,12 +207,15 @@ class Compaction:
     reference_rate: float = REFERENCE_RATE
     dry_side: SubcriticalSide = "flat"
     heckel_test: HeckelTest = "isotropic"
+    saturation_limit: float = SATURATION_LIMIT
+    saturation_modulus: float = SATURATION_MODULUS
 
     def __post_init__(self) -> None:
-        moduli = "unloading_modulus heckel_slope loose_density_ratio critical_slope reference_rate"
+        moduli = "unloading_modulus heckel_slope loose_density_ratio critical_slope reference_rate saturation_modulus"
         require_fields(self, positive=moduli, nonnegative="tensile_strength rate_sensitivity")
         require_poisson(self.poisson)
-        require_inside(self.loose_density_ratio, 1, fed_density_ratio=self.fed_density_ratio)
+        require_inside(self.loose_density_ratio, 1, saturation_limit=self.saturation_limit)
+        require_inside(self.loose_density_ratio, self.saturation_limit, fed_density_ratio=self.fed_density_ratio)
         require_known("dry_side", self.dry_side, get_args(SubcriticalSide))
         require_known("heckel_test", self.heckel_test, get_args(HeckelTest))
 
@@ -238,12 +253,12 @@ class Compaction:
         return self.heckel_slope * self.tensile_strength if self.heckel_test == "confined" else 0.0
 
     @property
-    def elastic_polynomial(self) -> tuple[float, float, float]:
+    def elastic_polynomial(self) -> tuple[float, ...]:
         """Coefficients of the factor 1 + g by which elastic strain raises pc + pt in confined compression [-].
 
-        g = x^2 (c0 + c1 x + c2 x^2) with x = k/(1 - k); zero for an isotropic curve.
+        g = z^2 (c0 + c1 z + c2 z^2 + c3 z^3) with z = x/(1 + x/(K_H K)), x = k/(1 - k); zero for an isotropic curve.
         """
-        return elastic_polynomial(self, HECKEL_MAX_DENSITY_RATIO) if self.heckel_test == "confined" else (0.0, 0.0, 0.0)
+        return elastic_polynomial(self, self.saturation_limit) if self.heckel_test == "confined" else (0.0,) * TERMS
 
     def yield_pressure(self, density_ratio: ArrayLike) -> Array:
         """Compute the preconsolidation pressure pc(k) [Pa] at rest.
@@ -260,21 +275,34 @@ class Compaction:
 
         Notes
         -----
-        Heckel's curve is used up to k = 0.99. Beyond, pc continues along the tangent of the curve over ln k. It stays
-        finite there, and k may exceed 1, outside the range of validity. Mix at rest bears zero stress. pc therefore
-        tends to a small positive value near k0, and where a curve of confined compression lies below the stress that
-        the tensile strength carries. Both transitions are smooth.
+        Heckel's curve is used up to the saturation limit, beyond which pc is constant. Mix at rest bears zero stress.
+        pc therefore tends to a small positive value near k0, and where a curve of confined compression lies below the
+        stress that the tensile strength carries. The transition is smooth.
         """
-        k, bias = np.asarray(density_ratio, dtype=float), self.tensile_offset
-        inside = np.minimum(k, HECKEL_MAX_DENSITY_RATIO)
-        x, (c0, c1, c2) = inside / (1 - inside), self.elastic_polynomial
-        gain, gain_x = x * x * (c0 + x * (c1 + x * c2)), x * (2 * c0 + x * (3 * c1 + x * 4 * c2))
+        inside = np.minimum(np.asarray(density_ratio, dtype=float), self.saturation_limit)
+        x = inside / (1 - inside)
+        z = x / (1 + x / (self.heckel_slope * self.bulk_modulus))
+        gain = z * z * np.polynomial.polynomial.polyval(z, self.elastic_polynomial)
         curve = np.log((1 - self.loose_density_ratio) / (1 - inside))
-        stiffness = x * (1 + gain) + (curve + bias) * gain_x * x * (1 + x)
-        curve = curve - self.isotropic_offset + (curve + bias) * gain
-        curve = curve + stiffness * np.log(np.maximum(k / HECKEL_MAX_DENSITY_RATIO, 1))
+        curve = curve - self.isotropic_offset + (curve + self.tensile_offset) * gain
         level = np.expm1(2 * np.minimum(curve / HECKEL_MIN_PRESSURE - 1, 0)) * HECKEL_MIN_PRESSURE / 2
         return (np.maximum(curve, HECKEL_MIN_PRESSURE) + level) / self.isotropic_slope
+
+    def saturation_pressure(self, density_ratio: ArrayLike) -> Array:
+        """Compute the reaction u(k) of saturated mix [Pa]; 0 up to the saturation limit.
+
+        Parameters
+        ----------
+        density_ratio : array_like
+            Largest density ratio so far [-], > 0.
+
+        Returns
+        -------
+        ndarray
+            Reaction u [Pa].
+        """
+        excess = np.log(np.maximum(np.asarray(density_ratio, dtype=float) / self.saturation_limit, 1.0))
+        return np.asarray(self.saturation_modulus * excess)
 
     def rate_factor(self, rate: float) -> float:
         """Return the factor 1 + m ln(1 + rate/reference_rate) of pc at a rate of compaction [1/s], >= 0."""
@@ -285,10 +313,11 @@ class Compaction:
 class DruckerPragerCap(Compaction):
     """Irreversible compaction: an elliptic cap with the shear line of Drucker and Prager on its subcritical side.
 
-        cap   f = q^2/Mc^2 + P (P - C) <= 0    P >= kappa C,       associated flow
-        line  f = q - M P <= 0                 0 <= P <= kappa C,  plastic potential q - N P, no hardening
+        cap   f = q^2/Mc^2 + (P - u)(P - u - C) <= 0    P above the line,  associated flow
+        line  f = q - M P <= 0                          0 <= P,            plastic potential q - N P, no hardening
 
-    P = p + pt and C = pc + pt; both intersect at kappa = Mc^2/(Mc^2 + M^2). The tension cut-off is P = 0. The slope Mc
+    P = p + pt and C = pc + pt; without the reaction u both intersect at P/C = Mc^2/(Mc^2 + M^2). Below the centre of
+    the cap q <= Mc C/2. The tension cut-off is P = 0. The slope Mc
     of the cap, `critical_slope`, determines the earth pressure in confined compression; M and N determine the angles of
     friction and dilatancy. pc depends on the largest k so far, so that dilatant shear does not soften the cap.
 

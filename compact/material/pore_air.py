@@ -25,14 +25,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
+from compact.material.laws import MEASURED_DENSITY_RATIO
 from compact.material.mix import GRAIN_DENSITY, OCCLUSION_SATURATION, WATER_DENSITY
 from compact.numerics import Array
 from compact.numerics.validation import require_between, require_fields, require_positive
 
 AIR_VISCOSITY = 1.8e-5  # [Pa s], of air at 20 degrees Celsius
 ATMOSPHERIC_PRESSURE = 101325.0  # [Pa], absolute
-MIN_VOID_RATIO = 1 / HECKEL_MAX_DENSITY_RATIO - 1  # [-], air voids at the end of measured pressure curves
+MIN_VOID_RATIO = 1 / MEASURED_DENSITY_RATIO - 1  # [-], air voids at the end of measured pressure curves
 BOUND_WIDTH = 0.25  # [-], of the least voids, over which they are approached
 OCCLUDED_SHARE = 1e-9  # [-], least permeability over that as fed; the slow tests of pressure curves are drained
 

@@ -21,7 +21,7 @@ from compact.analysis.stages.verdict import Verdict, sizing_model
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.ranking import CRITERIA, first_of
-from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
+from compact.material.laws import MEASURED_DENSITY_RATIO
 from compact.report.tables import TableSpec, format_column, format_percent
 from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.schema import Overrides
@@ -57,7 +57,7 @@ def _macros() -> Any:
         changed_firsts, coverage, first_measurement, fitted_inputs, infinite_laws, other_verdicts,
     )  # fmt: skip
     environment.globals |= {each.__name__: each for each in functions}
-    environment.globals |= {"CRITERIA": CRITERIA, "AIR": AIR, "DRIVE": DRIVE, "FULL": HECKEL_MAX_DENSITY_RATIO}
+    environment.globals |= {"CRITERIA": CRITERIA, "AIR": AIR, "DRIVE": DRIVE, "FULL": MEASURED_DENSITY_RATIO}
     return environment.get_template("sentences.j2").module
 
 

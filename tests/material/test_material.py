@@ -8,7 +8,7 @@ from mixes import STIFF
 
 from compact.material import cap_plasticity
 from compact.material.laws import (
-    HECKEL_MAX_DENSITY_RATIO,
+    MEASURED_DENSITY_RATIO,
     HECKEL_MIN_PRESSURE,
 )
 
@@ -19,7 +19,7 @@ LOOSEST = 1 - 0.28 * np.exp(-HECKEL_MIN_PRESSURE)  # where pc leaves the curve n
 # closed form
 
 
-@pytest.mark.parametrize("k", [LOOSEST, 0.75, 0.94, 0.98, HECKEL_MAX_DENSITY_RATIO])
+@pytest.mark.parametrize("k", [LOOSEST, 0.75, 0.94, 0.98, MEASURED_DENSITY_RATIO])
 def test_yield_pressure_follows_heckels_curve(k):
     assert MIX.yield_pressure(k) == pytest.approx(np.log(0.28 / (1 - k)) / 13e-6, rel=1e-13)
 
@@ -34,7 +34,7 @@ def test_loose_mix_has_half_of_the_minimum_pressure():
     assert MIX.yield_pressure(np.array([0.5, 1e-9])) == pytest.approx(HECKEL_MIN_PRESSURE / 2 / 13e-6, rel=1e-12)
 
 
-@pytest.mark.parametrize("joint", [LOOSEST, HECKEL_MAX_DENSITY_RATIO])
+@pytest.mark.parametrize("joint", [LOOSEST, MEASURED_DENSITY_RATIO])
 def test_curve_is_smooth_at_its_transitions(joint):
     h = 1e-8
     before, here, after = MIX.yield_pressure(joint + h * np.array([-1, 0, 1]))
@@ -45,12 +45,12 @@ def test_curve_is_smooth_at_its_transitions(joint):
     "mix", [MIX, *(replace(MIX, heckel_test="confined", unloading_modulus=E) for E in (3e6, 60e6))]
 )
 def test_compiled_hardening_equals_that_of_the_law(mix):
-    k = np.concatenate((np.linspace(0.01, 1.5, 600), [LOOSEST, HECKEL_MAX_DENSITY_RATIO]))
+    k = np.concatenate((np.linspace(0.01, 1.5, 600), [LOOSEST, MEASURED_DENSITY_RATIO]))
     constants = cap_plasticity.cap_constants(mix, 1.0)
     pc, modulus = np.array([cap_plasticity.hardening(constants, value) for value in k]).T
     assert pc == pytest.approx(mix.yield_pressure(k), rel=1e-13)
     h = 1e-6
-    smooth = np.minimum(abs(k - LOOSEST), abs(k - HECKEL_MAX_DENSITY_RATIO)) > 2 * h  # not across a joint
+    smooth = np.minimum(abs(k - LOOSEST), abs(k - MEASURED_DENSITY_RATIO)) > 2 * h  # not across a joint
     central = (mix.yield_pressure(k * np.exp(h)) - mix.yield_pressure(k * np.exp(-h))) / (2 * h)
     assert modulus[smooth] == pytest.approx(central[smooth], rel=1e-6, abs=1e-3)
 

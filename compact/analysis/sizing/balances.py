@@ -29,7 +29,7 @@ from scipy.integrate import quad
 from compact.analysis.contact_cases import nearest_speed
 from compact.analysis.stages.contacts import ContactStage
 from compact.analysis.stages.drives import DriveStage, Stages
-from compact.material.laws import HECKEL_MAX_DENSITY_RATIO
+from compact.material.laws import MEASURED_DENSITY_RATIO
 from compact.material.mix import LOOSE_DENSITY_RATIO
 
 FEED_TOLERANCE = 0.1  # [-], of the mix pressed over the mix carried away; feeders are adjusted no better
@@ -118,7 +118,7 @@ def work_balance(stages: Stages) -> WorkBalance:
     if contacts.compacts:  # behind the first pass at the mean speed
         record = contacts.records[nearest_speed((each.speed for each in contacts.records), scene.mean_speed)]
         found = float(record.exit_density_ratio or behind)
-        behind = min(max(found, before), HECKEL_MAX_DENSITY_RATIO)
+        behind = min(max(found, before), MEASURED_DENSITY_RATIO)
     carried = strokes = None
     speed = product.mould_speed or (scene.process and scene.process.mould_speed)
     if speed:

@@ -38,7 +38,7 @@ from compact.engines.compaction.steady_state import (
     Relaxation,
 )
 from compact.material import cap_plasticity
-from compact.material.laws import HECKEL_MAX_DENSITY_RATIO, Compaction, DruckerPragerCap
+from compact.material.laws import MEASURED_DENSITY_RATIO, Compaction, DruckerPragerCap
 from compact.numerics.validation import require_known
 from compact.rolling_contact import (
     HEIGHT_TOLERANCE,
@@ -220,7 +220,7 @@ def _overdense_work(solution: IncrementalRolling) -> float:
     near = frame.solid.point_coordinates[:, 0] > -frame.exit_distance
     area = frame.solid.point_areas * frame.solid.volume_ratio(solution.state.displacement)
     work = np.where(near, np.maximum(work, 0.0), 0.0) * area  # interpolated where elements grow, so never negative
-    overdense = points.density_ratio > HECKEL_MAX_DENSITY_RATIO
+    overdense = points.density_ratio > MEASURED_DENSITY_RATIO
     return float(work[overdense].sum() / work.sum()) if overdense.any() else 0.0
 
 

@@ -9,6 +9,12 @@ It is exact in the uniform zone and interpolated elsewhere. Ahead of the roller 
 interpolated, and the elastic part follows from the displacement; the elastic field of the roller is thus not smeared.
 Behind it the stress itself is interpolated, since interpolated displacements of irreversibly deformed mix would cause
 spurious stresses. The fed mix enters at the front end, and the mix leaves at the rear end with its displacement.
+
+Interpolated density would lose mass. The density ratio at rest therefore follows from the volume,
+
+    k J exp(p/K) = k_in exp(p_in/K),
+
+where J is the volume ratio of the deformation; increments conserve the left side. The densest state is scaled likewise.
 """
 
 from dataclasses import replace
@@ -204,7 +210,22 @@ class RollerFrame:
         smeared = self._convect_points(self._elastic_stress(state.displacement), 0.0)
         ahead = (self.solid.point_coordinates[:, :1] > 0).astype(float)
         points = replace(points, stress=points.stress + ahead * (self._elastic_stress(displacement) - smeared))
-        return SolidState(displacement, points, self._convect_points(state.work, 0.0))
+        return self.of_volume(SolidState(displacement, points, self._convect_points(state.work, 0.0)))
+
+    def of_volume(self, state: SolidState) -> SolidState:
+        """Return a state with the density ratios that conserve the mass of the fed mix in its volume."""
+        ratio, points = 1 / (1 + self.mass_residuals(state)), state.points
+        densities = {name: getattr(points, name) * ratio for name in ("density_ratio", "max_density_ratio")}
+        return replace(state, points=replace(points, **densities))
+
+    def mass_residuals(self, state: SolidState) -> FloatArray:
+        """Return k J exp(p/K) over that of the fed mix, less 1, at the Gauss points [-], shape (n,)."""
+        fed, K = self.initial_state().points, self.solid.material.bulk_modulus
+        elastic = np.exp((fed.stress[:, :3] - state.points.stress[:, :3]).mean(axis=1) / K)
+        volume = self.solid.volume_ratio(state.displacement)
+        if not self.solid.finite:  # whose strains add up
+            volume = np.exp(volume - 1)
+        return np.asarray(state.points.density_ratio / fed.density_ratio * volume * elastic - 1)
 
     def convect_displacement(self, displacement: FloatArray) -> FloatArray:
         """Return the displacement [m], shape (N, 2), after all mix has moved by one step towards -x."""
