@@ -103,28 +103,31 @@ def _table(rows: str) -> dict[str, Quantity]:
 
 # Fields of a contact of one roller, per unit length of the roller
 CONTACT = _table("""
-    speed                | m/s |      | v | speed
-    load                 | N/m | kN/m | P | load
-    resistance           | N/m | kN/m |   | rolling resistance
-    coefficient          | 1   |      |   | rolling-resistance coefficient | resistance over load
-    leading              | m   | mm   |   | leading edge
-    trailing             | m   | mm   |   | trailing edge
-    peak_pressure        | Pa  | kPa  |   | peak contact pressure
-    indentation          | m   | mm   |   | indentation
-    creep                | 1   |      |   | creepage
-    work_residual        | 1   |      |   | energy-balance residual | relative residual
-    exit_density_ratio   | 1   |      | k | exit density ratio
-    exit_height          | m   | mm   |   | exit height
-    lower_height         | m   | mm   |   | height of the lower lift
-    lower_density_ratio  | 1   |      | k | density ratio of the lower lift
-    peak_density_ratio   | 1   |      | k | peak density ratio
-    overdense_work       | 1   |      |   | plastic work beyond the pressure curve over all of it
-    mass_residual        | 1   |      |   | mass-balance residual | relative, of compacting layers only
-    yield_residual       | 1   |      |   | yield-condition residual
-    equilibrium_residual | 1   |      |   | equilibrium residual
-    air_load             | N/m | kN/m |   | load by pore air
-    air_resistance       | N/m | kN/m |   | rolling resistance by pore air
-    air_excess_behind    | Pa  | kPa  |   | largest excess pressure of pore air behind the contact
+    speed                     | m/s |      | v | speed
+    load                      | N/m | kN/m | P | load
+    resistance                | N/m | kN/m |   | rolling resistance
+    coefficient               | 1   |      |   | rolling-resistance coefficient | resistance over load
+    leading                   | m   | mm   |   | leading edge
+    trailing                  | m   | mm   |   | trailing edge
+    peak_pressure             | Pa  | kPa  |   | peak contact pressure
+    indentation               | m   | mm   |   | indentation
+    creep                     | 1   |      |   | creepage
+    work_residual             | 1   |      |   | energy-balance residual | relative residual
+    exit_density_ratio        | 1   |      | k | exit density ratio
+    exit_height               | m   | mm   |   | exit height
+    lower_height              | m   | mm   |   | height of the lower lift
+    lower_density_ratio       | 1   |      | k | density ratio of the lower lift
+    peak_density_ratio        | 1   |      | k | peak density ratio | at rest
+    peak_loaded_density_ratio | 1   |      |   | peak density ratio under load | k exp(p/K), elastic compression included
+    overdense_work            | 1   |      |   | plastic work beyond the pressure curve over all of it
+    overfull_share            | 1   |      |   | section beyond full density | share between the edges, k exp(p/K) > 1
+    density_reset             | 1   |      |   | density reset | largest logarithm of density by volume over interpolated
+    mass_residual             | 1   |      |   | mass-balance residual | relative, of compacting layers only
+    yield_residual            | 1   |      |   | yield-condition residual
+    equilibrium_residual      | 1   |      |   | equilibrium residual
+    air_load                  | N/m | kN/m |   | load by pore air
+    air_resistance            | N/m | kN/m |   | rolling resistance by pore air
+    air_excess_behind         | Pa  | kPa  |   | largest excess pressure of pore air behind the contact
 """)
 SPEED = CONTACT["speed"]
 # Fields of one pass over a compacting layer

@@ -175,8 +175,8 @@ Number = Any  # a float, or None of an engine that does not have it
 NOTHING = np.empty(0)  # of a contact without a profile
 COMPACTED = (  # numbers of engines with irreversible compaction only
     "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
-    "overdense_work", "mass_residual", "yield_residual", "equilibrium_residual",
-    "air_load", "air_resistance", "air_excess_behind",
+    "peak_loaded_density_ratio", "overdense_work", "overfull_share", "density_reset", "mass_residual",
+    "yield_residual", "equilibrium_residual", "air_load", "air_resistance", "air_excess_behind",
 )  # fmt: skip
 COMMON = tuple(name for name in CONTACT if name not in COMPACTED)
 MIN_RESISTANCE_RATIO = 1e-3  # [-], of the load; relative errors of smaller resistances refer to it, theory.md 3.1
@@ -199,8 +199,7 @@ class Roller:
         "spectral" treat "driven" as full slip; "fem" and "compaction" solve stick and slip of a free or driven roller
         under a torque.
     profile : {"parabola", "circle", "deformed"}
-        Gap measured vertically to the parabola, vertically to the circle, or normal to the circle on the deformed
-        surface.
+        Gap vertical to the parabola or to the circle, or normal to the circle on the deformed surface.
     load : float, optional
         Load P per unit roller length [N/m], > 0.
     peak_pressure : float, optional
@@ -401,10 +400,6 @@ class UnsteadyError(RuntimeError):
         return str(self.args[0])
 
 
-def _nothing() -> Array:
-    return NOTHING
-
-
 @dataclass(frozen=True)
 class Contact:
     """Steady contact of a roller with a layer, per unit roller length: the result of every engine, and its record.
@@ -441,18 +436,21 @@ class Contact:
         Height [m] and mean density ratio [-] of the layer behind the roller, if it compacts.
     lower_height, lower_density_ratio : float, optional
         Height [m] and mean density ratio [-] of the lower lift behind the roller.
-    peak_density_ratio : float, optional
-        Largest density ratio of the layer [-].
+    peak_density_ratio, peak_loaded_density_ratio : float, optional
+        Largest density ratio at rest of the layer, and under load of all mix, k exp(p/K) by the bulk modulus K [-].
     overdense_work : float, optional
         Share of the plastic work beyond the measured pressure curve, where the law of the mix extrapolates [-].
+    overfull_share : float, optional
+        Share of the section of the mix between the edges of the contact where k exp(p/K) > 1 [-].
+    density_reset : float, optional
+        Largest |ln| of the density by volume over the interpolated one as states move through the mesh by a step [-].
     mass_residual, yield_residual, equilibrium_residual : float, optional
-        Relative residual of the mass balance, largest stress beyond the cap over its pressure, and relative residual of
-        the forces [-].
+        Relative residual of the mass balance, by finite elements the larger one of the exit and of all points, largest
+        stress beyond the cap over its pressure, and relative residual of the forces [-].
     air_load, air_resistance, air_excess_behind : float, optional
-        Parts of load and resistance by the pore air [N/m], and its largest excess pressure behind the contact [Pa]; of
-        a record.
+        Load and resistance by the pore air [N/m], and its largest excess pressure behind [Pa]; of a record.
     passes : tuple of mapping
-        Numbers of all passes in order by the names of `quantities.PASS`, of a record; empty for a linear layer.
+        Numbers of all passes by the names of `quantities.PASS`, of a record; empty for a linear layer.
     layer, roller, material : Layer, Roller, material law, optional
         Case, of an engine whose contacts are starts of others or have fields.
     exit : object
@@ -472,9 +470,9 @@ class Contact:
     resistance: float
     leading: float
     trailing: float
-    x: Array = field(default_factory=_nothing)
-    pressure: Array = field(default_factory=_nothing)
-    shear_traction: Array = field(default_factory=_nothing)
+    x: Array = field(default_factory=NOTHING.copy)
+    pressure: Array = field(default_factory=NOTHING.copy)
+    shear_traction: Array = field(default_factory=NOTHING.copy)
     error: tuple[float, float] | None = None
     work_residual: float | None = None
     peak_pressure: float = np.nan
@@ -489,7 +487,10 @@ class Contact:
     lower_height: Number = None
     lower_density_ratio: Number = None
     peak_density_ratio: Number = None
+    peak_loaded_density_ratio: Number = None
     overdense_work: Number = None
+    overfull_share: Number = None
+    density_reset: Number = None
     mass_residual: Number = None
     yield_residual: Number = None
     equilibrium_residual: Number = None

@@ -47,7 +47,7 @@ TARGETS = MappingProxyType(  # held quantity -> keyword of `Roller`
 )
 
 # parameters of the mix that both laws of compaction take, and those of the cap with a shear line
-COMMON = ("unloading_modulus", "poisson", "heckel_slope", "rate_sensitivity", "reference_rate")
+COMMON = ("unloading_modulus", "poisson", "heckel_slope", "saturation_limit", "rate_sensitivity", "reference_rate")
 DRUCKER_PRAGER = ("friction_angle", "earth_pressure_coefficient", "dilatancy_angle", "shear_viscosity")
 
 

@@ -35,7 +35,10 @@ SPEED_SHARES = tuple(2.0**power for power in range(-4, 2))  # [-], of the mean s
 AFFORDABLE = 0.1  # [s], processor time of a contact of which hundreds may be computed, as a sensitivity needs
 VISCOELASTIC, FLOOR = "viscoelastic part only", "confined floor"  # reasons against an engine that sizes a drive
 LINEAR = ("required_pressure", "effective_modulus", "poisson", "instant_over_relaxed", "relaxation_time")
-PLASTIC = ("heckel_slope", "unloading_modulus", "poisson", "friction_angle", "cohesion", "rate_sensitivity")
+PLASTIC = (
+    "heckel_slope", "unloading_modulus", "poisson", "friction_angle", "cohesion", "saturation_limit",
+    "rate_sensitivity",
+)  # fmt: skip
 FED_DENSITIES = ("layer.fed_density_ratio", "process.feed_density_ratio")
 _LAYERED = ("contact.speeds", "contact.indentation")
 OWN_KEYS: dict[str, tuple[str, ...]] = {  # kind of the cases -> keys and tables that not every engine reads

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from compact.material.laws import REFERENCE_RATE, require_poisson
+from compact.material.laws import REFERENCE_RATE, SATURATION_LIMIT, require_poisson
 from compact.numerics import Array
 from compact.numerics.validation import (
     require_between,
@@ -101,6 +101,32 @@ class Parameter:
             return float(self.low * (self.high / self.low) ** share)
         return float(self.low + share * (self.high - self.low))
 
+    def spread_about(self, value: float, share: float | None = None) -> tuple[float, float]:
+        """Return the spread in proportion about another value, or a share of that value on both sides.
+
+        The saturation limit is measured from 1: its spread is that of the last air voids.
+
+        Parameters
+        ----------
+        value : float
+            Other value, in `unit`.
+        share : float, optional
+            Half-width over the value [-]; that of the spread by default, whose own value must not be 0.
+
+        Examples
+        --------
+        >>> limit = prior(0.10, 0.98).parameter("saturation_limit")
+        >>> "{:.4f} to {:.4f}".format(*limit.spread_about(0.999))
+        '0.9975 to 0.9995'
+        """
+        origin = 1.0 if self.name == "saturation_limit" else 0.0
+        if share is None:
+            factors = [(end - origin) / (self.value - origin) for end in (self.low, self.high)]
+        else:
+            factors = [1 - share, 1 + share]
+        low, high = sorted(origin + factor * (value - origin) for factor in factors)
+        return low, high
+
 
 @dataclass(frozen=True)
 class Mix:
@@ -159,6 +185,7 @@ _TWO_SIDED = f"two-sided contact, no compaction; {_HECKEL_CURVE}"
 _LOOSE = "cohesion of loose mix, that of the product without a measurement"
 _PERMEABILITY = "intrinsic, of the fed mix: silty to sandy soils at its saturation"
 _VISCOSITY = "keeps bands of shear wider than elements; not measured"
+_CLOSED = "judgement: the last air voids close there; no measurement"
 _JAKY = "1 - sin(friction_angle) of normally consolidated soils (Jaky)"
 
 # unit, flag and source as of `Parameter`, and spread: a factor x, an amount +-, or the bounds
@@ -181,6 +208,7 @@ PARAMETERS: dict[str, tuple[str, str, str, tuple[str, *tuple[float, ...]]]] = {
     "earth_pressure_coefficient": ("-", "analogous", _JAKY, ("+-", 0.05)),
     "dilatancy_angle": ("deg", "assumed", "loose mix shears at constant volume", ("to", 0.0, 5.0)),
     "shear_viscosity": ("Pa m", "assumed", _VISCOSITY, ("to", 0.0, 1200.0)),
+    "saturation_limit": ("-", "assumed", _CLOSED, ("to", 0.995, 0.999)),
     "rate_sensitivity": ("-", "analogous", "secondary compression of granular soils, C_alpha/C_c", ("to", 0.01, 0.03)),
     "reference_rate": ("1/s", "assumed", "laboratory compression test", ("x", 10.0)),
     "effective_modulus": ("Pa", "assumed", "secant modulus of (1.5)-(1.6): relaxed_modulus", ("x", 2.5)),
@@ -398,6 +426,7 @@ def _table_values(moisture: float, density_ratio: float) -> dict[str, float]:
         "bulk_density": float(bulk_density(moisture, density_ratio)),
         "saturation": float(saturation(moisture, density_ratio)),
         "heckel_slope": HECKEL_SLOPE * np.exp(np.interp(moisture, moistures, np.log(HECKEL_SLOPE_FACTORS))),
+        "saturation_limit": SATURATION_LIMIT,
         "rate_sensitivity": RATE_SENSITIVITY,
         "reference_rate": REFERENCE_RATE,
         "dilatancy_angle": 0.0,

@@ -206,6 +206,13 @@ LIMITS = (  # key, relation, limit as a formula of other keys, remedy
         "process.product_density_ratio", "above", "max(process.feed_density_ratio, process.fill_density_ratio or 0)",
         "give the density behind the last stroke",
     ),
+    *(
+        (key, "below", "mix.overrides.saturation_limit", "mix at rest is no denser")
+        for key in (
+            "layer.fed_density_ratio", "layer.lower_lift.density_ratio", "process.feed_density_ratio",
+            "process.fill_density_ratio", "process.product_density_ratio", "mix.density_ratio",
+        )
+    ),
 )  # fmt: skip
 KEY_PATH = re.compile(r"[a-z]\w*(?:\.[a-z]\w*)+")
 
@@ -221,7 +228,7 @@ def _limited(key, word, formula, limit, remedy, value, *others: float | None):
         bound = limit(*others)
     except TypeError:  # a key of the limit is absent
         return None
-    if not HOLDS[word](value, bound):
+    if bound is not None and not HOLDS[word](value, bound):
         return f"must be {word} {formula} = {bound:.6g}{unit_of(key)}, got {value:.9g}; {remedy}"
 
 

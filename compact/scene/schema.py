@@ -214,6 +214,7 @@ class Overrides(Table):
     earth_pressure_coefficient: Maybe = optional("the lateral over the vertical stress at the required pressure", lt=1)
     dilatancy_angle: Maybe = or_zero("the angle of dilatancy on the shear line [deg]", le=60)
     shear_viscosity: Maybe = or_zero("the stress per plastic shear strain over the travel [Pa m], 0 for none")
+    saturation_limit: Maybe = key("the density ratio k that mix at rest does not exceed", gt=0.72, lt=1, default=None)
     rate_sensitivity: Maybe = or_zero("the rise m of the yield pressure over ln(rate), 0 for none", le=0.1)
     reference_rate: Maybe = optional("the rate of compaction [1/s] below which the Heckel slope is valid")
     effective_modulus: Maybe = optional("the secant contact modulus E of eqs 1.5, 1.6 [Pa]")

@@ -82,6 +82,7 @@ def test_published_operating_point():
         ("unloading_modulus", 60e6, 240e6, "analogous"),
         ("poisson", 0.23, 0.37, "analogous"),
         ("heckel_slope", 14.3788593e-6 / 1.5, 14.3788593e-6 * 1.5, "calibrated"),  # 13/MPa at the rate of the machine
+        ("saturation_limit", 0.995, 0.999, "assumed"),
         ("rate_sensitivity", 0.01, 0.03, "analogous"),
         ("effective_modulus", 0.5e6, 1.125e6, "calibrated"),
     ],
@@ -91,6 +92,15 @@ def test_every_parameter_has_a_spread_and_a_flag(name, low, high, flag):
     assert (parameter.low, parameter.high) == pytest.approx((low, high), rel=1e-5)
     assert parameter.flag == flag
     assert parameter.origin
+
+
+def test_spread_about_another_value_is_in_proportion_and_that_of_the_limit_in_air_voids():
+    slope, limit = (mix.prior(0.10, 0.98).parameter(name) for name in ("heckel_slope", "saturation_limit"))
+    assert slope.spread_about(20e-6) == pytest.approx((20e-6 / 1.5, 30e-6))
+    assert slope.spread_about(20e-6, 0.1) == pytest.approx((18e-6, 22e-6))
+    assert limit.spread_about(limit.value) == pytest.approx((0.995, 0.999))
+    assert limit.spread_about(0.9999) == pytest.approx((0.99975, 0.99995))
+    assert limit.spread_about(0.99, 0.1) == pytest.approx((0.989, 0.991))
 
 
 @pytest.mark.parametrize("name", ["required_pressure", "plastic_modulus", "relaxed_modulus"])

@@ -120,20 +120,20 @@ def _ranges(stages: Stages) -> dict[str, tuple[float, float, str, str]]:
     by_formula = not (engine.affordable and stages.contacts.speeds)
     keys = [key for key in MACHINE_INPUTS if by_formula or key not in FORMULA_INPUTS]
 
-    def tenth(value: float, unit: str) -> tuple[float, float, str, str]:
-        return value * (1 - VARIATION), value * (1 + VARIATION), SHARE, unit
-
     ranges = {
         f"mix.overrides.{each.name}": (each.low, each.high, PRIOR, each.unit)
         if each.low < each.high
-        else tenth(each.value, each.unit)
+        else (*each.spread_about(each.value, VARIATION), SHARE, each.unit)
         for each in map(mix.parameter, names)
     }
     if new_layer:
         before = scene.layer.fed_density_ratio
         step = VARIATION * (scene.mix.density_ratio - before)
         ranges[DENSITY_INPUT] = (before - step, before + step, PRESSED, INPUT[DENSITY_INPUT].unit)
-    return ranges | {key: tenth(attrgetter(key)(scene), INPUT[key].unit) for key in keys}
+    values = {key: attrgetter(key)(scene) for key in keys}
+    return ranges | {
+        key: ((1 - VARIATION) * value, (1 + VARIATION) * value, SHARE, INPUT[key].unit) for key, value in values.items()
+    }
 
 
 class _RigidPeaks:

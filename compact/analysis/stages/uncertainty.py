@@ -51,7 +51,7 @@ from compact.scene.loader import Scene
 if TYPE_CHECKING:
     from compact.analysis.process import ProcessStudy
 
-SAMPLES = 128  # [-], of the mix by columns; three times the coefficients of a quadratic in seven parameters
+SAMPLES = 128  # [-], of the mix by columns; nearly three times the coefficients of a quadratic in eight parameters
 SOBOL_SAMPLES = 1024  # [-], of the fit; its indices then scatter by less than 0.01
 SEED = 2015  # of both samples
 BAND = (0.05, 0.95)  # [-], quantiles of the resistance over the mix
@@ -471,10 +471,11 @@ def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, f
     ranges = {}
     for name in ENGINES["column"].parameters_of(scene.mix.law):
         value, known = mix.parameter(name).value, typical.parameter(name)
-        low, high = (1 - GIVEN_SPREAD) * value, (1 + GIVEN_SPREAD) * value
-        if known.value and not described.is_marked(f"mix.overrides.{name}", "measured"):
-            low, high = known.low / known.value * value, known.high / known.value * value
-        if low < high and known.value:
+        if not known.value:
+            continue
+        measured = described.is_marked(f"mix.overrides.{name}", "measured")
+        low, high = known.spread_about(value, GIVEN_SPREAD if measured else None)
+        if low < high:
             ranges[name] = (low, high)
     before = _fed(scene)[1]
     step = DENSITY_STEP * (scene.mix.density_ratio - before)

@@ -22,6 +22,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from compact.engines.compaction.finite_strain_kernels import announce_compilation
@@ -90,11 +91,6 @@ class CompactionContactResult(Contact):
     error_parts: ErrorParts = field(default_factory=ErrorParts)
     relaxation: Relaxation = field(default_factory=Relaxation)
 
-    @property
-    def exceeds_full_density(self) -> bool:
-        """True if the density ratio exceeds 1 anywhere, outside the range of the constitutive law."""
-        return self.peak_density_ratio > 1
-
 
 def build_result(
     solution: IncrementalRolling, layer: Layer, roller: Roller, material: Compaction, speed: float
@@ -149,6 +145,7 @@ def build_result(
     rest, _ = cap_plasticity.integrate_points(solid, points, still, frame.solid.rate_factor, tangent=False)
     yield_pressure = solid.yield_pressure(points.max_density_ratio) * frame.solid.rate_factor
     wave = float(max(positions[:, 1].max() - frame.mesh.height, 0.0))
+    loaded = frame.density_under_load(solution.state)
     result = CompactionContactResult(
         load=last.load,
         resistance=last.resistance,
@@ -167,12 +164,18 @@ def build_result(
         elastic_recovery=exit_state.stacked.height - last.bottom_height,
         bow_wave=wave,
         peak_density_ratio=float(frame.to_rows(points.density_ratio)[frame.lower_rows :].max()),
+        peak_loaded_density_ratio=float(loaded.max()),
+        overfull_share=_share_between_edges(solution, loaded > 1, trailing, leading),
+        density_reset=frame.density_reset(solution.state),
         lower_height=None if lower is None else lower.height,
         lower_density_ratio=None if lower is None else lower.density_ratio,
         mass_residual=max(
-            abs(after.solid_height(solid) * length_ratio / before.solid_height(solid) - 1)
-            for after, before in lifts
-            if after is not None and before is not None
+            float(np.abs(frame.mass_residuals(solution.state)).max()),
+            *(
+                abs(after.solid_height(solid) * length_ratio / before.solid_height(solid) - 1)
+                for after, before in lifts
+                if after is not None and before is not None
+            ),
         ),
         equilibrium_residual=last.residual,
         yield_residual=float((np.abs(rest.stress - points.stress).max(axis=1) / yield_pressure).max()),
@@ -211,6 +214,17 @@ def work_residual(solution: IncrementalRolling) -> float:
     # the work of rotation, - (1 + creepage) times the sum of the shear, cancels with its share of the slip
     slip_work = np.sum(surface.weights * solution.contact.shear * sliding)
     return float(abs(resistance - deformation - slip_work) / max(abs(resistance), MIN_RESISTANCE * load))
+
+
+def _share_between_edges(
+    solution: IncrementalRolling, chosen: NDArray[np.bool_], trailing: float, leading: float
+) -> float:
+    """Return the share of chosen Gauss points in the area of deformed mix between the edges of the contact [-]."""
+    solid, displacement = solution.frame.solid, solution.state.displacement
+    x = solid.point_coordinates[:, 0] + np.asarray(solid.basis.interpolate(displacement[:, 0])).ravel()
+    inside = (x > trailing) & (x < leading)
+    area = np.where(inside, solid.point_areas * solid.volume_ratio(displacement), 0.0)
+    return float(area[chosen].sum() / area.sum())
 
 
 def _overdense_work(solution: IncrementalRolling) -> float:

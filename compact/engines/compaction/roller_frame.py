@@ -205,12 +205,20 @@ class RollerFrame:
 
     def convect(self, state: SolidState) -> SolidState:
         """Return the state after all mix has moved by one step towards -x."""
+        return self.of_volume(self.interpolated(state))
+
+    def density_reset(self, state: SolidState) -> float:
+        """Return the largest |ln| of density ratios by volume over interpolated ones in one step of a state [-]."""
+        return float(np.abs(np.log1p(self.mass_residuals(self.interpolated(state)))).max())
+
+    def interpolated(self, state: SolidState) -> SolidState:
+        """Return the state after one step towards -x, with interpolated density ratios."""
         displacement = self.convect_displacement(state.displacement)
         points = state.points.map(self._convect_points, self._fed_points)
         smeared = self._convect_points(self._elastic_stress(state.displacement), 0.0)
         ahead = (self.solid.point_coordinates[:, :1] > 0).astype(float)
         points = replace(points, stress=points.stress + ahead * (self._elastic_stress(displacement) - smeared))
-        return self.of_volume(SolidState(displacement, points, self._convect_points(state.work, 0.0)))
+        return SolidState(displacement, points, self._convect_points(state.work, 0.0))
 
     def of_volume(self, state: SolidState) -> SolidState:
         """Return a state with the density ratios that conserve the mass of the fed mix in its volume."""
@@ -220,12 +228,16 @@ class RollerFrame:
 
     def mass_residuals(self, state: SolidState) -> FloatArray:
         """Return k J exp(p/K) over that of the fed mix, less 1, at the Gauss points [-], shape (n,)."""
-        fed, K = self.initial_state().points, self.solid.material.bulk_modulus
-        elastic = np.exp((fed.stress[:, :3] - state.points.stress[:, :3]).mean(axis=1) / K)
+        before, after = (self.density_under_load(each) for each in (self.initial_state(), state))
         volume = self.solid.volume_ratio(state.displacement)
         if not self.solid.finite:  # whose strains add up
             volume = np.exp(volume - 1)
-        return np.asarray(state.points.density_ratio / fed.density_ratio * volume * elastic - 1)
+        return np.asarray(after / before * volume - 1)
+
+    def density_under_load(self, state: SolidState) -> FloatArray:
+        """Return the density ratio with the elastic compression, k exp(p/K), at the Gauss points [-], shape (n,)."""
+        pressure = -state.points.stress[:, :3].mean(axis=1)
+        return np.asarray(state.points.density_ratio * np.exp(pressure / self.solid.material.bulk_modulus))
 
     def convect_displacement(self, displacement: FloatArray) -> FloatArray:
         """Return the displacement [m], shape (N, 2), after all mix has moved by one step towards -x."""
