@@ -118,10 +118,10 @@ CONTACT = _table("""
     lower_height              | m   | mm   |   | height of the lower lift
     lower_density_ratio       | 1   |      | k | density ratio of the lower lift
     peak_density_ratio        | 1   |      | k | peak density ratio | at rest
-    peak_loaded_density_ratio | 1   |      |   | peak density ratio under load | k exp(p/K), elastic compression included
+    peak_loaded_density_ratio | 1   |      |   | peak density ratio under load | k exp(p/K), with elastic compression
     overdense_work            | 1   |      |   | plastic work beyond the pressure curve over all of it
     overfull_share            | 1   |      |   | section beyond full density | share between the edges, k exp(p/K) > 1
-    density_reset             | 1   |      |   | density reset | largest logarithm of density by volume over interpolated
+    density_reset             | 1   |      |   | density reset | largest log of density by volume over interpolated
     mass_residual             | 1   |      |   | mass-balance residual | relative, of compacting layers only
     yield_residual            | 1   |      |   | yield-condition residual
     equilibrium_residual      | 1   |      |   | equilibrium residual

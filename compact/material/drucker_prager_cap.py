@@ -4,10 +4,10 @@
     line  q <= M P                       P >= 0,   potential q - N P,  dV = -N ls,       de = ls
     cut   P >= 0
 
-with P = p + pt, a = (pc + pt)/2 and b = a + u. Steady rolling (`engines.compaction.rolling`) has q <= M (p' + pt) for the line.
-The carried pressure p' is that of the same place in the last step. Flow with N = 0 is then associated and every
-increment convex; in steady motion p' = p, and the law is the same. Both are q <= m P + l, with m = M, l = 0 or m = 0,
-l = M (p' + pt). A viscous stress n ls may exceed the line, up to the top Mc a of the cap where P < b.
+with P = p + pt, a = (pc + pt)/2 and b = a + u. Steady rolling (`engines.compaction.rolling`) has q <= M (p' + pt) for
+the line. The carried pressure p' is that of the same place in the last step. Flow with N = 0 is then associated and
+every increment convex; in steady motion p' = p, and the law is the same. Both are q <= m P + l, with m = M, l = 0
+or m = 0, l = M (p' + pt). A viscous stress n ls may exceed the line, up to the top Mc a of the cap where P < b.
 
 Backward Euler from the trial state (P_tr, q_tr), with V and e the increments of plastic volume and shear strain:
 

@@ -7,15 +7,16 @@
 
 p is the mean pressure and q the von Mises stress. The full ellipse has p0 = c and no flat part; otherwise p0 =
 min(c, 0). Flow is associated; pc hardens with the plastic volumetric strain V, k = k_n exp(V), up to the saturation
-limit. Beyond, the reaction u rises by K_s dV and only c moves. Return mapping by backward Euler with the plastic multiplier m results in
+limit. Beyond, the reaction u rises by K_s dV and only c moves. Return mapping by backward Euler with the plastic
+multiplier m results in
 
     p = p_tr - K V,  V = 2 m r y,    q = q_tr/(1 + 6 G m/M^2),    f(p, q, pc(k)) = 0,
 
-where tr denotes the elastic trial state, c and a move with V. Plastic flow moves p and c towards one another and ends before they coincide,
-so that the trial state determines the side. One unknown remains: x >= 0 of V = A x/((1 + x) K), where A is the trial
-pressure beyond the flat part. Without hardening x = 2 r K m. As x grows from 0 the stress moves inwards, from f > 0 to
-y = 0 and q = 0. A root always exists, and is unique if H = dpc/dV < 12 G/M^2. Beyond the limit H = 0. With N^2 = f + a^2 the ratio a/N is
-nearly linear in x; Newton's method on a/N = 1 is safeguarded by bisection.
+where tr denotes the elastic trial state, c and a move with V. Plastic flow moves p and c towards one another and ends
+before they coincide, so that the trial state determines the side. One unknown remains: x >= 0 of V = A x/((1 + x) K),
+where A is the trial pressure beyond the flat part. Without hardening x = 2 r K m. As x grows from 0 the stress moves
+inwards, from f > 0 to y = 0 and q = 0. A root always exists, and is unique if H = dpc/dV < 12 G/M^2. Beyond the limit H
+= 0. With N^2 = f + a^2 the ratio a/N is nearly linear in x; Newton's method on a/N = 1 is safeguarded by bisection.
 
 References
 ----------

@@ -8,8 +8,8 @@ from mixes import STIFF
 
 from compact.material import cap_plasticity
 from compact.material.laws import (
-    MEASURED_DENSITY_RATIO,
     HECKEL_MIN_PRESSURE,
+    MEASURED_DENSITY_RATIO,
 )
 
 MIX = replace(STIFF, dry_side="flat")
