@@ -228,15 +228,17 @@ MOTION = _table("""
 TIME = MOTION["time"]
 # Fields in the layer and on its surface
 FIELD = _table("""
-    position        | m    | mm    |   | position x from the lowest generatrix
-    travel_position | m    | mm    |   | position x from the lowest generatrix, positive along the travel
-    height          | m    | mm    | y | height
-    contact_stress  | Pa   | kPa   |   | contact stress
-    pressure        | Pa   | kPa   |   | mean pressure
-    dissipation     | W/m3 | kW/m³ |   | dissipation
-    density_ratio   | 1    |       | k | density ratio
-    plastic_work    | J/m3 | kJ/m³ |   | plastic work
-    air_pressure    | Pa   | kPa   |   | excess pressure of pore air
+    position            | m    | mm    |   | position x from the lowest generatrix
+    travel_position     | m    | mm    |   | position x from the lowest generatrix, positive along the travel
+    height              | m    | mm    | y | height
+    contact_stress      | Pa   | kPa   |   | contact stress
+    pressure            | Pa   | kPa   |   | mean pressure
+    dissipation         | W/m3 | kW/m³ |   | dissipation
+    density_ratio       | 1    |       | k | density ratio | at rest
+    density_under_load  | 1    |       |   | density ratio under load | k exp(p/K), with elastic compression
+    saturation_pressure | Pa   | kPa   | u | saturation reaction | keeps k at the saturation limit; no water pressure
+    plastic_work        | J/m3 | kJ/m³ |   | plastic work
+    air_pressure        | Pa   | kPa   |   | excess pressure of pore air
 """)
 # Results of a forming process along one roller
 PROCESS = _table("""

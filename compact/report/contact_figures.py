@@ -32,6 +32,7 @@ SHOWN_CONTACTS = 2.5  # [-], contact lengths shown on each side
 DEEPEST_RATIO = 2.5  # [-], height over shown half-width, up to which a layer is shown down to its base
 FIELD_PANEL_WIDTH = 3.3  # [inch]
 LEAST_BAND = 0.01  # [-], relative half-width of a band that is drawn
+SATURATED: dict[str, Any] = {"facecolor": "none", "edgecolor": "0.1", "hatch": "/////", "linewidth": 0}
 BASE_LABELS = {"bonded": "rigid base, bonded", "slip": "rigid base, frictionless"}
 
 
@@ -193,7 +194,7 @@ def draw_picture(mesh: "Mesh", contact: Contact | None = None, field: str | None
 def draw_fields(layers: Sequence[tuple["Mesh", Contact | None]], names: Sequence[str] = ()) -> Figure:
     """Draw the fields of an engine on the deformed layer, to scale, a row for each contact.
 
-    Each field has one colour scale for all rows.
+    Each field has one colour scale for all rows. Mix at rest at the saturation limit is hatched.
 
     Parameters
     ----------
@@ -205,6 +206,7 @@ def draw_fields(layers: Sequence[tuple["Mesh", Contact | None]], names: Sequence
     names = names or [name for name in FIELD_COLOURS if name in layers[0][0].cell_data]
     outlines = [_outlines(mesh) for mesh, _ in layers]
     contacts, deep = [contact for _, contact in layers if contact is not None], False
+    limit = getattr(contacts[0].material, "saturation_limit", np.inf) if contacts else np.inf
     (left, low), (right, high) = outlines[0].min(axis=(0, 1)), outlines[0].max(axis=(0, 1))
     if contacts:
         reach = SHOWN_CONTACTS * 1e3 * max(contact.leading - contact.trailing for contact in contacts)
@@ -219,6 +221,7 @@ def draw_fields(layers: Sequence[tuple["Mesh", Contact | None]], names: Sequence
         quantity = FIELD.get(name, Quantity(name, "1"))
         values = [np.asarray(mesh.cell_data[name][0]) * quantity.plot_factor for mesh, _ in layers]
         norm, decades = Normalize(min(map(np.min, values)), max(map(np.max, values))), FIELD_DECADES.get(name)
+        remark = ", black: below the scale" if decades else ""
         if decades is not None:
             most = float(norm.vmax or 0.0)
             norm = LogNorm(most / 10**decades, most) if most > 0 else Normalize(0.0, 1.0)
@@ -228,6 +231,9 @@ def draw_fields(layers: Sequence[tuple["Mesh", Contact | None]], names: Sequence
                 norm=norm, antialiased=False, linewidth=0,
             )  # fmt: skip
             ax.add_collection(shown)
+            if name == "density_ratio" and np.any(each >= limit):
+                ax.add_collection(PolyCollection(outline[each >= limit], **SATURATED))
+                remark = f", hatched: at the limit {limit:g}"
             ax.set_aspect("equal")
             if contact is not None:
                 _draw_surroundings(ax, contact, right, low if deep else None)
@@ -235,7 +241,7 @@ def draw_fields(layers: Sequence[tuple["Mesh", Contact | None]], names: Sequence
         place, tall = column[-1].get_position(), figure.get_size_inches()[1]
         bar = figure.add_axes((place.x0, 0.5 / tall, place.width, 0.13 / tall))
         figure.colorbar(shown, cax=bar, orientation="horizontal", extend="min" if decades else "neither")
-        bar.set_xlabel(quantity.axis_label + (", black: below the scale" if decades else ""))
+        bar.set_xlabel(quantity.axis_label + remark)
     for ax in axes[:, 0]:
         ax.set_ylabel(FIELD["height"].axis_label)
     axes[0, 0].set(xlim=(left, right), ylim=(low, high))  # shared by all

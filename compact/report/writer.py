@@ -330,7 +330,8 @@ def _model_spread(study: Study) -> dict[str, Any] | None:
     if spread is None:
         return None
     bands = {name: getattr(spread, name) for name in ("load", "resistance")}
-    variants = [asdict(each) | json_numbers(each, "load resistance cohesion_loose_Pa") for each in spread.variants]
+    own = "load resistance cohesion_loose_Pa saturation_limit"
+    variants = [asdict(each) | json_numbers(each, own) for each in spread.variants]
     return {name: {"low": low, "high": high, "unit": "1"} for name, (low, high) in bands.items()} | {
         "variants": variants
     }

@@ -103,7 +103,7 @@ def layer_of(pressure, dissipation, height=0.22, speed=0.1, contact=0.05, base="
     )  # fmt: skip
     rolled = SimpleNamespace(
         layer=Layer(height, base=base), roller=Roller(0.11, indentation=0.01), indentation=0.01, speed=speed,
-        leading=contact / 2, trailing=-contact / 2,
+        leading=contact / 2, trailing=-contact / 2, material=None,
     )  # fmt: skip
     return mesh, rolled
 
@@ -155,6 +155,19 @@ def test_picture_has_the_displaced_elements_with_their_density_and_the_roller(la
     assert (middles[:, 1].min(), middles[:, 1].max()) == pytest.approx((15.0, 65.0))  # 25 and 75 mm, lowered by 10
     assert roller.center[1] - roller.radius == pytest.approx(90.0)
     assert scale.get_xlabel() == "density ratio k [-]"
+
+
+def test_mix_at_the_saturation_limit_is_hatched_and_the_scale_says_so(layer):
+    rolled = layer_of([0.0, 0.0], [0.0, 0.0], height=0.1, contact=0.06)[1]
+    rolled.material = SimpleNamespace(saturation_limit=RIGHT)
+    ax, scale = contact_figures.draw_picture(layer, rolled).axes
+    hatched = next(each for each in ax.collections if each.get_hatch())
+    middles = np.array([path.vertices[:4].mean(axis=0) for path in hatched.get_paths()])
+    assert len(middles) == 8
+    assert middles[:, 0].min() > 0
+    assert scale.get_xlabel() == f"density ratio k [-], hatched: at the limit {RIGHT:g}"
+    rolled.material = SimpleNamespace(saturation_limit=RIGHT + 1e-3)
+    assert contact_figures.draw_picture(layer, rolled).axes[1].get_xlabel() == "density ratio k [-]"
 
 
 def test_picture_of_a_file_shows_the_whole_mesh_and_an_unknown_field_is_refused_with_the_known_ones(layer):

@@ -2,8 +2,9 @@
 
 The yield surface of loose mix decides the height of the bow wave ahead of the roller, and no publication states it. The
 contact at the mean speed is therefore computed again by the other law of `[mix]`. "drucker-prager-cap" has the ends of
-the spread of the cohesion of loose mix, too. All contacts hold the quantity that the scene holds. Ratios to the law of
-the scene on the same mesh contain little discretisation error, so that a coarse mesh is sufficient.
+the spread of the cohesion of loose mix, too, and the law of the scene those of the saturation limit, which mix below a
+roller reaches in two dimensions, but not in columns. All contacts hold the quantity that the scene holds. Ratios to the
+law of the scene on the same mesh contain little discretisation error, so that a coarse mesh is sufficient.
 
 A law by which the mix heaps up in front of the roller has no ratio, but the height of the wave and the travel.
 """
@@ -34,6 +35,8 @@ class LawVariant:
         Yield surface.
     cohesion_loose : float or None
         Cohesion of loose mix [Pa]; None for the ellipse, whose subcritical side follows from the cap.
+    saturation_limit : float
+        Density ratio that mix at rest does not exceed [-].
     load, resistance : float or None
         Ratios to the law of the scene [-]; None without a steady state.
     heaping : Heaping or None
@@ -44,6 +47,7 @@ class LawVariant:
 
     law: str
     cohesion_loose: float | None
+    saturation_limit: float
     load: float | None = None
     resistance: float | None = None
     heaping: Heaping | None = None
@@ -90,15 +94,17 @@ def scenes_of_laws(scene: Scene, mix: Mix) -> tuple[Scene, ...]:
     Returns
     -------
     tuple of Scene
-        The scene first; the shear line at the low end, the value and the high end of the cohesion.
+        The scene first; the shear line at the low end, the value and the high end of the cohesion; the ends of the
+        saturation limit.
     """
-    spread, own = mix.parameter("cohesion_loose"), scene.mix.law == LINE
+    spread, limit, own = mix.parameter("cohesion_loose"), mix.parameter("saturation_limit"), scene.mix.law == LINE
     changes: list[dict[str, Any]] = [{"mix.law": "ellipse"}] if own else []
     changes += [
         {"mix.law": LINE, "mix.overrides.cohesion_loose": cohesion}
         for cohesion in dict.fromkeys((spread.low, spread.value, spread.high))
         if not own or cohesion != spread.value
     ]
+    changes += [{"mix.overrides.saturation_limit": end} for end in (limit.low, limit.high) if end != limit.value]
     return scene, *(scene.replaced(**keys) for keys in changes)
 
 
@@ -120,7 +126,8 @@ def contact_by_law(held: HeldQuantity, stage_of: Callable[[Scene, Mix], Any], sc
         With load and resistance of one roller in N/m.
     """
     mix = scene_mix(scene)
-    variant = LawVariant(scene.mix.law, mix.cohesion_loose if scene.mix.law == LINE else None)
+    cohesion = mix.cohesion_loose if scene.mix.law == LINE else None
+    variant = LawVariant(scene.mix.law, cohesion, mix.saturation_limit)
     try:
         rolled = _roll(stage_of(scene, mix), held)
     except (ValueError, RuntimeError) as error:

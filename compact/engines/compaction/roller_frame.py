@@ -380,22 +380,28 @@ class RollerFrame:
         -------
         meshio.Mesh
             Point data: displacement [m], 3 components. Cell data, means of the elements: stress (xx, yy, zz, xy, yz,
-            xz) [Pa], tension positive; mean pressure [Pa], compression positive; density_ratio [-]; plastic_work
-            [J/m3].
+            xz) [Pa], tension positive; mean pressure [Pa], compression positive; saturation_pressure [Pa], the reaction
+            that keeps the density ratio at its limit, not a pressure of water, and remains after unloading;
+            density_ratio at rest and density_under_load, k exp(p/K) [-]; plastic_work [J/m3].
         """
         import meshio
 
         mirror, points, count = np.array([direction, 1.0]), state.points, self.solid.basis.nelems
-        stress = np.zeros((count, 6))
-        stress[:, :4] = points.stress.reshape(count, -1, 4).mean(axis=1) * [1, 1, 1, direction]
-        cells = {"stress": stress, "pressure": -stress[:, :3].mean(axis=1)}
-        for name in ("density_ratio", "plastic_work"):
-            cells[name] = getattr(points, name).reshape(count, -1).mean(axis=1)
+        fields = {
+            "stress": np.pad(points.stress * [1, 1, 1, direction], ((0, 0), (0, 2))),
+            "pressure": -points.stress[:, :3].mean(axis=1),
+            "saturation_pressure": self.solid.material.saturation_pressure(points.max_density_ratio),
+            "density_ratio": points.density_ratio,
+            "density_under_load": self.density_under_load(state),
+            "plastic_work": points.plastic_work,
+        }
         return meshio.Mesh(
             np.pad(self.nodes * mirror, ((0, 0), (0, 1))),
             [("quad8", self.solid.basis.element_dofs.T)],
             point_data={"displacement": np.pad(state.displacement * mirror, ((0, 0), (0, 1)))},
-            cell_data={name: [values] for name, values in cells.items()},
+            cell_data={
+                name: [values.reshape(count, -1, *values.shape[1:]).mean(axis=1)] for name, values in fields.items()
+            },
         )
 
     def layer_bottom(self, displacement: FloatArray, x: float) -> float:
