@@ -27,12 +27,12 @@ from compact.scene.plant_data import Measured
 UNKNOWNS = ("heckel_slope", "fed_density_ratio")
 BROYDEN_LENGTH = 2e-3  # [-], change of the unknowns with half the weight in the update of the slopes
 LOOSE = mix.LOOSE_DENSITY_RATIO
-ASSUMED = ("friction_angle", "cohesion", "unloading_modulus", "poisson")  # further parameters of the mix
+ASSUMED = ("friction_angle", "cohesion", "saturation_limit", "unloading_modulus", "poisson")  # of the mix, not fitted
 START_ANGLE = 0.17  # [rad], largest contact angle of the first trial of the finite elements
 PLANE_STRAIN_FACTOR = 2.8  # [-], approximate load of the finite elements there over that of the column model
 COARSE_INCREMENTS = 4  # of the first fit
 STEADY_TOLERANCE = 1e-3  # [-], of the two forces, in incremental rolling
-SHEAR_KEYS = ("mix.overrides.friction_angle", "mix.overrides.cohesion")  # on which the column model hardly depends
+BEYOND_COLUMNS = tuple(f"mix.overrides.{name}" for name in ASSUMED[:3])  # on which the column model hardly depends
 START_LOGIT = 0.4  # [-], logit of the initial density ratio between loose and required, 0.94 for 0.98
 
 
@@ -284,7 +284,7 @@ def _refitted(
     model: _Model, fit: SpaceMappingFit, values: Sequence[Sequence[float]], scene: Scene, change: Change
 ) -> dict[str, Any]:
     """Fit the column model of a changed scene to the values of the change, with the correction of a fit."""
-    for name in change.keys.keys() & set(SHEAR_KEYS) if fit.history else ():
+    for name in change.keys.keys() & set(BEYOND_COLUMNS) if fit.history else ():
         return {"reason": f"columns do not depend on it; calibrate with --set {name}={change.keys[name]:g}"}
     there = replace(model, scene=scene)
     again = fit_parameters(there.columns, values[int(change.label)], there.start, correction=fit.correction)

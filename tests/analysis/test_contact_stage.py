@@ -55,6 +55,17 @@ def test_scene_gives_the_published_contact(speed, load, resistance):
     assert rolled.resistance == pytest.approx(resistance, rel=1e-4)
 
 
+@pytest.mark.parametrize("engine", ["column", "compaction"])
+@pytest.mark.parametrize("law", ["ellipse", "drucker-prager-cap"])
+def test_every_law_of_compaction_has_the_saturation_limit_of_the_scene(law, engine):
+    scene = load_scene(SMALL, **{"mix.law": law, "accuracy.engine": engine})
+    limits = []
+    for changed in (scene, scene.replaced(**{"mix.overrides.saturation_limit": 0.995})):
+        _, _, material = contact_cases.contact_inputs(changed, contact_cases.scene_mix(changed), engine, 0.1)
+        limits.append(material.saturation_limit)
+    assert limits == [0.998, 0.995]
+
+
 def test_plies_of_a_scene_are_passed_to_the_engine():
     plies = [{"thickness": 0.2, "relative_modulus": 1.0}, {"thickness": 0.02, "relative_modulus": 20.0}]
     case = study(**CASE_G, **{"layer.plies": plies, "accuracy.engine": "spectral"})

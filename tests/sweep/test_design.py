@@ -41,8 +41,8 @@ def test_points_vary_fastest_along_the_last_axis():
 def test_sample_covers_the_spread_and_stays_inside():
     scene = PRIOR.replaced(**{"accuracy.engine": "column", "mix.moisture": 0.09})
     design = vary.design(scene, [vary.read_design("mix.overrides=~64")])
-    names = ("unloading_modulus", "poisson", "friction_angle", "cohesion", "heckel_slope", "rate_sensitivity")
-    assert design.names == names
+    names = ("unloading_modulus", "poisson", "friction_angle", "cohesion", "heckel_slope", "saturation_limit")
+    assert design.names == (*names, "rate_sensitivity")
     slope = mix.prior(0.09, 0.98).parameter("heckel_slope")
     drawn = [change.of(scene).mix.overrides for change in design.changes]
     values = np.array([each.heckel_slope for each in drawn])
