@@ -118,8 +118,9 @@ def compacted_state(
         rise = -2 * state.stress[0, 1] / stiffness
         return strained(state, brentq(lambda part: strained(state, part).stress[0, 1], 0.0, rise, xtol=NO_STRAIN))
 
-    low = float(np.log(density_ratio / fed))
-    high = low + 2 * hardening(constants, density_ratio)[0] / constants.K
+    plastic = float(np.log(density_ratio / fed))
+    low = max(plastic - constants.pt / constants.K, 0.0)  # cohesive mix may be left in tension
+    high = plastic + 2 * hardening(constants, density_ratio)[0] / constants.K
     strain = brentq(lambda part: compacted(part).density_ratio[0] - density_ratio, low, high, xtol=NO_STRAIN)
     state = compacted(strain)
     stress = state.stress * [1.0, 0.0, 1.0, 0.0] if residual_stress else np.zeros((1, 4))

@@ -120,10 +120,8 @@ class Parameter:
         '0.9975 to 0.9995'
         """
         origin = 1.0 if self.name == "saturation_limit" else 0.0
-        if share is None:
-            factors = [(end - origin) / (self.value - origin) for end in (self.low, self.high)]
-        else:
-            factors = [1 - share, 1 + share]
+        own = ((end - origin) / (self.value - origin) for end in (self.low, self.high))
+        factors = own if share is None else (1 - share, 1 + share)
         low, high = sorted(origin + factor * (value - origin) for factor in factors)
         return low, high
 

@@ -274,3 +274,13 @@ def test_release_of_the_oedometer_is_elastic(other, pressed, released, side_befo
 
     got = 2 * side(800) - side(400)
     assert got == pytest.approx([side_before * 1e3, side_after * 1e3, 0], rel=2e-5, abs=2.0)
+
+
+@pytest.mark.parametrize("tensile_strength", [0.0, 0.4e6, 1e6])
+def test_compacted_state_of_cohesive_mix_is_left_in_tension(tensile_strength):
+    """Its Heckel curve lies below the stress that the tensile strength carries, so that the rest strain is smaller."""
+    mix = law(tensile_strength=tensile_strength, fed_density_ratio=0.85, heckel_test="confined")
+    found = cap_plasticity.compacted_state(mix, 0.9)
+    assert found.density_ratio[0] == pytest.approx(0.9, abs=1e-12)
+    assert (found.stress[0, 0] > 0) == (tensile_strength > 0)
+    assert found.stress[0, 1] == pytest.approx(0.0, abs=1e-6)

@@ -27,6 +27,8 @@ from compact.report.tables import (
     format_percent,
     format_quantity,
 )
+from compact.report.text import say
+from compact.rolling_contact import Contact
 from compact.scene.loader import load_scene, parse_scene, starter_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -316,3 +318,21 @@ def test_browser_shows_the_page_whole_on_a_screen_and_a_phone(written, tmp_path)
         assert len(shown["images"]) == len(PageReader(text).all("img"))
         assert min(shown["images"]) > 0
         assert (shown["shut"], shown["still"]) == (len(SECTIONS), 0)  # on paper every section is open
+
+
+@pytest.mark.parametrize(
+    ("peak", "loaded", "share", "words"),
+    [
+        (0.9979, 0.9991, 0.0, None),
+        (0.9981, 0.9996, 0.0, "0.9996 under load"),
+        (0.9981, 1.0007, 0.04, "1.0007 under load, above 1 in 4 % of the section between the edges"),
+        (None, None, None, None),
+    ],
+    ids=["below", "reached", "beyond", "columns"],
+)
+def test_saturation_limit_is_told_where_the_mix_reaches_it(peak, loaded, share, words):
+    contact = Contact(
+        9e3, 2e3, 0.04, 0.0, peak_density_ratio=peak, peak_loaded_density_ratio=loaded, overfull_share=share
+    )
+    start = "the mix reaches the saturation limit 0.998: density ratio 0.9981 at most, "
+    assert say("saturation", contact, 0.998) == (start + words if words else "")
