@@ -2,11 +2,16 @@
 
     python studies/pore_air.py
     python studies/pore_air.py --coupled
+    python studies/pore_air.py --growth --increments 7
 
 The first command prints the changes of load and resistance by the air at the deformation without air, for a constant
 permeability and with occlusion, by finite elements and by columns, and the speeds at which the air takes a tenth of the
 load. The second one solves for coupled contacts: the pressure depends on speed over permeability alone, so that one
 series over this ratio serves every permeability. A ratio at which the bow wave finds no steady state ends a series.
+
+The third command rolls on without a search, at the permeability of the prior, with occlusion. It starts from the
+skeleton without air, from the pressure at its deformation, and from a high wave (0.1 m at `FAST`). It prints the
+growth of the wave per travel [mm2/mm]: of its area, and of its mass, inflow less outflow over the density as fed.
 
 Lift: 0.06 m thick, of 0.98 after compaction, 3 mm deep, with Heckel slope and initial density ratio of
 `docs/theory/compaction.md`; mix of the prior without an effect of the rate.
@@ -23,7 +28,9 @@ from compact.analysis.contact_cases import contact_inputs, scene_mix
 from compact.analysis.pore_air import air_curve, air_under
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
-from compact.engines.pore_air.coupled_rolling import roll_coupled
+from compact.engines.compaction.rolling import DAMPING
+from compact.engines.pore_air.coupled_rolling import CoupledRolling, roll_coupled
+from compact.engines.pore_air.steady_flow import RollerAir
 from compact.files import write_figure
 from compact.material.pore_air import PoreAir, water_volume
 from compact.scene.loader import load_scene
@@ -36,6 +43,9 @@ PERMEABILITIES = (1e-12, 1e-13, 1e-14)  # [m2]
 OCCLUSIONS = (None, 0.95, 0.90, 0.85)  # [-], saturations; None: constant permeability
 RATIOS = (7e10, 2e11, 5e11, 1e12, 2e12)  # [1/(m s)], speed over permeability of the coupled contacts
 OCCLUDED_RATIOS = (1e10, 3e10, 1e11, 2e11, 4e11)
+GROWTH_SPEEDS = (0.003, 0.01, 0.03, 0.13, 0.45)  # [m/s]
+FAST = 2.1  # [m/s], at which the bow wave of the third start rises
+STARTS = ("drained", "one-way", "high wave")
 
 
 def lift(fed=FED, depth=DEPTH):
@@ -100,6 +110,53 @@ def coupled(case, ratios, occlusion=None, fed=FED):
         yield ratio, alone, changes, start.rolling.steps[-1].bow_wave, process_time() - begin
 
 
+def growth(case, speed, start, travel=0.4, parts=4):
+    """Yield travel [m], load, resistance [N/m], bow wave [m], and growth per travel of its area and its mass [m].
+
+    The rolling is coupled at each step; each row is the mean of its part of the travel.
+    """
+    layer, _, moisture, contact = case
+    air = pore_air(1e-13, moisture, occlusion=0.90)
+    rolling = CoupledRolling(contact.solution, air, speed)
+    frame, fed = rolling.frame, layer.height * FED
+    bottom, damping = layer.height - contact.indentation, DAMPING / 4
+    if start == "one-way":
+        under = RollerAir(contact.solution, air)
+        rolling.excess = under.at_points(under.pressure(speed))
+    elif start == "high wave":
+        rolling.speed = FAST
+        for _ in range(round(0.1 / frame.step)):
+            rolling.advance(bottom, damping)
+        rolling.speed = speed
+    begin = rolling.steps[-1].travel
+    for _ in range(parts):
+        steps, outflows = [], []
+        for _ in range(round(travel / parts / frame.step)):
+            steps.append(rolling.advance(bottom, damping))
+            stretch = 1 + frame.to_rows(frame.solid.displacement_gradient(rolling.state.displacement)[:, 0])
+            density = frame.to_rows(rolling.state.points.density_ratio)
+            volume = frame.to_rows(frame.solid.volume_ratio(rolling.state.displacement))
+            outflow = frame.row_heights @ (density * volume / stretch)
+            outflows.append(outflow[frame.exit_column - 4 : frame.exit_column + 4].mean())
+        slope = np.polyfit([step.travel for step in steps], [step.wave_area for step in steps], 1)[0]
+        load, resistance = np.mean([(step.load, step.resistance) for step in steps], axis=0)
+        mass = (fed - np.mean(outflows)) / FED
+        yield steps[-1].travel - begin, load, resistance, steps[-1].bow_wave, slope, mass
+
+
+def show_growth(case, speeds=GROWTH_SPEEDS, starts=STARTS):
+    """Print the growth of the bow wave by speed and start."""
+    print("   m/s     start  travel m    load  resistance  wave mm    area       mass")
+    for speed in speeds:
+        for start in starts:
+            try:
+                for travel, load, resistance, wave, area, mass in growth(case, speed, start):
+                    forces = f"{travel:>10.3f}{load:>8.0f}{resistance:>12.0f}{1e3 * wave:>9.2f}"
+                    print(f"{speed:>6g}{start:>10}{forces}{1e3 * area:>8.3f}{1e3 * mass:>11.3f}", flush=True)
+            except RuntimeError as error:
+                print(f"{speed:>6g}{start:>10}  {error}", flush=True)
+
+
 def columns():
     """Return layer, roller, moisture and contact without air by columns at the same depth."""
     layer, roller, mix, moisture = lift()
@@ -159,11 +216,14 @@ def main(arguments=None):
     """Parse the command line and print what it requires."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--coupled", action="store_true", help="coupled contacts in place of the tables")
+    parser.add_argument("--growth", action="store_true", help="growth of the bow wave without a search")
     parser.add_argument("--increments", type=int, help="elements per contact length")
     parser.add_argument("--out", type=Path, help="folder of the figure; default: no figure")
     given = parser.parse_args(arguments)
     case = rolled(given.increments)
-    if given.coupled:
+    if given.growth:
+        show_growth(case)
+    elif given.coupled:
         show_coupled("constant permeability", case, RATIOS)
         show_coupled("occlusion at 0.90", case, OCCLUDED_RATIOS, 0.90)
         loose = rolled(given.increments, fed=LOOSE, depth=LOOSE_DEPTH)

@@ -16,7 +16,7 @@ import numpy as np
 
 from compact.analysis.failures import is_refusal
 from compact.analysis.multipass import roll_stages, there_and_back
-from compact.analysis.pore_air import air_under, has_air, pore_air_of
+from compact.analysis.pore_air import UNDRAINED, air_under, has_air, pore_air_of
 from compact.engines import ENGINES
 from compact.engines.interface import Case, Engine
 from compact.engines.pore_air import AirForces
@@ -405,11 +405,28 @@ def air_forces_of(scene: Scene, mix: Mix, contact: Contact, speed: float) -> Air
     AirForces or None
         None for a scene without pressure of the air.
     """
-    if not has_air(scene):
-        return None
+    return air_band_of(scene, mix, contact, speed)[0] if has_air(scene) else None
+
+
+def air_band_of(
+    scene: Scene, mix: Mix, contact: Contact, speed: float
+) -> tuple[AirForces, AirForces] | tuple[None, None]:
+    """Compute the changes of one contact by its pore air at a speed [m/s] and without drainage; see `air_forces_of`.
+
+    Both are None for a layer that does not compact, and for drained mix that is occluded as fed.
+    """
+    if not ENGINES[scene.accuracy.engine].reads("mix.pore_air"):
+        return None, None
+    try:
+        air = pore_air_of(mix, scene.layer.fed_density_ratio)
+    except ValueError:
+        if has_air(scene):
+            raise
+        return None, None
     layer, roller, _ = contact_inputs(scene, mix, scene.accuracy.engine, speed)
-    under = air_under(contact, layer, roller, pore_air_of(mix, scene.layer.fed_density_ratio))
-    return under.forces(under.pressure(speed))
+    under = air_under(contact, layer, roller, air)
+    pressure = under.pressure(speed)
+    return under.forces(pressure), under.forces(under.pressure(UNDRAINED * air.permeability, pressure))
 
 
 def contact_record(engine: str, speed: float, passes: Passes, air: AirForces | None = None) -> Contact:

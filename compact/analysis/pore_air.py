@@ -28,7 +28,8 @@ if TYPE_CHECKING:  # scikit-fem is imported where a pressure is computed
     from compact.engines.pore_air.coupled_rolling import CoupledContact
     from compact.engines.pore_air.steady_flow import AirUnderContact
 
-RATIOS = np.geomspace(1e9, 1e17, 25)  # [1/(m s)], speed over permeability: from drained to undrained
+UNDRAINED = 1e17  # [1/(m s)], speed over permeability without drainage; two dimensions are within 0.5 % at 1e16
+RATIOS = np.geomspace(1e9, UNDRAINED, 25)  # [1/(m s)], speed over permeability: from drained to undrained
 SCALE = 1e-9  # [-], forces over those of the skeleton below which the curve is linear
 MAP_NODES = 25  # [-], speeds of a map with air
 DEAERATION_SHARE = 0.1  # [-], load of the air over that of the skeleton at the de-aeration speed
@@ -49,6 +50,8 @@ class AirAnswer:
         Changes of the contact at the mean speed per unit length, whether the scene counts them or not.
     shares : (float, float)
         Changes of load and resistance over those without air [-].
+    undrained_shares : (float, float)
+        The same where no air escapes, at the deformation without air: the other end of the band of the air [-].
     tensile_strength : float
         Isotropic tensile strength of the mix [Pa], which the pressure behind the contact may exceed.
     """
@@ -57,6 +60,7 @@ class AirAnswer:
     deaeration_speeds: tuple[float | None, float | None, float | None]
     at_mean_speed: AirForces
     shares: tuple[float, float]
+    undrained_shares: tuple[float, float]
     tensile_strength: float
 
 
@@ -141,6 +145,15 @@ class AirCurve:
             return None
         ends = slice(above[0] - 1, above[0] + 1)
         return float(permeability * np.exp(np.interp(share, shares[ends], np.log(ratios[ends]))))
+
+    def shares(self, forces: AirForces) -> tuple[float, float]:
+        """Return changes of load and resistance over those of the skeleton [-]."""
+        return forces.load / self.skeleton_load, forces.resistance / self.skeleton_resistance
+
+    @property
+    def undrained(self) -> AirForces:
+        """Forces where no air escapes, at the deformation without air."""
+        return AirForces(self.loads[-1], self.resistances[-1], self.excesses_behind[-1])
 
     @cached_property
     def _spline(self) -> PchipInterpolator:
@@ -264,7 +277,8 @@ def air_answer(curve: AirCurve, mix: Mix, mean_speed: float) -> AirAnswer:
         permeability,
         (value, low, high),
         found,
-        (found.load / curve.skeleton_load, found.resistance / curve.skeleton_resistance),
+        curve.shares(found),
+        curve.shares(curve.undrained),
         float(mix.cohesion / np.tan(np.radians(mix.friction_angle))),
     )
 

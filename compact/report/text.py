@@ -256,9 +256,9 @@ def contact_digest(study: Study, speed: float, passes: Sequence[Contact]) -> str
     speed : float
         Speed of the roller [m/s].
     """
-    air = study.stages.contacts.air_forces_of(passes[0], speed)
+    band = study.stages.contacts.air_band_of(passes[0], speed)
     found = [*lines("contact", study, speed, passes[0]), *sentences("held", study)]
-    found += [*study.scene.replacements[study.scene.accuracy.engine], *sentences("contact_air", air)]
+    found += [*study.scene.replacements[study.scene.accuracy.engine], *sentences("contact_air", *band)]
     return "\n".join([*found, *lines("passes", passes)])
 
 

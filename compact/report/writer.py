@@ -317,7 +317,8 @@ def _pore_air(study: Study) -> dict[str, Any] | None:
         | {"low": permeability.low, "high": permeability.high},
         "deaeration_speed": json_number(value, "m/s") | {"low": low, "high": high},
         **json_numbers(
-            air, "load_share=shares.0 resistance_share=shares.1 excess_behind_Pa=at_mean_speed.excess_behind "
+            air, "load_share=shares.0 resistance_share=shares.1 undrained_load_share=undrained_shares.0 "
+            "undrained_resistance_share=undrained_shares.1 excess_behind_Pa=at_mean_speed.excess_behind "
             "tensile_strength_Pa",
         ),
         "coupled": [asdict(each) for each in curve.coupled] if curve else [],

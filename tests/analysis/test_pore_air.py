@@ -10,6 +10,7 @@ from compact.analysis.pore_air import AirCurve, CoupledSample
 from compact.analysis.stages.ensemble import Change
 from compact.analysis.study import Study
 from compact.report import text
+from compact.report.tables import format_percent
 from compact.report.writer import study_summary
 from compact.scene.loader import load_scene
 from compact.sweep.run import headline
@@ -74,7 +75,24 @@ def test_drained_mix_has_no_air_in_its_forces_but_a_deaeration_speed(drained):
     content = study_summary(drained, [])["pore_air"]
     assert content["model"] == "drained"
     assert content["deaeration_speed"] == {"value": value, "unit": "m/s", "low": low, "high": high}
-    assert "it adds a tenth of the load at" in text.say("air", drained)
+    said = text.say("air", drained)
+    assert "it adds a tenth of the load at" in said
+    # the band ends where no air escapes
+    names = "load", "resistance", "undrained_load", "undrained_resistance"
+    shares = {name: content[f"{name}_share"]["value"] for name in names}
+    assert shares["undrained_load"] > shares["load"] > 0
+    assert shares["undrained_resistance"] > shares["resistance"] > 0
+    assert f"undrained {format_percent(shares['undrained_load'])}" in said
+
+
+def test_digest_of_a_drained_contact_has_the_band_of_the_air(drained):
+    speed, first = drained.stages.contacts.first_passes[4]
+    one_way, undrained = drained.stages.contacts.air_band_of(first, speed)
+    curve = drained.stages.contacts.air_curve
+    permeability = drained.stages.contacts.mix.air_permeability
+    assert one_way.load == pytest.approx(curve.at(speed, permeability).load, rel=5e-3)
+    assert undrained.load == pytest.approx(curve.undrained.load, rel=5e-3)
+    assert "without pore air" in text.contact_digest(drained, speed, (first,))
 
 
 def test_air_increases_load_and_resistance_with_the_speed(drained, one_way):

@@ -354,6 +354,10 @@ class ContactStage:
         """Return the changes of a first pass by its pore air; see `contact_cases.air_forces_of`."""
         return contact_cases.air_forces_of(self.scene, self.mix, contact, speed)
 
+    def air_band_of(self, contact: Contact, speed: float) -> tuple[AirForces, AirForces] | tuple[None, None]:
+        """Return the changes of a first pass one-way and undrained; see `contact_cases.air_band_of`."""
+        return contact_cases.air_band_of(self.scene, self.mix, contact, speed)
+
     @property
     def requires_model_spread(self) -> bool:
         """True for a scene of a compacting engine with the output "model_spread"."""
