@@ -25,19 +25,15 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from compact.engines.compaction.depth_target import MAX_ELONGATED_SHARE, TARGET_TOLERANCE, DepthTarget
 from compact.engines.compaction.finite_strain_kernels import announce_compilation
 from compact.engines.compaction.heaping import require_no_heaping
 from compact.engines.compaction.layer_state import LayerState
+from compact.engines.compaction.mesh_extrapolation import mesh_cascade, mesh_errors
 from compact.engines.compaction.rolling import IncrementalRolling
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
-from compact.engines.compaction.steady_search import SteadySearch, mesh_errors, search_class
-from compact.engines.compaction.steady_state import (
-    MAX_ELONGATED_SHARE,
-    TARGET_TOLERANCE,
-    DepthTarget,
-    ErrorParts,
-    Relaxation,
-)
+from compact.engines.compaction.steady_search import MAX_COARSE_TRAVEL, MAX_TRAVEL, SteadySearch
+from compact.engines.compaction.steady_state import ErrorParts, Relaxation
 from compact.material import cap_plasticity
 from compact.material.laws import MEASURED_DENSITY_RATIO, Compaction, DruckerPragerCap
 from compact.numerics.validation import require_known
@@ -59,8 +55,6 @@ if TYPE_CHECKING:
 
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
-COARSE_INCREMENTS = 4  # [-], elements per contact length of the first mesh
-REFINEMENT, MIN_REFINEMENT = 2.0, 1.4  # [-], of successive meshes, and at least of the first two
 COARSE_TOLERANCE = 2.0  # [-], tolerances of the coarser meshes over those of the last one
 COARSE_TARGET_TOLERANCE = 10.0  # [-], tolerance of a target on the coarser meshes over that on the last one
 NEIGHBOUR_DEPTH = 1.3  # [-], largest ratio of depths of neighbours; others are solved from scratch
@@ -81,6 +75,10 @@ class CompactionContactResult(Contact):
         Finite-element solution.
     error_parts : ErrorParts
         Parts of `error`.
+    load_factor : float
+        Reported load, in the limit of fine meshes, over that of the mesh, which pressures and fields have [-].
+    is_steady : bool
+        False if the search has not decided whether the motion becomes steady; `error` contains the distance.
     relaxation : Relaxation
         Slow relaxation of the bow wave of the solution.
     """
@@ -90,6 +88,8 @@ class CompactionContactResult(Contact):
     solution: IncrementalRolling
     error_parts: ErrorParts = field(default_factory=ErrorParts)
     relaxation: Relaxation = field(default_factory=Relaxation)
+    load_factor: float = 1.0
+    is_steady: bool = True
 
 
 def build_result(
@@ -301,11 +301,13 @@ def roll(
     last = case.numerics.increments
     with threadpool_limits(1):
         if start is not None and _is_neighbour(case, target, start):
-            depth, mesh = target.depth_from(getattr(start, target.quantity), start.indentation), start.error_parts.mesh
+            depth = target.depth_from(getattr(start, target.quantity), start.indentation)
             stretched = case.stretched(start.solution, depth)
-            search = _create_search(case, target, stretched, depth, relaxation=start.relaxation)
+            search = _create_search(case, target, stretched, depth)
+            ratio = depth / start.solution.depth
+            search.relaxation, search.known_factor = start.relaxation.at_depth(ratio), start.load_factor
             search.run()
-            return _to_result(case, search, mesh)
+            return _to_result(case, search, start.error_parts.mesh)
         searches: list[SteadySearch] = []
         for count in mesh_cascade(last):
             depth = searches[-1].depth if searches else target.initial_depth()
@@ -315,37 +317,21 @@ def roll(
                 search.start_from(searches[-1])
             search.run()
             searches.append(search)
-        *coarser, search = searches
-        return _to_result(case, search, mesh_errors(coarser[-1], search, *coarser[-2:-1]) if coarser else None)
-
-
-def mesh_cascade(increments: int) -> list[int]:
-    """Return the numbers of elements per contact length of successive meshes; each has half those of the next."""
-    counts = [increments]
-    while counts[0] >= MIN_REFINEMENT * COARSE_INCREMENTS:
-        counts.insert(0, max(round(counts[0] / REFINEMENT), COARSE_INCREMENTS))
-    return counts
+        return _to_result(case, searches[-1], mesh_errors(searches[-1]))
 
 
 def _create_search(
-    case: RollingCase,
-    target: DepthTarget,
-    rolling: IncrementalRolling,
-    depth: float,
-    is_last: bool = True,
-    relaxation: Relaxation = Relaxation(),  # noqa: B008 - frozen
+    case: RollingCase, target: DepthTarget, rolling: IncrementalRolling, depth: float, is_last: bool = True
 ) -> SteadySearch:
     """Return the search on a mesh."""
-    return search_class(case.material)(
-        rolling=rolling,
-        target=target,
-        depth=depth,
+    return SteadySearch(
+        case,
+        target,
+        rolling,
+        depth,
         tolerance=case.numerics.steady_tolerance * (1 if is_last else COARSE_TOLERANCE),
+        max_travel=MAX_TRAVEL if is_last else MAX_COARSE_TRAVEL,
         target_tolerance=target.tolerance * (1 if is_last else COARSE_TARGET_TOLERANCE),
-        stretch=case.stretched,
-        rate_factor=case.rate_factor,
-        is_last=is_last,
-        relaxation=relaxation,
     )
 
 
@@ -363,15 +349,18 @@ def _to_result(case: RollingCase, search: SteadySearch, mesh: tuple[float, float
     """Evaluate a steady solution and require what is prescribed."""
     solution, target = search.rolling, search.target
     rolled = build_result(solution, case.layer, case.roller, case.material, case.speed)
+    rolled = replace(rolled, load=rolled.load * search.load_factor, load_factor=search.load_factor)
     surface, torques, tolerance = solution.surface, None, TARGET_TOLERANCE
     if solution.contact.creepage is not None:
         torques = case.torque or 0.0, float(-surface.radius * (surface.weights @ solution.contact.shear))
     density = target.value if target.quantity == "exit_density_ratio" else None
     if density is not None and not solution.frame.solid.finite:
         tolerance += 0.5 * (1 - target.fed_ratio / density) ** 2  # small strain determines it to half a squared strain
-    require_on_target(rolled, target.roller, tolerance, exit_density_ratio=density, torque=torques)
+    if search.is_steady:
+        require_on_target(rolled, target.roller, tolerance, exit_density_ratio=density, torque=torques)
     parts = search.error_parts(mesh)
-    return replace(rolled, error=parts.total, error_parts=parts, relaxation=search.relaxation)
+    found = replace(rolled, error=parts.total, error_parts=parts, relaxation=search.relaxation)
+    return replace(found, is_steady=search.is_steady)
 
 
 def require_compactable(

@@ -330,6 +330,25 @@ class RollerFrame:
         exit_ratios = self.to_rows(density_ratio)[self.lower_rows :, self.exit_column]
         return float(mass.sum() / np.sum(mass / exit_ratios))
 
+    def stored_area(self, displacement: FloatArray) -> float:
+        """Return the area of fed mix that is pushed ahead of the exit column [m2].
+
+        Mix at X of the fed layer is at X + u. Per row, u more of it than without a roller is ahead of the column; the
+        area is constant in steady motion, in which as much mix leaves as enters.
+
+        Parameters
+        ----------
+        displacement : ndarray, shape (N, 2)
+            Displacement of the nodes [m].
+        """
+        return float(self._exit_weights @ displacement[:, 0])
+
+    @cached_property
+    def _exit_weights(self):
+        """Weights of the nodal values in the integral over the height of the exit column [m]."""
+        column = np.array([np.full(len(self.row_y), self.row_x[self.exit_column]), self.row_y])
+        return self.interpolation_matrix(column).T @ self.row_heights
+
     def exit_layer(self, state: SolidState, column: int | None = None) -> tuple[LayerState, float]:
         """Return the mix of a column of Gauss points as the layer of the next pass.
 

@@ -277,6 +277,8 @@ class RollingStep:
         Rise of the surface above the fed layer [m].
     wave_area : float
         Area between the risen surface ahead of the roller and the fed layer [m2].
+    stored_area : float
+        Area of fed mix that is pushed ahead of the exit column [m2], the travel times inflow less outflow.
     """
 
     travel: float
@@ -289,6 +291,7 @@ class RollingStep:
     residual: float
     bow_wave: float
     wave_area: float
+    stored_area: float
 
     def __str__(self) -> str:
         wave = f"bow wave {1e3 * self.bow_wave:.3g} mm"
@@ -437,6 +440,7 @@ class IncrementalRolling:
             residual=equilibrium.residual,
             bow_wave=float(self.surface_positions[:, 1].max() - frame.mesh.height),
             wave_area=self.wave_area,
+            stored_area=frame.stored_area(self.state.displacement),
         )
         self.steps += (step,)
         if self.progress is not None:
