@@ -27,8 +27,7 @@ import numpy as np
 
 from compact.engines.compaction.engine import CompactionContactResult, build_result, field_mesh, roll
 from compact.engines.compaction.layer_state import fresh_layer, rate_factor_at
-from compact.engines.compaction.rolling import DAMPING, FINAL_DAMPING_RATIO
-from compact.engines.compaction.steady_search import FINAL_TOLERANCE
+from compact.engines.compaction.rolling import DAMPING, FINAL_DAMPING_RATIO, ROLLING_TOLERANCE
 from compact.engines.pore_air import NO_FORCES
 from compact.engines.pore_air.coupled_rolling import roll_coupled
 from compact.engines.pore_air.steady_flow import RollerAir
@@ -334,7 +333,7 @@ def _with_closed_energy(passed: CompactionContactResult) -> CompactionContactRes
     """Return the pass after further travel until its energy closes, or the mix at its exit has left the last jump."""
     rolling, height = passed.solution, passed.solution.steps[-1].bottom_height
     count = int(np.ceil(SETTLING_SHARE * height / rolling.frame.step))
-    rolling.solver.tolerance = FINAL_TOLERANCE
+    rolling.solver.tolerance = ROLLING_TOLERANCE
     for _ in range(SETTLINGS_MAX):
         if (passed.work_residual or 0.0) < ENERGY_TOLERANCE:
             break
