@@ -16,7 +16,7 @@ import numpy as np
 from compact.engines.compaction.engine import roll
 from compact.material.laws import Compaction, drucker_prager_cap
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
-from compact.rolling_contact import HeapingError, Layer, Roller
+from compact.rolling_contact import HeapingError, Layer, Roller, UnsteadyError
 
 COUNTS = {2026: 60, 2027: 30}  # [-], lifts of a seed; the second one has the shear line
 SPEED = 0.13  # [m/s]
@@ -82,10 +82,11 @@ def outcome(lift: Lift, increments: int = 14) -> str:
         found = roll(*lift[:3], SPEED, torque=lift.torque, increments=increments)
     except HeapingError as error:
         return f"heaps up    {time.process_time() - start:5.1f} s   {str(error)[:150]}"
-    word = "steady     " if found.is_steady else "not decided"
+    except UnsteadyError as error:
+        return f"not decided {time.process_time() - start:5.1f} s   {str(error)[:150]}"
     error = found.error or (np.nan, np.nan)
     return (
-        f"{word} {time.process_time() - start:5.1f} s   load {found.load:8.1f} +- {100 * error[0]:.2f} %   resistance "
+        f"steady      {time.process_time() - start:5.1f} s   load {found.load:8.1f} +- {100 * error[0]:.2f} %   resistance "
         f"{found.resistance:8.2f} +- {100 * error[1]:.2f} %   work {found.work_residual:.1e}   wave "
         f"{1e3 * found.bow_wave:.2f} mm   k {found.exit_density_ratio:.4f} {found.peak_density_ratio:.5f}   "
         f"{found.effort.split(';')[1].split()[0]} steps"

@@ -6,15 +6,12 @@ import numpy as np
 import pytest
 from mixes import LIFT, LIFT_MIX, free_roller
 
-from compact.engines.compaction.engine import mesh_cascade, roll
+from compact.engines.compaction.engine import roll
+from compact.engines.compaction.mesh_extrapolation import mesh_cascade
 from compact.engines.compaction.rolling import RollingStep
 from compact.engines.compaction.rolling_case import STEADY_TOLERANCE
-from compact.engines.compaction.steady_state import (
-    QUANTITIES,
-    WaveDrift,
-    WaveGrowth,
-    relaxation_length,
-)
+from compact.engines.compaction.steady_search import SteadySearch
+from compact.engines.compaction.steady_state import QUANTITIES, WaveDrift
 
 PUBLISHED = LIFT, free_roller(), LIFT_MIX
 # load and resistance of the published lift by 600 steps from two bow waves, 10 % above and below the steady one, on 12
@@ -41,29 +38,40 @@ def test_drift_is_the_slope_of_wave_and_load():
     assert drift.wave_error < 1e-2 * drift.wave_slope
 
 
-def test_relaxation_length_follows_from_two_settled_states():
-    drifts = [WaveDrift.of_steps(decay(start)) for start in (0.05, 0.1, 0.2)]
-    assert relaxation_length(drifts) == pytest.approx(0.24, rel=0.03)
-    assert relaxation_length(drifts[:1]) is None
+def search_with(drifts):
+    """Search after some settled states, without finite elements."""
+    search = SteadySearch.__new__(SteadySearch)
+    search._waves, search._is_low = tuple(drifts), lambda drift: False
+    return search
 
 
-def test_wave_that_doubles_at_an_unchanged_rate_has_no_steady_state():
-    drift = WaveDrift.of_steps([step(s, 1e-4 + 5e-4 * s) for s in np.linspace(0, 0.02, 8)])
-    growth = WaveGrowth()
-    for _ in range(2):
-        growth.record(drift, drift.wave_area)
-    assert growth.is_unslowed
-    assert not growth.is_endless
-    growth.record(drift, drift.wave_area)
-    assert growth.is_endless
-    growth.record(drift, 0.1 * drift.wave_area)
-    assert not growth.is_unslowed
+def test_wave_that_takes_up_mix_at_an_unchanged_rate_is_endless():
+    drifts = [
+        WaveDrift.of_steps(
+            [step(s, 1e-4 + 5e-4 * s, stored_area=4e-4 * s) for s in np.linspace(0.1 * k, 0.1 * k + 0.02, 8)]
+        )
+        for k in range(1, 16)
+    ]
+    assert drifts[0].growth == pytest.approx(4e-4)
+    assert not search_with(drifts[:2])._is_unslowed(1.0)
+    assert search_with(drifts[:3])._is_unslowed(1.0)
+    assert not search_with(drifts[:3])._is_unslowed(4.0)
+    assert search_with(drifts)._is_unslowed(4.0)
+
+
+def test_wave_that_relaxes_is_not():
+    drifts = [
+        WaveDrift.of_steps([replace(each, stored_area=each.wave_area) for each in decay(start)])
+        for start in (0.02, 0.06, 0.1, 0.2)
+    ]
+    assert not search_with(drifts)._is_unslowed(1.0)
 
 
 @pytest.mark.parametrize(
-    ("increments", "counts"), [(1, [1]), (4, [4]), (5, [5]), (6, [4, 6]), (14, [4, 7, 14]), (24, [4, 6, 12, 24])]
+    ("increments", "counts"),
+    [(1, [1]), (4, [4]), (5, [4, 5]), (6, [4, 6]), (8, [4, 6, 8]), (14, [5, 10, 14]), (28, [5, 10, 20, 28])],
 )
-def test_each_mesh_of_a_cascade_has_half_the_elements_of_the_next(increments, counts):
+def test_last_two_meshes_have_a_ratio_of_the_root_of_two(increments, counts):
     assert mesh_cascade(increments) == counts
 
 

@@ -77,8 +77,6 @@ class CompactionContactResult(Contact):
         Parts of `error`.
     load_factor : float
         Reported load, in the limit of fine meshes, over that of the mesh, which pressures and fields have [-].
-    is_steady : bool
-        False if the search has not decided whether the motion becomes steady; `error` contains the distance.
     relaxation : Relaxation
         Slow relaxation of the bow wave of the solution.
     """
@@ -89,7 +87,6 @@ class CompactionContactResult(Contact):
     error_parts: ErrorParts = field(default_factory=ErrorParts)
     relaxation: Relaxation = field(default_factory=Relaxation)
     load_factor: float = 1.0
-    is_steady: bool = True
 
 
 def build_result(
@@ -346,7 +343,15 @@ def _is_neighbour(case: RollingCase, target: DepthTarget, start: CompactionConta
 
 
 def _to_result(case: RollingCase, search: SteadySearch, mesh: tuple[float, float] | None) -> CompactionContactResult:
-    """Evaluate a steady solution and require what is prescribed."""
+    """Evaluate a steady solution and require what is prescribed.
+
+    Raises
+    ------
+    UnsteadyError
+        If the search has not decided whether the motion becomes steady.
+    """
+    if not search.is_steady:
+        raise search.unsteady_error()
     solution, target = search.rolling, search.target
     rolled = build_result(solution, case.layer, case.roller, case.material, case.speed)
     rolled = replace(rolled, load=rolled.load * search.load_factor, load_factor=search.load_factor)
@@ -356,11 +361,11 @@ def _to_result(case: RollingCase, search: SteadySearch, mesh: tuple[float, float
     density = target.value if target.quantity == "exit_density_ratio" else None
     if density is not None and not solution.frame.solid.finite:
         tolerance += 0.5 * (1 - target.fed_ratio / density) ** 2  # small strain determines it to half a squared strain
-    if search.is_steady:
-        require_on_target(rolled, target.roller, tolerance, exit_density_ratio=density, torque=torques)
+    require_on_target(rolled, target.roller, tolerance, exit_density_ratio=density, torque=torques)
+    if mesh is not None:  # the work balance is another estimate of the resistance
+        mesh = mesh[0], max(mesh[1], rolled.work_residual or 0.0)
     parts = search.error_parts(mesh)
-    found = replace(rolled, error=parts.total, error_parts=parts, relaxation=search.relaxation)
-    return replace(found, is_steady=search.is_steady)
+    return replace(rolled, error=parts.total, error_parts=parts, relaxation=search.relaxation)
 
 
 def require_compactable(

@@ -5,9 +5,8 @@ The load converges with first order in the element length, always from above on 
 
     P_limit = P + (P - P_c)/(n/n_c - 1)
 
-Its error is the change of the extrapolation from the pair of meshes before, but at least a share of the correction,
-since two extrapolations may agree by chance. The resistance converges with order 1.5. Its error is the mean of those by
-two pairs of meshes, for the same reason.
+Its error is a share of the correction. The resistance converges with order 1.5. Its error is the mean of those by two
+pairs of meshes, since two may agree by chance, and at least the residual of the work balance.
 
 All meshes are compared at what is prescribed on the last one, by the exponents of the forces over the depth.
 """
@@ -19,10 +18,10 @@ from compact.engines.compaction.steady_search import SteadySearch
 from compact.rolling_contact import MIN_RESISTANCE_RATIO
 
 COARSE_INCREMENTS = 4  # [-], elements per contact length of the first mesh
-RATIO, FIRST_RATIO = np.sqrt(2), 2.0  # [-], of the elements of the last three meshes, and of those before
+RATIO, FIRST_RATIO = np.sqrt(2), 2.0  # [-], of the elements of the last two meshes, and of those before
 MIN_FIRST_RATIO = 1.4  # [-], of the elements of the first two meshes
 ORDERS = np.array([1.0, 1.5])  # [-], of load and resistance in the element length
-CORRECTION_SHARE = 0.3  # [-], least error of the extrapolated load over its correction
+CORRECTION_SHARE = 0.3  # [-], error of the extrapolated load over its correction; 0.02 to 0.56 on four lifts
 
 
 def mesh_cascade(increments: int) -> list[int]:
@@ -47,21 +46,19 @@ def mesh_errors(fine: SteadySearch) -> tuple[float, float] | None:
     if coarse is None:
         return None
     load, resistance = fine.values[:2] * [fine.load_factor, 1.0]
-    orders = ORDERS if fine.jumps else ORDERS[:1].repeat(2)
-    errors = np.abs(fine.values - coarse.values_at(fine.depth))[:2] * remaining_shares(coarse, fine, orders)
+    errors = np.abs(fine.values - coarse.values_at(fine.depth))[:2] * remaining_shares(coarse, fine)
     if coarse.coarse is not None:
         before = np.abs(coarse.values_at(fine.depth) - coarse.coarse.values_at(fine.depth))[:2]
-        finer = (coarse.elements / fine.elements) ** orders
-        others = before * remaining_shares(coarse.coarse, coarse, orders) * finer
-        errors[1] = (errors[1] + others[1]) / 2 if fine.jumps else max(errors[1], others[1])
+        finer = (coarse.elements / fine.elements) ** ORDERS
+        others = before * remaining_shares(coarse.coarse, coarse) * finer
+        errors[1] = (errors[1] + others[1]) / 2
     if fine.load_factor != 1:
         correction = abs(load - fine.values[0])
-        known = load if coarse.coarse is None else coarse.values_at(fine.depth)[0] * coarse.load_factor
-        errors[0] = max(abs(load - known), CORRECTION_SHARE * correction)
+        errors[0] = CORRECTION_SHARE * correction
     scale = max(abs(resistance), MIN_RESISTANCE_RATIO * load)
     return float(errors[0] / load), float(errors[1] / scale)
 
 
-def remaining_shares(coarse: SteadySearch, fine: SteadySearch, orders: FloatArray) -> FloatArray:
-    """Return the errors that remain on the fine mesh over the changes from the coarse one, for orders [-]."""
-    return np.asarray(1 / ((fine.elements / coarse.elements) ** orders - 1))
+def remaining_shares(coarse: SteadySearch, fine: SteadySearch) -> FloatArray:
+    """Return the errors of load and resistance on the fine mesh over the changes from the coarse one [-]."""
+    return np.asarray(1 / ((fine.elements / coarse.elements) ** ORDERS - 1))

@@ -1,24 +1,21 @@
 """Search for the steady state of a roller on one mesh, for a prescribed depth, load, peak pressure or density.
 
-A cycle rolls on by one and a half contact lengths and measures the drift of the bow wave over the second half of the
-travel since the last change. The drift gives the distance to the steady state (`steady_state`). Wave and depth are then
-corrected together: the wave by a jump along its slow mode, the depth by a secant method for the extrapolated steady
-state. Where the drift does not stand out from its scatter, the roller just rolls on, so that the travel that is
-measured grows and the scatter of the drift falls. The search ends when the distance is below the tolerance and the
-target is satisfied. The residual of a step is a fixed share of the distance. A smaller tolerance thus means more travel
-and smaller residuals.
-
-Mix with a shear line (`DruckerPragerCap`) has no single slow mode. Bands of shear form and pass under the roller, so
-that load and resistance of a high wave fluctuate by a few per cent about their steady mean, and jumps excite them. The
-roller rolls on without jumps, and the scatter stands in the error.
+A cycle rolls on by a contact length and measures the drift of the bow wave over the second half of the travel since the
+last change. The drift gives the distance to the steady state (`steady_state`). Wave and depth are then corrected
+together: the wave by a jump along its slow mode, the depth by a secant method for the extrapolated steady state. Where
+the drift does not stand out from its scatter, as in mix with a shear line whose bands form and pass under the roller,
+it just rolls on, so that the travel that is measured grows and the scatter of the drift falls. The search ends when the
+distance is below the tolerance and the target is satisfied. The residual of a step is a fixed share of the distance. A
+smaller tolerance thus means more travel and smaller residuals.
 
 A motion that is not steady at the largest travel has one of two answers. If the wave takes up mix without slowing
 down, the mix heaps up in front of the roller (`HeapingError`). The measure is mass: the inflow of fed mix less the
-outflow at the exit column. Otherwise the search has not decided: the last state is the result, with its distance.
+outflow at the exit column. Otherwise the search has not decided, and its error has the last load, resistance and
+distance (`UnsteadyError`).
 """
 
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -36,8 +33,7 @@ from compact.engines.compaction.steady_state import (
     SteadyErrors,
     WaveDrift,
 )
-from compact.material.laws import DruckerPragerCap
-from compact.rolling_contact import EquilibriumError
+from compact.rolling_contact import EquilibriumError, HeapingError, Unsteady, UnsteadyError
 
 SETTLING, CYCLE = 1.5, 1.0  # [-], travel after a change and in a cycle, over the contact length
 APPROACH, FIRST_APPROACH = 0.5, 2.5  # [-], travel over the contact length in which a depth is reached; from rest
@@ -51,8 +47,8 @@ MIN_WAVE = 0.1  # [-], least area of a wave over depth and contact length whose 
 SIGNIFICANCE = 3.0  # [-], standard errors from which a drift of the wave counts
 RESIDUAL_SHARE, MAX_RESIDUAL = 0.3, 1e-2  # [-], residual of a step over the distance to the steady state, and at most
 NEAR = 4.0  # [-], distance over its tolerance from which the depth is corrected, since both at once oscillate
-MAX_SCATTER, PATIENCE = 0.1, 4  # [-], distance accepted at the largest travel; it rises with this power of the travel
-MAX_TRAVEL, MAX_COARSE_TRAVEL = 40.0, 15.0  # [-], on the mesh of the result and on others, over the contact length
+MAX_DISTANCE, PATIENCE = 0.1, 4  # [-], distance that is accepted, and told, at the largest travel; its power over it
+MAX_TRAVEL, MAX_COARSE_TRAVEL = 30.0, 12.0  # [-], on the mesh of the result and on others, over the contact length
 MIN_WAVES = 3  # [-], cycles before a wave may count as endless
 SLOWING, GROWN = 0.8, 4.0  # [-], growth over the fastest one of a wave grown by the other factor that has no end
 
@@ -127,11 +123,6 @@ class SteadySearch:
         self.values, self.errors = np.zeros(len(QUANTITIES)), SteadyErrors(unknown, unknown, np.ones(len(QUANTITIES)))
 
     @property
-    def jumps(self) -> bool:
-        """True for mix whose wave has a single slow mode; mix with a shear line fluctuates."""
-        return not isinstance(self.case.material, DruckerPragerCap)
-
-    @property
     def elements(self) -> float:
         """Elements per contact length [-]."""
         return self.rolling.frame.contact_length / self.rolling.frame.step
@@ -140,7 +131,7 @@ class SteadySearch:
     def load_factor(self) -> float:
         """Load in the limit of fine meshes over that of this one [-], by the steady state on the mesh before."""
         coarse = self.coarse
-        if coarse is None or not (self.jumps and coarse.is_steady):
+        if coarse is None or not coarse.is_steady:
             return self.known_factor
         return float(1 + (1 - coarse.values_at(self.depth)[0] / self.values[0]) / (self.elements / coarse.elements - 1))
 
@@ -170,7 +161,7 @@ class SteadySearch:
             self._search()
         except EquilibriumError as error:
             if self._is_unslowed(1.0):
-                raise self.rolling.heaping_error("grows without slowing down until a step fails") from error
+                raise self._heaping_error("grows without slowing down until a step fails") from error
             if not self._waves:
                 raise
 
@@ -182,11 +173,11 @@ class SteadySearch:
         travelled = 0.0
         while travelled < self.max_travel:
             drift = self._measure()
-            jump = self._estimate(drift) if self.jumps else self._average(drift)
+            jump = self._estimate(drift)
             self._require_slowing()
             travelled = (len(self.rolling.steps) - first) * self.rolling.frame.step / self._length
-            accepted = 0.0 if self.jumps else MAX_SCATTER * (travelled / self.max_travel) ** PATIENCE
-            accepted, depth, is_met = max(accepted, self.tolerance), self.depth, False
+            accepted = max(self.tolerance, MAX_DISTANCE * (travelled / self.max_travel) ** PATIENCE)
+            depth, is_met = self.depth, False
             if self.errors.total < NEAR * accepted:
                 corrected = secant.next_depth(depth, self._target_value())
                 self._depth_exponent, is_met = secant.slope, abs(secant.last_miss) < self.target_tolerance
@@ -199,9 +190,9 @@ class SteadySearch:
                 self._correct(depth, jump)
         if secant.is_started and not is_met:
             raise RuntimeError(secant.failure())
-        self.is_steady = self.errors.total < MAX_SCATTER
+        self.is_steady = self.errors.total < MAX_DISTANCE
         if not self.is_steady and self._is_unslowed(1.0):
-            raise self.rolling.heaping_error("still grows, without slowing down")
+            raise self._heaping_error("still grows, without slowing down")
         self._advance_exactly()
 
     def _settle(self, damping: float = FINAL_DAMPING_RATIO * DAMPING, share: float = SETTLING) -> None:
@@ -227,8 +218,7 @@ class SteadySearch:
         steps = self.rolling.steps[self._begin :]
         drift = WaveDrift.of_steps(steps[len(steps) // 2 :])
         self._waves += (drift,)
-        if self.jumps:
-            self._update_relaxation(begin, drift)
+        self._update_relaxation(begin, drift)
         return drift
 
     def _update_relaxation(self, begin: IncrementalRolling, drift: WaveDrift) -> None:
@@ -265,13 +255,6 @@ class SteadySearch:
         self.errors = SteadyErrors(LENGTH_ERROR * np.abs(slopes * jump), start, drift.values)
         return jump
 
-    def _average(self, drift: WaveDrift) -> float:
-        """Take the mean of a fluctuating motion as steady values; return 0, no jump."""
-        last = np.array([getattr(self.rolling.steps[-1], name) for name in QUANTITIES])
-        self.values, start = drift.values, np.maximum(drift.scatter, np.abs(last - drift.values))
-        self.errors = SteadyErrors(np.abs(drift.slopes) * drift.travel, start, drift.values)
-        return 0.0
-
     def _is_unslowed(self, grown: float) -> bool:
         """Return whether a wave that has grown by a factor takes up as much mix per travel as at its fastest."""
         if len(self._waves) < MIN_WAVES or self._is_low(self._waves[-1]):
@@ -280,14 +263,32 @@ class SteadySearch:
         fastest = max(wave.growth for wave in self._waves)
         return last.wave_area > grown * first.wave_area and last.growth > max(SLOWING * fastest, 0.0)
 
+    def _heaping_error(self, wave: str) -> HeapingError:
+        """Return the error of a wave without end, with the share of the feed that it takes up."""
+        share = 100 * self._waves[-1].growth / self.rolling.frame.mesh.height
+        return self.rolling.heaping_error(f"{wave}, and takes up {share:.2g} % of the feed")
+
+    def unsteady_error(self) -> UnsteadyError:
+        """Return the error of a motion of which it is not decided whether it becomes steady."""
+        step, distance = self.rolling.steps[-1], min(self.errors.total, 1.0)
+        message = (
+            f"not steady at depth {1e3 * self.depth:.4g} mm after {step.travel:.3g} m of travel, and not decided "
+            f"whether it becomes so: estimated distance {100 * distance:.2g} % of load, resistance or exit density; "
+            f"{step}"
+        )
+        unsteady = Unsteady(self.depth, step.bow_wave, step.travel, distance, step.load, step.resistance)
+        return UnsteadyError(message, unsteady)
+
     def _require_slowing(self) -> None:
         """Require a wave that has grown much to have slowed down, and any wave to stay below the contact angle."""
         rolling = self.rolling
         if self._is_unslowed(GROWN):
-            raise rolling.heaping_error("grows without slowing down")
+            raise self._heaping_error("grows without slowing down")
         limit = rolling.max_wave_height - rolling.depth
         if rolling.steps[-1].bow_wave >= limit:
-            raise EquilibriumError(f"the bow wave exceeds {1e3 * limit:.3g} mm, at which the contact angle is too large")
+            raise EquilibriumError(
+                f"the bow wave exceeds {1e3 * limit:.3g} mm, at which the contact angle is too large"
+            )
 
     def _correct(self, depth: float, jump: float, share: float = SETTLING) -> None:
         """Jump along the mode and settle at a corrected depth; by less if a step has no equilibrium."""

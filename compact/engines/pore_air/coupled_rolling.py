@@ -19,8 +19,10 @@ from threadpoolctl import threadpool_limits
 from compact.engines.compaction.engine import CompactionContactResult
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, SolidIncrement
 from compact.engines.compaction.rolling import DAMPING, IncrementalRolling, IncrementSolver, RollingStep
-from compact.engines.compaction.steady_search import search_class
-from compact.engines.compaction.steady_state import DepthTarget, Relaxation
+from compact.engines.compaction.depth_target import DepthTarget
+from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
+from compact.engines.compaction.steady_search import MAX_TRAVEL, SteadySearch
+from compact.engines.compaction.steady_state import Relaxation
 from compact.engines.pore_air import AirForces
 from compact.engines.pore_air.steady_flow import AirPressure, RollerAir
 from compact.material.pore_air import PoreAir
@@ -88,22 +90,29 @@ def roll_coupled(
     depth = contact.indentation
     roller = replace(contact.roller, indentation=depth, load=None, peak_pressure=None)
     target = DepthTarget(contact.layer, roller, contact.material, None, contact.solution.frame.inflow)
-    search = search_class(contact.material)(
-        rolling=CoupledRolling(contact.solution if start is None else start.rolling, air, abs(speed)),
-        target=target,
-        depth=depth,
+    case = RollingCase(
+        contact.layer, roller, contact.material, contact.speed, None, contact.solution.frame.inflow, RollingNumerics()
+    )
+    search = SteadySearch(
+        case,
+        target,
+        CoupledRolling(contact.solution if start is None else start.rolling, air, abs(speed)),
+        depth,
         tolerance=steady_tolerance,
+        max_travel=MAX_TRAVEL,
         target_tolerance=target.tolerance,
-        stretch=lambda rolling, _: rolling,  # the depth is held, so that the mesh is never stretched
         relaxation=contact.relaxation if start is None else start.relaxation,
     )
     with threadpool_limits(1):
         search.run()
+    if not search.is_steady:
+        raise search.unsteady_error()
     rolling = search.rolling
     assert isinstance(rolling, CoupledRolling)  # copies of it
     step, of_air = rolling.steps[-1], RollerAir(rolling, air)
     pressure = of_air.pressure(speed)
-    load, resistance = step.load - contact.load, float(np.sign(speed)) * step.resistance - contact.resistance
+    load = step.load - contact.load / contact.load_factor  # on the same mesh
+    resistance = float(np.sign(speed)) * step.resistance - contact.resistance
     changes = AirForces(load, resistance, of_air.forces(pressure).excess_behind)
     return CoupledContact(changes, pressure, rolling, search.relaxation)
 
