@@ -1,6 +1,4 @@
-"""Search for the steady state of mix with a shear line: drift and scatter, heaping, targets, errors of three meshes."""
-
-from types import SimpleNamespace
+"""Search for the steady state of mix with a shear line: a loose lift, targets, random lifts."""
 
 import numpy as np
 import pytest
@@ -8,88 +6,15 @@ from mixes import free_roller
 from mixes import shear_line as law
 
 from compact.engines.compaction.engine import roll
-from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
-from compact.engines.compaction.steady_search import ShearLineSearch, mesh_errors
-from compact.engines.compaction.steady_state import WaveGrowth
 from compact.material.laws import earth_pressure_bounds, matched_slopes
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
 from compact.rolling_contact import HeapingError, Layer, Roller
 
-DEPTH, LENGTH = 0.003, np.sqrt(2 * 0.11 * 0.003)
+DEPTH = 0.003
 
 
 def lift(fed):
     return Layer(0.06 * 0.98 / fed), free_roller(DEPTH), law(fed, shear_viscosity=600.0)
-
-
-def step(travel, load=5e3, resistance=700.0, wave_area=0.0):
-    return RollingStep(travel, 0.06 - DEPTH, load, resistance, 0.96, 2e5, 1, 1e-3, 1e-3, wave_area)
-
-
-def search_with(steps, quantity="indentation", fed=0.9):
-    """Search at the end of some steps of 1 mm, without finite elements."""
-    material = law(fed)
-    frame = SimpleNamespace(contact_length=LENGTH, step=1e-3, mesh=SimpleNamespace(height=0.06))
-    frame.solid = SimpleNamespace(material=material)
-    rolling = IncrementalRolling.__new__(IncrementalRolling)
-    rolling.steps, rolling.frame, rolling.surface = tuple(steps), frame, SimpleNamespace(radius=0.11)
-    return ShearLineSearch(rolling, SimpleNamespace(quantity=quantity, value=DEPTH), DEPTH, 2e-3, 1e-3, None)
-
-
-def test_distance_of_a_relaxation_is_what_it_still_lacks():
-    """An exponential over the travel T lacks 0.54 of its change in the last half at 1/e, and the estimate is above."""
-    travel = np.arange(200) * 1e-3
-    search = search_with([step(s, load=5e3 * (1 - 0.1 * np.exp(-s / 0.1))) for s in travel])
-    search._estimate_distance()
-    lacks = 0.1 * np.exp(-travel[-1] / 0.1)
-    assert lacks < search.errors.drift[0] / 5e3 < 2.5 * lacks
-    assert search.errors.start[1] == pytest.approx(0.0, abs=1e-9)
-
-
-def grow(slopes):
-    """Search after cycles in which the area of the wave grows by some slopes [m]."""
-    search, area = search_with([step(0.0, wave_area=2e-5)]), 2e-5
-    count = search._steps_of(2.0)
-    for slope in slopes:
-        for _ in range(count):
-            area += slope * 1e-3
-            last = search.rolling.steps[-1].travel
-            search.rolling.steps += (step(last + 1e-3, wave_area=area),)
-        search._require_slowing(WaveGrowth())
-    return search
-
-
-def test_mix_that_is_pushed_ahead_heaps_up():
-    with pytest.raises(HeapingError, match=r"grows by 90 % of the depth times the travel, without slowing") as raised:
-        grow([0.9 * DEPTH] * 3)
-    assert raised.value.heaping.travel == pytest.approx(3 * 0.052, rel=0.03)
-    assert raised.value.heaping.wave_height == 1e-3
-
-
-def test_wave_that_grows_threefold_without_slowing_down_heaps_up():
-    with pytest.raises(HeapingError, match="has grown threefold without slowing down"):
-        grow([0.2 * DEPTH] * 6)
-
-
-@pytest.mark.parametrize("slopes", [[0.9, 0.5, 0.3, 0.1], [0.1, 0.3, 0.2, 0.1, 0.05], [-0.02, -0.01, 0.0]], ids=str)
-def test_wave_that_slows_down_does_not(slopes):
-    assert len(grow(np.array(slopes) * DEPTH)._waves) == len(slopes)
-
-
-def on_mesh(count, load, resistance):
-    search = search_with([step(0.0)])
-    search.rolling.frame.step = LENGTH / count
-    search.values = np.array([load, resistance, 0.98, 4e5])
-    return search
-
-
-def test_error_of_a_resistance_that_is_not_monotone_is_that_of_the_coarser_meshes():
-    """Lift with 20 kPa: 881, 903 and 899 N/m on 6, 12 and 24 elements."""
-    coarsest, coarse, fine = on_mesh(6, 7083, 881), on_mesh(12, 6589, 903), on_mesh(24, 6402, 899)
-    load, resistance = mesh_errors(coarse, fine, coarsest)
-    assert load == pytest.approx(494 / 6589 / 2)
-    assert resistance == pytest.approx(22 / 903 / 2)
-    assert mesh_errors(coarse, fine)[1] == pytest.approx(4 / 899)
 
 
 @pytest.mark.slow
