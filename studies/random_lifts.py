@@ -86,8 +86,8 @@ def outcome(lift: Lift, increments: int = 14) -> str:
         return f"not decided {time.process_time() - start:5.1f} s   {str(error)[:150]}"
     error = found.error or (np.nan, np.nan)
     return (
-        f"steady      {time.process_time() - start:5.1f} s   load {found.load:8.1f} +- {100 * error[0]:.2f} %   resistance "
-        f"{found.resistance:8.2f} +- {100 * error[1]:.2f} %   work {found.work_residual:.1e}   wave "
+        f"steady      {time.process_time() - start:5.1f} s   load {found.load:8.1f} +- {100 * error[0]:.2f} %   "
+        f"resistance {found.resistance:8.2f} +- {100 * error[1]:.2f} %   work {found.work_residual:.1e}   wave "
         f"{1e3 * found.bow_wave:.2f} mm   k {found.exit_density_ratio:.4f} {found.peak_density_ratio:.5f}   "
         f"{found.effort.split(';')[1].split()[0]} steps"
     )
