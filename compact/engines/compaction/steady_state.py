@@ -120,7 +120,8 @@ class BowWaveMode:
         """
         factor, state = wave_area / self.wave_area, rolling.state
         points = state.points.map(lambda values, mode: values + factor * mode, self.state.points)
-        points = replace(points, max_density_ratio=np.maximum(points.max_density_ratio, points.density_ratio))
+        densest, plastic_work = np.maximum(points.max_density_ratio, points.density_ratio), points.plastic_work
+        points = replace(points, max_density_ratio=densest, plastic_work=np.maximum(plastic_work, 0.0))
         change = factor * self.state.displacement
         moved = SolidState(state.displacement + change, points, state.work + factor * self.state.work)
         pressure = np.maximum(rolling.contact.pressure + factor * self.pressure, 0.0)
