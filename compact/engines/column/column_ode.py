@@ -2,9 +2,10 @@
 
 A column has no lateral strain. Its stress state is the mean stress p and the deviator D = s_v - s_h; stacked columns
 share the vertical stress s_v = p + 2D/3. Compression is positive; V is the plastic volume strain. On the yield surface
-of `cap_plasticity` with the outward normal (P, Q) = (df/dp, df/dD)/2, and with pc = pc(k), H = dpc/dV,
+of `cap_plasticity` with the outward normal (P, Q) = (df/dp, df/dD)/2, half length a and centre c of the cap, and with
+pc = pc(k), u = u(k), H = dpc/dV, U = du/dV,
 
-    dp = K (de - dV),  dD = 3G (2de/3 - Q w),  dV = P w,  P dp + Q dD = h w,  h = (p + pt) H P/2,
+    dp = K (de - dV),  dD = 3G (2de/3 - Q w),  dV = P w,  P dp + Q dD = h w,  h = [P (H/2 + U) + a H/2] P,
 
 where de is the strain of the column and w >= 0 the plastic multiplier. Per unit of s_v, with b = P - 3Q/2 and
 g = 3/2 + 2G/K,
@@ -38,7 +39,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import DOP853
 
-from compact.material.elliptic_cap import CapConstants, hardening
+from compact.material.elliptic_cap import CapConstants, hardening, reaction
 from compact.numerics import Array, BoolArray, IntArray
 from compact.numerics.jit import compiled, inlined
 
@@ -347,38 +348,48 @@ def _stress_rates(law, point, yielding, on_line):
     ratio, g = 2 * law.G / law.K, 1.5 + 2 * law.G / law.K
     if not yielding:
         return 1.5 / g, 0.0, 0.0
-    pc, H = hardening(law, max(k, k_max))
+    densest = max(k, k_max)
+    _, H = hardening(law, densest)
+    _, U = reaction(law, densest)
     if k < k_max:
-        H = 0.0
+        H, U = 0.0, 0.0
     if on_line:
         sign = 1.0 if stress > p else -1.0
         dp = 1 / (1 + sign * law.friction / 1.5)
         w = (ratio * dp - 1.5 * (1 - dp)) / (law.G * (3 * sign + 2 * law.dilatancy))
         return dp, -law.dilatancy * w, sign * w
-    a, c, p0 = _yield_surface(law, pc)
+    a, c, p0 = _yield_surface(law, densest)
     P, Q = p - c, 1.5 * (stress - p) / law.M**2
-    if law.flat and not law.line and p <= c:
-        P = min(p - p0, 0.0)
-        if p0 > -law.pt:
+    rise = P * (H / 2 + U) + a * H / 2
+    if law.flat and p <= c:
+        P, rise = min(p - p0, 0.0), (p + law.pt) * H / 2
+        if law.line:  # the top of the cap
+            P = 0.0
+        elif p0 > -law.pt:
             P *= (a / (p0 + law.pt)) ** 2
         elif p <= p0:  # no strength: tension cut-off
             P, Q = -1.0, 0.0
-    h, b = (p + law.pt) * H * P / 2, P - 1.5 * Q
+    h, b = rise * P, P - 1.5 * Q
     w = 1.5 / (g * h + 2 * law.G * b * b)
     return w * (h - 2 * law.G * b * Q), w * (P + ratio * Q) * P, w * (P + ratio * Q) * Q
 
 
 @compiled
-def _yield_surface(law, pc):
+def _yield_surface(law, k):
     """Half the length a of the yield surface, its critical pressure c, and the largest p of its curved tensile part."""
-    c = (pc - law.pt) / 2
+    pc, _ = hardening(law, k)
+    u, _ = reaction(law, k)
+    c = (pc - law.pt) / 2 + u
     return (pc + law.pt) / 2, c, min(c, 0.0) if law.flat else c
 
 
 @compiled
-def _corner_pressure(law, pc):
-    """Return p + pt at the corner of cap and shear line."""
-    return (pc + law.pt) / (1 + (law.friction / law.M) ** 2)
+def _corner_pressure(law, k):
+    """Return p + pt at the corner of cap and shear line, or of the line and the top of a cap that it misses."""
+    a, c, _ = _yield_surface(law, k)
+    b, square = c + law.pt, 1 + (law.friction / law.M) ** 2
+    rest = b * b - square * (b * b - a * a)
+    return (b + np.sqrt(rest)) / square if rest >= 0 else law.M * a / law.friction
 
 
 @compiled
@@ -394,8 +405,7 @@ def is_on_line(law: CapConstants, point: tuple) -> bool:
     _, p, k = point
     if not law.line:
         return False
-    pc, _ = hardening(law, k)
-    return p + law.pt < _corner_pressure(law, pc) * CORNER_SIDE
+    return p + law.pt < _corner_pressure(law, k) * CORNER_SIDE
 
 
 @compiled
@@ -405,11 +415,13 @@ def yield_stress(law: CapConstants, point: tuple, direction: float) -> float:
     `point` contains s_v and p [Pa], and the density ratio of the yield surface [-].
     """
     stress, p, k = point
-    a, c, p0 = _yield_surface(law, hardening(law, k)[0])
+    a, c, p0 = _yield_surface(law, k)
     oedometric = law.K + 4 * law.G / 3
     D, dp, dD = 1.5 * (stress - p), direction * law.K / oedometric, direction * 2 * law.G / oedometric
     cap = _ellipse_crossing(p - c, D / law.M, 1.0, dp, dD / law.M, a)
-    if law.line:  # the elastic range is the intersection of the ellipse and both lines
+    if law.line:  # the elastic range is the intersection of the cap and both lines
+        if p + cap * dp < c:
+            cap = _ellipse_crossing(0.0, D / law.M, 0.0, dp, dD / law.M, a)
         for sign in (1.0, -1.0):
             distance, approach = law.friction * (p + law.pt) - sign * D, sign * dD - law.friction * dp
             if approach > 0:
@@ -432,10 +444,9 @@ def yield_stress(law: CapConstants, point: tuple, direction: float) -> float:
 def critical_stress(law: CapConstants, point: tuple, direction: float) -> float:
     """Vertical stress at which loading leaves the flat subcritical side or the shear line, where pc is constant."""
     stress, p, k = point
-    pc, _ = hardening(law, k)
-    _, c, _ = _yield_surface(law, pc)
+    _, c, _ = _yield_surface(law, k)
     if law.line:
-        distance = _corner_pressure(law, pc) - (p + law.pt)
+        distance = _corner_pressure(law, k) - (p + law.pt)
         rises = direction > 0 and stress > p and distance > 0
         return stress + distance * (1 + law.friction / 1.5) if rises else direction * np.inf
     return stress + c - p if law.flat and direction > 0 and p < c else direction * np.inf

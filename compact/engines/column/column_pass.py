@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from compact.engines.column import column_ode as ode
 from compact.engines.column.column_ode import STRESS, ColumnStack, GapShape, PathControl
-from compact.material.elliptic_cap import CapConstants, cap_constants, hardening
+from compact.material.elliptic_cap import CapConstants, cap_constants, hardening, reaction
 from compact.material.laws import Compaction
 from compact.numerics import Array
 from compact.numerics.validation import require_finite, require_nonnegative, require_positive, require_that
@@ -144,7 +144,7 @@ class ColumnLayer:
     def stress_estimate(self, depth: float) -> float:
         """Estimate the vertical stress [Pa] at the lowest generatrix for an indentation [m]."""
         densest = max(max(self.stack.density_ratio.tolist()), self.solid_height / (self.height - depth))
-        strength = hardening(self.law, densest)[0] + self.law.pt
+        strength = hardening(self.law, densest)[0] + reaction(self.law, densest)[0] + self.law.pt
         return min(float(self.law.K + 4 * self.law.G / 3) * -math.log1p(-depth / self.height), strength)
 
     def estimate(self, name: str, depth: float) -> float:
