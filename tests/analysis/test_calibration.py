@@ -16,7 +16,7 @@ from compact.analysis.contact_cases import compaction_material, contact_inputs, 
 from compact.cli import program as cli
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
-from compact.engines.compaction.steady_state import DENSITY_TOLERANCE
+from compact.engines.compaction.depth_target import DENSITY_TOLERANCE
 from compact.scene.loader import SceneError, load_scene, read_change
 from compact.scene.plant_data import Band, Measured, Measurement, read_measurements
 

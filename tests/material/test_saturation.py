@@ -11,7 +11,11 @@ from compact.material import cap_plasticity
 from compact.material.cap_plasticity import MaterialPoint, integrate_points
 
 FLAT = replace(MIX, unloading_modulus=300e6, fed_density_ratio=0.9)
-LAWS = {"flat": FLAT, "ellipse": replace(FLAT, dry_side="ellipse"), "line": shear_line(0.92, heckel_slope=20e-6, unloading_modulus=400e6)}
+LAWS = {
+    "flat": FLAT,
+    "ellipse": replace(FLAT, dry_side="ellipse"),
+    "line": shear_line(0.92, heckel_slope=20e-6, unloading_modulus=400e6),
+}
 
 
 def adversarial(mix, n=6000):

@@ -52,6 +52,7 @@ MAX_TRAVEL, MAX_COARSE_TRAVEL = 30.0, 12.0  # [-], on the mesh of the result and
 MIN_WAVES = 3  # [-], cycles before a wave may count as endless
 SLOWING, GROWN = 0.8, 4.0  # [-], growth over the fastest one of a wave grown by the other factor that has no end
 
+MIN_EXTRAPOLATED = 9.5  # [-], elements per contact length of the coarser mesh, below which loads are not extrapolated
 MIN_STEPS = 4  # [-], of a measurement
 HEIGHT_SHARE = 1 / 3  # [-], of the layer height, which counts as contact length at least; later passes are that short
 JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
@@ -131,7 +132,7 @@ class SteadySearch:
     def load_factor(self) -> float:
         """Load in the limit of fine meshes over that of this one [-], by the steady state on the mesh before."""
         coarse = self.coarse
-        if coarse is None or not coarse.is_steady:
+        if coarse is None or not coarse.is_steady or coarse.elements < MIN_EXTRAPOLATED:
             return self.known_factor
         return float(1 + (1 - coarse.values_at(self.depth)[0] / self.values[0]) / (self.elements / coarse.elements - 1))
 
