@@ -17,6 +17,8 @@ before they coincide, so that the trial state determines the side. One unknown r
 where A is the trial pressure beyond the flat part. Without hardening x = 2 r K m. As x grows from 0 the stress moves
 inwards, from f > 0 to y = 0 and q = 0. A root always exists, and is unique if H = dpc/dV < 12 G/M^2. Beyond the limit H
 = 0. With N^2 = f + a^2 the ratio a/N is nearly linear in x; Newton's method on a/N = 1 is safeguarded by bisection.
+The sign of f at the limit, a kink, tells the side on which the root lies. Beyond, a is constant and the unknown is that
+of the modulus K + K_s, so that the same iteration starts on the right side and never crosses the kink.
 
 References
 ----------
@@ -311,18 +313,21 @@ def return_to_curve(law, surface, p_trial, q_trial, k, densest, guess) -> tuple:
     A = distance if p_trial >= start else -distance
     onset = np.log(densest / k) if law.flat else 0.0  # V at which hardening starts
     d_trial, b, pc = q_trial / law.M, 6 * law.G / law.M**2, 2 * a_before - law.pt
-    x, low, high, iterations = guess, 0.0, np.inf, MAX_ITERATIONS + 1
+    A, K, a_start, low, high = _side_of_limit(law, (A, d_trial, a_before, pc), k, densest, onset)
+    saturated = K != law.K
+    x, iterations = guess * (K / law.K), MAX_ITERATIONS + 1
+    x = x if low <= x < high else low
     V, y, a, h, g, m, scale, N = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
     for iteration in range(MAX_ITERATIONS):
         # V, y, a, h = da/dV, g = dc/dV, m, scale = q/q_trial, N = sqrt(d^2 + r y^2) with d = q/M, and dN/dV at x
         outer = 1 / (1 + x)
-        V = A / law.K * (x * outer)
+        V = A / K * (x * outer)
         rise, h, u_rise, g = 0.0, 0.0, 0.0, 0.0
-        if not law.flat or onset < V:
+        if not saturated and (not law.flat or onset < V):
             rise, H, u_rise, U = pressure_rise(law, densest, V - onset, pc)
             h, g = H / 2, H / 2 + U
-        a = a_before + rise / 2
-        y, dy = A * outer - rise / 2 - u_rise, -law.K - g
+        a = a_start + rise / 2
+        y, dy = A * outer - rise / 2 - u_rise, -K - g
         ry = r * y
         inverse = 1 / (2 * ry)
         m = V * inverse
@@ -332,10 +337,10 @@ def return_to_curve(law, surface, p_trial, q_trial, k, densest, guess) -> tuple:
         dN = (ry * dy - d * d * scale * b * dm) / N
         residual = a / N - 1 if y * A > 0 else np.inf  # y has changed its sign
         if residual <= 1:
-            next_x = x + residual * N * N * law.K * (1 + x) ** 2 / ((a * dN - h * N) * A)
+            next_x = x + residual * N * N * K * (1 + x) ** 2 / ((a * dN - h * N) * A)
         else:  # far inside N is closer to linear, in V
             inner = V - (N - a) / (dN - h)
-            next_x = law.K * inner / (A - law.K * inner) if residual < np.inf else -1.0
+            next_x = K * inner / (A - K * inner) if residual < np.inf else -1.0
         stalled = min(abs(next_x - x), high - low) <= STEP_TOLERANCE * x
         if abs(residual) <= RESIDUAL_TOLERANCE or (stalled and abs(residual) <= RESIDUAL_ACCEPTED):
             iterations = iteration + 1
@@ -349,6 +354,8 @@ def return_to_curve(law, surface, p_trial, q_trial, k, densest, guess) -> tuple:
         if x >= high:  # no number between the bounds
             x = low
 
+    if saturated:
+        g = law.saturation
     k *= np.exp(V)
     densest = max(k, densest) if law.flat else k
     end_a = (hardening(law, densest)[0] + law.pt) / 2
@@ -358,10 +365,36 @@ def return_to_curve(law, surface, p_trial, q_trial, k, densest, guess) -> tuple:
     scale *= end_a / N
     q = q_trial * scale
     work = p * V + q * (q_trial - q) / (3 * law.G)
-    hardens = not law.flat or onset < V
+    hardens = saturated or not law.flat or onset < V
     rates = (h, g) if hardens else (rate, shift)
     slopes = _slopes(law, (y, end_a, h, g, m, scale), r, q, rates, hardens)
-    return iterations, p, scale, k, densest, work, x, slopes
+    return iterations, p, scale, k, densest, work, x * (law.K / K), slopes
+
+
+@internal
+def _side_of_limit(law, trial, k, densest, onset):
+    """Return A, K and a for the side of the saturation limit on which the return ends, and the bounds of x there.
+
+    Beyond the limit a is constant, and the centre moves by K_s dV. This is the return to a fixed surface with the
+    modulus K + K_s, from the distance at which c would have started.
+    """
+    A, d_trial, a, pc = trial
+    if A <= 0 and (law.flat or k <= law.limit):
+        return A, law.K, a, 0.0, np.inf
+    V = np.log(law.limit / k)  # at the limit
+    if A > 0:
+        V = max(V, onset)
+    y = A - law.K * V
+    if y * A <= 0:  # the limit is out of reach
+        return A, law.K + (law.saturation if A < 0 else 0.0), a, 0.0, np.inf
+    x = law.K * V / y
+    rise, _, u_rise, _ = pressure_rise(law, densest, V - onset, pc)
+    y -= rise / 2 + u_rise
+    d = d_trial * 2 * y / (2 * y + 6 * law.G / law.M**2 * V)
+    outside = y * A > 0 and np.sqrt(d * d + y * y) > a + rise / 2
+    if outside == (A > 0):
+        return A - rise / 2 - u_rise + law.saturation * V, law.K + law.saturation, a + rise / 2, 0.0, np.inf
+    return (A, law.K, a, x, np.inf) if outside else (A, law.K, a, 0.0, x)
 
 
 @internal

@@ -153,10 +153,11 @@ class Compaction:
     p is the mean pressure and q the von Mises stress, compression positive; k is the density ratio at rest. No mix is
     denser than the saturation limit k_s. There grains and water carry any further mean stress: the reaction u keeps k
     near k_s, and the strength grows no more, as in undrained mix. u is a constraint, not the pressure of the pore
-    water, and remains after unloading.
+    water, and remains after unloading on the flat subcritical side. On the full ellipse zero stress lies outside the
+    surface once u > pt. There u derives from a stored energy (K_s/2) ln^2(k/k_s): unloading below p = u - pt loosens
+    the mix and gives it back, and plastic work less this energy never decreases.
 
-    A Heckel curve of
-    confined compression, s_v = ln[(1 - k0)/(1 - k)]/K_H, is satisfied by
+    A Heckel curve of confined compression, s_v = ln[(1 - k0)/(1 - k)]/K_H, is satisfied by
 
         pc(k) = [s_v(k) + pt] (1 + g)/A - pt,    A = (1 + sqrt(1 + 4 M^2/9))/2,
 
