@@ -56,8 +56,6 @@ def elastic_polynomial(law: Any, end: float) -> tuple[float, ...]:
     tuple of float
         Coefficients c0 to c3 [-].
     """
-    if law.loose_density_ratio >= end:
-        return (0.0,) * TERMS
     x, angle = stress_angle(law, end)
     z = x / (1 + x / (law.heckel_slope * law.bulk_modulus))
     powers = (z / z.max())[:, None] ** (2 + np.arange(TERMS))

@@ -107,9 +107,9 @@ def return_to_line(law, p, q, k, densest, guess, carried, share) -> tuple:
             by_q = 1 / (G3 + viscosity)
         derivatives = (1 / law.K, 0.0, 0.0, 1 - G3 * by_q, 0.0, 0.0)
         return _result(law, (p, q, k, densest), (P / law.K, -law.pt, q - G3 * shear), derivatives, False)
-    if end <= b and q - G3 * shear > top:
-        return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
     end_q = q - G3 * shear
+    if b >= P and end_q > top and (end <= b or (b - P) * (D - G3) >= (top - limit - slope * P) * law.K * law.dilatancy):
+        return _return_to_top(law, p, q, k, densest, slope, limit, viscosity)
     if end <= b or (end_q / law.M) ** 2 + (end - b) ** 2 <= (a * (1 + ROUNDING)) ** 2:
         by_p, by_q = (-slope / D, 1 / D) if shear > 0 else (0.0, 0.0)
         N = law.dilatancy
