@@ -29,20 +29,30 @@ def von_mises(stress):
 
 
 def yielding(mix, stress, hardened, factor=1.0):
-    """f/a^2, df/dp and df/dq from the definition; p and q compression positive."""
+    """f, df/dp and df/dq from the definition; p and q compression positive. f is over a (a + u), as its rounding is."""
     M, pt, pc = mix.critical_slope, mix.tensile_strength, mix.yield_pressure(hardened) * factor
-    p, q = -split(stress)[0], von_mises(stress)
+    p, q, a, u = -split(stress)[0], von_mises(stress), (pc + pt) / 2, mix.saturation_pressure(hardened)
+    c, size = a - pt + u, a * (a + u)
+    wet = np.maximum(p - c, 0)
     if isinstance(mix, DruckerPragerCap):
-        P, C = p + pt, pc + pt
-        cap = np.where(M**2 / (M**2 + mix.friction_slope**2) * C < P, q**2 / M**2 + P * (P - C), -np.inf)
-        return np.max([4 * cap / C**2, (q - mix.friction_slope * P) / C, -P / C], axis=0), np.nan, np.nan
-    a, c = (pc + pt) / 2, (pc - pt) / 2
+        surfaces = (q**2 / M**2 + wet**2 - a**2) / size, (q - mix.friction_slope * (p + pt)) / (a + u), -(p + pt) / a
+        return np.max(surfaces, axis=0), np.nan, np.nan
     if mix.dry_side == "ellipse":
-        return (q**2 / M**2 + (p + pt) * (p - pc)) / a**2, 2 * p + pt - pc, 2 * q / M**2
+        return (q**2 / M**2 + (p - c) ** 2 - a**2) / size, 2 * (p - c), 2 * q / M**2
     p0, rounding = np.minimum(c, 0), 0.0 if pt > 1 else 1e-12 * a  # p comes from stresses of the size of a
     inward = a / (p0 + pt + rounding)
-    dry, wet = inward * np.minimum(p - p0 + rounding, 0), np.maximum(p - c, 0)
-    return (q**2 / M**2 + wet**2 + dry**2) / a**2 - 1, 2 * (wet + dry * inward), 2 * q / M**2
+    dry = inward * np.minimum(p - p0 + rounding, 0)
+    return (q**2 / M**2 + wet**2 + dry**2 - a**2) / size, 2 * (wet + dry * inward), 2 * q / M**2
+
+
+def dissipated(mix, before, after):
+    """Plastic work less the energy (K_s/2) ln^2(k/k_s) that saturated mix on the full ellipse stores or gives back."""
+    work = after.plastic_work - before.plastic_work
+    if mix.dry_side == "flat":
+        return work
+    excess = (np.log(np.maximum(state.density_ratio / mix.saturation_limit, 1)) for state in (before, after))
+    begin, end = (mix.saturation_modulus / 2 * value**2 for value in excess)
+    return work - end + begin
 
 
 def plastic_strain(mix, before, after, strain):

@@ -90,73 +90,78 @@ def test_dilatant_shear_does_not_soften_the_cap():
 
 
 def random_steps(mix, count, seed=0):
-    """Trial states around the surfaces and their returns: rows P, q, V, e, a and trial P, q over a of the trial."""
+    """Trial states around the surfaces and their returns: trial P, q; P, q, V, a, u, work; a of the trial."""
     random = np.random.default_rng(seed)
     constants = cap_plasticity.cap_constants(mix, 1.0)
     k = random.uniform(0.85, 0.985, count)
-    densest = np.maximum(k, np.where(random.random(count) < 0.5, k, random.uniform(0.85, 0.985, count)))
-    a = (mix.yield_pressure(densest) + mix.tensile_strength) / 2
+    largest = np.maximum(k, np.where(random.random(count) < 0.5, k, random.uniform(0.85, 0.985, count)))
+    a, u = (mix.yield_pressure(largest) + mix.tensile_strength) / 2, mix.saturation_pressure(largest)
     size = 10 ** random.uniform(-3, 1.5, count)
     P, q = a * (random.uniform(-0.5, 2.2, count) + size * random.normal(size=count)), a * size * random.random(count)
+    P += u * random.uniform(0, 1.2, count)
     q += a * random.uniform(0, 2, count)
     rows = []
-    for trial in zip(P - mix.tensile_strength, q, k, densest, strict=True):
-        iterations, p, scale, after, largest, work, _, _ = return_to_line(constants, *trial, 0.0, np.nan, 1.0)
+    for trial in zip(P - mix.tensile_strength, q, k, largest, strict=True):
+        iterations, p, scale, after, hardened, work, _, _ = return_to_line(constants, *trial, 0.0, np.nan, 1.0)
         assert iterations < 100
-        pc = cap_plasticity.hardening(constants, largest)[0]
-        rows.append((p + constants.pt, scale * trial[1], np.log(after / trial[2]), pc + constants.pt, work))
-    end, end_q, V, C, work = np.array(rows).T
-    return constants, (P, q), (end, end_q, V, C, work), a
+        rows.append((p + constants.pt, scale * trial[1], np.log(after / trial[2]), work, hardened))
+    end, end_q, V, work, hardened = np.array(rows).T
+    end_a = (mix.yield_pressure(hardened) + mix.tensile_strength) / 2
+    return constants, (P, q), (end, end_q, V, end_a, mix.saturation_pressure(hardened), work), a
 
 
 @pytest.mark.parametrize("dilatancy_angle", [0.0, 12.0])
-def test_random_steps_satisfy_koiters_conditions(dilatancy_angle):
-    mix = law(dilatancy_angle=dilatancy_angle)
-    law_, (P_tr, q_tr), (P, q, V, C, work), a = random_steps(mix, 10_000)
+@pytest.mark.parametrize(
+    "limit", [{}, {"saturation_limit": 0.95, "saturation_modulus": 3e6}, {"saturation_limit": 0.95}]
+)
+def test_random_steps_satisfy_koiters_conditions(limit, dilatancy_angle):
+    """Active are the cap or its top, the line, and the cut-off; where u is large, the line meets the top."""
+    mix = replace(law(dilatancy_angle=dilatancy_angle), **limit)
+    law_, (P_tr, q_tr), (P, q, V, a, u, work), _ = random_steps(mix, 10_000)
     M, N, cap = law_.friction, law_.dilatancy, law_.M
     e = (q_tr - q) / (3 * law_.G)
-    size = np.hypot(P_tr, q_tr) + a  # of stresses; strains are compared times the moduli
-    kappa = cap**2 / (cap**2 + M**2)
-    assert np.abs(P_tr - P - law_.K * V).max() < ROUNDING * size.max()
+    size = np.abs(P_tr) + q_tr + a + u  # of stresses; strains are compared times the moduli
     assert (P_tr - P - law_.K * V) / size == pytest.approx(0, abs=ROUNDING)
     # yield limits
-    f_cap = (q**2 / cap**2 + P * (P - C)) / C**2
-    f_line = (q - M * P) / C
-    right = kappa * C * (1 - ROUNDING) <= P
+    y = np.maximum(P - a - u, 0.0)
+    f_cap = (q**2 / cap**2 + y**2 - a**2) / (a * size)
+    f_line = (q - M * P) / size
     assert P.min() >= 0
     assert f_line.max() < ROUNDING
-    assert f_cap[right].max() < ROUNDING
+    assert f_cap.max() < ROUNDING
     # multipliers
-    on_cap = right & (f_cap > -ROUNDING)
-    on_line = np.abs(f_line) < ROUNDING
-    apex = ROUNDING * C > P
-    corner = on_cap & on_line
-    flow = 2 * P - C
+    on_cap, on_line, apex = f_cap > -ROUNDING, f_line > -ROUNDING, ROUNDING * a >= P
+    normal = q / cap**2  # of the cap over shear, y over volume; the larger determines its multiplier
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = 2 * q / cap**2 / flow
-    line = np.where(corner, (e - ratio * V) / (1 + N * ratio), np.where(on_line, e, 0.0))
-    cap_multiplier = np.where(corner | on_cap, (V + N * line) / flow, 0.0)
+        shared = np.nan_to_num((e * y - normal * V) / (y + N * normal))
+        line = np.where(on_cap & on_line, shared, np.where(on_line, e, 0.0))
+        by_cap = np.where(on_cap, np.where(y > normal, (V + N * line) / y, (e - line) / normal), 0.0)
     cut = np.where(apex, -V - N * line, 0.0)
-    for multiplier, scale in ((line, law_.G), (cap_multiplier * C, law_.K), (cut, law_.K)):
+    for multiplier, scale in ((line, law_.G), (by_cap * a, law_.K), (cut, law_.K)):
         assert (multiplier * scale / size).min() > -ROUNDING
     # flow of the active surfaces only
-    volume = cap_multiplier * flow - N * line - cut
-    shear = np.where(on_cap, cap_multiplier * 2 * q / cap**2, 0.0) + line
-    assert (law_.K * np.abs(V - volume) / size).max() < ROUNDING
-    assert (law_.G * np.abs(e - shear) / size).max() < ROUNDING
+    assert (law_.K * np.abs(V - (by_cap * y - N * line - cut)) / size).max() < ROUNDING
+    assert (law_.G * np.abs(e - by_cap * normal - line) / size).max() < ROUNDING
     assert (work >= -ROUNDING * size).all()
     # every part of the surface is met
-    elastic = (V == 0) & (e == 0)
-    counts = [np.sum(part & ~elastic) for part in (on_cap & ~corner, corner, on_line & ~corner & ~apex, apex)]
-    assert min(counts) > 300, counts
+    yields, round_cap = (V != 0) | (e != 0), on_cap & (y > 0)
+    top = on_cap & (y == 0)
+    parts = [round_cap & ~on_line, round_cap & on_line, on_line & ~on_cap & ~apex, apex]
+    if limit:
+        parts += [top & ~on_line, (u > 0) & round_cap & ~on_line]
+    if "saturation_modulus" in limit:
+        parts += [(u > 0) & round_cap & on_line] + [top & on_line] * (N > 0)
+    counts = [np.sum(part & yields) for part in parts]
+    assert min(counts[:4]) > 300, counts
+    assert min(counts) > 20, counts
 
 
 def test_limit_of_the_elastic_range_is_that_of_the_return():
     mix = law()
-    constants, (P, q), (end, end_q, V, _, _), a = random_steps(mix, 2000, seed=4)
+    constants, (P, q), (end, end_q, V, _, _, _), a = random_steps(mix, 2000, seed=4)
     rng = np.random.default_rng(1)
     for i in rng.integers(0, 2000, 300):
-        densest = float(brentq(lambda k, i=i: (mix.yield_pressure(k) + mix.tensile_strength) / 2 - a[i], 0.73, 0.9999))
+        densest = float(brentq(lambda k, i=i: (mix.yield_pressure(k) + mix.tensile_strength) / 2 - a[i], 0.73, 0.998))
         inside = is_elastic_in_line(constants, P[i] - mix.tensile_strength, q[i], densest, np.nan)
         assert inside == (V[i] == 0 and end_q[i] == q[i] and end[i] == P[i]) or abs(V[i]) < 1e-14
 

@@ -7,6 +7,7 @@ import pytest
 from material_points import (
     SHEAR_TWICE,
     admissible,
+    dissipated,
     plastic_strain,
     scattered,
     split,
@@ -30,7 +31,7 @@ HARD = {
     "weak in shear": {"critical_slope": 0.3},
     "strong in shear": {"critical_slope": 2.5},
     "fed loose": {"fed_density_ratio": 0.7201},
-    "fed dense": {"fed_density_ratio": 0.9999},
+    "fed dense": {"fed_density_ratio": 0.9979},
 }
 CAPS = {
     f"{side}, {name}": replace(STIFF, dry_side=side, **changes)
@@ -64,7 +65,7 @@ def test_every_increment_converges_to_an_admissible_state(mix, largest):
         assert (state.density_ratio > 0).all()
         assert (state.max_density_ratio >= state.density_ratio).all()
         if largest == 0.05 and mix in PLAIN:
-            assert (state.plastic_work >= before.plastic_work).all()
+            assert (dissipated(mix, before, state) >= 0).all()
 
 
 @over(CAPS)
@@ -98,7 +99,7 @@ def test_increment_satisfies_its_equations(mix, largest):
     assert (
         np.abs(end.plastic_work - state.plastic_work - work) < (np.abs(end.stress).max(axis=1) + G * 1e-6) * digits
     ).all()
-    assert (end.plastic_work >= state.plastic_work).all()
+    assert (dissipated(mix, state, end) >= 0).all()
 
 
 @pytest.mark.parametrize("mix", PLAIN)
@@ -207,11 +208,12 @@ def test_perfectly_plastic_return_is_a_projection():
 @pytest.mark.parametrize("k", [0.721, 0.73, 0.96, 0.99, 1.02])
 def test_trials_at_the_critical_state_converge(k, sign, nearness, side):
     mix = LAWS[f"{side}, no strength"]
-    constants, c = cap_plasticity.cap_constants(mix, 1.0), mix.yield_pressure(k) / 2
+    constants, a = cap_plasticity.cap_constants(mix, 1.0), mix.yield_pressure(k) / 2
+    c = a + mix.saturation_pressure(k)
     trial = c * (1 + sign * nearness), 5e6, k, k
     iterations, p, scale, density_ratio, *_ = cap_plasticity.return_map(constants, *trial, 0.0)
     assert p == pytest.approx(c, rel=2 * nearness + 1e-11)
-    assert scale * 5e6 == pytest.approx(1.2 * c, rel=2 * nearness + 1e-12)
+    assert scale * 5e6 == pytest.approx(1.2 * a, rel=2 * nearness + 1e-12)
     assert density_ratio == pytest.approx(k, rel=nearness + 1e-14)
     assert iterations < 40
 
@@ -236,7 +238,7 @@ def test_iterations_are_few(largest, mean, most, mix):
         (ValueError, {"density_ratio": np.nan}, r"`density_ratio` must be finite, got \[nan\]"),
         (ValueError, {"rate_factor": 0.0}, "`rate_factor` must be positive and finite, got"),
         (RuntimeError, {"strain": (0, 0, 1e200)}, r"for a strain increment of \S+ from .* use smaller"),
-        (RuntimeError, {"strain": (-2000, -2000, 0)}, "the return mapping did not converge"),
+        (RuntimeError, {"strain": (-1e4, -1e4, 0)}, "the return mapping did not converge"),
     ],
 )
 def test_impossible_increments_are_refused(error, changes, message):
