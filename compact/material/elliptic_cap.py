@@ -147,13 +147,18 @@ def hardening(law: CapConstants, k: float) -> tuple[float, float]:
     pc, H : float
         Preconsolidation pressure and its derivative dpc/dV by the plastic volumetric strain [Pa].
     """
-    inside = min(k, law.limit)
-    x = inside / (1 - inside)
+    pc, H = heckel_curve(law, min(k, law.limit))
+    return pc, H if k < law.limit else 0.0
+
+
+@compiled
+def heckel_curve(law: CapConstants, k: float) -> tuple[float, float]:
+    """Evaluate Heckel's curve as `hardening`, beyond the saturation limit too."""
+    x = k / (1 - k)
     gain, gain_x = _elastic_gain(law, x)
-    curve = np.log((1 - law.loose) / (1 - inside))
+    curve = np.log((1 - law.loose) / (1 - k))
     xi = curve - law.offset + (curve + law.bias) * gain
-    stiffness = x * (1 + gain) + (curve + law.bias) * gain_x * x * (1 + x)
-    rise = stiffness / law.slope if k < law.limit else 0.0
+    rise = (x * (1 + gain) + (curve + law.bias) * gain_x * x * (1 + x)) / law.slope
     if xi >= HECKEL_MIN_PRESSURE:
         return xi / law.slope, rise
     fading = np.exp(2 * (xi - HECKEL_MIN_PRESSURE) / HECKEL_MIN_PRESSURE)

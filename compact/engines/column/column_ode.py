@@ -23,8 +23,9 @@ The path is therefore integrated over the tangent t of half the central angle, u
     q = 1/(1 + c u^2/(4 R^2)),   x = u q,   gap = u^2 q/(2R),   dx/du = q (2q - 1),   dgap/du = u q^2/R,
 
 c = 1 for the circle, which is upright at u = 2R, and c = 0 for the parabola, where u = x. Work and forces are
-integrated together with the stress by the Dormand-Prince method of order 8. First yield of each column and the end of
-the unloading are located as events.
+integrated together with the stress by the Dormand-Prince method of order 8. Events end a step: first yield of each
+column, the end of the unloading, and each change of its rates: onset of hardening, saturation limit, from one part of
+the yield surface to the next. Within a step the rates keep their form beyond an event, so that it is smooth.
 
 The model neglects shear and lateral flow, so that it is accurate to second order in height over contact length.
 
@@ -39,7 +40,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import DOP853
 
-from compact.material.elliptic_cap import CapConstants, hardening, reaction
+from compact.material.elliptic_cap import CapConstants, hardening, heckel_curve, reaction
 from compact.numerics import Array, BoolArray, IntArray
 from compact.numerics.jit import compiled, inlined
 
@@ -53,10 +54,13 @@ STEP_FACTOR_MIN, STEP_FACTOR_MAX = 0.2, 10.0  # [-], bounds of the change from o
 EVENT_ITERATIONS_MAX = 60  # [-], of regula falsi on one step; 5 are usual
 EVENT_TOLERANCE = 1e-4  # [-], residual of the stress at an event over the error scale of s_v
 CORNER_SIDE = 1 - 1e-12  # [-], p + pt over that of the corner, below which mix is on the shear line
+STRAIN_ROUNDING = 1e-15  # [-], of k and thus of V at an event; K_s times it is that of the reaction
 EVENT_ROUNDING = 1e-14  # [-], smallest residual at an event over s_v itself
 
 # Indices of the state vector y; from COLUMN_STATE on, p and V of each column
 STRESS, LOAD_INTEGRAL, RESISTANCE_INTEGRAL, PLASTIC_WORK, ELASTIC_WORK, COLUMN_STATE = range(6)
+# Branches of hardening, on which one step stays: none below the largest density ratio, Heckel's curve, saturated mix
+NONE, HECKEL, SATURATED = range(3)
 # Status codes of `integrate_path`
 REACHED, PAUSED, STEPS_EXHAUSTED, STEP_UNDERFLOW, EVENT_NOT_LOCATED = range(5)
 # Indices of `IntegrationState.counts`: last row of the path, evaluations of the rates, steps tried
@@ -155,6 +159,8 @@ class IntegrationState(NamedTuple):
         Whether each column yields.
     on_line : ndarray
         Whether each column that yields slides on the shear line.
+    branch : ndarray
+        Hardening of each column, see NONE, HECKEL, SATURATED.
     event_stress : ndarray
         Vertical stress at which each column changes its regime next [Pa].
     step : ndarray
@@ -166,6 +172,7 @@ class IntegrationState(NamedTuple):
     max_density_ratio: Array
     yielding: BoolArray
     on_line: BoolArray
+    branch: IntArray
     event_stress: Array
     step: Array
     counts: IntArray
@@ -232,34 +239,39 @@ def integrate_path(
         step = np.sign(u_end - u) * min(abs(step), abs(u_end - u), control.max_step)
         if u + step == u:
             return STEP_UNDERFLOW
-        error = _runge_kutta_step(u, step, stages, problem, state, control.error_scale)
+        error, kinked = _runge_kutta_step(u, step, stages, problem, state, control.error_scale), False
         if error <= 1:
-            if direction * (stop - z[STRESS]) <= 0:
-                located, step = _locate_event(u, step, stages, problem, state, control.error_scale, stop)
-                if not located:
-                    return EVENT_NOT_LOCATED
-                z[STRESS] = stop
+            located, step, kinked = _end_step(u, step, stages, problem, state, control, stop)
+            if not located:
+                return EVENT_NOT_LOCATED
             u = u_end if step == u_end - u else u + step
             counts[ROW] += 1
             path[counts[ROW], 0] = u
             for m in range(len(y)):  # assignments of arrays take seconds to compile
                 y[m] = path[counts[ROW], 1 + m] = z[m]
                 K[0, m] = K[STAGES, m]
-            for j in range(n if law.flat else 0):
-                k = stack.density_ratio[j] * np.exp(y[COLUMN_STATE + 2 * j + 1])
-                state.max_density_ratio[j] = max(state.max_density_ratio[j], k)
         step *= min(STEP_FACTOR_MAX, max(STEP_FACTOR_MIN, STEP_SAFETY * max(error, 1e-20) ** (-1 / ORDER)))
+        if kinked:
+            step = (u_end - u) * INITIAL_STEP_SHARE
     return REACHED
 
 
 @compiled
 def _change_regime(law, stack, y, i, direction, state):
-    """Let column i yield, or cross from the subcritical side or the shear line to the supercritical side."""
-    state.event_stress[i], state.on_line[i] = direction * np.inf, False
-    if not state.yielding[i]:
-        point = _event_state(stack, y, i)
-        state.yielding[i], state.on_line[i] = True, is_on_line(law, point)
-        state.event_stress[i] = critical_stress(law, point, direction)
+    """Let column i yield, or cross from one part of its yield surface to the next at its event."""
+    point, subcritical = _event_state(stack, y, i), direction < 0
+    if not state.yielding[i] or state.on_line[i]:
+        state.on_line[i] = not state.yielding[i] and is_on_line(law, point)
+        state.event_stress[i] = critical_stress(law, point, direction, state.on_line[i])
+        subcritical = point[1] <= _yield_surface(law, point[2])[1]
+    else:
+        state.event_stress[i] = direction * np.inf
+    state.yielding[i] = True
+    k, V = stack.density_ratio[i], y[COLUMN_STATE + 2 * i + 1]
+    if law.flat and (subcritical or np.log(state.max_density_ratio[i] / k) > V):
+        state.branch[i] = NONE
+    else:
+        state.branch[i] = HECKEL if np.log(law.limit / k) > V else SATURATED
 
 
 @compiled
@@ -288,24 +300,109 @@ def _runge_kutta_step(u, step, stages, problem, state, error_scale):
     return error if error >= 0 else np.inf  # not a number if the step is far too long
 
 
-@inlined
-def _locate_event(u, step, stages, problem, state, error_scale, stop):
-    """Shorten a step by regula falsi (Illinois) so that it ends at s_v = `stop`; return success and the step."""
+@compiled
+def _end_step(u, step, stages, problem, state, control, stop):
+    """End a step at the first event within it; return success, the step, and whether the rates have a kink there.
+
+    The events are the vertical stress `stop`; the density ratio of a column that reaches the saturation limit or its
+    largest one; unloading columns that pass from the cap to the flat part, or from either to the shear line.
+    """
+    y, z, K = stages
+    (law, stack, _, _), n, last, located = problem, len(state.yielding), -1, True
+    if (z[STRESS] - stop) * (y[STRESS] - stop) <= 0:
+        located, step = _locate_event(u, step, stages, problem, state, control.error_scale, (-1, stop))
+        z[STRESS] = stop
+    for event in range(3 * n):
+        goal = event, _threshold(problem, state, y, event, control.stress_end)
+        if _distance(problem, state, y, goal) < 0 <= _distance(problem, state, z, goal):
+            found, step = _locate_event(u, step, stages, problem, state, control.error_scale, goal)
+            located, last = located and found, event
+    for event in range(3 * n if last >= 0 else 0):  # columns may be alike
+        goal = event, _threshold(problem, state, y, event, control.stress_end)
+        if event == last or _distance(problem, state, y, goal) < 0 <= _distance(problem, state, z, goal):
+            _pass_event(problem, state, z, event)
+    for j in range(n if law.flat else 0):
+        k = stack.density_ratio[j] * np.exp(z[COLUMN_STATE + 2 * j + 1])
+        state.max_density_ratio[j] = max(state.max_density_ratio[j], k)
+    if last >= 0:
+        _rates(u + step, z, K[STAGES], problem, state)
+    return located, step, last >= 0
+
+
+@compiled
+def _pass_event(problem, state, z, event):
+    """Change the branch of hardening or the part of the yield surface of a column at an event of `_end_step`."""
+    law, stack, _, _ = problem
+    n = len(state.yielding)
+    i = event % n
+    if event >= 2 * n:
+        state.branch[i] = NONE
+        state.event_stress[i] = critical_stress(law, _event_state(stack, z, i), -1.0, False)
+    elif event >= n:
+        state.on_line[i] = True
+    elif state.branch[i] == SATURATED or (state.branch[i] == NONE and state.max_density_ratio[i] < law.limit):
+        state.branch[i] = HECKEL
+    else:
+        state.branch[i] = SATURATED
+
+
+@compiled
+def _threshold(problem, state, y, event, stress_end):
+    """Return the plastic volume strain at which an event happens, 0 for those of the pressure, or NaN for none."""
+    law, stack, _, _ = problem
+    n = len(state.yielding)
+    i = event % n
+    branch, unloads = state.branch[i], stress_end < y[STRESS]
+    if not state.yielding[i] or state.on_line[i]:
+        return np.nan
+    if event < n:
+        k = state.max_density_ratio[i] if branch == NONE else law.limit
+        return np.nan if law.flat and branch == SATURATED else np.log(k / stack.density_ratio[i])
+    happens = law.flat and branch != NONE if event >= 2 * n else law.line and y[STRESS] < y[COLUMN_STATE + 2 * i]
+    return 0.0 if unloads and happens else np.nan
+
+
+@compiled
+def _distance(problem, state, y, goal):
+    """Return how far a state is beyond a threshold of `_threshold`, or the vertical stress beyond it (event -1)."""
+    event, threshold = goal
+    law, stack, _, _ = problem
+    n = len(state.yielding)
+    i = event % n
+    if event < 0:
+        return y[STRESS] - threshold
+    if event < n:
+        rise = y[COLUMN_STATE + 2 * i + 1] - threshold
+        return -rise if state.branch[i] == SATURATED else rise
+    k = max(_event_state(stack, y, i)[2], state.max_density_ratio[i])
+    end = _yield_surface(law, k)[1] if event >= 2 * n else _corner_pressure(law, k) * CORNER_SIDE - law.pt
+    return threshold + end - y[COLUMN_STATE + 2 * i]
+
+
+@compiled
+def _locate_event(u, step, stages, problem, state, error_scale, goal):
+    """Shorten a step by regula falsi (Illinois) so that it ends at an event; return success and the step."""
     y, z, _ = stages
-    low, high, below, above = 0.0, step, y[STRESS] - stop, z[STRESS] - stop
-    tolerance = max(EVENT_TOLERANCE * error_scale[STRESS], EVENT_ROUNDING * max(abs(stop), abs(y[STRESS])))
+    event, value = goal
+    low, high, below, above = 0.0, step, _distance(problem, state, y, goal), _distance(problem, state, z, goal)
+    scale, rounding = error_scale[STRESS], EVENT_ROUNDING * max(abs(value), abs(y[STRESS]))
+    if 0 <= event < len(state.yielding):
+        scale, rounding = error_scale[COLUMN_STATE + 1], STRAIN_ROUNDING
+    elif (state.branch == SATURATED).any():
+        rounding += STRAIN_ROUNDING * problem[0].saturation
+    tolerance = max(EVENT_TOLERANCE * scale, rounding)
     for _ in range(EVENT_ITERATIONS_MAX + 1):
         if abs(above) <= tolerance or low == high:
             return True, high
         trial = high - above * (high - low) / (above - below)
         _runge_kutta_step(u, trial, stages, problem, state, error_scale)
-        residual = z[STRESS] - stop
+        residual = _distance(problem, state, z, goal)
         if residual * above < 0:
             low, below = high, above
         else:
             below /= 2
         high, above = trial, residual
-    return False, high
+    return abs(above) <= scale, high
 
 
 @compiled
@@ -315,10 +412,12 @@ def _rates(u, y, out, problem, state):
     stress, plastic, elastic, compliance = y[STRESS], 0.0, 0.0, 0.0
     for i in range(len(stack.height)):
         p, V = y[COLUMN_STATE + 2 * i], y[COLUMN_STATE + 2 * i + 1]
-        k0, k_max = stack.density_ratio[i], state.max_density_ratio[i]
-        k = k0 * np.exp(V) if state.yielding[i] else k0  # else at most the largest so far
-        point = stress, p, k, k_max
-        dp, dV, dshear = _stress_rates(law, point, state.yielding[i], state.on_line[i])
+        dp, dV, dshear = 1 / (1 + 4 * law.G / law.K / 3), 0.0, 0.0
+        if state.yielding[i]:
+            k = state.max_density_ratio[i]
+            if state.branch[i] != NONE:
+                k = max(k, stack.density_ratio[i] * np.exp(V))
+            dp, dV, dshear = _stress_rates(law, (stress, p, k), state.branch[i], state.on_line[i])
         height, D = stack.height[i], 1.5 * (stress - p)
         if logarithmic:
             height *= np.exp(-(V + (p - stack.mean_stress[i]) / law.K))
@@ -339,30 +438,28 @@ def _rates(u, y, out, problem, state):
 
 
 @inlined
-def _stress_rates(law, point, yielding, on_line):
-    """Return dp, dV and the plastic shear strain Q w per unit of s_v, in the symbols of the module docstring.
+def _stress_rates(law, point, branch, on_line):
+    """Return dp, dV and the plastic shear strain Q w per unit of s_v of a column that yields, in the symbols above.
 
-    `point` has s_v, p, k and the largest density ratio so far.
+    `point` as of `yield_stress`. The curves of a branch go on beyond its ends, so that a step past an end is smooth.
     """
-    stress, p, k, k_max = point
+    stress, p, k = point
     ratio, g = 2 * law.G / law.K, 1.5 + 2 * law.G / law.K
-    if not yielding:
-        return 1.5 / g, 0.0, 0.0
-    densest = max(k, k_max)
-    _, H = hardening(law, densest)
-    _, U = reaction(law, densest)
-    if k < k_max:
-        H, U = 0.0, 0.0
     if on_line:
         sign = 1.0 if stress > p else -1.0
         dp = 1 / (1 + sign * law.friction / 1.5)
         w = (ratio * dp - 1.5 * (1 - dp)) / (law.G * (3 * sign + 2 * law.dilatancy))
         return dp, -law.dilatancy * w, sign * w
-    a, c, p0 = _yield_surface(law, densest)
-    P, Q = p - c, 1.5 * (stress - p) / law.M**2
+    pc, u, H, U = hardening(law, k)[0], reaction(law, k)[0], 0.0, 0.0
+    if branch == HECKEL:
+        (pc, H), u = heckel_curve(law, k), 0.0
+    elif branch == SATURATED:
+        pc, u, U = hardening(law, law.limit)[0], law.saturation * np.log(k / law.limit), law.saturation
+    a, c = (pc + law.pt) / 2, (pc - law.pt) / 2 + u
+    P, Q, p0 = p - c, 1.5 * (stress - p) / law.M**2, min(c, 0.0) if law.flat else c
     rise = P * (H / 2 + U) + a * H / 2
-    if law.flat and p <= c:
-        P, rise = min(p - p0, 0.0), (p + law.pt) * H / 2
+    if law.flat and p <= c:  # the mix does not harden
+        P, rise = min(p - p0, 0.0), 0.0
         if law.line:  # the top of the cap
             P = 0.0
         elif p0 > -law.pt:
@@ -405,7 +502,7 @@ def is_on_line(law: CapConstants, point: tuple) -> bool:
     _, p, k = point
     if not law.line:
         return False
-    return p + law.pt < _corner_pressure(law, k) * CORNER_SIDE
+    return p + law.pt <= _corner_pressure(law, k) * CORNER_SIDE
 
 
 @compiled
@@ -441,15 +538,20 @@ def yield_stress(law: CapConstants, point: tuple, direction: float) -> float:
 
 
 @compiled
-def critical_stress(law: CapConstants, point: tuple, direction: float) -> float:
-    """Vertical stress at which loading leaves the flat subcritical side or the shear line, where pc is constant."""
+def critical_stress(law: CapConstants, point: tuple, direction: float, on_line: bool) -> float:
+    """Vertical stress at which a column leaves the flat part of its yield surface or loading the shear line.
+
+    Loading leaves the flat part for the cap, and unloading for the tensile part.
+    """
     stress, p, k = point
-    _, c, _ = _yield_surface(law, k)
-    if law.line:
+    _, c, p0 = _yield_surface(law, k)
+    if on_line:
         distance = _corner_pressure(law, k) - (p + law.pt)
         rises = direction > 0 and stress > p and distance > 0
         return stress + distance * (1 + law.friction / 1.5) if rises else direction * np.inf
-    return stress + c - p if law.flat and direction > 0 and p < c else direction * np.inf
+    if law.flat and direction > 0 and p < c:
+        return stress + c - p
+    return stress + p0 - p if law.flat and not law.line and direction < 0 and p0 < p < c else direction * np.inf
 
 
 @compiled

@@ -36,6 +36,7 @@ PATH_ROWS_INITIAL = 128  # [-], rows of a path, doubled on demand; room for all 
 STEPS_PER_CALL = 20_000  # [-], steps in one compiled call over the number of columns; at most 0.1 s to an interrupt
 TARGET_TOLERANCE = 10.0  # [-], residual of a prescribed quantity that is guaranteed, over `rtol`
 SEARCH_TOLERANCE = 0.02  # [-], relative error of the indentation that is sought, over `rtol`
+ESTIMATE_TOLERANCE = 1e-3  # [-], relative error of the stress for an error scale and a first guess
 MEAN_STRESS_SHARE = 0.8  # [-], mean over peak stress under the front, for the first guess of a load
 OVERSHOOT = 1.2  # [-], of the first step from that guess, so that it brackets the indentation
 FAILURES = {
@@ -142,10 +143,19 @@ class ColumnLayer:
         return y
 
     def stress_estimate(self, depth: float) -> float:
-        """Estimate the vertical stress [Pa] at the lowest generatrix for an indentation [m]."""
+        """Estimate the vertical stress [Pa] at the lowest generatrix for an indentation [m].
+
+        It is the strength at the density ratio that the elastic strain leaves.
+        """
         densest = max(max(self.stack.density_ratio.tolist()), self.solid_height / (self.height - depth))
-        strength = hardening(self.law, densest)[0] + reaction(self.law, densest)[0] + self.law.pt
-        return min(float(self.law.K + 4 * self.law.G / 3) * -math.log1p(-depth / self.height), strength)
+        stiffness = float(self.law.K + 4 * self.law.G / 3)
+
+        def rest(stress: float) -> float:
+            k = densest * math.exp(-stress / stiffness)
+            return hardening(self.law, k)[0] + reaction(self.law, k)[0] + self.law.pt - stress
+
+        elastic = stiffness * -math.log1p(-depth / self.height)
+        return elastic if rest(elastic) >= 0 else float(brentq(rest, 0.0, elastic, rtol=ESTIMATE_TOLERANCE))
 
     def estimate(self, name: str, depth: float) -> float:
         """Estimate a load [N/m], peak pressure [Pa] or exit density ratio [-] for an indentation [m]."""
@@ -181,8 +191,9 @@ class ColumnLayer:
         """
         n = len(self.stack.height)
         path, counts = np.empty((PATH_ROWS_INITIAL, len(y) + 1)), np.array([0, 0, 0, -1])
-        regime = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-        state = ode.IntegrationState(self.stack.max_density_ratio.copy(), *regime, np.empty(n), np.zeros(1), counts)
+        regime = np.zeros(n, np.bool_), np.zeros(n, np.bool_), np.zeros(n, np.int64)
+        largest = np.maximum(self.stack.max_density_ratio, self.stack.density_ratio if self.law.flat else 0.0)
+        state = ode.IntegrationState(largest, *regime, np.empty(n), np.zeros(1), counts)
         path[0, 0], path[0, 1:] = u, y
         problem = self.law, self.stack, self.gap, self.logarithmic
         status = ode.PAUSED
@@ -339,7 +350,7 @@ def solve_target(layer: Any, compute: Callable[[float], Contact], name: str, val
         raise_unreachable(layer, name, value, passed(deepest).exit_density_ratio)
     guess = layer.max_indentation
     if layer.estimate(name, guess) > value:
-        guess = brentq(lambda depth: layer.estimate(name, depth) - value, 0, guess, rtol=1e-3)
+        guess = brentq(lambda depth: layer.estimate(name, depth) - value, 0, guess, rtol=ESTIMATE_TOLERANCE)
     low = high = math.log(guess)
     first = last = residual(low)
     step = -OVERSHOOT * first / (guess / layer.height if name == "exit_density_ratio" else 1.0)
