@@ -4,11 +4,13 @@ Moisture 8 to 12 %, exit density ratio 0.92 to 0.985, roller radius 0.08 to 0.2 
 it, friction up to 0.45, and the prior's mix; rollers without friction, free, sliding and driven. Seed 2026 has 60 lifts
 with the elliptic cap, seed 2027 has 30 with the shear line.
 
-    python -m studies.random_lifts [--seed 2026] [--increments 14] [numbers ...]
+    python studies/random_lifts.py [--seed 2026] [--increments 14] [numbers ...]
 """
 
 import argparse
 import time
+from collections import Counter
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -93,17 +95,22 @@ def outcome(lift: Lift, increments: int = 14) -> str:
     )
 
 
-def main() -> None:
-    """Print a line for each lift, and the counts of the answers."""
+def main(arguments: Sequence[str] | None = None) -> list[str]:
+    """Print a line for each lift, and the counts of the answers; return the lines."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("numbers", nargs="*", type=int)
-    parser.add_argument("--seed", type=int, default=2026)
+    parser.add_argument("--seed", type=int, default=2026, choices=COUNTS)
     parser.add_argument("--increments", type=int, default=14)
-    given = parser.parse_args()
+    given, lines = parser.parse_args(arguments), []
     for number in given.numbers or range(COUNTS[given.seed]):
         lift = random_lift(given.seed, number)
         kind = f"{lift.roller.rolling} {lift.roller.friction:.2f} depth {1e3 * lift.roller.indentation:.2f} mm"
-        print(f"{number:3d} {kind:35s} {outcome(lift, given.increments)}", flush=True)
+        answer = outcome(lift, given.increments)
+        lines.append(f"{number:3d} {kind:35s} {answer}")
+        print(lines[-1], flush=True)
+    counts = Counter(line[40:52].strip() for line in lines)
+    print(", ".join(f"{count} {answer}" for answer, count in counts.items()))
+    return lines
 
 
 if __name__ == "__main__":

@@ -69,6 +69,19 @@ def test_strength_of_loose_mix_decides_the_resistance(tmp_path):
 
 
 @pytest.mark.slow
+def test_errors_of_random_lifts_cover_the_change_to_finer_meshes(capsys):
+    """A sliding, a driven and a free roller by 5 and by 10 elements per contact length."""
+    module, number = study("random_lifts"), r"(\S+) \+- (\S+) %"
+    coarse, fine = (
+        [np.array(re.findall(number, line), float) for line in module.main(["0", "1", "2", "--increments", count])]
+        for count in ("5", "10")
+    )
+    for (values, told), (better, remaining) in zip((each.T for each in coarse), (each.T for each in fine), strict=True):
+        assert (np.abs(values / better - 1) < (told + remaining) / 100).all()
+    assert capsys.readouterr().out.count("3 steady") == 2
+
+
+@pytest.mark.slow
 def test_ranking_with_air_of_columns_is_that_of_heckels_curve(capsys):
     """Drained columns: work of compression on the curve, with elastic strain, less that of the elastic release."""
     module = study("ranking_with_air")
