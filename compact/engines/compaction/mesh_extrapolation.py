@@ -6,8 +6,9 @@ The load converges with first order in the element length, always from above on 
     P_limit = P + (P - P_c)/(n/n_c - 1)
 
 Its error is a share of the correction, or of the change of P_limit from the pair of meshes before, whichever is larger:
-on thin layers the loads scatter with the edges of the contact, and two meshes may agree by chance. The resistance converges with order 1.5. Its error is the mean of those by two
-pairs of meshes, since two may agree by chance, and at least the residual of the work balance.
+on thin layers the loads scatter with the edges of the contact, and two meshes may agree by chance. The resistance
+converges with order 1.5. Its error is the mean of those by two pairs of meshes, and at least the residual of the work
+balance.
 
 All meshes are compared at what is prescribed on the last one, by the exponents of the forces over the depth.
 """
