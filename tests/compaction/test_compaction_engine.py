@@ -29,9 +29,10 @@ def wide_roller(ratio, **changes):
     return replace(Roller((ratio * HEIGHT) ** 2 / (2 * DEPTH), indentation=DEPTH), **changes)
 
 
-def roll_thin(ratio, material=THIN, speed=0.2, increments=12, **changes):
+def roll_thin(ratio, material=THIN, speed=0.2, increments=12, steady_tolerance=1e-3, **changes):
     """Roll over a layer that is thin compared with the contact length, in small strain."""
-    return roll(Layer(HEIGHT), wide_roller(ratio, **changes), material, speed, strain="small", increments=increments)
+    options = {"strain": "small", "increments": increments, "steady_tolerance": steady_tolerance}
+    return roll(Layer(HEIGHT), wide_roller(ratio, **changes), material, speed, **options)
 
 
 def coarse_frame(mix, step=0.005):
@@ -60,8 +61,9 @@ def test_difference_from_columns_decreases_with_the_square_of_height_over_length
     differences = []
     for ratio in (10, 20):
         columns = column.roll(Layer(HEIGHT), wide_roller(ratio), THIN, 0.2, strain="small")
-        rolled = roll_thin(ratio, increments=48)
-        differences.append([rolled.load / columns.load - 1, rolled.resistance / columns.resistance - 1])
+        rolled = roll_thin(ratio, increments=48, steady_tolerance=2e-4)
+        load = rolled.load / rolled.load_factor  # of the mesh
+        differences.append([load / columns.load - 1, rolled.resistance / columns.resistance - 1])
     assert np.log2(np.divide(*differences)) == pytest.approx(2, abs=0.15)
 
 
@@ -104,11 +106,12 @@ def test_second_pass_over_a_thin_layer_is_elastic(thin):
 
 @pytest.mark.slow
 def test_halved_elements_and_steps_change_little(layer, roller, mix):
-    """12 increments are within 1 % of 24 and 0.002 of its density; 6 are within their own estimate of 12."""
+    """12 increments are within 1 % of 24 on their meshes and 0.002 of its density; all are within their own estimates."""
     results = [roll(layer, roller, mix, 0.2, increments=increments) for increments in (6, 12, 24)]
-    for rough, fine, tolerance in zip(results, results[1:], (results[0].error[1], 0.01), strict=False):
-        assert rough.load == pytest.approx(fine.load, rel=0.01)
-        assert rough.resistance == pytest.approx(fine.resistance, rel=tolerance)
+    for rough, fine, tolerance in zip(results, results[1:], (results[0].error, (0.01, 0.01)), strict=False):
+        assert rough.load / rough.load_factor == pytest.approx(fine.load / fine.load_factor, rel=tolerance[0])
+        assert rough.load == pytest.approx(fine.load, rel=rough.error[0] + fine.error[0])
+        assert rough.resistance == pytest.approx(fine.resistance, rel=tolerance[1])
         deep = fine.exit.y < fine.exit_height - 0.005
         density = np.interp(fine.exit.y, rough.exit.y, rough.exit.points.density_ratio)
         expected = pytest.approx(fine.exit.points.density_ratio[deep], abs=2e-3 if rough is results[1] else 3e-3)
@@ -118,24 +121,56 @@ def test_halved_elements_and_steps_change_little(layer, roller, mix):
 # (c) published numbers
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("depth", "load", "coefficient", "density", "increments"),
-    [(0.004, 13.5e3, 0.148, 1.03, 12), (0.0093617, 29.8e3, 0.26, 1.07, 6)],
-    ids=["4 mm", "9.4 mm"],
-)
-def test_independent_incremental_rolling_in_small_strain_is_reproduced(
-    mix, depth, load, coefficient, density, increments
-):
-    """Nine-node elements of 6 mm, one implicit step each, with an error of 4 % of the resistance by its author.
+def published_mix(fed_density_ratio, **changes):
+    """Mix of the published lift, as in the independent code: 35 degrees, 10 kPa."""
+    return Compaction(
+        unloading_modulus=120e6, poisson=0.3, heckel_slope=16.45e-6 / 1.0208, loose_density_ratio=0.72,
+        critical_slope=np.sqrt(3) * np.sin(np.radians(35)), tensile_strength=10e3 / np.tan(np.radians(35)),
+        fed_density_ratio=fed_density_ratio, **changes,
+    )  # fmt: skip
 
-    At 4 mm 6 increments have 4.0 % more load than it, 12 have 2.6 % and 20 have 2.1 % more.
+
+FREE = {"friction": 0.35, "rolling": "free", "profile": "deformed"}
+# height, roller and mix; load and resistance [N/m] by an independent explicit code, and the tolerances
+INDEPENDENT = {
+    "published lift": (
+        0.06284, Roller(0.11, indentation=3e-3, **FREE), published_mix(0.93576), (9320, 1960), (0.008, 0.01)
+    ),
+    "published lift, limit .999": (
+        0.06284, Roller(0.11, indentation=3e-3, **FREE), published_mix(0.93576, saturation_limit=0.999),
+        (9330, 1850), (0.008, 0.01),
+    ),
+    "second lift": (0.045, Roller(0.2, indentation=2e-3, **FREE), published_mix(0.94), (7100, 641), (0.015, 0.01)),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", INDEPENDENT)
+def test_independent_explicit_rolling_is_reproduced(name):
+    """Central differences, Lagrangian elements of 1.5 to 3 mm, cutting-plane return, kinematic contact."""
+    height, roller, mix, (load, resistance), (of_load, of_resistance) = INDEPENDENT[name]
+    rolled = roll(Layer(height), roller, mix, 0.13)
+    assert rolled.load == pytest.approx(load, rel=of_load)
+    assert rolled.resistance == pytest.approx(resistance, rel=of_resistance)
+    if name == "published lift":  # its density at heights over that of the layer; that of the last 5 % scatters
+        height_share = np.array([0.02, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9])
+        density = np.interp(height_share, rolled.exit.y / rolled.exit_height, rolled.exit.points.density_ratio)
+        assert density == pytest.approx(np.array([0.951, 0.966, 0.988, 0.997, 0.996, 0.990, 0.983]), abs=2e-3)
+        assert rolled.peak_density_ratio < 0.998 + 1e-3
+
+
+@pytest.mark.slow
+def test_load_of_a_frictionless_lift_is_that_of_four_meshes():
+    """A lift of 20 mm below the saturation limit; loads of 14, 20 and 28 elements extrapolate to 1922 N/m within 0.2 %.
+
+    The independent code has 1954 N/m and 104.9 N/m, within 1.5 % by its author, for a mix that is 0.3 % stronger.
     """
-    layer, roller = Layer(HEIGHT), Roller(0.11, indentation=depth, profile="circle")
-    rolled = roll(layer, roller, mix, 0.2, strain="small", increments=increments)
-    assert rolled.load == pytest.approx(load, rel=0.04)
-    assert rolled.resistance == pytest.approx(load * coefficient, rel=0.04)
-    assert rolled.peak_density_ratio == pytest.approx(density, abs=0.01)
+    roller = Roller(0.11, indentation=0.5e-3, profile="deformed")
+    rolled = roll(Layer(0.0209), roller, published_mix(0.93576), 0.13)
+    assert rolled.load == pytest.approx(1922, rel=0.004)
+    assert rolled.load == pytest.approx(1954 / 1.003, rel=0.015)
+    assert rolled.resistance == pytest.approx(104.9 / 1.003, rel=0.02)
+    assert rolled.peak_density_ratio < 0.998
 
 
 # (d) balances
@@ -311,7 +346,7 @@ def test_progress_is_reported_and_can_interrupt():
 
 @pytest.mark.slow
 def test_large_contact_angle_becomes_steady_and_balances():
-    """Contact angle of 23 degrees; the bow wave is higher than the depth."""
+    """Contact angle of 23 degrees, 37 degrees with the bow wave, which is higher than the depth."""
     mix = Compaction(
         unloading_modulus=120e6,
         poisson=0.3,
@@ -319,7 +354,7 @@ def test_large_contact_angle_becomes_steady_and_balances():
         loose_density_ratio=0.72,
         critical_slope=1.2,
         tensile_strength=14e3,
-        fed_density_ratio=0.935,
+        fed_density_ratio=0.91,
     )
     rolled = roll(Layer(0.23), Roller(0.11, indentation=0.009, profile="deformed"), mix, 0.2, increments=6)
     assert rolled.mass_residual < 2e-3
@@ -337,5 +372,5 @@ def test_convection_keeps_a_stress_that_is_uniform_along_the_travel(mix):
 
 
 def test_pressure_integrates_to_the_load(rolled):
-    tolerance = 0.03 if rolled.error else 0.09  # the edges of 4 elements
+    tolerance = 0.36 / (8 if rolled.error else 4)  # of the edges, half an element each
     assert np.trapezoid(rolled.pressure, rolled.x) == pytest.approx(rolled.load, rel=tolerance)

@@ -350,8 +350,7 @@ def _to_result(case: RollingCase, search: SteadySearch, mesh: tuple[float, float
     UnsteadyError
         If the search has not decided whether the motion becomes steady.
     """
-    if not search.is_steady:
-        raise search.unsteady_error()
+    search.require_steady()
     solution, target = search.rolling, search.target
     rolled = build_result(solution, case.layer, case.roller, case.material, case.speed)
     rolled = replace(rolled, load=rolled.load * search.load_factor, load_factor=search.load_factor)

@@ -97,7 +97,7 @@ class SteadySearch:
     errors : SteadyErrors
         Distance from it.
     is_steady : bool
-        True if the motion is steady and the target satisfied.
+        True if the motion is steady.
     """
 
     case: RollingCase
@@ -113,6 +113,7 @@ class SteadySearch:
     values: FloatArray = field(init=False)
     errors: SteadyErrors = field(init=False)
     is_steady: bool = field(default=False, init=False)
+    _missed: str = field(default="", init=False)
     _density_factor: float = field(default=1.0, init=False)
     _depth_exponent: float | None = field(default=None, init=False)
     _begin: int = field(default=0, init=False)
@@ -155,8 +156,8 @@ class SteadySearch:
         ------
         HeapingError
             If the wave takes up mix without slowing down.
-        RuntimeError
-            If the first steps have no equilibrium, or no depth satisfies the target.
+        EquilibriumError
+            If the first steps have no equilibrium.
         """
         try:
             self._search()
@@ -189,8 +190,7 @@ class SteadySearch:
             self.rolling.solver.tolerance = min(RESIDUAL_SHARE * max(self.errors.total, self.tolerance), MAX_RESIDUAL)
             if jump or depth != self.depth:
                 self._correct(depth, jump)
-        if secant.is_started and not is_met:
-            raise RuntimeError(secant.failure())
+        self._missed = secant.failure() if secant.is_started and not is_met else ""
         self.is_steady = self.errors.total < MAX_DISTANCE
         if not self.is_steady and self._is_unslowed(1.0):
             raise self._heaping_error("still grows, without slowing down")
@@ -269,16 +269,29 @@ class SteadySearch:
         share = 100 * self._waves[-1].growth / self.rolling.frame.mesh.height
         return self.rolling.heaping_error(f"{wave}, and takes up {share:.2g} % of the feed")
 
-    def unsteady_error(self) -> UnsteadyError:
-        """Return the error of a motion of which it is not decided whether it becomes steady."""
+    def require_steady(self) -> None:
+        """Require a steady motion on the target.
+
+        Raises
+        ------
+        UnsteadyError
+            If the search has not decided whether the motion becomes steady.
+        RuntimeError
+            If it is steady, but at no depth that satisfies the target.
+        """
+        if self.is_steady and not self._missed:
+            return
+        if self.is_steady:
+            raise RuntimeError(self._missed)
         step, distance = self.rolling.steps[-1], min(self.errors.total, 1.0)
         message = (
             f"not steady at depth {1e3 * self.depth:.4g} mm after {step.travel:.3g} m of travel, and not decided "
             f"whether it becomes so: estimated distance {100 * distance:.2g} % of load, resistance or exit density; "
             f"{step}"
         )
-        unsteady = Unsteady(self.depth, step.bow_wave, step.travel, distance, step.load, step.resistance)
-        return UnsteadyError(message, unsteady)
+        raise UnsteadyError(
+            message, Unsteady(self.depth, step.bow_wave, step.travel, distance, step.load, step.resistance)
+        )
 
     def _require_slowing(self) -> None:
         """Require a wave that has grown much to have slowed down, and any wave to stay below the contact angle."""

@@ -105,8 +105,7 @@ def roll_coupled(
     )
     with threadpool_limits(1):
         search.run()
-    if not search.is_steady:
-        raise search.unsteady_error()
+    search.require_steady()
     rolling = search.rolling
     assert isinstance(rolling, CoupledRolling)  # copies of it
     step, of_air = rolling.steps[-1], RollerAir(rolling, air)
