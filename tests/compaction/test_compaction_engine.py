@@ -106,7 +106,7 @@ def test_second_pass_over_a_thin_layer_is_elastic(thin):
 
 @pytest.mark.slow
 def test_halved_elements_and_steps_change_little(layer, roller, mix):
-    """12 increments are within 1 % of 24 on their meshes and 0.002 of its density; all are within their own estimates."""
+    """On their meshes 12 increments are within 1 % of 24, and 0.002 of its density; all are within their own errors."""
     results = [roll(layer, roller, mix, 0.2, increments=increments) for increments in (6, 12, 24)]
     for rough, fine, tolerance in zip(results, results[1:], (results[0].error, (0.01, 0.01)), strict=False):
         assert rough.load / rough.load_factor == pytest.approx(fine.load / fine.load_factor, rel=tolerance[0])

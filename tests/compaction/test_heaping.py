@@ -10,9 +10,10 @@ from mixes import STIFF
 
 from compact.engines.column.engine import required_feed
 from compact.engines.compaction.engine import HeapingError, roll
-from compact.engines.compaction.heaping import HeapingEstimate
+from compact.engines.compaction.heaping import HeapingEstimate, bearing_factor
 from compact.engines.compaction.layer_state import fresh_layer
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
+from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.engines.compaction.steady_search import SteadySearch
 from compact.engines.compaction.steady_state import WaveDrift
 from compact.rolling_contact import EquilibriumError, Layer, Roller
@@ -40,6 +41,22 @@ def test_bearing_pressure_on_a_deep_layer_is_prandtls():
     shear_strength = 0.99345 * (pc + 14281) / 2 / np.sqrt(3)
     pressure = HeapingEstimate(1e6, 0.11, MIX).bearing_pressure
     assert pressure == pytest.approx(1.3 * (2 + np.pi) * shear_strength, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("friction", "factor"), [(0.0, 2 + np.pi), (0.35, 2.833), (1 / (1 + np.pi / 2), 1 + np.pi / 2), (0.5, 2)]
+)
+def test_bearing_factor_of_a_sliding_roller_is_greens(friction, factor):
+    assert bearing_factor(friction) == pytest.approx(factor, rel=2e-4)
+    assert bearing_factor(friction) == pytest.approx(bearing_factor(friction * (1 + 1e-9)), rel=1e-4)
+
+
+def test_friction_of_a_sliding_roller_alone_reduces_the_depth():
+    layer, free = Layer(0.06), Roller(0.11, indentation=0.003, friction=0.3, rolling="free", profile="deformed")
+    sliding = replace(free, rolling="sliding")
+    cases = [RollingCase(layer, each, MIX, 0.13, None, None, RollingNumerics()).heaping for each in (free, sliding)]
+    assert cases[0].bearing_pressure / cases[1].bearing_pressure == pytest.approx((2 + np.pi) / bearing_factor(0.3))
+    assert cases[1].max_depth < cases[0].max_depth
 
 
 # (b) scaling

@@ -101,7 +101,9 @@ class RollingCase:
         angle = self.numerics.max_contact_angle
         if angle is None or self.numerics.strain == "small" or self.layer.base == "slip":
             return None
-        estimate = HeapingEstimate(self.layer.height, self.roller.radius, self.material, angle)
+        sliding = self.roller.friction if self.roller.rolling == "sliding" else 0.0
+        radius = self.roller.radius
+        estimate = HeapingEstimate(self.layer.height, radius, self.material, angle, sliding_friction=sliding)
         deepest = min(estimate.contact_height, self.layer.height * (1 - self.material.fed_density_ratio))
         return replace(estimate, rate_factor=self.rate_factor(deepest))
 
