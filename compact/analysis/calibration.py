@@ -188,8 +188,7 @@ def calibrate(
     if engine == "compaction":
         if guess is None and options.get("increments") != COARSE_INCREMENTS:
             guess = coarse = calibrate(scene, measured, engine, unknowns, **options | {"increments": COARSE_INCREMENTS})
-        before = guess.elements.excess.values() if guess and guess.elements else ()
-        elements = _FiniteElements(options, dict(zip(measured.measurements, before, strict=False)))
+        elements = _FiniteElements(options)
         fine = partial(model.predicted, contact=elements)
         start, correction = (guess.fit.unknowns, guess.fit.correction) if guess else (model.shallow_start, None)
     mapping: dict[str, Any] = {"correction": correction, "broyden_length": BROYDEN_LENGTH}
@@ -307,18 +306,9 @@ def _column(scene: Scene, measurement: Any) -> ContactResult:
 
 @dataclass(eq=False)
 class _FiniteElements:
-    """Contacts of successive trials by finite elements, each from scratch.
-
-    The indentation is that of the columns for the required density, corrected by the deviation of the trial before.
-
-    Parameters
-    ----------
-    excess : dict
-        Exit density ratio over that of the columns, in the last trial, by measurement [-].
-    """
+    """Contacts of successive trials by finite elements, each from scratch and at the required density."""
 
     options: dict[str, Any]
-    excess: dict[Any, float]
     rolled: dict[Any, ContactResult] = field(default_factory=dict)
 
     def __call__(self, scene: Scene, measurement: Any) -> ContactResult:
@@ -328,12 +318,12 @@ class _FiniteElements:
         scene, speed = _as_measured(scene, measurement)
         layer, roller, material = contact_inputs(scene, scene_mix(scene), "compaction", speed)
         assert isinstance(material, Compaction)  # of this engine
-        target = scene.mix.density_ratio - self.excess.get(measurement, 0.0)
-        feed = required_feed(layer.height, target, material, speed, radius=roller.radius)
+        required = scene.mix.density_ratio
+        feed = required_feed(layer.height, required, material, speed, radius=roller.radius)
         roller = replace(roller, indentation=layer.height * feed.indentation / feed.height)
         options = {"steady_tolerance": STEADY_TOLERANCE} | self.options
-        result = compaction.roll(layer, roller, material, speed, **options)
-        self.excess[measurement], self.rolled[measurement] = result.exit_density_ratio - target, result
+        result = compaction.roll(layer, roller, material, speed, exit_density_ratio=required, **options)
+        self.rolled[measurement] = result
         return result
 
 

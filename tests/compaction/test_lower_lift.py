@@ -99,13 +99,15 @@ def test_thin_layers_tend_to_columns_in_series(ratio):
 
 @pytest.mark.slow
 def test_difference_from_the_rigid_base_is_inverse_to_the_modulus():
-    """The lower lift stays elastic, so that it tends to the rigid base as the modulus grows."""
-    changes = []
+    """The lower lift stays elastic, so that it tends to the rigid base; the resistance does so faster by its wave."""
+    changes, options = [], {"increments": 10, "steady_tolerance": 5e-4}
     for modulus in (120e6, 360e6):
         mix = replace(MIX, unloading_modulus=modulus)
-        rigid, lifted = (roll(layer, ROLLER, mix, 0.13, increments=4) for layer in (LIFT, ON_LIFT))
+        rigid, lifted = (roll(layer, ROLLER, mix, 0.13, **options) for layer in (LIFT, ON_LIFT))
         changes.append([lifted.load / rigid.load - 1, lifted.resistance / rigid.resistance - 1])
-    assert np.divide(*changes) == pytest.approx(3, rel=0.1)
+    load, resistance = np.divide(*changes)
+    assert load == pytest.approx(3, rel=0.1)
+    assert 3 < resistance < 4.5
     assert changes[1] == pytest.approx([0, 0], abs=8e-3)
 
 

@@ -55,7 +55,6 @@ if TYPE_CHECKING:
 
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
-COARSE_TOLERANCE = 2.0  # [-], tolerances of the coarser meshes over those of the last one
 COARSE_TARGET_TOLERANCE = 10.0  # [-], tolerance of a target on the coarser meshes over that on the last one
 NEIGHBOUR_DEPTH = 1.3  # [-], largest ratio of depths of neighbours; others are solved from scratch
 MIN_RESISTANCE = 1e-3  # [-], least scale of the work residual over the load
@@ -321,14 +320,15 @@ def _create_search(
     case: RollingCase, target: DepthTarget, rolling: IncrementalRolling, depth: float, is_last: bool = True
 ) -> SteadySearch:
     """Return the search on a mesh."""
+    share, elements = 1.0 if is_last else COARSE_TARGET_TOLERANCE, rolling.frame.contact_length / rolling.frame.step
     return SteadySearch(
         case,
         target,
         rolling,
         depth,
-        tolerance=case.numerics.steady_tolerance * (1 if is_last else COARSE_TOLERANCE),
+        tolerance=case.numerics.steady_tolerance,
         max_travel=MAX_TRAVEL if is_last else MAX_COARSE_TRAVEL,
-        target_tolerance=target.tolerance * (1 if is_last else COARSE_TARGET_TOLERANCE),
+        target_tolerance=share * target.tolerance(elements),
     )
 
 

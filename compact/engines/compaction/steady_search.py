@@ -334,11 +334,16 @@ class SteadySearch:
             self._roll(missing)
         self._advance_exactly()
         last, target = self.rolling.steps[-1], self.target
-        value = last.load * self.load_factor if target.quantity == "load" else getattr(last, target.quantity, 0.0)
-        if target.quantity == "indentation" or abs(target.log_miss(value)) < self.target_tolerance:
+        if target.quantity == "indentation":
+            return True
+        value = last.load * self.load_factor if target.quantity == "load" else last.peak_pressure
+        if target.quantity == "exit_density_ratio":  # a mean, since columns of points scatter
+            steps = self.rolling.steps[-self._steps_of(CYCLE / 2) :]
+            value = float(np.mean([each.exit_density_ratio for each in steps]))
+            self._density_factor = value / self._geometric_density_ratio()
+        if abs(target.log_miss(value)) < self.target_tolerance:
             return True
         if target.quantity == "exit_density_ratio":
-            self._density_factor = last.exit_density_ratio / self._geometric_density_ratio()
             secant.restart()  # earlier values had another factor
         return False
 

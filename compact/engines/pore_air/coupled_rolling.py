@@ -100,7 +100,7 @@ def roll_coupled(
         depth,
         tolerance=steady_tolerance,
         max_travel=MAX_TRAVEL,
-        target_tolerance=target.tolerance,
+        target_tolerance=1.0,  # a depth is prescribed
         relaxation=contact.relaxation if start is None else start.relaxation,
     )
     with threadpool_limits(1):
