@@ -4,7 +4,9 @@ Moisture 8 to 12 %, exit density ratio 0.92 to 0.985, roller radius 0.08 to 0.2 
 it, friction up to 0.45, and the prior's mix; rollers without friction, free, sliding and driven. Seed 2026 has 60 lifts
 with the elliptic cap, seed 2027 has 30 with the shear line.
 
-    python studies/random_lifts.py [--seed 2026] [--increments 14] [numbers ...]
+`--constant` changes a constant of the search for the steady state, to see what depends on it.
+
+    python studies/random_lifts.py [--seed 2026] [--increments 14] [--constant SETTLING=3] [numbers ...]
 """
 
 import argparse
@@ -15,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from compact.engines.compaction import steady_search
 from compact.engines.compaction.engine import roll
 from compact.material.laws import Compaction, drucker_prager_cap
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
@@ -101,7 +104,11 @@ def main(arguments: Sequence[str] | None = None) -> list[str]:
     parser.add_argument("numbers", nargs="*", type=int)
     parser.add_argument("--seed", type=int, default=2026, choices=COUNTS)
     parser.add_argument("--increments", type=int, default=14)
+    parser.add_argument("--constant", default="", metavar="NAME=VALUE")
     given, lines = parser.parse_args(arguments), []
+    name, _, value = given.constant.partition("=")
+    if name:
+        setattr(steady_search, name, type(getattr(steady_search, name))(value))
     for number in given.numbers or range(COUNTS[given.seed]):
         lift = random_lift(given.seed, number)
         kind = f"{lift.roller.rolling} {lift.roller.friction:.2f} depth {1e3 * lift.roller.indentation:.2f} mm"

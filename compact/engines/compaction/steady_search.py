@@ -35,23 +35,23 @@ from compact.engines.compaction.steady_state import (
 )
 from compact.rolling_contact import EquilibriumError, HeapingError, Unsteady, UnsteadyError
 
-SETTLING, CYCLE = 1.5, 1.0  # [-], travel after a change and in a cycle, over the contact length
-APPROACH, FIRST_APPROACH = 0.5, 2.5  # [-], travel over the contact length in which a depth is reached; from rest
-FINAL_TRAVEL = 2.0  # [-], after the last jump, over the contact length; the mix of the exit column has passed it all
-FIRST_LENGTH = 8.0  # [-], relaxation length of the wave over the contact length before any is known
-MAX_LENGTH = 40.0  # [-], largest relaxation length over the contact length
-LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave
-MAX_JUMP = 0.5  # [-], change of the wave by one jump over its area
+# chosen by halving and doubling each on random lifts, see docs/theory/compaction.md; lengths over the contact length
+SETTLING, CYCLE = 1.5, 1.0  # [-], travel after a change and in a cycle
+FIRST_LENGTH = 8.0  # [-], relaxation length of the wave before any is known
+LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave; largest jump over the wave
 MIN_CHANGE = 0.02  # [-], least change of the wave between two settled states that define a mode, over the wave
 MIN_WAVE = 0.1  # [-], least area of a wave over depth and contact length whose mode counts; lower ones are scatter
 SIGNIFICANCE = 3.0  # [-], standard errors from which a drift of the wave counts
 RESIDUAL_SHARE, MAX_RESIDUAL = 0.3, 1e-2  # [-], residual of a step over the distance to the steady state, and at most
 NEAR = 4.0  # [-], distance over its tolerance from which the depth is corrected, since both at once oscillate
 MAX_DISTANCE, PATIENCE = 0.1, 4  # [-], distance that is accepted, and told, at the largest travel; its power over it
-MAX_TRAVEL, MAX_COARSE_TRAVEL = 30.0, 12.0  # [-], on the mesh of the result and on others, over the contact length
-MIN_WAVES = 3  # [-], cycles before a wave may count as endless
+MAX_TRAVEL = 30.0  # [-], on the mesh of the result
 SLOWING, GROWN = 0.8, 4.0  # [-], growth over the fastest one of a wave grown by the other factor that has no end
 
+APPROACH, FIRST_APPROACH = CYCLE / 2, SETTLING + CYCLE  # [-], travel in which a depth is reached; from rest
+FINAL_TRAVEL = SETTLING + CYCLE / 2  # [-], after the last jump; the mix of the exit column has passed it all
+MAX_COARSE_TRAVEL = 0.4 * MAX_TRAVEL  # [-], on meshes before the last one
+MIN_WAVES = 3  # [-], cycles with two changes, before a wave may count as endless
 MIN_EXTRAPOLATED = 9.5  # [-], elements per contact length of the coarser mesh, below which loads are not extrapolated
 MIN_STEPS = 4  # [-], of a measurement
 HEIGHT_SHARE = 1 / 3  # [-], of the layer height, which counts as contact length at least; later passes are that short
@@ -196,8 +196,8 @@ class SteadySearch:
             raise self._heaping_error("still grows, without slowing down")
         self._advance_exactly()
 
-    def _settle(self, damping: float = FINAL_DAMPING_RATIO * DAMPING, share: float = SETTLING) -> None:
-        """Roll to the present depth and on by a share of the contact length; the drift is measured from there."""
+    def _settle(self, damping: float = FINAL_DAMPING_RATIO * DAMPING) -> None:
+        """Roll to the present depth and on; the drift is measured from there."""
         rolling, count = self.rolling, 0
         start = rolling.steps[-1].bottom_height if rolling.steps else rolling.frame.mesh.height
         if start != self._height:
@@ -205,7 +205,7 @@ class SteadySearch:
         for height in np.linspace(start, self._height, count + 1)[1:]:
             rolling.advance(float(height), damping)
         self._begin = max(len(rolling.steps) - 1, 0)
-        self._roll(share, damping)
+        self._roll(SETTLING, damping)
 
     def _roll(self, share: float, damping: float = FINAL_DAMPING_RATIO * DAMPING) -> None:
         """Roll a share of the contact length at the present depth."""
@@ -231,7 +231,7 @@ class SteadySearch:
         if before is not None:
             bend = before.wave_slope - drift.wave_slope
             if change * bend > 0 and abs(bend) > SIGNIFICANCE * np.hypot(before.wave_error, drift.wave_error):
-                length = float(min(change / bend, MAX_LENGTH * self.rolling.frame.contact_length))
+                length = float(min(change / bend, MAX_TRAVEL * self.rolling.frame.contact_length))
         is_wide = abs(change) >= max(MIN_CHANGE * drift.wave_area, SIGNIFICANCE * drift.wave_error * drift.travel)
         if is_wide and (before is not None or mode is None):
             slopes = drift.slopes / drift.wave_slope if before is None else (drift.values - before.values) / change
@@ -304,7 +304,7 @@ class SteadySearch:
                 f"the bow wave exceeds {1e3 * limit:.3g} mm, at which the contact angle is too large"
             )
 
-    def _correct(self, depth: float, jump: float, share: float = SETTLING) -> None:
+    def _correct(self, depth: float, jump: float) -> None:
         """Jump along the mode and settle at a corrected depth; by less if a step has no equilibrium."""
         before, ratio = copy(self.rolling), depth / self.depth
         area = before.steps[-1].wave_area
@@ -312,7 +312,7 @@ class SteadySearch:
             self._settled, self._waves = None, ()
             jump += (area + jump) * (ratio**WAVE_EXPONENT - 1)
             self.relaxation = self.relaxation.at_depth(ratio)
-        self.depth, jump = depth, float(np.clip(jump, -MAX_JUMP * area, MAX_JUMP * area))
+        self.depth, jump = depth, float(np.clip(jump, -LENGTH_ERROR * area, LENGTH_ERROR * area))
         for trial in JUMP_TRIALS:
             self.rolling = copy(before)
             if self.relaxation.mode is not None and trial:
@@ -320,7 +320,7 @@ class SteadySearch:
             self.rolling.remove_marks_behind()
             self._fit_mesh()
             try:
-                return self._settle(share=share)
+                return self._settle()
             except EquilibriumError:
                 if not trial:
                     raise
