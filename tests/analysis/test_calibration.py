@@ -16,7 +16,6 @@ from compact.analysis.contact_cases import compaction_material, contact_inputs, 
 from compact.cli import program as cli
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
-from compact.engines.compaction.depth_target import DENSITY_TOLERANCE
 from compact.scene.loader import SceneError, load_scene, read_change
 from compact.scene.plant_data import Band, Measured, Measurement, read_measurements
 
@@ -252,13 +251,13 @@ def test_fit_by_real_finite_elements_satisfies_the_measurements():
     """
     thin = {"product.height": 0.1, "machine.roller_radius": 0.25, "motion.stroke": 0.8}
     measured = reading(load=16000.0, resistance_coefficient=0.1)
-    found = calibrate(load_scene(PUBLISHED, **thin), measured, "compaction", increments=4)
+    found = calibrate(load_scene(PUBLISHED, **thin), measured, "compaction", increments=7)
     rolled, there = found.rolled[0], found.scene
     assert rolled.load * 1.164 == pytest.approx(16000, rel=1e-3)
     assert rolled.resistance / rolled.load == pytest.approx(0.1, rel=1e-3)
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-4)
     assert len(found.fit.history) < 9
-    again = pressed(there, rolled.indentation)
+    again = pressed(there, rolled.indentation, 7)
     errors = np.array([np.add(each.error_parts.drift, each.error_parts.start) for each in (again, rolled)])
     assert np.all(errors < 2e-3)
     error = errors.sum(axis=0)
@@ -268,19 +267,17 @@ def test_fit_by_real_finite_elements_satisfies_the_measurements():
 
 LIFT = {"layer.lift_thickness": 0.06}
 POINTS = {  # K_H [1/Pa], fed density, depth [m] as fitted on 4 increments; the last on 14, at the depth of the engine
-    "one pass of the whole product": ({}, 27.96034e-6, 0.9683468, 2.826423e-3, 5e-5),
-    "lifts": (LIFT, 17.19464e-6, 0.9302728, 3.358617e-3, DENSITY_TOLERANCE / 4),
-    "lifts at default settings": (LIFT, 16.37453e-6, 0.9362456, None, 2e-4),
+    "lifts": (LIFT, 17.79412e-6, 0.9392355, 2.708058e-3, 5e-4),
+    "lifts at default settings": (LIFT, 16.96926e-6, 0.9480522, None, 1e-4),
 }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", POINTS)
 def test_published_point_by_finite_elements(case):
-    """The three were fitted to contacts from scratch, under the free roller of the scene, as the one here.
+    """Both were fitted to contacts from scratch, under the free roller of the scene, as the one here.
 
-    The prior has 9.6-21.6/MPa and .93-.955. Trials a few 1e-5 apart scatter by 8e-5 in density, which the tolerance of
-    the engine contains.
+    The prior has 9.6-21.6/MPa and .93-.955. On 4 increments the density of a column scatters by some 1e-4.
     """
     changes, slope, fed, depth, tolerance = POINTS[case]
     scene = load_scene(PUBLISHED, **changes, **{"mix.overrides.heckel_slope": slope, "layer.fed_density_ratio": fed})
@@ -291,11 +288,11 @@ def test_published_point_by_finite_elements(case):
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=tolerance)
 
 
-def pressed(scene, depth):
-    """A contact of a scene by finite elements on 4 increments, from rest."""
+def pressed(scene, depth, increments=4):
+    """A contact of a scene by finite elements, from rest."""
     speed = scene.mean_speed
     layer, roller, material = contact_inputs(scene, scene_mix(scene), "compaction", speed)
-    return finite_elements.roll(layer, replace(roller, indentation=depth), material, speed, increments=4)
+    return finite_elements.roll(layer, replace(roller, indentation=depth), material, speed, increments=increments)
 
 
 # measurements
