@@ -87,7 +87,7 @@ def cases() -> Iterator[Case]:
     """Yield the mixes of the study."""
     strength = float(COHESION / np.tan(np.radians(ANGLE)))
     slope = cap_slope(1 - float(np.sin(np.radians(ANGLE))), PRESSURE, strength)
-    yield Case("ellipse", ellipse(), 0.7, 0.3)
+    yield Case("ellipse", ellipse(), 2.5, 0.6)
     yield Case("ellipse, fed 0.90", ellipse(0.90), 0.5, 0.25)
     yield Case("K0 cap, flat", ellipse(slope=slope), 0.5, 0.25)
     yield Case("line, c 20 kPa", line(cohesion=20e3), 0.5, 0.25)

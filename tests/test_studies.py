@@ -57,14 +57,15 @@ def test_engines_agree_with_finite_elements_by_hand_and_name_the_open_codes_that
 def test_strength_of_loose_mix_decides_the_resistance(tmp_path):
     """Marching without jumps agrees with the steady search; mix with a shear line and 20 kPa has almost no bow wave."""
     module = study("strength_of_loose_mix")
-    ellipse, line = module.main(increments=(4,), names=("ellipse", "line, c 20 kPa"), out=tmp_path)
+    _, ellipse, _, line = module.main(increments=(4, 6), names=("ellipse", "line, c 20 kPa"), out=tmp_path)
     roller = Roller(module.RADIUS, indentation=module.DEPTH, friction=0.35, rolling="free", profile="deformed")
     layer = Layer(module.LIFT * module.EXIT / module.FED)
     for found, material in ((ellipse, module.ellipse()), (line, module.line(cohesion=20e3))):
-        steady = roll(layer, roller, material, 0.133, increments=4)
+        steady = roll(layer, roller, material, 0.133, increments=6)
+        assert found.steady
         assert found.load == pytest.approx(module.LENGTH * steady.load, rel=0.02)
         assert found.resistance == pytest.approx(module.LENGTH * steady.resistance, rel=0.02)
-    assert line.resistance / ellipse.resistance == pytest.approx(0.61, abs=0.03)
+    assert line.resistance / ellipse.resistance == pytest.approx(0.56, abs=0.03)
     assert line.bow_wave < 0.1 * ellipse.bow_wave
 
 
@@ -162,9 +163,13 @@ def test_errors_converge_with_the_settings_and_defaults_are_marked(capsys, tmp_p
 
 @pytest.mark.slow
 def test_compaction_finds_one_state_from_both_starts():
-    found, low, high = study("compaction_baseline").reference(4)
+    """Waves relax within 24 contact lengths, so that the search leaves the distance that it tells."""
+    module = study("compaction_baseline")
+    found, low, high = module.reference(4)
+    layer, roller, mix = module.published_lift()
+    told = roll(layer, roller, mix, module.SPEED, increments=4).error_parts
     assert high == pytest.approx(low, rel=2e-3)
-    assert found == pytest.approx(np.mean([low, high], axis=0), rel=2e-3)
+    assert (np.abs(found / np.mean([low, high], axis=0) - 1) < np.add(told.drift, told.start)).all()
 
 
 @pytest.mark.slow
@@ -443,8 +448,8 @@ def test_pore_air_adds_to_the_finite_elements_over_speed():
     options = {"speeds": np.array([0.02, 0.45]), "changes": {"accuracy.tolerance": 0.02}}
     with_rate, still, with_air = module.main(cases=["finite elements with rate"], **options)
     assert still.forces == pytest.approx(3505, rel=2e-2)
-    assert np.log(with_rate.forces[1] / with_rate.forces[0]) / np.log10(22.5) == pytest.approx(0.052, abs=8e-3)
+    assert np.log(with_rate.forces[1] / with_rate.forces[0]) / np.log10(22.5) == pytest.approx(0.043, abs=8e-3)
     assert (with_rate.forces < with_air.low).all()
     assert (with_air.low < with_air.forces).all()
     assert (with_air.forces < with_air.high).all()
-    assert with_air.high[1] / with_rate.forces[1] == pytest.approx(1.35, abs=0.05)
+    assert with_air.high[1] / with_rate.forces[1] == pytest.approx(1.21, abs=0.05)

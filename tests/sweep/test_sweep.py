@@ -335,7 +335,7 @@ def test_heckel_slope_explains_the_resistance_of_columns(tmp_path):
     assert slope.first_low > 0.7
     assert max(abs(each.total) for each in found.values()) < 0.05
     sweep_report.write_sweep_report(tmp_path, table, indices)
-    assert (tmp_path / "sobol.csv").read_text().count("\n") == 1 + 4 * 6
+    assert (tmp_path / "sobol.csv").read_text().count("\n") == 1 + 4 * 7
     assert (tmp_path / "sobol.png").stat().st_size > 10_000
 
 
