@@ -177,7 +177,7 @@ def test_coulombs_law_holds_at_every_node_of_a_free_roller(free):
     ("changes", "options"),
     [
         *(
-            ({"rolling": "driven"}, {"torque": share * FRICTION * R * 7860, "increments": 12})
+            ({"rolling": "driven"}, {"torque": share * FRICTION * R * 7860, "increments": 14})
             for share in (0, 0.5, -0.5)
         ),
         *(({"indentation": 0.004, "friction": friction}, {}) for friction in (0.05, 0.45)),

@@ -313,7 +313,7 @@ def roll(
                 search.start_from(searches[-1])
             search.run()
             searches.append(search)
-        return _to_result(case, searches[-1], mesh_errors(searches[-1]))
+        return _to_result(case, searches[-1])
 
 
 def _create_search(
@@ -342,8 +342,10 @@ def _is_neighbour(case: RollingCase, target: DepthTarget, start: CompactionConta
     return max(ratio, 1 / ratio) <= NEIGHBOUR_DEPTH
 
 
-def _to_result(case: RollingCase, search: SteadySearch, mesh: tuple[float, float] | None) -> CompactionContactResult:
-    """Evaluate a steady solution and require what is prescribed.
+def _to_result(
+    case: RollingCase, search: SteadySearch, known_mesh: tuple[float, float] | None = None
+) -> CompactionContactResult:
+    """Evaluate a steady solution and require what is prescribed; a neighbour has the known error of the mesh.
 
     Raises
     ------
@@ -361,6 +363,7 @@ def _to_result(case: RollingCase, search: SteadySearch, mesh: tuple[float, float
     if density is not None and not solution.frame.solid.finite:
         tolerance += 0.5 * (1 - target.fed_ratio / density) ** 2  # small strain determines it to half a squared strain
     require_on_target(rolled, target.roller, tolerance, exit_density_ratio=density, torque=torques)
+    mesh = known_mesh or mesh_errors(search)
     if mesh is not None:  # the work balance is another estimate of the resistance
         mesh = mesh[0], max(mesh[1], rolled.work_residual or 0.0)
     parts = search.error_parts(mesh)

@@ -132,10 +132,18 @@ class SteadySearch:
     @property
     def load_factor(self) -> float:
         """Load in the limit of fine meshes over that of this one [-], by the steady state on the mesh before."""
-        coarse = self.coarse
-        if coarse is None or not coarse.is_steady or coarse.elements < MIN_EXTRAPOLATED:
+        coarse, change = self.coarse, self._change_by_mesh
+        if coarse is None or not change or coarse.elements < MIN_EXTRAPOLATED or abs(change) > MAX_DISTANCE:
             return self.known_factor
-        return float(1 + (1 - coarse.values_at(self.depth)[0] / self.values[0]) / (self.elements / coarse.elements - 1))
+        return 1 + change / (self.elements / coarse.elements - 1)
+
+    @property
+    def _change_by_mesh(self) -> float:
+        """Relative change of the load from the steady state on the mesh before [-], 0 without one."""
+        coarse = self.coarse
+        if coarse is None or not coarse.is_steady or not self._waves:
+            return 0.0
+        return float(1 - coarse.values_at(self.depth)[0] / self.values[0])
 
     def values_at(self, depth: float) -> FloatArray:
         """Return load, resistance and peak pressure scaled to a near depth [m], as part of `QUANTITIES`."""
@@ -164,7 +172,7 @@ class SteadySearch:
         except EquilibriumError as error:
             if self._is_unslowed(1.0):
                 raise self._heaping_error("grows without slowing down until a step fails") from error
-            if not self._waves:
+            if not self._waves and self.coarse is None:
                 raise
 
     def _search(self) -> None:
@@ -275,18 +283,19 @@ class SteadySearch:
         Raises
         ------
         UnsteadyError
-            If the search has not decided whether the motion becomes steady.
+            If the search has not decided whether the motion becomes steady, or two meshes have different states.
         RuntimeError
             If it is steady, but at no depth that satisfies the target.
         """
-        if self.is_steady and not self._missed:
+        change = abs(self._change_by_mesh)
+        if self.is_steady and change < MAX_DISTANCE:
+            if self._missed:
+                raise RuntimeError(self._missed)
             return
-        if self.is_steady:
-            raise RuntimeError(self._missed)
-        step, distance = self.rolling.steps[-1], min(self.errors.total, 1.0)
+        step, distance = self.rolling.steps[-1], min(max(self.errors.total, change), 1.0)
         message = (
             f"not steady at depth {1e3 * self.depth:.4g} mm after {step.travel:.3g} m of travel, and not decided "
-            f"whether it becomes so: estimated distance {100 * distance:.2g} % of load, resistance or exit density; "
+            f"whether it becomes so: estimated distance {100 * distance:.3g} % of load, resistance or exit density; "
             f"{step}"
         )
         raise UnsteadyError(
