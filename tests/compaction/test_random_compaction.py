@@ -145,5 +145,5 @@ def test_wave_of_a_roller_sliding_with_high_friction_grows_without_slowing_down(
     assert np.all(np.diff(steady) < 0)
     assert steady[-1] < 0.4 * steady[0]
     assert endless.min() > 0.85 * endless[0]
-    with pytest.raises(HeapingError, match="grows without slowing down, and takes up 2.5 % of the feed"):
+    with pytest.raises(HeapingError, match=r"grows without slowing down, and takes up 2\.5 % of the feed"):
         roll(*SLIDING, 0.13, increments=4)
