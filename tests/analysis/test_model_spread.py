@@ -87,10 +87,10 @@ def test_ends_of_the_saturation_limit_change_the_resistance_of_a_lift():
 
 @pytest.mark.slow
 def test_cohesion_of_loose_mix_halves_the_resistance_of_a_lift():
-    """The published lift: with 20 kPa there is almost no bow wave, with the ellipse it is 4 mm high."""
+    """The published lift: with 20 kPa there is almost no bow wave, with the ellipse it is 5.5 mm high."""
     lift = scene(**{"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "layer.fed_density_ratio": 0.93576})
     lift = lift.replaced(**{"mix.overrides.cohesion_loose": 20e3, "mix.overrides.saturation_limit": 0.998})
     spread = Study(lift).model_spread
     assert len(spread.variants) == 1
-    assert spread.load[0] == pytest.approx(0.80, abs=0.03)
-    assert spread.resistance[0] == pytest.approx(0.57, abs=0.03)
+    assert spread.load[0] == pytest.approx(0.83, abs=0.03)
+    assert spread.resistance[0] == pytest.approx(0.56, abs=0.03)

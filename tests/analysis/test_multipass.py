@@ -88,10 +88,16 @@ def test_top_of_a_thick_layer_yields_in_the_second_pass(thick):
 
 
 @pytest.mark.slow
-def test_resistance_decreases_with_every_pass_over_a_thick_layer():
-    resistance = [abs(rolled.resistance) for rolled in passes(LAYER, ROLLER, MIX, 0.2, 4, **QUICK)]
+def test_resistance_of_later_passes_over_a_thick_layer_remains():
+    """Each pass compacts the top again that horizontal tension behind the one before has loosened.
+
+    It no longer shakes down, as its strength is bounded: 899, 60, 14, 8.6, 7.7 and 7.6 N/m in six passes.
+    """
+    done = passes(LAYER, ROLLER, MIX, 0.2, 4, **QUICK)
+    resistance = [abs(rolled.resistance) for rolled in done]
+    assert resistance[1] < 0.1 * resistance[0]
     assert resistance[2] < 0.3 * resistance[1]
-    assert resistance[3] < 0.4 * resistance[2]
+    assert 0.4 * resistance[2] < resistance[3] < resistance[2]
 
 
 def test_resistance_of_two_lifts_of_columns_is_that_of_each_alone():
@@ -125,11 +131,16 @@ def test_lift_adds_its_mass_and_conserves_mass_and_work(lifts):
 
 @pytest.mark.slow
 def test_lift_is_compacted_and_the_layer_below_remains(lifts):
+    """Behind the roller horizontal tension loosens the top 4 mm, which were at the saturation limit below it."""
     below, both = (rolled.exit.points.density_ratio for rolled in lifts)
     y, old = lifts[1].exit.y, lifts[0].exit
     deep = y < 0.04
     assert both[deep] == pytest.approx(np.interp(y[deep], old.y, below), abs=2e-3)
-    assert both[y > 0.14].min() > 0.97
+    top, points = y > 0.14, lifts[1].exit.points
+    assert points.max_density_ratio[top].min() > 0.997
+    assert both[top].min() > 0.95
+    assert (np.diff(both[top]) < 0).all()
+    assert points.stress[top, 0].min() > 0  # tension
     assert lifts[1].exit_height == pytest.approx(0.147 + lifts[1].elastic_recovery, rel=1e-12)
 
 
