@@ -72,19 +72,19 @@ def test_second_pass_over_a_thin_layer_agrees_with_columns():
 
 
 @pytest.mark.slow
-def test_top_of_a_thick_layer_yields_in_the_second_pass(thick):
-    """Two rollers in one incremental rolling, without transfer of a state, have resistances of 803.0 and 59.4 N/m.
+def test_top_of_a_thick_layer_yields_in_the_second_pass():
+    """Both strokes of 0.3 m by finite elements that move with the mix, without transfer of a state or a search.
 
-    Ours, 2026-11-21, elements of 1.2 mm, 150 mm apart. The ratio of the loads, there 0.478, is 0.462 on 6 increments
-    and 0.469 on 12.
+    `simulate_reciprocating` has 916.5 and 69.9 N/m at 0.23 m, on 12 elements. The second contact is a third as long as
+    the first one; on 12 elements it has 0.434 of the load and 0.067 of the resistance, on 20 0.475 and 0.078.
     """
-    first, second = thick
-    assert -second.resistance / first.resistance == pytest.approx(59.4 / 803.0, abs=0.006)
-    assert second.load / first.load == pytest.approx(3754.7 / 7849.9, abs=0.015)
+    done = first, second = passes(LAYER, ROLLER, MIX, 0.2, 2, engine="compaction", increments=20)
+    assert -second.resistance / first.resistance == pytest.approx(69.9 / 916.5, abs=0.006)
+    assert second.load / first.load == pytest.approx(3947.0 / 8367.0, abs=0.015)
     assert second.peak_pressure > 1.2 * first.peak_pressure
-    work = [rolled.exit.resampled(np.full(100, rolled.exit_height / 100)).points.plastic_work for rolled in thick]
+    work = [rolled.exit.resampled(np.full(100, rolled.exit_height / 100)).points.plastic_work for rolled in done]
     again = work[1] - work[0]
-    assert again[-4:].sum() > 0.8 * again.sum()  # in the top 4 %
+    assert again[-10:].sum() > 0.9 * again.sum()  # in the top 10 %, which the first pass has loosened
 
 
 @pytest.mark.slow
