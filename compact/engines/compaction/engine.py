@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
 COARSE_TARGET_TOLERANCE = 10.0  # [-], tolerance of a target on the coarser meshes over that on the last one
-NEIGHBOUR_DEPTH = 1.3  # [-], largest ratio of depths of neighbours; others are solved from scratch
+NEIGHBOUR_DEPTH = 1.06  # [-], largest ratio of depths of neighbours; waves further apart relax longer than from rest
 MIN_RESISTANCE = 1e-3  # [-], least scale of the work residual over the load
 
 
