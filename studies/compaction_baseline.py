@@ -3,9 +3,9 @@
     python studies/compaction_baseline.py --against CHECKOUT
     python studies/compaction_baseline.py --reference 24
 
-The first command rolls the lift from scratch, and deeper, at another speed and with another slope as neighbours, by both
-versions, each in a process of its own with its folder on the path. It prints processor seconds on one core, after a
-coarse contact that compiles.
+The first command rolls the lift from scratch, and deeper, at another speed and with another slope as neighbours, by
+both versions, each in a process of its own with its folder on the path. It prints processor seconds on one core, after
+a coarse contact that compiles.
 
 The second one computes a reference by two starts: the bow wave of the steady state is raised and lowered by a tenth
 along its slow mode, and the roller rolls on from both by increments, without any search. The waves approach the steady

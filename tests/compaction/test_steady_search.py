@@ -14,8 +14,8 @@ from compact.engines.compaction.steady_search import SteadySearch
 from compact.engines.compaction.steady_state import QUANTITIES, WaveDrift
 
 PUBLISHED = LIFT, free_roller(), LIFT_MIX
-# load and resistance of the published lift, N/m, after 600 steps from bow waves 10 % below and above the steady one, on 12
-# elements per contact length; both still approach one another
+# load and resistance of the published lift, N/m, after 600 steps from bow waves 10 % below and above the steady one, on
+# 12 elements per contact length; both still approach one another
 BELOW, ABOVE = (9240.4, 1896.0), (9267.1, 1905.7)
 
 
