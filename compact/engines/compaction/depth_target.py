@@ -115,18 +115,19 @@ class DepthSecant:
         Prescribed quantity.
     slope : float, optional
         Exponent of the quantity over the depth [-], from another mesh; replaced by the secant of distant depths.
+
+    Attributes
+    ----------
+    is_measured : bool
+        True once measured quantities have taken the place of predicted ones.
     """
 
     target: DepthTarget
     slope: float | None = None
+    is_measured: bool = field(default=False, init=False)
     _logs: list[float] = field(default_factory=list, init=False)
     _misses: list[float] = field(default_factory=list, init=False)
     _values: list[float] = field(default_factory=list, init=False)
-
-    @property
-    def is_started(self) -> bool:
-        """True if a depth has been recorded."""
-        return bool(self._misses)
 
     @property
     def last_miss(self) -> float:
@@ -153,9 +154,11 @@ class DepthSecant:
         factor = float(np.exp(-share * self.last_miss / self.slope))
         return min(depth * float(np.clip(factor, 1 / MAX_DEPTH_FACTOR, MAX_DEPTH_FACTOR)), target.max_depth)
 
-    def restart(self) -> None:
-        """Forget the depths, but not their exponent."""
-        self._logs, self._misses, self._values = [], [], []
+    def measured_depth(self, depth: float, value: float) -> float:
+        """Return the next depth [m] from the measured quantity of the steady state at a depth; predictions end."""
+        if not self.is_measured:
+            self._logs, self._misses, self._values, self.is_measured = [], [], [], True
+        return self.next_depth(depth, value)
 
     def failure(self) -> str:
         """Return the message for a target that no depth satisfies."""

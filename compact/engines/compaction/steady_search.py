@@ -54,6 +54,7 @@ MAX_COARSE_TRAVEL = 0.4 * MAX_TRAVEL  # [-], on meshes before the last one
 MIN_WAVES = 3  # [-], cycles with two changes, before a wave may count as endless
 MIN_EXTRAPOLATED = 9.5  # [-], elements per contact length of the coarser mesh, below which loads are not extrapolated
 MIN_STEPS = 4  # [-], of a measurement
+MAX_MISS = 10.0  # [-], of the tolerance of a target, which is accepted, and told, at the largest travel
 HEIGHT_SHARE = 1 / 3  # [-], of the layer height, which counts as contact length at least; later passes are that short
 JUMP_TRIALS = (1.0, 0.4, 0.0)  # [-], shares of a jump that are tried in turn if a later step has no equilibrium
 EXACT_STEPS = 4  # [-], last steps; the gap in the contact is then below 1e-5 of the depth
@@ -113,6 +114,7 @@ class SteadySearch:
     values: FloatArray = field(init=False)
     errors: SteadyErrors = field(init=False)
     is_steady: bool = field(default=False, init=False)
+    _miss: float = field(default=0.0, init=False)
     _missed: str = field(default="", init=False)
     _density_factor: float = field(default=1.0, init=False)
     _depth_exponent: float | None = field(default=None, init=False)
@@ -177,7 +179,7 @@ class SteadySearch:
 
     def _search(self) -> None:
         """Measure the drift and correct wave and depth in cycles."""
-        secant, is_met, first = DepthSecant(self.target, self._depth_exponent), False, len(self.rolling.steps)
+        secant, first = DepthSecant(self.target, self._depth_exponent), len(self.rolling.steps)
         self.rolling.solver.tolerance = MAX_RESIDUAL
         self._settle(DAMPING)
         travelled = 0.0
@@ -188,17 +190,23 @@ class SteadySearch:
             travelled = (len(self.rolling.steps) - first) * self.rolling.frame.step / self._length
             accepted = max(self.tolerance, MAX_DISTANCE * (travelled / self.max_travel) ** PATIENCE)
             depth, is_met = self.depth, False
-            if self.errors.total < NEAR * accepted:
+            if secant.is_measured:  # at a depth that a measured value has corrected
+                is_met = True
+            elif self.errors.total < NEAR * accepted:
                 corrected = secant.next_depth(depth, self._target_value())
                 self._depth_exponent, is_met = secant.slope, abs(secant.last_miss) < self.target_tolerance
                 depth = depth if is_met else corrected
-            if is_met and self.errors.total < accepted and self._finish(jump, secant):
-                self.is_steady = True
-                return
+            if is_met and self.errors.total < accepted:
+                depth, jump = secant.measured_depth(self.depth, self._finish(jump)), 0.0
+                self._miss = secant.last_miss
+                if abs(self._miss) < self.target_tolerance:
+                    self.is_steady = True
+                    return
             self.rolling.solver.tolerance = min(RESIDUAL_SHARE * max(self.errors.total, self.tolerance), MAX_RESIDUAL)
             if jump or depth != self.depth:
                 self._correct(depth, jump)
-        self._missed = secant.failure() if secant.is_started and not is_met else ""
+        self._miss = secant.last_miss
+        self._missed = secant.failure() if abs(self._miss) > MAX_MISS * self.target_tolerance else ""
         self.is_steady = self.errors.total < MAX_DISTANCE
         if not self.is_steady and self._is_unslowed(1.0):
             raise self._heaping_error("still grows, without slowing down")
@@ -287,7 +295,7 @@ class SteadySearch:
         RuntimeError
             If it is steady, but at no depth that satisfies the target.
         """
-        change = abs(self._change_by_mesh)
+        change = 0.0 if not self._waves or self._is_low(self._waves[-1]) else abs(self._change_by_mesh)
         if self.is_steady and change < MAX_DISTANCE:
             if self._missed:
                 raise RuntimeError(self._missed)
@@ -334,27 +342,23 @@ class SteadySearch:
                 if not trial:
                     raise
 
-    def _finish(self, jump: float, secant: DepthSecant) -> bool:
-        """Make the last jump and steps to the full tolerance; return whether the target is satisfied then."""
+    def _finish(self, jump: float) -> float:
+        """Make the last jump and steps to the full tolerance; return the prescribed quantity then."""
         if jump:
             self._correct(self.depth, jump)
         missing = FINAL_TRAVEL - (len(self.rolling.steps) - self._begin) * self.rolling.frame.step / self._length
         if missing > 0:
             self._roll(missing)
         self._advance_exactly()
-        last, target = self.rolling.steps[-1], self.target
-        if target.quantity == "indentation":
-            return True
-        value = last.load * self.load_factor if target.quantity == "load" else last.peak_pressure
-        if target.quantity == "exit_density_ratio":  # a mean, since columns of points scatter
+        quantity, last = self.target.quantity, self.rolling.steps[-1]
+        if quantity == "exit_density_ratio":  # a mean, since columns of points scatter
             steps = self.rolling.steps[-self._steps_of(CYCLE / 2) :]
-            value = float(np.mean([each.exit_density_ratio for each in steps]))
-            self._density_factor = value / self._geometric_density_ratio()
-        if abs(target.log_miss(value)) < self.target_tolerance:
-            return True
-        if target.quantity == "exit_density_ratio":
-            secant.restart()  # earlier values had another factor
-        return False
+            density = float(np.mean([each.exit_density_ratio for each in steps]))
+            self._density_factor = density / self._geometric_density_ratio()
+            return density
+        if quantity == "indentation":
+            return self.depth
+        return last.load * self.load_factor if quantity == "load" else last.peak_pressure
 
     def _advance_exactly(self) -> None:
         """Make steps to the full tolerance, in which the multipliers of the contact converge, the last undamped."""
@@ -423,6 +427,7 @@ class SteadySearch:
             weight, coarse = 1 / (self.elements / self.coarse.elements - 1), self.coarse
             for part, of_coarse in zip(parts, (coarse.errors.drift, coarse.errors.start), strict=True):
                 part[0] = np.hypot((1 + weight) * part[0], weight * of_coarse[0] / coarse.values[0])
+        parts[1] += DEPTH_EXPONENTS[:2] * abs(self._miss) / (self._depth_exponent or 1.0)  # at another depth
         if self.target.quantity == "load":  # the depth takes over the error of the load
             for part in parts:
                 part[:] = 0.0, part[1] + DEPTH_EXPONENTS[1] / DEPTH_EXPONENTS[0] * part[0]
