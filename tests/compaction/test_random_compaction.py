@@ -147,3 +147,21 @@ def test_wave_of_a_roller_sliding_with_high_friction_grows_without_slowing_down(
     assert endless.min() > 0.85 * endless[0]
     with pytest.raises(HeapingError, match=r"grows without slowing down, and takes up 2\.5 % of the feed"):
         roll(*SLIDING, 0.13, increments=4)
+
+
+@pytest.mark.slow
+def test_sliding_roller_on_a_thin_layer_is_steady_up_to_the_strength_of_the_mix():
+    """The traction on every plane is f p, at most sin 35 degrees (p + pt); a half-plane bears friction of 0.39 at most."""
+    height, depth, angle = 0.02, 0.6e-3, np.radians(35)
+    mix = replace(
+        SLIDING[2], critical_slope=float(np.sqrt(3) * np.sin(angle)), tensile_strength=1e3, fed_density_ratio=0.92,
+        heckel_slope=16e-6, unloading_modulus=120e6, poisson=0.3,
+    )  # fmt: skip
+
+    def rolled(friction):
+        roller = replace(SLIDING[1], radius=(4 * height) ** 2 / (2 * depth), indentation=depth, friction=friction)
+        return roll(Layer(height), roller, mix, 0.13, increments=10)
+
+    assert rolled(0.5).error[1] < 0.02
+    with pytest.raises((UnsteadyError, HeapingError)):
+        rolled(0.7)
