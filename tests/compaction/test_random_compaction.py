@@ -15,7 +15,7 @@ from compact.engines.compaction.engine import HeapingError, roll
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.material.laws import Compaction
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
-from compact.rolling_contact import Layer, Roller
+from compact.rolling_contact import Layer, Roller, UnsteadyError
 
 PRODUCT, LIFT = (0.16, 0.28), (0.04, 0.08)  # [m], heights of compacted layers
 
@@ -151,7 +151,7 @@ def test_wave_of_a_roller_sliding_with_high_friction_grows_without_slowing_down(
 
 @pytest.mark.slow
 def test_sliding_roller_on_a_thin_layer_is_steady_up_to_the_strength_of_the_mix():
-    """The traction on every plane is f p, at most sin 35 degrees (p + pt); a half-plane bears friction of 0.39 at most."""
+    """The traction f p on every plane is at most sin 35 degrees times p + pt; a half-plane slides from 0.39 on."""
     height, depth, angle = 0.02, 0.6e-3, np.radians(35)
     mix = replace(
         SLIDING[2], critical_slope=float(np.sqrt(3) * np.sin(angle)), tensile_strength=1e3, fed_density_ratio=0.92,
