@@ -247,7 +247,7 @@ def test_fit_by_real_finite_elements_satisfies_the_measurements():
     """A thin layer under a large roller with friction; the calibrated scene reproduces the numbers.
 
     The fit starts from its previous contacts and the check from scratch; they differ by less than both error estimates,
-    of drift and start alone, since both are on one mesh.
+    of drift and start alone, since both are on the same meshes.
     """
     thin = {"product.height": 0.1, "machine.roller_radius": 0.25, "motion.stroke": 0.8}
     measured = reading(load=16000.0, resistance_coefficient=0.1)
@@ -259,7 +259,7 @@ def test_fit_by_real_finite_elements_satisfies_the_measurements():
     assert len(found.fit.history) < 9
     again = pressed(there, rolled.indentation, 7)
     errors = np.array([np.add(each.error_parts.drift, each.error_parts.start) for each in (again, rolled)])
-    assert np.all(errors < 2e-3)
+    assert np.all(errors < 3e-3)  # with what the tolerance of the density adds
     error = errors.sum(axis=0)
     assert again.load == pytest.approx(rolled.load, rel=error[0])
     assert again.resistance == pytest.approx(rolled.resistance, rel=error[1])

@@ -49,7 +49,7 @@ SCENES = {
     "compaction": {
         "accuracy.engine": "compaction", "accuracy.tolerance": 0.3, "product.height": 0.03,
         "layer.fed_density_ratio": 0.94, "machine.gap_geometry": "deformed", "mix.overrides.unloading_modulus": 60e6,
-        "mix.overrides.friction_angle": 44.0, "mix.overrides.heckel_slope": 11.4e-6,
+        "mix.overrides.friction_angle": 44.0, "mix.overrides.heckel_slope": 11.5e-6,
     } | CONTACT | {"contact.speeds": [0.2], "contact.indentation": 0.001},
     "process": {
         "accuracy.engine": "process", "machine.roller_length": 0.2, "mix.density_ratio": 0.9,

@@ -12,7 +12,7 @@ from test_regression import ABSOLUTE, ESTIMATE, RELATIVE, SCENES, SLOW, SMALL, d
 from compact.scene.loader import load_scene
 
 ROUNDING = 1e-15  # [-], a few units of the last place
-SEARCHED = 1e-3  # [-], of forces by `compaction` at a density; the energy of a cycle moved by 1e-4
+SEARCHED = 3e-3  # [-], of forces by `compaction` at a density, met within 9e-4 of its increase; 2.3 times that in R
 SIBLINGS = 1e-9  # [-], of the largest number beside it; a mean of a load cycle may be zero but for rounding
 INPUTS = {"mass": ("machine", "mass"), "radius": ("machine", "roller_radius"), "stroke": ("motion", "stroke")}
 UNSTABLE = ("versions", "scene_hash", "files", "advice")
