@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from compact.analysis.calibration import calibrate, calibration_digest
+from compact.analysis.calibration import STEADY_TOLERANCE, calibrate, calibration_digest
 from compact.analysis.contact_cases import compaction_material, contact_inputs, roll_scene, scene_mix
 from compact.cli import program as cli
 from compact.engines.column import engine as column
@@ -260,7 +260,7 @@ def test_fit_by_real_finite_elements_satisfies_the_measurements():
     again = pressed(there, rolled.indentation, 7)
     errors = np.array([np.add(each.error_parts.drift, each.error_parts.start) for each in (again, rolled)])
     assert np.all(errors < 3e-3)  # with what the tolerance of the density adds
-    error = errors.sum(axis=0)
+    error = np.maximum(errors.sum(axis=0), 3 * STEADY_TOLERANCE)  # two distances, known to a half
     assert again.load == pytest.approx(rolled.load, rel=error[0])
     assert again.resistance == pytest.approx(rolled.resistance, rel=error[1])
 
