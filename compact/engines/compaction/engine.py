@@ -3,14 +3,15 @@
 The roller rolls element by element (`rolling`) until the motion is steady (`steady_search`), first on a coarse mesh,
 then on finer ones that start from the interpolated state. What relaxes slowly is the bow wave: its relaxation length is
 found on the coarse mesh, and each mesh jumps along its slow mode (`steady_state`). A prescribed load, peak pressure or
-exit density corrects the depth in the same cycles. A neighbouring case, of another depth, speed, roller or mix, starts
-from the last solution stretched to it. Mix with a shear line, whose wave has no single mode, rolls on without jumps.
+exit density corrects the depth in the same cycles. A neighbouring case, of a near depth or of another speed, roller or
+mix, starts from the last solution stretched to it.
 
     mass    solids and water of the exit column = those of the fed column, both at rest (`LayerState.solid_height`)
     work    resistance = sum of W dY + int t (slip velocity) dx/v,    W = int J sigma : d strain of the exit column
 
-The error has three parts: of the mesh, from the change between the last two meshes, of first order; of the drift, the
-distance to the steady state along the slow mode; of the start, the scatter of that distance and the last transient.
+The load is that in the limit of fine meshes (`mesh_extrapolation`). The error has three parts: of the mesh; of the
+drift, the distance to the steady state along the slow mode; of the start, the scatter of that distance, the last
+transient and the miss of a target.
 
 Range: frictionless, sliding, free and driven rollers, bonded and frictionless bases, contact
 angles up to some 25 degrees where the mix has the voids. On a layer that is high compared with the contact length, the
