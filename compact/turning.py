@@ -1,0 +1,403 @@
+"""Resistance along the stroke: the share of the steady force and load after a turn of the motion.
+
+    R = F(v, a) g(s),   g = f(s) - (g_end + f(0)) exp(-s/r)
+
+s is the travel since the last turn. Just after a turn the mix still pushes with its old force, now along the motion,
+and lets go within the release r; g_end is g where the last stroke ended. The roller then runs on its own track until it
+meets fresh mix, d ahead. f is a `Share`; R is continuous through a turn. The load does not change its sign:
+
+    g = f(s) + (g_end - f(0)) exp(-s/r)
+
+Each heading remembers its front, the place up to which its mix is rolled, and the origin of its travel. A roller that
+turned in mid-stroke runs on its own track up to the old front, which it loads like a spring, mirror of the release:
+
+    f = track + (f(front) - track) exp(-(front - x)/r)   short of the front, f(|x - origin|) beyond
+
+A roller that moved away from the front by more than d has fresh mix d ahead and its origin at the turn.
+
+A resistance without these shares has its steady value from the turn on: a step.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+from scipy.special import betainc, betaincinv
+
+from compact.numerics import Array
+from compact.numerics.validation import as_numbers, require_between, require_nonnegative, require_positive
+
+# all by reciprocating runs of the compacting engine, 6 and 12 elements per contact length, friction 0.35
+TRACK, LOAD_TRACK = 0.02, 0.2  # [-], share of force and load on the own track: a second pass over the same mix
+RELEASE = 0.01  # [-], of the contact length; 0.007 to 0.022
+CLIMB = 2.0  # [-], share over contact lengths in fresh mix, until the first front stands
+WAVE_START = 0.8  # [-], contact lengths in fresh mix at which the bow wave begins to build up
+WAVE_LENGTH = 4.2  # [-], length of its build-up over (bow wave/depth) contact lengths
+LOAD_WAVE_LENGTH = 0.8  # [-], likewise for the load, over that for the force
+LEAST_WAVE_LENGTHS = 2.0  # [-], of WAVE_START over the build-up length, so that the wave vanishes without overshoot
+COMPLETE = 1e-12  # [-], of a share; the build-up ends there
+RELEASED = 36.0  # [-], releases after which the old force is rounding
+
+
+@dataclass(frozen=True)
+class Share:
+    """Share of the steady force, or load, over the travel since the last turn; call it with travels [m] of any shape.
+
+    Parameters
+    ----------
+    function : callable
+        Share [-], in [0, 1], over the travel [m].
+    track : float
+        Share on the own track [-].
+    travels : tuple of float
+        Travels [m] at which it is not smooth, ascending; constant beyond the last.
+    distance : float
+        Travel d on the own track before fresh mix is met [m].
+    release : float
+        Length r over which the old force lets go [m]; 0 at once.
+    """
+
+    function: Callable[[Array], Array]
+    track: float
+    travels: tuple[float, ...]
+    distance: float = 0.0
+    release: float = 0.0
+
+    def __call__(self, travel: ArrayLike) -> Array:
+        """Return f [-] at travels since the turn [m]."""
+        return self.function(np.asarray(travel, float))
+
+
+@dataclass(frozen=True)
+class _Wave:
+    """Share of a contact that climbs onto fresh mix and builds up its bow wave."""
+
+    length: float
+    distance: float
+    part: float  # of the wave in the steady force
+    build_up: float  # length over contact lengths
+    track: float
+
+    def __call__(self, travel: Array) -> Array:
+        x = np.maximum(travel - self.distance, 0.0) / self.length
+        missing = self.part * np.exp((self.start - x) / self.build_up) if self.part else 0.0
+        missing = np.where(missing > COMPLETE, missing, 0.0)
+        return np.maximum(self.track, np.minimum(CLIMB * x, 1.0) * (1 - missing))
+
+    @property
+    def start(self):
+        return min(WAVE_START, LEAST_WAVE_LENGTHS * self.build_up)
+
+    def travels(self):
+        top = complete = 1 / CLIMB
+        if self.part:
+            complete = max(top, self.start + self.build_up * math.log(self.part / COMPLETE))
+        places = np.array([self._onset(complete), top, complete])
+        return tuple(np.unique(self.distance + self.length * places[places >= places[0]]).tolist())
+
+    def _onset(self, complete):
+        """Contact lengths in fresh mix at which the share leaves that of the own track."""
+        free = replace(self, track=0.0)
+        return brentq(lambda x: float(free(self.distance + self.length * x)) - self.track, 0.0, complete)
+
+
+@dataclass(frozen=True)
+class _Imprint:
+    """Share of a contact of a circle that grows into fresh mix, of pressure ~ depth^exponent."""
+
+    length: float
+    edge: float
+    exponent: float
+    track: float
+
+    def __call__(self, travel: Array) -> Array:
+        u = np.clip((travel - self.edge) / self.length + 1, 0.0, 1.0)
+        return np.maximum(self.track, self.portion(u))
+
+    def travels(self):
+        places = self.edge + self.length * (np.array([self.onset(), 1.0]) - 1)
+        return tuple(np.unique(np.maximum(places, 0.0)).tolist())
+
+    def portion(self, u):
+        return (2 * u - u**2) ** (self.exponent + 1)
+
+    def onset(self):
+        return 1 - math.sqrt(1 - self.track ** (1 / (self.exponent + 1)))
+
+
+class _ImprintLoad(_Imprint):
+    """Likewise for the load, the integral of the pressure along the contact."""
+
+    def portion(self, u):
+        return 1 - betainc(0.5, self.exponent + 1, (1 - u) ** 2)
+
+    def onset(self):
+        return 1 - math.sqrt(betaincinv(0.5, self.exponent + 1, 1 - self.track))
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Share of a table, linear between its rows."""
+
+    travel: tuple[float, ...]
+    share: tuple[float, ...]
+
+    def __call__(self, travel: Array) -> Array:
+        return np.interp(travel, self.travel, self.share)
+
+
+def wave_share(contact_length: float, depth: float, bow_wave: float, edge_distance: float) -> Share:
+    """Share of the force of a compacting contact that builds up its bow wave after a turn.
+
+        x = (s - d)/a,   f = max(track, min(1, 2 x) [1 - B exp(-(x - 0.8)/lambda)])
+        B = w/(depth + w),   lambda = 4.2 w/depth
+
+    Parameters
+    ----------
+    contact_length : float
+        a = sqrt(2 R depth) [m], > 0.
+    depth : float
+        Depth below the undisturbed surface [m], > 0.
+    bow_wave : float
+        Height w of the steady bow wave [m], >= 0.
+    edge_distance : float
+        D [m] from the axle back to the edge of fresh mix at the turn; d = max(0, D - a).
+
+    Returns
+    -------
+    Share
+
+    Notes
+    -----
+    Fitted to histories of force of `simulate_reciprocating` for bow waves of 0.13 to 1.8 depths. Below 0.1 the build-up
+    begins after 2 lambda instead of 0.8, so that f tends to min(1, 2 x) without a wave.
+
+    Examples
+    --------
+    >>> share = wave_share(contact_length=0.026, depth=2.1e-3, bow_wave=2.54e-3, edge_distance=0.110)
+    >>> print(*(f"{share(travel):.2f}" for travel in (0.05, 0.0972, 0.105, 0.2, 0.5)))
+    0.02 0.42 0.45 0.73 0.97
+    """
+    require_positive(contact_length=contact_length, depth=depth)
+    require_nonnegative(bow_wave=bow_wave, edge_distance=edge_distance)
+    part, build_up = bow_wave / (depth + bow_wave), WAVE_LENGTH * bow_wave / depth
+    return _wave(contact_length, edge_distance, part, build_up, TRACK)
+
+
+def wave_load_share(contact_length: float, depth: float, bow_wave: float, edge_distance: float) -> Share:
+    """Share of the load of a compacting contact, with the arguments of `wave_share`.
+
+    1 - B = sqrt(depth/(depth + w)),   lambda = 0.8 of that of the force,   a fifth on the own track
+    """
+    require_positive(contact_length=contact_length, depth=depth)
+    require_nonnegative(bow_wave=bow_wave, edge_distance=edge_distance)
+    part, build_up = 1 - math.sqrt(depth / (depth + bow_wave)), LOAD_WAVE_LENGTH * WAVE_LENGTH * bow_wave / depth
+    return _wave(contact_length, edge_distance, part, build_up, LOAD_TRACK)
+
+
+def _wave(length, edge_distance, part, build_up, track):
+    wave = _Wave(length, max(0.0, edge_distance - length), part, build_up, track)
+    return Share(wave, track, wave.travels(), wave.distance, RELEASE * length)
+
+
+def imprint_share(contact_length: float, exponent: float, edge_distance: float) -> Share:
+    """Share of the force of a contact without bow wave, which grows into fresh mix as its own imprint.
+
+        f = max(track, (2 u - u^2)^(n + 1)),   u = (s - D)/a + 1,   p ~ depth^n
+
+    Parameters
+    ----------
+    contact_length : float
+        a = sqrt(2 R depth) [m], > 0.
+    exponent : float
+        n of the pressure over the depth [-], >= 0.
+    edge_distance : float
+        D [m] from the axle back to the edge of fresh mix at the turn, >= 0; the contact is complete at s = D.
+
+    Returns
+    -------
+    Share
+
+    Examples
+    --------
+    >>> share = imprint_share(contact_length=0.04, exponent=1.0, edge_distance=0.110)
+    >>> print(*(f"{share(travel):.4f}" for travel in (0.05, 0.09, 0.110)))
+    0.0200 0.5625 1.0000
+    """
+    return _imprint(_Imprint, contact_length, exponent, edge_distance, TRACK)
+
+
+def imprint_load_share(contact_length: float, exponent: float, edge_distance: float) -> Share:
+    """Share of the load of a contact without bow wave, with the arguments of `imprint_share`.
+
+    f = max(track, int_(1-u)^1 (1 - x^2)^n dx / int_0^1 (1 - x^2)^n dx),   a fifth on the own track
+    """
+    return _imprint(_ImprintLoad, contact_length, exponent, edge_distance, LOAD_TRACK)
+
+
+def _imprint(kind, contact_length, exponent, edge_distance, track):
+    require_positive(contact_length=contact_length)
+    require_nonnegative(exponent=exponent, edge_distance=edge_distance)
+    imprint = kind(contact_length, edge_distance, exponent, track)
+    distance = max(0.0, edge_distance - contact_length)
+    return Share(imprint, track, imprint.travels(), distance, RELEASE * contact_length)
+
+
+def table_share(
+    travel: ArrayLike, share: ArrayLike, *, track: float | None = None, distance: float = 0.0, release: float = 0.0
+) -> Share:
+    """Share of a table over the travel since the turn, linear between its rows and constant beyond.
+
+    Parameters
+    ----------
+    travel, share : array_like, shape (n,)
+        Travels [m], >= 0, ascending, and shares there [-], in [0, 1].
+    track : float, optional
+        Share on the own track, for a roller that turned in mid-stroke; that of the first row by default.
+    distance, release : float
+        d and r [m]; 0 by default: it restarts with its first row at each turn.
+
+    Returns
+    -------
+    Share
+
+    Examples
+    --------
+    >>> share = table_share((0.0, 0.110, 0.136), (0.0, 0.0, 1.0))
+    >>> print(*share([0.1, 0.11, 0.2]))
+    0.0 0.0 1.0
+    """
+    columns = [np.asarray(as_numbers(name, each), float) for name, each in (("travel", travel), ("share", share))]
+    if {each.ndim for each in columns} != {1} or len({each.size for each in columns}) != 1 or not columns[0].size:
+        raise ValueError(f"`travel` and `share` must be columns of one length, got {travel!r} and {share!r}")
+    require_nonnegative(travel=columns[0], distance=distance, release=release)
+    require_between(0, 1, share=columns[1], track=columns[1][0] if track is None else track)
+    if not np.all(np.diff(columns[0]) > 0):
+        raise ValueError(f"`travel` must ascend, got {columns[0].tolist()}")
+    travels, shares = (tuple(each.tolist()) for each in columns)
+    return Share(_Table(travels, shares), shares[0] if track is None else track, travels, distance, release)
+
+
+class StrokeShares(NamedTuple):
+    """Shares over a full stroke of a periodic motion, in one heading.
+
+    Parameters
+    ----------
+    force, load : Share
+    force_release, load_release : float
+        Amounts g_end + f(0), and f(0) - g_end of the load, that the release takes from the shares at the turn [-].
+    """
+
+    force: Share
+    load: Share
+    force_release: float
+    load_release: float
+
+    def force_share(self, travel: ArrayLike) -> Array:
+        """Return g of the force [-] at travels since the turn [m]."""
+        return self.force(travel) - self.force_release * _decay(travel, self.force.release)
+
+    def load_share(self, travel: ArrayLike) -> Array:
+        """Return g of the load [-] at travels since the turn [m]."""
+        return self.load(travel) - self.load_release * _decay(travel, self.load.release)
+
+    @property
+    def travels(self) -> tuple[float, ...]:
+        """Travels at which a share is not smooth, or its release has ended [m], ascending."""
+        ends = [RELEASED * share.release for share in (self.force, self.load) if share.release]
+        return tuple(sorted({*self.force.travels, *self.load.travels, *ends}))
+
+
+@dataclass(frozen=True)
+class StrokeResistance:
+    """Resistance that depends on the travel since the last turn of the motion: a force times a share.
+
+    Parameters
+    ----------
+    resistance : callable
+        F far from the turn [N] of velocity [m/s] and acceleration [m/s^2].
+    forward, backward : Share
+        Share of the force for velocities > 0 and < 0.
+    forward_load, backward_load : Share
+        Share of the roller reactions likewise; distance and release are those of the force.
+
+    Examples
+    --------
+    >>> share = table_share((0.0, 0.05), (0.0, 1.0))
+    >>> resistance = StrokeResistance(lambda v, a: 3486.0 * np.sign(v), share, share, share, share)
+    >>> print(*(f"{resistance(-0.2, 0.0, travel):.0f}" for travel in (0.01, 0.1)), resistance(0.2, 0.0))
+    -697 -3486 3486.0
+    """
+
+    resistance: Any
+    forward: Share
+    backward: Share
+    forward_load: Share
+    backward_load: Share
+
+    def __post_init__(self) -> None:
+        for force, load in ((self.forward, self.forward_load), (self.backward, self.backward_load)):
+            if (force.distance, force.release) != (load.distance, load.release):
+                raise ValueError(
+                    "`distance` and `release` of the shares of force and load must agree, got "
+                    f"{(force.distance, force.release)} and {(load.distance, load.release)} m"
+                )
+
+    def __call__(self, velocity: ArrayLike, acceleration: ArrayLike = 0.0, travel: ArrayLike | None = None) -> Array:
+        """Return F f(travel) [N], after the release; F far from the turn without a travel since it [m]."""
+        force = self.resistance(velocity, acceleration)
+        if travel is None:
+            return force
+        return force * np.where(np.asarray(velocity) < 0, self.backward(travel), self.forward(travel))
+
+    speeds = property(lambda self: getattr(self.resistance, "speeds", ()), doc="Sampled speeds [m/s].")
+    rate_limit = property(lambda self: getattr(self.resistance, "rate_limit", np.inf), doc="Limit of |a|/|v| [1/s].")
+    odd = property(lambda self: getattr(self.resistance, "odd", False), doc="True if F is odd by construction.")
+
+    def scaled(self, factor: float) -> "StrokeResistance":
+        """Return the resistance times a factor [-]."""
+        return replace(self, resistance=self.resistance.scaled(factor))
+
+    def over(self, stroke: float) -> tuple[StrokeShares, StrokeShares]:
+        """Return the shares of forward and return stroke of a periodic motion over a full stroke [m].
+
+        Parameters
+        ----------
+        stroke : float
+            Stroke [m], > 0.
+
+        Returns
+        -------
+        tuple of StrokeShares
+        """
+        require_positive(stroke=stroke)
+        forces, loads = (self.forward, self.backward), (self.forward_load, self.backward_load)
+        releases = zip(_releases(forces, stroke, 1.0), _releases(loads, stroke, -1.0), strict=True)
+        forward, backward = (
+            StrokeShares(*each) for each in zip(forces, loads, *zip(*releases, strict=True), strict=True)
+        )
+        return forward, backward
+
+
+def _releases(shares: tuple[Share, Share], stroke: float, sign: float) -> tuple[float, float]:
+    """Amounts of the release in both headings [-]: those of the force for sign +1, of the load for -1.
+
+    g_end = f(h) - c exp(-h/r),   c = f(0) + sign g_end of the other heading
+    """
+    decays = [float(_decay(stroke, share.release)) for share in shares]
+    starts, ends = [float(share(0.0)) for share in shares], [float(share(stroke)) for share in shares]
+    amounts = np.linalg.solve(
+        [[1.0, sign * decays[1]], [sign * decays[0], 1.0]],
+        [starts[0] + sign * ends[1], starts[1] + sign * ends[0]],
+    )  # fmt: skip
+    forward, backward = (a if share.release else 0.0 for a, share in zip(amounts.tolist(), shares, strict=True))
+    return forward, backward
+
+
+def _decay(travel: ArrayLike, release: float) -> Array:
+    """Remainder exp(-s/r) of the old force [-] at travels [m]; 0 without a release."""
+    return np.exp(-np.asarray(travel, float) / release) if release else np.zeros(np.shape(travel))
