@@ -14,8 +14,9 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from compact.numerics.validation import Registry
 
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from compact.machine.rigid_drive import Crank, Rigid
     from compact.motion.profile import Cycle
 
-FACTOR = 3.0  # [-], of stiffness and bulk modulus that are not measured, in either direction
+FACTOR = 3.0  # [-], of stiffness and bulk modulus that are assumed, in either direction
 INERTIA_FACTOR = 1.5  # [-], of the inertia at the shaft, in either direction
 DAMPING_RATIOS = (0.02, 0.2)  # [-], of a cart on a spring
 OVERSHOOT = 2.0  # [-], largest speed of a cart over that of its law, where it deviates from the law
@@ -31,7 +32,35 @@ STROKE_TOLERANCE = 1e-6  # [-], relative; strokes with compressible oil, of whic
 NONE: Mapping[str, Any] = MappingProxyType({})
 
 Table = tuple[str, str, Sequence[Any]]  # file without ending, columns, and their values
-Variant = tuple[str, dict[str, float]]  # label, and values of keys of the scene
+
+
+class Variant(NamedTuple):
+    """Change of the data of a drive or cart within what is known of them.
+
+    Parameters
+    ----------
+    label : str
+        The change in words.
+    keys : mapping
+        New values by scene key.
+    of : tuple of str
+        Quantities that differ from the scene, of `INSTRUMENTS` where it tells how they are measured.
+    """
+
+    label: str
+    keys: Mapping[str, Any]
+    of: tuple[str, ...] = ("drive",)
+
+
+STIFFNESS, DAMPING = "stiffness of the drive", "damping of the drive"
+INERTIA, OIL, MASS = "inertia of the motor", "bulk modulus of the oil", "mass of the cart"
+INSTRUMENTS = {  # quantity -> how it is measured
+    STIFFNESS: "force over deflection of the blocked cart",
+    DAMPING: "tap test",
+    INERTIA: "data sheets, or the time of a run-up without load",
+    OIL: "volume and pressure of a closed cylinder",
+    MASS: "scales",
+}
 
 
 class Drive:
@@ -96,7 +125,7 @@ class Drive:
         yield from ()
 
     def variants(self, scene: Any) -> Iterator[Variant]:
-        """Yield changes of its keys within what is usually known; a key marked `measured` does not vary."""
+        """Yield changes of its keys within what is known of them, see `Scene.stated_spread`."""
         yield from ()
 
     def realised_peaks(self, scene: Any, run: Any) -> dict[str, float]:
@@ -138,14 +167,28 @@ class ElasticKind(Drive):
         return ElasticDrive(**{key: value for key, value in given.items() if value is not None})
 
     def variants(self, scene: Any) -> Iterator[Variant]:
-        """Yield stiffness times and over 3 at the same damping ratio, and damping ratios of .02 and .2."""
-        stiffness, damped = scene.drive.stiffness, scene.is_marked("drive.damping", "measured")
-        for label, factor, change in _both_ways(scene, "stiffness", FACTOR, {"drive.stiffness": stiffness}):
-            damping = {} if damped else {"drive.damping": scene.drive.damping * math.sqrt(factor)}
-            yield label, change | damping
-        for ratio in () if damped else DAMPING_RATIOS:
-            critical = 2 * math.sqrt(stiffness * scene.machine.mass)
-            yield f"damping ratio {ratio:g}", {"drive.damping": ratio * critical}
+        """Yield stiffness and damping, each alone and then together.
+
+        An assumed stiffness is over and times 3, and their square root, at the same damping ratio; an assumed damping
+        ratio is .02 and .2.
+        """
+        stiffness, damping = scene.drive.stiffness, scene.drive.damping
+        critical = 2 * math.sqrt(stiffness * scene.machine.mass)
+        steps = (1 / FACTOR, FACTOR**-0.5, FACTOR**0.5, FACTOR)
+        springs = [("", 1.0), *levels(scene, "drive.stiffness", "stiffness", steps)]
+        if scene.stated_spread("drive.damping") is None:
+            dampers = [("", damping), *((f"damping ratio {ratio:g}", ratio * critical) for ratio in DAMPING_RATIOS)]
+            exponent = 0.5  # of the damping over the stiffness at one damping ratio
+        else:
+            dampers = [("", damping)]
+            dampers += [(label, by * damping) for label, by in levels(scene, "drive.damping", "damping", ())]
+            exponent = 0.0
+        grid = []
+        for (damper, value), (spring, factor) in product(dampers, springs):
+            keys = {"drive.stiffness": factor * stiffness, "drive.damping": factor**exponent * value}
+            of = tuple(name for name, words in ((STIFFNESS, spring), (DAMPING, damper)) if words)
+            grid.append(Variant(" and ".join(filter(None, (spring, damper))), keys, of))
+        yield from sorted(grid[1:], key=lambda each: len(each.of))
 
 
 class MotorKind(CrankDrive):
@@ -195,7 +238,7 @@ class MotorKind(CrankDrive):
         """Yield the inertia of rotor and flywheel times and over 1.5."""
         motor = scene.drive.motor
         keys = {"drive.motor.inertia": motor.inertia, "drive.motor.flywheel_inertia": motor.flywheel_inertia}
-        yield from ((label, change) for label, _, change in _both_ways(scene, "inertia", INERTIA_FACTOR, keys))
+        yield from both_ways(scene, "inertia", INERTIA_FACTOR, keys, INERTIA)
 
 
 class HydraulicKind(Drive):
@@ -240,7 +283,7 @@ class HydraulicKind(Drive):
     def variants(self, scene: Any) -> Iterator[Variant]:
         """Yield the bulk modulus of the oil times and over 3, in strokes with compressible oil."""
         keys = {"drive.hydraulics.bulk_modulus": scene.drive.hydraulics.bulk_modulus}
-        yield from ((label, change) for label, _, change in _both_ways(scene, "bulk modulus", FACTOR, keys))
+        yield from both_ways(scene, "bulk modulus", FACTOR, keys, OIL)
 
     def realised_peaks(self, scene: Any, run: Any) -> dict[str, float]:
         """Return the peaks of the forward stroke with the compressible oil of a scene, which takes about a second.
@@ -276,10 +319,20 @@ def angles_of(scene: Any) -> tuple[float, ...]:
     return scene.drive.angles or CRANK_ANGLES[scene.drive.carts]
 
 
-def _both_ways(
-    scene: Any, words: str, factor: float, keys: Mapping[str, float]
-) -> Iterator[tuple[str, float, dict[str, float]]]:
-    """Yield label, factor and values of keys over and times a factor, those that are not measured."""
-    unknown = {key: value for key, value in keys.items() if value and not scene.is_marked(key, "measured")}
-    for label, by in ((f"{words} ÷ {factor:g}", 1 / factor), (f"{words} × {factor:g}", factor)) if unknown else ():
-        yield label, by, {key: by * value for key, value in unknown.items()}
+def levels(scene: Any, key: str, words: str, factors: Sequence[float]) -> list[tuple[str, float]]:
+    """Return label and factor of the ends of a value: of its stated spread, or `factors` where it is assumed."""
+    spread = scene.stated_spread(key)
+    if spread is None:
+        return [(f"{words} {'÷' if by < 1 else '×'} {max(by, 1 / by):.3g}", by) for by in factors]
+    signs = (("−", -1), ("+", 1)) if spread else ()
+    return [(f"{words} {sign} {100 * spread:.2g} %", 1 + way * spread) for sign, way in signs]
+
+
+def both_ways(scene: Any, words: str, factor: float, keys: Mapping[str, float], of: str) -> Iterator[Variant]:
+    """Yield the low and the high ends of keys that vary together, over and times a factor where they are assumed."""
+    ends = [levels(scene, key, words, (1 / factor, factor)) for key in keys]
+    for end in (0, 1):
+        moved = {key: found[end] for key, found in zip(keys, ends, strict=True) if found and keys[key]}
+        if moved:
+            label = next(iter(moved.values()))[0]
+            yield Variant(label, {key: by * keys[key] for key, (_, by) in moved.items()}, (of,))

@@ -7,6 +7,7 @@ Numbers are in SI units with three digits and the unit in the text. Sentences ha
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from itertools import islice
 from textwrap import wrap
@@ -20,6 +21,7 @@ from compact.analysis.stages.uncertainty import AIR, DRIVE, FED, LAW, MARGIN_SOU
 from compact.analysis.stages.verdict import Verdict, sizing_model
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
+from compact.machine.drives import INSTRUMENTS
 from compact.machine.ranking import CRITERIA, first_of
 from compact.material.laws import MEASURED_DENSITY_RATIO
 from compact.report.tables import TableSpec, format_column, format_percent
@@ -35,6 +37,7 @@ ANSWER = (  # sentences of the answer, of terminal and page, the most important 
 FAILURES: dict[type[Exception], str] = {
     HeapingError: "heaps up", UnsteadyError: "not steady", EquilibriumError: "no equilibrium",
 }  # fmt: skip
+WORTH = 0.05  # [-], of a margin that a measurement of the drive must be worth to be named
 ANSWER_CRITERIA = 2  # [-], number of criteria in the answer; the tables have the others
 SPACE = re.compile(r"\s+(?=[;,:)])|(?<=\()\s+|(?<=\s)\s+")  # before marks, and more than one
 
@@ -54,7 +57,7 @@ def _macros() -> Any:
     }
     environment.tests["finite"] = math.isfinite
     functions = (
-        changed_firsts, coverage, first_measurement, fitted_inputs, infinite_laws, other_verdicts,
+        changed_firsts, coverage, drive_measurements, first_measurement, fitted_inputs, infinite_laws, other_verdicts,
     )  # fmt: skip
     environment.globals |= {each.__name__: each for each in functions}
     environment.globals |= {"CRITERIA": CRITERIA, "AIR": AIR, "DRIVE": DRIVE, "FULL": MEASURED_DENSITY_RATIO}
@@ -142,6 +145,28 @@ def first_measurement(study: Study) -> dict[str, Any] | None:
     }  # fmt: skip
 
 
+def drive_measurements(study: Study) -> list[dict[str, Any]]:
+    """Return the quantities of drive and cart that are worth a measurement, the largest gain of margin first.
+
+    A quantity is if at its ends another law is first, or if without its spread a margin is lower by `WORTH`.
+    """
+    known = study.uncertainty
+    source = known.source(DRIVE) if known else None
+    found = []
+    for name in source.quantities if known and source else ():
+        alone = replace(source, ends=tuple(end for end in source.ends if end.of == (name,)))
+        margins = {by: (known.margin(by), known.margin(by, known=name)) for by in known.laws}
+        margins = {by: each for by, each in margins.items() if each[0] - each[1] > WORTH}
+        firsts = dict.fromkeys(law for by in known.laws for law in alone.other_firsts(by, known.laws[by]))
+        if margins or firsts:
+            found.append(
+                {"what": name, "how": INSTRUMENTS.get(name, "by its maker"), "margins": margins, "firsts": [*firsts]}
+            )
+    return sorted(
+        found, key=lambda each: min((after - before for before, after in each["margins"].values()), default=0)
+    )
+
+
 def infinite_laws(orders: Mapping[str, list[Place]]) -> dict[str, list[str]]:
     """Return the laws that no machine can follow by the criteria of the answer, by reason."""
     reasons: dict[str, dict[str, None]] = {}
@@ -208,7 +233,7 @@ def uncertainty_table(study: Study) -> TableSpec:
     for by, verdict in own_verdicts(study).items():
         law, term = verdict.law, CRITERIA[by].quantity.term
         columns[term] = [say("changes", each.changes(law, by)) for each in sources]
-        others = [dict.fromkeys(each.other_firsts(by, law).values()) for each in sources]
+        others = [each.other_firsts(by, law) for each in sources]
         columns[f"first by {term}"] = [", ".join(each) or "the same" for each in others]
     columns["in the margin?"] = ["yes" if each.name in MARGIN_SOURCES else "no" for each in sources]
     return TableSpec.of_columns("Sources of uncertainty: change of the peaks of the recommended laws", columns)

@@ -17,10 +17,12 @@ summary.json is the data file `summary.schema.json`.
 """
 
 import json
+import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from hashlib import sha256
 from importlib.resources import files
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
@@ -35,12 +37,14 @@ from compact.machine.drives import DRIVES
 from compact.scene import errors, plausible_ranges
 from compact.scene.constraints import ADVICE, RULES, Rule, adapt, files_exist, replaced, sentences
 from compact.scene.errors import Mistake, SceneError, Source
-from compact.scene.schema import LAW_NAMES, SceneTables
+from compact.scene.schema import LAW_NAMES, SceneTables, extra_of
 
 __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change", "starter_scene"]
 
 
 FILE_KEYS = ("drive.catalogue.file",)  # whose values are names of files
+KNOWN_ORIGINS = ("measured", "given", "published")  # first words of the comment on a value that is not assumed
+SPREAD = re.compile(r"(?:±|\+/?-) *(\d[\d.]*(?:[eE][+-]?\d+)?) *(%|[\w/]*)")  # of a value, in its comment
 
 
 class Scene(SceneTables):
@@ -184,6 +188,30 @@ class Scene(SceneTables):
         """Return True if a clause of the comment on a key begins with a word, such as "measured" or "calibrated"."""
         table, _, name = key.rpartition(".")
         return any(clause.strip().startswith(word) for clause in self.remark(table, name).split(";"))
+
+    def stated_spread(self, key: str) -> float | None:
+        """Return the half-width that the comment on a known number states, over the number [-].
+
+        `measured ± 5 %`, `given ± 2e4` in the unit of the key, `measured ± 5 mm` in another one.
+
+        Returns
+        -------
+        float or None
+            0 where a known value has no such words; None for a value that is assumed.
+        """
+        if not any(self.is_marked(key, word) for word in KNOWN_ORIGINS):
+            return None
+        table, _, name = key.rpartition(".")
+        found = SPREAD.search(self.remark(table, name))
+        if not found:
+            return 0.0
+        width, unit = float(found[1]), found[2]
+        if unit == "%":
+            return width / 100
+        own = extra_of(key).get("unit", "1")
+        value = attrgetter(key)(self)
+        sizes = dict(plausible_ranges.OTHER_UNITS.get(own, ()))
+        return width * sizes.get(unit, 1.0) / abs(value[0] if isinstance(value, tuple) else value)
 
     @property
     def hash(self) -> str:

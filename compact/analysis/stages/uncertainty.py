@@ -5,6 +5,10 @@ the other valid models, the drive where its data are not measured, the quantity 
 return stroke, and the duration of a pass. Each source scales or replaces the resistance of the model that sizes the
 machine, or the drive; the laws are simulated again at all of its ends.
 
+Stiffness and damping of the drive, alone and together, and the mass of the cart vary against the known resistance,
+milliseconds a law. A value that the scene states as measured, given or published varies by the ± of its comment, an
+assumed one by the factors of `machine.drives`.
+
 The mix is sampled with columns, which take milliseconds, or with the confined floor of a forming process: the
 logarithm of the resistance over the prior is fitted by a quadratic polynomial in the parameters. Sobol indices
 (`scipy.stats.sobol_indices`) of the peak force of the recommended law then give the share of each parameter in the
@@ -43,7 +47,7 @@ from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
 from compact.analysis.worker_pool import Executor
 from compact.engines import ENGINES
 from compact.machine.cart import Cart
-from compact.machine.drives import DRIVES
+from compact.machine.drives import DRIVES, MASS, Variant, both_ways
 from compact.material.mix import prior
 from compact.motion.profile import Cycle
 from compact.scene.loader import Scene
@@ -56,6 +60,7 @@ SOBOL_SAMPLES = 1024  # [-], of the fit; its indices then scatter by less than 0
 SEED = 2015  # of both samples
 BAND = (0.05, 0.95)  # [-], quantiles of the resistance over the mix
 GIVEN_SPREAD = 0.1  # [-], relative half-width of a parameter that the scene states as measured
+MASS_FACTOR = 1.1  # [-], of the mass of a cart that is assumed, in either direction; a drawing is rarely farther off
 DENSITY_STEP = 0.1  # [-], of the increase of the density ratio; half-width of the initial density ratio
 SCALES = 7  # [-], of the resistance, at which the peaks of the recommended law are sampled
 SCALE_ENDS = (0.8, 1.2)  # [-], first and last of them over the least and largest resistance of the sources
@@ -78,11 +83,14 @@ class SourceEnd:
         Relative change of the peaks of each recommended law [-], by law and criterion.
     first : dict
         First law by criterion.
+    of : tuple of str
+        Quantities of drive and cart that are others there.
     """
 
     words: str
     change: dict[str, dict[str, float]]
     first: dict[str, str]
+    of: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -101,14 +109,29 @@ class Source:
     variation: str
     ends: tuple[SourceEnd, ...]
 
-    def changes(self, law: str, by: str) -> tuple[float, float]:
-        """Return the least and the largest relative change of a peak of a recommended law [-]."""
-        found = [end.change[law][by] for end in self.ends]
-        return min(found), max(found)
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Quantities of drive and cart that vary, in the order of the ends."""
+        return tuple(dict.fromkeys(name for end in self.ends for name in end.of))
 
-    def other_firsts(self, by: str, law: str) -> dict[str, str]:
-        """Return the first law by a criterion at each end where it is not the given one, by the end in words."""
-        return {end.words: end.first[by] for end in self.ends if end.first[by] != law}
+    def changes(self, law: str, by: str, known: str = "") -> tuple[float, float]:
+        """Return the least and the largest relative change of a peak of a recommended law [-], 0 without an end.
+
+        Parameters
+        ----------
+        known : str
+            A quantity that does not vary.
+        """
+        found = [end.change[law][by] for end in self.ends if known not in end.of]
+        return min(found, default=0.0), max(found, default=0.0)
+
+    def other_firsts(self, by: str, law: str, known: str = "") -> dict[str, list[str]]:
+        """Return the ends in words by the first law by a criterion there, where it is not the given one."""
+        found: dict[str, list[str]] = {}
+        for end in self.ends:
+            if end.first[by] != law and known not in end.of:
+                found.setdefault(end.first[by], []).append(end.words)
+        return found
 
 
 @dataclass(frozen=True)
@@ -173,7 +196,7 @@ class RankingUncertainty:
         """Return the laws that are first by a criterion at an end of a source of the margin."""
         return {end.first[by] for each in self.sources if each.name in MARGIN_SOURCES for end in each.ends}
 
-    def margin(self, by: str, leave_out: Sequence[str] = (), law: str | None = None) -> float:
+    def margin(self, by: str, leave_out: Sequence[str] = (), law: str | None = None, known: str = "") -> float:
         """Return the margin of a motor over the peak of a recommended law [-], see `verdict`.
 
         Parameters
@@ -184,10 +207,12 @@ class RankingUncertainty:
             Names of sources that are not included.
         law : str, optional
             A recommended law; that of the criterion by default.
+        known : str, optional
+            Quantity of drive and cart that does not vary.
         """
         law = law or self.laws[by]
         counted = [each for each in self.sources if each.name in MARGIN_SOURCES and each.name not in leave_out]
-        return math.sqrt(sum(max(0.0, each.changes(law, by)[1]) ** 2 for each in counted))
+        return math.sqrt(sum(max(0.0, each.changes(law, by, known)[1]) ** 2 for each in counted))
 
     def peak_change(self, by: str, scale: float) -> float:
         """Return the change of the peak of the recommended law under a scaled resistance [-].
@@ -209,7 +234,7 @@ class RankingUncertainty:
 
 
 MESH, MAP, MIX, LAW, MODELS = "mesh", "resistance map", "parameters of the mix", "law of the mix", "other valid models"
-AIR, DRIVE = "pore air", "drive, not measured"
+AIR, DRIVE = "pore air", "drive and cart"
 HELD, RETURN, DURATION = "held quantity", "return stroke", "duration of a pass"
 MARGIN_SOURCES = (MESH, MAP, MIX, LAW, AIR, MODELS, DRIVE)  # of the margin; the others are the designer's choice
 
@@ -259,8 +284,10 @@ def ranking_uncertainty(
             sources.append((name, f"one-way to undrained, {words}" if name == AIR else words, ends))
     others = [each for each in models if each.valid and each is not model and model.valid]
     by_model = {each.engine: {by: each.values(*case, by) for by in laws} for each in others}
-    by_drive = {each.label: each for each in drive_variants(scene)}
-    sources += [(MODELS, ", ".join(by_model), by_model), (DRIVE, ", ".join(by_drive), by_drive)]
+    variants = {each.label: each for each in drive_variants(scene)}
+    by_drive = {label: Change(label, each.keys) for label, each in variants.items()}
+    alone = ", ".join(label for label, each in variants.items() if len(each.of) == 1)
+    sources += [(MODELS, ", ".join(by_model), by_model), (DRIVE, alone, by_drive)]
     if leads and contacts.second_pass is not None and scene.layer.return_stroke != "compacted":
         returned = replace(stages.resistance.map, return_ratio=contacts.second_pass[1])
         compacted = Change("compacted", resistance=returned)
@@ -285,7 +312,11 @@ def ranking_uncertainty(
     answers = (solved[number] for number in range(len(changes)))
     known = tuple(
         Source(name, words, tuple(
-            _end(label, next(answers) if isinstance(each, Change) else each, base, laws) for label, each in ends.items()
+            replace(
+                _end(label, next(answers) if isinstance(each, Change) else each, base, laws),
+                of=variants[label].of if name == DRIVE else (),
+            )
+            for label, each in ends.items()
         ))
         for name, words, ends in sources
         if ends
@@ -311,9 +342,10 @@ def _peaks(
 ) -> Peaks:
     """Return the peaks of the laws that belong to the label of a change, under the drive of the changed scene."""
     followed, drive = cycles.get(change.label, cycles[""]), DRIVES[scene.drive.kind]
+    cart = replace(cart, mass=scene.machine.mass, weight=scene.machine.weight)
     if not (drive.realises and change.keys):
         return drive_peaks(cart, followed, resistance, criteria, scene, change)
-    runs = simulate_laws(scene, cart, followed, resistance, RuntimeError)
+    runs = simulate_laws(scene, cart, followed, change.resistance or resistance, RuntimeError)
     made = {law: drive.realised_peaks(scene, run) for law, run in runs}
     return {by: {law: peaks[by] for law, peaks in made.items() if by in peaks} for by in criteria}
 
@@ -371,18 +403,21 @@ def _held_ratios(stages: Stages) -> tuple[float, float] | None:
 # the drive
 
 
-def drive_variants(scene: Scene) -> list[Change]:
-    """Return the changes of the drive data that are not measured; none for a rigid drive and a crank.
+def drive_variants(scene: Scene) -> list[Variant]:
+    """Return the changes of drive and cart within what is known of them.
 
-        elastic      stiffness times and over 3 at the same damping ratio; damping ratio .02 and .2
+        elastic      stiffness times and over 3, and its root, at the same damping ratio; damping ratio .02 and .2; both
         hydraulic    bulk modulus of the oil times and over 3, in strokes with compressible oil
         motor        inertia of rotor and flywheel times and over 1.5
+        cart         mass and weight 10 % more and less
 
     The factors are judgements: a spring between cam and cart is rarely known within a factor of three before it has
-    been loaded, and its damping within one of three before it has been struck. A key whose comment in the scene says
-    `measured` does not vary.
+    been loaded, and its damping within one of three before it has been struck. They hold for assumed values; those that
+    the scene states as measured, given or published vary by the ± of their comment, if any.
     """
-    return [Change(*each) for each in DRIVES[scene.drive.kind].variants(scene)]
+    mass = {key: attrgetter(key)(scene) for key in ("machine.mass", "machine.weight")}
+    cart = both_ways(scene, "mass", MASS_FACTOR, mass, MASS)
+    return [*(Variant(*each) for each in DRIVES[scene.drive.kind].variants(scene)), *cart]
 
 
 # the mix
