@@ -1,10 +1,15 @@
-"""Calibration of a scene: Heckel slope and initial density ratio of the mix from measurements of a plant.
+"""Calibration of a scene: Heckel slope and initial density ratio of the mix, and its drive, from measurements.
 
 The Heckel slope K_H scales all pressures, and so the load; the initial density ratio determines the compaction, and so
 the resistance. Every trial is a contact of the scene that results in the height and density of the product. The column
 model is the coarse model of a space mapping (`numerics.space_mapping`) to the finite elements; the bounds of data and
 assumptions are refitted with its correction. Finite elements start at a small contact angle on a coarse mesh, whose fit
 is the initial guess on the required mesh. Each trial is computed from scratch, so that the scene reproduces its result.
+
+The stiffness of the drive is the slope of force over deflection of the blocked cart, its damping that of a cart which
+swings on its blocked drive:
+
+    deflection = zero + force/k + sign(force) backlash/2,   k = m omega^2,   c = 2 zeta sqrt(k m)
 """
 
 from collections.abc import Callable, Sequence
@@ -14,6 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from compact.analysis.contact_cases import contact_inputs, roll_scene, scene_mix
 from compact.analysis.stages.ensemble import Change, ensemble
@@ -22,9 +28,10 @@ from compact.material.laws import Compaction
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
 from compact.rolling_contact import ContactResult
 from compact.scene.loader import Scene, SceneError
-from compact.scene.plant_data import Measured
+from compact.scene.plant_data import Deflection, Measured
 
 UNKNOWNS = ("heckel_slope", "fed_density_ratio")
+CONFIDENCE = 0.95  # [-], of the ± of a stiffness and a damping, by Student's t
 BROYDEN_LENGTH = 2e-3  # [-], change of the unknowns with half the weight in the update of the slopes
 LOOSE = mix.LOOSE_DENSITY_RATIO
 ASSUMED = ("friction_angle", "cohesion", "saturation_limit", "unloading_modulus", "poisson")  # of the mix, not fitted
@@ -325,6 +332,141 @@ class _FiniteElements:
         result = compaction.roll(layer, roller, material, speed, exit_density_ratio=required, **options)
         self.rolled[measurement] = result
         return result
+
+
+# the drive
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Value of repeated readings.
+
+    Parameters
+    ----------
+    value : float
+        Value in its unit.
+    error : float
+        Standard error; nan where no reading is left over.
+    freedom : int
+        Readings that are left over.
+    """
+
+    value: float
+    error: float
+    freedom: int
+
+    @property
+    def spread(self) -> float:
+        """Half-width of the confidence interval over the value [-]; nan without a standard error."""
+        width = student.ppf((1 + CONFIDENCE) / 2, self.freedom) * self.error if self.freedom else np.nan
+        return float(abs(width / self.value)) if self.value else np.nan
+
+
+@dataclass(frozen=True)
+class DriveCalibration:
+    """Stiffness [N/m], damping [N s/m] and backlash [m] of a drive by its tests; None without a test for it.
+
+    Parameters
+    ----------
+    tapped_stiffness : Estimate or None
+        Stiffness by taps, m omega^2 [N/m]; `stiffness` itself without deflections.
+    """
+
+    stiffness: Estimate
+    damping: Estimate | None
+    backlash: Estimate | None
+    tapped_stiffness: Estimate | None
+
+    @property
+    def scene_lines(self) -> list[str]:
+        """Lines of the table [drive] of a scene, with the spread of each value in its comment."""
+        named = {"stiffness": "N/m", "damping": "N s/m", "backlash": "m"}
+        found = {name: each for name in named if (each := getattr(self, name)) is not None}
+        remarks = {
+            name: "measured" if np.isnan(each.spread) else f"measured ± {100 * each.spread:.2g} %"
+            for name, each in found.items()
+        }
+        return [f"{name} = {each.value:.6g}  # {named[name]}; {remarks[name]}" for name, each in found.items()]
+
+
+def calibrate_drive(scene: Scene, measured: Measured) -> DriveCalibration:
+    """Determine stiffness, damping and backlash of an elastic drive from deflection and tap tests.
+
+    Raises
+    ------
+    SceneError
+        If the deflections do not determine a positive stiffness.
+    """
+    mass = scene.machine.mass
+    bent = _slope(measured.deflections) if measured.deflections else None
+    tapped = [each.natural_frequency for each in measured.taps]
+    swung = _mean([mass * rate**2 for rate in tapped])
+    stiffness = bent[0] if bent else swung
+    if stiffness is None or not 0 < stiffness.value < np.inf:
+        raise SceneError(
+            ["drive.stiffness: the readings have no positive slope; read force and deflection at two loads"]
+        )
+    damping = _mean([2 * each.damping_ratio * rate * mass for each, rate in zip(measured.taps, tapped, strict=True)])
+    return DriveCalibration(stiffness, damping, bent[1] if bent else None, swung)
+
+
+def _mean(values: Sequence[float]) -> Estimate | None:
+    """Return mean and standard error of repeated values; None without any."""
+    if not values:
+        return None
+    freedom = len(values) - 1
+    error = np.std(values, ddof=1) / np.sqrt(len(values)) if freedom else np.nan
+    return Estimate(float(np.mean(values)), float(error), freedom)
+
+
+def _slope(readings: Sequence[Deflection]) -> tuple[Estimate, Estimate | None]:
+    """Fit a line of deflection over force by least squares; stiffness, and backlash where both signs are read.
+
+    One reading has its zero at no deflection.
+    """
+    force, deflection = np.array([(each.force, each.deflection) for each in readings]).T
+    both = min(np.sum(force > 0), np.sum(force < 0)) >= 2  # so that slope and backlash are told apart
+    columns = [force, np.ones_like(force), np.sign(force) / 2][: 3 if both else min(2, len(force))]
+    terms = np.column_stack(columns)
+    found, _, rank, _ = np.linalg.lstsq(terms / np.abs(terms).max(0), deflection)
+    if rank < len(columns):
+        return Estimate(np.nan, np.nan, 0), None
+    found, freedom = found / np.abs(terms).max(0), len(force) - len(columns)
+    variance = np.sum((terms @ found - deflection) ** 2) / freedom if freedom else np.nan
+    errors = np.sqrt(variance * np.diag(np.linalg.inv(terms.T @ terms)))
+    with np.errstate(divide="ignore"):
+        stiffness = 1 / found[0]
+    backlash = Estimate(float(found[2]), float(errors[2]), freedom) if both else None
+    return Estimate(float(stiffness), float(errors[0] * stiffness**2), freedom), backlash
+
+
+def drive_digest(found: DriveCalibration, mass: float) -> str:
+    """Describe a calibration of the drive in text: values, standard errors, and the lines for the scene.
+
+    Parameters
+    ----------
+    mass : float
+        Mass of the cart [kg].
+    """
+    lines = []
+    for name, unit in (("stiffness", "N/m"), ("damping", "N s/m"), ("backlash", "m")):
+        each = getattr(found, name)
+        if each is not None:
+            told = "one reading, no error" if np.isnan(each.error) else f"standard error {each.error:.2g} {unit}"
+            lines.append(f"{name:<12}{each.value:>12.5g} {unit:<6} {told}")
+    critical = 2 * np.sqrt(found.stiffness.value * mass)
+    if found.damping is not None:
+        lines.append(f"damping ratio {found.damping.value / critical:.3g} with the cart of {mass:g} kg")
+    if found.tapped_stiffness not in (None, found.stiffness):
+        swinging = found.stiffness.value / found.tapped_stiffness.value * mass
+        lines.append(f"the frequency is that of {swinging:.4g} kg on this stiffness, the scene has {mass:g} kg")
+    return "\n".join([*lines, "", "for the scene:", "[drive]", *found.scene_lines])
+
+
+def drive_summary(found: DriveCalibration) -> dict[str, Any]:
+    """Convert a calibration of the drive to plain numbers for JSON, SI."""
+    named = {name: getattr(found, name) for name in ("stiffness", "damping", "backlash", "tapped_stiffness")}
+    return {name: vars(each) | {"spread": each.spread} for name, each in named.items() if each is not None}
 
 
 def calibration_digest(calibration: Calibration) -> str:

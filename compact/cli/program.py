@@ -418,12 +418,12 @@ def calibrate(
     increments: int | None = None,
     job: Job = JOB,
 ) -> None:
-    """Fit the Heckel slope and the initial density ratio of a scene to measurements of its plant.
+    """Fit the mix of a scene to forces measured on its plant, and the drive to its deflection and tap tests.
 
     Parameters
     ----------
     measured
-        TOML or CSV file of measured load, resistance and exit density
+        TOML or CSV file of measured load, resistance and exit density, or of deflection and tap tests of the drive
     parameters
         parameters to fit, at most as many as there are data
     engine
@@ -437,16 +437,24 @@ def calibrate(
     readings = read_measurements(measured)
     options: dict[str, Any] = {} if increments is None else {"increments": increments}
     given = job.read(scene)
-    with job.progress() as progress:
-        progress.begin(f"fit by {engine}")
-        found = calibration.calibrate(given, readings, engine, parameters, **options)
     path = job.place(scene, "calibration.json")
-    summary = calibration.calibration_summary(found)
+    summary: dict[str, Any] = {}
+    told = []
+    if readings.of_drive:
+        drive = calibration.calibrate_drive(given, readings)
+        summary["drive"] = calibration.drive_summary(drive)
+        told.append(calibration.drive_digest(drive, given.machine.mass))
+    if readings.measurements:
+        with job.progress() as progress:
+            progress.begin(f"fit by {engine}")
+            found = calibration.calibrate(given, readings, engine, parameters, **options)
+        summary |= calibration.calibration_summary(found)
+        *values, (place, fit) = found.scene_changes.items()
+        table = ", ".join(f"{name} = {json.dumps(value)}" for name, value in fit.items())
+        changed = " ".join([*(f"--set {key}={value:.6g}" for key, value in values), f"--set '{place}={{{table}}}'"])
+        told.append(f"{calibration.calibration_digest(found)}\n\nfor the scene: {changed}")
     write_json(path, summary)
-    *values, (place, fit) = found.scene_changes.items()
-    table = ", ".join(f"{name} = {json.dumps(value)}" for name, value in fit.items())
-    changed = " ".join([*(f"--set {key}={value:.6g}" for key, value in values), f"--set '{place}={{{table}}}'"])
-    job.show(lambda: f"{calibration.calibration_digest(found)}\n\nfor the scene: {changed}", path, calibration=summary)
+    job.show(lambda: "\n\n".join(told), path, calibration=summary)
 
 
 @app.command

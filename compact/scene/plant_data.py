@@ -1,4 +1,4 @@
-"""Measurements of a plant: load, resistance and density, read from TOML or CSV and validated once.
+"""Measurements of a plant: forces of the rollers, and tests of the drive, read from TOML or CSV and validated once.
 
     [[measurement]]
     load = 9740.0                                                     # N on one roller
@@ -8,7 +8,15 @@
     [assumptions]                                                     # scene keys without a measurement: [low, high]
     "machine.roller_length" = [0.3, 1.2]
 
-A CSV has one measurement a row under the same names, and for a band the columns NAME_low and NAME_high.
+    [[deflection]]                                                    # of the blocked cart
+    force = 1000.0                                                    # N, at the driven end
+    deflection = 0.00105                                              # m
+
+    [[tap]]                                                           # on the cart, its drive blocked
+    frequency = 5.03                                                  # Hz, damped
+    damping_ratio = 0.05                                              # or decay in 1/s, or decrement
+
+A CSV has one measurement or one test a row under the same names, and for a band the columns NAME_low and NAME_high.
 """
 
 import math
@@ -21,7 +29,9 @@ from compact.files import read_table
 
 FITTED = ("load", "resistance", "resistance_coefficient")  # data of a fit
 STATED = ("exit_density_ratio", "speed")  # conditions of a measurement
+DECAYS = ("damping_ratio", "decay", "decrement")  # of which a tap test has one
 EDGES = ("low", "high")
+TESTS = {"deflection": "deflection", "tap": "frequency"}  # table of a test -> column by which a CSV file has it
 
 
 @dataclass(frozen=True)
@@ -68,17 +78,69 @@ class Measurement:
 
 
 @dataclass(frozen=True)
+class Deflection:
+    """Reading of a deflection test: the cart is blocked, the driven end is loaded.
+
+    Parameters
+    ----------
+    force : float
+        Force [N], with its sign.
+    deflection : float
+        Displacement of the driven end [m], from any zero.
+    """
+
+    force: float
+    deflection: float
+
+
+@dataclass(frozen=True)
+class Tap:
+    """Reading of a tap test: the driven end is blocked, the cart swings.
+
+    Parameters
+    ----------
+    frequency : float
+        Damped natural frequency f [Hz].
+    damping_ratio : float
+        Damping over critical damping [-], in [0, 1).
+    """
+
+    frequency: float
+    damping_ratio: float
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.damping_ratio < 1:
+            raise ValueError(f"`damping_ratio` must be in [0, 1) for a cart that swings, got {self.damping_ratio:g}")
+
+    @property
+    def natural_frequency(self) -> float:
+        """Undamped angular frequency 2 pi f/sqrt(1 - zeta^2) [rad/s]."""
+        return 2 * math.pi * self.frequency / math.sqrt(1 - self.damping_ratio**2)
+
+
+@dataclass(frozen=True)
 class Measured:
     """All measurements of a plant.
 
     Parameters
     ----------
+    measurements : tuple of Measurement
+        Forces of rollers, which calibrate the mix.
     assumptions : dict
         (low, high) of scene keys without a measurement.
+    deflections, taps : tuple
+        Tests of the drive.
     """
 
     measurements: tuple[Measurement, ...]
     assumptions: dict[str, tuple[float, float]] = field(default_factory=dict)
+    deflections: tuple[Deflection, ...] = ()
+    taps: tuple[Tap, ...] = ()
+
+    @property
+    def of_drive(self) -> bool:
+        """True if there are tests of the drive."""
+        return bool(self.deflections or self.taps)
 
     def moved(self, name: str, value: float) -> "Measured":
         """Return the measurements with another value of the datum `name`, its band widened to contain it."""
@@ -102,31 +164,64 @@ def read_measurements(path: str | Path) -> Measured:
     path = Path(path)
     try:
         if path.suffix.lower() == ".csv":
-            data: dict[str, Any] = {"measurement": [cells for _, cells in read_table(path)]}
+            cells = [each for _, each in read_table(path)]
+            kind = next((kind for kind, name in TESTS.items() if cells and name in cells[0]), "measurement")
+            data: dict[str, Any] = {kind: cells}
         else:
             data = tomllib.loads(path.read_text(encoding="utf-8"))
-        tables, assumptions = data.pop("measurement", None), data.pop("assumptions", {})
+        kinds = {"measurement": _measurement, "deflection": _deflection, "tap": _tap}
+        tables, assumptions = {kind: data.pop(kind, []) for kind in kinds}, data.pop("assumptions", {})
         if data:
-            raise ValueError(f"the file has no key `{next(iter(data))}`; it takes measurement, assumptions")
-        if not (tables and isinstance(tables, list) and all(isinstance(each, dict) for each in (*tables, assumptions))):
+            raise ValueError(f"the file has no key `{next(iter(data))}`; it takes {', '.join(kinds)}, assumptions")
+        lists = all(isinstance(each, list) for each in tables.values())
+        rows = [each for found in tables.values() for each in found] if lists else []
+        if not (rows and all(isinstance(each, dict) for each in (*rows, assumptions))):
             raise ValueError("contains no measurement; add a table [[measurement]], or a row of a CSV file")
-        measurements = tuple(_measurement(table, f"measurement {i}") for i, table in enumerate(tables, 1))
-        return Measured(measurements, {key: _range(key, value) for key, value in assumptions.items()})
+        read: list[Any] = [
+            tuple(kinds[kind](table, f"{kind} {i}") for i, table in enumerate(found, 1))
+            for kind, found in tables.items()
+        ]
+        ranges = {key: _range(key, value) for key, value in assumptions.items()}
+        return Measured(read[0], ranges, *read[1:])
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:  # also of a text that is not UTF-8 or not TOML
         raise ValueError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
 
 
+def number(value: Any, where: str, least: float = -math.inf, words: str = "a number") -> float:
+    """Return a number of TOML or a cell of CSV, which must be finite and greater than `least`."""
+    try:
+        found = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError):
+        found = math.nan
+    if not least < found < math.inf:
+        raise ValueError(f"{where} must be {words}, got {value!r}")
+    return found
+
+
 def positive(value: Any, where: str) -> float:
     """Return a number of TOML or a cell of CSV, which must be positive and finite."""
-    try:
-        number = math.nan if isinstance(value, bool) else float(value)
-    except (TypeError, ValueError):
-        number = math.nan
-    if not 0 < number < math.inf:
-        raise ValueError(f"{where} must be a positive number, got {value!r}")
-    return number
+    return number(value, where, 0.0, "a positive number")
+
+
+def _deflection(table: dict[str, Any], where: str) -> Deflection:
+    names = ("force", "deflection")
+    if table.keys() != {*names}:
+        raise ValueError(f"{where} must have `force` and `deflection`, got {', '.join(table) or 'nothing'}")
+    return Deflection(*(number(table[name], f"{where}, `{name}`") for name in names))
+
+
+def _tap(table: dict[str, Any], where: str) -> Tap:
+    given = {name: value for name, value in table.items() if value != ""}
+    if "frequency" not in given or len(given) != 2 or not given.keys() & {*DECAYS}:
+        raise ValueError(f"{where} must have `frequency` and one of {', '.join(DECAYS)}, got {', '.join(given)}")
+    frequency = positive(given.pop("frequency"), f"{where}, `frequency`")
+    (name, value), turn = given.popitem(), 2 * math.pi
+    found = number(value, f"{where}, `{name}`")
+    # decay over the damped angular frequency, zeta/sqrt(1 - zeta^2); a decrement is that of one period
+    ratio = {"decay": found / (turn * frequency), "decrement": found / turn}.get(name)
+    return Tap(frequency, found if ratio is None else math.copysign(ratio / math.hypot(1, ratio), found))
 
 
 def _measurement(table: dict[str, Any], where: str) -> Measurement:

@@ -11,13 +11,13 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from compact.analysis.calibration import calibrate, calibration_digest
+from compact.analysis.calibration import calibrate, calibrate_drive, calibration_digest, drive_digest
 from compact.analysis.contact_cases import compaction_material, contact_inputs, roll_scene, scene_mix
 from compact.cli import program as cli
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
 from compact.scene.loader import SceneError, load_scene, read_change
-from compact.scene.plant_data import Band, Measured, Measurement, read_measurements
+from compact.scene.plant_data import Band, Deflection, Measured, Measurement, Tap, read_measurements
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 PUBLISHED = SCENES / "loveikin-2015.toml"
@@ -332,6 +332,12 @@ ONE = "[[measurement]]\n"
         ("toml", f"{ONE}load = {{value = 3, low = 4}}", "low <= value <= high must hold, got 4, 3, 3"),
         ("toml", f"[assumptions]\na = 3\n{ONE}load = 1", r"assumptions, `a` must be \[low, high\], got 3"),
         ("csv", "load\nx\n", "`load` must be a positive number, got 'x'"),
+        ("csv", "force,deflection\n1,x\n", "deflection 1, `deflection` must be a number, got 'x'"),
+        ("toml", "[[deflection]]\nforce = 3.0", "deflection 1 must have `force` and `deflection`, got force"),
+        ("toml", "[[tap]]\nfrequency = 3.0", "tap 1 must have `frequency` and one of damping_ratio, decay, decrement"),
+        ("toml", "[[tap]]\nfrequency = 3.0\ndamping_ratio = 1.2", r"`damping_ratio` must be in \[0, 1\) for a cart"),
+        ("toml", "[[tap]]\nfrequency = 3.0\ndecay = -1.2", r"`damping_ratio` must be in \[0, 1\) for a cart"),
+        ("toml", "tap = 3", "contains no measurement; add a table"),
     ],
 )
 def test_invalid_measurements_are_refused(tmp_path, suffix, text, message):
@@ -340,6 +346,75 @@ def test_invalid_measurements_are_refused(tmp_path, suffix, text, message):
         path.write_text(text)
     with pytest.raises(ValueError, match=message):
         read_measurements(path)
+
+
+# the drive
+
+
+def bent(stiffness, backlash, noise, forces):
+    """Readings of a deflection test with a zero off by 2 mm."""
+    return tuple(
+        Deflection(force, 2e-3 + force / stiffness + np.sign(force) * backlash / 2 + off)
+        for force, off in zip(forces, noise, strict=True)
+    )
+
+
+@pytest.mark.parametrize("backlash", [0.0, 4e-4])
+def test_deflections_give_stiffness_and_backlash_whatever_the_zero(backlash):
+    forces = np.array([-3000.0, -2000.0, -1000.0, 1000.0, 2000.0, 3000.0])
+    found = calibrate_drive(load_scene(PUBLISHED), Measured((), deflections=bent(1e6, backlash, 0 * forces, forces)))
+    assert found.stiffness.value == pytest.approx(1e6, rel=1e-9)
+    assert found.backlash.value == pytest.approx(backlash, abs=1e-12)
+    assert found.damping is None
+
+
+def test_interval_of_the_stiffness_holds_the_true_value_in_19_of_20_tests():
+    rng, held, forces = np.random.default_rng(2029), 0, np.linspace(500.0, 3000.0, 6)
+    for _ in range(400):
+        readings = bent(1e6, 0.0, rng.normal(0, 5e-5, 6), forces)
+        found = calibrate_drive(load_scene(PUBLISHED), Measured((), deflections=readings)).stiffness
+        half = found.spread * found.value  # of a compliance, whose inverse is skew: compare the compliances
+        held += abs(1 / found.value - 1e-6) < half / found.value**2
+    assert held / 400 == pytest.approx(0.95, abs=0.025)
+
+
+def test_taps_give_stiffness_with_the_mass_of_the_cart_and_damping():
+    ratio, rate = 0.05, np.sqrt(1e6 / 1000.0)
+    frequency, decay = rate * np.sqrt(1 - ratio**2) / (2 * np.pi), ratio * rate
+    found = calibrate_drive(load_scene(PUBLISHED), Measured((), taps=(Tap(frequency, ratio),) * 3))
+    assert found.stiffness.value == pytest.approx(1e6, rel=1e-12)
+    assert found.damping.value == pytest.approx(2 * 1000 * decay, rel=1e-12)
+    assert found.damping.error == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("suffix", ["toml", "csv"])
+@pytest.mark.parametrize("name", ["damping_ratio", "decay", "decrement"])
+def test_decay_and_decrement_are_damping_ratios(tmp_path, suffix, name):
+    ratio, frequency = 0.3, 5.0
+    lag = 2 * np.pi * ratio / np.sqrt(1 - ratio**2)
+    value = {"damping_ratio": ratio, "decay": lag * frequency, "decrement": lag}[name]
+    path = tmp_path / f"taps.{suffix}"
+    rows = {"toml": f"[[tap]]\nfrequency = {frequency}\n{name} = {value}\n", "csv": f"frequency,{name}\n5,{value}\n"}
+    path.write_text(rows[suffix])
+    (tap,) = read_measurements(path).taps
+    assert (tap.frequency, tap.damping_ratio) == (5.0, pytest.approx(ratio, rel=1e-12))
+
+
+def test_lines_for_the_scene_state_the_spread_that_the_scene_reads(tmp_path):
+    deflections = bent(1e6, 0.0, np.array([1, -1, 1, -1, 1]) * 2e-5, np.linspace(500, 2500, 5))
+    found = calibrate_drive(load_scene(PUBLISHED), Measured((), deflections=deflections, taps=(Tap(5.2, 0.04),)))
+    text = PUBLISHED.read_text("utf-8").replace('kind = "rigid" ', 'kind = "elastic" ')
+    (tmp_path / "scene.toml").write_text(text.replace("[drive]\n", "[drive]\n" + "\n".join(found.scene_lines) + "\n"))
+    scene = load_scene(tmp_path / "scene.toml")
+    assert scene.stated_spread("drive.stiffness") == pytest.approx(found.stiffness.spread, rel=0.1)
+    assert scene.stated_spread("drive.damping") == 0.0  # one tap has no error
+    assert "kg on this stiffness, the scene has 1000 kg" in drive_digest(found, 1000.0)
+
+
+def test_readings_without_slope_are_refused():
+    same = Measured((), deflections=(Deflection(1e3, 1e-3),) * 3)
+    with pytest.raises(SceneError, match="have no positive slope; read force and deflection at two loads"):
+        calibrate_drive(load_scene(PUBLISHED), same)
 
 
 # refusals
@@ -393,6 +468,17 @@ def test_command_writes_and_prints_the_fit(published, tmp_path, monkeypatch, cap
     assert scene.mix.fitted_at.model_dump() == changes["mix.fitted_at"] | {"parameters": FITTED}
     wetter = scene.replaced(**{"mix.moisture": 0.11}).mix.values["heckel_slope"]
     assert wetter == pytest.approx(1.22 * written["heckel_slope"], rel=1e-5)  # the moisture factor of the prior
+
+
+def test_command_takes_tests_of_the_drive_alone(tmp_path, monkeypatch, capsys):
+    readings, out = tmp_path / "drive.csv", tmp_path / "c.json"
+    readings.write_text("force,deflection\n1000,0.001\n2000,0.00201\n3000,0.003\n")
+    monkeypatch.setattr("sys.argv", ["compact", "calibrate", str(PUBLISHED), str(readings), "--out", str(out)])
+    with pytest.raises(SystemExit) as exit_code:
+        cli.main()
+    assert exit_code.value.code == 0
+    assert list(json.loads(out.read_text())) == ["drive"]
+    assert "# N/m; measured ± " in capsys.readouterr().out
 
 
 def test_a_fit_at_another_moisture_takes_earlier_fits_along():
