@@ -264,6 +264,30 @@ def test_friction_of_a_sliding_roller_changes_sign_at_rest():
     assert run.work_residual < 0.02
 
 
+def test_thin_lift_on_a_pressed_layer_runs_and_shut_pores_are_warned_of():
+    """The layer below has room for the second stroke; a third of twice the depth would shut it."""
+    lift = {"lift_thickness": DEPTH / 2, "increments": 4}
+    run = simulate_thin(two_strokes(WIDE_LENGTH / 2), **lift)
+    assert run.density_ratio[1] > run.density_ratio[0]
+    deep = replace(WIDE, indentation=0.6 * (1 - THIN.fed_density_ratio) * HEIGHT)
+    with pytest.warns(UserWarning, match="stroke 2: the pores of the layer and its lift are shut at"):
+        simulate_thin(two_strokes(WIDE_LENGTH / 8), roller=deep, **lift)
+
+
+def test_mix_laid_behind_the_roller_is_met_after_its_own_track():
+    """On its own track a few percent of the resistance; a contact length beyond the edge that of fresh mix.
+
+    This stiff, wide contact lets go over a quarter of its length. The mesh of 6 increments scatters by 2 %.
+    """
+    motion = law("constant-velocity", 2 * WIDE_LENGTH, 2.0).cycle()
+    run = simulate_thin(motion, increments=6, edge_distance=1.5 * WIDE_LENGTH)
+    end, back = np.flatnonzero(run.stroke == 1)[-1], run.stroke == 2
+    travel, force = run.position[end] - run.position[back], -element_means(run.resistance)[-back.sum() :]
+    fresh = run.resistance[end]
+    assert np.abs(force[(travel > 0.25 * WIDE_LENGTH) & (travel < 0.4 * WIDE_LENGTH)]).max() < 0.06 * fresh
+    assert force[travel > 1.6 * WIDE_LENGTH] == pytest.approx(fresh, rel=0.03)
+
+
 # (e) cost and fields
 
 

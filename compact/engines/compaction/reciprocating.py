@@ -30,25 +30,31 @@ Range
 Lifts
     Between two strokes a lift of fresh mix may be added on a flat layer of rows in the state of the middle of the
     stroke; then the roller is pressed to its indentation below the new surface. The ends of the stroke, about as long
-    as the contact, are approximated by the middle. `multipass` proceeds likewise from pass to pass and is the reference
-    for it.
+    as the contact, are approximated by the middle. `multipass` is the reference for it. With an `edge_distance` the
+    roller stays down: at each reversal mix in the fed state is laid behind it up to the fed height (`laid_state`), so
+    that it returns on its own track and then meets the layer of the stroke before (`studies/reversal.py`).
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix
 from threadpoolctl import threadpool_limits
 
-from compact.engines.compaction.engine import CompactionContactResult, require_compactable
+from compact.engines.compaction.engine import CompactionContactResult
 from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.engines.compaction.layer_state import LayerState, rate_factor_at
+from compact.engines.compaction.reciprocating_case import (
+    ReciprocatingNumerics,
+    require_simulable,
+    require_start,
+    warn_of_shut_pores,
+)
 from compact.engines.compaction.roller_contact import ContactForces, ContactTractions, RollerSurface
-from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
+from compact.engines.compaction.roller_frame import RollerFrame, laid_state, rolling_mesh, transfer_state
 from compact.engines.compaction.rolling import (
     CARRIED_SHARE,
     Equilibrium,
@@ -59,7 +65,7 @@ from compact.engines.compaction.rolling import (
 )
 from compact.engines.stroke_schedule import PLACE_TOLERANCE, STEP_LENGTH, Strokes, stroke_schedule
 from compact.material.laws import Compaction, DruckerPragerCap
-from compact.numerics.validation import require_finite, require_integers, require_known, require_nonnegative
+from compact.numerics.validation import require_finite
 from compact.rolling_contact import (
     EquilibriumError,
     Layer,
@@ -71,7 +77,7 @@ from compact.rolling_contact import (
 if TYPE_CHECKING:
     import meshio
 
-INCREMENTS = 6  # [-], elements per contact length sqrt(2 R depth)
+SHORTEST_STEP = 1 / 32  # [-], of an element; longer steps without equilibrium are halved
 PRESSING_STEPS = 6  # [-], steps in which the roller is pressed to its depth
 STEP_TOLERANCE = 1e-4  # [-], residual of a step over the nodal forces
 MULTIPLIER_TOLERANCE = 0.01  # [-], change of a multiplier in an augmentation over the largest pressure
@@ -79,38 +85,6 @@ MAX_AUGMENTATIONS = 10  # [-], in a step; one in ten steps on thick layers ends 
 MAX_CARRYING = 30  # [-], solutions of a step with a carried pressure; the differences halve
 CARRIED_TOLERANCE = 0.01  # [-], mean of |p - p'| over the mean pressure of the contact
 STEPS_PER_ELEMENT = round(1 / STEP_LENGTH)  # [-], steps with stored changes for the prediction
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReciprocatingNumerics:
-    """Numerical options of `simulate_reciprocating`.
-
-    Parameters
-    ----------
-    strain : {"finite", "small"}
-        Strain measure.
-    increments : int
-        Elements per contact length; each is travelled in two steps.
-    instants : sequence of float
-        Times at which fields are kept as `frames`, each at the nearest end of a step [s].
-    estimate : bool
-        True for an error estimate from steps twice as long, at half as much work again.
-
-    Raises
-    ------
-    ValueError
-        If an option is out of its range.
-    """
-
-    strain: Literal["finite", "small"] = "finite"
-    increments: int = INCREMENTS
-    instants: Sequence[float] = ()
-    estimate: bool = True
-
-    def __post_init__(self) -> None:
-        require_known("strain", self.strain, ("finite", "small"))
-        require_integers(increments=self.increments)
-        require_finite(instants=self.instants)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -255,9 +229,10 @@ class ReciprocatingRoller:
         return mesh
 
     def initialise_from(self, solution: IncrementalRolling) -> None:
-        """Continue from a steady solution with x = 0 at the lower end of the stroke."""
-        tractions = solution.contact.at(self.frame.surface_x, solution.frame.surface_x)
-        self.state = transfer_state(solution.state, solution.frame, self.frame)
+        """Continue from a steady solution at the position of the roller."""
+        shift = self.surface.position - self.strokes.low
+        tractions = solution.contact.at(self.frame.surface_x - shift, solution.frame.surface_x)
+        self.state = transfer_state(solution.state, solution.frame, self.frame, shift)
         surface = replace(self._surface_along(1.0), bottom_height=solution.steps[-1].bottom_height)
         self.surface = surface.with_multipliers(tractions).begin_increment(self._surface_displacement)
         self.contact = self.surface.contact_forces(self._surface_displacement)
@@ -267,6 +242,11 @@ class ReciprocatingRoller:
         frame, height = self.frame, self.frame.mesh.height
         depth = height - (self.surface.bottom_height if bottom_height is None else bottom_height)
         return rate_factor_at(frame.solid.material, self.surface.radius, height, depth, speed, frame.inflow)
+
+    def lay_mix(self, distance: float, side: float) -> None:
+        """Lay mix beyond an edge at a distance [m] from the axle, towards a sign of x, see `laid_state`."""
+        edge = self.surface.position - self.strokes.low + side * distance
+        self.state, self._past = laid_state(self.state, self.frame, edge, side), []
 
     def press(self, bottom_height: float, speed: float, every: int = 1) -> None:
         """Press the roller down.
@@ -306,6 +286,11 @@ class ReciprocatingRoller:
         try:
             equilibrium = self._solve_augmented(surface, self.state.displacement + prediction)
         except EquilibriumError as reason:
+            if abs(travel) > SHORTEST_STEP * self.frame.step:  # in halves
+                for share in (0.5, 1.0):
+                    height = old.bottom_height + share * (bottom_height - old.bottom_height)
+                    self.move_to(old.position + share * travel, height, rate_factor, sign)
+                return
             raise RuntimeError(
                 f"step from {old.position:.6g} to {x:.6g} m, lowest generatrix at {bottom_height:.6g} m: {reason}; "
                 f"last step: load {forces_before[0]:.6g} N/m, resistance {forces_before[1]:.6g} N/m"
@@ -434,7 +419,7 @@ def simulate_reciprocating(
     start : CompactionContactResult, optional
         Steady rolling along +x on the same layer, from which the motion begins.
     **options
-        Numerical options, see `ReciprocatingNumerics`.
+        Options, see `ReciprocatingNumerics`.
 
     Returns
     -------
@@ -449,8 +434,8 @@ def simulate_reciprocating(
     """
     numerics = ReciprocatingNumerics(**options)
     strokes = stroke_schedule(motion)
-    depth = _require_simulable(layer, roller, material, strokes, lift_thickness, fed_layer)
-    _require_start(start, layer, depth, fed_layer, strokes)
+    depth = require_simulable(layer, roller, material, strokes, lift_thickness, numerics.edge_distance, fed_layer)
+    require_start(start, layer, depth, fed_layer, strokes)
     require_torque_allowed(roller, torque)
     length = float(np.sqrt(2 * roller.radius * depth))
     element = strokes.span / np.ceil(strokes.span * numerics.increments / length * (1 - PLACE_TOLERANCE))
@@ -470,12 +455,16 @@ def simulate_reciprocating(
             speeds = (np.diff(positions) / np.diff(times)).tolist()
             is_new = stroke == 0 or lift_thickness > 0
             if is_new:
-                fed = run.exit_layers[-1].with_lift(lift_thickness, material) if stroke else fed
+                if stroke:
+                    fed = run.exit_layers[-1].with_lift(lift_thickness, material)
+                    warn_of_shut_pores(fed, material, depth, stroke + 1)
                 run.add(roller_on(fed, positions[0]))
                 if start is not None and stroke == 0:
                     run.roller.initialise_from(start.solution)
                 else:
                     run.roller.press(run.roller.surface.bottom_height - depth, speeds[0], every)
+            elif numerics.edge_distance is not None:  # behind the stroke before, ahead of this one
+                run.roller.lay_mix(numerics.edge_distance, float(np.sign(positions[1] - positions[0])))
             run.add_stroke(stroke, times, positions, speeds, is_new, strokes.nearest(stroke, times, numerics.instants))
         return run
 
@@ -539,48 +528,3 @@ class _History:
             if k in kept:
                 self.frames.append((float(time), roller.fields))
         self.exit_layers.append(roller.middle_layer)
-
-
-def _require_simulable(
-    layer: Layer,
-    roller: Roller,
-    material: Compaction,
-    strokes: Strokes,
-    lift_thickness: float,
-    fed_layer: LayerState | None,
-) -> float:
-    """Require a case that can be simulated, and return the depth [m]."""
-    depth = roller.indentation
-    if depth is None:
-        raise ValueError(f"`indentation` must be given for a roller of constant height, got its {roller.target[0]}")
-    require_compactable(layer, roller, material, 1.0, fed_layer)
-    if layer.lower_lift is not None or (fed_layer is not None and fed_layer.lower is not None):
-        raise ValueError("a `lower_lift` is for steady rolling, got one under a stroke; use `roll`")
-    if layer.base != "bonded":
-        raise ValueError(f"`base` must be 'bonded', got {layer.base!r}: a frictionless base leaves the layer free")
-    if not strokes.span > 0:
-        raise ValueError(f"`motion` must move the roller, got a constant position of {strokes.low!r} m")
-    require_nonnegative(lift_thickness=lift_thickness)
-    least = depth / (1 - material.fed_density_ratio)
-    if lift_thickness and not depth < lift_thickness * (1 - material.fed_density_ratio):
-        raise ValueError(
-            f"`lift_thickness` must be more than {least:.4g} m for an exit density below full density, got "
-            f"{lift_thickness!r} m"
-        )
-    return depth
-
-
-def _require_start(
-    start: CompactionContactResult | None, layer: Layer, depth: float, fed_layer: LayerState | None, strokes: Strokes
-) -> None:
-    """Require a steady contact from which the motion can begin."""
-    if start is None:
-        return
-    same = start.layer == layer and start.solution.frame.inflow is fed_layer
-    if not same or abs(start.indentation - depth) > PLACE_TOLERANCE * depth:
-        raise ValueError("`start` must have the same `layer`, `fed_layer` and `indentation`, got a result of others")
-    if start.speed < 0 or strokes.places[1] < strokes.places[0]:
-        raise ValueError(
-            f"`start` must roll along +x and the `motion` begin along +x, got {start.speed!r} m/s and a first stroke "
-            f"from {strokes.places[0]:.6g} to {strokes.places[1]:.6g} m"
-        )

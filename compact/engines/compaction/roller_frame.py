@@ -48,6 +48,7 @@ OUTER_LENGTH = 2.5  # [-], length of the mesh beyond the uniform zone over the l
 UNIFORM_AHEAD, UNIFORM_BEHIND = 2.0, 1.2  # [-], uniform zone over the contact length sqrt(2 R depth)
 EXIT_DISTANCE = 0.3  # [-], distance of the exit column behind the uniform zone over the layer height
 UNIFORM_REAR = 1.0  # [-], distance behind the exit column over the layer height from which mix may be made uniform
+REPOSE_SLOPE = 0.7  # [-], of laid mix towards the track, tan 35 degrees
 SAME_PLACE = 1e-9  # [-], over a length of the mesh; closer coordinates are equal
 SAME_SOURCE = 1e-12  # [-], over x; closer source points are equal
 
@@ -475,7 +476,41 @@ class RollerFrame:
         return np.array([two_shear * exx + volumetric, two_shear * eyy + volumetric, volumetric, shear * gamma]).T
 
 
-def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> SolidState:
+def laid_state(state: SolidState, frame: RollerFrame, edge: float, side: float) -> SolidState:
+    """Lay mix in the fed state, up to the fed height, where the surface beyond an edge is lower.
+
+    Parameters
+    ----------
+    state : SolidState
+        State of a layer with a track.
+    frame : RollerFrame
+        Its frame.
+    edge : float
+        x of the edge [m], up to which the mix has the fed height; from there it slopes to the track.
+    side : float
+        Sign of x in which the laid mix lies from the edge [-].
+
+    Returns
+    -------
+    SolidState
+        State with stress-free mix beyond the edge; the mix of the track keeps its stress.
+    """
+    settlement, fed = -state.displacement[frame.surface_nodes, 1], frame.initial_state()
+
+    def remaining(x: FloatArray) -> FloatArray:
+        """Share of the settlement that remains, 0 beyond the edge and 1 where the surface is not lower."""
+        share = np.clip(side * (edge - x) * REPOSE_SLOPE / settlement.max(), 0.0, 1.0)
+        return np.where(np.interp(x, frame.surface_x, settlement) > 0, share, 1.0)
+
+    def laid(old: FloatArray, new: FloatArray) -> FloatArray:
+        return np.where(is_laid.reshape(-1, *(1,) * (old.ndim - 1)), new, old)
+
+    is_laid = remaining(frame.solid.point_coordinates[:, 0]) < 0.5
+    displacement = state.displacement * remaining(frame.nodes[:, 0])[:, None]
+    return SolidState(displacement, state.points.map(laid, fed.points), laid(state.work, fed.work))
+
+
+def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame, shift: float = 0.0) -> SolidState:
     """Interpolate a state from the mesh of one frame to that of another, linearly between Gauss points.
 
     Parameters
@@ -484,19 +519,22 @@ def transfer_state(state: SolidState, old: RollerFrame, new: RollerFrame) -> Sol
         State on the old mesh.
     old, new : RollerFrame
         Frames of the same fed layer and lower lift.
+    shift : float
+        x on the new mesh of x = 0 on the old one [m].
 
     Returns
     -------
     SolidState
         State on the new mesh; undisplaced beyond the front end of the old one.
     """
-    x, y = new.nodes.T
+    x, y = new.nodes.T - [[shift], [0.0]]
     low, high = old.mesh.x[0, [0, -1]]
     displacement = old.interpolation_matrix(np.array([np.clip(x, low, high), y])) @ state.displacement
     displacement[x > high] = 0.0
     fixed = new.solid.fixed_dofs
     displacement.ravel()[fixed[fixed % 2 == 1]] = 0.0
-    position, is_lower = new.solid.point_coordinates, new.solid.point_coordinates[:, 1] < new.lower_height
+    position = new.solid.point_coordinates - [shift, 0.0]
+    is_lower = position[:, 1] < new.lower_height
 
     def interpolate(values: NDArray[np.float64]) -> NDArray[np.float64]:
         rows, found = old.to_rows(values), np.empty((len(position), *values.shape[1:]))
