@@ -223,6 +223,7 @@ def balance(
     direction: ArrayLike,
     rod_tangent: ArrayLike = 0.0,
     end_spring_force: ArrayLike = 0.0,
+    load_share: ArrayLike = 1.0,
 ) -> Balance:
     """Solve the equilibrium of a moving cart; all arguments but the cart broadcast.
 
@@ -238,6 +239,8 @@ def balance(
         tan(beta) [-], positive for a rod that rises towards the drive.
     end_spring_force : array_like
         S along the travel [N].
+    load_share : array_like
+        Share of the roller reactions after a turn [-], >= 0.
 
     Raises
     ------
@@ -252,14 +255,14 @@ def balance(
     require_instance(Cart, "a Cart", cart=cart)
     require_finite(
         acceleration=acceleration, resistance=resistance, rod_tangent=rod_tangent, end_spring_force=end_spring_force,
-        direction=direction,
+        direction=direction, load_share=load_share,
     )  # fmt: skip
-    a, force_of_mix, sign, tangent, end_force = np.broadcast_arrays(
-        acceleration, resistance, direction, rod_tangent, end_spring_force
+    a, force_of_mix, sign, tangent, end_force, share = np.broadcast_arrays(
+        acceleration, resistance, direction, rod_tangent, end_spring_force, load_share
     )
     required = cart.mass * a + force_of_mix - end_force
     friction_factor = sign * cart.guide_friction
-    (front_0, rear_0), (front_1, rear_1) = _reaction_coefficients(cart, force_of_mix, sign, tangent)
+    (front_0, rear_0), (front_1, rear_1) = _reaction_coefficients(cart, force_of_mix, sign, tangent, share)
     if np.any(np.abs(friction_factor) * (np.abs(front_1) + np.abs(rear_1)) >= 1):
         raise ValueError(
             f"the rod is too steep: `guide_friction` {cart.guide_friction!r} locks the cart; use a longer rod or less "
@@ -279,10 +282,11 @@ def balance(
     return Balance(force, front, rear, friction_factor * (np.abs(front) + np.abs(rear)))
 
 
-def _reaction_coefficients(cart, resistance, direction, tangent):
+def _reaction_coefficients(cart, resistance, direction, tangent, load_share):
     """(A1, A2), (B1, B2) of N_i = A_i + B_i H from the vertical forces and the moments about the height of the pin."""
     front, rear = cart.guide_positions
-    ratio = np.where(direction < 0, cart.return_load_ratio, 1.0)  # of the reactions to those of the forward stroke
+    # of the reactions to those of the forward stroke far from its turn
+    ratio = load_share * np.where(direction < 0, cart.return_load_ratio, 1.0)
     lift = ratio * np.sum(cart.roller_reactions) - cart.weight
     lever = direction * cart.guide_friction * cart.guide_wheel_diameter / 2
     moment = ratio * np.dot(cart.roller_reactions, cart.roller_positions)

@@ -4,8 +4,8 @@
 
 y is the law, x the cart, H the drive force, positive towards the driven end. With a backlash b the spring is engaged
 for e > b/2 (o = b/2) and e < -b/2 (o = -b/2), and slack between; the damper acts throughout. The resistance W is that
-of the steady speed, or depends on the acceleration to first order, F(v) + a M(v). A resistance with the attribute
-`travels` is called with the travel s since the last turn [m] as a third argument.
+of the steady speed, or depends on the acceleration to first order, F(v) + a M(v). A `StrokeResistance` depends on the
+travel s since the last turn too.
 
 W and the guide friction jump at rest and hold the cart there, as does the plate of a preloaded end spring. A
 resistance that vanishes with a small power of the speed, such as v^0.02 of a compacting mix, acts like dry friction: a
@@ -28,6 +28,7 @@ from compact.machine import rigid_drive
 from compact.machine.cart import Balance, Cart, Resistance, balance
 from compact.machine.elastic_motion import MAX_STEPS, SAMPLES, WEIGHTS, CartMotion, Kinematics, SolutionCost, Trajectory
 from compact.machine.rigid_drive import evaluate_resistance
+from compact.machine.spring_forces import RELEASE
 from compact.motion.profile import Cycle, Discontinuity, MotionProfile
 from compact.numerics import Array
 from compact.numerics.validation import require_fields, require_known, require_opposing, require_positive
@@ -86,10 +87,8 @@ def simulate_elastic(
         Law of the driven end; a `MotionProfile` is repeated without dwells.
     resistance : callable
         Force of the mix [N] of velocity [m/s] and acceleration [m/s^2], linear in the acceleration, with a jump at
-        speed 0 only. A `ResistanceMap` provides its sampled speeds and the limit of |a|/|v| of its linear range. With
-        the attribute `travels`, ascending travels [m] at which it is not smooth, it is also a function of the travel
-        since the last turn [m]: a product of one of velocity and acceleration and one of the travel, which is 1 beyond
-        the last of them and by default.
+        speed 0 only. A `ResistanceMap` provides its sampled speeds and the limit of |a|/|v| of its linear range, a
+        `StrokeResistance` its shares along the stroke.
     regime : str
         "periodic", or "rest": the first cycle of a cart at rest at the near end, with its springs in balance.
     working : tuple of float
@@ -174,17 +173,23 @@ class ElasticRun(rigid_drive.Run):
         Slower than the integration resolves, mix and guides share its resistance in the ratio of their limits.
         """
         motion, trajectory = self.motion, self.trajectory
-        slip, turn = (np.repeat(each, len(SAMPLES)) for each in (trajectory.slip, trajectory.turn))
+        slip, heading = (np.repeat(each, len(SAMPLES)) for each in (trajectory.slip, trajectory.heading))
         slowest, acceleration, zero = trajectory.cart.knots[0], motion.acceleration, np.zeros(len(slip))
-        direction = np.where(slip != 0, slip, np.sign(motion.drive_force + motion.end_spring_force))
+        releases = (
+            trajectory.cart.turns[:, RELEASE].all() and trajectory.cart.turns.size
+        )  # no jump of the mix at a turn
+        pulled = heading if releases else np.sign(motion.drive_force + motion.end_spring_force)
+        direction = np.where(slip != 0, slip, pulled)
         velocity = np.where(slip * motion.velocity > 0, motion.velocity, 0.0)  # rounding at the ends of a slip
         moving = direction * np.maximum(np.abs(velocity), slowest)  # limit from inside the motion
-        travel = slip * (motion.position - turn)
-        mix = evaluate_resistance(self.resistance, moving, self.drive.include_added_mass * acceleration, travel)
-        limit = balance(self.cart, zero, mix, direction).drive_force
-        share = np.divide(mix, limit, out=np.zeros(mix.shape), where=limit != 0)
-        mix = np.where(np.abs(velocity) < slowest, motion.resistance * share, mix)
-        reactions = balance(self.cart, acceleration, mix, slip, end_spring_force=motion.end_spring_force)
+        mix = evaluate_resistance(self.resistance, moving, self.drive.include_added_mass * acceleration)
+        mix, load = mix * motion.force_share, motion.load_share
+        if not releases:
+            limit = balance(self.cart, zero, mix, direction, load_share=load).drive_force
+            share = np.divide(mix, limit, out=np.zeros(mix.shape), where=limit != 0)
+            mix = np.where(np.abs(velocity) < slowest, motion.resistance * share, mix)
+        end_force = motion.end_spring_force
+        reactions = balance(self.cart, acceleration, mix, slip, end_spring_force=end_force, load_share=load)
         forces = Balance(motion.drive_force, reactions.front_reaction, reactions.rear_reaction, motion.resistance - mix)
         return rigid_drive.DriveState(motion.position, velocity, acceleration, motion.jerk, mix, zero, forces)
 

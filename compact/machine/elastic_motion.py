@@ -12,17 +12,17 @@ D. G. Anderson, J. ACM 12 (1965) 547.
 
 import math
 from dataclasses import dataclass, replace
-from functools import cached_property, reduce
+from functools import cached_property, lru_cache, reduce
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from compact.machine import spring_cart
+from compact.machine import spring_cart, spring_forces
 from compact.machine.cart import Cart, Resistance, balance
 from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, evaluate_resistance
 from compact.machine.shaft import DIFFERENTIATION, ORDER, TO_CHEBYSHEV
-from compact.machine.spring_cart import CartState, SpringCart
+from compact.machine.spring_forces import CartState, SpringCart
 from compact.motion.profile import Cycle, Leg
 from compact.numerics import Array
 from compact.numerics.piecewise import (
@@ -33,6 +33,7 @@ from compact.numerics.piecewise import (
     fit_piecewise,
     interior_grid,
 )
+from compact.turning import Share, StrokeResistance
 
 MAX_STEPS = 20_000  # [-], of a cycle; 1 kB each, a hundred are usual
 CANDIDATE = 0.9  # [-], of the largest sample; a step with smaller ones does not contain the maximum
@@ -43,13 +44,14 @@ ATTEMPTS_PER_CALL = 500  # [-], of one compiled call; 0.1 s or less, then Python
 LAW_TOLERANCE = 1e-11  # [-], of the peak acceleration; polynomials of the law
 TABLE_TOLERANCE = 1e-2  # [-], of the solution tolerance; polynomials of the resistance
 TABLE_FLOOR = 1e-12  # [-], of the force scale; smaller tolerances resolve rounding
-PRODUCT_TOLERANCE = 1e-9  # [-], of the factor of the travel, at all speeds
+SHARE_TABLES = 64  # [-], tables of shares that are kept for further runs
 SPEED_MARGIN, MAX_EXTENSIONS = 2.0, 8  # [-], growth of the speed range of the tables, and its repetitions
 STANDSTILL_SPEED = 1e-6  # [-], of the peak speed of the law; a slower cart counts as at rest
 STICTION_RISE = 1e-3  # [-], of the force scale; a larger rise of F below the standstill speed counts as stiction
 DEFECT_SHARE = 0.3  # [-], of the solution tolerance; defect of a step
 CLOSURE_TOLERANCE = 0.1  # [-], of the solution tolerance; residual of a closed cycle
 MAX_MOVE = 30.0  # [-], of the force scale; change of the state by an extrapolation
+MAX_DEPTH = 3  # [-], differences of an extrapolation
 MAX_CYCLES, ACCELERATED_CYCLES = 150, 60  # [-]; 3 to 8 are usual
 
 
@@ -68,6 +70,8 @@ class Kinematics(NamedTuple):
         e [m] and e' [m/s].
     driven_velocity : ndarray
         y' of the driven end [m/s].
+    force_share, load_share : ndarray
+        Shares of the force of the mix and of its load after the last turn [-].
     """
 
     position: Array
@@ -80,6 +84,8 @@ class Kinematics(NamedTuple):
     elongation: Array
     elongation_rate: Array
     driven_velocity: Array
+    force_share: Array
+    load_share: Array
 
 
 @dataclass(frozen=True)
@@ -96,11 +102,11 @@ class Trajectory:
     slip = property(lambda self: self.rows[:, 2], doc="Direction of the motion, 0 at rest.")
     flank = property(lambda self: self.rows[:, 3], doc="Flank of the drive, as in `CartState`.")
     zone = property(lambda self: self.rows[:, 4], doc="Zone of the end springs, as in `CartState`.")
-    turn = property(lambda self: self.rows[:, 5], doc="Position of the last turn [m].")
+    heading = property(lambda self: self.rows[:, 5], doc="Direction of the last motion.")
 
     @cached_property
     def _nodal(self):
-        """Nodal values of y, y', y'', e, e', e'' and the jerk of each step, shape (steps, 7, ORDER + 1)."""
+        """Nodal values of y, y', y'', e, e', e'', both shares and the jerk, shape (steps, 9, ORDER + 1)."""
         nodal = self.rows[:, spring_cart.ROW_HEAD :].reshape(-1, spring_cart.CHANNELS, ORDER + 1)
         jerk = (nodal[:, 2] - nodal[:, 5]) @ DIFFERENTIATION.T / self.duration[:, None]
         return np.concatenate([nodal, jerk[:, None]], axis=1)
@@ -119,8 +125,8 @@ class Trajectory:
         return Kinematics(*(each[:, 0] for each in self._kinematics(i, values[:, :, None])))
 
     def _kinematics(self, i, values):
-        """Kinematics of steps by y, y', y'', e, e', e'' and the jerk, each of shape (steps, n)."""
-        cart, (y, pace, change, e, rate, bend, jerk) = self.cart, values
+        """Kinematics of steps by their `_nodal` quantities, each of shape (steps, n)."""
+        cart, (y, pace, change, e, rate, bend, share, load, jerk) = self.cart, values
         slip, flank, zone = (each[i, None] for each in (self.slip, self.flank, self.zone))
         stiffness, side = cart.stiffness * (flank != 0), np.sign(zone)
         position, moves = y - e, slip != 0
@@ -129,12 +135,15 @@ class Trajectory:
         compression = cart.end_length - np.where(side > 0, position, cart.stroke - position)
         holding = np.clip(-side * force, 0.0, cart.end_preload)
         pushing = np.where(
-            np.abs(zone) == spring_cart.AT_NEAR_PLATE, holding, cart.end_preload + cart.end_stiffness * compression
+            np.abs(zone) == spring_forces.AT_NEAR_PLATE, holding, cart.end_preload + cart.end_stiffness * compression
         )
         end_force = side * pushing
         resistance = force + end_force - cart.mass * acceleration
         jerk = jerk * moves
-        return Kinematics(position, velocity, acceleration, jerk, resistance, force, end_force, e, rate, pace)
+        if not cart.turns.size:
+            share = load = np.ones(y.shape)
+        motion = position, velocity, acceleration, jerk, resistance
+        return Kinematics(*motion, force, end_force, e, rate, pace, share, load)
 
     def energy(self, state: CartState, driven_end: float = 0.0) -> float:
         """Energy of cart and springs [J] in a state, with the driven end at a position [m]."""
@@ -185,11 +194,11 @@ def integrate(
                 reason = f"steps below {spring_cart.MIN_STEP:g} of a piece of the law; use a smooth `resistance`"
             raise RuntimeError(
                 f"the integration of the cart ended at {time:g} s of {law.breaks[-1]:g} s after {count} steps, at "
-                f"{state[spring_cart.VELOCITY]:g} m/s: {reason}"
+                f"{state[spring_forces.VELOCITY]:g} m/s: {reason}"
             )
         parts.append(rows[:filled].copy())
-    elongation, velocity, flank, zone, turn, heading = state[: spring_cart.HEADING + 1].tolist()
-    end = CartState(elongation, velocity, int(flank), int(zone), turn, int(heading))
+    elongation, velocity, flank, zone, turn, heading, *memory = state[: spring_cart.PIECE].tolist()
+    end = CartState(elongation, velocity, int(flank), int(zone), turn, int(heading), *memory)
     return (
         Trajectory(cart, np.concatenate(parts), start, end),
         status == spring_cart.DONE,
@@ -219,47 +228,50 @@ class CartMotion:
         impact = velocity * math.sqrt(drive.stiffness * cart.mass) if acceleration == 0 else 0.0
         inertia = cart.mass * acceleration + impact
         speeds = self.max_speed * np.linspace(STANDSTILL_SPEED_RATIO, 1, 65)
+        self.strokes = resistance if isinstance(resistance, StrokeResistance) else None
         self.scale = max(inertia, np.abs(self.total(np.append(speeds, -speeds))).max())
         self.tolerance, self.table_tolerance = tolerance, max(TABLE_TOLERANCE * tolerance, TABLE_FLOOR) * self.scale
         self.acceleration_scale = inertia / cart.mass
-        forward, backward = balance(cart, 0.0, np.zeros(2), np.array([1.0, -1.0])).drive_force.tolist()
-        ends = (0.0,) * 4
+        ends = 0.0, 0.0, 0.0, cycle.forward.stroke
         if (springs := cart.end_springs) is not None:
             ends = springs.stiffness, springs.preload, springs.length, springs.stroke
         limit = getattr(resistance, "rate_limit", np.inf) if drive.include_added_mass else 0.0
         spring = cart.mass, drive.stiffness, drive.damping, drive.backlash
-        travels = np.asarray(getattr(resistance, "travels", ()), float)
         scales = self.scale, DEFECT_SHARE * tolerance * self.scale
-        numbers = map(float, (*spring, *ends, limit, forward, backward, *scales))
-        self.cart = SpringCart._make([*numbers, np.empty(0), travels, np.empty((0, 2)), np.zeros(4, np.int64)])
-        self.factor = self._travel_factor(travels, cycle.forward.stroke / cycle.forward.duration)
+        numbers: list[Any] = [float(each) for each in (*spring, *ends, limit, *scales)]
+        self.cart = SpringCart(*numbers)
+        self.shares: list[PiecewisePolynomial] = []
+        if self.strokes is not None:
+            self._follow_strokes(self.strokes)
         self._tabulate()
 
+    def _follow_strokes(self, strokes):
+        """Set the shares along the stroke, and the friction of the guide wheels, which depends on them."""
+        pairs = (strokes.forward, strokes.forward_load), (strokes.backward, strokes.backward_load)
+        self.shares = [_share_table(share, TABLE_TOLERANCE * self.tolerance) for pair in pairs for share in pair]
+        turns = [(force.distance, force.release, force.track, load.track) for force, load in pairs]
+        travels = [sorted({*force.travels, *load.travels}) for force, load in pairs]
+        count = max(map(len, travels))
+        places = [each + [np.inf] * (count - len(each)) for each in travels]
+        ratio = float(self._cart.return_load_ratio)
+        wheels = _wheel_friction(self._cart, self.scale)
+        self.cart = self.cart._replace(
+            turns=np.array(turns, float), places=np.array(places, float), wheels=wheels, load_ratio=ratio
+        )
+
     def total(self, velocity: Array, acceleration: Array | float = 0.0) -> Array:
-        """Resistance and guide friction [N] of velocities [m/s] other than 0 and accelerations [m/s^2]."""
+        """Resistance and guide friction [N] far from a turn, of velocities [m/s] except 0 and accelerations [m/s^2]."""
+        return balance(self._cart, 0.0, self._mix(velocity, acceleration), np.sign(velocity)).drive_force
+
+    def _mix(self, velocity, acceleration=0.0):
+        """Resistance of the mix far from a turn [N]."""
         acceleration = np.broadcast_to(acceleration, np.shape(velocity))
-        force = evaluate_resistance(self._resistance, velocity, acceleration, np.full(np.shape(velocity), np.inf))
-        return balance(self._cart, 0.0, force, np.sign(velocity)).drive_force
+        return evaluate_resistance(self._resistance, velocity, acceleration)
 
-    def _travel_factor(self, travels, speed):
-        """Tables of the factor of the travel, none without `travels`."""
-        if not travels.size:
-            return []
-
-        def factor(travel: Array, speed: float = speed) -> Array:
-            velocity, zero = np.full(travel.shape, speed), np.zeros(travel.shape)
-            whole = evaluate_resistance(self._resistance, velocity, zero, np.full(travel.shape, np.inf))
-            return evaluate_resistance(self._resistance, velocity, zero, travel) / whole
-
-        table = fit_piecewise(factor, np.append(0.0, travels), TABLE_TOLERANCE * self.tolerance)
-        samples = np.linspace(0, travels[-1], 65)
-        others = np.array([factor(samples, other) for other in (-speed, speed / 8)])
-        if np.abs(others - factor(samples)).max() > PRODUCT_TOLERANCE:
-            raise ValueError("`resistance` must be a product of a function of velocity and one of travel")
-        beyond = np.eye(1, table.coefficients.shape[1])
-        return [
-            PiecewisePolynomial(np.append(table.breaks, 2 * travels[-1]), np.concatenate([table.coefficients, beyond]))
-        ]
+    @property
+    def _tabulated(self):
+        """Force in the tables: with shares along the stroke that of the mix alone."""
+        return self.total if self.strokes is None else self._mix
 
     def _tabulate(self):
         """Tabulate the resistance up to the present speed range."""
@@ -269,13 +281,13 @@ class CartMotion:
         speeds = np.concatenate([octaves, knots, [fastest]])
         breaks = np.concatenate([-speeds[::-1], [0.0], speeds])
         try:
-            force = fit_piecewise(lambda v: self.total(_faster(v, slowest)), breaks, self.table_tolerance)
+            force = fit_piecewise(lambda v: self._tabulated(_faster(v, slowest)), breaks, self.table_tolerance)
         except ValueError as error:
             raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
         self._set_rest(force)
         added_mass = self._added_mass(breaks) if self.cart.rate_limit else force
         knots = np.append(slowest, knots)
-        self.cart = self.cart._replace(knots=knots).with_tables(force, added_mass, *self.factor)
+        self.cart = self.cart._replace(knots=knots).with_tables(force, added_mass, *self.shares)
 
     def _set_rest(self, force):
         """Set the table of the resistance near rest, where it is constant.
@@ -286,7 +298,7 @@ class CartMotion:
         first, limits = int(np.searchsorted(force.breaks, 0.0)), []
         for sign, row in ((-1, force.coefficients[first - 1]), (1, force.coefficients[first])):
             moving, slowest = row[0], sign * STANDSTILL_SPEED_RATIO * self.standstill_speed
-            rest = float(self.total(np.array([slowest]))[0])
+            rest = float(self._tabulated(np.array([slowest]))[0])
             rest *= abs(rest) > TABLE_FLOOR * self.scale
             if abs(moving - rest) <= STICTION_RISE * self.scale:
                 row[:2] = (rest, moving - rest) if sign > 0 else (moving, rest - moving)
@@ -311,7 +323,7 @@ class CartMotion:
         def added_mass(velocity: Array) -> Array:
             velocity = _faster(velocity, slowest)
             acceleration = np.minimum(self.acceleration_scale, self.cart.rate_limit * np.abs(velocity)) / 2
-            return (self.total(velocity, acceleration) - self.total(velocity)) / acceleration
+            return (self._tabulated(velocity, acceleration) - self._tabulated(velocity)) / acceleration
 
         masses = fit_piecewise(added_mass, breaks, self.table_tolerance / self.acceleration_scale)
         least = min(masses.coefficients[:, 0].min(), float(masses(masses.breaks[-1])))
@@ -324,16 +336,17 @@ class CartMotion:
 
     @property
     def rest_state(self) -> CartState:
-        """State of a cart at rest at the near end, with drive spring and end spring in balance."""
+        """State of a cart at rest at the near end after a return stroke, drive spring and end spring in balance."""
         cart, half_backlash = self.cart, self.cart.backlash / 2
+        memory = cart.stroke, -1, cart.stroke, 0.0, 0.0, -cart.stroke
         if cart.end_length == 0:
-            return CartState(0.0, 0.0, 1 if half_backlash == 0 else 0)
+            return CartState(0.0, 0.0, 1 if half_backlash == 0 else 0, 0, *memory)
         force = cart.end_preload + cart.end_stiffness * cart.end_length
         compression = (force + cart.stiffness * half_backlash) / (cart.stiffness + cart.end_stiffness)
         flank = 1 if half_backlash == 0 else -1
         if compression < cart.end_length:
-            return CartState(-compression, 0.0, flank, int(spring_cart.NEAR_SPRING))
-        return CartState(-cart.end_length, 0.0, flank, int(spring_cart.AT_NEAR_PLATE))
+            return CartState(-compression, 0.0, flank, int(spring_forces.NEAR_SPRING), *memory)
+        return CartState(-cart.end_length, 0.0, flank, int(spring_forces.AT_NEAR_PLATE), *memory)
 
     def integrate(self, law: PiecewisePolynomial, state: CartState) -> Trajectory:
         """Integrate through a law [m] over time [s]; the speed range of the tables is extended where needed."""
@@ -360,8 +373,9 @@ class CartMotion:
         elongation = pull / cart.stiffness + flank * cart.backlash / 2
         position = row.sum() - elongation
         far = position > cart.stroke - cart.end_length > 0
-        zone = spring_cart.NEAR_SPRING if position < cart.end_length else spring_cart.FAR_SPRING if far else 0.0
-        return CartState(float(elongation), float(velocity), flank, int(zone), 0.0, 1)
+        zone = spring_forces.NEAR_SPRING if position < cart.end_length else spring_forces.FAR_SPRING if far else 0.0
+        distance = min(float(cart.turns[0, 0]), position) if cart.turns.size else 0.0
+        return CartState(float(elongation), float(velocity), flank, int(zone), 0.0, 1, distance, 0.0, 0.0, -cart.stroke)
 
     def _cycle(self, state: CartState, early: PiecewisePolynomial, late: PiecewisePolynomial) -> Trajectory:
         """Cycle from a state in the middle of the forward stroke; steps in order of time, state at that place."""
@@ -379,9 +393,12 @@ class CartMotion:
         early = PiecewisePolynomial(self.law.breaks[: middle + 1], self.law.coefficients[:middle])
         late = PiecewisePolynomial(self.law.breaks[middle:], self.law.coefficients[middle:])
         cart, state = self.cart, self._quasi_static_state(early)
-        free = [0, 1, 4] if cart.travels.size else [0, 1]  # elongation, velocity and perhaps the last turn
-        impedances = np.array([cart.stiffness, math.sqrt(cart.stiffness * cart.mass), cart.stiffness])
-        units = self.scale / impedances[: len(free)]
+        free = [0, 1]  # elongation and velocity, and the memory of the turns
+        units = self.scale / np.array([cart.stiffness, math.sqrt(cart.stiffness * cart.mass)])
+        if cart.turns.size:
+            free = [0, 1, 4, *range(6, len(state))]
+            units = np.concatenate([units, np.full(5, units[0]), [1.0, 1.0]])
+        depth = min(len(free), MAX_DEPTH)
         places: list[Array] = []
         residuals: list[Array] = []
         for count in range(MAX_CYCLES):
@@ -393,7 +410,7 @@ class CartMotion:
                 return replace(trajectory, end=trajectory.start)
             if residuals and size > np.abs(residuals[-1]).max():  # the extrapolation failed
                 places, residuals = [], []
-            places, residuals = [*places[-len(free) :], place], [*residuals[-len(free) :], residual]
+            places, residuals = [*places[-depth:], place], [*residuals[-depth:], residual]
             move = residual
             if len(places) > 1 and count < ACCELERATED_CYCLES:  # then let a stable regime settle
                 moves, changes = np.diff(places, axis=0).T, np.diff(residuals, axis=0).T
@@ -407,6 +424,25 @@ class CartMotion:
             f"no periodic regime found in {MAX_CYCLES} cycles: a cycle ends {size * self.scale:g} N from its start, "
             'possibly by resonance of the spring or a subharmonic motion; increase `damping`, or use regime "rest"'
         )
+
+
+@lru_cache(maxsize=SHARE_TABLES)
+def _share_table(share: Share, tolerance: float) -> PiecewisePolynomial:
+    """Share over the travel [m], constant beyond its last travel; values never change, so that runs share a table."""
+    last = share.travels[-1] or 1.0
+    table = fit_piecewise(share, np.unique([0.0, *share.travels, last]), tolerance)
+    beyond = np.eye(1, table.coefficients.shape[1]) * share(2 * last)
+    return PiecewisePolynomial(np.append(table.breaks, 2 * last), np.concatenate([table.coefficients, beyond]))
+
+
+def _wheel_friction(cart: Cart, size: float) -> Array:
+    """Friction of both guide wheels by heading [N]: constant, over the load share and over the force of the mix [-]."""
+    loads, forces, directions = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, size]), np.array([[1.0], [-1.0]])
+    found = balance(cart, 0.0, forces, directions, load_share=loads)
+    reactions = cart.guide_friction * np.stack([found.front_reaction, found.rear_reaction], axis=1)
+    return np.stack(
+        [reactions[..., 0], reactions[..., 1] - reactions[..., 0], (reactions[..., 2] - reactions[..., 0]) / size], -1
+    )
 
 
 def _faster(velocity: Array, slowest: float) -> Array:

@@ -183,20 +183,14 @@ def solve_state(
     return DriveState(*motion, force, tangent, balance(cart, acceleration, force, np.sign(moving), tangent, end_force))
 
 
-def evaluate_resistance(
-    resistance: Resistance, velocity: Array, acceleration: Array, travel: Array | None = None
-) -> Array:
-    """Evaluate a resistance [N] at velocities [m/s], accelerations [m/s^2] and travels since the last turn [m].
+def evaluate_resistance(resistance: Resistance, velocity: Array, acceleration: Array) -> Array:
+    """Evaluate a resistance [N] far from the turn at velocities [m/s] and accelerations [m/s^2].
 
-    It is 0 in a dwell and required to be finite. Only a resistance with the attribute `travels` depends on the travel;
-    its default is that far from the turn.
+    It is 0 in a dwell and required to be finite.
     """
     force = np.zeros(np.shape(velocity))
     moves = np.asarray(velocity) != 0
-    arguments = [velocity, acceleration]
-    if travel is not None and hasattr(resistance, "travels"):
-        arguments.append(travel)
-    force[moves] = resistance(*(values[moves] for values in arguments))
+    force[moves] = resistance(velocity[moves], acceleration[moves])
     if not np.all(np.isfinite(force)):
         worst = tuple(np.argwhere(~np.isfinite(force))[0])
         raise ValueError(

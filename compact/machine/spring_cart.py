@@ -1,11 +1,10 @@
 """Motion of a cart behind a spring, by collocation between events.
 
     m x'' = k (e - o) + c e' + S(x) - R(x', x'', s),   e = y(t) - x
-    R = f + g(s) (F(v) - f + a' M(v)),   a' = a for |a| <= L |v|,   a' = L |v| sign(a) beyond
     S = P + p (l - x) for x < l,   -(P + p (x - h + l)) for x > h - l,   0 between
 
 y(t) is the imposed motion of the driven end, e the elongation, o the engaged half of the backlash, s the travel since
-the last turn, f the guide friction without the mix, S the force of the end springs with the preload P.
+the last turn, R the force of mix and guides (`spring_forces`), S that of the end springs with the preload P.
 
 On a step e and e' are polynomials of time that satisfy the equation of motion at Chebyshev points (Newton's method). A
 step is as long as its last Chebyshev coefficients are below the tolerance, about a period of an oscillation; one that
@@ -13,24 +12,42 @@ has decayed does not limit it. A step ends at the first event: speed zero, break
 the backlash, the plate of an end spring, a place at which R is not smooth, and a drive force of zero, so that |H| is
 smooth too. All forces are continued smoothly beyond an event, where the polynomials are cut.
 
-R jumps at speed zero and holds a cart at rest while the other forces lie between both limits. The preload of an end
-spring makes S jump at its plate, which holds a cart at rest likewise.
+R jumps at speed zero and holds a cart at rest while the other forces lie between both limits. With a release of the
+old force the part of the mix does not jump. The preload of an end spring makes S jump at its plate, which holds a cart
+at rest likewise.
 
 Compiled functions have plain loops over scalars and few calls: products of matrices, expressions of arrays, `max` and
 `min` of numpy and every further call compile slower than they run.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from compact.machine.shaft import DIFFERENTIATION, INTEGRATION, NODES, ORDER, TO_CHEBYSHEV
-from compact.numerics import Array, IntArray
+from compact.machine.spring_forces import (
+    AT_NEAR_PLATE,
+    ELONGATION,
+    FLANK,
+    FORCE,
+    HEADING,
+    NEAR_SPRING,
+    TURN,
+    VELOCITY,
+    ZONE,
+    SpringCart,
+    pull_on_cart,
+    resistance,
+    share_of,
+    smooth_range,
+    stiction_limits,
+    turn,
+    wheel_friction,
+)
+from compact.numerics import Array
 from compact.numerics.jit import compiled, inlined, internal
 from compact.numerics.piecewise import PiecewisePolynomial
 
-CONTINUATION = 0.5  # [-], of a table piece; its polynomial is continued so far beyond a knot, then by its tangent
 BAND = 1e-10  # [-], of a speed or a travel; an event lies so far beyond its place, so that rounding repeats none
 FORCE_BAND = 1e-6  # [-], of the force scale; likewise for the drive force, whose magnitude is smooth to its square
 REST_BAND, PLATE_BAND = 1e-13, 1e-15  # [-], of the fastest speed, and of the stroke; likewise for rest and plates
@@ -46,199 +63,14 @@ MIN_STEP = 1e-13  # [-], of a piece of the driven-end motion; shorter steps are 
 MAX_ATTEMPTS = 300  # [-], of one step
 ROOT_ITERATIONS = 60  # [-], of the bracketing of a root; to rounding
 
-NEAR_SPRING, FAR_SPRING = 1.0, -1.0  # zones; the cart compresses an end spring, 0 between the springs
-AT_NEAR_PLATE, AT_FAR_PLATE = 2.0, -2.0  # zones; the cart is at rest at the plate of an end spring
-FORCE, ADDED_MASS, FACTOR = range(3)  # tables of a `SpringCart`
 NO_EVENT, PASSED, STOPPED, NEW_ZONE, NEW_FLANK = 0.0, 1.0, 2.0, 10.0, 20.0  # events; the new zone or flank is added
-EVENTS = 10  # [-], rows of the margins to the events of a step
-# indices of the progress of an integration; the first six are a `CartState`
-ELONGATION, VELOCITY, FLANK, ZONE, TURN, HEADING, PIECE, FRACTION, STEP, ATTEMPTS, EVALUATIONS = range(11)
+EVENTS = 12  # [-], rows of the margins to the events of a step
+PIECE, FRACTION, STEP, ATTEMPTS, EVALUATIONS = range(12, 17)  # of the progress of an integration, after a `CartState`
 DONE, PAUSED, SPEED_BEYOND_TABLE, STEP_TOO_SHORT = range(4)  # status of `advance`
-ROW_HEAD, CHANNELS = 6, 6  # start, duration, slip, flank, zone and turn of a step; nodal y, y', y'', e, e', e''
+ROW_HEAD, CHANNELS = 6, 8  # start, duration, slip, flank, zone, heading of a step; nodal y, y', y'', e, e', e'', shares
 FROM_START = np.pad(INTEGRATION, ((1, 0), (1, 0)))  # nodal values to integrals from the start
 TWICE_FROM_START = FROM_START @ FROM_START
 SLOPES, CHEBYSHEV = map(np.ascontiguousarray, (DIFFERENTIATION, TO_CHEBYSHEV))  # one layout, one compilation
-
-
-class SpringCart(NamedTuple):
-    """Cart on its drive spring, with its resistance as tables.
-
-    Parameters
-    ----------
-    mass, stiffness, damping, backlash : float
-        m [kg], k [N/m] and c [N s/m] of the drive, and play between the flanks [m].
-    end_stiffness, end_preload, end_length, stroke : float
-        Of the end springs [N/m], [N], [m] (0 without springs), and stroke [m].
-    rate_limit : float
-        Limit L of |a|/|v| [1/s] for the added-mass term; 0 without added mass.
-    forward_guide, backward_guide : float
-        Guide friction f [N] for v > 0 and for v < 0, without the mix.
-    force_scale, tolerance : float
-        Largest force of inertia and resistance, and largest defect of a step [N].
-    knots, travels : ndarray, shape (n,)
-        Speeds |v| > 0 [m/s] at which F, and travels [m] at which g is not smooth; no travels for g = 1.
-    pieces : ndarray, shape (n, 2 + terms)
-        Ends and coefficients of the pieces of all tables: F [N] and M [kg] over v [m/s], and g [-] over s [m].
-    firsts : ndarray, shape (4,)
-        Rows at which the tables begin and end.
-    """
-
-    mass: float
-    stiffness: float
-    damping: float
-    backlash: float = 0.0
-    end_stiffness: float = 0.0
-    end_preload: float = 0.0
-    end_length: float = 0.0
-    stroke: float = 0.0
-    rate_limit: float = 0.0
-    forward_guide: float = 0.0
-    backward_guide: float = 0.0
-    force_scale: float = 1.0
-    tolerance: float = 1e-9
-    knots: Array = np.empty(0)
-    travels: Array = np.empty(0)
-    pieces: Array = np.empty((0, 2))
-    firsts: IntArray = np.zeros(4, np.int64)
-
-    def with_tables(self, *tables: PiecewisePolynomial) -> "SpringCart":
-        """Cart with other tables, in the order of `FORCE`, `ADDED_MASS`, `FACTOR`."""
-        pieces = [np.column_stack([table.breaks[:-1], table.breaks[1:], table.coefficients]) for table in tables]
-        firsts = np.cumsum([0, *map(len, pieces)] + [0] * (FACTOR + 1 - len(pieces)))
-        return self._replace(pieces=np.concatenate(pieces), firsts=firsts)
-
-
-class CartState(NamedTuple):
-    """State of a cart behind a spring.
-
-    Parameters
-    ----------
-    elongation, velocity : float
-        e [m] of the drive spring and x' [m/s].
-    flank : int
-        +1 or -1 in contact with a flank, 0 within the backlash; always +1 without backlash.
-    zone : int
-        `NEAR_SPRING`, `FAR_SPRING`, `AT_NEAR_PLATE`, `AT_FAR_PLATE`, or 0 between the end springs.
-    turn : float
-        Position of the last turn [m].
-    heading : int
-        Direction of the last motion.
-    """
-
-    elongation: float
-    velocity: float
-    flank: int
-    zone: int = 0
-    turn: float = 0.0
-    heading: int = -1
-
-
-class SmoothRange(NamedTuple):
-    """Part of the resistance that is smooth: direction, limits of v [m/s] and s [m], sign of the saturation."""
-
-    slip: float
-    low: float
-    high: float
-    saturation: float
-    travelled: float
-    farthest: float
-
-
-# forces
-
-
-@internal
-def _table(rows, i, end, abscissa, low, high):
-    """Value and slope of the table in rows from i to an end, continued smoothly beyond a range from low to high."""
-    place = abscissa if abscissa > low else low
-    while end - i > 1:
-        middle = (i + end) // 2
-        if rows[middle, 0] <= place and rows[middle, 0] < high:
-            i = middle
-        else:
-            end = middle
-    width = rows[i, 1] - rows[i, 0]
-    u, value, slope = (abscissa - rows[i, 0]) / width, 0.0, 0.0
-    inside = -CONTINUATION if u < -CONTINUATION else 1 + CONTINUATION if u > 1 + CONTINUATION else u
-    for j in range(rows.shape[1] - 1, 1, -1):
-        slope = slope * inside + value
-        value = value * inside + rows[i, j]
-    return value + slope * (u - inside), slope / width
-
-
-@internal
-def _resistance(cart, within, velocity, acceleration, travel):
-    """R [N], dR/dv [N s/m], dR/da [kg] and dR/dx [N/m], continued beyond a smooth range."""
-    slip, limit, rows, firsts = within.slip, cart.rate_limit, cart.pieces, cart.firsts
-    force, damping = _table(rows, firsts[FORCE], firsts[FORCE + 1], velocity, within.low, within.high)
-    mass, stiffness, saturation = 0.0, 0.0, within.saturation
-    if limit > 0:
-        mass, slope = _table(rows, firsts[ADDED_MASS], firsts[ADDED_MASS + 1], velocity, within.low, within.high)
-        if saturation == 0:
-            force, damping = force + mass * acceleration, damping + slope * acceleration
-        else:
-            force += saturation * limit * mass * slip * velocity
-            damping, mass = damping + saturation * limit * slip * (mass + slope * velocity), 0.0
-    if len(cart.travels) > 0:
-        factor, steepness = _table(rows, firsts[FACTOR], firsts[FACTOR + 1], travel, within.travelled, within.farthest)
-        guide = cart.forward_guide if slip > 0 else cart.backward_guide
-        stiffness = slip * steepness * (force - guide)
-        force, damping, mass = guide + factor * (force - guide), factor * damping, factor * mass
-    return force, damping, mass, stiffness
-
-
-@internal
-def _smooth_range(cart, slip, velocity, travel, pull):
-    """Smooth range of a cart that slides under a pull [N]."""
-    speed, low, high, travelled, farthest = slip * velocity, 0.0, np.inf, 0.0, np.inf
-    for knot in cart.knots:
-        if knot <= speed:
-            low = knot
-        elif knot < high:
-            high = knot
-    for place in cart.travels:
-        if place <= travel:
-            travelled = place
-        elif place < farthest:
-            farthest = place
-    if slip < 0:
-        low, high = -high, -low
-    within = SmoothRange(slip, low, high, 0.0, travelled, farthest)
-    if 0 < cart.rate_limit < np.inf:
-        force, _, mass, _ = _resistance(cart, within, velocity, 0.0, travel)
-        a = (pull - force) / (cart.mass + mass)
-        if abs(a) >= cart.rate_limit * speed:
-            sign = slip if a == 0 else 1.0 if a > 0 else -1.0
-            return SmoothRange(slip, low, high, sign, travelled, farthest)
-    return within
-
-
-@internal
-def _pull(cart, flank, zone, y, e, rate):
-    """Pull of drive spring, damper and end springs [N], and its slopes over e and y."""
-    stiffness, end_stiffness = cart.stiffness if flank != 0 else 0.0, 0.0
-    constant = -stiffness * flank * cart.backlash / 2
-    if abs(zone) == NEAR_SPRING:
-        end_stiffness, force = cart.end_stiffness, cart.end_preload + cart.end_stiffness * cart.end_length
-        constant += force if zone == NEAR_SPRING else cart.end_stiffness * cart.stroke - force
-        stiffness += end_stiffness
-    return stiffness * e - end_stiffness * y + constant + cart.damping * rate, stiffness, end_stiffness
-
-
-@internal
-def _stiction_limits(cart, state, position, zone):
-    """Smallest and largest pull [N] that holds a cart at rest."""
-    low = high = 0.0
-    for i in range(2):
-        slip = 2.0 * i - 1
-        travelled = slip * (position - state[TURN]) if state[HEADING] == slip else 0.0
-        within = _smooth_range(cart, slip, 0.0, travelled, 0.0)
-        low, high = high, _resistance(cart, within, 0.0, 0.0, travelled)[0]
-    if zone == AT_NEAR_PLATE:
-        low -= cart.end_preload
-    if zone == AT_FAR_PLATE:
-        high += cart.end_preload
-    return low, high
 
 
 # one step
@@ -299,8 +131,8 @@ def _collocate(cart, state, within, h, step):
         for i in range(n):
             y, e, rate, a = step[0, i], step[3, i], step[4, i], step[2, i] - step[5, i]
             travel = within.slip * (y - e - state[TURN])
-            force, damping, mass, steep = _resistance(cart, within, step[1, i] - rate, a, travel)
-            pull, stiffness, _ = _pull(cart, flank, zone, y, e, rate)
+            force, damping, mass, steep = resistance(cart, within, step[1, i] - rate, a, travel)
+            pull, stiffness, _ = pull_on_cart(cart, flank, zone, y, e, rate)
             gap[i] = cart.mass * a + force - pull
             if not abs(gap[i]) <= worst:
                 worst = abs(gap[i]) if math.isfinite(gap[i]) else np.inf
@@ -393,6 +225,24 @@ def _fall(values, end, slopes, coefficients):
 
 
 @internal
+def _find_wheel_margins(cart, state, within, step, margins):
+    """Fill in the margins to the change of sign of both wheel reactions."""
+    slip, band = within.slip, BAND * cart.force_scale
+    for k in range(2):
+        sign = within.front_wheel if k == 0 else within.rear_wheel
+        for i in range(ORDER + 1):
+            velocity, a, travel = (
+                step[1, i] - step[4, i],
+                step[2, i] - step[5, i],
+                step[0, i] - step[3, i] - state[TURN],
+            )
+            margins[10 + k, i] = band + sign * wheel_friction(cart, within, k, velocity, a, slip * travel)
+        start = margins[10 + k, 0]
+        for i in range(ORDER + 1 if start < band else 0):  # a sign that rounding mistook costs no event
+            margins[10 + k, i] += band - start
+
+
+@internal
 def _find_margins(cart, state, within, limits, step, margins, events):
     """Fill in the margins to all events of a step at its nodes; an event is the fall of its margin below zero."""
     slip, flank, zone, scale = within.slip, state[FLANK], state[ZONE], cart.force_scale
@@ -406,16 +256,16 @@ def _find_margins(cart, state, within, limits, step, margins, events):
     for i in range(ORDER + 1):
         y, e, rate = step[0, i], step[3, i], step[4, i]
         speed, a = slip * (step[1, i] - rate), step[2, i] - step[5, i]
-        margins[0, i] = _pull(cart, flank, 0.0, y, e, rate)[0]
+        margins[0, i] = pull_on_cart(cart, flank, 0.0, y, e, rate)[0]
         if slip == 0:
-            pull = _pull(cart, flank, zone, y, e, rate)[0]
+            pull = pull_on_cart(cart, flank, zone, y, e, rate)[0]
             margins[1, i], margins[2, i] = limits[1] + HOLD * scale - pull, pull - limits[0] + HOLD * scale
         else:
             margins[1, i] = speed - low * (1 - BAND) + REST_BAND * fastest
             if high < np.inf:
                 margins[2, i] = high * (1 + BAND) + REST_BAND * fastest - speed
-            if within.farthest < np.inf:
-                margins[3, i] = within.farthest * (1 + BAND) - slip * (y - e - state[TURN])
+            if within.event < np.inf:
+                margins[3, i] = within.event + BAND * cart.stroke - slip * (y - e - state[TURN])
         for k in range(2):
             side = 1.0 - 2 * k
             if saturates and within.saturation != -side:
@@ -431,6 +281,8 @@ def _find_margins(cart, state, within, limits, step, margins, events):
                 events[8 + k] = NEW_FLANK if flank == side else NEW_FLANK + side
     if slip != 0 and low == 0:
         events[1] = STOPPED
+    if slip != 0 and len(cart.turns) > 0:
+        _find_wheel_margins(cart, state, within, step, margins)
     start, slope, band = margins[0, 0], 0.0, FORCE_BAND * scale
     for i in range(ORDER + 1):
         slope += SLOPES[0, i] * margins[0, i]
@@ -451,8 +303,8 @@ def _leave(cart, state, slip, event, step):
         plate = 2 * (state[ZONE] + event - NEW_ZONE)  # the cart leaves one zone or enters another
         state[ZONE] = event - NEW_ZONE
         if abs(state[VELOCITY]) <= PLATE_REST_SPEED * cart.pieces[cart.firsts[FORCE + 1] - 1, 1]:
-            pull = _pull(cart, state[FLANK], plate, step[0, ORDER], state[ELONGATION], step[1, ORDER])[0]
-            low, high = _stiction_limits(cart, state, step[0, ORDER] - state[ELONGATION], plate)
+            pull = pull_on_cart(cart, state[FLANK], plate, step[0, ORDER], state[ELONGATION], step[1, ORDER])[0]
+            low, high = stiction_limits(cart, state, step[0, ORDER] - state[ELONGATION], plate)
             if low <= pull <= high:
                 state[VELOCITY], state[ZONE] = 0.0, plate
 
@@ -462,10 +314,22 @@ def _cut(polynomial, scale, h, u, step, work):
     """Cut a step of h [s] at u."""
     for channel in range(0, 3, 3):  # a literal 0 would be compiled anew
         _follow(polynomial, polynomial[0], scale, h * u, step, channel)
-    for k in range(3, CHANNELS):
+    for k in range(3, 6):
         _transform(CHEBYSHEV, step[k], work)
         for i in range(ORDER + 1):
             step[k, i] = _value(work, u * NODES[i])
+
+
+@inlined
+def _fill_shares(cart, state, within, position, step):
+    """Fill in the shares of force and load at the nodes of a step; at rest those of the last heading."""
+    if len(cart.turns) > 0 and within.slip == 0:
+        within, _ = smooth_range(cart, state, state[HEADING], 0.0, position, 0.0)
+    for k in range(2):
+        for i in range(ORDER + 1):
+            step[6 + k, i] = 1.0
+            if len(cart.turns) > 0:
+                step[6 + k, i] = share_of(cart, within, k, within.slip * (step[0, i] - step[3, i] - state[TURN]))[0]
 
 
 @inlined
@@ -496,7 +360,7 @@ def _direction(cart, state, limits, pull):
     if state[VELOCITY] != 0:
         return 1.0 if state[VELOCITY] > 0 else -1.0
     if limits[1] - limits[0] <= margin:
-        return 1.0 if pull >= 0 else -1.0
+        return 1.0 if pull >= (limits[0] + limits[1]) / 2 else -1.0
     return 1.0 if pull > limits[1] + margin else -1.0 if pull < limits[0] - margin else 0.0
 
 
@@ -545,15 +409,15 @@ def advance(cart: SpringCart, law: PiecewisePolynomial, state: Array, rows: Arra
         _shift(law.coefficients[piece], state[FRACTION], polynomial)
         y, rate = polynomial[0], polynomial[1] / width - state[VELOCITY]
         position, zone = y - state[ELONGATION], state[ZONE]
-        pull = _pull(cart, state[FLANK], zone, y, state[ELONGATION], rate)[0]
-        limits = _stiction_limits(cart, state, position, zone)
+        pull = pull_on_cart(cart, state[FLANK], zone, y, state[ELONGATION], rate)[0]
+        limits = stiction_limits(cart, state, position, zone)
         slip = _direction(cart, state, limits, pull)
         if slip == -state[HEADING]:
-            state[HEADING], state[TURN] = slip, position
+            turn(cart, state, slip, position)
         if abs(zone) == AT_NEAR_PLATE and slip != 0:  # the cart leaves its plate
             state[ZONE] = zone / 2 if slip == -zone / 2 else 0.0
-            pull = _pull(cart, state[FLANK], state[ZONE], y, state[ELONGATION], rate)[0]
-        within = _smooth_range(cart, slip, state[VELOCITY], slip * (position - state[TURN]), pull)
+            pull = pull_on_cart(cart, state[FLANK], state[ZONE], y, state[ELONGATION], rate)[0]
+        within, _ = smooth_range(cart, state, slip, state[VELOCITY], position, pull)
 
         # one attempt, up to its first event
         h = remaining if (slip == 0 and state[ATTEMPTS] == 1) or state[STEP] > remaining else state[STEP]
@@ -582,7 +446,8 @@ def advance(cart: SpringCart, law: PiecewisePolynomial, state: Array, rows: Arra
         if end * h > MIN_STEP * width:
             row = rows[filled]
             row[0], row[1], row[2] = law.breaks[piece] + state[FRACTION] * width, end * h, slip
-            row[3], row[4], row[5] = state[FLANK], state[ZONE], state[TURN]
+            row[3], row[4], row[5] = state[FLANK], state[ZONE], state[HEADING]
+            _fill_shares(cart, state, within, position, step)
             for k in range(step.size):
                 row[ROW_HEAD + k] = step.flat[k]
             filled += 1

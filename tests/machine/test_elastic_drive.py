@@ -21,10 +21,11 @@ from compact.machine.cart import EndSprings
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.elastic_motion import SAMPLES, CartMotion, integrate
 from compact.machine.shaft import ORDER
-from compact.machine.spring_cart import CartState, SpringCart
+from compact.machine.spring_forces import CartState, SpringCart
 from compact.motion.profile import LAWS, Cycle
 from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise
 from compact.resistance import ResistanceMap
+from compact.turning import StrokeResistance, table_share
 
 WITH_IMPULSE = ("constant-velocity", "gear-sector")
 WITHOUT_IMPULSE = [name for name in LAWS if name not in WITH_IMPULSE]
@@ -245,15 +246,10 @@ def test_error_falls_with_the_order_of_the_collocation():
 # independent solution
 
 
-class Ramp:
+def ramp(size, length, first=0.0):
     """Dry friction that rebuilds linearly over a travel after each turn, from a share of its size."""
-
-    def __init__(self, size, length, first=0.0):
-        self.size, self.length, self.first, self.travels = size, length, first, (length,)
-
-    def __call__(self, velocity, acceleration, travel=np.inf):
-        share = self.first + (1 - self.first) * np.minimum(travel / self.length, 1.0)
-        return self.size * np.sign(velocity) * share
+    share = table_share((0.0, length), (first, 1.0))
+    return StrokeResistance(friction(size), share, share, share, share)
 
 
 class ReferenceSolver:
@@ -265,7 +261,7 @@ class ReferenceSolver:
 
     def force(self, sign, x, speed=0.0):
         arguments = np.array([sign * max(speed, 1e-12)]), np.zeros(1)
-        if hasattr(self.resistance, "travels"):
+        if isinstance(self.resistance, StrokeResistance):
             arguments += (np.array([max(sign * (x - self.turn), 0.0) if sign == self.heading else 0.0]),)
         return float(self.resistance(*arguments)[0])
 
@@ -318,7 +314,7 @@ class ReferenceSolver:
         return got.t[-1]
 
 
-RAMP = Ramp(3486.0, 0.02)
+RAMP = ramp(3486.0, 0.02)
 
 
 @pytest.mark.sampled(2)
@@ -341,14 +337,19 @@ def test_stick_and_slip_agree_with_a_general_solver(name, resistance):
 @pytest.mark.parametrize("stiffness", [1e5, 1e6, 1e8])
 def test_resistance_that_rebuilds_over_the_travel_is_a_spring_at_first(stiffness):
     """m x'' = k (V t - x) - F x/l: x = V k/K (t - sin(w t)/w) with K = k + F/l, w^2 = K/m, up to x = l."""
-    ramp, total = Ramp(3486.0, 0.05), stiffness + 3486.0 / 0.05
+    total = stiffness + 3486.0 / 0.05
     run = simulate_elastic(
-        CART, ElasticDrive(stiffness, 0.0), published_law("constant-velocity"), ramp, regime="rest", tolerance=1e-11
+        CART,
+        ElasticDrive(stiffness, 0.0),
+        published_law("constant-velocity"),
+        ramp(3486.0, 0.05),
+        regime="rest",
+        tolerance=1e-11,
     )
     t, w = np.linspace(0, 0.3, 200), math.sqrt(total / MASS)
     position, velocity, *_ = (motion := run.trajectory.at(t))
     pace = 0.4 / 3.0 * stiffness / total
-    assert position.max() < ramp.length
+    assert position.max() < 0.05
     assert position == pytest.approx(pace * (t - np.sin(w * t) / w), abs=1e-9)
     assert velocity == pytest.approx(pace * (1 - np.cos(w * t)), abs=1e-8)
     assert motion.resistance[1:] == pytest.approx(3486.0 / 0.05 * position[1:], abs=1e-3)

@@ -19,7 +19,7 @@ from compact.machine.motor_drive import Motor, simulate_acceleration_phase, simu
 from compact.machine.rigid_drive import InverseDynamics
 from compact.machine.roller_motors import CreepFreeRoller, DrivenRoller, pull_range, roller_rotation
 from compact.machine.shaft import Belt, Kloss, LinearTorqueCurve, solve_shaft_speed
-from compact.machine.spring_cart import CartState
+from compact.machine.spring_forces import CartState
 from compact.motion.profile import law
 from compact.numerics.piecewise import PiecewisePolynomial
 from compact.resistance import ResistanceMap
@@ -76,13 +76,6 @@ def with_nan_tables():
     problem = CartMotion(CART, DAMPED, published_law("harmonic").cycle(), dry, 1e-8)
     problem.cart = problem.cart._replace(pieces=np.nan * problem.cart.pieces)
     return problem.integrate(problem.law, CartState(0.0, 0.1, 1))
-
-
-def mixed(velocity, acceleration, travel=np.inf):
-    return np.sign(velocity) * (1000 + velocity**2 * np.minimum(travel, 0.1))
-
-
-mixed.travels = (0.1,)
 
 
 def jumping(velocity, acceleration):
@@ -180,7 +173,6 @@ VALUES = [
         lambda: elastic(replace(DAMPED, include_added_mass=True), lambda v, a: np.sign(v) - 1500 * a),
         r"`mass` must exceed the negative added mass of the resistance, 1500 kg, got 1000 kg",
     ),
-    (lambda: elastic(resistance=mixed), "`resistance` must be a product of a function of velocity and one of travel"),
     (
         lambda: elastic(ElasticDrive(1e15, 0.0), name="gear-sector"),
         r"`stiffness` 1e\+15 N/m with `damping` 0 N s/m: the cart oscillates 9.5e\+05 times per cycle .*rigid",

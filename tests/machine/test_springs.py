@@ -16,7 +16,7 @@ from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.elastic_motion import integrate
 from compact.machine.motor_drive import Motor
 from compact.machine.shaft import Kloss
-from compact.machine.spring_cart import AT_NEAR_PLATE, NEAR_SPRING, CartState, SpringCart
+from compact.machine.spring_forces import AT_NEAR_PLATE, NEAR_SPRING, CartState, SpringCart
 from compact.motion.profile import LAWS
 from compact.numerics.piecewise import PiecewisePolynomial
 

@@ -1,0 +1,430 @@
+"""Forces on a cart behind a spring, for compiled code: resistance along the stroke, guides, drive and end springs.
+
+    R = g_h(s) (F(v) + a' M(v)) + guide friction,   a' = a for |a| <= L |v|,   a' = L |v| sign(a) beyond
+
+s is the travel since the last turn, and g_h the share of the force in the heading h. The guide friction follows from
+the reactions of both guide wheels, linear in the load share and in the force of the mix. Without shares g = 1, and
+the tables contain the guide friction. The memory of the turns is that of `compact.turning`; places are xi = h x in the
+sense of the heading.
+
+Each `SmoothRange` is part of R that is smooth; beyond it R is continued smoothly.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from compact.numerics import Array, IntArray
+from compact.numerics.jit import internal
+from compact.numerics.piecewise import PiecewisePolynomial
+
+CONTINUATION = 0.5  # [-], of a table piece; its polynomial is continued so far beyond a knot, then by its tangent
+NO_ENDS = 1e300  # [m], a place that is never met
+WHEEL_ROUNDS = 3  # [-], of the acceleration and the signs of both wheel reactions, which depend on one another
+TABLES = 6  # [-], of a `SpringCart`
+FORCE, ADDED_MASS, FORWARD = 0, 1, 2  # and the shares: forward force and load, backward force and load
+DISTANCE, RELEASE, TRACK = 0, 1, 2  # columns of `turns`; TRACK + 1 is the share of the load on the own track
+NEAR_SPRING, FAR_SPRING = 1.0, -1.0  # zones; the cart compresses an end spring, 0 between the springs
+AT_NEAR_PLATE, AT_FAR_PLATE = 2.0, -2.0  # zones; the cart is at rest at the plate of an end spring
+# indices of a `CartState`; front and origin of the backward heading follow those of the forward heading
+ELONGATION, VELOCITY, FLANK, ZONE, TURN, HEADING, FRONT, ORIGIN = range(8)
+RELEASED = 10  # followed by that of the load
+
+
+class SpringCart(NamedTuple):
+    """Cart on its drive spring, with its resistance as tables.
+
+    Parameters
+    ----------
+    mass, stiffness, damping, backlash : float
+        m [kg], k [N/m] and c [N s/m] of the drive, and play between the flanks [m].
+    end_stiffness, end_preload, end_length, stroke : float
+        Of the end springs [N/m], [N], [m] (0 without springs), and stroke [m].
+    rate_limit : float
+        Limit L of |a|/|v| [1/s] for the added-mass term; 0 without added mass.
+    force_scale, tolerance : float
+        Largest force of inertia and resistance, and largest defect of a step [N].
+    knots : ndarray, shape (n,)
+        Speeds |v| > 0 [m/s] at which F is not smooth.
+    pieces : ndarray, shape (n, 2 + terms)
+        Ends and coefficients of the pieces of all tables: F [N] and M [kg] over v [m/s], shares [-] over s [m].
+    firsts : ndarray, shape (TABLES + 1,)
+        Rows at which the tables begin and end.
+    turns : ndarray, shape (2, 4) or (0, 4)
+        Distance and release [m], shares of force and load on the own track [-], forward and backward; none for g = 1.
+    places : ndarray, shape (2, n)
+        Travels [m] at which a share is not smooth, forward and backward, padded by infinity.
+    wheels : ndarray, shape (2, 2, 3)
+        Friction of both guide wheels, forward and backward [N]: constant, over the load share, over the force [-].
+    load_ratio : float
+        Load of the backward over that of the forward heading [-].
+    """
+
+    mass: float
+    stiffness: float
+    damping: float
+    backlash: float = 0.0
+    end_stiffness: float = 0.0
+    end_preload: float = 0.0
+    end_length: float = 0.0
+    stroke: float = 0.0
+    rate_limit: float = 0.0
+    force_scale: float = 1.0
+    tolerance: float = 1e-9
+    knots: Array = np.empty(0)
+    pieces: Array = np.empty((0, 2))
+    firsts: IntArray = np.zeros(TABLES + 1, np.int64)
+    turns: Array = np.empty((0, 4))
+    places: Array = np.empty((2, 0))
+    wheels: Array = np.zeros((2, 2, 3))
+    load_ratio: float = 1.0
+
+    def with_tables(self, *tables: PiecewisePolynomial) -> "SpringCart":
+        """Cart with other tables: F, M and the shares of force and load, forward and backward."""
+        terms = max(table.coefficients.shape[1] for table in tables)
+        pieces = [
+            np.column_stack([
+                table.breaks[:-1], table.breaks[1:],
+                np.pad(table.coefficients, ((0, 0), (0, terms - table.coefficients.shape[1]))),
+            ])
+            for table in tables
+        ]  # fmt: skip
+        firsts = np.cumsum([0, *map(len, pieces)] + [0] * (TABLES - len(pieces)))
+        return self._replace(pieces=np.concatenate(pieces), firsts=firsts)
+
+
+class CartState(NamedTuple):
+    """State of a cart behind a spring.
+
+    Parameters
+    ----------
+    elongation, velocity : float
+        e [m] of the drive spring and x' [m/s].
+    flank : int
+        +1 or -1 in contact with a flank, 0 within the backlash; always +1 without backlash.
+    zone : int
+        `NEAR_SPRING`, `FAR_SPRING`, `AT_NEAR_PLATE`, `AT_FAR_PLATE`, or 0 between the end springs.
+    turn : float
+        Position of the last turn [m].
+    heading : int
+        Direction of the last motion.
+    forward_front, forward_origin, backward_front, backward_origin : float
+        Front of the rolled mix and origin of the travel in the sense of each heading [m].
+    released, load_released : float
+        Amounts that the release takes from the shares of force and load at the last turn [-].
+    """
+
+    elongation: float
+    velocity: float
+    flank: int
+    zone: int = 0
+    turn: float = 0.0
+    heading: int = -1
+    forward_front: float = 0.0
+    forward_origin: float = 0.0
+    backward_front: float = 0.0
+    backward_origin: float = 0.0
+    released: float = 0.0
+    load_released: float = 0.0
+
+
+class Memory(NamedTuple):
+    """Memory of a cart in one heading: places xi = h x [m] of front, origin and turn; amounts of the release [-]."""
+
+    front: float
+    origin: float
+    turn: float
+    released: float
+    load_released: float
+
+
+class SmoothRange(NamedTuple):
+    """Part of the resistance that is smooth.
+
+    Parameters
+    ----------
+    slip, low, high, saturation : float
+        Direction, limits of v [m/s], sign of the saturation of the added mass.
+    travelled, farthest : float
+        Limits of the abscissa of the shares [m].
+    offset, gap : float
+        Abscissa of the shares at the turn, and travel to the front ahead [m]; gap 0 on fresh mix.
+    event : float
+        Travel s at which the range ends [m].
+    at_front, load_at_front, released, load_released : float
+        Shares at the front ahead, and amounts of the release [-].
+    front_wheel, rear_wheel : float
+        Signs of both wheel reactions.
+    """
+
+    slip: float
+    low: float
+    high: float
+    saturation: float
+    travelled: float
+    farthest: float
+    offset: float
+    gap: float
+    event: float
+    at_front: float
+    load_at_front: float
+    released: float
+    load_released: float
+    front_wheel: float
+    rear_wheel: float
+
+
+@internal
+def table_value(rows, i, end, abscissa, low, high) -> tuple[float, float]:
+    """Return value and slope of the table in rows from i to an end, continued smoothly beyond low and high."""
+    place = abscissa if abscissa > low else low
+    while end - i > 1:
+        middle = (i + end) // 2
+        if rows[middle, 0] <= place and rows[middle, 0] < high:
+            i = middle
+        else:
+            end = middle
+    width = rows[i, 1] - rows[i, 0]
+    u, value, slope = (abscissa - rows[i, 0]) / width, 0.0, 0.0
+    inside = -CONTINUATION if u < -CONTINUATION else 1 + CONTINUATION if u > 1 + CONTINUATION else u
+    for j in range(rows.shape[1] - 1, 1, -1):
+        slope = slope * inside + value
+        value = value * inside + rows[i, j]
+    return value + slope * (u - inside), slope / width
+
+
+@internal
+def _fading(travel, length):
+    """Value and slope of exp(travel/length), with its tangent from `CONTINUATION` on; 0 for no length."""
+    if length == 0:
+        return 0.0, 0.0
+    u = travel / length
+    value = math.exp(u if u < CONTINUATION else CONTINUATION)
+    return value + (value * (u - CONTINUATION) if u > CONTINUATION else 0.0), value / length
+
+
+@internal
+def share_of(cart, within, k, travel) -> tuple[float, float]:
+    """Return the share of the force (k = 0) or the load (k = 1) at a travel since the turn, and its slope [1/m]."""
+    row = 0 if within.slip > 0 else 1
+    release, track = cart.turns[row, RELEASE], cart.turns[row, TRACK + k]
+    if within.gap > 0:
+        value, slope = _fading(travel - within.gap, release)
+        rise = (within.at_front if k == 0 else within.load_at_front) - track
+        value, slope = track + rise * value, rise * slope
+    else:
+        i = FORWARD + 2 * row + k
+        first, end = cart.firsts[i], cart.firsts[i + 1]
+        value, slope = table_value(cart.pieces, first, end, travel + within.offset, within.travelled, within.farthest)
+    released = within.released if k == 0 else within.load_released
+    if released != 0:
+        fading, steepness = _fading(-travel, release)
+        value, slope = value - released * fading, slope + released * steepness
+    return value, slope
+
+
+@internal
+def force_of_mix(cart, within, velocity, acceleration) -> tuple[float, float, float]:
+    """Return F + a' M [N], its slopes over v [N s/m] and a [kg], continued beyond a smooth range."""
+    slip, limit, rows, firsts = within.slip, cart.rate_limit, cart.pieces, cart.firsts
+    force, damping = table_value(rows, firsts[FORCE], firsts[FORCE + 1], velocity, within.low, within.high)
+    mass, saturation = 0.0, within.saturation
+    if limit > 0:
+        mass, slope = table_value(rows, firsts[ADDED_MASS], firsts[ADDED_MASS + 1], velocity, within.low, within.high)
+        if saturation == 0:
+            force, damping = force + mass * acceleration, damping + slope * acceleration
+        else:
+            force += saturation * limit * mass * slip * velocity
+            damping, mass = damping + saturation * limit * slip * (mass + slope * velocity), 0.0
+    return force, damping, mass
+
+
+@internal
+def resistance(cart, within, velocity, acceleration, travel) -> tuple[float, float, float, float]:
+    """Return R [N], dR/dv [N s/m], dR/da [kg] and dR/dx [N/m], continued beyond a smooth range."""
+    force, damping, mass = force_of_mix(cart, within, velocity, acceleration)
+    if len(cart.turns) == 0:
+        return force, damping, mass, 0.0
+    share, steepness = share_of(cart, within, 0, travel)
+    load, rise = share_of(cart, within, 1, travel)
+    row, slip, gain, friction, over_load = 0 if within.slip > 0 else 1, within.slip, 1.0, 0.0, 0.0
+    for i in range(2):
+        sign = slip * (within.front_wheel if i == 0 else within.rear_wheel)
+        gain += sign * cart.wheels[row, i, 2]
+        over_load += sign * cart.wheels[row, i, 1]
+        friction += sign * cart.wheels[row, i, 0]
+    total = gain * share * force + over_load * load + friction
+    stiffness = slip * (gain * steepness * force + over_load * rise)
+    return total, gain * share * damping, gain * share * mass, stiffness
+
+
+@internal
+def wheel_friction(cart, within, i, velocity, acceleration, travel) -> float:
+    """Return the friction of a guide wheel [N], with the sign of its reaction."""
+    row = 0 if within.slip > 0 else 1
+    force, load = share_of(cart, within, 0, travel)[0], share_of(cart, within, 1, travel)[0]
+    force *= force_of_mix(cart, within, velocity, acceleration)[0]
+    return cart.wheels[row, i, 0] + cart.wheels[row, i, 1] * load + cart.wheels[row, i, 2] * force
+
+
+# memory of the turns
+
+
+@internal
+def _first_part(cart, row, k, memory, place):
+    """Share before the release at a place xi [m] in a heading."""
+    i = FORWARD + 2 * row + k
+    first, end, beyond = cart.firsts[i], cart.firsts[i + 1], place >= memory.front
+    at = place if beyond else memory.front
+    value = table_value(cart.pieces, first, end, at - memory.origin, at - memory.origin, NO_ENDS)[0]
+    if beyond:
+        return value
+    track = cart.turns[row, TRACK + k]
+    return track + (value - track) * _fading(place - memory.front, cart.turns[row, RELEASE])[0]
+
+
+@internal
+def _memory(cart, state, slip, position):
+    """Memory for a motion that continues the last heading, or turns at a position [m]."""
+    row, heading = 0 if slip > 0 else 1, state[HEADING]
+    front, origin = state[FRONT + 2 * row], state[ORIGIN + 2 * row]
+    memory = Memory(front, origin, slip * state[TURN], state[RELEASED], state[RELEASED + 1])
+    if slip == heading or len(cart.turns) == 0:
+        return memory
+    place, other, last = slip * position, 1 - row, heading * position
+    if front - place > cart.turns[row, DISTANCE]:  # the sleeve has laid fresh mix
+        front, origin = place + cart.turns[row, DISTANCE], place
+    release = cart.turns[row, RELEASE]
+    if release == 0:
+        return Memory(front, origin, place, 0.0, 0.0)
+    memory = Memory(front, origin, place, 0.0, 0.0)
+    turned, released, load_released = heading * state[TURN], state[RELEASED], state[RELEASED + 1]
+    before = Memory(state[FRONT + 2 * other], state[ORIGIN + 2 * other], turned, released, load_released)
+    fading = _fading(turned - last, cart.turns[other, RELEASE])[0]
+    force = _first_part(cart, other, 0, before, last) - released * fading
+    load = _first_part(cart, other, 1, before, last) - load_released * fading
+    force *= _rest_ratio(cart, slip)
+    load *= cart.load_ratio if slip > 0 else 1 / cart.load_ratio if cart.load_ratio > 0 else 1.0
+    first, first_load = _first_part(cart, row, 0, memory, place), _first_part(cart, row, 1, memory, place)
+    return Memory(front, origin, place, first + force, first_load - load)
+
+
+@internal
+def _rest_ratio(cart, slip):
+    """Force of the mix at rest against a heading -slip over that against slip [-]; 1 where it vanishes."""
+    rows, first, end = cart.pieces, cart.firsts[FORCE], cart.firsts[FORCE + 1]
+    forward = table_value(rows, first, end, 0.0, 0.0, NO_ENDS)[0]
+    backward = -table_value(rows, first, end, 0.0, -NO_ENDS, 0.0)[0]
+    old, new = (backward, forward) if slip > 0 else (forward, backward)
+    return old / new if old != 0 and new != 0 else 1.0
+
+
+@internal
+def turn(cart, state, slip, position) -> None:
+    """Update a state whose cart turns at a position [m] into a direction."""
+    if len(cart.turns) > 0:
+        row, old = (0, 1) if slip > 0 else (1, 0)
+        memory, reached = _memory(cart, state, slip, position), -slip * position
+        if reached > state[FRONT + 2 * old]:
+            state[FRONT + 2 * old] = reached
+        state[FRONT + 2 * row], state[ORIGIN + 2 * row] = memory.front, memory.origin
+        state[RELEASED], state[RELEASED + 1] = memory.released, memory.load_released
+    state[HEADING], state[TURN] = slip, position
+
+
+# smooth parts
+
+
+@internal
+def smooth_range(cart, state, slip, velocity, position, pull) -> tuple[SmoothRange, float]:
+    """Return the smooth range of a cart that slides under a pull [N], and its travel since the turn [m]."""
+    speed, low, high = slip * velocity, 0.0, np.inf
+    for knot in cart.knots:
+        if knot <= speed:
+            low = knot
+        elif knot < high:
+            high = knot
+    if slip < 0:
+        low, high = -high, -low
+    within = SmoothRange(slip, low, high, 0.0, 0.0, np.inf, 0.0, 0.0, np.inf, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0)
+    travel = 0.0
+    if len(cart.turns) > 0 and slip != 0:
+        within, travel = _along_stroke(cart, state, within, position)
+    saturates = 0 < cart.rate_limit < np.inf
+    wheels = len(cart.turns) > 0 and slip != 0
+    if not (saturates or wheels):
+        return within, travel
+    a = 0.0
+    for _ in range(WHEEL_ROUNDS if wheels else 1):
+        if wheels:
+            front = 1.0 if wheel_friction(cart, within, 0, velocity, a, travel) >= 0 else -1.0
+            rear = 1.0 if wheel_friction(cart, within, 1, velocity, a, travel) >= 0 else -1.0
+            within = _with_signs(within, 0.0, front, rear)
+        force, _, mass, _ = resistance(cart, within, velocity, 0.0, travel)
+        a = (pull - force) / (cart.mass + mass)
+        if saturates and abs(a) >= cart.rate_limit * speed:
+            sign = slip if a == 0 else 1.0 if a > 0 else -1.0
+            within = _with_signs(within, sign, within.front_wheel, within.rear_wheel)
+    return within, travel
+
+
+@internal
+def _with_signs(within, saturation, front, rear):
+    """Return the same range with other signs."""
+    return SmoothRange(
+        within.slip, within.low, within.high, saturation, within.travelled, within.farthest, within.offset, within.gap,
+        within.event, within.at_front, within.load_at_front, within.released, within.load_released, front, rear,
+    )  # fmt: skip
+
+
+@internal
+def _along_stroke(cart, state, within, position):
+    """Smooth range with its part of the stroke, and the travel since the turn [m]."""
+    slip = within.slip
+    row, memory, place = 0 if slip > 0 else 1, _memory(cart, state, slip, position), slip * position
+    travel, offset, gap = place - memory.turn, memory.turn - memory.origin, memory.front - memory.turn
+    travelled, farthest, event = 0.0, np.inf, np.inf
+    at_front, load_at_front = 1.0, 1.0
+    if travel < gap:
+        event = gap
+        at_front = _first_part(cart, row, 0, memory, memory.front)
+        load_at_front = _first_part(cart, row, 1, memory, memory.front)
+    else:
+        gap = 0.0
+        for each in cart.places[row]:
+            if each - offset <= travel:
+                travelled = each
+            elif each < farthest:
+                farthest = each
+        event = farthest - offset
+    return SmoothRange(
+        slip, within.low, within.high, 0.0, travelled, farthest, offset, gap, event, at_front, load_at_front,
+        memory.released, memory.load_released, 1.0, 1.0,
+    ), travel  # fmt: skip
+
+
+@internal
+def pull_on_cart(cart, flank, zone, y, e, rate) -> tuple[float, float, float]:
+    """Return the pull of drive spring, damper and end springs [N], and its slopes over e and y."""
+    stiffness, end_stiffness = cart.stiffness if flank != 0 else 0.0, 0.0
+    constant = -stiffness * flank * cart.backlash / 2
+    if abs(zone) == NEAR_SPRING:
+        end_stiffness, force = cart.end_stiffness, cart.end_preload + cart.end_stiffness * cart.end_length
+        constant += force if zone == NEAR_SPRING else cart.end_stiffness * cart.stroke - force
+        stiffness += end_stiffness
+    return stiffness * e - end_stiffness * y + constant + cart.damping * rate, stiffness, end_stiffness
+
+
+@internal
+def stiction_limits(cart, state, position, zone) -> tuple[float, float]:
+    """Return the smallest and largest pull [N] that holds a cart at rest."""
+    low = high = 0.0
+    for i in range(2):
+        within, travel = smooth_range(cart, state, 2.0 * i - 1, 0.0, position, 0.0)
+        low, high = high, resistance(cart, within, 0.0, 0.0, travel)[0]
+    if zone == AT_NEAR_PLATE:
+        low -= cart.end_preload
+    if zone == AT_FAR_PLATE:
+        high += cart.end_preload
+    return low, high

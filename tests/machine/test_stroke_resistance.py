@@ -1,0 +1,227 @@
+"""Drives under a resistance along the stroke: work, limits, mirror, memory of the turns, hard cases."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from machine_cases import CART, MASS, SIZE, published_law
+from published import CART_OF_C
+
+from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
+from compact.machine.elastic_motion import CartMotion
+from compact.numerics.piecewise import PiecewisePolynomial
+from compact.resistance import dry_resistance, tabulated_resistance
+from compact.turning import (
+    StrokeResistance,
+    imprint_load_share,
+    imprint_share,
+    table_share,
+    wave_load_share,
+    wave_share,
+)
+
+LENGTH, DEPTH = 0.0215, 2.1e-3  # of the contact [m]
+STROKE, DURATION = 0.4, 0.889
+DRY = dry_resistance(SIZE)
+MAP = tabulated_resistance((0.01, 0.1, 0.4, 2.0), (2.2e3, 3.0e3, 3.3e3, 3.4e3), (-30.0, -10.0, -5.0, -1.0), 0.05)
+
+
+def wave(edge, bow_wave=1.21 * DEPTH):
+    return wave_share(LENGTH, DEPTH, bow_wave, edge), wave_load_share(LENGTH, DEPTH, bow_wave, edge)
+
+
+def imprint(edge, exponent=0.7):
+    return imprint_share(LENGTH, exponent, edge), imprint_load_share(LENGTH, exponent, edge)
+
+
+def table(*rows):
+    return (table_share(*zip(*rows, strict=True)),) * 2
+
+
+def along(forward, backward=None, resistance=DRY):
+    (force, load), (back, back_load) = forward, backward or forward
+    return StrokeResistance(resistance, force, back, load, back_load)
+
+
+def elastic(stiffness=1e6, ratio=0.05, **options):
+    return ElasticDrive(stiffness, 2 * ratio * math.sqrt(stiffness * MASS), **options)
+
+
+def periodic(resistance, name="complex", drive=None, cart=CART_OF_C):
+    return simulate_elastic(cart, drive or elastic(), published_law(name, DURATION), resistance)
+
+
+CASES = {
+    "wave": (along(wave(0.110)), {}),
+    "both sides differ": (along(wave(0.110), imprint(0.154)), {}),
+    "imprint": (along(imprint(0.110)), {}),
+    "table": (along(table((0.0, 0.0), (0.05, 1.0))), {}),
+    "bow wave longer than the stroke": (along(wave(0.110, 5 * DEPTH)), {}),
+    "own track longer than the stroke": (along(wave(0.6)), {}),
+    "open to the roller": (along(wave(0.0)), {}),
+    "imprint below the roller": (along(imprint(0.3 * LENGTH)), {}),
+    "sticks half the cycle": (along(wave(0.110)), {"stiffness": 1.2e4, "ratio": 0.3}),
+    "backlash": (along(wave(0.110)), {"ratio": 0.2, "backlash": 1e-3}),
+    "map": (along(wave(0.110), resistance=MAP), {"include_added_mass": True}),
+    "return over compacted mix": (along(wave(0.110), resistance=replace(MAP, return_ratio=0.4)), {}),
+}
+periodic_cases = pytest.mark.parametrize(("resistance", "options"), CASES.values(), ids=CASES.keys())
+
+
+# closed form
+
+
+def test_share_of_one_is_the_step():
+    one = periodic(along(table((0.0, 1.0))))
+    step = periodic(DRY)
+    assert one.peak_force == pytest.approx(step.peak_force, rel=1e-7)
+    assert one.peak_power == pytest.approx(step.peak_power, rel=1e-7)
+    assert one.energy == pytest.approx(step.energy, rel=1e-7)
+
+
+def test_lift_of_the_rollers_on_the_own_track_is_a_fifth():
+    run = periodic(along(wave(0.6)), cart=replace(CART_OF_C, guide_friction=0.0))
+    reactions = run.state.forces.front_reaction + run.state.forces.rear_reaction
+    lift = sum(CART_OF_C.roller_reactions)
+    assert reactions == pytest.approx(np.full(len(reactions), 0.2 * lift - CART_OF_C.weight), abs=1e-6 * lift)
+
+
+# independent solutions
+
+
+class NaiveMemory:
+    """Share of the force along a path, by the definitions of `compact.turning`, one small move at a time."""
+
+    def __init__(self, share, stroke):
+        self.share, self.front, self.origin = share, {1: share.distance, -1: 0.0}, {1: 0.0, -1: -stroke}
+        self.heading, self.turn, self.released, self.value = -1, 0.0, 0.0, float(share(stroke))
+
+    def first(self, heading, place):
+        share, front, origin = self.share, self.front[heading], self.origin[heading]
+        if place >= front:
+            return float(share(place - origin))
+        rise = float(share(front - origin)) - share.track
+        return share.track + rise * math.exp(-(front - place) / share.release)
+
+    def move(self, before, after):
+        heading = 1 if after > before else -1
+        if heading != self.heading:
+            place = heading * before
+            self.released = self.value + self.first(heading, place)
+            self.heading, self.turn = heading, place
+        place = heading * after
+        self.value = self.first(heading, place)
+        self.value -= self.released * math.exp(-(place - self.turn) / self.share.release)
+        self.front[heading] = max(self.front[heading], place)
+        if self.front[-heading] + place > self.share.distance:
+            self.front[-heading], self.origin[-heading] = self.share.distance - place, -place
+        return self.value
+
+
+@pytest.mark.parametrize("share", [wave(0.110), imprint(0.110), wave(0.0)], ids=["wave", "imprint", "open"])
+def test_turns_in_mid_stroke_meet_the_old_front_again(share):
+    """Reversals by less and by more than the own track, on a drive so stiff that it imposes the motion."""
+    places = [0.0, 0.3, 0.27, 0.2999, 0.2998, 0.35, 0.2, 0.24, 0.23, 0.4, 0.0, 0.1]
+    time = np.arange(len(places), dtype=float)
+    rows = [[start, 0, 0, *(np.array([10, -15, 6]) * (end - start))] for start, end in pairwise(places)]
+    driven_end = PiecewisePolynomial(time, np.pad(np.array(rows), ((0, 0), (0, 5))))
+    problem = CartMotion(CART, elastic(1e10, 1.0), published_law("quintic", 3.0).cycle(), along(share), 1e-8)
+    motion = problem.integrate(driven_end, problem.rest_state).samples
+    memory, shares, last = NaiveMemory(share[0], STROKE), [], 0.0
+    for place in motion.position:
+        if abs(place - last) > 1e-11:  # less is rounding where two steps join
+            memory.move(last, place)
+            last = place
+        shares.append(memory.value)
+    begun = (motion.position > 1e-6) & (np.abs(motion.velocity) > 1e-5)
+    assert motion.force_share[begun] == pytest.approx(np.array(shares)[begun], abs=2e-3)
+    steady = SIZE * np.sign(motion.velocity[begun])
+    assert motion.resistance[begun] == pytest.approx(steady * motion.force_share[begun], abs=1e-4 * SIZE)
+
+
+# properties
+
+
+@periodic_cases
+def test_drive_does_the_work_against_mix_guides_and_damper(resistance, options):
+    run = periodic(resistance, drive=elastic(**options))
+    state, damping = run.state, run.drive.damping
+    losses = (state.resistance + state.forces.guide_friction) * state.velocity + damping * run.motion.elongation_rate**2
+    assert np.sum(run.weights * losses) == pytest.approx(run.energy, rel=1e-6)
+    assert run.energy_residual < 1e-6
+
+
+@periodic_cases
+def test_mix_pushes_by_its_share_of_the_steady_force(resistance, options):
+    """The share at each place of a full stroke follows from the travel alone once the old force has gone."""
+    run = periodic(resistance, drive=elastic(**options))
+    state, motion = run.state, run.motion
+    moving = np.abs(state.velocity) > 1e-3
+    acceleration = run.drive.include_added_mass * state.acceleration
+    steady = resistance.resistance(state.velocity[moving], acceleration[moving])
+    assert state.resistance[moving] == pytest.approx(steady * motion.force_share[moving], rel=1e-9, abs=1e-6)
+    friction = state.forces.guide_friction[moving]
+    reactions = np.abs(state.forces.front_reaction) + np.abs(state.forces.rear_reaction)
+    assert friction == pytest.approx(
+        np.sign(state.velocity[moving]) * CART_OF_C.guide_friction * reactions[moving], abs=1e-4 * SIZE
+    )
+
+
+@periodic_cases
+def test_regime_closes(resistance, options):
+    trajectory = periodic(resistance, drive=elastic(**options)).trajectory
+    start, end = (trajectory.samples.force_share[i] for i in (0, -1))
+    assert end == pytest.approx(start, abs=1e-6)
+    assert trajectory.at(np.zeros(1)).resistance == pytest.approx(
+        trajectory.at(np.array([2 * DURATION * (1 - 1e-12)])).resistance, abs=1e-3 * SIZE
+    )
+
+
+@pytest.mark.parametrize("name", ["wave", "both sides differ", "imprint", "own track longer than the stroke"])
+def test_mirror_of_the_stroke_exchanges_the_sides(name):
+    resistance, _ = CASES[name]
+    mirrored = along(
+        (resistance.backward, resistance.backward_load), (resistance.forward, resistance.forward_load), DRY
+    )
+    run, other = periodic(resistance, cart=CART), periodic(mirrored, cart=CART)
+    assert other.peak_force == pytest.approx(run.peak_force, rel=1e-6)
+    assert other.peak_power == pytest.approx(run.peak_power, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["wave", "imprint", "both sides differ", "return over compacted mix", "map"])
+def test_mix_with_a_release_neither_jumps_nor_holds_the_cart(name):
+    resistance, options = CASES[name]
+    run = periodic(resistance, drive=elastic(**options), cart=CART)
+    assert run.stick_time == 0
+    assert run.shocks == ()
+    assert np.abs(np.diff(run.motion.resistance)).max() < 0.5 * SIZE
+
+
+def test_guides_hold_the_cart_at_a_turn():
+    cycle = published_law("complex", DURATION).cycle(far_dwell=2.0)
+    run = simulate_elastic(CART_OF_C, elastic(1e6, 0.1), cycle, along(wave(0.110)))
+    held = (run.motion.velocity == 0) & (run.time > DURATION + 1) & (run.time < DURATION + 2)
+    assert 0.1 < run.stick_time < 2.0
+    assert np.abs(run.state.forces.guide_friction[held]).max() < 0.008 * 2 * 9480
+    assert np.ptp(run.state.resistance[held]) < 1e-9
+
+
+# hard cases
+
+
+def test_undamped_drive_is_solved():
+    run = periodic(along(wave(0.110)), drive=elastic(3e5, 0.0))
+    assert run.energy_residual < 1e-6
+
+
+def test_drive_without_a_periodic_regime_is_told():
+    with pytest.raises(RuntimeError, match="no periodic regime found in 150 cycles"):
+        periodic(along(imprint(0.110)), "cycloidal", drive=elastic(3e5, 0.02))
+
+
+def test_share_costs_few_evaluations():
+    run = periodic(along(wave(0.110)))
+    assert run.cost.intervals < 3000
+    assert len(run.trajectory.rows) < 200
