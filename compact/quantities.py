@@ -113,6 +113,7 @@ CONTACT = _table("""
     indentation               | m   | mm   |   | indentation
     creep                     | 1   |      |   | creepage
     work_residual             | 1   |      |   | energy-balance residual | relative residual
+    bow_wave                  | m   | mm   | w | bow wave | rise of the surface ahead above the fed layer
     exit_density_ratio        | 1   |      | k | exit density ratio
     exit_height               | m   | mm   |   | exit height
     lower_height              | m   | mm   |   | height of the lower lift

@@ -174,7 +174,7 @@ GapGeometry = Literal["parabola", "circle", "deformed"]
 Number = Any  # a float, or None of an engine that does not have it
 NOTHING = np.empty(0)  # of a contact without a profile
 COMPACTED = (  # numbers of engines with irreversible compaction only
-    "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
+    "bow_wave", "exit_density_ratio", "exit_height", "lower_height", "lower_density_ratio", "peak_density_ratio",
     "peak_loaded_density_ratio", "overdense_work", "overfull_share", "density_reset", "mass_residual",
     "yield_residual", "equilibrium_residual", "air_load", "air_resistance", "air_excess_behind",
 )  # fmt: skip
@@ -432,10 +432,9 @@ class Contact:
         Depth of the lowest generatrix below the surface before the pass [m]; None on a half-plane.
     creep : float, optional
         Creepage, angular speed x radius/speed - 1, of a roller with stick and slip [-].
-    exit_height, exit_density_ratio : float, optional
-        Height [m] and mean density ratio [-] of the layer behind the roller, if it compacts.
-    lower_height, lower_density_ratio : float, optional
-        Height [m] and mean density ratio [-] of the lower lift behind the roller.
+    bow_wave, exit_height, exit_density_ratio, lower_height, lower_density_ratio : float, optional
+        Rise of the surface ahead above the fed layer [m]; height [m] and mean density ratio [-] of a compacting layer
+        and of its lower lift behind the roller.
     peak_density_ratio, peak_loaded_density_ratio : float, optional
         Largest density ratio at rest of the layer, and under load of all mix, k exp(p/K) by the bulk modulus K [-].
     overdense_work : float, optional
@@ -482,6 +481,7 @@ class Contact:
     speed: float = np.nan
     indentation: Number = None
     creep: Number = None
+    bow_wave: Number = None
     exit_height: Number = None
     exit_density_ratio: Number = None
     lower_height: Number = None

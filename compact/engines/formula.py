@@ -13,6 +13,8 @@ V. S. Loveikin and K. I. Pochka, monograph on roller forming machines (D), eqs (
 """
 
 import warnings
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -29,6 +31,9 @@ from compact.numerics.validation import (
     require_that,
 )
 from compact.rolling_contact import Contact, Layer, Roller
+
+if TYPE_CHECKING:
+    from compact.engines.interface import Turning
 
 TARGET_TOLERANCE = 1e-9  # [-], relative, of the prescribed load or pressure
 CONTACT_SAMPLES = 201  # [-], points along the contact, denser at the edges where the pressure is steep
@@ -342,6 +347,13 @@ class FormulaEngine(Engine):
     def contact(self, case: Case, start: Contact | None = None) -> Contact:
         """Evaluate the formulas."""
         return roll(case.layer, case.roller, case.material, case.speed, **case.factors)
+
+    def turning(self, contact: Contact, radius: float) -> "Turning | None":
+        """Return the shares of a contact that grows into fresh mix as its own imprint, of the exponent of (1.4)."""
+        from compact.turning import imprint_load_share, imprint_share
+
+        shape = contact.leading, contact.own["exponent"]
+        return partial(imprint_share, *shape), partial(imprint_load_share, *shape)
 
 
 FORMULA = FormulaEngine()

@@ -29,6 +29,10 @@ from compact.rolling_contact import (
 
 if TYPE_CHECKING:  # scipy is imported where a resistance is sampled
     from compact.resistance import ForceSample, ResistanceExpansion, ResistanceMap
+    from compact.turning import Share
+
+    # share of the force and of the load over the travel since a turn, each of the distance D to fresh mix [m]
+    Turning = tuple[Callable[[float], Share], Callable[[float], Share]]
 
 Takes = Literal["half-plane", "linear layer", "compacting layer", "process"]
 SPEED_SHARES = tuple(2.0**power for power in range(-4, 2))  # [-], of the mean speed; default speeds of the contacts
@@ -307,6 +311,18 @@ class Engine:
 
     def expand(self, case: Case) -> "ResistanceExpansion | None":
         """Expand the resistance to first order in the acceleration; None where the mix has no memory in time."""
+        return None
+
+    def turning(self, contact: Contact, radius: float) -> "Turning | None":
+        """Return the shares of force and load after a turn of the cart; None where their transient is unknown: a step.
+
+        Parameters
+        ----------
+        contact : Contact
+            Steady contact of the engine, or its record.
+        radius : float
+            Radius of the roller [m].
+        """
         return None
 
     def fields(self, contact: Any) -> Any:

@@ -51,15 +51,21 @@ class Variant(NamedTuple):
     keys: Mapping[str, Any]
     of: tuple[str, ...] = ("drive",)
 
+    def joined(self, other: "Variant") -> "Variant":
+        """Return both changes together."""
+        return Variant(f"{self.label} and {other.label}", {**self.keys, **other.keys}, self.of + other.of)
+
 
 STIFFNESS, DAMPING = "stiffness of the drive", "damping of the drive"
 INERTIA, OIL, MASS = "inertia of the motor", "bulk modulus of the oil", "mass of the cart"
+EDGE = "sleeve distance"
 INSTRUMENTS = {  # quantity -> how it is measured
     STIFFNESS: "force over deflection of the blocked cart",
     DAMPING: "tap test",
     INERTIA: "data sheets, or the time of a run-up without load",
     OIL: "volume and pressure of a closed cylinder",
     MASS: "scales",
+    EDGE: "ruler, from the axle to the fresh mix where the cart turns",
 }
 
 

@@ -276,6 +276,28 @@ def draw_best_cycles(runs: Mapping[str, Any]) -> Figure:
     return figure
 
 
+def draw_stroke(
+    position: NDArray[np.float64], along: NDArray[np.float64], steady: NDArray[np.float64], law: str
+) -> Figure:
+    """Draw the resistance of one cart over a cycle of position, with its value far from the turns dashed: a step.
+
+    Parameters
+    ----------
+    position, along, steady : ndarray, shape (n,)
+        Position [m], resistance and its value far from the turns [N], of the forward and then the return stroke.
+    law : str
+        Motion law of the cycle.
+    """
+    figure, ((ax,),) = panels(1, 1, (7.0, 2.9), top=0.3)
+    force, place = MOTION["cart_resistance"], MOTION["position"]
+    curve(ax, place, force, position, steady, "--", color=PALETTE[1], label="step at the turn")
+    curve(ax, place, force, position, along, color=PALETTE[0], linewidth=2, label="along the stroke")
+    ax.axhline(0, **ZERO)
+    ax.set_title(f"Resistance over one cycle of position, {law}", fontsize=10, loc="left", fontweight="bold")
+    ax.legend(frameon=False, fontsize=8)
+    return figure
+
+
 def draw_reactions(runs: Mapping[str, Any], names: Sequence[str]) -> Figure:
     """Draw the guide-wheel reactions over a cycle; below zero a wheel runs on the lower rail."""
     figure, (axes,) = panels(1, len(names), (5.2, 2.5), bottom=0.85, top=0.3, gaps=(0.3, 0.0), sharey=True)

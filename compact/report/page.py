@@ -253,7 +253,7 @@ SECTIONS: Mapping[str, tuple[str, str, str, Tables]] = {  # title, sentences, fi
     "ranking": ("Ranking", "", "ranking", _ranking),
     "contact": (
         "Contact and resistance", "no_speed guides printed_guides return_stroke air work",
-        "pressure section contact resistance fields", _contacts,
+        "pressure section contact resistance stroke fields", _contacts,
     ),
     "uncertainty": ("Uncertainty, and what to measure first", "uncertainty", "", _uncertainty),
     "motion": ("Motion laws and cams", "compliant no_cam", "kinematics cams", _motion),

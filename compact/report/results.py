@@ -9,6 +9,7 @@ import numpy as np
 from compact.analysis.ranking_uncertainty import Place, error
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
+from compact.analysis.stages.resistance import stroke_shares
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.machine.ranking import value_of as criterion_of
@@ -105,6 +106,19 @@ def formula_table(study: Study) -> TableSpec:
     return TableSpec.of("engineering", study.stages.contacts.numbers.items(), names)
 
 
+def stroke_table(study: Study) -> TableSpec:
+    """Tabulate the shares of force and load after the turns of the cart, by every engine."""
+    laws = {study.scene.accuracy.engine: study.stages.resistance.resistance}
+    laws |= {name: other.resistance for name, other in study.comparison.items()}
+    rows = [
+        (engine, side, *row)
+        for engine, law in laws.items()
+        for side, *columns in stroke_shares(law, study.scene.motion.stroke)
+        for row in zip(*columns, strict=True)
+    ]
+    return TableSpec.of("resistance-along-stroke", rows, "engine=0 side=1 travel_m=2 force_share=3 load_share=4")
+
+
 def mix_table(study: Study) -> TableSpec:
     """Tabulate the parameters of the mix."""
     return TableSpec.of("mix", study.stages.contacts.mix.parameters, "parameter=name value unit low high flag origin")
@@ -115,6 +129,7 @@ def study_tables(study: Study) -> Iterator[File]:
     joins = [(name, join) for name, cycle in study.stages.laws.cycles.items() for join in cycle.discontinuities()]
     names = "law=0 time_s=1.time quantity=1.quantity before_SI=1.before after_SI=1.after"
     yield from (formula_table(study), mix_table(study), law_table(study), TableSpec.of("joins", joins, names))
+    yield stroke_table(study)
     for name, run in study.stages.drive.runs.items():
         forces = run.state.forces
         values = run.time, *run.state[:5], run.drive_force, run.drive_power, forces.front_reaction, forces.rear_reaction

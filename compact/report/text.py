@@ -29,10 +29,10 @@ from compact.rolling_contact import Contact, EquilibriumError, HeapingError, Uns
 from compact.scene.schema import Overrides
 
 TEXT_WIDTH = 118  # characters of a line, without its indent
-DIGEST_LINES = 34  # [-], of a digest; recommendations and models are never left out
+DIGEST_LINES = 36  # [-], of a digest; recommendations and models are never left out
 ANSWER = (  # sentences of the answer, of terminal and page, the most important first
-    "measurement", "stiffness", "other_cases", "limits", "spread", "motor", "motor_margin", "heaping", "infinite",
-    "not_made", "reachable", "held", "sleeves", "durations", "bearings", "valid_formulas",
+    "measurement", "stiffness", "other_cases", "turn", "limits", "spread", "motor", "motor_margin", "heaping",
+    "infinite", "not_made", "reachable", "held", "sleeves", "durations", "bearings", "valid_formulas",
 )  # fmt: skip
 FAILURES: dict[type[Exception], str] = {
     HeapingError: "heaps up", UnsteadyError: "not steady", EquilibriumError: "no equilibrium",

@@ -199,6 +199,8 @@ def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
         peaks = [cycle.forward.peaks().acceleration for cycle in cycles.values()]
         found["contact"] = (contact_figures.draw_loads, study.stages.contacts.records)
         found["resistance"] = (contact_figures.draw_resistance, study.stages.resistance.map, float(np.median(peaks)))
+    force = study.stages.resistance
+    found["stroke"] = (figures.draw_stroke, *force.over_cycle(cycles[drive.best_law].forward), drive.best_law)
     if first is not None and first.requirement is not None:
         found["shaft"] = (figures.draw_shaft_torque, first, study.machine_sizing.rule)
     if study.over_durations is not None:

@@ -74,6 +74,15 @@ class Scene(SceneTables):
         return self.layer.lift_thickness or self.product.height
 
     @property
+    def sleeve_distances(self) -> tuple[float, float]:
+        """Distance D from the axle back to the edge of fresh mix at the near and at the far end [m].
+
+        By default the radius: a sleeve that embraces its roller ends about at its flank.
+        """
+        ends = self.machine.sleeve_distance or (self.machine.roller_radius,)
+        return ends[0], ends[-1]
+
+    @property
     def target(self) -> dict[str, float]:
         """Prescribed indentation [m], load of one roller [N] or peak pressure [Pa] of `[contact]` by name, or empty."""
         return {} if self.contact is None else self.contact.model_dump(exclude={"speeds", "held"}, exclude_none=True)

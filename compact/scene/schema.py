@@ -11,6 +11,7 @@ that it accepts (`constraints.adapt`). A scene that sets them keeps its values o
 Rules between the keys are in `constraints`; `loader` reads files into these tables and reports mistakes.
 """
 
+import math
 import re
 from collections.abc import Callable, Iterator
 from functools import cache, partial
@@ -18,15 +19,17 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     PlainSerializer,
+    PlainValidator,
     ValidationError,
     WrapValidator,
     model_validator,
 )
 from pydantic.fields import FieldInfo
-from pydantic_core import InitErrorDetails
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
 from compact.engines import BUILT_IN, ENGINES
 from compact.machine import drives
@@ -128,6 +131,28 @@ def _or_installed(registry: Registry[Any]) -> tuple[Any, ...]:
     return WrapValidator(validate), PlainSerializer(str, str)
 
 
+def _turn(value: Any) -> Any:
+    """Return "build-up", "step", or rows of an ascending travel [m] and a share [-] as tuples."""
+    if value in ("build-up", "step"):
+        return value
+    rows = value if isinstance(value, list | tuple) else ()
+    flat = [each for row in rows for each in (row if isinstance(row, list | tuple) and len(row) == 2 else "?")]
+    numbers = all(type(each) in (int, float) and 0 <= each < math.inf for each in flat)
+    if flat and numbers and max(flat[1::2]) <= 1 and flat[::2] == sorted({*flat[::2]}):
+        return tuple((float(travel), float(share)) for travel, share in rows)
+    words = 'must be "build-up", "step" or rows of an ascending travel and a share from 0 to 1'
+    raise PydanticCustomError("turn", words)  # type: ignore[arg-type]
+
+
+def _ends(value: Any) -> Any:
+    """Return one number as a tuple."""
+    return (value,) if type(value) in (int, float) else value
+
+
+Turn = Annotated[Any, PlainValidator(_turn, json_schema_input_type=Literal["build-up", "step"] | list[list[float]])]
+Ends = Annotated[tuple[Annotated[float, Field(ge=0)], ...] | None, BeforeValidator(_ends, float | list[float] | None)]
+
+
 class Table(BaseModel):
     """Base of all tables: immutable, strict types, finite numbers, no unknown keys."""
 
@@ -172,6 +197,10 @@ class Machine(Table):
     rib_factor: float = key("the factor f5 for rubbing of the wheel ribs, 1 for none (eq 1.9)", 1, 5, RIBS, ge=1)
     roller_friction: float = share("the friction f2 of the roller (eq 1.8)")
     feeder_sleeve: float = nonnegative("the width B_T of the feeder sleeve [m] (eq 1.2)", 5e-3, 2, SLEEVES)
+    sleeve_distance: Ends = key(
+        "the distance D from the axle back to fresh mix at a turn [m], one or [near, far] end; default the radius",
+        5e-3, 2, SLEEVES, min_length=1, max_length=2, default=None,
+    )  # fmt: skip
     overlap: float = nonnegative("the overlap b_n of neighbouring strips [m] (eqs 1.2, 1.3)", 5e-4, 0.5, PART_OF_ROLLER)
     pressure_nonuniformity: float = positive("the factor k2 for uneven pressure, 1 for even (eq 1.6)", 0.2, 5, EVEN)
     one_sided: bool = key("true for contact on the front half only (rival reading of eq 1.6), else false")
@@ -395,6 +424,7 @@ class Drive(Table):
     damping: Maybe = or_zero("the damping of an elastic drive [N s/m], 0 for none", 1, 1e8, DRIVES)
     backlash: Maybe = or_zero("the backlash of an elastic drive [m]", 1e-6, 0.05, "play of couplings and gears")
     include_added_mass: bool | None = key("true for F + a M, with the added mass, else false", default=None)
+    turn: Turn = key('the resistance after a turn: "build-up", "step", or rows of travel in m and share', default=None)
     carts: int = key("the number of carts on one shaft", ge=1, le=4)
     angles: tuple[float, ...] | None = key("the crank angle of each cart [rad]", 1e-3, 6.3, "one turn", default=None)
     motor: Motor | None = None
@@ -430,12 +460,7 @@ class Process(Table):
     extrusion_pressure: Maybe = optional("the pressure that the mix evades [Pa]", 1e3, 5e6, PRESSURES)
     offered_thickness: Maybe = or_zero("the thickness that a stroke offers [m]", 1e-5, 0.5, PART_OF_ROLLER)
     nip_angle: float = positive(
-        "the largest angle at which a roller draws mix in, [deg]",
-        1,
-        60,
-        "mix on steel",
-        default=NIP_ANGLE,
-        le=60,
+        "the largest angle at which a roller draws mix in, [deg]", 1, 60, "mix on steel", default=NIP_ANGLE, le=60
     )
     largest_grain: Maybe = optional("the size of the largest grains [m]", 1e-4, 0.05, "sand to coarse aggregate")
     layers: int = key("the number of merged layers of a section", default=20, ge=1, le=500)

@@ -53,6 +53,22 @@ BOUNDS = [  # of the published scene: types and bounds of single keys
     ({"machine.mass": None}, "machine.mass: is missing; give the mass m of the cart in kg"),
     ({"machine.rollers": 0}, "machine.rollers: must be greater than or equal to 1, got 0; give the number of rollers"),
     ({"drive.carts": 5}, "drive.carts: must be less than or equal to 4, got 5; give the number of carts on one shaft"),
+    (
+        {"machine.sleeve_distance": "a"},
+        "machine.sleeve_distance: must be a list, got 'a'; give the distance D from the",
+    ),
+    (
+        {"machine.sleeve_distance": [0.1, -0.1]},
+        "machine.sleeve_distance[1]: must be greater than or equal to 0, got -0",
+    ),
+    (
+        {"machine.sleeve_distance": [0.1] * 3},
+        "machine.sleeve_distance: must have at most 2 items, not 3, got [0.1, 0.1,",
+    ),
+    ({"drive.turn": "stp"}, 'drive.turn: must be "build-up", "step" or rows of an ascending travel and a share from'),
+    ({"drive.turn": [[0.1, 0], [0, 1]]}, 'drive.turn: must be "build-up", "step" or rows of an ascending travel and a'),
+    ({"drive.turn": [[0, True]]}, 'drive.turn: must be "build-up", "step" or rows of an ascending travel and a share'),
+    ({"drive.turn": [[0, 2]]}, 'drive.turn: must be "build-up", "step" or rows of an ascending travel and a share'),
     ({"machine.one_sided": 0}, "machine.one_sided: must be true or false, got 0; give true for contact on the front"),
     ({"machine.guide_friction": 8}, "machine.guide_friction: must be less than or equal to 1, got 8; give the Coulomb"),
     ({"machine.rolling_arm": -1e-09}, "machine.rolling_arm: must be greater than or equal to 0, got -1e-09; give the"),

@@ -79,7 +79,8 @@ class DriveStage:
         """
         if self.resistance.error is None:
             return None
-        return self._runs(self.resistance.map.scaled(1 + self.resistance.error), RuntimeError)
+        heavier = self.resistance.map.scaled(1 + self.resistance.error)
+        return self._runs(self.resistance.along_stroke(heavier), RuntimeError)
 
     def _runs(self, resistance: ResistanceLaw, tolerated: type[Exception] | tuple[()] = ()) -> Runs:
         cart, begin = self.resistance.cart, partial(self.count, "runs")
@@ -141,7 +142,7 @@ class DriveStage:
         return {
             over: drive.simulate(
                 machine_models.cart(self.scene, self.contacts.roller_load, load), drive.Rigid(), cycle,
-                replace(self.resistance.map, return_ratio=resistance),
+                self.resistance.along_stroke(replace(self.resistance.map, return_ratio=resistance)),
             ).energy
             for over, (load, resistance) in ratios.items()
         }  # fmt: skip

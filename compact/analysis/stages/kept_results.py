@@ -36,7 +36,7 @@ KEPT_FILES = (  # prefixes of files that depend on the contacts alone
 CART_KEYS = {  # of [machine], on which no layered engine depends
     *("mass", "weight", "roller_positions", "guide_positions", "pin_position", "pin_height", "guide_wheel_diameter"),
     *("guide_friction", "journal_diameter", "bearing_friction", "rolling_arm", "rib_factor", "roller_friction"),
-    *("feeder_sleeve", "overlap", "pressure_nonuniformity", "one_sided"),
+    *("feeder_sleeve", "sleeve_distance", "overlap", "pressure_nonuniformity", "one_sided"),
 }
 RECORDS: dict[str, Callable[[], Any]] = {  # types of the results in JSON
     "held": lambda: HeldQuantity,

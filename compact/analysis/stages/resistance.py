@@ -3,12 +3,16 @@
 The resistance of a layered engine is a `ResistanceMap`, sampled from the contacts of the scene and further ones. Where
 the speed enters through the rate factor of the yield pressure alone, the map is the law `RateLaw` of these contacts.
 The formulas have a dry resistance by eq 1.8. Where a motion law is faster than the map, the map is extended.
+
+After a turn of the cart the resistance builds up along the stroke by the shares of the steady contact (`turning`). It
+is a step, its value far from the turn at once, where the scene asks for it and where an engine compacts no mix.
 """
 
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,12 +25,22 @@ from compact.contact import DryResistance
 from compact.engines.pore_air import NO_FORCES
 from compact.machine.cart import Balance, Cart, MotionResistance
 from compact.machine.rigid_drive import steady_balance
+from compact.motion.profile import MotionProfile
 from compact.numerics import Array
 from compact.resistance import ForceSample, ResistanceMap
 from compact.rolling_contact import Contact
+from compact.turning import RELEASED, Share, StrokeResistance, table_share
 
-ResistanceLaw = ResistanceMap | DryResistance | Callable[[Array, Array], Array]
+if TYPE_CHECKING:
+    from compact.engines.interface import Turning
 
+ResistanceLaw = ResistanceMap | DryResistance | StrokeResistance | Callable[[Array, Array], Array]
+
+SIDES = "forward", "return"
+STROKE_SAMPLES, RELEASE_SAMPLES = 201, 25  # [-], of shares over a stroke, and over the release of the old force
+LEAST_RELEASE = 1e-3  # [-], first of them over the whole release
+CYCLE_SAMPLES = 401  # [-], times of a pass
+DEFAULT_TURN = "step"  # of a scene without the key
 LEAST_SPEED_SHARE = 1 / 50  # [-], of the largest speed; least speed of the samples
 
 
@@ -63,12 +77,61 @@ class ResistanceStage:
 
     @cached_property
     def resistance(self) -> ResistanceLaw:
-        """Resistance of the mix to one cart [N], a function of velocity and acceleration."""
+        """Resistance of the mix to one cart [N], a function of velocity, acceleration and travel since the turn."""
+        return self.along_stroke(self.steady_law)
+
+    @property
+    def steady_law(self) -> ResistanceLaw:
+        """Resistance far from a turn [N], a function of velocity and acceleration."""
         if self._given is not None:
             return self._given
         if self.contacts.speeds:
             return self.map
         return contact.dry_resistance(self.scene.machine.rollers * self.contacts.engineering.roller_resistance)
+
+    @cached_property
+    def turning(self) -> "Turning | None":
+        """Shares of force and load after a turn over the distance to fresh mix; None for a step."""
+        turn = self.scene.drive.turn or DEFAULT_TURN
+        if turn == "step" or self._given is not None:
+            return None
+        if not isinstance(turn, str):
+            share = partial(_at_any_distance, table_share(*zip(*turn, strict=True)))
+            return share, share
+        records, mean = self.contacts.records, self.scene.mean_speed
+        near = records[nearest_speed([each.speed for each in records], mean)] if records else self.contacts.typical[1]
+        return self.contacts.engine.turning(near, self.scene.machine.roller_radius)
+
+    @cached_property
+    def mean_share(self) -> float:
+        """Mean of the force over a cycle of position, over that far from the turns [-]; 1 for a step."""
+        rows = stroke_shares(self.resistance, self.scene.motion.stroke)
+        means = [np.trapezoid(force, travel) / travel[-1] for _, travel, force, _ in rows]
+        return float(np.mean(means))
+
+    def over_cycle(self, profile: MotionProfile) -> tuple[Array, Array, Array]:
+        """Sample a cycle under a law: position [m], resistance, and its value far from the turns [N].
+
+        Parameters
+        ----------
+        profile : MotionProfile
+            Law of the forward stroke, which the return stroke mirrors.
+        """
+        time = np.linspace(0, profile.duration, CYCLE_SAMPLES)
+        travel, speed, acceleration = profile.position(time), profile.velocity(time), profile.acceleration(time)
+        places, along, steady = [], [], []
+        for heading, (_, samples, shares, _) in zip(
+            (1.0, -1.0), stroke_shares(self.resistance, profile.stroke), strict=True
+        ):
+            force = np.asarray(self.steady_law(heading * speed, heading * acceleration))
+            places.append(travel if heading > 0 else profile.stroke - travel)
+            steady.append(force)
+            along.append(force * np.interp(travel, samples, shares))
+        return np.concatenate(places), np.concatenate(along), np.concatenate(steady)
+
+    def along_stroke(self, steady: ResistanceLaw) -> ResistanceLaw:
+        """Return another resistance far from the turn [N] with the shares after the turns of this stage."""
+        return along_stroke(steady, self.turning, self.scene.sleeve_distances)
 
     @property
     def error(self) -> float | None:
@@ -171,3 +234,45 @@ class ResistanceStage:
             return sampled
         masses, times = np.array(found).T
         return replace(sampled, added_masses=self._roller_length * masses, relaxation_time=float(times.max()))
+
+
+def along_stroke(steady: ResistanceLaw, turning: "Turning | None", distances: tuple[float, float]) -> ResistanceLaw:
+    """Return a resistance that builds up after the turns of the cart; the same one for a step.
+
+    Parameters
+    ----------
+    steady : callable
+        Resistance far from a turn [N].
+    turning : pair of callable or None
+        Shares of force and load over the distance to fresh mix.
+    distances : tuple of float
+        That distance at the near end, from which the forward stroke starts, and at the far end [m].
+    """
+    if turning is None:
+        return steady
+    force, load = turning
+    return StrokeResistance(steady, *map(force, distances), *map(load, distances))
+
+
+def stroke_shares(law: ResistanceLaw, stroke: float) -> list[tuple[str, Array, Array, Array]]:
+    """Sample the shares of a resistance over a full stroke of a periodic motion.
+
+    Returns
+    -------
+    list of tuple
+        Side, "forward" or "return", travels since the turn [m], shares of force and load there [-]; 1 for a step.
+    """
+    if not isinstance(law, StrokeResistance):
+        return [(side, np.array([0.0, stroke]), np.ones(2), np.ones(2)) for side in SIDES]
+    found = []
+    for side, shares in zip(SIDES, law.over(stroke), strict=True):
+        near = np.geomspace(LEAST_RELEASE, 1.0, RELEASE_SAMPLES) * min(RELEASED * shares.force.release, stroke)
+        kinks = [travel for travel in shares.travels if travel < stroke]
+        travel = np.unique([0.0, *near, *kinks, *np.linspace(0, stroke, STROKE_SAMPLES)])
+        found.append((side, travel, shares.force_share(travel), shares.load_share(travel)))
+    return found
+
+
+def _at_any_distance(share: Share, _: float) -> Share:
+    """Return a share that does not depend on the distance to fresh mix."""
+    return share

@@ -23,7 +23,7 @@ from compact.analysis.contact_cases import contact_speeds, roll_scene
 from compact.analysis.pore_air import has_air
 from compact.analysis.stages.drives import Stages, build_stages
 from compact.analysis.stages.ensemble import Change, Peaks, ensemble, first_law
-from compact.analysis.stages.resistance import ResistanceLaw
+from compact.analysis.stages.resistance import ResistanceLaw, along_stroke
 from compact.engines import ENGINES
 from compact.engines.pore_air import NO_FORCES
 from compact.machine.cart import Cart
@@ -167,7 +167,10 @@ class _RigidPeaks:
             self.own_layer = self.own_layer or _new_contacts(self.stages, self.largest_speed)
             load, resistance = self.own_layer
         contacts = changed.contacts if self.engine.affordable else over.contacts  # whose passes are not computed again
-        return _rigid_peaks(machine_models.cart(scene, load, contacts.return_ratios[0]), resistance, cycles)
+        cart = machine_models.cart(scene, load, contacts.return_ratios[0])
+        return _rigid_peaks(
+            cart, along_stroke(resistance, self.stages.resistance.turning, scene.sleeve_distances), cycles
+        )
 
 
 def _new_contacts(stages: Stages, largest_speed: float) -> tuple[float, ResistanceMap]:

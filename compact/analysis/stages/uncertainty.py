@@ -24,6 +24,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -42,12 +43,12 @@ from compact.analysis.stages.ensemble import (
     first_law,
     polynomial_terms,
 )
-from compact.analysis.stages.resistance import ResistanceLaw
+from compact.analysis.stages.resistance import DEFAULT_TURN, ResistanceLaw, along_stroke
 from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
 from compact.analysis.worker_pool import Executor
 from compact.engines import ENGINES
 from compact.machine.cart import Cart
-from compact.machine.drives import DRIVES, MASS, Variant, both_ways
+from compact.machine.drives import DRIVES, EDGE, MASS, Variant, both_ways, levels
 from compact.material.mix import prior
 from compact.motion.profile import Cycle
 from compact.scene.loader import Scene
@@ -60,6 +61,9 @@ SOBOL_SAMPLES = 1024  # [-], of the fit; its indices then scatter by less than 0
 SEED = 2015  # of both samples
 BAND = (0.05, 0.95)  # [-], quantiles of the resistance over the mix
 GIVEN_SPREAD = 0.1  # [-], relative half-width of a parameter that the scene states as measured
+SLEEVE = "machine.sleeve_distance"
+OPEN_SHARE = 0.24  # [-], of the radius; contact length of the published lift, where an open sleeve leaves fresh mix
+MIDWAY_SHARE = 1.6  # [-], of the radius; a sleeve midway between two rollers of the published machine
 MASS_FACTOR = 1.1  # [-], of the mass of a cart that is assumed, in either direction; a drawing is rarely farther off
 DENSITY_STEP = 0.1  # [-], of the increase of the density ratio; half-width of the initial density ratio
 SCALES = 7  # [-], of the resistance, at which the peaks of the recommended law are sampled
@@ -272,7 +276,10 @@ def ranking_uncertainty(
 
     ratios: dict[str, tuple[float, float] | None] = {
         name: None if error is None else (1 - error, 1 + error)
-        for name, error in ((MESH, getattr(met, "engine_error", None)), (MAP, getattr(met, "error", None)))
+        for name, error in (
+            (MESH, getattr(model.steady, "engine_error", None)),
+            (MAP, getattr(model.steady, "error", None)),
+        )
     }
     ratios |= {MIX: (mix.low, mix.high) if mix else None, LAW: spread if leads else None}
     if model.engine == scene.accuracy.engine:
@@ -284,12 +291,18 @@ def ranking_uncertainty(
             sources.append((name, f"one-way to undrained, {words}" if name == AIR else words, ends))
     others = [each for each in models if each.valid and each is not model and model.valid]
     by_model = {each.engine: {by: each.values(*case, by) for by in laws} for each in others}
-    variants = {each.label: each for each in drive_variants(scene)}
-    by_drive = {label: Change(label, each.keys) for label, each in variants.items()}
+    edges = model.turning is not None and isinstance(scene.drive.turn or DEFAULT_TURN, str)
+    variants = {each.label: each for each in drive_variants(scene, edges)}
+    by_drive = {
+        label: Change(label, each.keys, along_stroke(model.steady, model.turning, each.keys[SLEEVE]))
+        if SLEEVE in each.keys
+        else Change(label, each.keys)
+        for label, each in variants.items()
+    }
     alone = ", ".join(label for label, each in variants.items() if len(each.of) == 1)
     sources += [(MODELS, ", ".join(by_model), by_model), (DRIVE, alone, by_drive)]
     if leads and contacts.second_pass is not None and scene.layer.return_stroke != "compacted":
-        returned = replace(stages.resistance.map, return_ratio=contacts.second_pass[1])
+        returned = stages.resistance.along_stroke(replace(stages.resistance.map, return_ratio=contacts.second_pass[1]))
         compacted = Change("compacted", resistance=returned)
         sources.append((RETURN, "over fresh or compacted mix", {"compacted": compacted, "fresh": base}))
     for other in (each for each in model.places if each != case[0]):
@@ -403,21 +416,42 @@ def _held_ratios(stages: Stages) -> tuple[float, float] | None:
 # the drive
 
 
-def drive_variants(scene: Scene) -> list[Variant]:
+def drive_variants(scene: Scene, edges: bool = False) -> list[Variant]:
     """Return the changes of drive and cart within what is known of them.
 
         elastic      stiffness times and over 3, and its root, at the same damping ratio; damping ratio .02 and .2; both
         hydraulic    bulk modulus of the oil times and over 3, in strokes with compressible oil
         motor        inertia of rotor and flywheel times and over 1.5
         cart         mass and weight 10 % more and less
+        sleeve       edge of fresh mix near the contact (open) to midway between two rollers, with each of the drive
 
     The factors are judgements: a spring between cam and cart is rarely known within a factor of three before it has
     been loaded, and its damping within one of three before it has been struck. They hold for assumed values; those that
     the scene states as measured, given or published vary by the ± of their comment, if any.
+
+    Parameters
+    ----------
+    edges : bool
+        True if the resistance depends on the distance to fresh mix.
     """
     mass = {key: attrgetter(key)(scene) for key in ("machine.mass", "machine.weight")}
     cart = both_ways(scene, "mass", MASS_FACTOR, mass, MASS)
-    return [*(Variant(*each) for each in DRIVES[scene.drive.kind].variants(scene)), *cart]
+    found = [*(Variant(*each) for each in DRIVES[scene.drive.kind].variants(scene)), *cart]
+    sleeves = _sleeve_variants(scene) if edges else []
+    alone = [each for each in found if len(each.of) == 1]
+    return [*found, *sleeves, *(sleeve.joined(each) for sleeve in sleeves for each in alone)]
+
+
+def _sleeve_variants(scene: Scene) -> list[Variant]:
+    """Return the ends of the distance to fresh mix: of its stated spread, or from an open to a midway sleeve."""
+    machine, distances = scene.machine, scene.sleeve_distances
+    if scene.stated_spread(SLEEVE) is not None:
+        factors = levels(scene, SLEEVE, "sleeve distance", ())
+        return [Variant(label, {SLEEVE: tuple(by * each for each in distances)}, (EDGE,)) for label, by in factors]
+    places = sorted(machine.roller_positions)
+    gaps = [(after - before - machine.feeder_sleeve) / 2 for before, after in pairwise(places)]
+    ends = {"open": OPEN_SHARE * machine.roller_radius, "midway": max([MIDWAY_SHARE * machine.roller_radius, *gaps])}
+    return [Variant(f"{word} sleeve", {SLEEVE: (end, end)}, (EDGE,)) for word, end in ends.items()]
 
 
 # the mix

@@ -67,6 +67,8 @@ class ModelAnswer:
         Inputs of the model that `[mix.fitted_at]` lists.
     roller_load : float
         Load of one roller [N].
+    steady, turning : optional
+        Its part far from a turn, and the shares after a turn over the distance to fresh mix, see `ResistanceStage`.
     records, held, second_pass, key
         Contacts, held quantity, ratios of a second pass where the return stroke requires them, and key of the contacts.
     counts : Counter
@@ -83,6 +85,8 @@ class ModelAnswer:
     error: float | None
     spread: tuple[float, float] | None
     resistance: Any = None
+    steady: Any = None
+    turning: Any = None
     height_ratio: float | None = None
     fitted: tuple[str, ...] = ()
     roller_load: float = math.nan
@@ -203,7 +207,8 @@ def model_answer(stages: Stages, spread: tuple[float, float] | None = None) -> M
     return ModelAnswer(
         scene.accuracy.engine, reason_against(scene, ratio),
         {duration: drive.places for duration, drive in drives.items()}, forces, coefficients, stages.resistance.error,
-        spread, stages.resistance.resistance, ratio, fitted_inputs(scene), contacts.roller_load,
+        spread, stages.resistance.resistance, stages.resistance.steady_law, stages.resistance.turning, ratio,
+        fitted_inputs(scene), contacts.roller_load,
         records, contacts.held,
         contacts.second_pass if scene.layer.return_stroke == "compacted" else None, contacts.key,
     )  # fmt: skip

@@ -1,9 +1,14 @@
 """Confined-compression (oedometric) columns under a rolling cylinder, and the engine "column"."""
 
-from typing import Any
+import math
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from compact.engines.interface import ONE_MIX, PLASTIC, Case, Engine, Limit
 from compact.rolling_contact import Contact
+
+if TYPE_CHECKING:
+    from compact.engines.interface import Turning
 
 LARGEST_RATIO = 2.0  # [-], height of a layer over the contact length up to which columns are valid
 
@@ -40,6 +45,18 @@ class ColumnEngine(Engine):
         if state is None:
             return roll(case.layer, case.roller, case.material, case.speed, **options)
         return roll_over(state.layer, case.roller, case.material, case.speed, lower=state.lower, **options)
+
+    def turning(self, contact: Contact, radius: float) -> "Turning | None":
+        """Return the shares of a contact that grows into fresh mix as its own imprint.
+
+        The exponent n of the pressure over the depth is that of the force: F = p0 depth/(n + 1).
+        """
+        from compact.turning import imprint_load_share, imprint_share
+
+        depth = contact.indentation
+        force = abs(contact.resistance - (contact.air_resistance or 0.0))
+        shape = math.sqrt(2 * radius * depth), max(contact.peak_pressure * depth / force - 1, 0.0)
+        return partial(imprint_share, *shape), partial(imprint_load_share, *shape)
 
     def valid(self, height_ratio: float | None = None, detail: str | None = None) -> str:
         """Refuse high layers: columns have no bow wave."""

@@ -1,11 +1,16 @@
 """Irreversible compaction of the layer under a rolling cylinder by plane-strain finite elements: "compaction"."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from compact.engines.interface import ONE_MIX, PLASTIC, Case, RateEngine
 from compact.rolling_contact import Contact
+
+if TYPE_CHECKING:
+    from compact.engines.interface import Turning
 
 SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, by the elastic recovery, is smaller
 
@@ -61,6 +66,13 @@ class CompactionEngine(RateEngine):
     def as_start(self, contact: Contact | None) -> Contact | None:
         """Return the contact."""
         return contact
+
+    def turning(self, contact: Contact, radius: float) -> "Turning | None":
+        """Return the shares of a contact that climbs onto fresh mix and builds up its bow wave."""
+        from compact.turning import wave_load_share, wave_share
+
+        shape = math.sqrt(2 * radius * contact.indentation), contact.indentation, contact.bow_wave
+        return partial(wave_share, *shape), partial(wave_load_share, *shape)
 
     def fields(self, contact: Any) -> Any:
         """Return a mesh with displacement, stress, pressure, density ratio and plastic work."""

@@ -69,8 +69,6 @@ class CompactionContactResult(Contact):
     ----------
     elastic_recovery : float
         Rise of the surface behind the lowest generatrix [m].
-    bow_wave : float
-        Rise of the surface ahead of the roller above the fed layer [m].
     solution : IncrementalRolling
         Finite-element solution.
     error_parts : ErrorParts
@@ -82,7 +80,6 @@ class CompactionContactResult(Contact):
     """
 
     elastic_recovery: float
-    bow_wave: float
     solution: IncrementalRolling
     error_parts: ErrorParts = field(default_factory=ErrorParts)
     relaxation: Relaxation = field(default_factory=Relaxation)
