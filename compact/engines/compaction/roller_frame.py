@@ -495,18 +495,18 @@ def laid_state(state: SolidState, frame: RollerFrame, edge: float, side: float) 
     SolidState
         State with stress-free mix beyond the edge; the mix of the track keeps its stress.
     """
-    settlement, fed = -state.displacement[frame.surface_nodes, 1], frame.initial_state()
-
-    def remaining(x: FloatArray) -> FloatArray:
-        """Share of the settlement that remains, 0 beyond the edge and 1 where the surface is not lower."""
-        share = np.clip(side * (edge - x) * REPOSE_SLOPE / settlement.max(), 0.0, 1.0)
-        return np.where(np.interp(x, frame.surface_x, settlement) > 0, share, 1.0)
+    along, settlement = state.displacement[frame.surface_nodes].T * [[1.0], [-1.0]]
+    distance = side * (edge - frame.surface_x - along)  # from the edge towards the roller
+    share = np.where(settlement > 0, np.clip(distance * REPOSE_SLOPE / settlement.max(), 0.0, 1.0), 1.0)  # remains
 
     def laid(old: FloatArray, new: FloatArray) -> FloatArray:
         return np.where(is_laid.reshape(-1, *(1,) * (old.ndim - 1)), new, old)
 
-    is_laid = remaining(frame.solid.point_coordinates[:, 0]) < 0.5
-    displacement = state.displacement * remaining(frame.nodes[:, 0])[:, None]
+    is_laid = np.interp(frame.solid.point_coordinates[:, 0], frame.surface_x, share) < 0.5
+    fed = frame.initial_state()
+    # the track has moved along x, and the laid mix with it: elements between them would be stretched otherwise
+    displacement = state.displacement.copy()
+    displacement[:, 1] *= np.interp(frame.nodes[:, 0], frame.surface_x, share)
     return SolidState(displacement, state.points.map(laid, fed.points), laid(state.work, fed.work))
 
 
