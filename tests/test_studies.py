@@ -41,6 +41,26 @@ def test_every_study_has_a_test():
     assert {path.stem for path in STUDIES.glob("*.py")} == set(called)
 
 
+def test_first_law_over_drive_and_turn_is_that_of_an_independent_integrator(capsys, tmp_path):
+    """Peaks by explicit steps of 22 us with sticking by the guides, 40 cycles, to 2 %."""
+    laws = ["parabolic", "cubic", "complex", "cycloidal", "reversal-2", "combined-2", "reversal-3-free-acceleration"]
+    module = study("turning_and_drive")
+    turns = {name: module.TURNS[name] for name in ("rebuilt over 10 mm", "50 mm", "own track of 110 mm, then 26 mm")}
+    springs = ((1e6, 0.05), (1e7, 0.05))
+    rows = ran(
+        "turning_and_drive", capsys, tmp_path, "first by force", springs=springs, turns=turns, **{"motion.laws": laws}
+    )
+    expected = [
+        ("parabolic", 10187, "reversal-2", 4793), ("cycloidal", 8570, "cubic", 3590),
+        ("parabolic", 6027, "cubic", 3206),
+        ("reversal-3-free-acceleration", 6573, "reversal-3-free-acceleration", 2882),
+        ("reversal-3-free-acceleration", 5310, "reversal-3-free-acceleration", 2410),
+    ]  # fmt: skip
+    for row, (law, force, frugal, power) in zip(rows, expected, strict=True):
+        assert (row.law, row.frugal) == (law, frugal)
+        assert (row.force, row.power) == (pytest.approx(force, rel=0.02), pytest.approx(power, rel=0.02))
+
+
 @pytest.mark.slow
 def test_engines_agree_with_finite_elements_by_hand_and_name_the_open_codes_that_are_not_installed(capsys):
     module = study("open_codes")

@@ -61,6 +61,7 @@ RUNS = {
     "speed_against_plain": Run(""),
     "speed_dependence": Run("out/speed_dependence/speed_dependence.png"),
     "strength_of_loose_mix": Run("out/strength-of-loose-mix/strength-of-loose-mix.png", ("--increments", "6")),
+    "turning_and_drive": Run("", fast=True),
 }
 
 
