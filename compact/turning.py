@@ -362,13 +362,22 @@ class StrokeResistance:
         """Return the resistance times a factor [-]."""
         return replace(self, resistance=self.resistance.scaled(factor))
 
-    def over(self, stroke: float) -> tuple[StrokeShares, StrokeShares]:
+    def force_ratio(self, speed: float) -> float:
+        """Return |F| backward over forward [-] at a speed [m/s]; 1 where either vanishes."""
+        forward, backward = self.resistance(np.array([speed, -speed]), np.zeros(2)).tolist()
+        return -backward / forward if forward and backward else 1.0
+
+    def over(
+        self, stroke: float, force_ratio: float = 1.0, load_ratio: float = 1.0
+    ) -> tuple[StrokeShares, StrokeShares]:
         """Return the shares of forward and return stroke of a periodic motion over a full stroke [m].
 
         Parameters
         ----------
         stroke : float
             Stroke [m], > 0.
+        force_ratio, load_ratio : float
+            Steady force at rest, and load, backward over forward [-]; force and load are continuous at a turn.
 
         Returns
         -------
@@ -376,23 +385,24 @@ class StrokeResistance:
         """
         require_positive(stroke=stroke)
         forces, loads = (self.forward, self.backward), (self.forward_load, self.backward_load)
-        releases = zip(_releases(forces, stroke, 1.0), _releases(loads, stroke, -1.0), strict=True)
+        amounts = _releases(forces, stroke, force_ratio or 1.0), _releases(loads, stroke, -(load_ratio or 1.0))
+        releases = zip(*amounts, strict=True)
         forward, backward = (
             StrokeShares(*each) for each in zip(forces, loads, *zip(*releases, strict=True), strict=True)
         )
         return forward, backward
 
 
-def _releases(shares: tuple[Share, Share], stroke: float, sign: float) -> tuple[float, float]:
-    """Amounts of the release in both headings [-]: those of the force for sign +1, of the load for -1.
+def _releases(shares: tuple[Share, Share], stroke: float, ratio: float) -> tuple[float, float]:
+    """Amounts c of the release in both headings [-], by the ratio of the backward heading, negative for the load.
 
-    g_end = f(h) - c exp(-h/r),   c = f(0) + sign g_end of the other heading
+    g_end = f(h) - c exp(-h/r),   forward c = f(0) + ratio g_end backward,   backward c = f(0) + g_end forward/ratio
     """
     decays = [float(_decay(stroke, share.release)) for share in shares]
     starts, ends = [float(share(0.0)) for share in shares], [float(share(stroke)) for share in shares]
     amounts = np.linalg.solve(
-        [[1.0, sign * decays[1]], [sign * decays[0], 1.0]],
-        [starts[0] + sign * ends[1], starts[1] + sign * ends[0]],
+        [[1.0, ratio * decays[1]], [decays[0] / ratio, 1.0]],
+        [starts[0] + ratio * ends[1], starts[1] + ends[0] / ratio],
     )  # fmt: skip
     forward, backward = (a if share.release else 0.0 for a, share in zip(amounts.tolist(), shares, strict=True))
     return forward, backward

@@ -20,7 +20,7 @@ from numpy.polynomial import chebyshev
 
 from compact.machine import spring_cart, spring_forces
 from compact.machine.cart import Cart, Resistance, balance
-from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, evaluate_resistance
+from compact.machine.rigid_drive import SLOW_SPEED_RATIO, STANDSTILL_SPEED_RATIO, evaluate_resistance
 from compact.machine.shaft import DIFFERENTIATION, ORDER, TO_CHEBYSHEV
 from compact.machine.spring_forces import CartState, SpringCart
 from compact.motion.profile import Cycle, Leg
@@ -222,6 +222,7 @@ class CartMotion:
         self.cost = SolutionCost()
         self._cart, self._resistance, self.law = cart, resistance, _polynomial_law(cycle)
         self.half_stroke_time = cycle.forward.duration / 2
+        self.mean_speed = cycle.forward.stroke / cycle.forward.duration
         phases = interior_grid(cycle.forward.curve.x)
         velocity, acceleration = (np.abs(cycle.forward.at_phase(phases, k)).max() for k in (1, 2))
         self.max_speed, self.standstill_speed = SPEED_MARGIN * velocity, STANDSTILL_SPEED * velocity
@@ -253,11 +254,11 @@ class CartMotion:
         travels = [sorted({*force.travels, *load.travels}) for force, load in pairs]
         count = max(map(len, travels))
         places = [each + [np.inf] * (count - len(each)) for each in travels]
-        ratio = float(self._cart.return_load_ratio)
-        wheels = _wheel_friction(self._cart, self.scale)
+        ratios = strokes.force_ratio(SLOW_SPEED_RATIO * self.mean_speed), self._cart.return_load_ratio
         self.cart = self.cart._replace(
-            turns=np.array(turns, float), places=np.array(places, float), wheels=wheels, load_ratio=ratio
-        )
+            turns=np.array(turns, float), places=np.array(places, float), ratios=np.array([ratios]).ravel(),
+            wheels=_wheel_friction(self._cart, self.scale),
+        )  # fmt: skip
 
     def total(self, velocity: Array, acceleration: Array | float = 0.0) -> Array:
         """Resistance and guide friction [N] far from a turn, of velocities [m/s] except 0 and accelerations [m/s^2]."""

@@ -27,11 +27,20 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from compact.machine.cart import Cart, Resistance, balance
-from compact.machine.rigid_drive import STANDSTILL_SPEED_RATIO, Rigid, Run, evaluate_resistance, solved
+from compact.machine.rigid_drive import (
+    SLOW_SPEED_RATIO,
+    STANDSTILL_SPEED_RATIO,
+    Rigid,
+    Run,
+    evaluate_resistance,
+    solved,
+    stroke_shares,
+)
 from compact.motion.profile import Cycle
 from compact.numerics import Array
 from compact.numerics.piecewise import PiecewisePolynomial, fit_piecewise, interior_grid
 from compact.numerics.validation import require_opposing, require_positive
+from compact.turning import StrokeShares
 
 AREA_TOLERANCE = 1e-6  # [-], of the open area; polynomials of a valve area
 FORCE_ROUNDING = 1e-9  # [-], of the peak force; the areas of smaller forces at the ends of a stroke are rounding
@@ -398,15 +407,32 @@ class _Circuit:
     def _resisting_force(self, position, velocity, direction, acceleration=0.0):
         """Return the force W + guides - end springs [N] for a direction of motion."""
         moving = np.array([direction * max(direction * velocity, STANDSTILL_SPEED_RATIO)])
-        resistance, springs = (
-            evaluate_resistance(self.resistance, moving, np.array([acceleration])),
-            self.cart.end_springs,
-        )
-        end_force = 0.0
+        resistance = evaluate_resistance(self.resistance, moving, np.array([acceleration]))
+        springs, end_force, load = self.cart.end_springs, 0.0, 1.0
+        if self.shares is not None:
+            share, load = self._shares_at(position, direction)
+            resistance = resistance * share
         if springs is not None:
             side = float(position < springs.length) - float(position > springs.stroke - springs.length)
             end_force = float(springs.force(position, side))
-        return float(balance(self.cart, 0.0, resistance, direction, end_spring_force=end_force).drive_force[0])
+        forces = balance(self.cart, 0.0, resistance, direction, end_spring_force=end_force, load_share=load)
+        return float(forces.drive_force[0])
+
+    @cached_property
+    def shares(self) -> tuple[StrokeShares, StrokeShares] | None:
+        """Shares of force and load over both strokes."""
+        duration = max(float(area.breaks[-1]) for area in self.areas)
+        return stroke_shares(self.cart, self.stroke, duration, self.resistance)
+
+    def _shares_at(self, position, direction):
+        """Shares of force and load [-] at a position [m]; a cart that moves back unloads the mix as a spring."""
+        shares = self.shares[0]
+        share, load = float(shares.force_share(max(position, 0.0))), float(shares.load_share(max(position, 0.0)))
+        if direction > 0:
+            return share, load
+        if not shares.force.release:
+            return float(self.shares[1].force(0.0)), load
+        return -share / self.resistance.force_ratio(SLOW_SPEED_RATIO), load / (self.cart.return_load_ratio or 1.0)
 
     def stiction_margin(self, _time: float, state: Array, direction: int) -> float:
         """Force that is missing to a breakaway in a direction [N]."""

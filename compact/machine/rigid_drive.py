@@ -18,14 +18,17 @@ from numpy.typing import ArrayLike
 from compact.machine.cart import Balance, Cart, Resistance, balance
 from compact.motion.profile import Cycle, Discontinuity, Leg, MotionProfile
 from compact.numerics import Array, BoolArray
-from compact.numerics.piecewise import BREAK_OFFSET, clenshaw_curtis, find_maximum, interior_grid
+from compact.numerics.piecewise import BREAK_OFFSET, clenshaw_curtis, find_maximum, graded_grid, interior_grid
 from compact.numerics.validation import as_numbers, require_instance, require_opposing, require_positive
+from compact.turning import StrokeResistance, StrokeShares
 
 SAMPLES_PER_PIECE = 129  # [-], Chebyshev points per piece of a motion; integrals of smooth laws to rounding
+SLOW_SPEED_RATIO = 1e-6  # [-], of the mean speed; ratio of the forces of both headings at a turn
 STANDSTILL_SPEED_RATIO = 1e-12  # [-], of the mean speed; stands for the limit v -> 0
 WORKING_PART = (1 / 6, 5 / 6)  # [-], of the forward stroke; default part for the nonuniformity
 NONUNIFORMITY_SAMPLES = 2001  # [-], of the speed over the working part
 MIN_PIECE_ANGLE = 1e-9  # [rad]; closer joins and dead centres coincide
+ROOT_ITERATIONS = 16  # [-], of the Illinois method from a graded grid; to 1e-12 of a piece, a break needs no more
 CRANK_LAW_TOLERANCE = 1e-9  # [-], of the stroke; a law within it is that of the crank
 
 
@@ -134,7 +137,32 @@ class InverseDynamics:
 
     def breaks(self, leg: Leg) -> Array:
         """Phases of a leg between which all forces are smooth, ends included."""
-        return leg.breakpoints() if self.cart.end_springs is None else self._zones[leg.start].breaks
+        breaks = leg.breakpoints() if self.cart.end_springs is None else self._zones[leg.start].breaks
+        return breaks if self.shares is None or not leg.direction else np.union1d(breaks, self._turning[leg.start])
+
+    @cached_property
+    def shares(self) -> tuple[StrokeShares, StrokeShares] | None:
+        """Shares of force and load over forward and return stroke."""
+        return stroke_shares(self.cart, self.cycle.forward.stroke, self.cycle.forward.duration, self.resistance)
+
+    @cached_property
+    def _turning(self):
+        """Phases of each moving leg at which a share is not smooth, or the reaction of a guide wheel vanishes."""
+        stroke, found = self.cycle.forward.stroke, {}
+        for leg in self.cycle.legs():
+            if leg.direction:
+                travels = np.array([each for each in self.shares[leg.direction < 0].travels if each < stroke])
+                places = travels if leg.direction > 0 else stroke - travels
+                grid = graded_grid(leg.breakpoints())
+                joins = _sign_changes(lambda z, k, leg=leg, at=places: leg.at_phase(z, 0) - at[k], len(places), grid)
+                grid = graded_grid(np.union1d(leg.breakpoints(), joins))
+                found[leg.start] = np.append(joins, _sign_changes(partial(self._reaction, leg), 2, grid))
+        return found
+
+    def _reaction(self, leg, phase, wheel):
+        """Reactions of guide wheels, 0 or 1, at phases of a leg [N]."""
+        forces = self.state_at(leg, phase).forces
+        return np.where(wheel == 0, forces.front_reaction, forces.rear_reaction)
 
     def largest(self, quantity: Callable[[Leg, Array], Array]) -> float:
         """Return the largest |quantity(leg, phase)| over the cycle, also between samples."""
@@ -178,9 +206,52 @@ def solve_state(
     cart, law = carts.cart, carts.cycle.forward
     slowest = STANDSTILL_SPEED_RATIO * law.stroke / law.duration
     moving = np.where(np.abs(velocity) < slowest, direction * slowest, velocity)
-    force = evaluate_resistance(carts.resistance, moving, acceleration)
+    force, load = _force_and_load(carts, position, moving, acceleration, slowest)
     end_force = 0.0 if side is None else cart.end_springs.force(position, side)
-    return DriveState(*motion, force, tangent, balance(cart, acceleration, force, np.sign(moving), tangent, end_force))
+    forces = balance(cart, acceleration, force, np.sign(moving), tangent, end_force, load)
+    return DriveState(*motion, force, tangent, forces)
+
+
+def _sign_changes(function: Callable[[Array, Array], Array], count: int, grid: Array) -> Array:
+    """Places where functions of (abscissa, number), 0 to count - 1, change sign on a grid, by the Illinois method."""
+    values = function(grid, np.arange(count)[:, None])
+    rows, columns = np.nonzero((values[:, 1:] < 0) != (values[:, :-1] < 0))
+    low, high = grid[columns], grid[columns + 1]
+    at_low, at_high = values[rows, columns], values[rows, columns + 1]
+    for _ in range(ROOT_ITERATIONS if rows.size else 0):
+        with np.errstate(divide="ignore", invalid="ignore"):
+            place = high - at_high * (high - low) / (at_high - at_low)
+        place = np.where((place > low) & (place < high), place, (low + high) / 2)
+        here = function(place, rows)
+        upper = (here < 0) == (at_high < 0)
+        low, at_low = np.where(upper, low, place), np.where(upper, at_low / 2, here)
+        high, at_high = np.where(upper, place, high), np.where(upper, here, at_high / 2)
+    return (low + high) / 2
+
+
+def _force_and_load(carts, position, moving, acceleration, slowest):
+    """Force of the mix [N] and share of its load [-]; in a dwell it still pushes, unless it lets go at once."""
+    if carts.shares is None:
+        return evaluate_resistance(carts.resistance, moving, acceleration), 1.0
+    stroke = carts.cycle.forward.stroke
+    forward = np.where(moving != 0, moving > 0, position > stroke / 2)
+    travel = np.maximum(np.where(forward, position, stroke - position), 0.0)
+    ahead, back = carts.shares
+    share = np.where(forward, ahead.force_share(travel), back.force_share(travel))
+    load = np.where(forward, ahead.load_share(travel), back.load_share(travel))
+    if ahead.force.release and back.force.release:
+        moving = np.where(moving != 0, moving, np.where(forward, slowest, -slowest))
+    return share * evaluate_resistance(carts.resistance, moving, acceleration), load
+
+
+def stroke_shares(
+    cart: Cart, stroke: float, duration: float, resistance: Any
+) -> tuple[StrokeShares, StrokeShares] | None:
+    """Return the shares of force and load over strokes [m] of a duration [s]; None for a step at the turn."""
+    if not isinstance(resistance, StrokeResistance):
+        return None
+    ratio = resistance.force_ratio(SLOW_SPEED_RATIO * stroke / duration)
+    return resistance.over(stroke, ratio, cart.return_load_ratio)
 
 
 def evaluate_resistance(resistance: Resistance, velocity: Array, acceleration: Array) -> Array:

@@ -49,6 +49,7 @@ from compact.motion.profile import Cycle
 from compact.numerics import Array
 from compact.numerics.piecewise import clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_positive
+from compact.turning import StrokeShares
 
 ORDER = 16  # [-], of the polynomial on an element
 NODES, WEIGHTS = clenshaw_curtis(ORDER + 1)
@@ -246,6 +247,10 @@ class CartsOnShaft:
         joins = np.concatenate([rate * (leg.start + leg.duration * leg.breakpoints()) for leg in self.cycle.legs()])
         if self.cart.end_springs is not None:
             joins = np.append(joins, self._zones.breaks)
+        if self.shares is not None:
+            uniform = rigid_drive.InverseDynamics(self.cart, self.rod, self.cycle, self.resistance)
+            phases = [leg.start + leg.duration * uniform.breaks(leg) for leg in self.cycle.legs()]
+            joins = np.append(joins, rate * np.concatenate(phases))
         return rigid_drive.revolution_breaks(np.subtract.outer(joins, self.angles))
 
     def states_at(
@@ -274,6 +279,12 @@ class CartsOnShaft:
         side = None if self.cart.end_springs is None else self._zones.side_at(angle)
         motion = x, velocity, cart_acceleration, cart_jerk
         return rigid_drive.solve_state(self, motion, direction, tangent, side)
+
+    @cached_property
+    def shares(self) -> tuple[StrokeShares, StrokeShares] | None:
+        """Shares of force and load over forward and return stroke."""
+        law = self.cycle.forward
+        return rigid_drive.stroke_shares(self.cart, law.stroke, law.duration, self.resistance)
 
     @cached_property
     def _zones(self):

@@ -57,8 +57,8 @@ class SpringCart(NamedTuple):
         Travels [m] at which a share is not smooth, forward and backward, padded by infinity.
     wheels : ndarray, shape (2, 2, 3)
         Friction of both guide wheels, forward and backward [N]: constant, over the load share, over the force [-].
-    load_ratio : float
-        Load of the backward over that of the forward heading [-].
+    ratios : ndarray, shape (2,)
+        Force at rest and load of the backward over those of the forward heading [-].
     """
 
     mass: float
@@ -78,7 +78,7 @@ class SpringCart(NamedTuple):
     turns: Array = np.empty((0, 4))
     places: Array = np.empty((2, 0))
     wheels: Array = np.zeros((2, 2, 3))
-    load_ratio: float = 1.0
+    ratios: Array = np.ones(2)
 
     def with_tables(self, *tables: PiecewisePolynomial) -> "SpringCart":
         """Cart with other tables: F, M and the shares of force and load, forward and backward."""
@@ -304,20 +304,12 @@ def _memory(cart, state, slip, position):
     fading = _fading(turned - last, cart.turns[other, RELEASE])[0]
     force = _first_part(cart, other, 0, before, last) - released * fading
     load = _first_part(cart, other, 1, before, last) - load_released * fading
-    force *= _rest_ratio(cart, slip)
-    load *= cart.load_ratio if slip > 0 else 1 / cart.load_ratio if cart.load_ratio > 0 else 1.0
+    if cart.ratios[0] > 0:  # neither force nor load jumps
+        force *= cart.ratios[0] if slip > 0 else 1 / cart.ratios[0]
+    if cart.ratios[1] > 0:
+        load *= cart.ratios[1] if slip > 0 else 1 / cart.ratios[1]
     first, first_load = _first_part(cart, row, 0, memory, place), _first_part(cart, row, 1, memory, place)
     return Memory(front, origin, place, first + force, first_load - load)
-
-
-@internal
-def _rest_ratio(cart, slip):
-    """Force of the mix at rest against a heading -slip over that against slip [-]; 1 where it vanishes."""
-    rows, first, end = cart.pieces, cart.firsts[FORCE], cart.firsts[FORCE + 1]
-    forward = table_value(rows, first, end, 0.0, 0.0, NO_ENDS)[0]
-    backward = -table_value(rows, first, end, 0.0, -NO_ENDS, 0.0)[0]
-    old, new = (backward, forward) if slip > 0 else (forward, backward)
-    return old / new if old != 0 and new != 0 else 1.0
 
 
 @internal

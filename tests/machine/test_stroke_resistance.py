@@ -6,11 +6,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from machine_cases import CART, MASS, SIZE, published_law
+from machine_cases import CART, HYDRAULIC, KLOSS, MASS, SIZE, published_law
 from published import CART_OF_C
 
+from compact.drive import Crank, Rigid, simulate
+from compact.machine.crankshaft import simulate_crankshaft
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.elastic_motion import CartMotion
+from compact.machine.motor_drive import Motor
 from compact.numerics.piecewise import PiecewisePolynomial
 from compact.resistance import dry_resistance, tabulated_resistance
 from compact.turning import (
@@ -86,6 +89,83 @@ def test_lift_of_the_rollers_on_the_own_track_is_a_fifth():
     reactions = run.state.forces.front_reaction + run.state.forces.rear_reaction
     lift = sum(CART_OF_C.roller_reactions)
     assert reactions == pytest.approx(np.full(len(reactions), 0.2 * lift - CART_OF_C.weight), abs=1e-6 * lift)
+
+
+@pytest.mark.parametrize("name", ["wave", "imprint", "own track longer than the stroke", "table"])
+def test_rigid_drive_does_the_work_of_the_share_over_the_travel(name):
+    """Without guides int H dx = F int g ds over both strokes; the kinetic energy comes back."""
+    resistance, _ = CASES[name]
+    run = simulate(CART, Rigid(), published_law("complex", DURATION), resistance)
+    travel = np.union1d(np.linspace(0, STROKE, 200_001), np.linspace(0, 0.01, 100_001))
+    work = SIZE * sum(np.trapezoid(shares.force_share(travel), travel) for shares in resistance.over(STROKE))
+    assert run.energy == pytest.approx(work, rel=1e-6)
+    assert np.sum(run.weights * run.state.resistance * run.state.velocity) == pytest.approx(work, rel=1e-6)
+
+
+DRIVES = {
+    "rigid": Rigid(),
+    "elastic": elastic(ratio=0.2),
+    "motor": Motor(KLOSS, 145.0, 0.1, 0.0),
+    "hydraulic": HYDRAULIC,
+}
+every_drive = pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES.keys())
+
+
+@every_drive
+def test_share_of_one_is_the_step_for_every_drive(drive):
+    law = published_law("quintic")
+    one, step = (simulate(CART_OF_C, drive, law, each) for each in (along(table((0.0, 1.0))), DRY))
+    assert one.peak_force == pytest.approx(step.peak_force, rel=1e-7)
+    assert one.peak_power == pytest.approx(step.peak_power, rel=1e-7)
+    assert one.energy == pytest.approx(step.energy, rel=1e-7)
+
+
+@every_drive
+@pytest.mark.parametrize("name", ["wave", "both sides differ", "table", "bow wave longer than the stroke"])
+def test_every_drive_does_the_work_against_mix_and_guides(drive, name):
+    run = simulate(CART_OF_C, drive, published_law("quintic"), CASES[name][0])
+    state = run.state
+    losses = np.sum(run.weights * (state.resistance + state.forces.guide_friction) * state.velocity)
+    damped = run.drive.damping * run.motion.elongation_rate**2 * run.weights if hasattr(run, "motion") else 0.0
+    assert losses + np.sum(damped) == pytest.approx(run.energy, rel=1e-6)
+    assert getattr(run, "energy_residual", 0.0) < 1e-6
+
+
+@pytest.mark.parametrize("name", ["wave", "both sides differ", "imprint", "table"])
+def test_stiff_drive_has_the_forces_of_a_rigid_one(name):
+    law, (resistance, _) = published_law("septic", DURATION), CASES[name]
+    rigid = simulate(CART, Rigid(), law, resistance)
+    run = simulate_elastic(CART, elastic(1e14, 1.0), law, resistance)
+    assert run.peak_force == pytest.approx(rigid.peak_force, rel=1e-4)
+    assert run.peak_power == pytest.approx(rigid.peak_power, rel=1e-4)
+    assert run.energy == pytest.approx(rigid.energy, rel=1e-6)
+
+
+def test_rigid_drive_holds_the_mix_in_a_dwell():
+    resistance, _ = CASES["wave"]
+    run = simulate(CART, Rigid(), published_law("quintic").cycle(far_dwell=1.0), resistance)
+    dwell, last = run.direction == 0, resistance.over(STROKE)[0]
+    assert run.drive_force[dwell] == pytest.approx(np.full(dwell.sum(), SIZE * float(last.force_share(STROKE))))
+    reactions = (run.state.forces.front_reaction + run.state.forces.rear_reaction)[dwell]
+    lift = float(last.load_share(STROKE)) * sum(CART.roller_reactions) - CART.weight
+    assert reactions == pytest.approx(np.full(dwell.sum(), lift))
+
+
+def test_crankshaft_has_the_resistance_of_its_carts():
+    resistance, _ = CASES["wave"]
+    crank = Crank(0.2, 0.8)
+    shaft = simulate_crankshaft(CART_OF_C, crank, 3.5, resistance, (0.0, math.pi / 2))
+    alone = simulate(CART_OF_C, crank, published_law("crank", math.pi / 3.5), resistance)
+    assert shaft.carts[0].forces.drive_force.max() == pytest.approx(alone.drive_force.max(), rel=1e-5)
+    assert np.sum(shaft.weights * shaft.torque) == pytest.approx(2 * alone.energy, rel=1e-6)
+
+
+@pytest.mark.parametrize("name", ["wave", "table"])
+def test_hydraulic_stroke_follows_the_law(name):
+    run = simulate(CART_OF_C, HYDRAULIC, published_law("quintic"), CASES[name][0])
+    stroke = run.simulate_stroke()
+    assert np.abs(stroke.position - published_law("quintic").position(stroke.time)).max() < 2e-3 * STROKE
+    assert stroke.energy_residual < 1e-6
 
 
 # independent solutions
