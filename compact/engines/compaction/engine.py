@@ -57,7 +57,7 @@ if TYPE_CHECKING:
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
 COARSE_TARGET_TOLERANCE = 10.0  # [-], tolerance of a target on the coarser meshes over that on the last one
-NEIGHBOUR_DEPTH = 1.06  # [-], largest ratio of depths of neighbours; waves further apart relax longer than from rest
+NEIGHBOUR_DEPTH = 1.03  # [-], largest ratio of depths of neighbours; waves further apart relax longer than from rest
 MIN_RESISTANCE = 1e-3  # [-], least scale of the work residual over the load
 
 
@@ -306,7 +306,8 @@ def roll(
         for count in mesh_cascade(last):
             depth = searches[-1].depth if searches else target.initial_depth()
             rolling = case.roller_at_rest(case.create_frame(depth, count))
-            search = _create_search(case, target, rolling, depth, is_last=count == last)
+            travel = MAX_TRAVEL if count > last / 2 else MAX_COARSE_TRAVEL  # the extrapolation needs two meshes
+            search = _create_search(case, target, rolling, depth, travel, is_last=count == last)
             if searches:
                 search.start_from(searches[-1])
             search.run()
@@ -315,7 +316,12 @@ def roll(
 
 
 def _create_search(
-    case: RollingCase, target: DepthTarget, rolling: IncrementalRolling, depth: float, is_last: bool = True
+    case: RollingCase,
+    target: DepthTarget,
+    rolling: IncrementalRolling,
+    depth: float,
+    max_travel: float = MAX_TRAVEL,
+    is_last: bool = True,
 ) -> SteadySearch:
     """Return the search on a mesh."""
     share, elements = 1.0 if is_last else COARSE_TARGET_TOLERANCE, rolling.frame.contact_length / rolling.frame.step
@@ -325,7 +331,7 @@ def _create_search(
         rolling,
         depth,
         tolerance=case.numerics.steady_tolerance,
-        max_travel=MAX_TRAVEL if is_last else MAX_COARSE_TRAVEL,
+        max_travel=max_travel,
         target_tolerance=share * target.tolerance(elements),
     )
 

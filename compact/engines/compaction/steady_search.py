@@ -15,7 +15,7 @@ distance (`UnsteadyError`).
 """
 
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -50,7 +50,7 @@ SLOWING, GROWN = 0.8, 4.0  # [-], growth over the fastest one of a wave grown by
 
 APPROACH, FIRST_APPROACH = CYCLE / 2, SETTLING + CYCLE  # [-], travel in which a depth is reached; from rest
 FINAL_TRAVEL = SETTLING + CYCLE / 2  # [-], after the last jump; the mix of the exit column has passed it all
-MAX_COARSE_TRAVEL = 0.4 * MAX_TRAVEL  # [-], on meshes before the last one
+MAX_COARSE_TRAVEL = 0.4 * MAX_TRAVEL  # [-], on meshes before the last two
 MIN_WAVES = 3  # [-], cycles with two changes, before a wave may count as endless
 MIN_EXTRAPOLATED = 9.5  # [-], elements per contact length of the coarser mesh, below which loads are not extrapolated
 MIN_STEPS = 4  # [-], of a measurement
@@ -343,9 +343,12 @@ class SteadySearch:
                     raise
 
     def _finish(self, jump: float) -> float:
-        """Make the last jump and steps to the full tolerance; return the prescribed quantity then."""
-        if jump:
+        """Make the last jump, unless it is within the scatter, and steps to the full tolerance; return the quantity."""
+        drift, start = self.errors.drift[:2], self.errors.start[:2]
+        if np.any(drift > start):
             self._correct(self.depth, jump)
+        else:
+            self.errors = replace(self.errors, drift=self.errors.drift / LENGTH_ERROR)
         missing = FINAL_TRAVEL - (len(self.rolling.steps) - self._begin) * self.rolling.frame.step / self._length
         if missing > 0:
             self._roll(missing)

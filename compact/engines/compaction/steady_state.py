@@ -26,6 +26,10 @@ from compact.engines.compaction.roller_frame import transfer_state
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
 
 MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
+LOAD_WEIGHT = (
+    3.4  # [-], of an error of the load, which the extrapolation from 10 and 14 elements takes times 14/(14 - 10)
+)
+MAX_CORRELATION = 0.9  # [-], of deviations from a line; a few steps do not show more
 QUANTITIES = ("load", "resistance", "exit_density_ratio", "peak_pressure")  # of a `RollingStep`
 LENGTH_EXPONENT, WAVE_EXPONENT = 2.0, 3.4  # [-], of relaxation length and area of the wave over the depth, roughly
 
@@ -39,7 +43,8 @@ class WaveDrift:
     travel : float
         Travel of the steps [m].
     wave_area, wave_slope, wave_error : float
-        Area of the wave [m2], its slope and the standard error of the slope [m].
+        Area of the wave [m2], its slope and the standard error of the slope [m], for deviations that are correlated
+        from step to step.
     growth : float
         Mix that the wave takes up, as fed, per travel [m]: inflow less outflow at the exit column.
     values, slopes, scatter : ndarray, shape (4,)
@@ -65,7 +70,10 @@ class WaveDrift:
         ends, slopes = np.linalg.lstsq(lines, table, rcond=None)[0]
         deviation = table - lines @ [ends, slopes]
         spread = np.sqrt(np.sum(deviation**2, axis=0) / max(len(steps) - 2, 1))
+        after, before = deviation[1:, 0], deviation[:-1, 0]
+        correlation = np.clip(after @ before / max(before @ before, np.finfo(float).tiny), 0.0, MAX_CORRELATION)
         error = spread[0] / np.sqrt(np.sum((travel - travel.mean()) ** 2))
+        error *= np.sqrt((1 + correlation) / (1 - correlation))  # of a sum of such deviations
         wave = -float(travel[0]), float(ends[0]), float(slopes[0]), float(error)
         return cls(*wave, float(slopes[1]), ends[2:], slopes[2:], 2 * spread[2:])
 
@@ -168,9 +176,10 @@ class SteadyErrors:
 
     @property
     def total(self) -> float:
-        """Largest sum of both, of load and resistance over their own, the latter not too small, and of the density."""
+        """Largest of load, resistance over `LOAD_WEIGHT`, both relative, and density, of the sum of both."""
         load, resistance = np.abs(self.scale[:2])
-        return float(((self.drift + self.start)[:3] / [load, max(resistance, MIN_RESISTANCE * load), 1.0]).max())
+        scales = [load, LOAD_WEIGHT * max(resistance, MIN_RESISTANCE * load), 1.0]
+        return float(((self.drift + self.start)[:3] / scales).max())
 
 
 @dataclass(frozen=True)
