@@ -26,9 +26,7 @@ from compact.engines.compaction.roller_frame import transfer_state
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
 
 MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
-LOAD_WEIGHT = (
-    3.4  # [-], of an error of the load, which the extrapolation from 10 and 14 elements takes times 14/(14 - 10)
-)
+LOAD_WEIGHT = 3.4  # [-], 14/(14 - 10), by which the extrapolation from 10 and 14 elements multiplies errors
 MAX_CORRELATION = 0.9  # [-], of deviations from a line; a few steps do not show more
 QUANTITIES = ("load", "resistance", "exit_density_ratio", "peak_pressure")  # of a `RollingStep`
 LENGTH_EXPONENT, WAVE_EXPONENT = 2.0, 3.4  # [-], of relaxation length and area of the wave over the depth, roughly
