@@ -90,8 +90,8 @@ def test_rolled_state_is_steady(coarse):
     assert np.linalg.norm(forces[near]) < 0.1 * np.linalg.norm(solution.contact.forces)
 
 
-def test_five_percent_deeper_and_back_gives_the_first_solution(coarse, layer, roller, mix):
-    deeper = roll(layer, replace(roller, indentation=0.0021), mix, 0.2, start=coarse)
+def test_two_percent_deeper_and_back_gives_the_first_solution(coarse, layer, roller, mix):
+    deeper = roll(layer, replace(roller, indentation=0.00204), mix, 0.2, start=coarse)
     back = roll(layer, roller, mix, 0.2, start=deeper)
     assert back.load == pytest.approx(coarse.load, rel=3e-3)
     assert back.resistance == pytest.approx(coarse.resistance, rel=3e-3)
@@ -109,14 +109,14 @@ def test_published_lift_lies_between_two_starts():
 
 @pytest.mark.slow
 def test_answer_does_not_depend_on_the_path():
-    """Deeper by 5 % and back, and up and down in friction; deeper by 15 % at once is no neighbour any more."""
+    """Deeper by 3 % and back, and up and down in friction; deeper by 15 % at once is no neighbour any more."""
     layer, roller, mix = PUBLISHED
     first = roll(*PUBLISHED, 0.13)
 
     def changed(start, **changes):
         return roll(layer, replace(roller, **changes), mix, 0.13, start=start)
 
-    for path in ([{"indentation": 0.00315}, {}], [{"friction": 0.45}, {}]):
+    for path in ([{"indentation": 0.00308}, {}], [{"friction": 0.45}, {}]):
         found = first
         for changes in path:
             found = changed(found, **changes)

@@ -6,9 +6,9 @@ The load converges with first order in the element length, always from above on 
     P_limit = P + (P - P_c)/(n/n_c - 1)
 
 Its error is a share of the correction, or of the change of P_limit from the pair of meshes before, whichever is larger:
-on thin layers the loads scatter with the edges of the contact, and two meshes may agree by chance. The resistance
-converges with order 1.5. Its error is the mean of those by two pairs of meshes, and at least the residual of the work
-balance.
+on thin layers the loads scatter with the edges of the contact, and two meshes may agree by chance. Where the first
+mesh has no steady state, the error is the whole correction. The resistance converges with order 1.5. Its error is the
+mean of those by two pairs of meshes, and at least the residual of the work balance.
 
 All meshes are compared at what is prescribed on the last one, by the exponents of the forces over the depth.
 """
@@ -49,14 +49,14 @@ def mesh_errors(fine: SteadySearch) -> tuple[float, float] | None:
         return None
     load, resistance = fine.values[:2] * [fine.load_factor, 1.0]
     corrections = (fine.values - coarse.values_at(fine.depth))[:2] * remaining_shares(coarse, fine)
-    errors, change = np.abs(corrections), 0.0
-    if coarse.coarse is not None:
+    errors, change, share = np.abs(corrections), 0.0, 1.0
+    if coarse.coarse is not None and coarse.coarse.is_steady:
         at_coarse = coarse.values_at(fine.depth)
         before = (at_coarse - coarse.coarse.values_at(fine.depth))[:2] * remaining_shares(coarse.coarse, coarse)
         errors[1] = (errors[1] + abs(before[1]) * (coarse.elements / fine.elements) ** ORDERS[1]) / 2
-        change = float(at_coarse[0] + before[0] - load)
+        change, share = float(at_coarse[0] + before[0] - load), CORRECTION_SHARE
     if fine.load_factor != 1:
-        errors[0] = CORRECTION_SHARE * max(errors[0], abs(change))
+        errors[0] = share * max(errors[0], abs(change))
     scale = max(abs(resistance), MIN_RESISTANCE_RATIO * load)
     return float(errors[0] / load), float(errors[1] / scale)
 
