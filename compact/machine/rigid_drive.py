@@ -212,7 +212,7 @@ def solve_state(
     return DriveState(*motion, force, tangent, forces)
 
 
-def _sign_changes(function: Callable[[Array, Array], Array], count: int, grid: Array) -> Array:
+def _sign_changes(function: Callable[[Array, Any], Array], count: int, grid: Array) -> Array:
     """Places where functions of (abscissa, number), 0 to count - 1, change sign on a grid, by the Illinois method."""
     values = function(grid, np.arange(count)[:, None])
     rows, columns = np.nonzero((values[:, 1:] < 0) != (values[:, :-1] < 0))

@@ -228,15 +228,11 @@ def _fall(values, end, slopes, coefficients):
 def _find_wheel_margins(cart, state, within, step, margins):
     """Fill in the margins to the change of sign of both wheel reactions."""
     slip, band = within.slip, BAND * cart.force_scale
+    for i in range(ORDER + 1):
+        velocity, a, travel = step[1, i] - step[4, i], step[2, i] - step[5, i], step[0, i] - step[3, i] - state[TURN]
+        front, rear = wheel_friction(cart, within, velocity, a, slip * travel)
+        margins[10, i], margins[11, i] = band + within.front_wheel * front, band + within.rear_wheel * rear
     for k in range(2):
-        sign = within.front_wheel if k == 0 else within.rear_wheel
-        for i in range(ORDER + 1):
-            velocity, a, travel = (
-                step[1, i] - step[4, i],
-                step[2, i] - step[5, i],
-                step[0, i] - step[3, i] - state[TURN],
-            )
-            margins[10 + k, i] = band + sign * wheel_friction(cart, within, k, velocity, a, slip * travel)
         start = margins[10 + k, 0]
         for i in range(ORDER + 1 if start < band else 0):  # a sign that rounding mistook costs no event
             margins[10 + k, i] += band - start
@@ -410,7 +406,7 @@ def advance(cart: SpringCart, law: PiecewisePolynomial, state: Array, rows: Arra
         y, rate = polynomial[0], polynomial[1] / width - state[VELOCITY]
         position, zone = y - state[ELONGATION], state[ZONE]
         pull = pull_on_cart(cart, state[FLANK], zone, y, state[ELONGATION], rate)[0]
-        limits = stiction_limits(cart, state, position, zone)
+        limits = stiction_limits(cart, state, position, zone) if state[VELOCITY] == 0 else (0.0, 0.0)
         slip = _direction(cart, state, limits, pull)
         if slip == -state[HEADING]:
             turn(cart, state, slip, position)

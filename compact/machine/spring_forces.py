@@ -260,12 +260,13 @@ def resistance(cart, within, velocity, acceleration, travel) -> tuple[float, flo
 
 
 @internal
-def wheel_friction(cart, within, i, velocity, acceleration, travel) -> float:
-    """Return the friction of a guide wheel [N], with the sign of its reaction."""
+def wheel_friction(cart, within, velocity, acceleration, travel) -> tuple[float, float]:
+    """Return the friction of both guide wheels [N], with the signs of their reactions."""
     row = 0 if within.slip > 0 else 1
     force, load = share_of(cart, within, 0, travel)[0], share_of(cart, within, 1, travel)[0]
     force *= force_of_mix(cart, within, velocity, acceleration)[0]
-    return cart.wheels[row, i, 0] + cart.wheels[row, i, 1] * load + cart.wheels[row, i, 2] * force
+    front, rear = cart.wheels[row, 0], cart.wheels[row, 1]
+    return front[0] + front[1] * load + front[2] * force, rear[0] + rear[1] * load + rear[2] * force
 
 
 # memory of the turns
@@ -350,9 +351,8 @@ def smooth_range(cart, state, slip, velocity, position, pull) -> tuple[SmoothRan
     a = 0.0
     for _ in range(WHEEL_ROUNDS if wheels else 1):
         if wheels:
-            front = 1.0 if wheel_friction(cart, within, 0, velocity, a, travel) >= 0 else -1.0
-            rear = 1.0 if wheel_friction(cart, within, 1, velocity, a, travel) >= 0 else -1.0
-            within = _with_signs(within, 0.0, front, rear)
+            front, rear = wheel_friction(cart, within, velocity, a, travel)
+            within = _with_signs(within, 0.0, 1.0 if front >= 0 else -1.0, 1.0 if rear >= 0 else -1.0)
         force, _, mass, _ = resistance(cart, within, velocity, 0.0, travel)
         a = (pull - force) / (cart.mass + mass)
         if saturates and abs(a) >= cart.rate_limit * speed:
