@@ -257,7 +257,7 @@ class CartMotion:
         ratios = strokes.force_ratio(SLOW_SPEED_RATIO * self.mean_speed), self._cart.return_load_ratio
         self.cart = self.cart._replace(
             turns=np.array(turns, float), places=np.array(places, float), ratios=np.array([ratios]).ravel(),
-            wheels=_wheel_friction(self._cart, self.scale),
+            wheels=guide_wheels(self._cart, self.scale),
         )  # fmt: skip
 
     def total(self, velocity: Array, acceleration: Array | float = 0.0) -> Array:
@@ -436,7 +436,7 @@ def _share_table(share: Share, tolerance: float) -> PiecewisePolynomial:
     return PiecewisePolynomial(np.append(table.breaks, 2 * last), np.concatenate([table.coefficients, beyond]))
 
 
-def _wheel_friction(cart: Cart, size: float) -> Array:
+def guide_wheels(cart: Cart, size: float) -> Array:
     """Friction of both guide wheels by heading [N]: constant, over the load share and over the force of the mix [-]."""
     loads, forces, directions = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, size]), np.array([[1.0], [-1.0]])
     found = balance(cart, 0.0, forces, directions, load_share=loads)

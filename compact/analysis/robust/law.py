@@ -1,0 +1,408 @@
+"""Robust motion law: the law with the least worst peak of drive force or power over a range of drives and resistances.
+
+    minimise over laws  max over drives i  max over t  |H_i(t)|  or  |H_i(t) y'(t)|
+
+Each drive is an elastic drive of the range with one of the resistances, simulated with sticking and memory
+(`drive_pool`). Linear programs around the histories of the worst drives give a direction (`program`); a
+part of the way is taken without a test, since the worst peak rises before it falls, and the best law by simulation is
+kept. A trust region with slopes by differences follows. Drives that were not in the pool then judge the law; while one
+of them exceeds the worst peak told, the worst of them join the pool.
+
+The number is that of simulations; the duality gap is that of the linear programs. The law holds in its range alone:
+outside it balances on nothing, so that the range stands beside the number.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from compact.analysis.robust.drive_pool import DrivePool, PassTable, PoolForces, TravelTable, pass_table, travel_table
+from compact.analysis.robust.program import LawSpace, Row
+from compact.machine.cart import Cart, Resistance
+from compact.motion.laws import LAWS
+from compact.motion.limits import Limits
+from compact.motion.profile import MotionProfile, law
+from compact.numerics import Array
+from compact.numerics.validation import require_fields, require_known, require_positive
+
+ROBUST_OBJECTIVES = ("robust_peak_force", "robust_peak_power")
+# Stiffnesses of a pool at each damping ratio: the least damped decide, with sharp worst stiffnesses
+STIFFNESSES = (80, 40, 24, 16, 12)
+POOL = 600  # [-], drives of a search over all resistances, about; with many resistances each takes fewer stiffnesses
+FIRST_DRIVES, MORE_DRIVES, MOST_DRIVES = 12, 6, 60  # [-], of a program: at the start, of each step, at most
+SEARCH_STEPS, POLISH_STEPS = 32, 8  # [-], programs without a test, and of the trust region
+MOVE, LATE_MOVE = 0.4, 0.13  # [-], of the way to the optimum of a program; in the last third
+POLISH_DRIVES = 24  # [-], worst ones, whose slopes are those of differences
+DIFFERENCE = 2e-3  # [-], of the largest unknown
+FIRST_RADIUS = 0.05  # [-], of the largest unknown: trust region
+SHRINKS = 4  # [-], of the trust region in one step
+FRESH_DRIVES, FRESH_SEED = 200, 1  # [-]
+FRESH_TOLERANCE = 0.01  # [-], by which a fresh drive may exceed the pool; half of what is promised
+FRESH_ROUNDS = 3  # [-], in which fresh drives join the pool
+BOUNDING = 5  # [-], one drive of so many bounds the worst peak of a published law from below
+GAIN = 0.97  # [-], of the worst peak of the best published law; a law above gains nothing
+
+
+@dataclass(frozen=True)
+class PlantRange:
+    """What a plant may be: elastic drives, log-uniform, and resistances.
+
+    Parameters
+    ----------
+    stiffness : tuple of float
+        Least and largest k [N/m], > 0.
+    damping_ratio : tuple of float
+        Least and largest c/(2 sqrt(k m)) [-], > 0.
+    resistances : sequence of callable
+        Force of the mix [N]: samples of what is unknown, such as the corners and the centre of force and distance of
+        fresh mix. Each is a `StrokeResistance` of equal headings, or a resistance as of `simulate_elastic`.
+    inner : sequence of callable
+        Resistances between the samples, which judge the law.
+    """
+
+    stiffness: tuple[float, float]
+    damping_ratio: tuple[float, float]
+    resistances: Sequence[Resistance]
+    inner: Sequence[Resistance] = ()
+
+    def __post_init__(self) -> None:
+        require_fields(self, positive="stiffness damping_ratio")
+
+    def grid(self, counts: Sequence[int] = STIFFNESSES) -> Array:
+        """Return (k, damping ratio), shape (drives, 2): a number of stiffnesses at each of even damping ratios."""
+        ratios = np.geomspace(*self.damping_ratio, len(counts))
+        columns = zip(counts, ratios, strict=True)
+        return np.concatenate([np.column_stack([np.geomspace(*self.stiffness, n), np.full(n, z)]) for n, z in columns])
+
+    def random(self, count: int, random: np.random.Generator) -> Array:
+        """Return (k, damping ratio) of random drives, shape (count, 2)."""
+        low, high = np.log(np.array([self.stiffness, self.damping_ratio]).T)
+        return np.exp(random.uniform(low, high, (count, 2)))
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Size of a search.
+
+    Attributes
+    ----------
+    counts : tuple of int
+        Stiffnesses of the pool at each of even damping ratios from the least.
+    steps, polish : int
+        Linear programs of the search, and of the trust region.
+    published : tuple of str
+        Names of `LAWS` to compare with; those with a jump of the velocity are left out.
+    """
+
+    counts: tuple[int, ...] = STIFFNESSES
+    steps: int = SEARCH_STEPS
+    polish: int = POLISH_STEPS
+    published: tuple[str, ...] = tuple(name for name in LAWS if name != "crank")
+
+
+@dataclass(frozen=True)
+class WorstDrive:
+    """Largest peak of a law and where it is.
+
+    Attributes
+    ----------
+    peak : float
+        Peak drive force [N] or power [W].
+    stiffness, damping_ratio : float
+        k [N/m] and damping ratio [-].
+    resistance : int
+        Index of the resistance; the inner ones follow the samples.
+    """
+
+    peak: float
+    stiffness: float
+    damping_ratio: float
+    resistance: int
+
+
+@dataclass(frozen=True)
+class RobustLaw:
+    """A robust law and what it was judged by.
+
+    Attributes
+    ----------
+    motion : MotionProfile
+        The law.
+    objective : str
+        One of `ROBUST_OBJECTIVES`.
+    worst : WorstDrive
+        Over pool, grid and fresh drives, with all resistances.
+    mean : float
+        Mean peak over the same drives [N] or [W].
+    plants : PlantRange
+        Range in which it holds; outside it the peak rises steeply.
+    gap : float
+        Largest duality gap of the linear programs [-].
+    published : str
+        The published law with the least worst peak over the same drives.
+    published_worst : WorstDrive
+        Its worst peak.
+    drives : int
+        Number of drives that judged both.
+    """
+
+    motion: MotionProfile
+    objective: str
+    worst: WorstDrive
+    mean: float
+    plants: PlantRange
+    gap: float
+    published: str
+    published_worst: WorstDrive
+    drives: int
+
+    @property
+    def ratio(self) -> float:
+        """Worst peak over that of the best published law [-]."""
+        return self.worst.peak / self.published_worst.peak
+
+    @property
+    def gains(self) -> bool:
+        """True if the worst peak is below that of the best published law by more than the search scatters."""
+        return self.ratio < GAIN
+
+
+def robust_law(
+    cart: Cart,
+    plants: PlantRange,
+    stroke: float,
+    duration: float,
+    limits: Limits,
+    *,
+    objective: str = "robust_peak_force",
+    effort: Effort | None = None,
+) -> RobustLaw:
+    """Find the motion law with the least worst peak over a range of drives and resistances.
+
+    Parameters
+    ----------
+    cart : Cart
+        Cart of mass > 0, without end springs.
+    plants : PlantRange
+        Drives and resistances.
+    stroke, duration : float
+        Travel [m] and time [s] of one pass; the return stroke is its mirror image, without dwells.
+    limits : Limits
+        Limits of the law; the acceleration is continuous, also through the turn.
+    objective : str
+        "robust_peak_force" or "robust_peak_power".
+    effort : Effort, optional
+        Size of the search; a minute by default.
+
+    Returns
+    -------
+    RobustLaw
+
+    Raises
+    ------
+    InfeasibleError
+        If no law satisfies the limits.
+    """
+    require_known("objective", objective, ROBUST_OBJECTIVES)
+    require_positive(mass=cart.mass, stroke=stroke, duration=duration)
+    if cart.end_springs is not None:
+        raise ValueError("`cart` must have no end springs, whose force is no part of the programs")
+    effort = effort or Effort()
+    space = LawSpace(limits, stroke, duration, cart.mass)
+    fastest = float(space.table(space.start).velocity.max())
+    samples = len(plants.resistances)
+    tables = tuple(travel_table(cart, each, stroke, fastest) for each in (*plants.resistances, *plants.inner))
+    counts = [math.ceil(min(1.0, POOL / (sum(effort.counts) * samples)) * count) for count in effort.counts]
+    search = _Search(space, _Drives.of(cart.mass, plants.grid(counts), tables, range(samples)))
+    search.descend(effort.steps - effort.steps // 3, MOVE)
+    search.descend(effort.steps // 3, LATE_MOVE)
+    if objective == "robust_peak_power":
+        search.turn_to_power()
+    search.polish(effort.polish)
+    judges = _Drives.of(cart.mass, plants.grid(effort.counts), tables, range(len(tables)))
+    judges = _face_fresh_drives(search, plants, judges, effort.polish)
+    peaks = search.judge(space.table(search.best), judges)
+    name, rivals = _best_published(search, judges, effort.published)
+    motion, worst, rival = (
+        space.motion(search.best, objective.replace("_", "-")),
+        judges.worst(peaks),
+        judges.worst(rivals),
+    )
+    return RobustLaw(motion, objective, worst, float(peaks.mean()), plants, search.gap, name, rival, len(peaks))
+
+
+def _face_fresh_drives(search, plants, judges, polish):
+    """Let drives that are not in the pool judge the law; the worst of them join it. Returns all that judged it."""
+    random = np.random.default_rng(FRESH_SEED)
+    for _ in range(FRESH_ROUNDS):
+        judges = judges.joined(judges.random(plants, random))
+        peaks = search.judge(search.space.table(search.best), judges)
+        if peaks.max() <= search.value * (1 + FRESH_TOLERANCE):
+            break
+        search.join(judges.take(np.argsort(-peaks)[:FIRST_DRIVES]))
+        search.polish(polish)
+    return judges
+
+
+@dataclass(frozen=True)
+class _Drives:
+    """Drives of a pool as (stiffness, damping ratio, resistance), shape (drives, 3)."""
+
+    mass: float
+    rows: Array
+    tables: tuple[TravelTable, ...]
+
+    @classmethod
+    def of(cls, mass: float, drives: Array, tables: tuple[TravelTable, ...], which: range) -> "_Drives":
+        """Every drive with every resistance."""
+        rows = np.concatenate([np.column_stack([drives, np.full(len(drives), i)]) for i in which])
+        return cls(mass, rows, tables)
+
+    def random(self, plants, random):
+        """Random drives with random resistances."""
+        which = random.permutation(np.arange(FRESH_DRIVES) % len(self.tables))
+        return _Drives(self.mass, np.column_stack([plants.random(FRESH_DRIVES, random), which]), self.tables)
+
+    def take(self, which):
+        return _Drives(self.mass, self.rows[which], self.tables)
+
+    def joined(self, others):
+        return _Drives(self.mass, np.concatenate([self.rows, others.rows]), self.tables)
+
+    def damping(self):
+        return 2 * self.rows[:, 1] * np.sqrt(self.rows[:, 0] * self.mass)
+
+    def simulate(self, table: PassTable, states: Array | None = None) -> PoolForces:
+        stiffness, _, which = self.rows.T
+        return DrivePool(self.mass, stiffness, self.damping(), self.tables, which.astype(int)).simulate(table, states)
+
+    def worst(self, peaks):
+        i = int(np.argmax(peaks))
+        stiffness, ratio, which = self.rows[i].tolist()
+        return WorstDrive(float(peaks[i]), stiffness, ratio, int(which))
+
+
+@dataclass
+class _Search:
+    """Search for a robust law: the pool, the drives of the program, and the best law by simulation."""
+
+    space: LawSpace
+    drives: _Drives
+    power: bool = False
+    best: Array = field(init=False)
+    value: float = np.inf
+    gap: float = 0.0
+    _program: list[int] = field(default_factory=list)
+    _rows: set[Row] = field(default_factory=set)
+    _responses: dict[tuple[float, float], Array] = field(default_factory=dict)
+    _states: Array | None = None
+
+    def __post_init__(self) -> None:
+        self.best = self.space.start
+
+    def histories(self, drives: _Drives, table: PassTable, states: Array | None = None) -> tuple[Array, PoolForces]:
+        """H or H y' of each drive, and the simulation."""
+        forces = drives.simulate(table, states)
+        return forces.powers(table) if self.power else forces.forces, forces
+
+    def judge(self, table: PassTable, drives: _Drives) -> Array:
+        """Peak of a law on each of some drives."""
+        return np.asarray(np.abs(self.histories(drives, table)[0]).max(axis=1))
+
+    def evaluate(self, unknowns: Array) -> tuple[Array, PoolForces]:
+        """Histories of the pool and their simulation; the best law is kept."""
+        histories, forces = self.histories(self.drives, self.space.table(unknowns), self._states)
+        self._states = forces.states
+        if (value := float(np.abs(histories).max())) < self.value:
+            self.best, self.value = unknowns, value
+        return histories, forces
+
+    def descend(self, steps: int, move: float) -> None:
+        """Move a part of the way to the optimum of each program, without a test."""
+        unknowns = self.best
+        for _ in range(steps):
+            histories, _ = self.evaluate(unknowns)
+            drives = self._choose(np.abs(histories).max(axis=1))
+            slopes = [self._response(i) for i in drives]
+            step = self._solve(unknowns, drives, histories, slopes)
+            unknowns = unknowns + move * step.change
+        self.evaluate(unknowns)
+
+    def polish(self, steps: int) -> None:
+        """Move within a trust region with slopes by differences of simulations, while the worst peak falls."""
+        radius = FIRST_RADIUS * float(np.abs(self.best).max())
+        for _ in range(steps):
+            before, (histories, forces) = self.value, self.evaluate(self.best)
+            order = np.argsort(-np.abs(histories).max(axis=1))
+            drives = order[:POLISH_DRIVES].tolist()
+            slopes = self._differences(drives, histories, forces)
+            for _ in range(SHRINKS):
+                step = self._solve(self.best, drives, histories, slopes, radius)
+                self.evaluate(self.best + step.change)
+                if self.value < before:
+                    radius *= 2.0 if self.value < before - (before - step.value) / 2 else 1.0
+                    break
+                radius /= 3.0
+            else:
+                return
+
+    def turn_to_power(self) -> None:
+        """Seek the least worst power from now on."""
+        self.power, self._rows = True, set()
+        self.value = float(self.judge(self.space.table(self.best), self.drives).max())
+
+    def join(self, drives: _Drives) -> None:
+        """Take further drives into the pool."""
+        self.drives, self._states = self.drives.joined(drives), None
+        self.value = float(self.judge(self.space.table(self.best), self.drives).max())
+
+    def _choose(self, peaks):
+        """Drives of the next program: those of the last one and the worst others."""
+        others = [i for i in np.argsort(-peaks).tolist() if i not in set(self._program)]
+        self._program += others[: MORE_DRIVES if self._program else FIRST_DRIVES]
+        self._program = sorted(self._program, key=lambda i: -peaks[i])[:MOST_DRIVES]
+        return self._program
+
+    def _response(self, i):
+        """Slopes of H of a drive, its resistance frozen."""
+        stiffness, damping = float(self.drives.rows[i, 0]), float(self.drives.damping()[i])
+        if (stiffness, damping) not in self._responses:
+            self._responses[stiffness, damping] = self.space.response(stiffness, damping)
+        return self._responses[stiffness, damping]
+
+    def _differences(self, drives, histories, forces):
+        """Slopes of the histories of some drives by differences of simulations, within the equalities."""
+        chosen, states = self.drives.take(drives), forces.states[drives]
+        directions, size = self.space.free_directions, DIFFERENCE * float(np.abs(self.best).max())
+        changes = []
+        for direction in directions.T:
+            moved, _ = self.histories(chosen, self.space.table(self.best + size * direction), states)
+            changes.append((moved - histories[drives]) / size)
+        return np.moveaxis(np.array(changes), 0, -1) @ directions.T
+
+    def _solve(self, unknowns, drives, histories, slopes, radius=np.inf):
+        """Solve the program of some drives; rows that bind are kept by the number of the drive."""
+        place = {drive: i for i, drive in enumerate(drives)}
+        rows = {(place[drive], t, sign) for drive, t, sign in self._rows if drive in place}
+        step = self.space.minimise(unknowns, histories[drives], slopes, rows, radius)
+        self._rows = {(drives[i], t, sign) for i, t, sign in step.rows}
+        self.gap = max(self.gap, step.gap)
+        return step
+
+
+def _best_published(search: _Search, drives: _Drives, names: Sequence[str]) -> tuple[str, Array]:
+    """Name and peaks of the published law with the least worst peak; a part of the drives bounds each from below."""
+    laws = [law(name, search.space.stroke, search.space.duration) for name in names]
+    tables = {each.name: pass_table(each) for each in laws if each.smoothness() >= 1}
+    part = drives.take(np.arange(0, len(drives.rows), BOUNDING))
+    bounds = {name: search.judge(table, part).max() for name, table in tables.items()}
+    best, peaks = "", np.array([np.inf])
+    for name in sorted(bounds, key=lambda name: bounds[name]):
+        if bounds[name] >= peaks.max():
+            break
+        found = search.judge(tables[name], drives)
+        if found.max() < peaks.max():
+            best, peaks = name, found
+    return best, peaks

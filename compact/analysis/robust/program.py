@@ -1,0 +1,181 @@
+"""Linear programs of robust laws: the least worst peak over drives whose simulated histories are linearised at a law.
+
+    minimise  T   subject to   |Q_i(t) + S_i(t) d| <= T   for all drives i and instants t,   limits of the law
+
+Q_i is the history of the drive force H, or of the power H y', of drive i as simulated, d the change of the unknowns of
+the law. With the resistance frozen over time the drive force of a change of y'' is exact,
+
+    dH = G m dy'',   G = Z/(Z - m w^2),   Z = k + j w c,
+
+on the periodic motion of both strokes. Rows enter where a solution violates them (exchange method); the `gap` is the
+relative distance between the largest row of the solution and the dual value of its program, a bound from below.
+"""
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg, sparse
+from scipy.optimize import linprog
+
+from compact.analysis.robust.drive_pool import STEPS, PassTable
+from compact.motion.limits import Limits
+from compact.motion.optimisation_problem import ConstraintSet, SplineSpace
+from compact.motion.profile import MotionProfile
+from compact.numerics import Array
+from compact.numerics.convex_programs import HIGHS_TOLERANCE
+
+PIECES = 30  # [-], of a law, with two unknowns each; 40 gain below 1 %
+FIRST_ROWS, NEW_ROWS = 3, 5  # [-], of a drive: highest peaks at the start, and violated ones of a round
+ROUNDS = 60  # [-], of the exchange; 8 to 11 are usual
+ROW_TOLERANCE = 1e-7  # [-], by which a row may exceed the value of the program
+BINDING = 1e-9  # [-], dual value of a row that is kept for the next program
+
+Row = tuple[int, int, float]  # drive, instant, sign
+
+
+class ProgramStep(NamedTuple):
+    """Solution of a program.
+
+    Parameters
+    ----------
+    change : ndarray, shape (unknowns,)
+        d [-].
+    value : float
+        Predicted worst peak, in the unit of the histories.
+    gap : float
+        Relative gap between the largest row and the dual value [-].
+    rows : set of Row
+        Binding rows.
+    """
+
+    change: Array
+    value: float
+    gap: float
+    rows: set[Row]
+
+
+class LawSpace:
+    """Laws of a stroke [m] in a duration [s] within limits, tabulated at the instants of a pass.
+
+    The acceleration is continuous and piecewise quadratic on even pieces; on the return stroke it is opposite.
+    """
+
+    def __init__(self, limits: Limits, stroke: float, duration: float, mass: float, pieces: int = PIECES) -> None:
+        self.stroke, self.duration, self.mass = stroke, duration, mass
+        self.space = SplineSpace(np.linspace(0, 1, pieces + 1), max(2, limits.continuous))
+        self.constraints = ConstraintSet(limits, self.space, stroke, duration)
+        phases = np.linspace(0, 1, STEPS + 1)
+        self._bases = [stroke / duration**k * np.asarray(self.space.derivatives[k](phases)) for k in range(3)]
+
+    @property
+    def start(self) -> Array:
+        """Unknowns of the law with the least mean square of acceleration; InfeasibleError if no law exists."""
+        return self.constraints.min_acceleration_law
+
+    def table(self, unknowns: Array) -> PassTable:
+        """Return position, velocity and acceleration at the instants."""
+        y, v, a = (basis @ unknowns for basis in self._bases)
+        return PassTable(y, v, a[:-1].copy(), a[1:].copy(), self.duration / STEPS, self.stroke)
+
+    def motion(self, unknowns: Array, name: str) -> MotionProfile:
+        """Return the law with a name."""
+        return MotionProfile(name, self.stroke, self.duration, self.space.curve(unknowns))
+
+    @cached_property
+    def free_directions(self) -> Array:
+        """Orthonormal changes of the unknowns that keep stroke and end conditions, shape (unknowns, directions)."""
+        return np.asarray(linalg.null_space(self.constraints.program.equality_matrix))
+
+    @cached_property
+    def _spectrum(self):
+        """Fourier coefficients of y'' of each unknown on both strokes, and their angular frequencies [rad/s]."""
+        both = np.concatenate([self._bases[2][:-1], -self._bases[2][:-1]])
+        return np.fft.rfft(both, axis=0), np.pi * np.arange(STEPS + 1) / self.duration
+
+    def response(self, stiffness: float, damping: float) -> Array:
+        """Return the derivatives of H [N] by the unknowns from the middle of a pass, shape (STEPS + 1, unknowns)."""
+        spectrum, frequency = self._spectrum
+        spring = stiffness + 1j * frequency * damping
+        gain = self.mass * spring / (spring - self.mass * frequency**2)
+        force = np.fft.irfft(gain[:, None] * spectrum, n=2 * STEPS, axis=0)
+        return np.asarray(force[STEPS // 2 : STEPS // 2 + STEPS + 1])
+
+    def minimise(
+        self, unknowns: Array, histories: Array, slopes: Sequence[Array], rows: set[Row], radius: float = np.inf
+    ) -> ProgramStep:
+        """Minimise the worst linearised peak.
+
+        Parameters
+        ----------
+        unknowns : ndarray
+            Of the law at which the histories are linearised.
+        histories : ndarray, shape (drives, STEPS + 1)
+            Q, [N] or [W].
+        slopes : sequence of ndarray, shape (STEPS + 1, unknowns)
+            S of each drive.
+        rows : set of Row
+            Rows at the start, in addition to the highest peaks.
+        radius : float
+            Largest change of an unknown [-].
+        """
+        scale = float(np.abs(histories).max())
+        rows = rows | {(i, *row) for i, history in enumerate(histories) for row in _peaks(history)[:FIRST_ROWS]}
+        for _ in range(ROUNDS):
+            listed = sorted(rows)
+            found = self._solve(unknowns, histories, slopes, listed, scale, radius)
+            change, value = found.x[:-1], float(found.x[-1])
+            linear = [(history + slope @ change) / scale for history, slope in zip(histories, slopes, strict=True)]
+            worst = max(float(np.abs(each).max()) for each in linear)
+            entering = {
+                (i, *row)
+                for i, each in enumerate(linear)
+                for row in _peaks(each)[:NEW_ROWS]
+                if abs(each[row[0]]) > value * (1 + ROW_TOLERANCE)
+            }
+            if entering <= rows:
+                break
+            rows = rows | entering
+        binding = found.ineqlin.marginals[-len(listed) :] < -BINDING
+        kept = {row for row, binds in zip(listed, binding, strict=True) if binds}
+        return ProgramStep(change, value * scale, worst / _dual_value(found) - 1, kept)
+
+    def _solve(self, unknowns, histories, slopes, rows, scale, radius):
+        """Solve the program of some rows, divided by a scale; its last unknown is T."""
+        equal, values, below, most = self.constraints.program
+        drives, instants = [row[0] for row in rows], [row[1] for row in rows]
+        signs = np.array([row[2] for row in rows])
+        steep = np.array([slopes[i][t] for i, t in zip(drives, instants, strict=True)]) * signs[:, None] / scale
+        matrix = sparse.block_array([[sparse.csr_array(below), None], [steep, -np.ones((len(rows), 1))]])
+        bounds = np.append(most - below @ unknowns, -signs * histories[drives, instants] / scale)
+        n = len(unknowns)
+        task = (
+            np.eye(n + 1)[n], matrix, bounds, np.column_stack([equal, np.zeros(len(values))]), values - equal @ unknowns
+        )  # fmt: skip
+        limits = [(-radius, radius)] * n + [(None, None)]
+        strict = {"primal_feasibility_tolerance": HIGHS_TOLERANCE, "dual_feasibility_tolerance": HIGHS_TOLERANCE}
+        for options in (strict, {}, {"presolve": False}):
+            found = linprog(*task, bounds=limits, method="highs", options=options)
+            if found.status == 0:
+                found.bounds_of_rows, found.bounds_of_unknowns = (bounds, task[4]), radius
+                return found
+        raise RuntimeError(f"HiGHS did not solve a program of {len(rows)} rows: {found.message}")
+
+
+def _dual_value(found):
+    """Value of the dual program, a bound from below on that of the program."""
+    (below, equal), radius = found.bounds_of_rows, found.bounds_of_unknowns
+    value = below @ found.ineqlin.marginals + equal @ found.eqlin.marginals
+    if np.isfinite(radius):
+        value += radius * (found.upper.marginals[:-1].sum() - found.lower.marginals[:-1].sum())
+    return float(value)
+
+
+def _peaks(history):
+    """(instant, sign) of the local maxima of a magnitude, the highest first."""
+    size = np.abs(history)
+    padded = np.concatenate([[-1.0], size, [-1.0]])
+    tops = np.flatnonzero((size >= padded[:-2]) & (size >= padded[2:]))
+    tops = tops[np.argsort(-size[tops])]
+    return [(int(t), float(np.sign(history[t]))) for t in tops[: max(FIRST_ROWS, NEW_ROWS)]]

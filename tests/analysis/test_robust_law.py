@@ -1,0 +1,195 @@
+"""Robust laws: simulation of a pool of drives, slopes of its histories, gain over the published laws."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from machine_cases import CART, dry, free, published_law
+from published import CART_OF_C
+
+from compact.analysis.robust.drive_pool import DrivePool, from_the_middle, pass_table, travel_table
+from compact.analysis.robust.law import Effort, PlantRange, robust_law
+from compact.analysis.robust.program import LawSpace
+from compact.machine.cart import EndSprings
+from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
+from compact.motion.limits import Limits, violations
+from compact.turning import StrokeResistance, table_share, wave_load_share, wave_share
+
+STROKE, DURATION = 0.4, 0.889  # [m], [s]
+DEPTH, WAVE = 2.1e-3, 2.54e-3  # [m], of the published lift
+PUBLISHED = ("cubic", "quintic", "cycloidal", "harmonic")
+
+
+def along_stroke(edge=0.110, scale=1.0, length=0.026, wave=WAVE):
+    """Resistance of 3486 N that rebuilds after a turn."""
+    contact = length, DEPTH, wave, edge
+    force, load = wave_share(*contact), wave_load_share(*contact)
+    return StrokeResistance(lambda v, a: scale * dry(v, a), force, force, load, load)
+
+
+def rebuilt(release):
+    share = table_share((0.0, 0.05), (0.1, 1.0), release=release)
+    return StrokeResistance(dry, share, share, share, share)
+
+
+def pool_peaks(cart, resistance, law, stiffness, ratio):
+    """Peak force [N] and power [W] of one drive."""
+    stiffness = np.array([stiffness])
+    table = travel_table(cart, resistance, STROKE, law.peaks().velocity)
+    pool = DrivePool(cart.mass, stiffness, 2 * ratio * np.sqrt(stiffness * cart.mass), (table,), np.array([0]))
+    even = pass_table(law)
+    found = pool.simulate(even)
+    assert found.passes[0] > 0
+    return found.peaks[0], np.abs(found.powers(even)).max()
+
+
+@pytest.mark.parametrize(
+    "cart", [CART, replace(CART_OF_C, guide_friction=0.1)], ids=["rails without friction", "guides"]
+)
+@pytest.mark.parametrize(
+    "resistance",
+    [dry, rebuilt(0.0), rebuilt(1e-3), along_stroke(), along_stroke(0.0), along_stroke(0.180)],
+    ids=["step", "table", "table with release", "closed", "open", "midway"],
+)
+@pytest.mark.parametrize(("name", "stiffness", "ratio"), [("cycloidal", 1e6, 0.05), ("parabolic", 1e7, 0.1)])
+def test_pool_agrees_with_the_elastic_drive(cart, resistance, name, stiffness, ratio):
+    law = published_law(name, DURATION)
+    drive = ElasticDrive(stiffness, 2 * ratio * np.sqrt(stiffness * cart.mass))
+    run = simulate_elastic(cart, drive, law, resistance)
+    force, power = pool_peaks(cart, resistance, law, stiffness, ratio)
+    assert force == pytest.approx(run.peak_force, rel=1e-3)
+    assert power == pytest.approx(run.peak_power, rel=2e-3)
+
+
+@pytest.mark.parametrize("ratio", [0.02, 0.2, 1.5])
+def test_response_is_the_drive_force_of_a_cart_without_resistance(ratio):
+    space = LawSpace(Limits(jerk=200.0), STROKE, DURATION, 1000.0)
+    stiffness = np.array([1e6])
+    damping = 2 * ratio * np.sqrt(stiffness * 1000.0)
+    cart = replace(CART, mass=1000.0)
+    table = travel_table(cart, free, STROKE, 1.0)
+    found = DrivePool(1000.0, stiffness, damping, (table,), np.array([0])).simulate(space.table(space.start))
+    linear = space.response(1e6, float(damping[0])) @ space.start
+    assert np.abs(found.forces[0] - linear).max() < 1e-3 * np.abs(linear).max()
+
+
+def test_stiff_drives_without_mix_need_twice_the_mean_acceleration():
+    plants = PlantRange((1e9, 2e9), (0.1, 0.2), (free,))
+    cart = replace(CART, mass=1000.0)
+    found = robust_law(cart, plants, STROKE, DURATION, Limits(), effort=Effort((2, 2), 3, 3, PUBLISHED))
+    least = 4 * 1000.0 * STROKE / DURATION**2
+    assert least <= found.worst.peak < 1.1 * least  # of a law whose acceleration is continuous
+    assert found.worst.peak < found.published_worst.peak
+
+
+def test_program_bounds_the_law_from_below():
+    space = LawSpace(Limits(jerk=200.0), STROKE, DURATION, 1000.0)
+    responses = [space.response(k, 2 * 0.05 * np.sqrt(k * 1000.0)) for k in (5e5, 2e6)]
+    histories = np.array([response @ space.start for response in responses])
+    step = space.minimise(space.start, histories, responses, set())
+    moved = [response @ (space.start + step.change) for response in responses]
+    assert np.abs(moved).max() == pytest.approx(step.value, rel=1e-6)
+    assert step.value < np.abs(histories).max()
+    assert 0 <= step.gap + 1e-9 < 1e-6
+
+
+@pytest.mark.parametrize("objective", ["robust_peak_force", "robust_peak_power"])
+def test_robust_law_halves_the_worst_peak_of_a_narrow_range(objective):
+    plants = PlantRange((8e5, 2e6), (0.05, 0.1), (along_stroke(),))
+    limits = Limits(acceleration=8.0, jerk=200.0)
+    effort = Effort((6, 3), 15, 1, PUBLISHED)
+    found = robust_law(CART, plants, STROKE, DURATION, limits, objective=objective, effort=effort)
+    assert violations(limits, found.motion) == {}
+    assert found.gains
+    assert found.ratio < 0.6
+    assert found.gap < 1e-6
+    assert found.published in PUBLISHED
+    assert found.worst.peak >= found.mean
+    drive = ElasticDrive(
+        found.worst.stiffness, 2 * found.worst.damping_ratio * np.sqrt(found.worst.stiffness * CART.mass)
+    )
+    run = simulate_elastic(CART, drive, found.motion, along_stroke())
+    peak = run.peak_force if objective == "robust_peak_force" else run.peak_power
+    assert peak == pytest.approx(found.worst.peak, rel=2e-3)
+
+
+def test_pass_from_the_middle_is_opposite_on_the_return_stroke():
+    values = np.arange(5.0)
+    assert from_the_middle(values).tolist() == [2.0, 3.0, 4.0, -1.0, -2.0]
+
+
+SPRINGS = EndSprings(stiffness=1e4, preload=100.0, length=0.05, stroke=STROKE)
+UNEQUAL = StrokeResistance(
+    dry, *(table_share((0.0, x), (0.0, 1.0)) for x in (0.05, 0.06)), *[table_share((0.0, 0.05), (0.0, 1.0))] * 2
+)
+
+
+@pytest.mark.parametrize(
+    ("cart", "resistance", "objective", "words"),
+    [
+        (replace(CART, end_springs=SPRINGS), dry, "robust_peak_force", "`cart` must have no end springs"),
+        (CART, UNEQUAL, "robust_peak_force", "both headings of `resistance` must have one share"),
+        (CART, dry, "peak_force", "no objective 'peak_force'"),
+        (replace(CART_OF_C, roller_positions=(0.3, -0.1)), dry, "robust_peak_force", "mirror image"),
+    ],
+)
+def test_refusals_of_robust_laws(cart, resistance, objective, words):
+    plants = PlantRange((1e6, 2e6), (0.05, 0.1), (resistance,))
+    with pytest.raises(ValueError, match=words):
+        robust_law(cart, plants, STROKE, DURATION, Limits(jerk=200.0), objective=objective)
+
+
+# shares of the worst peak of the best published law; F over 3486 N and D [m]: samples, then inner ones
+TARGETS = {
+    "open": (0.53, [(1.0, 0.026)], [], WAVE),
+    "closed": (0.40, [(1.0, 0.110)], [], WAVE),
+    "midway": (0.34, [(1.0, 0.180)], [], WAVE),
+    "thin make-up": (0.38, [(1.0, 0.110)], [], 0.13 * DEPTH),
+    "force 10 %, distance 5 mm": (
+        0.75,
+        [(1.0, 0.110), (0.9, 0.105), (0.9, 0.115), (1.1, 0.105), (1.1, 0.115)],
+        [(force, edge) for force in (0.9, 1.0, 1.1) for edge in (0.1075, 0.110, 0.1125)],
+        WAVE,
+    ),
+    "force over the spread of the mix": (
+        0.78, [(0.64, 0.110), (1.0, 0.110), (1.43, 0.110), (1.86, 0.110)], [(0.82, 0.110), (1.2, 0.110), (1.64, 0.110)],
+        WAVE,
+    ),
+}  # fmt: skip
+RAILS = replace(
+    CART, mass=1000.0, weight=1600.0, guide_friction=0.05, guide_wheel_diameter=0.0, pin_height=-CART.roller_radius,
+    roller_reactions=(0.0, 0.0),
+)  # fmt: skip
+
+
+def judging_drives():
+    """Grid of 300 and 200 random drives: k [N/m] and damping ratio [-]."""
+    grid = np.array([(k, ratio) for ratio in np.geomspace(0.02, 0.2, 5) for k in np.geomspace(3e5, 1e7, 60)])
+    random = np.random.default_rng(2029).uniform(np.log([3e5, 0.02]), np.log([1e7, 0.2]), (200, 2))
+    return np.concatenate([grid, np.exp(random)])
+
+
+def worst_peak(law, resistances):
+    """Worst peak [N] of a law over the judging drives with every resistance."""
+    tables = [travel_table(RAILS, each, STROKE, 1.0) for each in resistances]
+    stiffness, ratio = np.tile(judging_drives(), (len(tables), 1)).T
+    which = np.repeat(np.arange(len(tables)), len(stiffness) // len(tables))
+    pool = DrivePool(RAILS.mass, stiffness, 2 * ratio * np.sqrt(stiffness * RAILS.mass), tables, which)
+    return pool.simulate(pass_table(law)).peaks.max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TARGETS)
+def test_robust_law_of_a_wide_range_of_drives(name):
+    target, samples, inner, wave = TARGETS[name]
+    length = 0.015 if wave < DEPTH / 2 else 0.026
+    resistances, others = (
+        [along_stroke(edge, force, length, wave) for force, edge in each] for each in (samples, inner)
+    )
+    plants = PlantRange((3e5, 1e7), (0.02, 0.2), resistances, others)
+    found = robust_law(RAILS, plants, STROKE, DURATION, Limits(jerk=200.0))
+    worst = worst_peak(found.motion, [*resistances, *others])
+    published = worst_peak(published_law(found.published, DURATION), [*resistances, *others])
+    assert worst <= target * published
+    assert worst <= 1.02 * found.worst.peak
+    assert found.gap < 1e-6
