@@ -84,11 +84,11 @@ def test_share_of_one_is_the_step():
     assert one.energy == pytest.approx(step.energy, rel=1e-7)
 
 
-def test_lift_of_the_rollers_on_the_own_track_is_a_fifth():
+def test_lift_of_the_rollers_on_the_own_track_is_a_quarter():
     run = periodic(along(wave(0.6)), cart=replace(CART_OF_C, guide_friction=0.0))
     reactions = run.state.forces.front_reaction + run.state.forces.rear_reaction
     lift = sum(CART_OF_C.roller_reactions)
-    assert reactions == pytest.approx(np.full(len(reactions), 0.2 * lift - CART_OF_C.weight), abs=1e-6 * lift)
+    assert reactions == pytest.approx(np.full(len(reactions), 0.25 * lift - CART_OF_C.weight), abs=1e-6 * lift)
 
 
 @pytest.mark.parametrize("name", ["wave", "imprint", "own track longer than the stroke", "table"])
@@ -298,7 +298,7 @@ def test_undamped_drive_is_solved():
 
 def test_drive_without_a_periodic_regime_is_told():
     with pytest.raises(RuntimeError, match="no periodic regime found in 150 cycles"):
-        periodic(along(imprint(0.110)), "cycloidal", drive=elastic(3e5, 0.02))
+        periodic(along(imprint(0.110)), "cycloidal", drive=elastic(3e5, 0.01))
 
 
 def test_share_costs_few_evaluations():
