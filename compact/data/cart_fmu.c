@@ -3,8 +3,10 @@
 
    Resistance: cubic splines of F and M over ln|v|, a power law below the slowest sample, the added-mass term held at
    its limit, as `compact.resistance.ResistanceMap`. Guide friction: `compact.machine.cart.balance` with a drive along
-   the rails. Motion: classical Runge-Kutta steps of at most MAX_STEP; one in which the velocity changes its sign is split
-   there. */
+   the rails. After a turn both are multiplied by shares over the travel, as in `compact.turning`: each motion, prescribed
+   and free, remembers front and origin in both headings. The prescribed position is integrated from velocity and
+   acceleration. Motion: classical Runge-Kutta steps of at most MAX_STEP; one in which the velocity changes its sign is
+   split there. */
 
 #include <math.h>
 #include <stdio.h>
@@ -39,10 +41,15 @@ typedef struct {
 } fmi2CallbackFunctions;
 
 enum { VELOCITY, ACCELERATION, APPLIED_FORCE, START_POSITION, START_VELOCITY, INPUTS,
-       RESISTANCE = INPUTS, GUIDE_FRICTION, DRIVE_FORCE, CART_POSITION, CART_VELOCITY, CART_ACCELERATION, VARIABLES };
+       RESISTANCE = INPUTS, GUIDE_FRICTION, DRIVE_FORCE, CART_POSITION, CART_VELOCITY, CART_ACCELERATION, TRAVEL,
+       VARIABLES };
+
+/* Places in the sense of each heading, forward and backward; amounts that the release takes from force and load. */
+typedef struct { double front[2], origin[2], turn, released[2]; int heading; } Memory;
 
 typedef struct {
-    double inputs[INPUTS], position, velocity;
+    double inputs[INPUTS], position, velocity, prescribed;
+    Memory memory, prescribed_memory;
     char name[128];
     const fmi2CallbackFunctions *callbacks;
 } Cart;
@@ -65,9 +72,64 @@ static double resistance(double v, double a) {
     return (v < 0 ? RETURN_RATIO : 1.0) * (sign(v) * force + a * cubic(MASS[piece], x));
 }
 
-static Forces forces(double v, double a) {
-    Forces found = {resistance(v, a), 0};
-    double s = sign(v), ratio = s < 0 ? RETURN_LOAD_RATIO : 1.0, lift = ratio * LIFT - WEIGHT;
+/* Share of the force (k = 0) or the load (k = 1) over the abscissa [m] of its table. */
+static double share_table(int row, int k, double s) {
+    int i = FIRSTS[2 * row + k], end = FIRSTS[2 * row + k + 1];
+    double u, value = 0;
+    while (i < end - 1 && s >= SHARES[i + 1][0]) i++;
+    u = fmax(0, fmin(1, (s - SHARES[i][0]) / SHARES[i][1]));
+    for (int j = SHARE_COLUMNS - 1; j > 1; j--) value = value * u + SHARES[i][j];
+    return value;
+}
+
+static double first_part(const Memory *m, int row, int k, double place) {
+    double reached = fmax(place, m->front[row]), value = share_table(row, k, reached - m->origin[row]);
+    if (place >= m->front[row]) return value;
+    if (RELEASES[row] == 0) return TRACKS[row][k];
+    return TRACKS[row][k] + (value - TRACKS[row][k]) * exp((place - m->front[row]) / RELEASES[row]);
+}
+
+static double share(const Memory *m, int k, double x) {
+    int row = m->heading < 0;
+    double s = m->heading * (x - m->turn), first;
+    if (!TURNS) return 1;
+    first = first_part(m, row, k, m->heading * x);
+    return m->released[k] == 0 ? first : first - m->released[k] * exp(-s / RELEASES[row]);
+}
+
+/* Memory after a turn at a position [m]. */
+static Memory turned(const Memory *before, double x) {
+    Memory m = *before;
+    int old = m.heading < 0, row = 1 - old;
+    m.heading = -m.heading, m.turn = x;
+    m.front[old] = fmax(m.front[old], before->heading * x);
+    if (m.front[row] - m.heading * x > DISTANCES[row]) { /* the sleeve has laid fresh mix */
+        m.front[row] = m.heading * x + DISTANCES[row];
+        m.origin[row] = m.heading * x;
+    }
+    for (int k = 0; k < 2; k++) { /* neither force nor load jumps */
+        double ratio = k ? RETURN_LOAD_RATIO : FORCE_RATIO, last = share(before, k, x);
+        if (ratio > 0) last *= m.heading > 0 ? ratio : 1 / ratio;
+        m.released[k] = RELEASES[row] == 0 ? 0 : first_part(&m, row, k, m.heading * x) + (k ? -last : last);
+    }
+    return m;
+}
+
+static void turn(Memory *m, double way, double x) { if (way * m->heading < 0) *m = turned(m, x); }
+
+/* Memory of a cart that came from the far end, at a position [m]. */
+static Memory initial(double x) {
+    Memory m = {{STROKE, -x}, {0, -STROKE}, STROKE, {0, 0}, -1};
+    return m;
+}
+
+static Forces forces(double v, double a, Memory m, double x) {
+    Forces found = {0, 0};
+    double s = sign(v), ratio = s < 0 ? RETURN_LOAD_RATIO : 1.0, lift;
+    turn(&m, v, x);
+    found.resistance = share(&m, 0, x) * resistance(v, a);
+    ratio *= share(&m, 1, x);
+    lift = ratio * LIFT - WEIGHT;
     double moment = ratio * LIFT_MOMENT - found.resistance * ARM + s * GUIDE_FRICTION_COEFFICIENT * WHEEL_RADIUS * lift;
     double front = (moment - REAR * lift) / (FRONT - REAR), rear = (FRONT * lift - moment) / (FRONT - REAR);
     found.friction = s * GUIDE_FRICTION_COEFFICIENT * (fabs(front) + fabs(rear));
@@ -75,40 +137,43 @@ static Forces forces(double v, double a) {
 }
 
 /* Acceleration [m/s^2] of a moving cart: m a + F(v, a) + friction = force, increasing in a. */
-static double acceleration(double v, double force) {
-    Forces rest = forces(v, 0);
+static double acceleration(double v, double force, const Memory *m, double x) {
+    Forces rest = forces(v, 0, *m, x);
     double low, high, width = fabs((force - rest.resistance - rest.friction) / CART_MASS) + 1e-12;
     low = high = (force - rest.resistance - rest.friction) / CART_MASS;
     for (int k = 0; k < BISECTIONS; k++, width *= 2) {
-        Forces at_low = forces(v, low - width), at_high = forces(v, high + width);
+        Forces at_low = forces(v, low - width, *m, x), at_high = forces(v, high + width, *m, x);
         if (CART_MASS * (low - width) + at_low.resistance + at_low.friction <= force &&
             CART_MASS * (high + width) + at_high.resistance + at_high.friction >= force) break;
     }
     low -= width, high += width;
     for (int k = 0; k < BISECTIONS && high - low > 1e-15 * fabs(high); k++) {
         double middle = (low + high) / 2;
-        Forces found = forces(v, middle);
+        Forces found = forces(v, middle, *m, x);
         if (CART_MASS * middle + found.resistance + found.friction < force) low = middle; else high = middle;
     }
     return (low + high) / 2;
 }
 
 /* Acceleration of the cart at any velocity; a cart at rest sticks until the force exceeds the resistance. */
-static double cart_acceleration(double v, double force) {
-    double tiny = 1e-12 * exp(BREAKS[0]) * (force < 0 ? -1 : 1), found;
-    if (v != 0) return acceleration(v, force);
-    found = acceleration(tiny, force);
-    return found * force > 0 ? found : 0;
+static double cart_acceleration(double v, double force, const Memory *m, double x) {
+    double tiny = 1e-12 * exp(BREAKS[0]), up, down;
+    if (v != 0) return acceleration(v, force, m, x);
+    up = acceleration(tiny, force, m, x);
+    down = acceleration(-tiny, force, m, x);
+    return up > 0 ? up : down < 0 ? down : 0;
 }
 
 /* One Runge-Kutta step [s]; returns the time that is left where the cart comes to rest within it. */
 static double step(Cart *cart, double h) {
     double force = cart->inputs[APPLIED_FORCE], x = cart->position, v = cart->velocity;
-    double a1 = cart_acceleration(v, force), v2 = v + h / 2 * a1;
-    double a2 = v2 * v < 0 ? a1 : cart_acceleration(v2, force), v3 = v + h / 2 * a2;
-    double a3 = v3 * v < 0 ? a1 : cart_acceleration(v3, force), v4 = v + h * a3;
-    double a4 = v4 * v < 0 ? a1 : cart_acceleration(v4, force);
-    double after = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4);
+    const Memory *m = &cart->memory;
+    double a1 = cart_acceleration(v, force, m, x), v2 = v + h / 2 * a1, v3, v4, a2, a3, a4, after;
+    turn(&cart->memory, v != 0 ? v : a1, x);
+    a2 = v2 * v < 0 ? a1 : cart_acceleration(v2, force, m, x + h / 2 * v), v3 = v + h / 2 * a2;
+    a3 = v3 * v < 0 ? a1 : cart_acceleration(v3, force, m, x + h / 2 * v2), v4 = v + h * a3;
+    a4 = v4 * v < 0 ? a1 : cart_acceleration(v4, force, m, x + h * v3);
+    after = v + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4);
     if (v * after < 0) {
         double braking = h * v / (v - after);
         cart->position = x + v * braking / 2;
@@ -120,6 +185,18 @@ static double step(Cart *cart, double h) {
         cart->velocity = after;
     }
     return 0;
+}
+
+/* Follow the prescribed motion over a time [s]. */
+static void follow(Cart *cart, double duration) {
+    double v = cart->inputs[VELOCITY], a = cart->inputs[ACCELERATION];
+    double stop = v * a < 0 && -v / a < duration ? -v / a : duration, left = duration - stop;
+    turn(&cart->prescribed_memory, v != 0 ? v : a, cart->prescribed);
+    cart->prescribed += v * stop + a / 2 * stop * stop;
+    if (left > 0) {
+        turn(&cart->prescribed_memory, a, cart->prescribed);
+        cart->prescribed += a / 2 * left * left;
+    }
 }
 
 static void advance(Cart *cart, double duration) {
@@ -169,6 +246,8 @@ EXPORT fmi2Status fmi2ExitInitializationMode(fmi2Component c) {
     Cart *cart = c;
     cart->position = cart->inputs[START_POSITION];
     cart->velocity = cart->inputs[START_VELOCITY];
+    cart->prescribed = cart->position;
+    cart->memory = cart->prescribed_memory = initial(cart->position);
     return within_samples(cart, cart->velocity) ? fmi2OK : fmi2Error;
 }
 
@@ -177,16 +256,20 @@ EXPORT fmi2Status fmi2Terminate(fmi2Component c) { (void)c; return fmi2OK; }
 EXPORT fmi2Status fmi2Reset(fmi2Component c) {
     Cart *cart = c;
     memset(cart->inputs, 0, sizeof(cart->inputs));
-    cart->position = cart->velocity = 0;
+    cart->position = cart->velocity = cart->prescribed = 0;
+    cart->memory = cart->prescribed_memory = initial(0);
     return fmi2OK;
 }
 
 EXPORT fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
     Cart *cart = c;
     double v = cart->inputs[VELOCITY], a = cart->inputs[ACCELERATION];
+    Memory memory;
     Forces found;
     if (!within_samples(cart, v)) return fmi2Error;
-    found = forces(v, a);
+    memory = cart->prescribed_memory;
+    turn(&memory, v, cart->prescribed);
+    found = forces(v, a, memory, cart->prescribed);
     for (size_t k = 0; k < n; k++) {
         switch (vr[k]) {
         case RESISTANCE: value[k] = found.resistance; break;
@@ -194,7 +277,8 @@ EXPORT fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], si
         case DRIVE_FORCE: value[k] = CART_MASS * a + found.resistance + found.friction; break;
         case CART_POSITION: value[k] = cart->position; break;
         case CART_VELOCITY: value[k] = cart->velocity; break;
-        case CART_ACCELERATION: value[k] = cart_acceleration(cart->velocity, cart->inputs[APPLIED_FORCE]); break;
+        case CART_ACCELERATION: value[k] = cart_acceleration(cart->velocity, cart->inputs[APPLIED_FORCE], &cart->memory, cart->position); break;
+        case TRAVEL: value[k] = fabs(cart->prescribed - memory.turn); break;
         default:
             if (vr[k] >= INPUTS) return fmi2Error;
             value[k] = cart->inputs[vr[k]];
@@ -213,6 +297,7 @@ EXPORT fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], si
 
 EXPORT fmi2Status fmi2DoStep(fmi2Component c, fmi2Real now, fmi2Real step, fmi2Boolean noSetPrior) {
     (void)now, (void)noSetPrior;
+    follow(c, step);
     advance(c, step);
     return within_samples(c, ((Cart *)c)->velocity) ? fmi2OK : fmi2Error;
 }

@@ -26,6 +26,7 @@ from compact.machine.cart import Cart, balance
 from compact.numerics import Array
 from compact.numerics.validation import require_positive
 from compact.resistance import DryResistance, ResistanceMap
+from compact.turning import StrokeResistance
 
 REST_SHARE = 1e-3  # [-], of the mean speed, below which the table is linear through rest
 FIRST_NODES, MAX_NODES = 9, 513  # [-], velocities of one sign, and accelerations
@@ -39,19 +40,20 @@ class CartModel:
 
     Parameters
     ----------
-    resistance : ResistanceMap or DryResistance
-        Resistance of the mix.
+    resistance : ResistanceMap, DryResistance or StrokeResistance
+        Resistance of the mix; the tables hold it far from a turn.
     largest_speed, largest_acceleration : float
         Range of the laws of the scene [m/s], [m/s2].
-    mean_speed : float
-        Stroke over duration [m/s].
+    mean_speed, stroke : float
+        Stroke over duration [m/s], and stroke [m].
     """
 
     cart: Cart
-    resistance: ResistanceMap | DryResistance
+    resistance: ResistanceMap | DryResistance | StrokeResistance
     largest_speed: float
     largest_acceleration: float
     mean_speed: float
+    stroke: float
 
     @classmethod
     def of(cls, study: Study) -> "CartModel":
@@ -73,7 +75,8 @@ class CartModel:
         fastest = float(study.stages.resistance.map.speeds[-1]) if study.stages.contacts.speeds else max(speeds)
         largest = max(accelerations, default=study.scene.mean_speed / study.scene.motion.duration)
         force: Any = study.stages.resistance.resistance
-        return cls(study.stages.resistance.cart, force, fastest, float(largest), study.scene.mean_speed)
+        stroke = study.scene.motion.stroke
+        return cls(study.stages.resistance.cart, force, fastest, float(largest), study.scene.mean_speed, stroke)
 
     def forces(self, velocity: ArrayLike, acceleration: ArrayLike) -> dict[str, Array]:
         """Compute resistance, guide friction and their sum [N] at velocities [m/s] and accelerations [m/s2]."""

@@ -12,7 +12,8 @@ functions are those of `compact.resistance` and `compact.machine.cart`, not a ta
 | `resistance`, `guide_friction`, `drive_force` | N | outputs for it; drive force = mass * acceleration + both |
 | `applied_force` | N | input: force of a drive on a cart that moves freely |
 | `cart_position`, `cart_velocity`, `cart_acceleration` | m, m/s, m/s2 | outputs for this force |
-| `start_position`, `start_velocity` | m, m/s | parameters |
+| `travel` | m | output: travel of the prescribed motion since its last turn, integrated over the steps |
+| `start_position`, `start_velocity` | m, m/s | parameters; both motions start there, after a return stroke |
 """
 
 import os
@@ -36,13 +37,17 @@ from numpy.typing import ArrayLike
 
 from compact.files import write_bytes
 from compact.interfaces.force_tables import CartModel
+from compact.machine.elastic_motion import share_table
+from compact.machine.rigid_drive import SLOW_SPEED_RATIO
 from compact.resistance import ResistanceMap
+from compact.turning import StrokeResistance, table_share
 
 MODEL = "cart"
 SOURCE, DATA = "cart_fmu.c", "cart_data.h"
 COMPILERS = ("cc", "gcc", "clang")  # searched for where the variable CC is not set
 COMPILE_SECONDS = 120  # [s], limit
 LIBRARIES = {"linux": ("linux64", ".so"), "darwin": ("darwin64", ".dylib"), "win32": ("win64", ".dll")}
+SHARE_TOLERANCE = 1e-10  # [-], of the shares after a turn
 DRY_RANGE = (1e-9, 1e9)  # [m/s], speeds of dry friction
 
 
@@ -67,6 +72,7 @@ VARIABLES = (
     Variable("cart_position", "m", "output", "position of the free cart"),
     Variable("cart_velocity", "m/s", "output", "velocity of the free cart"),
     Variable("cart_acceleration", "m/s2", "output", "acceleration of the free cart"),
+    Variable("travel", "m", "output", "travel of the prescribed motion since its last turn"),
 )
 UNITS = {"m": {"m": 1}, "m/s": {"m": 1, "s": -1}, "m/s2": {"m": 1, "s": -2}, "N": {"kg": 1, "m": 1, "s": -2}}
 START = ' start="0"'  # value of an input or a parameter
@@ -114,6 +120,9 @@ def has_binary(path: Path | str) -> bool:
 def _definitions(model: CartModel) -> Iterator[str]:
     """Yield the numbers of the sources as lines of C."""
     cart, resistance = model.cart, model.resistance
+    yield from _shares(model)
+    if isinstance(resistance, StrokeResistance):
+        resistance = resistance.resistance
     if isinstance(resistance, ResistanceMap):
         splines, columns = resistance.splines, resistance.splines.c
         breaks, force = splines.x, columns[:, :, 0].T
@@ -138,6 +147,29 @@ def _definitions(model: CartModel) -> Iterator[str]:
     yield f"static const double BREAKS[PIECES + 1] = {_braces(breaks)};"
     yield f"static const double FORCE[PIECES][4] = {_braces(force)};"
     yield f"static const double MASS[PIECES][4] = {_braces(mass)};"
+
+
+def _shares(model: CartModel) -> Iterator[str]:
+    """Yield the shares after a turn, forward and backward, as lines of C; a table without rows for a step."""
+    strokes, one = model.resistance, table_share((0.0,), (1.0,))
+    turns = isinstance(strokes, StrokeResistance)
+    if not isinstance(strokes, StrokeResistance):
+        strokes = StrokeResistance(strokes, one, one, one, one)
+    pairs = (strokes.forward, strokes.forward_load), (strokes.backward, strokes.backward_load)
+    tables = [share_table(share, SHARE_TOLERANCE) for pair in pairs for share in pair]
+    rows = [np.column_stack([each.breaks[:-1], np.diff(each.breaks), each.coefficients]) for each in tables]
+    columns = max(each.shape[1] for each in rows)
+    ratio = strokes.force_ratio(SLOW_SPEED_RATIO * model.mean_speed)
+    yield from (f"#define {name} ({value!r})" for name, value in {
+        "TURNS": int(turns), "STROKE": model.stroke, "FORCE_RATIO": ratio, "SHARE_COLUMNS": columns,
+    }.items())  # fmt: skip
+    firsts = np.cumsum([0, *map(len, rows)]).tolist()
+    yield f"static const int FIRSTS[5] = {{{', '.join(map(str, firsts))}}};"
+    padded = np.concatenate([np.pad(each, ((0, 0), (0, columns - each.shape[1]))) for each in rows])
+    yield f"static const double SHARES[{len(padded)}][{columns}] = {_braces(padded)};"
+    for name, field in (("DISTANCES", "distance"), ("RELEASES", "release")):
+        yield f"static const double {name}[2] = {_braces([getattr(force, field) for force, _ in pairs])};"
+    yield f"static const double TRACKS[2][2] = {_braces([[each.track for each in pair] for pair in pairs])};"
 
 
 def _braces(values: ArrayLike) -> str:

@@ -249,7 +249,7 @@ class CartMotion:
     def _follow_strokes(self, strokes):
         """Set the shares along the stroke, and the friction of the guide wheels, which depends on them."""
         pairs = (strokes.forward, strokes.forward_load), (strokes.backward, strokes.backward_load)
-        self.shares = [_share_table(share, TABLE_TOLERANCE * self.tolerance) for pair in pairs for share in pair]
+        self.shares = [share_table(share, TABLE_TOLERANCE * self.tolerance) for pair in pairs for share in pair]
         turns = [(force.distance, force.release, force.track, load.track) for force, load in pairs]
         travels = [sorted({*force.travels, *load.travels}) for force, load in pairs]
         count = max(map(len, travels))
@@ -428,8 +428,8 @@ class CartMotion:
 
 
 @lru_cache(maxsize=SHARE_TABLES)
-def _share_table(share: Share, tolerance: float) -> PiecewisePolynomial:
-    """Share over the travel [m], constant beyond its last travel; values never change, so that runs share a table."""
+def share_table(share: Share, tolerance: float) -> PiecewisePolynomial:
+    """Tabulate a share over the travel [m], constant beyond its last; runs use one table, which never changes."""
     last = share.travels[-1] or 1.0
     table = fit_piecewise(share, np.unique([0.0, *share.travels, last]), tolerance)
     beyond = np.eye(1, table.coefficients.shape[1]) * share(2 * last)

@@ -16,11 +16,13 @@ import pytest
 from compact.analysis.study import Study
 from compact.cli import program as cli
 from compact.contact import dry_resistance
+from compact.drive import Rigid, simulate
 from compact.interfaces.force_tables import CartModel, force_table, write_force_csv
 from compact.interfaces.functional_mockup import VARIABLES, has_binary, write_fmu
 from compact.motion import law
 from compact.resistance import ResistanceMap
 from compact.scene.loader import load_scene
+from compact.turning import StrokeResistance, wave_load_share, wave_share
 
 SMALL = "studies/scenes/small.toml"
 REFERENCE = {each.name: number for number, each in enumerate(VARIABLES)}
@@ -31,7 +33,8 @@ WITH_MEMORY = ResistanceMap(SPEEDS, 900 * SPEEDS**0.3, 0.0, None, -40 / (1 + SPE
 @pytest.fixture(scope="module")
 def study(request):
     path = request.config.rootpath / SMALL
-    return Study(load_scene(path, **{"accuracy.engine": "column", "motion.laws": ["reversal-4"]}))
+    changes = {"accuracy.engine": "column", "motion.laws": ["reversal-4"], "drive.turn": "step"}
+    return Study(load_scene(path, **changes))
 
 
 @pytest.fixture(scope="module")
@@ -139,37 +142,90 @@ def test_cart_of_the_unit_sticks_below_the_resistance_and_stops(model, unit):
         assert (value(cart, "cart_velocity") > 1e-3) == moves
 
 
-@pytest.mark.skipif(not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="no compiler")
+class PlainUnit:
+    """Unit of a model by its functions of the standard, without the program that imports it."""
+
+    def __init__(self, model, folder, **starts):
+        if not any(map(shutil.which, ("cc", "gcc", "clang"))):
+            pytest.skip("no compiler")
+        write_fmu(model, folder / "cart.fmu")
+        with ZipFile(folder / "cart.fmu") as archive:
+            (library,) = (name for name in archive.namelist() if name.startswith("binaries/"))
+            guid = ElementTree.fromstring(archive.read("modelDescription.xml")).get("guid").encode()
+            self.library = ctypes.CDLL(archive.extract(library, folder))
+        self.library.fmi2Instantiate.restype = ctypes.c_void_p
+        self.cart = ctypes.c_void_p(self.library.fmi2Instantiate(b"cart", 1, guid, None, None, 0, 0))
+        self.set(**starts)
+        assert self.library.fmi2ExitInitializationMode(self.cart) == 0
+
+    def set(self, **values):
+        for name, given in values.items():
+            reference, number = ctypes.c_uint(REFERENCE[name]), ctypes.c_double(given)
+            assert self.library.fmi2SetReal(self.cart, ctypes.byref(reference), 1, ctypes.byref(number)) == 0
+
+    def get(self, name):
+        reference, number = ctypes.c_uint(REFERENCE[name]), ctypes.c_double()
+        assert self.library.fmi2GetReal(self.cart, ctypes.byref(reference), 1, ctypes.byref(number)) == 0
+        return number.value
+
+    def step(self, duration):
+        assert self.library.fmi2DoStep(self.cart, ctypes.c_double(0.0), ctypes.c_double(duration), 0) == 0
+
+    def close(self):
+        self.library.fmi2FreeInstance(self.cart)
+
+
 def test_cart_that_stops_within_a_step_moves_on_in_the_rest_of_it(model, tmp_path):
     """Dry friction, by hand: v0/a to rest, and back with the smaller acceleration."""
     used = replace(model, resistance=dry_resistance(800.0))
     opposing = float(used.forces(1.0, 0.0)["opposing_force"])
-    write_fmu(used, tmp_path / "cart.fmu")
-    with ZipFile(tmp_path / "cart.fmu") as archive:
-        (library,) = (name for name in archive.namelist() if name.startswith("binaries/"))
-        guid = ElementTree.fromstring(archive.read("modelDescription.xml")).get("guid").encode()
-        unit = ctypes.CDLL(archive.extract(library, tmp_path))
-    unit.fmi2Instantiate.restype = ctypes.c_void_p
-    cart = ctypes.c_void_p(unit.fmi2Instantiate(b"cart", 1, guid, None, None, 0, 0))
     force, start, step, steps = -2 * opposing, 0.0123, 1e-3, 40
-
-    def reference(name):
-        return ctypes.byref(ctypes.c_uint(REFERENCE[name]))
-
-    for name, given in (("applied_force", force), ("start_velocity", start)):
-        assert unit.fmi2SetReal(cart, reference(name), 1, ctypes.byref(ctypes.c_double(given))) == 0
-    assert unit.fmi2ExitInitializationMode(cart) == 0
-    for k in range(steps):
-        assert unit.fmi2DoStep(cart, ctypes.c_double(k * step), ctypes.c_double(step), 0) == 0
-    found = {name: ctypes.c_double() for name in ("cart_position", "cart_velocity")}
-    for name, value_ in found.items():
-        assert unit.fmi2GetReal(cart, reference(name), 1, ctypes.byref(value_)) == 0
-    unit.fmi2FreeInstance(cart)
+    unit = PlainUnit(used, tmp_path, applied_force=force, start_velocity=start)
+    for _ in range(steps):
+        unit.step(step)
+    position, velocity = unit.get("cart_position"), unit.get("cart_velocity")
+    unit.close()
     braking, returning = (force - opposing) / used.cart.mass, (force + opposing) / used.cart.mass
     left = step * steps + start / braking
     assert 0.1 < (start / -braking / step) % 1 < 0.9  # within a step
-    assert found["cart_velocity"].value == pytest.approx(returning * left, rel=1e-9)
-    assert found["cart_position"].value == pytest.approx(-(start**2) / 2 / braking + returning * left**2 / 2, rel=1e-9)
+    assert velocity == pytest.approx(returning * left, rel=1e-9)
+    assert position == pytest.approx(-(start**2) / 2 / braking + returning * left**2 / 2, rel=1e-9)
+
+
+def along_stroke(resistance):
+    near, far = (0.02, 2e-3, 2e-3, 0.110), (0.02, 2e-3, 1e-3, 0.154)
+    shares = wave_share(*near), wave_share(*far), wave_load_share(*near), wave_load_share(*far)
+    return StrokeResistance(resistance, *shares)
+
+
+@pytest.mark.parametrize("memory", [False, True])
+def test_unit_follows_the_shares_along_the_stroke(model, model_with_memory, tmp_path, memory):
+    """Its prescribed motion has the forces of the rigid drive, whose forces move its free cart by the law.
+
+    From rest a mix of F ~ v^0.3 that pushes along the motion has many motions; there dry friction alone has one.
+    """
+    used = model_with_memory if memory else replace(model, resistance=dry_resistance(800.0))
+    used = replace(used, resistance=along_stroke(used.resistance))
+    cycle, steps = law("quintic", 0.4, 3.0).cycle(), 3000
+    run = simulate(used.cart, Rigid(), cycle, used.resistance)
+    dynamics, step = run.inverse_dynamics, cycle.period / steps
+    unit, gaps, positions, travels = PlainUnit(used, tmp_path), [], [], []
+    for k in range(steps + steps // 2):
+        leg = cycle.legs()[k % steps >= steps // 2]
+        at, middle = (np.array([(k % (steps // 2) + part) / (steps // 2)]) for part in (1e-9, 0.5))
+        here, force = dynamics.state_at(leg, at), float(dynamics.state_at(leg, middle).forces.drive_force[0])
+        unit.set(velocity=float(here.velocity[0]), acceleration=float(here.acceleration[0]), applied_force=force)
+        gaps.append(unit.get("drive_force") - float(here.forces.drive_force[0]))
+        travels.append(unit.get("travel"))
+        unit.step(step)
+        positions.append(unit.get("cart_position"))
+    assert np.abs(gaps[steps // 2 + 1 :]).max() < 0.02 * run.peak_force
+    unit.close()
+    returning = slice(steps // 2 + 20, steps - 20)
+    exact = cycle.derivative(np.arange(steps) * step, 0)
+    assert np.array(travels)[returning] == pytest.approx(0.4 - exact[returning], abs=1e-5)
+    exact = cycle.derivative(np.arange(1, steps // 2 + 1) * step, 0)
+    assert np.abs(positions[: steps // 2] - exact).max() < (2e-3 if memory else 2e-4) * 0.4
 
 
 # tables
