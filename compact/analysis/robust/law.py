@@ -38,10 +38,11 @@ POLISH_DRIVES = 24  # [-], worst ones, whose slopes are those of differences
 DIFFERENCE = 2e-3  # [-], of the largest unknown
 FIRST_RADIUS = 0.05  # [-], of the largest unknown: trust region
 SHRINKS = 4  # [-], of the trust region in one step
+LEAST_GAIN = 3e-3  # [-], of the worst peak, below which the trust region ends
 FRESH_DRIVES, FRESH_SEED = 200, 1  # [-]
 FRESH_TOLERANCE = 0.01  # [-], by which a fresh drive may exceed the pool; half of what is promised
 FRESH_ROUNDS = 3  # [-], in which fresh drives join the pool
-BOUNDING = 5  # [-], one drive of so many bounds the worst peak of a published law from below
+BOUNDING = 20  # [-], one drive of so many bounds the worst peak of a published law from below
 GAIN = 0.97  # [-], of the worst peak of the best published law; a law above gains nothing
 
 
@@ -345,7 +346,7 @@ class _Search:
                     radius *= 2.0 if self.value < before - (before - step.value) / 2 else 1.0
                     break
                 radius /= 3.0
-            else:
+            if self.value > before * (1 - LEAST_GAIN):
                 return
 
     def turn_to_power(self) -> None:

@@ -33,6 +33,7 @@ CLOSURE = 3e-6  # [-], of the force scale; residual of a closed pass
 WORSE = 4.0  # [-], residual over the least one, beyond which Broyden's method starts again
 MOVE_LIMIT = 3.0  # [-], of the force scale; change of the state by an extrapolation
 CORRECTORS = 2  # [-], evaluations of the resistance at the end of a step
+STEEP = 0.01  # [-], of F; a larger change of the resistance in one step is not extrapolated to the next
 HELD = 1e-6  # [-], of the range of pulls that hold a cart; a pull within it of an end breaks away
 SHORTEST = 1e-12  # [-], of a step; a shorter rest is left out
 EVENTS = 8  # [-], turns, stops and breakaways of one step, at most
@@ -216,7 +217,7 @@ def _advance(spring, table, law, state, out):
     mass, stiffness, damping = spring
     y, v, starts, ends, step, stroke = law
     frequency, decay, n, sign = math.sqrt(stiffness / mass), damping / (2 * mass), len(starts), 1.0
-    whole, part = np.empty(4), np.empty(4)
+    whole, part, smooth, past = np.empty(4), np.empty(4), False, 0.0
     _propagator(frequency, decay, step, whole)
     _act(state, table, y[n // 2] - state[ELONGATION], v[n // 2] - state[RATE])
     out[0] = stiffness * state[ELONGATION] + damping * state[RATE]
@@ -226,6 +227,7 @@ def _advance(spring, table, law, state, out):
             _mirror(state, stroke)
             sign = -sign
         t, slope = 0.0, (ends[i] - starts[i]) / step
+        smooth = smooth and state[STUCK] == 0
         for event in range(EVENTS + 1):
             h, heading, last = step - t, state[HEADING], event == EVENTS
             if h <= SHORTEST * step:
@@ -251,14 +253,18 @@ def _advance(spring, table, law, state, out):
                     free = part
                 before = starts[i] + slope * t + heading * (state[FORCE] + state[GUIDE]) / mass
                 e, rate, after = state[ELONGATION], state[RATE], 0.0
-                for _ in range(CORRECTORS):
-                    after = ends[i] + heading * (state[FORCE] + state[GUIDE]) / mass
+                here = state[FORCE] + state[GUIDE]
+                for _ in range(1 if smooth else CORRECTORS):  # after a smooth step its forces predict those of the next
+                    there = 2 * here - past if smooth else state[FORCE] + state[GUIDE]
+                    after = ends[i] + heading * there / mass
                     e, rate = _oscillate(frequency, decay, free, state[ELONGATION], state[RATE], before, after, h)
                     _act(state, table, y[i + 1] - e, max(heading * (v[i + 1] - rate), 0.0))
                 speed = (v[i + 1] - rate) * heading
                 if speed >= 0 or last:
                     state[ELONGATION], state[RATE] = e, rate
                     _move_fronts(state, table.numbers, y[i + 1] - e)
+                    smooth = t == 0 and abs(state[FORCE] + state[GUIDE] - here) < STEEP * table.forces[-1]
+                    past = here
                     break
                 first = (_law_at(y[i], v[i], starts[i], slope, t)[1] - state[RATE]) * heading
                 theta = min(max(first / (first - speed), 0.0), 1.0)
@@ -269,6 +275,7 @@ def _advance(spring, table, law, state, out):
                         frequency, decay, part, state[ELONGATION], state[RATE], before, middle, theta * h
                     )
                 t += theta * h
+            smooth = False
             place, pace = _law_at(y[i], v[i], starts[i], slope, t)
             x, state[RATE] = place - state[ELONGATION], pace
             _act(state, table, x, 0.0)
