@@ -191,7 +191,7 @@ class ElasticRun(rigid_drive.Run):
         end_force = motion.end_spring_force
         reactions = balance(self.cart, acceleration, mix, slip, end_spring_force=end_force, load_share=load)
         forces = Balance(motion.drive_force, reactions.front_reaction, reactions.rear_reaction, motion.resistance - mix)
-        return rigid_drive.DriveState(motion.position, velocity, acceleration, motion.jerk, mix, zero, forces)
+        return rigid_drive.DriveState(motion.position, velocity, acceleration, motion.jerk, mix, zero, load, forces)
 
     @property
     def drive_force(self) -> Array:

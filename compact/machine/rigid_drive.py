@@ -90,6 +90,8 @@ class DriveState(NamedTuple):
         Force of the mix [N].
     rod_tangent : ndarray
         tan(beta) of the rod [-].
+    load_share : ndarray
+        Share of the roller reactions after a turn [-].
     forces : Balance
         Drive force, reactions and guide friction [N].
     """
@@ -100,6 +102,7 @@ class DriveState(NamedTuple):
     jerk: Array
     resistance: Array
     rod_tangent: Array
+    load_share: Array
     forces: Balance
 
     @property
@@ -209,7 +212,7 @@ def solve_state(
     force, load = _force_and_load(carts, position, moving, acceleration, slowest)
     end_force = 0.0 if side is None else cart.end_springs.force(position, side)
     forces = balance(cart, acceleration, force, np.sign(moving), tangent, end_force, load)
-    return DriveState(*motion, force, tangent, forces)
+    return DriveState(*motion, force, tangent, load, forces)
 
 
 def _sign_changes(function: Callable[[Array, Any], Array], count: int, grid: Array) -> Array:
@@ -232,7 +235,7 @@ def _sign_changes(function: Callable[[Array, Any], Array], count: int, grid: Arr
 def _force_and_load(carts, position, moving, acceleration, slowest):
     """Force of the mix [N] and share of its load [-]; in a dwell it still pushes, unless it lets go at once."""
     if carts.shares is None:
-        return evaluate_resistance(carts.resistance, moving, acceleration), 1.0
+        return evaluate_resistance(carts.resistance, moving, acceleration), np.ones(position.shape)
     stroke = carts.cycle.forward.stroke
     forward = np.where(moving != 0, moving > 0, position > stroke / 2)
     travel = np.maximum(np.where(forward, position, stroke - position), 0.0)
@@ -506,7 +509,7 @@ def _sample(dynamics):
         parts = (leg.start + leg.duration * phase, leg.duration * weights, direction, *state[:-1], *state.forces)
         columns.append([part.ravel() for part in parts])
     time, weights, direction, *rest = (np.concatenate(parts) for parts in zip(*columns, strict=True))
-    return time, weights, direction, DriveState(*rest[:6], Balance(*rest[6:]))
+    return time, weights, direction, DriveState(*rest[:7], Balance(*rest[7:]))
 
 
 def sample_pieces(breaks: Array, unit: float = 1.0) -> tuple[Array, Array]:

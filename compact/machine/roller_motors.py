@@ -253,7 +253,8 @@ def _total_pull(dynamics: InverseDynamics, state: DriveState, way: int) -> Array
     scale = np.max(np.abs(forces.drive_force), initial=0.0) + np.max(np.abs(state.resistance), initial=0.0)
     pull = forces.drive_force
     for _ in range(FRICTION_ITERATIONS):
-        residual = balance(cart, state.acceleration, state.resistance - pull, way, 0.0, end_force).drive_force
+        moved = state.acceleration, state.resistance - pull
+        residual = balance(cart, *moved, way, 0.0, end_force, state.load_share).drive_force
         pull = pull + residual
         if np.all(np.abs(residual) <= PIN_FORCE_TOLERANCE * scale):
             return pull

@@ -129,11 +129,11 @@ def machine_sizing(stages: Stages, law: str | None = None) -> MachineSizing:
     machine, run, table = scene.machine, stages.drive.runs[first_law], scene.drive.catalogue
     rule = SizingRule() if table is None else SizingRule(**table.model_dump(exclude={"file"}))
     laws = _law_sizings(stages, rule) if stages.drive.model.has_shaft else {}
-    forces, cart, velocity = run.state.forces, run.cart, run.state.velocity
+    forces, cart, velocity, share = run.state.forces, run.cart, run.state.velocity, run.state.load_share
     loads = {
         "front guide wheel": forces.front_reaction,
         "rear guide wheel": forces.rear_reaction,
-        "roller, lift": max(cart.roller_reactions) * np.where(velocity < 0, cart.return_load_ratio, 1.0),
+        "roller, lift": max(cart.roller_reactions) * share * np.where(velocity < 0, cart.return_load_ratio, 1.0),
         "roller, along the travel": run.state.resistance / len(cart.roller_reactions),
     }
     wheels = (WheelLoads(name, float(f.min()), float(f.max()), tuple(count_cycles(f))) for name, f in loads.items())
