@@ -30,6 +30,7 @@ from compact.report.tables import TableSpec, Tabular
 from compact.resistance import ResistanceMap
 from compact.rolling_contact import Contact
 from compact.scene.loader import Scene
+from compact.turning import StrokeResistance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -137,14 +138,14 @@ class Contacts(Tabular, Sequence[Contact]):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class CartResistance(Tabular):
-    """Resistance of the mix to one cart; call it with velocities [m/s] and accelerations [m/s2].
+    """Resistance of the mix to one cart far from a turn; call it with velocities [m/s] and accelerations [m/s2].
 
     The table has the resistance [N] over the speed [m/s] of the samples, and their added masses [kg] if known.
 
     Parameters
     ----------
-    law : ResistanceMap, DryResistance or callable
-        Resistance [N] of velocity and acceleration, as the drives take it.
+    law : ResistanceMap, DryResistance, StrokeResistance or callable
+        Resistance [N] of velocity and acceleration, and of the travel since a turn, as the drives take it.
     engine : str
         Name of the engine.
     largest_speed : float
@@ -170,7 +171,7 @@ class CartResistance(Tabular):
         law, peaks = stages.resistance.resistance, [each.forward.peaks() for each in stages.laws.prescribed.values()]
         fastest = max((each.velocity for each in peaks), default=scene.mean_speed)
         strongest = max((each.acceleration for each in peaks), default=0.0)
-        known = getattr(law, "speeds", (fastest,))[-1]
+        known = getattr(stages.resistance.steady_law, "speeds", (fastest,))[-1]
         return cls(law, scene.accuracy.engine, float(known), float(strongest), stages.resistance.error)
 
     def __call__(self, velocity: ArrayLike, acceleration: ArrayLike = 0.0) -> Array:
@@ -179,8 +180,9 @@ class CartResistance(Tabular):
 
     @property
     def _samples(self) -> ResistanceMap:
-        if isinstance(self.law, ResistanceMap):
-            return self.law
+        steady = self.law.resistance if isinstance(self.law, StrokeResistance) else self.law
+        if isinstance(steady, ResistanceMap):
+            return steady
         speeds = np.linspace(0.0, self.largest_speed, PLOTTED_SPEEDS + 1)[1:]
         return ResistanceMap(speeds, np.asarray(self(speeds)), 0.0)
 

@@ -148,7 +148,7 @@ def draw_models(models: Sequence[ModelAnswer], speeds: Mapping[str, float]) -> F
     figure, ((ax,),) = panels(1, 1, (5.0, 3.2), top=0.3)
     resistance, fastest, largest = MOTION["cart_resistance"], 1.08 * max(speeds.values()), 0.0
     for number, model in enumerate(models):
-        force, (color, _, dash) = model.resistance, engine_style(model.engine)
+        force, (color, _, dash) = model.steady, engine_style(model.engine)
         speed = np.linspace(0, min(fastest, float(getattr(force, "speeds", [fastest])[-1])), 401)[1:]
         values = np.asarray(force(speed, np.zeros_like(speed))) * resistance.plot_factor
         label, width = model.engine if model.valid else f"{model.engine}, not for sizing", 1.7 if number else 3.0

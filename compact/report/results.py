@@ -9,7 +9,7 @@ import numpy as np
 from compact.analysis.ranking_uncertainty import Place, error
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
-from compact.analysis.stages.resistance import stroke_shares
+from compact.analysis.stages.resistance import sampled_shares
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
 from compact.machine.ranking import value_of as criterion_of
@@ -108,12 +108,12 @@ def formula_table(study: Study) -> TableSpec:
 
 def stroke_table(study: Study) -> TableSpec:
     """Tabulate the shares of force and load after the turns of the cart, by every engine."""
-    laws = {study.scene.accuracy.engine: study.stages.resistance.resistance}
+    laws, cart = {study.scene.accuracy.engine: study.stages.resistance.resistance}, study.stages.resistance.cart
     laws |= {name: other.resistance for name, other in study.comparison.items()}
     rows = [
         (engine, side, *row)
         for engine, law in laws.items()
-        for side, *columns in stroke_shares(law, study.scene.motion.stroke)
+        for side, *columns in sampled_shares(law, cart, study.scene.motion)
         for row in zip(*columns, strict=True)
     ]
     return TableSpec.of("resistance-along-stroke", rows, "engine=0 side=1 travel_m=2 force_share=3 load_share=4")

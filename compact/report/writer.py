@@ -92,7 +92,7 @@ def write_study(
         files += kept
         for name, other in study.comparison.items():
             if other.records:  # contacts and map of a compared engine, for the next run
-                found: tuple[Any, ...] = (other.records, other.held, other.second_pass, other.resistance)
+                found: tuple[Any, ...] = (other.records, other.held, other.second_pass, other.steady)
                 files += write_results(place / "comparison" / name, KeptResults(*found), other.key)
         summary = study_summary(study, [str(Path(file).relative_to(place)) for file in files])
         write_json(place / "summary.json", summary)

@@ -7,12 +7,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import compact
 from compact.analysis.stages.drives import build_stages
-from compact.analysis.stages.resistance import along_stroke, stroke_shares
+from compact.analysis.stages.resistance import along_stroke, sampled_shares
 from compact.analysis.stages.uncertainty import SLEEVE, drive_variants
+from compact.analysis.study import Study
 from compact.engines import ENGINES
 from compact.machine.drives import EDGE
 from compact.report import figures
+from compact.report.writer import write_study
 from compact.resistance import ResistanceMap
 from compact.scene.loader import load_scene
 from compact.turning import StrokeResistance
@@ -91,7 +94,8 @@ def test_each_end_of_the_stroke_has_its_own_distance():
 
 
 def test_table_covers_both_sides_and_the_release_of_the_old_force():
-    rows = stroke_shares(build_up().resistance, 0.4)
+    found = build_up()
+    rows = sampled_shares(found.resistance, found.cart, found.scene.motion)
     assert [side for side, *_ in rows] == ["forward", "return"]
     for _, travel, force, load in rows:
         assert (travel[0], travel[-1]) == (0.0, 0.4)
@@ -120,6 +124,29 @@ def test_scaled_resistance_keeps_its_shares_and_crosses_processes():
     assert again(0.3, 0.0, 0.1) == heavier(0.3, 0.0, 0.1)
     flat = ResistanceMap(np.array([0.1, 1.0]), np.array([1.0, 1.0]), 0.0)
     assert along_stroke(flat, None, (0.1, 0.1)) is flat
+
+
+def test_files_of_a_study_have_the_shares_of_every_engine_and_the_map_of_a_compared_one(tmp_path):
+    small = ENGINES_SCENE.with_name("small.toml")
+    changes = {
+        "compare": {"column": {}},
+        "output.items": ["tables"],
+        "drive.turn": "build-up",
+        "motion.laws": ["cubic"],
+    }
+    write_study(Study(load_scene(small, **changes)), tmp_path / "out")
+    table = np.genfromtxt(tmp_path / "out" / "resistance-along-stroke.csv", delimiter=",", names=True, dtype=None)
+    assert {*table["engine"].tolist()} == {"formula", "column"}
+    assert {*table["side"].tolist()} == {"forward", "return"}
+    assert table["force_share"].min() == pytest.approx(-1.0, abs=1e-6)
+    assert (tmp_path / "out" / "comparison" / "column" / "resistance.nc").is_file()
+
+
+def test_api_ranks_with_the_shares_of_its_resistance():
+    scene = compact.load_scene(ENGINES_SCENE.with_name("small.toml"), **{"drive.turn": "build-up"})
+    found = scene.resistance()
+    assert [each.value for each in scene.rank(resistance=found)] == [each.value for each in scene.rank()]
+    assert float(found(0.1)) == -float(found(-0.1)) > 0
 
 
 # the sleeve as an unknown

@@ -193,7 +193,8 @@ def test_ends_are_those_of_a_scene_so_changed(engine, keys, rel):
         for end, value in zip((shifts[key].low, shifts[key].high), shifts[key].ends, strict=True):
             exact = Study(study.scene.replaced(**{key: float(value)}))
             if LAYERS[engine]:
-                exact.stages.resistance.resistance = replace(exact.stages.resistance.map, added_masses=None)  # steady
+                force = exact.stages.resistance
+                force.resistance = force.along_stroke(replace(force.map, added_masses=None))  # steady
             for by in ("peak_force", "peak_power"):
                 assert end.least[by] == pytest.approx(exact.stages.drive.rankings[by][0].value, rel=rel)
                 assert end.law[by] == exact.stages.drive.rankings[by][0].run.name

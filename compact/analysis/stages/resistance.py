@@ -24,11 +24,12 @@ from compact.analysis.stages.contacts import ContactStage
 from compact.contact import DryResistance
 from compact.engines.pore_air import NO_FORCES
 from compact.machine.cart import Balance, Cart, MotionResistance
-from compact.machine.rigid_drive import steady_balance
+from compact.machine.rigid_drive import steady_balance, stroke_shares
 from compact.motion.profile import MotionProfile
 from compact.numerics import Array
 from compact.resistance import ForceSample, ResistanceMap
 from compact.rolling_contact import Contact
+from compact.scene.schema import Motion
 from compact.turning import RELEASED, Share, StrokeResistance, table_share
 
 if TYPE_CHECKING:
@@ -105,7 +106,7 @@ class ResistanceStage:
     @cached_property
     def mean_share(self) -> float:
         """Mean of the force over a cycle of position, over that far from the turns [-]; 1 for a step."""
-        rows = stroke_shares(self.resistance, self.scene.motion.stroke)
+        rows = sampled_shares(self.resistance, self.cart, self.scene.motion)
         means = [np.trapezoid(force, travel) / travel[-1] for _, travel, force, _ in rows]
         return float(np.mean(means))
 
@@ -120,9 +121,8 @@ class ResistanceStage:
         time = np.linspace(0, profile.duration, CYCLE_SAMPLES)
         travel, speed, acceleration = profile.position(time), profile.velocity(time), profile.acceleration(time)
         places, along, steady = [], [], []
-        for heading, (_, samples, shares, _) in zip(
-            (1.0, -1.0), stroke_shares(self.resistance, profile.stroke), strict=True
-        ):
+        sampled = sampled_shares(self.resistance, self.cart, self.scene.motion)
+        for heading, (_, samples, shares, _) in zip((1.0, -1.0), sampled, strict=True):
             force = np.asarray(self.steady_law(heading * speed, heading * acceleration))
             places.append(travel if heading > 0 else profile.stroke - travel)
             steady.append(force)
@@ -254,7 +254,7 @@ def along_stroke(steady: ResistanceLaw, turning: "Turning | None", distances: tu
     return StrokeResistance(steady, *map(force, distances), *map(load, distances))
 
 
-def stroke_shares(law: ResistanceLaw, stroke: float) -> list[tuple[str, Array, Array, Array]]:
+def sampled_shares(law: ResistanceLaw, cart: Cart, motion: Motion) -> list[tuple[str, Array, Array, Array]]:
     """Sample the shares of a resistance over a full stroke of a periodic motion.
 
     Returns
@@ -262,13 +262,14 @@ def stroke_shares(law: ResistanceLaw, stroke: float) -> list[tuple[str, Array, A
     list of tuple
         Side, "forward" or "return", travels since the turn [m], shares of force and load there [-]; 1 for a step.
     """
-    if not isinstance(law, StrokeResistance):
+    stroke, found = motion.stroke, []
+    known = stroke_shares(cart, stroke, motion.duration, law)
+    if known is None:
         return [(side, np.array([0.0, stroke]), np.ones(2), np.ones(2)) for side in SIDES]
-    found = []
-    for side, shares in zip(SIDES, law.over(stroke), strict=True):
+    for side, shares in zip(SIDES, known, strict=True):
         near = np.geomspace(LEAST_RELEASE, 1.0, RELEASE_SAMPLES) * min(RELEASED * shares.force.release, stroke)
         kinks = [travel for travel in shares.travels if travel < stroke]
-        travel = np.unique([0.0, *near, *kinks, *np.linspace(0, stroke, STROKE_SAMPLES)])
+        travel = np.sort([*near, *kinks, *np.linspace(0, stroke, STROKE_SAMPLES)])
         found.append((side, travel, shares.force_share(travel), shares.load_share(travel)))
     return found
 
