@@ -74,6 +74,20 @@ def test_engines_agree_with_finite_elements_by_hand_and_name_the_open_codes_that
 
 
 @pytest.mark.slow
+def test_resistance_after_a_turn_is_a_share_of_the_steady_one(capsys):
+    """On a layer of 20 mm, on 4 elements: the own track, the first front, and the constants refitted."""
+    module = study("reversal")
+    found = module.main(("thin layer",), (2.0,), increments=4)
+    module.show(**found)
+    assert "thin layer   2.00" in capsys.readouterr().out
+    (each,) = found["histories"].values()
+    middle = (each.force[1:] + each.force[:-1]) / 2  # of the steps between which the mesh alternates
+    assert np.abs(middle[(each.x[1:] > -0.7) & (each.x[1:] < -0.1)]).max() < 0.05
+    assert middle[-2:] == pytest.approx(1, abs=0.05)
+    assert found["constants"]["climb"] == pytest.approx(2.0, rel=0.3)
+
+
+@pytest.mark.slow
 def test_strength_of_loose_mix_decides_the_resistance(tmp_path):
     """Marching without jumps agrees with the steady search; mix with a shear line and 20 kPa has almost no bow wave."""
     module = study("strength_of_loose_mix")

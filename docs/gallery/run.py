@@ -57,6 +57,7 @@ RUNS = {
     "rank_laws": Run("out/rank_laws/rank_laws.png"),
     "ranking_with_air": Run("", ("--mixes", "ellipse, columns", "cap, columns"), fast=True),
     "return_stroke": Run("out/return_stroke/return_stroke.png"),
+    "reversal": Run(""),
     "speed_against_error": Run("out/speed_against_error/layers.png"),
     "speed_against_plain": Run(""),
     "speed_dependence": Run("out/speed_dependence/speed_dependence.png"),

@@ -1,0 +1,157 @@
+"""Is the resistance after a turn the steady one times a share of the travel?
+
+A free roller in steady motion turns. Behind it fresh mix lies from an edge on, D behind the axle, so that it returns on
+its own track and then presses the layer of the stroke before. The shares of steady force and load over the travel, by
+finite elements that move with the mix, are compared with `compact.turning`, whose constants are refitted to half of the
+cases. x = (s - d)/a are contact lengths beyond the place d at which fresh mix is met. Limits: one mix, friction 0.35.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from types import SimpleNamespace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from compact import turning
+from compact.engines.compaction.engine import roll
+from compact.engines.compaction.reciprocating import simulate_reciprocating
+from compact.material.laws import Compaction
+from compact.rolling_contact import Layer, Roller
+
+FRICTION, SPEED, STEADY = 0.35, 0.133, 2.0  # [-], [m/s], [-] contact lengths before the turn
+ANGLE, COHESION = np.radians(35), 10e3  # of the mix [rad], [Pa]
+MIX = Compaction(
+    unloading_modulus=120e6, poisson=0.3, heckel_slope=16.45e-6 / 1.0208, loose_density_ratio=0.72,
+    fed_density_ratio=0.93576, critical_slope=float(np.sqrt(3) * np.sin(ANGLE)),
+    tensile_strength=float(COHESION / np.tan(ANGLE)), heckel_test="isotropic",
+)  # fmt: skip
+RELEASED, SPACING = 0.1, 0.1  # [-], contact lengths that are not compared after the turn, and between compared places
+SHOWN = (-0.5, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # [-], x of the printed shares
+CONSTANTS = {
+    "climb": turning.CLIMB, "length": turning.WAVE_LENGTH, "exponent": turning.WAVE_EXPONENT, "track": turning.TRACK,
+    "load_length": turning.LOAD_WAVE_LENGTH, "load_track": turning.LOAD_TRACK,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Case:
+    """Heights and depth [m], contact lengths in fresh mix, make-up (thickness [m], density ratio, depth before [m])."""
+
+    height: float
+    depth: float
+    extent: float
+    fitted: bool
+    radius: float = 0.11
+    make_up: tuple[float, float, float] | None = None
+
+
+CASES = {
+    "published": Case(0.06284, 0.0030, 10.0, fitted=True),
+    "deeper": Case(0.06284, 0.0033, 10.0, fitted=False),
+    "shallow": Case(0.06284, 0.0015, 6.0, fitted=False),
+    "thin layer": Case(0.02, 0.0005, 4.0, fitted=True),
+    "make-up": Case(0.06284, 0.0008, 6.0, fitted=False, make_up=(0.001, 0.75, 0.002)),
+    "wide": Case(0.045, 0.0020, 5.0, fitted=True, radius=0.2),
+}
+EDGES = 2.0, 13 / 3  # [-], D over the contact length
+
+
+@cache
+def steady(name, increments):
+    """Return material, fed layer and steady contact of a case."""
+    case, mix, fed = CASES[name], MIX, None
+    roller = Roller(case.radius, indentation=case.depth, friction=FRICTION, rolling="free", profile="deformed")
+    layer = Layer(case.height)
+    if case.make_up:
+        thickness, ratio, depth = case.make_up
+        before = roll(layer, replace(roller, indentation=depth), MIX, SPEED, increments=6)
+        mix = replace(MIX, fed_density_ratio=ratio)
+        fed = before.exit.with_lift(thickness, mix)
+        layer = Layer(fed.height)
+    return mix, fed, roll(layer, roller, mix, SPEED, fed_layer=fed, increments=increments)
+
+
+def run(name, places, edge, increments):
+    """Return strokes between places, from steady motion on: x over the contact length, shares of force and load."""
+    mix, fed, start = steady(name, increments)
+    length = float(np.sqrt(2 * start.roller.radius * start.roller.indentation))
+    positions = length * np.asarray(places)
+    times = np.append(0.0, np.cumsum(np.abs(np.diff(positions))))
+    position = partial(np.interp, xp=times, fp=positions)
+    motion = SimpleNamespace(
+        duration=times[-1], position=position, velocity=lambda time: np.gradient(position(time), time)
+    )
+    motion.discontinuities = lambda: [SimpleNamespace(time=time) for time in times[1:-1]]
+    options = {"fed_layer": fed, "start": start, "increments": increments, "estimate": False}
+    done = simulate_reciprocating(start.layer, start.roller, mix, motion, edge_distance=edge * length, **options)
+    before = (done.stroke == 1) & (done.position > (places[1] - 1) * length)
+    force, load = (forces / forces[before].mean() for forces in (done.resistance, done.load))
+    wave = start.bow_wave / start.roller.indentation
+    return SimpleNamespace(x=done.position / length, stroke=done.stroke, force=force, load=load, wave=wave)
+
+
+def history(name, edge, increments=6):
+    """Return x and the shares of force and load after a turn, the wave over the depth, and D over a."""
+    done = run(name, (0, STEADY, STEADY - (edge - 1) - CASES[name].extent), edge, increments)
+    back = (done.stroke == 2) & (done.x < STEADY)
+    x = STEADY - done.x[back] - (edge - 1)
+    return SimpleNamespace(x=x, force=-done.force[back], load=done.load[back], wave=done.wave, edge=edge)
+
+
+def shares(x, wave, *, climb, length, exponent, track, load_length, load_track):
+    """Return the shares of force and load by the formulas of `turning`, with any constants."""
+    beyond, build_up = np.maximum(x - 1 / climb, 0), length * wave**exponent
+    force = 1 - wave / (1 + wave) * np.exp(-beyond / build_up)
+    load = 1 - (1 - (1 + wave) ** -0.5) * np.exp(-beyond / (load_length * build_up))
+    rise = np.clip(climb * x, 0, 1)
+    return np.maximum(track, rise * force), np.maximum(load_track, rise * load)
+
+
+def residuals(found, constants):
+    """Return the differences of the shares of force and load after the release, at places of equal distance."""
+    places, formula = np.arange(found.x[0] + RELEASED, found.x[-1], SPACING), shares(found.x, found.wave, **constants)
+    pairs = zip((found.force, found.load), formula, strict=True)
+    return [np.interp(places, found.x, shown - computed) for shown, computed in pairs]
+
+
+def fit(histories):
+    """Return the constants of the least squares of the differences over some histories."""
+
+    def differences(values):
+        return np.ravel(np.hstack([residuals(each, dict(zip(CONSTANTS, values, strict=True))) for each in histories]))
+
+    return dict(zip(CONSTANTS, least_squares(differences, list(CONSTANTS.values())).x.tolist(), strict=True))
+
+
+def release(found):
+    """Return the release of the force over the contact length [-], from the first step after the turn."""
+    return -(found.x[0] + found.edge - 1) / np.log((turning.TRACK - found.force[0]) / (1 + turning.TRACK))
+
+
+def main(names=tuple(CASES), edges=EDGES, increments=6):
+    """Return histories by case and edge, and the constants that fit those of the fitted cases."""
+    histories = {(name, edge): history(name, edge, increments) for name in names for edge in edges}
+    fitted = [found for (name, _), found in histories.items() if CASES[name].fitted]
+    return {"histories": histories, "constants": fit(fitted) if fitted else CONSTANTS}
+
+
+def show(histories, constants):
+    """Print shares of the force as found/by formula, rms and largest differences of the shares of force/load, r/a."""
+    print(
+        f"{'case':<13}D/a   w/depth" + "".join(f"{f'x {x:g}':>11}" for x in SHOWN),
+        "rms  largest  refitted  r/a",
+        sep="  ",
+    )
+    for (name, edge), each in histories.items():
+        formula = shares(each.x, each.wave, **CONSTANTS)[0]
+        told, refitted = (np.array(residuals(each, values)) for values in (CONSTANTS, constants))
+        ends = np.sqrt(np.mean(told**2, axis=1)), np.abs(told).max(axis=1), np.sqrt(np.mean(refitted**2, axis=1))
+        line = [f"{name + ' *'[2 * CASES[name].fitted :]:<13}{edge:.2f}{each.wave:8.2f}"]
+        line += [f"{np.interp(x, each.x, each.force):6.2f}/{np.interp(x, each.x, formula):.2f}" for x in SHOWN]
+        print("".join(line), *("{:.3f}/{:.3f}".format(*end) for end in ends), f"{release(each):.4f}", sep=" ")
+    print("* held out; refitted to the others:", *(f"{name} {value:.3g}" for name, value in constants.items()))
+
+
+if __name__ == "__main__":
+    show(**main())
