@@ -65,7 +65,8 @@ CASES = {
     "own track longer than the stroke": (along(wave(0.6)), {}),
     "open to the roller": (along(wave(0.0)), {}),
     "imprint below the roller": (along(imprint(0.3 * LENGTH)), {}),
-    "sticks half the cycle": (along(wave(0.110)), {"stiffness": 1.2e4, "ratio": 0.3}),
+    "soft spring": (along(wave(0.110)), {"stiffness": 1.2e4, "ratio": 0.3}),
+    "sticks": (along(table((0.0, 0.6), (0.05, 1.0))), {"stiffness": 1.5e4, "ratio": 0.3}),
     "backlash": (along(wave(0.110)), {"ratio": 0.2, "backlash": 1e-3}),
     "map": (along(wave(0.110), resistance=MAP), {"include_added_mass": True}),
     "return over compacted mix": (along(wave(0.110), resistance=replace(MAP, return_ratio=0.4)), {}),
@@ -221,6 +222,25 @@ def test_turns_in_mid_stroke_meet_the_old_front_again(share):
     assert motion.resistance[begun] == pytest.approx(steady * motion.force_share[begun], abs=1e-4 * SIZE)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [wave(0.110), imprint(0.110)], ids=["wave", "imprint"])
+def test_periodic_regime_agrees_with_many_small_steps(share):
+    law, drive, count = published_law("complex", DURATION), elastic(1e6, 0.2), 20_000
+    run, cycle = periodic(along(share), "complex", drive, CART), law.cycle()
+    time = (np.arange(count) + 0.5) / count * cycle.period
+    place, pace = (cycle.derivative(time, order).tolist() for order in (0, 1))
+    memory, x, v, step, forces = NaiveMemory(share[0], STROKE), 0.0, 0.0, cycle.period / count, []
+    for i in range(6 * count):
+        k = i % count
+        forces.append(drive.stiffness * (place[k] - x) + drive.damping * (pace[k] - v))
+        v += step * (forces[-1] - memory.heading * SIZE * memory.value) / MASS
+        memory.move(x, x + step * v)
+        x += step * v
+    last = np.array(forces[-count:])
+    assert np.abs(last).max() == pytest.approx(run.peak_force, rel=3e-3)
+    assert np.mean(last * pace) == pytest.approx(run.mean_power, rel=3e-3)
+
+
 # properties
 
 
@@ -289,6 +309,16 @@ def test_guides_hold_the_cart_at_a_turn():
 
 
 # hard cases
+
+
+def test_cart_that_sticks_for_most_of_the_cycle():
+    """A table restarts with a jump, which holds the cart; without one the guides alone do."""
+    held, _ = CASES["sticks"]
+    law = published_law("complex")
+    run, free = (simulate_elastic(CART_OF_C, elastic(1.5e4, 0.3), law, each) for each in (held, CASES["wave"][0]))
+    assert 0.6 < run.stick_time / run.period < 0.9
+    assert free.stick_time < 0.1 * run.stick_time
+    assert run.energy_residual < 1e-6
 
 
 def test_undamped_drive_is_solved():
