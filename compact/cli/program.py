@@ -226,7 +226,7 @@ def cam(
     from compact.numerics.validation import require_known
     from compact.report import text
 
-    if not law.startswith("least-"):
+    if not law.startswith(("least-", "robust-")):
         require_known("motion law", law, (*LAW_NAMES, *(path.stem for path in given.table_paths)))
     study = Study(given)
     made = study.stages.laws.cam(law, follower)

@@ -161,7 +161,8 @@ def optimise(
 
 def optimal_law_name(objectives: Iterable[str]) -> str:
     """Return the name of the optimal law for the names of its objectives, such as "least-peak-force"."""
-    return "least-" + "-and-".join(objectives).replace("_", "-")
+    name = "-and-".join(objectives).replace("_", "-")
+    return name if name.startswith("robust-") else f"least-{name}"
 
 
 Models = list[list[Linearisation]]  # weighted, of every criterion for each sample of the resistance

@@ -49,7 +49,8 @@ LAW_NAMES: tuple[str, ...] = get_args(Law)
 OutputItem = Literal[
     "tables", "figures", "cams", "reactions", "crank", "fields", "model_spread", "roller_motors", "report"
 ]
-Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_energy"]  # of `motion.OBJECTIVES`
+Robust = Literal["robust_peak_force", "robust_peak_power"]  # of `analysis.robust.law`
+Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_energy", Robust]  # of `motion.OBJECTIVES`
 MixLaw = Literal["ellipse", "drucker-prager-cap"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]

@@ -1,6 +1,7 @@
 """Robust laws: simulation of a pool of drives, slopes of its histories, gain over the published laws."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,9 +11,11 @@ from published import CART_OF_C
 from compact.analysis.robust.drive_pool import DrivePool, from_the_middle, pass_table, travel_table
 from compact.analysis.robust.law import Effort, PlantRange, robust_law
 from compact.analysis.robust.program import LawSpace
+from compact.analysis.study import Study
 from compact.machine.cart import EndSprings
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.motion.limits import Limits, violations
+from compact.scene.loader import load_scene
 from compact.turning import StrokeResistance, table_share, wave_load_share, wave_share
 
 STROKE, DURATION = 0.4, 0.889  # [m], [s]
@@ -137,6 +140,33 @@ def test_refusals_of_robust_laws(cart, resistance, objective, words):
     plants = PlantRange((1e6, 2e6), (0.05, 0.1), (resistance,))
     with pytest.raises(ValueError, match=words):
         robust_law(cart, plants, STROKE, DURATION, Limits(jerk=200.0), objective=objective)
+
+
+SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015-engines.toml"
+FORMULA = {
+    "accuracy.engine": "formula", "compare": None, "output.items": [], "motion.other_durations": None,
+    "motion.laws": ["parabolic", "quintic"],
+    "motion.optimise": {"objectives": ["robust_peak_force"], "smoothness": 2, "jerk": 200.0},
+}  # fmt: skip
+
+
+def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
+    monkeypatch.setattr(Effort.__init__, "__defaults__", ((4, 2), 6, 0, ("quintic",)))
+    stages = Study(load_scene(SCENE, **FORMULA, **{"drive.turn": "build-up"})).stages
+    assert list(stages.laws.cycles) == ["parabolic", "quintic", "robust-peak-force"]
+    found = stages.laws.robust["robust-peak-force"]
+    assert found.plants.stiffness == pytest.approx((1e6 / 3, 3e6))
+    assert found.plants.damping_ratio == pytest.approx((0.02, 0.2))
+    distances = [each.forward.distance for each in found.plants.resistances]
+    assert len(distances) == 3
+    assert distances == sorted(distances)
+    assert stages.drive.runs["robust-peak-force"].peak_force < found.worst.peak
+
+
+def test_robust_law_is_left_out_with_a_reason():
+    stages = Study(load_scene(SCENE, **FORMULA, **{"drive.backlash": 1e-3, "motion.dwell": 0.1})).stages
+    with pytest.warns(UserWarning, match="not made: a robust law requires no backlash and no dwell"):
+        assert list(stages.laws.cycles) == ["parabolic", "quintic"]
 
 
 # shares of the worst peak of the best published law; F over 3486 N and D [m]: samples, then inner ones

@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sampling import examples
 
+from compact.analysis.robust.law import ROBUST_OBJECTIVES
 from compact.motion.optimisation_problem import OBJECTIVES
 from compact.scene import plausible_ranges
 from compact.scene.errors import key_places
@@ -202,7 +203,7 @@ def test_a_changed_scene_is_new_and_the_old_one_stays(published):
 
 
 def test_objectives_of_scenes_are_those_of_the_modules():
-    assert get_args(Objective) == tuple(OBJECTIVES)
+    assert get_args(Objective) == (*OBJECTIVES, *ROBUST_OBJECTIVES)
 
 
 @pytest.mark.parametrize(("moisture", "factor"), [(0.08, 0.55), (0.09, 0.78), (0.10, 1.0), (0.12, 1.45)])

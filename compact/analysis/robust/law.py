@@ -9,7 +9,7 @@ kept. A trust region with slopes by differences follows. Drives that were not in
 of them exceeds the worst peak told, the worst of them join the pool.
 
 The number is that of simulations; the duality gap is that of the linear programs. The law holds in its range alone:
-outside it balances on nothing, so that the range stands beside the number.
+outside it the peak rises steeply, so that the range belongs to the number.
 """
 
 import math
@@ -48,7 +48,7 @@ GAIN = 0.97  # [-], of the worst peak of the best published law; a law above gai
 
 @dataclass(frozen=True)
 class PlantRange:
-    """What a plant may be: elastic drives, log-uniform, and resistances.
+    """Range of a plant: elastic drives, log-uniform, and resistances.
 
     Parameters
     ----------
@@ -75,7 +75,8 @@ class PlantRange:
         """Return (k, damping ratio), shape (drives, 2): a number of stiffnesses at each of even damping ratios."""
         ratios = np.geomspace(*self.damping_ratio, len(counts))
         columns = zip(counts, ratios, strict=True)
-        return np.concatenate([np.column_stack([np.geomspace(*self.stiffness, n), np.full(n, z)]) for n, z in columns])
+        grid = [np.column_stack([np.geomspace(*self.stiffness, n), np.full(n, z)]) for n, z in columns]
+        return np.unique(np.concatenate(grid), axis=0)  # a known value counts once
 
     def random(self, count: int, random: np.random.Generator) -> Array:
         """Return (k, damping ratio) of random drives, shape (count, 2)."""

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from compact.motion.profile import Cycle, MotionProfile, law
 from compact.numerics.validation import require_known
 from compact.scene.loader import Scene, SceneError
 from compact.scene.schema import Optimise
+
+if TYPE_CHECKING:
+    from compact.analysis.robust.law import RobustLaw
 
 EXTENSIONS = 8  # largest number of extensions of the resistance map for one optimal law
 EXTENSION_FACTOR = 1.3  # [-], new over old largest speed
@@ -50,6 +53,8 @@ class LawStage:
     ----------
     resistance : ResistanceStage
         Resistance for which laws are optimised, set after construction; it is extended to faster laws.
+    robust : dict of str to RobustLaw
+        Robust laws by name, with their worst peaks and ranges, once `cycles` is computed.
     """
 
     resistance: ResistanceStage
@@ -59,6 +64,7 @@ class LawStage:
     ) -> None:
         self.scene, self.count, self._added = scene, count, tuple(added)
         self._left_out: dict[str, str] = {}
+        self.robust: dict[str, RobustLaw] = {}
         self._spread: dict[tuple[str, float, float], MotionResistance] = {}
         duration = scene.motion.duration
         self._speed_ratio = duration / min(duration, shortest or duration, *scene.motion.other_durations)
@@ -94,8 +100,8 @@ class LawStage:
     def cycles(self) -> dict[str, Cycle]:
         """Forward and return strokes by name of the law; last the optimal laws, one per objective of [motion.optimise].
 
-        Optimal laws are those for a rigid drive without rod. One that no limits allow, or whose search does not
-        converge, is left out with a warning; see `not_made`.
+        Optimal laws are those for a rigid drive without rod, robust ones those for the elastic drives of `plant_range`.
+        One that no limits allow, or whose search does not converge, is left out with a warning; see `not_made`.
         """
         cycles, dwell = dict(self.prescribed), self.scene.motion.dwell
         if self._optimal_names:
@@ -103,7 +109,8 @@ class LawStage:
         for name, objective in self._optimal_names.items():
             self.count("laws")
             try:
-                cycles[name] = self._optimal_law(objective).cycle(dwell, dwell)
+                found = self._robust_law(objective) if objective.startswith("robust_") else self._optimal_law(objective)
+                cycles[name] = found.cycle(dwell, dwell)
             except (InfeasibleError, RuntimeError) as error:
                 self._left_out[name] = str(error)
                 warnings.warn(f"{name} is not made: {error}", stacklevel=2)
@@ -163,6 +170,17 @@ class LawStage:
                     self._spread[name, value, speed] = other.motion_resistance
                 found.append(self._spread[name, value, speed])
         return tuple(found)
+
+    def _robust_law(self, objective: str) -> MotionProfile:
+        """Return the law with the least worst peak over the drives and resistances of the scene."""
+        from compact.analysis.robust.law import robust_law  # compiled code, imported when required
+        from compact.analysis.stages.robust_range import plant_range
+
+        motion, stage = self.scene.motion, self.resistance
+        plants = plant_range(self.scene, stage, [each.resistance for each in self.motion_resistances])
+        found = robust_law(stage.cart, plants, motion.stroke, motion.duration, self.limits, objective=objective)
+        self.robust[found.motion.name] = found
+        return found.motion
 
     def _optimal_law(self, objective: str) -> OptimalMotion:
         """Return the law that minimises an objective; over a spread of the mix that of least regret.

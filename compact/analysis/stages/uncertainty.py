@@ -24,7 +24,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -44,11 +43,12 @@ from compact.analysis.stages.ensemble import (
     polynomial_terms,
 )
 from compact.analysis.stages.resistance import DEFAULT_TURN, ResistanceLaw, along_stroke
+from compact.analysis.stages.robust_range import SLEEVE, sleeve_ends
 from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
 from compact.analysis.worker_pool import Executor
 from compact.engines import ENGINES
 from compact.machine.cart import Cart
-from compact.machine.drives import DRIVES, EDGE, MASS, Variant, both_ways, levels
+from compact.machine.drives import DRIVES, EDGE, MASS, Variant, both_ways
 from compact.material.mix import prior
 from compact.motion.profile import Cycle
 from compact.scene.loader import Scene
@@ -61,9 +61,6 @@ SOBOL_SAMPLES = 1024  # [-], of the fit; its indices then scatter by less than 0
 SEED = 2015  # of both samples
 BAND = (0.05, 0.95)  # [-], quantiles of the resistance over the mix
 GIVEN_SPREAD = 0.1  # [-], relative half-width of a parameter that the scene states as measured
-SLEEVE = "machine.sleeve_distance"
-OPEN_SHARE = 0.24  # [-], of the radius; contact length of the published lift, where an open sleeve leaves fresh mix
-MIDWAY_SHARE = 1.6  # [-], of the radius; a sleeve midway between two rollers of the published machine
 MASS_FACTOR = 1.1  # [-], of the mass of a cart that is assumed, in either direction; a drawing is rarely farther off
 DENSITY_STEP = 0.1  # [-], of the increase of the density ratio; half-width of the initial density ratio
 SCALES = 7  # [-], of the resistance, at which the peaks of the recommended law are sampled
@@ -443,15 +440,8 @@ def drive_variants(scene: Scene, edges: bool = False) -> list[Variant]:
 
 
 def _sleeve_variants(scene: Scene) -> list[Variant]:
-    """Return the ends of the distance to fresh mix: of its stated spread, or from an open to a midway sleeve."""
-    machine, distances = scene.machine, scene.sleeve_distances
-    if scene.stated_spread(SLEEVE) is not None:
-        factors = levels(scene, SLEEVE, "sleeve distance", ())
-        return [Variant(label, {SLEEVE: tuple(by * each for each in distances)}, (EDGE,)) for label, by in factors]
-    places = sorted(machine.roller_positions)
-    gaps = [(after - before - machine.feeder_sleeve) / 2 for before, after in pairwise(places)]
-    ends = {"open": OPEN_SHARE * machine.roller_radius, "midway": max([MIDWAY_SHARE * machine.roller_radius, *gaps])}
-    return [Variant(f"{word} sleeve", {SLEEVE: (end, end)}, (EDGE,)) for word, end in ends.items()]
+    """Return the ends of the distance to fresh mix."""
+    return [Variant(label, {SLEEVE: ends}, (EDGE,)) for label, ends in sleeve_ends(scene).items()]
 
 
 # the mix

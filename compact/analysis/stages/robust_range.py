@@ -1,0 +1,85 @@
+"""Range of drives and resistances of a scene, over which robust laws have the least worst peak.
+
+Stiffness and damping ratio span the values of the drive's `variants`, the distance to fresh mix that of `sleeve_ends`,
+the steady force the resistances at both ends of the spread of the mix that [motion.optimise] names. Measured values
+have the ± of their comment, so that a measurement narrows the range.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from itertools import pairwise, product
+from typing import Any
+
+from compact.analysis.robust.law import PlantRange
+from compact.analysis.stages.resistance import ResistanceStage, along_stroke
+from compact.machine.cart import Resistance
+from compact.machine.drives import DRIVES, levels
+from compact.scene.loader import Scene
+from compact.turning import StrokeResistance
+
+SLEEVE = "machine.sleeve_distance"
+OPEN_SHARE = 0.24  # [-], of the radius; contact length of the published lift, where an open sleeve leaves fresh mix
+MIDWAY_SHARE = 1.6  # [-], of the radius; a sleeve midway between two rollers of the published machine
+INNER_SHARES = (0.25, 0.5, 0.75)  # [-], of the range of the distance to fresh mix: samples between its ends
+
+
+def sleeve_ends(scene: Scene) -> Mapping[str, tuple[float, float]]:
+    """Return the ends of the distance to fresh mix [m] by label: of its stated spread, or open to midway sleeves."""
+    machine, distances = scene.machine, scene.sleeve_distances
+    if scene.stated_spread(SLEEVE) is not None:
+        factors = levels(scene, SLEEVE, "sleeve distance", ())
+        return {label: (by * distances[0], by * distances[1]) for label, by in factors}
+    places = sorted(machine.roller_positions)
+    gaps = [(after - before - machine.feeder_sleeve) / 2 for before, after in pairwise(places)]
+    ends = {"open": OPEN_SHARE * machine.roller_radius, "midway": max([MIDWAY_SHARE * machine.roller_radius, *gaps])}
+    return {f"{word} sleeve": (end, end) for word, end in ends.items()}
+
+
+def plant_range(scene: Scene, stage: ResistanceStage, resistances: Sequence[Resistance]) -> PlantRange:
+    """Return the range of drives and resistances of a scene.
+
+    Parameters
+    ----------
+    stage : ResistanceStage
+        Resistance of the scene.
+    resistances : sequence of callable
+        Resistance as computed, and at both ends of each spread of the mix [N].
+
+    Raises
+    ------
+    RuntimeError
+        If no robust law exists for the kind of drive, its backlash, dwells or end springs.
+    """
+    _require_simulable(scene, stage)
+    mass, drive = scene.machine.mass, scene.drive
+    values: list[tuple[Any, Any]] = [(drive.stiffness, drive.damping)]
+    for variant in DRIVES[drive.kind].variants(scene):
+        values.append((variant.keys["drive.stiffness"], variant.keys["drive.damping"]))
+    stiffness = [k for k, _ in values]
+    ratios = [c / (2 * math.sqrt(k * mass)) for k, c in values]
+    steady = [each.resistance if isinstance(each, StrokeResistance) else each for each in resistances]
+    ends = [distance for pair in sleeve_ends(scene).values() for distance in pair] + [*scene.sleeve_distances]
+    low, high = min(ends), max(ends)
+    samples = sorted({low, (low + high) / 2, high}) if stage.turning else [low]
+    inner = [low + share * (high - low) for share in INNER_SHARES] if len(samples) > 1 else []
+
+    def at(distances: Sequence[float]) -> list[Resistance]:
+        return [along_stroke(law, stage.turning, (each, each)) for law, each in product(steady, distances)]
+
+    return PlantRange((min(stiffness), max(stiffness)), (min(ratios), max(ratios)), at(samples), at(inner))
+
+
+def _require_simulable(scene, stage):
+    """Require a drive that the pool simulates."""
+    drive = scene.drive
+    reasons = {
+        "an elastic drive": "drive.stiffness" in DRIVES[drive.kind].keys,
+        "no backlash": not drive.backlash,
+        "no dwell": not scene.motion.dwell,
+        "no end springs": stage.cart.end_springs is None,
+        "a return stroke over loose mix": stage.cart.return_load_ratio == 1,
+        "damping": bool(drive.damping),
+    }
+    missing = [words for words, holds in reasons.items() if not holds]
+    if missing:
+        raise RuntimeError(f"a robust law requires {' and '.join(missing)}")
