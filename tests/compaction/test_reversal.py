@@ -49,13 +49,10 @@ def test_study_has_the_formula_of_the_program(reversal):
 
 @pytest.mark.slow
 def test_shares_of_a_case_that_is_held_out_are_met(reversal, shallow):
-    """With 6 elements: force 0.019 rms, load 0.05; at most 0.09 and 0.20 in the climb of 2 per contact length.
-
-    A column of Gauss points is laid or not, which resolves the edge to a twelfth of a contact length.
-    """
+    """With 6 elements: force 0.014 rms, load 0.048; at most 0.05 and 0.18 in the climb of 2 per contact length."""
     force, load = reversal.residuals(shallow, reversal.CONSTANTS)
-    assert np.sqrt(np.mean(force**2)) < 0.025
-    assert np.abs(force).max() < 0.12
+    assert np.sqrt(np.mean(force**2)) < 0.02
+    assert np.abs(force).max() < 0.08
     assert np.sqrt(np.mean(load**2)) < 0.06
     assert np.abs(load).max() < 0.24
 

@@ -493,16 +493,16 @@ def laid_state(state: SolidState, frame: RollerFrame, edge: float, side: float) 
     Returns
     -------
     SolidState
-        State with stress-free mix beyond the edge; the mix of the track keeps its stress.
+        State with stress-free mix beyond the edge, a mean of both on the slope, and the track as it was.
     """
     along, settlement = state.displacement[frame.surface_nodes].T * [[1.0], [-1.0]]
     distance = side * (edge - frame.surface_x - along)  # from the edge towards the roller
-    share = np.where(settlement > 0, np.clip(distance * REPOSE_SLOPE / settlement.max(), 0.0, 1.0), 1.0)  # remains
+    share = np.where(settlement > 0, np.clip(distance * REPOSE_SLOPE / settlement.max(), 0.0, 1.0), 1.0)
+    remains = np.interp(frame.solid.point_coordinates[:, 0], frame.surface_x, share)
 
     def laid(old: FloatArray, new: FloatArray) -> FloatArray:
-        return np.where(is_laid.reshape(-1, *(1,) * (old.ndim - 1)), new, old)
+        return new + remains.reshape(-1, *(1,) * (old.ndim - 1)) * (old - new)
 
-    is_laid = np.interp(frame.solid.point_coordinates[:, 0], frame.surface_x, share) < 0.5
     fed = frame.initial_state()
     # the track has moved along x, and the laid mix with it: elements between them would be stretched otherwise
     displacement = state.displacement.copy()
