@@ -15,6 +15,7 @@ from compact.analysis.study import Study
 from compact.machine.cart import EndSprings
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.motion.limits import Limits, violations
+from compact.report.text import sentences
 from compact.scene.loader import load_scene
 from compact.turning import StrokeResistance, table_share, wave_load_share, wave_share
 
@@ -152,7 +153,8 @@ FORMULA = {
 
 def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
     monkeypatch.setattr(Effort.__init__, "__defaults__", ((4, 2), 6, 0, ("quintic",)))
-    stages = Study(load_scene(SCENE, **FORMULA, **{"drive.turn": "build-up"})).stages
+    study = Study(load_scene(SCENE, **FORMULA, **{"drive.turn": "build-up"}))
+    stages = study.stages
     assert list(stages.laws.cycles) == ["parabolic", "quintic", "robust-peak-force"]
     found = stages.laws.robust["robust-peak-force"]
     assert found.plants.stiffness == pytest.approx((1e6 / 3, 3e6))
@@ -161,6 +163,10 @@ def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
     assert len(distances) == 3
     assert distances == sorted(distances)
     assert stages.drive.runs["robust-peak-force"].peak_force < found.worst.peak
+    sentence = sentences("turn", study)[-1]
+    assert sentence.startswith("robust-peak-force: at most 1")
+    assert "3.3e+05 to 3e+06 N/m, damping ratios of 0.02 to 0.2 and 3 resistances" in sentence
+    assert "best published law over the same: quintic" in sentence
 
 
 def test_robust_law_is_left_out_with_a_reason():

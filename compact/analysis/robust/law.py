@@ -166,6 +166,11 @@ class RobustLaw:
         return self.worst.peak / self.published_worst.peak
 
     @property
+    def worst_resistance(self) -> Resistance:
+        """Resistance of the worst drive."""
+        return (*self.plants.resistances, *self.plants.inner)[self.worst.resistance]
+
+    @property
     def gains(self) -> bool:
         """True if the worst peak is below that of the best published law by more than the search scatters."""
         return self.ratio < GAIN
