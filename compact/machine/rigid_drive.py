@@ -221,15 +221,17 @@ def _sign_changes(function: Callable[[Array, Any], Array], count: int, grid: Arr
     rows, columns = np.nonzero((values[:, 1:] < 0) != (values[:, :-1] < 0))
     low, high = grid[columns], grid[columns + 1]
     at_low, at_high = values[rows, columns], values[rows, columns + 1]
+    nearest, least = low, np.inf  # an end may be far from a root that the other has met
     for _ in range(ROOT_ITERATIONS if rows.size else 0):
         with np.errstate(divide="ignore", invalid="ignore"):
             place = high - at_high * (high - low) / (at_high - at_low)
         place = np.where((place > low) & (place < high), place, (low + high) / 2)
         here = function(place, rows)
+        nearest, least = np.where(np.abs(here) < least, place, nearest), np.minimum(np.abs(here), least)
         upper = (here < 0) == (at_high < 0)
         low, at_low = np.where(upper, low, place), np.where(upper, at_low / 2, here)
         high, at_high = np.where(upper, place, high), np.where(upper, here, at_high / 2)
-    return (low + high) / 2
+    return nearest
 
 
 def _force_and_load(carts, position, moving, acceleration, slowest):

@@ -16,11 +16,12 @@ from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 SMALL = SCENES / "small.toml"
+STEP = {"drive.turn": "step"}  # of the closed forms and the published durations
 COLUMN = {"accuracy.engine": "column", "contact.speeds": [0.05, 0.2]}
 
 
 def study(over="duration=0.3:3:4", scene="small", **changes):
-    given = load_scene(SCENES / f"{scene}.toml", **{"output.items": []} | changes)
+    given = load_scene(SCENES / f"{scene}.toml", **{"output.items": []} | STEP | changes)
     return Study(given, durations=read_durations(over))
 
 
@@ -81,7 +82,7 @@ def test_each_duration_is_a_scene_of_that_duration_at_the_same_height(engine):
     found = study("duration=1:3:2", **engine)
     depth = {} if not engine else {"contact.indentation": found.stages.contacts.held.value}
     for duration, order in zip(found.durations, found.over_durations.orders["peak_force"], strict=True):
-        alone = Study(load_scene(SMALL, **engine | depth | {"motion.duration": duration}))
+        alone = Study(load_scene(SMALL, **STEP | engine | depth | {"motion.duration": duration}))
         for each in order:
             rel = 1e-12 if not engine else 5e-3
             assert alone.stages.drive.runs[each.run.name].peak_force == pytest.approx(each.value, rel=rel)
@@ -159,6 +160,6 @@ def test_results_reach_files_summary_and_page(tmp_path):
     assert [type(block).__name__ for block in drive.blocks] == ["Picture"]
     assert "cubic up to 1.32 s, reversal-3 beyond" in say("durations", found)
     assert json.loads((tmp_path / "summary.json").read_text("utf-8"))["over_durations"]["peak_force"]["unit"] == "N"
-    bare = Study(load_scene(SMALL, **{"output.items": []}))
+    bare = Study(load_scene(SMALL, **STEP | {"output.items": []}))
     assert bare.over_durations is None
     assert writer.write_study(bare, tmp_path / "bare")["over_durations"] is None

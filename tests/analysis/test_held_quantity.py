@@ -171,7 +171,7 @@ def test_second_pass_of_columns_is_elastic():
 
 
 def test_return_stroke_over_compacted_mix_halves_the_work_of_compaction():
-    columns = {"accuracy.engine": "column", "mix.overrides.rate_sensitivity": 0.0}
+    columns = {"accuracy.engine": "column", "mix.overrides.rate_sensitivity": 0.0, "drive.turn": "step"}
     fresh, compacted = study(**columns), study(**columns, **{"layer.return_stroke": "compacted"})
     load, _ = fresh.stages.contacts.second_pass
     stroke, friction, weight = 0.4, 0.008, fresh.scene.machine.weight

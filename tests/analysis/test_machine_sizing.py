@@ -20,7 +20,10 @@ from compact.scene.schema import Hydraulics
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
 MOTORS = SCENES / "motors.csv"
-RULE = {"drive.catalogue": {"file": "motors.csv", "margin": 1.25, "efficiency": 0.9}, "motion.duration": 0.889}
+STEP = {"drive.turn": "step"}  # for numbers by hand
+RULE = STEP | {
+    "drive.catalogue": {"file": "motors.csv", "margin": 1.25, "efficiency": 0.9}, "motion.duration": 0.889,
+}  # fmt: skip
 BEARINGS = {
     "machine.guide_bearing": {"dynamic_rating": 20e3, "kind": "ball", "count": 2},
     "machine.roller_bearing": {"dynamic_rating": 40e3, "kind": "roller", "count": 2},
@@ -36,7 +39,7 @@ def small(tmp_path):
 
 
 def study_of(**changes):
-    return Study(load_scene(SCENES / "small.toml", **{"output.items": []} | changes))
+    return Study(load_scene(SCENES / "small.toml", **{"output.items": []} | STEP | changes))
 
 
 def sizing(**changes):

@@ -82,6 +82,12 @@ def test_recommended_law_of_a_tie_has_the_least_regret():
 
 def test_laws_with_the_same_motion_are_named_once():
     assert judged(model("formula", a=100.0, twin=100.0, b=110.0)).contenders == ("a",)
+    assert judged(model("formula", a=100.0, twin=100.0, b=110.0), firsts=("a",)).resolved
+
+
+def test_law_as_good_here_that_is_first_at_an_end_is_a_contender():
+    found = judged(model("formula", a=100.0, other=100.0, b=110.0), firsts=iter(("a", "other")))
+    assert (set(found.contenders), found.resolved) == ({"a", "other"}, False)
 
 
 def test_no_contender_without_a_finite_value():

@@ -22,7 +22,7 @@ LINEAR = {
 
 
 def study(**changes):
-    return Study(load_scene(SMALL, **{"output.items": []} | changes))
+    return Study(load_scene(SMALL, **{"output.items": [], "drive.turn": "step"} | changes))
 
 
 def test_confined_work_is_the_integral_in_closed_form():

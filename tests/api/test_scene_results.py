@@ -80,7 +80,7 @@ def test_resistance_is_a_function_and_a_table(scene):
         == -float(compact.Study(scene).stages.resistance.resistance(0.1))
     )
     frame = resistance.to_dataframe()
-    assert frame["resistance"].loc[resistance.law.speeds[0]] == resistance.law.forces[0]
+    assert frame["resistance"].loc[resistance.law.speeds[0]] == resistance.law.resistance.forces[0]
     assert resistance.to_xarray()["resistance"].attrs["units"] == "N"
     assert isinstance(resistance.plot(), Figure)
     assert isinstance(scene.resistance(engine="formula").plot(), Figure)

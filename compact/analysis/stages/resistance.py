@@ -41,7 +41,7 @@ SIDES = "forward", "return"
 STROKE_SAMPLES, RELEASE_SAMPLES = 201, 25  # [-], of shares over a stroke, and over the release of the old force
 LEAST_RELEASE = 1e-3  # [-], first of them over the whole release
 CYCLE_SAMPLES = 401  # [-], times of a pass
-DEFAULT_TURN = "step"  # of a scene without the key
+DEFAULT_TURN = "build-up"  # of a scene without the key
 LEAST_SPEED_SHARE = 1 / 50  # [-], of the largest speed; least speed of the samples
 
 

@@ -293,7 +293,8 @@ def verdict(
     lead, laws = next(iter(values.values())), set.intersection(*map(set, values.values()))
     if not laws:
         return None
-    found = {law for each in valid for law in contenders(each.places[duration][drive][by], by)} | set(firsts)
+    ends = set(firsts)
+    found = {law for each in valid for law in contenders(each.places[duration][drive][by], by)} | ends
     least = {engine: min(each.values()) for engine, each in values.items()}
 
     def regret(law: str) -> float:
@@ -304,9 +305,9 @@ def verdict(
         return all(math.isclose(each[law], each[other], rel_tol=ROUNDING_TIE) for each in values.values())
 
     close = [law for law in lead if law in laws & found]
-    distinct: list[str] = []  # laws with the same values in every model are named once
+    distinct: list[str] = []  # laws with the same values in every model are named once, unless they differ at an end
     for law in (close[i] for group in group_equal([regret(law) for law in close], floor=1.0) for i in group):
-        if not any(same(law, known) for known in distinct):
+        if law in ends or not any(same(law, known) for known in distinct):
             distinct.append(law)
     first = distinct[0]
     agree = all(first in {place.law for place in each.first(duration, drive, by)} for each in valid)
