@@ -487,3 +487,17 @@ def test_pore_air_adds_to_the_finite_elements_over_speed():
     assert (with_air.low < with_air.forces).all()
     assert (with_air.forces < with_air.high).all()
     assert with_air.high[1] / with_rate.forces[1] == pytest.approx(1.21, abs=0.05)
+
+
+def test_robust_law_gains_most_where_force_and_distance_are_known(capsys, tmp_path):
+    module = study("robust_law")
+    effort = module.Effort((4, 2), 9, 0, ("quintic",))
+    cases = [module.EXACT[1], module.within("F within 30 %", 0.3, 0.0)]
+    rows = module.main(cases=cases, effort=effort, out=tmp_path)
+    module.show(rows)
+    assert [row[0] for row in rows] == ["closed, D 110 mm", "F within 30 %"]
+    known, unknown = (row[4] for row in rows)
+    assert known < unknown
+    assert known < 0.9
+    assert all(row[6] < 1e-6 for row in rows)
+    assert "MN/m, F" in capsys.readouterr().out

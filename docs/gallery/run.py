@@ -58,6 +58,7 @@ RUNS = {
     "ranking_with_air": Run("", ("--mixes", "ellipse, columns", "cap, columns"), fast=True),
     "return_stroke": Run("out/return_stroke/return_stroke.png"),
     "reversal": Run(""),
+    "robust_law": Run(""),
     "speed_against_error": Run("out/speed_against_error/layers.png"),
     "speed_against_plain": Run(""),
     "speed_dependence": Run("out/speed_dependence/speed_dependence.png"),
