@@ -38,7 +38,7 @@ POLISH_DRIVES = 24  # [-], worst ones, whose slopes are those of differences
 DIFFERENCE = 2e-3  # [-], of the largest unknown
 FIRST_RADIUS = 0.05  # [-], of the largest unknown: trust region
 SHRINKS = 4  # [-], of the trust region in one step
-LEAST_GAIN = 3e-3  # [-], of the worst peak, below which the trust region ends
+LEAST_GAIN = 1e-3  # [-], of the worst peak, below which the trust region ends
 FRESH_DRIVES, FRESH_SEED = 200, 1  # [-]
 FRESH_TOLERANCE = 0.01  # [-], by which a fresh drive may exceed the pool; half of what is promised
 FRESH_ROUNDS = 3  # [-], in which fresh drives join the pool
@@ -340,11 +340,13 @@ class _Search:
     def polish(self, steps: int) -> None:
         """Move within a trust region with slopes by differences of simulations, while the worst peak falls."""
         radius = FIRST_RADIUS * float(np.abs(self.best).max())
+        self._states, self._rows = None, set()
+        self.value = float(self.judge(self.space.table(self.best), self.drives).max())
         for _ in range(steps):
             before, (histories, forces) = self.value, self.evaluate(self.best)
-            order = np.argsort(-np.abs(histories).max(axis=1))
-            drives = order[:POLISH_DRIVES].tolist()
-            slopes = self._differences(drives, histories, forces)
+            drives = np.argsort(-np.abs(histories).max(axis=1))[: POLISH_DRIVES if self.power else MOST_DRIVES].tolist()
+            slopes = list(self._differences(drives[:POLISH_DRIVES], histories, forces))
+            slopes += [self._response(i) for i in drives[POLISH_DRIVES:]]  # of less high ones with frozen resistance
             for _ in range(SHRINKS):
                 step = self._solve(self.best, drives, histories, slopes, radius)
                 self.evaluate(self.best + step.change)
