@@ -26,7 +26,6 @@ from compact.engines.compaction.roller_frame import transfer_state
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
 
 MIN_RESISTANCE = 3e-2  # [-], least scale of the resistance over the load; that of a driven roller may vanish
-LOAD_WEIGHT = 3.4  # [-], 14/(14 - 10), by which the extrapolation from 10 and 14 elements multiplies errors
 MAX_CORRELATION = 0.9  # [-], of deviations from a line; a few steps do not show more
 QUANTITIES = ("load", "resistance", "exit_density_ratio", "peak_pressure")  # of a `RollingStep`
 LENGTH_EXPONENT, WAVE_EXPONENT = 2.0, 3.4  # [-], of relaxation length and area of the wave over the depth, roughly
@@ -174,9 +173,9 @@ class SteadyErrors:
 
     @property
     def total(self) -> float:
-        """Largest of load, resistance over `LOAD_WEIGHT`, both relative, and density, of the sum of both."""
+        """Largest sum of both, of load and resistance over their own, the latter not too small, and of the density."""
         load, resistance = np.abs(self.scale[:2])
-        scales = [load, LOAD_WEIGHT * max(resistance, MIN_RESISTANCE * load), 1.0]
+        scales = [load, max(resistance, MIN_RESISTANCE * load), 1.0]
         return float(((self.drift + self.start)[:3] / scales).max())
 
 
