@@ -15,7 +15,7 @@ distance (`UnsteadyError`).
 """
 
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -244,11 +244,11 @@ class SteadySearch:
             return
         first, before = (begin, None) if self._settled is None else self._settled
         change, length, mode = drift.wave_area - first.steps[-1].wave_area, self.relaxation.length, self.relaxation.mode
-        if before is not None:
+        is_wide = abs(change) >= max(MIN_CHANGE * drift.wave_area, SIGNIFICANCE * drift.wave_error * drift.travel)
+        if before is not None and (is_wide or length is None):
             bend = before.wave_slope - drift.wave_slope
             if change * bend > 0 and abs(bend) > SIGNIFICANCE * np.hypot(before.wave_error, drift.wave_error):
                 length = float(min(change / bend, MAX_TRAVEL * self.rolling.frame.contact_length))
-        is_wide = abs(change) >= max(MIN_CHANGE * drift.wave_area, SIGNIFICANCE * drift.wave_error * drift.travel)
         if is_wide and (before is not None or mode is None):
             slopes = drift.slopes / drift.wave_slope if before is None else (drift.values - before.values) / change
             mode = BowWaveMode.between(first, self.rolling, slopes)
@@ -343,12 +343,9 @@ class SteadySearch:
                     raise
 
     def _finish(self, jump: float) -> float:
-        """Make the last jump, unless it is within the scatter, and steps to the full tolerance; return the quantity."""
-        drift, start = self.errors.drift[:2], self.errors.start[:2]
-        if np.any(drift > start):
+        """Make the last jump and steps to the full tolerance; return the prescribed quantity then."""
+        if jump:
             self._correct(self.depth, jump)
-        else:
-            self.errors = replace(self.errors, drift=self.errors.drift / LENGTH_ERROR)
         missing = FINAL_TRAVEL - (len(self.rolling.steps) - self._begin) * self.rolling.frame.step / self._length
         if missing > 0:
             self._roll(missing)
