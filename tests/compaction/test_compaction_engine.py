@@ -77,7 +77,7 @@ def test_thin_layer_in_finite_strain_tends_to_logarithmic_columns(thin_finite):
     on_mesh = thin_finite.load / thin_finite.load_factor
     assert on_mesh / columns.load == pytest.approx(COLUMN_LIMIT[2][1], rel=3e-3)
     assert thin_finite.load / columns.load == pytest.approx(COLUMN_LIMIT[2][1], rel=thin_finite.error[0])
-    assert thin_finite.error[0] < 0.006
+    assert thin_finite.error[0] < 0.01
     assert thin_finite.resistance / columns.resistance == pytest.approx(COLUMN_LIMIT[2][2], rel=3e-3)
     assert thin_finite.exit_height == pytest.approx(columns.exit.layer[0].height, rel=1e-4)
     assert thin_finite.exit_density_ratio == pytest.approx(columns.exit_density_ratio, abs=1e-4)

@@ -8,14 +8,16 @@ have the ± of their comment, so that a measurement narrows the range.
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise, product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from compact.analysis.robust.law import PlantRange
 from compact.analysis.stages.resistance import ResistanceStage, along_stroke
 from compact.machine.cart import Resistance
 from compact.machine.drives import DRIVES, levels
 from compact.scene.loader import Scene
 from compact.turning import StrokeResistance
+
+if TYPE_CHECKING:
+    from compact.analysis.robust.law import PlantRange
 
 SLEEVE = "machine.sleeve_distance"
 OPEN_SHARE = 0.24  # [-], of the radius; contact length of the published lift, where an open sleeve leaves fresh mix
@@ -35,7 +37,7 @@ def sleeve_ends(scene: Scene) -> Mapping[str, tuple[float, float]]:
     return {f"{word} sleeve": (end, end) for word, end in ends.items()}
 
 
-def plant_range(scene: Scene, stage: ResistanceStage, resistances: Sequence[Resistance]) -> PlantRange:
+def plant_range(scene: Scene, stage: ResistanceStage, resistances: Sequence[Resistance]) -> "PlantRange":
     """Return the range of drives and resistances of a scene.
 
     Parameters
@@ -50,6 +52,8 @@ def plant_range(scene: Scene, stage: ResistanceStage, resistances: Sequence[Resi
     RuntimeError
         If no robust law exists for the kind of drive, its backlash, dwells or end springs.
     """
+    from compact.analysis.robust.law import PlantRange  # compiled code, imported when required
+
     _require_simulable(scene, stage)
     mass, drive = scene.machine.mass, scene.drive
     values: list[tuple[Any, Any]] = [(drive.stiffness, drive.damping)]
