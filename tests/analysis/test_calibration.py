@@ -262,7 +262,7 @@ def test_fit_by_real_finite_elements_satisfies_the_measurements():
     assert (same.load, same.resistance) == pytest.approx((rolled.load, rolled.resistance), rel=1e-9)
     again = pressed(there, rolled.indentation, **options)
     errors = np.array([np.add(each.error_parts.drift, each.error_parts.start) for each in (again, rolled)])
-    assert np.all(errors < [[2e-3], [3e-3]])  # the latter contains the miss of the density within its tolerance
+    assert np.all(errors < [[2e-3], [6e-3]])  # the latter contains the miss of the density within its tolerance
     error = errors.sum(axis=0)
     assert again.load == pytest.approx(rolled.load, rel=error[0])
     assert again.resistance == pytest.approx(rolled.resistance, rel=error[1])
