@@ -94,10 +94,10 @@ def test_strength_of_loose_mix_decides_the_resistance(tmp_path):
     _, ellipse, _, line = module.main(increments=(4, 6), names=("ellipse", "line, c 20 kPa"), out=tmp_path)
     roller = Roller(module.RADIUS, indentation=module.DEPTH, friction=0.35, rolling="free", profile="deformed")
     layer = Layer(module.LIFT * module.EXIT / module.FED)
-    for found, material in ((ellipse, module.ellipse()), (line, module.line(cohesion=20e3))):
-        steady = roll(layer, roller, material, 0.133, increments=6)
+    for found, material, scatter in ((ellipse, module.ellipse(), 0.02), (line, module.line(cohesion=20e3), 0.04)):
+        steady = roll(layer, roller, material, 0.133, increments=6)  # bands of the line pass under the roller
         assert found.steady
-        assert found.load == pytest.approx(module.LENGTH * steady.load, rel=0.02)
+        assert found.load == pytest.approx(module.LENGTH * steady.load, rel=scatter)
         assert found.resistance == pytest.approx(module.LENGTH * steady.resistance, rel=0.02)
     assert line.resistance / ellipse.resistance == pytest.approx(0.56, abs=0.03)
     assert line.bow_wave < 0.1 * ellipse.bow_wave

@@ -111,7 +111,7 @@ def test_stated_height_is_that_of_every_contact_map_and_added_mass(engine, tmp_p
             length * expected.added_mass, rel=tolerance
         )
     if name == "compaction":
-        assert len(case.stages.resistance.resistance.contacts) == 2
+        assert len(case.stages.resistance.map.contacts) == 2
 
 
 def test_every_engine_of_the_comparison_holds_a_height_of_its_own():

@@ -275,6 +275,7 @@ def test_each_line_starts_from_scratch_and_continues_from_point_to_point(monkeyp
 
 @pytest.mark.slow
 def test_continuation_by_finite_elements_agrees_with_a_start_from_scratch(tmp_path):
+    """As any two paths: their searches end within 1e-3 each, and the load is extrapolated from two of them."""
     thin = COLUMNS.replaced(**{
         "accuracy.engine": "compaction", "product.height": 0.096, "machine.roller_radius": 0.11,
         "contact.indentation": 0.002, "layer.fed_density_ratio": 0.94, "machine.gap_geometry": "deformed",
@@ -283,8 +284,8 @@ def test_continuation_by_finite_elements_agrees_with_a_start_from_scratch(tmp_pa
     table, _ = swept(tmp_path / "line", thin, ["mix.overrides.heckel_slope=11.4e-6,12e-6"], direct="all")
     cold, _ = swept(tmp_path / "cold", thin, ["mix.overrides.heckel_slope=12e-6"], direct="all")
     assert (table.reason == "").all()
-    assert float(table["load"][1]) == pytest.approx(float(cold["load"][0]), rel=1e-3)
-    assert float(table.resistance[1]) == pytest.approx(float(cold.resistance[0]), rel=1e-3)
+    assert float(table["load"][1]) == pytest.approx(float(cold["load"][0]), rel=3e-3)
+    assert float(table.resistance[1]) == pytest.approx(float(cold.resistance[0]), rel=3e-3)
 
 
 # (f) cost

@@ -100,7 +100,9 @@ class ResistanceStage:
             share = partial(_at_any_distance, table_share(*zip(*turn, strict=True)))
             return share, share
         records, mean = self.contacts.records, self.scene.mean_speed
-        near = records[nearest_speed([each.speed for each in records], mean)] if records else self.contacts.typical[1]
+        with warnings.catch_warnings():  # the shares need edges and exponent of the contact alone
+            warnings.simplefilter("ignore")
+            near = records[nearest_speed([each.speed for each in records], mean)] if records else self.contacts.typical[1]
         return self.contacts.engine.turning(near, self.scene.machine.roller_radius)
 
     @cached_property
