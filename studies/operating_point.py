@@ -78,7 +78,7 @@ def of_contact(engine, scene, rolled):
         engine, scene_mix(scene).heckel_slope if compacting else np.nan,
         scene.layer.fed_density_ratio if compacting else np.nan, load, coefficient,
         _cart_force(scene, load, coefficient), float(np.arcsin(rolled.leading / scene.machine.roller_radius)),
-        rolled.leading - rolled.trailing, rolled.peak_pressure, getattr(rolled, "bow_wave", np.nan), rolled.indentation,
+        rolled.leading - rolled.trailing, rolled.peak_pressure, np.nan if rolled.bow_wave is None else rolled.bow_wave, rolled.indentation,
     )  # fmt: skip
 
 

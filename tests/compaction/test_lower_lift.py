@@ -106,9 +106,9 @@ def test_difference_from_the_rigid_base_is_inverse_to_the_modulus():
         rigid, lifted = (roll(layer, ROLLER, mix, 0.13, **options) for layer in (LIFT, ON_LIFT))
         changes.append([lifted.load / rigid.load - 1, lifted.resistance / rigid.resistance - 1])
     soft, stiff = changes
-    assert soft[0] == pytest.approx(3 * stiff[0], abs=3 * 2 * 5e-4)  # by the distances of two contacts from steady
+    assert soft[0] == pytest.approx(3 * stiff[0], abs=3 * 2 * 1e-3)  # by the distances of two contacts from steady
     assert 2.5 < soft[1] / stiff[1] < 5
-    assert changes[1] == pytest.approx([0, 0], abs=8e-3)
+    assert changes[1] == pytest.approx([0, 0], abs=1.2e-2)
 
 
 @pytest.mark.slow
