@@ -73,12 +73,13 @@ def of_formulas(scene):
 def of_contact(engine, scene, rolled):
     """Return a row of HEADER by an engine."""
     load, coefficient = rolled.load * scene.machine.roller_length, rolled.resistance / rolled.load
+    wave = rolled.bow_wave
     compacting = ENGINES[engine.split(",")[0]].reads("layer.fed_density_ratio")
     return (
         engine, scene_mix(scene).heckel_slope if compacting else np.nan,
         scene.layer.fed_density_ratio if compacting else np.nan, load, coefficient,
         _cart_force(scene, load, coefficient), float(np.arcsin(rolled.leading / scene.machine.roller_radius)),
-        rolled.leading - rolled.trailing, rolled.peak_pressure, np.nan if rolled.bow_wave is None else rolled.bow_wave, rolled.indentation,
+        rolled.leading - rolled.trailing, rolled.peak_pressure, np.nan if wave is None else wave, rolled.indentation,
     )  # fmt: skip
 
 

@@ -221,7 +221,7 @@ def _sign_changes(function: Callable[[Array, Any], Array], count: int, grid: Arr
     rows, columns = np.nonzero((values[:, 1:] < 0) != (values[:, :-1] < 0))
     low, high = grid[columns], grid[columns + 1]
     at_low, at_high = values[rows, columns], values[rows, columns + 1]
-    nearest, least = low, np.inf  # an end may be far from a root that the other has met
+    nearest, least = low, np.full(low.shape, np.inf)  # an end may be far from a root that the other has met
     for _ in range(ROOT_ITERATIONS if rows.size else 0):
         with np.errstate(divide="ignore", invalid="ignore"):
             place = high - at_high * (high - low) / (at_high - at_low)

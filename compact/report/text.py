@@ -152,8 +152,10 @@ def drive_measurements(study: Study) -> list[dict[str, Any]]:
     """
     known = study.uncertainty
     source = known.source(DRIVE) if known else None
+    if known is None or source is None:
+        return []
     found = []
-    for name in source.quantities if known and source else ():
+    for name in source.quantities:
         alone = replace(source, ends=tuple(end for end in source.ends if end.of == (name,)))
         margins = {by: (known.margin(by), known.margin(by, known=name)) for by in known.laws}
         margins = {by: each for by, each in margins.items() if each[0] - each[1] > WORTH}

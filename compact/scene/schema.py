@@ -137,12 +137,12 @@ def _turn(value: Any) -> Any:
     if value in ("build-up", "step"):
         return value
     rows = value if isinstance(value, list | tuple) else ()
-    flat = [each for row in rows for each in (row if isinstance(row, list | tuple) and len(row) == 2 else "?")]
+    flat: list[Any] = [each for row in rows for each in (row if isinstance(row, list | tuple) and len(row) == 2 else "?")]
     numbers = all(type(each) in (int, float) and 0 <= each < math.inf for each in flat)
     if flat and numbers and max(flat[1::2]) <= 1 and flat[::2] == sorted({*flat[::2]}):
         return tuple((float(travel), float(share)) for travel, share in rows)
     words = 'must be "build-up", "step" or rows of an ascending travel and a share from 0 to 1'
-    raise PydanticCustomError("turn", words)  # type: ignore[arg-type]
+    raise PydanticCustomError("turn", words)
 
 
 def _ends(value: Any) -> Any:

@@ -102,7 +102,9 @@ class ResistanceStage:
         records, mean = self.contacts.records, self.scene.mean_speed
         with warnings.catch_warnings():  # the shares need edges and exponent of the contact alone
             warnings.simplefilter("ignore")
-            near = records[nearest_speed([each.speed for each in records], mean)] if records else self.contacts.typical[1]
+            near = (
+                records[nearest_speed([each.speed for each in records], mean)] if records else self.contacts.typical[1]
+            )
         return self.contacts.engine.turning(near, self.scene.machine.roller_radius)
 
     @cached_property
