@@ -137,8 +137,7 @@ def _turn(value: Any) -> Any:
     if value in ("build-up", "step"):
         return value
     rows = value if isinstance(value, list | tuple) else ()
-    pairs = [row if isinstance(row, list | tuple) and len(row) == 2 else "?" for row in rows]
-    flat: list[Any] = [each for pair in pairs for each in pair]
+    flat: list[Any] = [x for row in rows for x in (row if isinstance(row, list | tuple) and len(row) == 2 else "?")]
     numbers = all(type(each) in (int, float) and 0 <= each < math.inf for each in flat)
     if flat and numbers and max(flat[1::2]) <= 1 and flat[::2] == sorted({*flat[::2]}):
         return tuple((float(travel), float(share)) for travel, share in rows)
