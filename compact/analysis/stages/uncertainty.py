@@ -118,13 +118,20 @@ class Source:
     def changes(self, law: str, by: str, known: str = "") -> tuple[float, float]:
         """Return the least and the largest relative change of a peak of a recommended law [-], 0 without an end.
 
+        Ends `without_cycle` are left out.
+
         Parameters
         ----------
         known : str
             A quantity that does not vary.
         """
-        found = [end.change[law][by] for end in self.ends if known not in end.of]
+        lost = self.without_cycle(law, by)
+        found = [end.change[law][by] for end in self.ends if known not in end.of and end.words not in lost]
         return min(found, default=0.0), max(found, default=0.0)
+
+    def without_cycle(self, law: str, by: str) -> list[str]:
+        """Return the ends in words of drive and cart behind which a recommended law has no periodic cycle."""
+        return [end.words for end in self.ends if end.of and math.isinf(end.change[law][by])]
 
     def other_firsts(self, by: str, law: str, known: str = "") -> dict[str, list[str]]:
         """Return the ends in words by the first law by a criterion there, where it is not the given one."""
