@@ -23,7 +23,7 @@ COARSE_INCREMENTS = 4  # [-], elements per contact length of the first mesh
 RATIO, FIRST_RATIO = np.sqrt(2), 2.0  # [-], of the elements of the last two meshes, and of those before
 MIN_FIRST_RATIO = 1.4  # [-], of the elements of the first two meshes
 ORDERS = np.array([1.0, 1.5])  # [-], of load and resistance in the element length
-CORRECTION_SHARE = 0.5  # [-], error of the extrapolated load over its correction or change; it covers eight of nine lifts
+CORRECTION_SHARE = 0.5  # [-], error of the extrapolated load over its correction or change; covers eight of nine lifts
 
 
 def mesh_cascade(increments: int) -> list[int]:
