@@ -235,7 +235,7 @@ def _sign_changes(function: Callable[[Array, Any], Array], count: int, grid: Arr
 
 
 def _force_and_load(carts, position, moving, acceleration, slowest):
-    """Force of the mix [N] and share of its load [-]; in a dwell it still pushes, unless it lets go at once."""
+    """Force of the mix [N] and share of its load [-]; in a dwell it still pushes, unless its release is 0."""
     if carts.shares is None:
         return evaluate_resistance(carts.resistance, moving, acceleration), np.ones(position.shape)
     stroke = carts.cycle.forward.stroke
