@@ -14,7 +14,7 @@ PLOT_FACTORS = {  # unit of a plot -> factor from the SI unit
 }  # fmt: skip
 UNIT_SYMBOLS = {
     "1": "", "-": "", "m/s2": "m/s²", "m/s3": "m/s³", "m/s^3": "m/s³", "m3/s": "m³/s", "kg/m3": "kg/m³",
-    "W/m3": "W/m³", "J/m3": "J/m³", "Nm": "N m",
+    "W/m3": "W/m³", "J/m3": "J/m³", "Nm": "N m", "m2/s": "m²/s", "m2/s3": "m²/s³", "m2/s5": "m²/s⁵", "m2/s7": "m²/s⁷",
 }  # fmt: skip
 
 
@@ -196,6 +196,10 @@ CRITERIA = _table("""
     dynamic_factor        | 1     |    |   | dynamic factor | peak drive force over that at the mean speed
     nonuniformity         | 1     |    |   | speed non-uniformity in the working phase
     dynamic_amplification | 1     |    |   | dynamic amplification | peak drive force over that of a rigid drive
+    squared_velocity      | m2/s  |    | J₁ | integral of squared velocity | of the law, over a pass
+    squared_acceleration  | m2/s3 |    | J₂ | integral of squared acceleration | of the law, over a pass
+    squared_jerk          | m2/s5 |    | J₃ | integral of squared jerk | of the law, over a pass
+    squared_snap          | m2/s7 |    | J₄ | integral of squared snap | of the law, over a pass
 """)
 # Further results of a run with a compliant, hydraulic or motor drive
 RUN = _table("""

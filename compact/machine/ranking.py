@@ -50,6 +50,9 @@ _INFINITE = {
     **dict.fromkeys(("peak_force", "rms_force", "mean_force", "dynamic_factor", "peak_power", "rms_power"), _IMPULSE),
     "peak_jerk": "the acceleration jumps",
     "dynamic_amplification": "the velocity jumps: a drive that imposes it has no finite peak force",
+    "squared_acceleration": "the velocity of the law jumps",
+    "squared_jerk": "velocity or acceleration of the law jumps",
+    "squared_snap": "velocity, acceleration or jerk of the law jumps",
 }
 _FLOORS = {"nonuniformity": 1.0}  # of the mean speed
 _CANCELLING = {"mean_power": "rms_power", "energy": "drawn_energy"}
@@ -131,11 +134,16 @@ def rank(runs: Iterable[Any], by: str = "peak_force") -> list[Ranked]:
         for i in group:
             finite, scale = math.isfinite(values[i]), criterion.scale(values[i])
             margin = (larger - values[i]) / scale if finite and scale else math.nan
-            infinite = criterion.infinite_because if not finite and runs[i].shocks else "zero force at the mean speed"
-            ranked.append(
-                Ranked(first if finite else len(runs), runs[i], values[i], margin, "" if finite else infinite)
-            )
+            reason = "" if finite else _reason_of_infinity(runs[i], by)
+            ranked.append(Ranked(first if finite else len(runs), runs[i], values[i], margin, reason))
     return ranked
+
+
+def _reason_of_infinity(run, by):
+    """Reason of an infinite value of a criterion."""
+    if by == "dynamic_factor" and math.isfinite(run.peak_force):
+        return "zero force at the mean speed"
+    return CRITERIA[by].infinite_because
 
 
 def group_equal(values: Sequence[float], floor: float = 0.0, rounding: float = ROUNDING_TIE) -> list[list[int]]:

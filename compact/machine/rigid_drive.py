@@ -372,6 +372,26 @@ class Run:
         velocity, ends = motion.velocity(time), motion.position(time[[0, -1]])
         return float((velocity.max() - velocity.min()) / ((ends[1] - ends[0]) / (time[-1] - time[0])))
 
+    @cached_property
+    def squared_velocity(self) -> float:
+        """J1 of the law over a pass [m^2/s]."""
+        return self.cycle.criterion(1)
+
+    @cached_property
+    def squared_acceleration(self) -> float:
+        """J2 of the law over a pass [m^2/s^3]; infinite if its velocity jumps."""
+        return self.cycle.criterion(2)
+
+    @cached_property
+    def squared_jerk(self) -> float:
+        """J3 of the law over a pass [m^2/s^5]; infinite if its velocity or acceleration jumps."""
+        return self.cycle.criterion(3)
+
+    @cached_property
+    def squared_snap(self) -> float:
+        """J4 of the law over a pass [m^2/s^7]; infinite if its velocity, acceleration or jerk jumps."""
+        return self.cycle.criterion(4)
+
     @property
     def name(self) -> str:
         """Name of the law."""

@@ -190,20 +190,15 @@ class MotionProfile(TravelDerivatives):
 
         Before and after the pass is the return stroke without a dwell ("reversal"), or a dwell.
         """
-        validation.require_known("end condition", end_condition, END_CONDITIONS)
-        dwell = self.duration if end_condition == "dwell" else 0.0
-        return tuple(jump for jump in self.cycle(dwell, dwell).discontinuities() if jump.time <= self.duration)
+        return tuple(jump for jump in self._between(end_condition).discontinuities() if jump.time <= self.duration)
 
     def smoothness(self, end_condition: EndCondition = "reversal") -> int:
         """Return the highest k up to 4 such that the travel is in C^k (C0 to C4)."""
         return min((jump.order for jump in self.discontinuities(end_condition)), default=5) - 1
 
     def criterion(self, order: int, end_condition: EndCondition = "reversal") -> float:
-        """Return J_k = int (x^(k))^2 dt over one pass [m^2/s^(2k-1)]; infinite where x^(k) contains an impulse."""
-        _require_order(order)
-        if any(jump.order < order for jump in self.discontinuities(end_condition)):
-            return np.inf
-        return self._scale(order) ** 2 * self.duration * integrate(lambda z: self.curve(z, nu=order) ** 2, self.curve.x)
+        """Return J_k of `Cycle.criterion` [m^2/s^(2k-1)], without a dwell at the ends or with one."""
+        return self._between(end_condition).criterion(order)
 
     def cycle(self, far_dwell: float = 0.0, near_dwell: float = 0.0) -> "Cycle":
         """Return the `Cycle` of forward and return stroke, with dwells [s] at the far and the near end."""
@@ -212,6 +207,12 @@ class MotionProfile(TravelDerivatives):
     def return_stroke(self) -> "MotionProfile":
         """Return the pass from the stroke to 0, in its own time from 0."""
         return replace(self, curve=_ReturnCurve(self.curve, self.retraces))
+
+    def _between(self, end_condition):
+        """Cycle with an end condition."""
+        validation.require_known("end condition", end_condition, END_CONDITIONS)
+        dwell = self.duration if end_condition == "dwell" else 0.0
+        return self.cycle(dwell, dwell)
 
     def _scale(self, order):
         return self.stroke / self.duration**order
@@ -331,6 +332,14 @@ class Cycle(TravelDerivatives):
     def discontinuities(self) -> tuple[Discontinuity, ...]:
         """Return the jumps of velocity, acceleration, jerk and snap at breakpoints and ends, in order of time."""
         return self._discontinuities
+
+    def criterion(self, order: int) -> float:
+        """Return J_k = int (x^(k))^2 dt over one pass [m^2/s^(2k-1)]; infinite where x^(k) contains an impulse."""
+        _require_order(order)
+        if any(jump.order < order for jump in self.discontinuities()):
+            return np.inf
+        law, curve = self.forward, self.forward.curve
+        return law._scale(order) ** 2 * law.duration * integrate(lambda z: curve(z, nu=order) ** 2, curve.x)
 
     @cached_property
     def _discontinuities(self):

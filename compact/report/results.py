@@ -91,7 +91,7 @@ def law_table(study: Study) -> TableSpec:
     turn: EndCondition = "dwell" if study.scene.motion.dwell > 0 else "reversal"
     rows = [
         (each.forward, each.forward.peaks(), f"C{each.forward.smoothness(turn)}",
-         *(each.forward.criterion(order, turn) for order in range(1, 5)))
+         *(each.criterion(order) for order in range(1, 5)))
         for each in study.stages.laws.cycles.values()
     ]  # fmt: skip
     return TableSpec.of(

@@ -38,9 +38,10 @@ def rows(directory, by, engine="column"):
 
 @pytest.mark.parametrize("by", CRITERIA)
 def test_ties_and_infinite_values_are_not_resolved_and_no_margin_is_relative_to_rounding(written, by):
+    largest = 1e3 if by == "squared_snap" else 10  # 872056 after 1186 m2/s7: the harmonic law turns as a sine
     for engine in ("column", "formula"):
         found = rows(written[1], by, engine)
-        assert not [row for row in found if 10 < float(row["margin"]) < math.inf]
+        assert not [row for row in found if largest < float(row["margin"]) < math.inf]
         for row in found:
             assert (row["tie"] == "True") == (float(row["margin"]) < BUILD_TOLERANCE)
             assert row["tie"] == "False" or row["resolved"] == "False"
@@ -48,7 +49,7 @@ def test_ties_and_infinite_values_are_not_resolved_and_no_margin_is_relative_to_
     infinite = [row for row in found if row["reason"]]
     assert {(row["rank"], row["value"], row["resolved"]) for row in infinite} <= {(str(len(found)), "inf", "False")}
     assert all(row["rank"] != "1" for row in infinite)
-    assert infinite or by not in ("peak_jerk", "peak_force", "dynamic_factor")
+    assert infinite or by not in ("peak_jerk", "peak_force", "dynamic_factor", "squared_jerk", "squared_snap")
 
 
 def test_laws_of_constant_velocity_share_the_first_rank_by_nonuniformity(written):

@@ -15,6 +15,7 @@ from sampling import examples
 
 from compact.drive import CRITERIA, Crank, Rigid, rank, simulate
 from compact.machine.crankshaft import simulate_crankshaft
+from compact.machine.elastic_drive import ElasticDrive
 from compact.machine.ranking import ROUNDING_TIE
 from compact.machine.rigid_drive import SAMPLES_PER_PIECE
 from compact.motion.profile import LAWS, Cycle, law
@@ -270,6 +271,40 @@ def test_equal_laws_share_a_rank():
     found = {place.run.name: place.rank for place in every}
     assert found["reversal-4"] == found["reversal-4-free-jerk"]
     assert found["gear-sector"] == found["constant-velocity"] == 5  # the last
+
+
+JUMP = {2: "the velocity of the law jumps", 3: "velocity or acceleration of the law jumps"}
+JUMP[4] = "velocity, acceleration or jerk of the law jumps"
+MEAN_SQUARES = {  # J_k of the laws over unit stroke and duration, by order of their rank
+    "squared_velocity": (1, dict(sorted(ENERGY_OF_LAW.items(), key=lambda item: item[1]))),
+    "squared_acceleration": (2, {"cubic": 12.0, "harmonic": math.pi**4 / 8, "parabolic": 16.0, "quintic": 120 / 7,
+                                 "cycloidal": 2 * math.pi**2, "septic": 280 / 11, "constant-velocity": math.inf}),
+    "squared_jerk": (3, {"harmonic": math.pi**6 / 8, "cubic": 144.0, "quintic": 720.0, "cycloidal": 8 * math.pi**4,
+                         "septic": 1120.0, "constant-velocity": math.inf, "parabolic": math.inf}),
+    "squared_snap": (4, {"harmonic": math.pi**8 / 8, "septic": 100800.0, **dict.fromkeys(
+        ("constant-velocity", "cubic", "cycloidal", "parabolic", "quintic"), math.inf)}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("spring", [None, 1e6], ids=["rigid", "elastic"])
+@pytest.mark.parametrize(("by", "case"), MEAN_SQUARES.items(), ids=MEAN_SQUARES)
+def test_laws_rank_by_the_minimum_criteria_of_the_sources(by, case, spring):
+    """A jump puts a law last, with its reason."""
+    drive = Rigid() if spring is None else ElasticDrive(stiffness=spring, damping=3e3)
+    order, exact = case
+    found = rank([simulate(CART, drive, law(name, 0.4, 3.0), friction(3562.0)) for name in sorted(exact)], by)
+    assert [place.run.name for place in found] == list(exact)
+    unit = 0.4**2 / 3.0 ** (2 * order - 1)
+    assert [place.value for place in found] == pytest.approx([unit * value for value in exact.values()], rel=1e-12)
+    infinite = [place for place in found if place.value == math.inf]
+    assert {(place.rank, place.reason) for place in infinite} <= {(len(found), JUMP.get(order))}
+
+
+def test_a_dwell_adds_impulses_to_the_criteria():
+    motion = law("cubic", 0.4, 3.0)
+    runs = [simulate(CART, Rigid(), cycle, friction(3562.0)) for cycle in (motion.cycle(), motion.cycle(far_dwell=0.5))]
+    assert [math.isfinite(run.squared_jerk) for run in runs] == [True, False]
+    assert runs[0].squared_acceleration == runs[1].squared_acceleration
 
 
 @pytest.mark.sampled(4)
