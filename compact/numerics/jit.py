@@ -35,10 +35,10 @@ _threads = threading.RLock()  # of this process; taken before the lock of a file
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile a function of numbers and arrays by numba; division by zero gives inf or nan as in numpy.
 
-    The compiled function is cached on disk until a source file that it depends on changes.
+    The compiled function is cached on disk until a source file that it depends on changes. Threads run it at a time.
     """
     # an entry from C has no caller
-    options: dict[str, Any] = {"no_cfunc_wrapper": True, "error_model": "numpy"}
+    options: dict[str, Any] = {"no_cfunc_wrapper": True, "error_model": "numpy", "nogil": True}
     try:
         dispatcher: Any = njit(cache=True, **options)(function)
     except RuntimeError:  # of numba: neither the package, nor the home, nor NUMBA_CACHE_DIR can be written

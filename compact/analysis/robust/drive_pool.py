@@ -6,6 +6,8 @@ drive and divides a pass at each place at which a share is not smooth, for force
 """
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from multiprocessing import parent_process
 from typing import NamedTuple
 
 import numpy as np
@@ -18,10 +20,12 @@ from compact.analysis.robust.spring_pass import (
     FRONT,
     HEADING,
     SIZE,
+    UNKNOWNS,
     PassTable,
     TravelTable,
     simulate_all,
 )
+from compact.analysis.worker_pool import cores
 from compact.machine.cart import Cart, Resistance
 from compact.machine.elastic_motion import guide_wheels
 from compact.machine.rigid_drive import evaluate_resistance
@@ -34,6 +38,7 @@ SHARE_SAMPLES = 4096  # [-], of the share over the stroke
 SPEED_SAMPLES = 512  # [-], of the steady force over the speeds
 SPEED_RANGE = 3.0  # [-], largest tabulated speed of the cart over that of the law; held beyond
 SLOWEST = 1e-6  # [-], slowest tabulated speed over the fastest
+THREAD_DRIVES = 8  # [-], that a thread simulates at a time; those without periodic regime take ten times as long
 MIRRORED = 1e-9  # [-], difference of the shares of both headings that is rounding
 
 
@@ -126,7 +131,7 @@ class DrivePool(NamedTuple):
         numbers = np.array([table.numbers for table in self.tables])
         spring = np.column_stack([np.full(count, self.mass), self.stiffness, self.damping])
         if states is None:
-            states = np.zeros((count, SIZE))
+            states = np.zeros((count, SIZE + UNKNOWNS**2))
             x, rest = law.position[middle], np.array([table.forces[-1] for table in self.tables])
             distance = numbers[self.which, DISTANCE]
             states[:, ELONGATION] = (self.mass * law.starts[middle] + rest[self.which]) / self.stiffness
@@ -134,6 +139,13 @@ class DrivePool(NamedTuple):
             states[:, BACK_FRONT], states[:, BACK_ORIGIN] = -x + distance, -x
         forces, states = np.empty((count, len(law.velocity))), states.copy()
         tables = TravelTable(*(np.array(each) for each in zip(*self.tables, strict=True)))
-        which = np.asarray(self.which, np.int64)
-        passes = simulate_all(spring, which, tables, law, states, forces)
+        which, passes = np.asarray(self.which, np.int64), np.zeros(count, np.int64)
+
+        def fill(first: int) -> None:
+            part = slice(first, first + THREAD_DRIVES)
+            passes[part] = simulate_all(spring[part], which[part], tables, law, states[part], forces[part])
+
+        threads = cores() if parent_process() is None else 1  # a worker has one processor
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(fill, range(0, count, THREAD_DRIVES)))
         return PoolForces(forces, states, passes)

@@ -358,14 +358,12 @@ class _Search:
                 return
 
     def turn_to_power(self) -> None:
-        """Seek the least worst power from now on."""
+        """Seek the least worst power from now on; `polish` finds that of the best law."""
         self.power, self._rows = True, set()
-        self.value = float(self.judge(self.space.table(self.best), self.drives).max())
 
     def join(self, drives: _Drives) -> None:
-        """Take further drives into the pool."""
-        self.drives, self._states = self.drives.joined(drives), None
-        self.value = float(self.judge(self.space.table(self.best), self.drives).max())
+        """Take further drives into the pool; `polish` finds the worst peak over them."""
+        self.drives = self.drives.joined(drives)
 
     def _choose(self, peaks):
         """Drives of the next program: those of the last one and the worst others."""
@@ -407,11 +405,19 @@ def _best_published(search: _Search, drives: _Drives, names: Sequence[str]) -> t
     tables = {each.name: pass_table(each) for each in laws if each.smoothness() >= 1}
     part = drives.take(np.arange(0, len(drives.rows), BOUNDING))
     bounds = {name: search.judge(table, part).max() for name, table in tables.items()}
-    best, peaks = "", np.array([np.inf])
+    best, peaks, order = "", np.array([np.inf]), np.arange(len(drives.rows))
     for name in sorted(bounds, key=lambda name: bounds[name]):
-        if bounds[name] >= peaks.max():
-            break
-        found = search.judge(tables[name], drives)
-        if found.max() < peaks.max():
-            best, peaks = name, found
+        if bounds[name] < peaks.max() and (found := _peaks_below(search, tables[name], drives, order, peaks.max())):
+            best, (peaks,) = name, found
+            order = np.argsort(-peaks)  # drives that are hard on one law are hard on others
     return best, peaks
+
+
+def _peaks_below(search, table, drives, order, limit):
+    """Tuple of the peaks of a law, the drives taken in an order; empty as soon as one reaches the limit."""
+    peaks = np.zeros(len(order))
+    for part in np.array_split(order, BOUNDING):
+        peaks[part] = search.judge(table, drives.take(part))
+        if peaks[part].max(initial=0.0) >= limit:
+            return ()
+    return (peaks,)

@@ -124,8 +124,7 @@ class LawSpace:
         rows = rows | {(i, *row) for i, history in enumerate(histories) for row in _peaks(history)[:FIRST_ROWS]}
         for _ in range(ROUNDS):
             listed = sorted(rows)
-            found = self._solve(unknowns, histories, slopes, listed, scale, radius)
-            change, value = found.x[:-1], float(found.x[-1])
+            change, value, weights = self._solve(unknowns, histories, slopes, listed, scale, radius)
             linear = [(history + slope @ change) / scale for history, slope in zip(histories, slopes, strict=True)]
             worst = max(float(np.abs(each).max()) for each in linear)
             entering = {
@@ -137,39 +136,34 @@ class LawSpace:
             if entering <= rows:
                 break
             rows = rows | entering
-        binding = found.ineqlin.marginals[-len(listed) :] < -BINDING
-        kept = {row for row, binds in zip(listed, binding, strict=True) if binds}
-        return ProgramStep(change, value * scale, worst / _dual_value(found) - 1, kept)
+        kept = {row for row, weight in zip(listed, weights, strict=True) if weight > BINDING}
+        return ProgramStep(change, value * scale, worst / value - 1, kept)
 
     def _solve(self, unknowns, histories, slopes, rows, scale, radius):
-        """Solve the program of some rows, divided by a scale; its last unknown is T."""
+        """Solve the dual of the program of some rows, divided by a scale: d, T and the dual value of each row.
+
+            maximise  -h'l - b'm - r (p + q)   subject to   G'l + A'm + p - q = -c,   l, p, q >= 0
+
+        of the program of (d, T) with G (d, T) <= h, A d = b and |d| <= r, whose solution is the dual one of this. With
+        hundreds of rows and tens of unknowns it takes a third of the time.
+        """
         equal, values, below, most = self.constraints.program
         drives, instants = [row[0] for row in rows], [row[1] for row in rows]
-        signs = np.array([row[2] for row in rows])
+        signs, n = np.array([row[2] for row in rows]), len(unknowns)
         steep = np.array([slopes[i][t] for i, t in zip(drives, instants, strict=True)]) * signs[:, None] / scale
-        matrix = sparse.block_array([[sparse.csr_array(below), None], [steep, -np.ones((len(rows), 1))]])
         bounds = np.append(most - below @ unknowns, -signs * histories[drives, instants] / scale)
-        n = len(unknowns)
-        task = (
-            np.eye(n + 1)[n], matrix, bounds, np.column_stack([equal, np.zeros(len(values))]), values - equal @ unknowns
-        )  # fmt: skip
-        limits = [(-radius, radius)] * n + [(None, None)]
+        box = sparse.eye_array(n if np.isfinite(radius) else 0, n)
+        cost = [bounds, np.full(2 * box.shape[0], radius), values - equal @ unknowns]
+        rows_of_d = [[sparse.csr_array(each), None] for each in (below, box, -box, equal)]
+        rows_of_d.insert(1, [steep, -np.ones((len(rows), 1))])
+        task = np.concatenate(cost), None, None, sparse.block_array(rows_of_d).T, -np.eye(n + 1)[n]
+        limits = [(0.0, None)] * (len(cost[0]) + len(cost[1])) + [(None, None)] * len(values)
         strict = {"primal_feasibility_tolerance": HIGHS_TOLERANCE, "dual_feasibility_tolerance": HIGHS_TOLERANCE}
-        for options in (strict, {}, {"presolve": False}):
+        for options in (strict | {"presolve": False}, {"presolve": False}, {}):
             found = linprog(*task, bounds=limits, method="highs", options=options)
             if found.status == 0:
-                found.bounds_of_rows, found.bounds_of_unknowns = (bounds, task[4]), radius
-                return found
+                return found.eqlin.marginals[:n], -float(found.fun), found.x[len(most) : len(bounds)]
         raise RuntimeError(f"HiGHS did not solve a program of {len(rows)} rows: {found.message}")
-
-
-def _dual_value(found):
-    """Value of the dual program, a bound from below on that of the program."""
-    (below, equal), radius = found.bounds_of_rows, found.bounds_of_unknowns
-    value = below @ found.ineqlin.marginals + equal @ found.eqlin.marginals
-    if np.isfinite(radius):
-        value += radius * (found.upper.marginals[:-1].sum() - found.lower.marginals[:-1].sum())
-    return float(value)
 
 
 def _peaks(history):

@@ -27,7 +27,7 @@ import numpy as np
 from compact.numerics import Array, IntArray
 from compact.numerics.jit import compiled, internal
 
-PASSES = 120  # [-], at most; 3 to 12 are usual
+PASSES = 60  # [-], at most; 3 to 12 are usual
 UNSETTLED_PASSES = 12  # [-], where none is periodic: the one with the largest force counts
 CLOSURE = 3e-6  # [-], of the force scale; residual of a closed pass
 WORSE = 4.0  # [-], residual over the least one, beyond which Broyden's method starts again
@@ -39,6 +39,7 @@ SHORTEST = 1e-12  # [-], of a step; a shorter rest is left out
 EVENTS = 8  # [-], turns, stops and breakaways of one step, at most
 FADED = 30.0  # [-], travel over r at which a release has decayed
 SIZE = 13  # [-], numbers of a state
+UNKNOWNS = 3  # [-], of a periodic regime
 ELONGATION, RATE, HEADING, STUCK, TURN, DROP, LOAD_DROP, FRONT, BACK_FRONT, ORIGIN, BACK_ORIGIN, FORCE, GUIDE = range(
     SIZE
 )
@@ -345,12 +346,12 @@ def _update(inverse, change, fall):
 
 
 @internal
-def _close(spring, table, law, units, state, out):
+def _close(spring, table, law, units, state, inverse, out):
     """Find the periodic regime over elongation, rate and origin at the middle of a stroke; returns the passes, or 0."""
-    places, n, least = (ELONGATION, RATE, ORIGIN), 3, np.inf
-    inverse, start = np.empty((n, n)), np.empty(SIZE)
+    places, n, least, start = (ELONGATION, RATE, ORIGIN), 3, np.inf, np.empty(SIZE)
     change, residual, last = np.zeros(n), np.empty(n), np.zeros(n)
-    _linear_inverse(spring, law, units, inverse)
+    if not inverse.any():
+        _linear_inverse(spring, law, units, inverse)
     for count in range(1, PASSES + 1):
         start[:] = state
         _advance(spring, table, law, state, out)
@@ -400,7 +401,9 @@ def simulate_all(springs, which, tables, law, states, out) -> IntArray:
         scale = table.forces.max() + spring.mass * np.abs(law.starts).max()
         impedance = math.sqrt(spring.stiffness * spring.mass)
         units = np.array([scale / spring.stiffness, scale / impedance, scale / spring.stiffness])
-        passes[i] = _close(spring, table, law, units, states[i], out[i])
+        state, inverse = states[i, :SIZE], states[i, SIZE:].reshape(3, 3)
+        passes[i] = _close(spring, table, law, units, state, inverse, out[i])
         if passes[i] == 0:
-            _unsettled(spring, table, law, states[i], out[i])
+            inverse[:] = 0.0
+            _unsettled(spring, table, law, state, out[i])
     return passes
