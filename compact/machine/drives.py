@@ -325,9 +325,9 @@ def angles_of(scene: Any) -> tuple[float, ...]:
     return scene.drive.angles or CRANK_ANGLES[scene.drive.carts]
 
 
-def levels(scene: Any, key: str, words: str, factors: Sequence[float]) -> list[tuple[str, float]]:
+def levels(scene: Any, key: str, words: str, factors: Sequence[float], item: int = 0) -> list[tuple[str, float]]:
     """Return label and factor of the ends of a value: of its stated spread, or `factors` where it is assumed."""
-    spread = scene.stated_spread(key)
+    spread = scene.stated_spread(key, item)
     if spread is None:
         return [(f"{words} {'÷' if by < 1 else '×'} {max(by, 1 / by):.3g}", by) for by in factors]
     signs = (("−", -1), ("+", 1)) if spread else ()

@@ -198,8 +198,8 @@ class Scene(SceneTables):
         table, _, name = key.rpartition(".")
         return any(clause.strip().startswith(word) for clause in self.remark(table, name).split(";"))
 
-    def stated_spread(self, key: str) -> float | None:
-        """Return the half-width that the comment on a known number states, over the number [-].
+    def stated_spread(self, key: str, item: int = 0) -> float | None:
+        """Return the half-width that the comment on a known number, or on an item of several, states, over it [-].
 
         `measured ± 5 %`, `given ± 2e4` in the unit of the key, `measured ± 5 mm` in another one.
 
@@ -220,7 +220,7 @@ class Scene(SceneTables):
         own = extra_of(key).get("unit", "1")
         value = attrgetter(key)(self)
         sizes = dict(plausible_ranges.OTHER_UNITS.get(own, ()))
-        return width * sizes.get(unit, 1.0) / abs(value[0] if isinstance(value, tuple) else value)
+        return width * sizes.get(unit, 1.0) / abs(value[item] if isinstance(value, tuple) else value)
 
     @property
     def hash(self) -> str:

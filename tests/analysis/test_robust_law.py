@@ -11,6 +11,7 @@ from published import CART_OF_C
 from compact.analysis.robust.drive_pool import DrivePool, from_the_middle, pass_table, travel_table
 from compact.analysis.robust.law import Effort, PlantRange, robust_law
 from compact.analysis.robust.program import LawSpace
+from compact.analysis.stages.robust_range import plant_range
 from compact.analysis.study import Study
 from compact.machine.cart import EndSprings
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
@@ -31,6 +32,13 @@ def along_stroke(edge=0.110, scale=1.0, length=0.026, wave=WAVE):
     return StrokeResistance(lambda v, a: scale * dry(v, a), force, force, load, load)
 
 
+def unequal(near, far):
+    """Resistance whose fresh mix is met at different distances from both ends."""
+    ends = along_stroke(near), along_stroke(far)
+    force, load = zip(*((each.forward, each.forward_load) for each in ends), strict=True)
+    return StrokeResistance(dry, *force, *load)
+
+
 def rebuilt(release):
     share = table_share((0.0, 0.05), (0.1, 1.0), release=release)
     return StrokeResistance(dry, share, share, share, share)
@@ -38,9 +46,8 @@ def rebuilt(release):
 
 def pool_peaks(cart, resistance, law, stiffness, ratio):
     """Peak force [N] and power [W] of one drive."""
-    stiffness = np.array([stiffness])
     table = travel_table(cart, resistance, STROKE, law.peaks().velocity)
-    pool = DrivePool(cart.mass, stiffness, 2 * ratio * np.sqrt(stiffness * cart.mass), (table,), np.array([0]))
+    pool = DrivePool.of(cart.mass, np.array([[stiffness, ratio]]), (table,))
     even = pass_table(law)
     found = pool.simulate(even)
     assert found.passes[0] > 0
@@ -48,12 +55,18 @@ def pool_peaks(cart, resistance, law, stiffness, ratio):
 
 
 @pytest.mark.parametrize(
-    "cart", [CART, replace(CART_OF_C, guide_friction=0.1)], ids=["rails without friction", "guides"]
+    "cart",
+    [
+        CART,
+        replace(CART_OF_C, guide_friction=0.1),
+        replace(CART_OF_C, guide_friction=0.1, roller_positions=(0.3, -0.1)),
+    ],
+    ids=["rails without friction", "guides", "rollers out of the middle"],
 )
 @pytest.mark.parametrize(
     "resistance",
-    [dry, rebuilt(0.0), rebuilt(1e-3), along_stroke(), along_stroke(0.0), along_stroke(0.180)],
-    ids=["step", "table", "table with release", "closed", "open", "midway"],
+    [dry, rebuilt(0.0), rebuilt(1e-3), along_stroke(), along_stroke(0.0), along_stroke(0.180), unequal(0.026, 0.180)],
+    ids=["step", "table", "table with release", "closed", "open", "midway", "open and midway"],
 )
 @pytest.mark.parametrize(("name", "stiffness", "ratio"), [("cycloidal", 1e6, 0.05), ("parabolic", 1e7, 0.1)])
 def test_pool_agrees_with_the_elastic_drive(cart, resistance, name, stiffness, ratio):
@@ -65,15 +78,53 @@ def test_pool_agrees_with_the_elastic_drive(cart, resistance, name, stiffness, r
     assert power == pytest.approx(run.peak_power, rel=2e-3)
 
 
+SPRINGS_OF_A_POOL = np.array([(k, ratio) for k in (3e5, 1e6, 1e7) for ratio in (0.02, 0.1)])
+
+
+def histories(resistance, name="cubic"):
+    """Forces [N] of some springs under a law, shape (springs, sides, n + 1)."""
+    law = published_law(name, DURATION)
+    pool = DrivePool.of(CART.mass, SPRINGS_OF_A_POOL, (travel_table(CART, resistance, STROKE, law.peaks().velocity),))
+    return pool.simulate(pass_table(law)).forces.reshape(len(SPRINGS_OF_A_POOL), pool.sides, -1)
+
+
+def test_mirror_of_the_stroke_mirrors_the_histories():
+    one, other = histories(unequal(0.090, 0.130)), histories(unequal(0.130, 0.090))
+    assert one.shape[1] == 2
+    assert np.abs(one - other[:, ::-1]).max() < 1e-4 * np.abs(one).max()  # of different passes, each closed to 3e-6
+    assert np.abs(one[:, 0] - one[:, 1]).max() > 0.02 * np.abs(one).max()
+
+
+def test_strokes_that_hardly_differ_have_the_histories_of_equal_ones():
+    equal = histories(along_stroke(0.110))
+    assert equal.shape[1] == 1
+    assert histories(unequal(0.110, 0.110)) == pytest.approx(equal, rel=1e-9, abs=1e-9)
+    nearly = histories(unequal(0.110, 0.110 + 1e-8))
+    assert nearly.shape[1] == 2
+    assert np.abs(nearly - equal).max() < 1e-4 * np.abs(equal).max()
+
+
+def test_robust_law_of_unequal_ends_is_that_of_the_mirrored_stroke():
+    one, other = (
+        robust_law(
+            CART, PlantRange((8e5, 2e6), (0.05, 0.1), (unequal(*ends),)), STROKE, DURATION, Limits(jerk=200.0),
+            effort=Effort((4, 2), 3, 1, PUBLISHED),
+        )
+        for ends in ((0.090, 0.130), (0.130, 0.090))
+    )  # fmt: skip
+    assert one.worst.peak == pytest.approx(other.worst.peak, rel=1e-3)
+    assert one.published_worst.peak == pytest.approx(other.published_worst.peak, rel=1e-4)
+    assert (one.published, one.gains) == (other.published, True)
+    z = np.linspace(0, 1, 41)
+    assert np.abs(one.motion.at_phase(z, 0) - other.motion.at_phase(z, 0)).max() < 1e-3 * STROKE
+
+
 @pytest.mark.parametrize("ratio", [0.02, 0.2, 1.5])
 def test_response_is_the_drive_force_of_a_cart_without_resistance(ratio):
     space = LawSpace(Limits(jerk=200.0), STROKE, DURATION, 1000.0)
-    stiffness = np.array([1e6])
-    damping = 2 * ratio * np.sqrt(stiffness * 1000.0)
-    cart = replace(CART, mass=1000.0)
-    table = travel_table(cart, free, STROKE, 1.0)
-    found = DrivePool(1000.0, stiffness, damping, (table,), np.array([0])).simulate(space.table(space.start))
-    linear = space.response(1e6, float(damping[0])) @ space.start
+    table = travel_table(replace(CART, mass=1000.0), free, STROKE, 1.0)
+    found = DrivePool.of(1000.0, np.array([[1e6, ratio]]), (table,)).simulate(space.table(space.start))
+    linear = space.response(1e6, 2 * ratio * np.sqrt(1e9)) @ space.start
     assert np.abs(found.forces[0] - linear).max() < 1e-3 * np.abs(linear).max()
 
 
@@ -123,18 +174,13 @@ def test_pass_from_the_middle_is_opposite_on_the_return_stroke():
 
 
 SPRINGS = EndSprings(stiffness=1e4, preload=100.0, length=0.05, stroke=STROKE)
-UNEQUAL = StrokeResistance(
-    dry, *(table_share((0.0, x), (0.0, 1.0)) for x in (0.05, 0.06)), *[table_share((0.0, 0.05), (0.0, 1.0))] * 2
-)
 
 
 @pytest.mark.parametrize(
     ("cart", "resistance", "objective", "words"),
     [
         (replace(CART, end_springs=SPRINGS), dry, "robust_peak_force", "`cart` must have no end springs"),
-        (CART, UNEQUAL, "robust_peak_force", "both headings of `resistance` must have one share"),
         (CART, dry, "peak_force", "no objective 'peak_force'"),
-        (replace(CART_OF_C, roller_positions=(0.3, -0.1)), dry, "robust_peak_force", "mirror image"),
     ],
 )
 def test_refusals_of_robust_laws(cart, resistance, objective, words):
@@ -167,6 +213,35 @@ def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
     assert sentence.startswith("robust-peak-force: at most 1")
     assert "3.3e+05 to 3e+06 N/m, damping ratios of 0.02 to 0.2 and 3 resistances" in sentence
     assert "best published law over the same: quintic" in sentence
+
+
+@pytest.mark.parametrize(
+    ("line", "places"),
+    [
+        ("0.110  # m; measured ± 5 mm", {(0.105, 0.105), (0.110, 0.110), (0.115, 0.115)}),
+        ("0.110  # m; measured", {(0.110, 0.110)}),
+        (
+            "[0.100, 0.150]  # m; measured ± 5 mm",
+            {(0.095, 0.145), (0.095, 0.155), (0.1, 0.15), (0.105, 0.145), (0.105, 0.155)},
+        ),
+        (
+            "[0.100, 0.150]  # m; given ± 10 %",
+            {(0.09, 0.135), (0.09, 0.165), (0.1, 0.15), (0.11, 0.135), (0.11, 0.165)},
+        ),
+    ],
+    ids=["both ends", "exact", "each end in mm", "each end in percent"],
+)
+def test_each_end_has_its_distance_to_fresh_mix_with_its_spread(tmp_path, line, places):
+    words = SCENE.read_text("utf-8").replace("[machine]", f"[machine]\nsleeve_distance = {line}", 1)
+    (tmp_path / "scene.toml").write_text(words, "utf-8")
+    study = Study(load_scene(tmp_path / "scene.toml", **FORMULA, **{"drive.turn": "build-up"}))
+    stage = study.stages.resistance
+    steady = [stage.motion_resistance.resistance]
+    found = plant_range(study.scene, stage, steady)
+    ends = sorted((each.forward.distance, each.backward.distance) for each in found.resistances)
+    contact_length = np.array(sorted(places)) - np.array(ends)
+    assert contact_length == pytest.approx(np.full(contact_length.shape, contact_length[0, 0]), rel=1e-9)
+    assert len(found.inner) == {1: 0, 3: 3, 5: 5}[len(ends)]
 
 
 def test_robust_law_is_left_out_with_a_reason():
@@ -207,10 +282,8 @@ def judging_drives():
 
 def worst_peak(law, resistances):
     """Worst peak [N] of a law over the judging drives with every resistance."""
-    tables = [travel_table(RAILS, each, STROKE, 1.0) for each in resistances]
-    stiffness, ratio = np.tile(judging_drives(), (len(tables), 1)).T
-    which = np.repeat(np.arange(len(tables)), len(stiffness) // len(tables))
-    pool = DrivePool(RAILS.mass, stiffness, 2 * ratio * np.sqrt(stiffness * RAILS.mass), tables, which)
+    tables = tuple(travel_table(RAILS, each, STROKE, 1.0) for each in resistances)
+    pool = DrivePool.of(RAILS.mass, judging_drives(), tables, range(len(tables)))
     return pool.simulate(pass_table(law)).peaks.max()
 
 

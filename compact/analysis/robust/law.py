@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from compact.analysis.robust.drive_pool import DrivePool, PassTable, PoolForces, TravelTable, pass_table, travel_table
+from compact.analysis.robust.drive_pool import DrivePool, PassTable, PoolForces, pass_table, travel_table
 from compact.analysis.robust.program import LawSpace, Row
 from compact.machine.cart import Cart, Resistance
 from compact.motion.laws import LAWS
@@ -222,73 +222,46 @@ def robust_law(
     samples = len(plants.resistances)
     tables = tuple(travel_table(cart, each, stroke, fastest) for each in (*plants.resistances, *plants.inner))
     counts = [math.ceil(min(1.0, POOL / (sum(effort.counts) * samples)) * count) for count in effort.counts]
-    search = _Search(space, _Drives.of(cart.mass, plants.grid(counts), tables, range(samples)))
+    search = _Search(space, DrivePool.of(cart.mass, plants.grid(counts), tables, range(samples)))
     search.descend(effort.steps - effort.steps // 3, MOVE)
     search.descend(effort.steps // 3, LATE_MOVE)
     if objective == "robust_peak_power":
         search.turn_to_power()
     search.polish(effort.polish)
-    judges = _Drives.of(cart.mass, plants.grid(effort.counts), tables, range(len(tables)))
-    judges = _face_fresh_drives(search, plants, judges, effort.polish)
-    peaks = search.judge(space.table(search.best), judges)
+    judges = DrivePool.of(cart.mass, plants.grid(effort.counts), tables, range(len(tables)))
+    judges, peaks = _face_fresh_drives(search, plants, judges, effort.polish)
     name, rivals = _best_published(search, judges, effort.published)
-    motion, worst, rival = (
-        space.motion(search.best, objective.replace("_", "-")),
-        judges.worst(peaks),
-        judges.worst(rivals),
-    )
+    motion = space.motion(search.best, objective.replace("_", "-"))
+    worst, rival = _worst_of(judges, peaks), _worst_of(judges, rivals)
     return RobustLaw(motion, objective, worst, float(peaks.mean()), plants, search.gap, name, rival, len(peaks))
 
 
-def _face_fresh_drives(search, plants, judges, polish):
-    """Let drives that are not in the pool judge the law; the worst of them join it. Returns all that judged it."""
+def _face_fresh_drives(
+    search: "_Search", plants: PlantRange, judges: DrivePool, polish: int
+) -> tuple[DrivePool, Array]:
+    """Let drives that are not in the pool judge the law; the worst of them join it. All judges and their peaks."""
     random = np.random.default_rng(FRESH_SEED)
     for _ in range(FRESH_ROUNDS):
-        judges = judges.joined(judges.random(plants, random))
+        judges = judges.joined(_random_drives(plants, judges, random))
         peaks = search.judge(search.space.table(search.best), judges)
         if peaks.max() <= search.value * (1 + FRESH_TOLERANCE):
-            break
-        search.join(judges.take(np.argsort(-peaks)[:FIRST_DRIVES]))
+            return judges, peaks
+        search.drives = search.drives.joined(judges.take(np.argsort(-peaks)[:FIRST_DRIVES]))
         search.polish(polish)
-    return judges
+    return judges, search.judge(search.space.table(search.best), judges)
 
 
-@dataclass(frozen=True)
-class _Drives:
-    """Drives of a pool as (stiffness, damping ratio, resistance), shape (drives, 3)."""
+def _random_drives(plants: PlantRange, pool: DrivePool, random: np.random.Generator) -> DrivePool:
+    """Random drives of a range, with the resistances of a pool in turn."""
+    which = random.permutation(np.arange(FRESH_DRIVES) % len(pool.tables))
+    return pool._replace(drives=np.column_stack([plants.random(FRESH_DRIVES, random), which]))
 
-    mass: float
-    rows: Array
-    tables: tuple[TravelTable, ...]
 
-    @classmethod
-    def of(cls, mass: float, drives: Array, tables: tuple[TravelTable, ...], which: range) -> "_Drives":
-        """Every drive with every resistance."""
-        rows = np.concatenate([np.column_stack([drives, np.full(len(drives), i)]) for i in which])
-        return cls(mass, rows, tables)
-
-    def random(self, plants, random):
-        """Random drives with random resistances."""
-        which = random.permutation(np.arange(FRESH_DRIVES) % len(self.tables))
-        return _Drives(self.mass, np.column_stack([plants.random(FRESH_DRIVES, random), which]), self.tables)
-
-    def take(self, which):
-        return _Drives(self.mass, self.rows[which], self.tables)
-
-    def joined(self, others):
-        return _Drives(self.mass, np.concatenate([self.rows, others.rows]), self.tables)
-
-    def damping(self):
-        return 2 * self.rows[:, 1] * np.sqrt(self.rows[:, 0] * self.mass)
-
-    def simulate(self, table: PassTable, states: Array | None = None) -> PoolForces:
-        stiffness, _, which = self.rows.T
-        return DrivePool(self.mass, stiffness, self.damping(), self.tables, which.astype(int)).simulate(table, states)
-
-    def worst(self, peaks):
-        i = int(np.argmax(peaks))
-        stiffness, ratio, which = self.rows[i].tolist()
-        return WorstDrive(float(peaks[i]), stiffness, ratio, int(which))
+def _worst_of(pool: DrivePool, peaks: Array) -> WorstDrive:
+    """Drive of a pool with the largest peak."""
+    i = int(np.argmax(peaks))
+    stiffness, ratio, which = pool.drives[i].tolist()
+    return WorstDrive(float(peaks[i]), stiffness, ratio, int(which))
 
 
 @dataclass
@@ -296,7 +269,7 @@ class _Search:
     """Search for a robust law: the pool, the drives of the program, and the best law by simulation."""
 
     space: LawSpace
-    drives: _Drives
+    drives: DrivePool
     power: bool = False
     best: Array = field(init=False)
     value: float = np.inf
@@ -309,12 +282,12 @@ class _Search:
     def __post_init__(self) -> None:
         self.best = self.space.start
 
-    def histories(self, drives: _Drives, table: PassTable, states: Array | None = None) -> tuple[Array, PoolForces]:
+    def histories(self, drives: DrivePool, table: PassTable, states: Array | None = None) -> tuple[Array, PoolForces]:
         """H or H y' of each drive, and the simulation."""
         forces = drives.simulate(table, states)
         return forces.powers(table) if self.power else forces.forces, forces
 
-    def judge(self, table: PassTable, drives: _Drives) -> Array:
+    def judge(self, table: PassTable, drives: DrivePool) -> Array:
         """Peak of a law on each of some drives."""
         return np.asarray(np.abs(self.histories(drives, table)[0]).max(axis=1))
 
@@ -340,16 +313,16 @@ class _Search:
     def polish(self, steps: int) -> None:
         """Move within a trust region with slopes by differences of simulations, while the worst peak falls."""
         radius = FIRST_RADIUS * float(np.abs(self.best).max())
-        self._states, self._rows = None, set()
-        self.value = float(self.judge(self.space.table(self.best), self.drives).max())
+        self._states, self._rows, self.value = None, set(), np.inf
+        found = self.evaluate(self.best)
         for _ in range(steps):
-            before, (histories, forces) = self.value, self.evaluate(self.best)
+            before, (histories, forces) = self.value, found
             drives = np.argsort(-np.abs(histories).max(axis=1))[: POLISH_DRIVES if self.power else MOST_DRIVES].tolist()
             slopes = list(self._differences(drives[:POLISH_DRIVES], histories, forces))
             slopes += [self._response(i) for i in drives[POLISH_DRIVES:]]  # of less high ones with frozen resistance
             for _ in range(SHRINKS):
                 step = self._solve(self.best, drives, histories, slopes, radius)
-                self.evaluate(self.best + step.change)
+                found = self.evaluate(self.best + step.change)
                 if self.value < before:
                     radius *= 2.0 if self.value < before - (before - step.value) / 2 else 1.0
                     break
@@ -361,10 +334,6 @@ class _Search:
         """Seek the least worst power from now on; `polish` finds that of the best law."""
         self.power, self._rows = True, set()
 
-    def join(self, drives: _Drives) -> None:
-        """Take further drives into the pool; `polish` finds the worst peak over them."""
-        self.drives = self.drives.joined(drives)
-
     def _choose(self, peaks):
         """Drives of the next program: those of the last one and the worst others."""
         others = [i for i in np.argsort(-peaks).tolist() if i not in set(self._program)]
@@ -374,10 +343,10 @@ class _Search:
 
     def _response(self, i):
         """Slopes of H of a drive, its resistance frozen."""
-        stiffness, damping = float(self.drives.rows[i, 0]), float(self.drives.damping()[i])
-        if (stiffness, damping) not in self._responses:
-            self._responses[stiffness, damping] = self.space.response(stiffness, damping)
-        return self._responses[stiffness, damping]
+        spring = float(self.drives.drives[i, 0]), float(self.drives.damping[i])
+        if spring not in self._responses:
+            self._responses[spring] = np.tile(self.space.response(*spring), (self.drives.sides, 1))
+        return self._responses[spring]
 
     def _differences(self, drives, histories, forces):
         """Slopes of the histories of some drives by differences of simulations, within the equalities."""
@@ -399,13 +368,13 @@ class _Search:
         return step
 
 
-def _best_published(search: _Search, drives: _Drives, names: Sequence[str]) -> tuple[str, Array]:
+def _best_published(search: _Search, drives: DrivePool, names: Sequence[str]) -> tuple[str, Array]:
     """Name and peaks of the published law with the least worst peak; a part of the drives bounds each from below."""
     laws = [law(name, search.space.stroke, search.space.duration) for name in names]
     tables = {each.name: pass_table(each) for each in laws if each.smoothness() >= 1}
-    part = drives.take(np.arange(0, len(drives.rows), BOUNDING))
+    part = drives.take(np.arange(0, len(drives.drives), BOUNDING))
     bounds = {name: search.judge(table, part).max() for name, table in tables.items()}
-    best, peaks, order = "", np.array([np.inf]), np.arange(len(drives.rows))
+    best, peaks, order = "", np.array([np.inf]), np.arange(len(drives.drives))
     for name in sorted(bounds, key=lambda name: bounds[name]):
         if bounds[name] < peaks.max() and (found := _peaks_below(search, tables[name], drives, order, peaks.max())):
             best, (peaks,) = name, found

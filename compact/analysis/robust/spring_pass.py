@@ -10,13 +10,14 @@ The roller remembers, for either heading, the position P of its front and the or
 
     x >= P            P = x,  first = share(x - O)
     x < P             first = track + (share(P - O) - track) exp(-(P - x)/r)
-    away by over d    P = x + d, O = x: the sleeve has laid fresh mix
+    away by over d    P = x + d, O = x: the sleeve has laid fresh mix, at the distance of that stroke
     g = first - (g_end + first at the turn) exp(-s/r),   s the travel since the turn
 
 so that the force of the mix does not jump at a turn (`compact.turning`). Without a release, r = 0, the mix holds a cart
 at rest as dry friction does.
 
-Both strokes are mirror images, so that a pass that ends as the mirror image of its start is periodic.
+The state is seen from the stroke: it is mirrored where the law turns. Where both strokes are mirror images, a pass that
+ends as it started is periodic; otherwise two passes are.
 """
 
 import math
@@ -55,15 +56,15 @@ class Spring(NamedTuple):
 
 
 class TravelTable(NamedTuple):
-    """Resistance of one cart over speed and travel, equal on both strokes.
+    """Resistance of one cart over speed and travel, in rows of forward stroke, return stroke and forward stroke.
 
     Parameters
     ----------
     forces : ndarray, shape (SPEED_SAMPLES + 1,)
         Steady force F [N] of the mix at the speeds `fastest` u^2, u even from 0 to 1.
-    shares, load_shares : ndarray, shape (SHARE_SAMPLES + 1,)
+    shares, load_shares : ndarray, shape (3, SHARE_SAMPLES + 1)
         Shares of force and load [-] at even travels from 0 to the stroke.
-    numbers : ndarray, shape (12,)
+    numbers : ndarray, shape (3, 12)
         `fastest` [m/s], step of the travels [m], share of the force on the own track [-], travel d [m] before fresh
         mix is met, length r of the release [m], share of the load on the own track, and friction of both guide wheels
         [N]: constant, over the load share, over the force of the mix.
@@ -73,6 +74,12 @@ class TravelTable(NamedTuple):
     shares: Array
     load_shares: Array
     numbers: Array
+
+    @property
+    def sides(self) -> int:
+        """Passes of a periodic regime: 1 where the strokes are mirror images, else 2."""
+        pairs = ((each[0], each[1]) for each in (self.shares, self.load_shares, self.numbers))
+        return 1 if all(np.array_equal(*pair) for pair in pairs) else 2
 
 
 class PassTable(NamedTuple):
@@ -113,11 +120,11 @@ def _first_part(state, own, numbers, shares, track, way):
     """Share of old front and new mix at a position in the sense of a heading (own 0 or 1: forward, backward)."""
     front, origin = state[FRONT + own], state[ORIGIN + own]
     if way >= front:
-        return _interpolate(shares, max(way - origin, 0.0) / numbers[TRAVEL_STEP])
-    if front - way >= FADED * numbers[RELEASE]:
-        return track
-    built = _interpolate(shares, max(front - origin, 0.0) / numbers[TRAVEL_STEP])
-    return track + (built - track) * math.exp(-(front - way) / numbers[RELEASE])
+        return _interpolate(shares[own], max(way - origin, 0.0) / numbers[own, TRAVEL_STEP])
+    if front - way >= FADED * numbers[own, RELEASE]:
+        return numbers[own, track]
+    built = _interpolate(shares[own], max(front - origin, 0.0) / numbers[own, TRAVEL_STEP])
+    return numbers[own, track] + (built - numbers[own, track]) * math.exp(-(front - way) / numbers[own, RELEASE])
 
 
 @internal
@@ -126,31 +133,30 @@ def _share(state, numbers, shares, track, drop, x):
     heading = state[HEADING]
     own = 0 if heading > 0 else 1
     first = _first_part(state, own, numbers, shares, track, heading * x)
-    travel = max(heading * (x - state[TURN]), 0.0)
-    return first - drop * math.exp(-travel / numbers[RELEASE]) if travel < FADED * numbers[RELEASE] else first
+    travel, release = max(heading * (x - state[TURN]), 0.0), numbers[own, RELEASE]
+    return first - drop * math.exp(-travel / release) if travel < FADED * release else first
 
 
 @internal
 def _act(state, table, x, speed):
     """Set force of the mix and guide friction [N] at a position and a speed, positive in the heading."""
-    numbers, forces = table.numbers, table.forces
-    steady = _interpolate(forces, math.sqrt(abs(speed) / numbers[FASTEST]) * (len(forces) - 1))
-    force, load = steady * _share(state, numbers, table.shares, numbers[TRACK], state[DROP], x), 1.0
-    if numbers[WHEELS + 1] != 0 or numbers[WHEELS + 4] != 0:
-        load = _share(state, numbers, table.load_shares, numbers[LOAD_TRACK], state[LOAD_DROP], x)
+    numbers, forces, own = table.numbers, table.forces, 0 if state[HEADING] > 0 else 1
+    steady = _interpolate(forces, math.sqrt(abs(speed) / numbers[own, FASTEST]) * (len(forces) - 1))
+    force, load = steady * _share(state, numbers, table.shares, TRACK, state[DROP], x), 1.0
+    if numbers[own, WHEELS + 1] != 0 or numbers[own, WHEELS + 4] != 0:
+        load = _share(state, numbers, table.load_shares, LOAD_TRACK, state[LOAD_DROP], x)
     state[FORCE], state[GUIDE] = force, 0.0
     for i in range(WHEELS, WHEELS + 6, 3):
-        state[GUIDE] += abs(numbers[i] + numbers[i + 1] * load + numbers[i + 2] * force)
+        state[GUIDE] += abs(numbers[own, i] + numbers[own, i + 1] * load + numbers[own, i + 2] * force)
 
 
 @internal
 def _holding(state, table, x):
     """Largest and smallest pull in the heading [N] that hold a cart at rest at a position."""
     ahead, back, heading = state[FORCE], state[FORCE], state[HEADING]
-    numbers = table.numbers
-    if numbers[RELEASE] == 0:
-        own = 1 if heading > 0 else 0
-        back = -table.forces[0] * _first_part(state, own, numbers, table.shares, numbers[TRACK], -heading * x)
+    other = 1 if heading > 0 else 0
+    if table.numbers[other, RELEASE] == 0:
+        back = -table.forces[0] * _first_part(state, other, table.numbers, table.shares, TRACK, -heading * x)
     return ahead + state[GUIDE], back - state[GUIDE]
 
 
@@ -158,9 +164,9 @@ def _holding(state, table, x):
 def _move_fronts(state, numbers, x):
     """Move the front ahead with the roller, and that behind once the sleeve has laid fresh mix."""
     own = 0 if state[HEADING] > 0 else 1
-    way, distance = state[HEADING] * x, numbers[DISTANCE]
-    state[FRONT + own] = max(state[FRONT + own], way)
     other = 1 - own
+    way, distance = state[HEADING] * x, numbers[other, DISTANCE]
+    state[FRONT + own] = max(state[FRONT + own], way)
     if state[FRONT + other] + way > distance:
         state[FRONT + other], state[ORIGIN + other] = distance - way, -way
 
@@ -169,13 +175,13 @@ def _move_fronts(state, numbers, x):
 def _turn(state, table, x):
     """Reverse the heading at a position; force and load of the mix do not jump if they have a release."""
     numbers, shares, loads = table.numbers, table.shares, table.load_shares
-    end = _share(state, numbers, shares, numbers[TRACK], state[DROP], x)
-    load_end = _share(state, numbers, loads, numbers[LOAD_TRACK], state[LOAD_DROP], x)
+    end = _share(state, numbers, shares, TRACK, state[DROP], x)
+    load_end = _share(state, numbers, loads, LOAD_TRACK, state[LOAD_DROP], x)
     state[HEADING], state[TURN] = -state[HEADING], x
     own = 0 if state[HEADING] > 0 else 1
     way = state[HEADING] * x
-    state[DROP] = end + _first_part(state, own, numbers, shares, numbers[TRACK], way)
-    state[LOAD_DROP] = _first_part(state, own, numbers, loads, numbers[LOAD_TRACK], way) - load_end
+    state[DROP] = end + _first_part(state, own, numbers, shares, TRACK, way)
+    state[LOAD_DROP] = _first_part(state, own, numbers, loads, LOAD_TRACK, way) - load_end
     _act(state, table, x, 0.0)
 
 
@@ -213,12 +219,19 @@ def _law_at(y, v, starts, slope, t):
 
 
 @internal
-def _advance(spring, table, law, state, out):
-    """Simulate one pass from the middle of a stroke to that of the next, and mirror the state to its start."""
+def _seen_from(table, stroke):
+    """Table of which the first rows are those of stroke 0 or 1 and of the other one."""
+    rows = slice(stroke, stroke + 2)
+    return TravelTable(table.forces, table.shares[rows], table.load_shares[rows], table.numbers[rows])
+
+
+@internal
+def _advance(spring, tables, side, law, state, out):
+    """Simulate one pass from the middle of stroke 0 or 1 to that of the other, and mirror the state to its start."""
     mass, stiffness, damping = spring
     y, v, starts, ends, step, stroke = law
     frequency, decay, n, sign = math.sqrt(stiffness / mass), damping / (2 * mass), len(starts), 1.0
-    whole, part, smooth, past = np.empty(4), np.empty(4), False, 0.0
+    whole, part, smooth, past, table = np.empty(4), np.empty(4), False, 0.0, _seen_from(tables, side)
     _propagator(frequency, decay, step, whole)
     _act(state, table, y[n // 2] - state[ELONGATION], v[n // 2] - state[RATE])
     out[0] = stiffness * state[ELONGATION] + damping * state[RATE]
@@ -226,7 +239,7 @@ def _advance(spring, table, law, state, out):
         i = (j + n // 2) % n
         if i == 0:  # the law turns: its next pass is the mirror image
             _mirror(state, stroke)
-            sign = -sign
+            table, sign = _seen_from(tables, 1 - side), -sign
         t, slope = 0.0, (ends[i] - starts[i]) / step
         smooth = smooth and state[STUCK] == 0
         for event in range(EVENTS + 1):
@@ -311,22 +324,19 @@ def _product(matrix, vector, out):
 
 
 @internal
-def _linear_inverse(spring, law, units, inverse):
+def _linear_inverse(spring, law, sides, units, inverse):
     """Fill in the inverse of the fall of the residual over the state of a spring without mix, in units of the state."""
     free = np.empty(4)
     frequency, decay = math.sqrt(spring.stiffness / spring.mass), spring.damping / (2 * spring.mass)
-    _propagator(frequency, decay, law.step * len(law.starts), free)
-    a, b = 1 + free[0], free[1] * units[1] / units[0]
-    c, d = free[2] * units[0] / units[1], 1 + free[3]
+    _propagator(frequency, decay, sides * law.step * len(law.starts), free)
+    if sides == 1:  # the state is mirrored once
+        free = -free
+    a, b = 1 - free[0], -free[1] * units[1] / units[0]
+    c, d = -free[2] * units[0] / units[1], 1 - free[3]
     det = a * d - b * c
     inverse[:] = 0.0
-    inverse[0, 0], inverse[0, 1], inverse[1, 0], inverse[1, 1], inverse[2, 2] = (
-        d / det,
-        -b / det,
-        -c / det,
-        a / det,
-        1.0,
-    )
+    inverse[0, 0], inverse[0, 1], inverse[2, 2] = d / det, -b / det, 1.0
+    inverse[1, 0], inverse[1, 1] = -c / det, a / det
 
 
 @internal
@@ -351,10 +361,11 @@ def _close(spring, table, law, units, state, inverse, out):
     places, n, least, start = (ELONGATION, RATE, ORIGIN), 3, np.inf, np.empty(SIZE)
     change, residual, last = np.zeros(n), np.empty(n), np.zeros(n)
     if not inverse.any():
-        _linear_inverse(spring, law, units, inverse)
+        _linear_inverse(spring, law, len(out), units, inverse)
     for count in range(1, PASSES + 1):
         start[:] = state
-        _advance(spring, table, law, state, out)
+        for side in range(len(out)):
+            _advance(spring, table, side, law, state, out[side])
         size = 0.0
         for k in range(n):
             residual[k] = (state[places[k]] - start[places[k]]) / units[k]
@@ -381,10 +392,11 @@ def _close(spring, table, law, units, state, inverse, out):
 
 @internal
 def _unsettled(spring, table, law, state, out):
-    """Fill in the pass with the largest force of several further ones."""
-    highest, trial = 0.0, np.empty(len(out))
+    """Fill in the passes with the largest force of several further ones."""
+    highest, trial = 0.0, np.empty(out.shape)
     for _ in range(UNSETTLED_PASSES):
-        _advance(spring, table, law, state, trial)
+        for side in range(len(out)):
+            _advance(spring, table, side, law, state, trial[side])
         peak = np.abs(trial).max()
         if peak > highest:
             highest = peak
@@ -393,7 +405,10 @@ def _unsettled(spring, table, law, state, out):
 
 @compiled
 def simulate_all(springs, which, tables, law, states, out) -> IntArray:
-    """Fill in states and drive forces of all springs [N]; returns their passes, 0 where none is periodic."""
+    """Fill in states and drive forces of all springs [N], shape (springs, sides, n + 1).
+
+    Returns the repetitions until each is periodic, 0 where none is.
+    """
     passes = np.zeros(len(springs), np.int64)
     for i in range(len(springs)):
         k, spring = which[i], Spring(springs[i, 0], springs[i, 1], springs[i, 2])

@@ -22,15 +22,16 @@ if TYPE_CHECKING:
 SLEEVE = "machine.sleeve_distance"
 OPEN_SHARE = 0.24  # [-], of the radius; contact length of the published lift, where an open sleeve leaves fresh mix
 MIDWAY_SHARE = 1.6  # [-], of the radius; a sleeve midway between two rollers of the published machine
-INNER_SHARES = (0.25, 0.5, 0.75)  # [-], of the range of the distance to fresh mix: samples between its ends
+SHARES = (0.0, 0.5, 1.0)  # [-], of the range of the distance to fresh mix: samples of a search
+INNER_SHARES = (0.25, 0.5, 0.75)  # [-], likewise of judges
 
 
 def sleeve_ends(scene: Scene) -> Mapping[str, tuple[float, float]]:
     """Return the ends of the distance to fresh mix [m] by label: of its stated spread, or open to midway sleeves."""
-    machine, distances = scene.machine, scene.sleeve_distances
+    machine, (near, far) = scene.machine, scene.sleeve_distances
     if scene.stated_spread(SLEEVE) is not None:
-        factors = levels(scene, SLEEVE, "sleeve distance", ())
-        return {label: (by * distances[0], by * distances[1]) for label, by in factors}
+        sides = (levels(scene, SLEEVE, "sleeve distance", (), item) for item in (0, -1))
+        return {label: (by * near, other * far) for (label, by), (_, other) in zip(*sides, strict=True)}
     places = sorted(machine.roller_positions)
     gaps = [(after - before - machine.feeder_sleeve) / 2 for before, after in pairwise(places)]
     ends = {"open": OPEN_SHARE * machine.roller_radius, "midway": max([MIDWAY_SHARE * machine.roller_radius, *gaps])}
@@ -62,15 +63,26 @@ def plant_range(scene: Scene, stage: ResistanceStage, resistances: Sequence[Resi
     stiffness = [k for k, _ in values]
     ratios = [c / (2 * math.sqrt(k * mass)) for k, c in values]
     steady = [each.resistance if isinstance(each, StrokeResistance) else each for each in resistances]
-    ends = [distance for pair in sleeve_ends(scene).values() for distance in pair] + [*scene.sleeve_distances]
-    low, high = min(ends), max(ends)
-    samples = sorted({low, (low + high) / 2, high}) if stage.turning else [low]
-    inner = [low + share * (high - low) for share in INNER_SHARES] if len(samples) > 1 else []
+    samples, inner = _sleeve_samples(scene, SHARES), _sleeve_samples(scene, INNER_SHARES)
+    if not stage.turning or len(samples) == 1:
+        samples, inner = samples[:1], []
 
-    def at(distances: Sequence[float]) -> list[Resistance]:
-        return [along_stroke(law, stage.turning, (each, each)) for law, each in product(steady, distances)]
+    def at(distances: Sequence[tuple[float, float]]) -> list[Resistance]:
+        return [along_stroke(law, stage.turning, each) for law, each in product(steady, distances)]
 
     return PlantRange((min(stiffness), max(stiffness)), (min(ratios), max(ratios)), at(samples), at(inner))
+
+
+def _sleeve_samples(scene, shares):
+    """Distances to fresh mix at both ends [m], at shares of their ranges; equal where given equal."""
+    given = scene.sleeve_distances
+    ranges = [(min(side), max(side)) for side in zip(given, *sleeve_ends(scene).values(), strict=True)]
+    pairs = [(share, share) for share in shares]
+    if given[0] != given[1]:  # corners and centre
+        pairs = [pair for pair in product(shares, repeat=2) if pair.count(shares[1]) != 1]
+    return sorted(
+        {tuple(low + by * (high - low) for by, (low, high) in zip(pair, ranges, strict=True)) for pair in pairs}
+    )
 
 
 def _require_simulable(scene, stage):
