@@ -22,7 +22,7 @@ def main(scene="loveikin-2015", by="peak_power", **overrides):
     for end in tracked(("low", "value", "high"), "end of the spread"):
         study = Study(nominal.replaced(**{"mix.overrides.required_pressure": getattr(pressure, end)}))
         order = [(place.rank, place.run.name) for place in study.stages.drive.rankings[by]]
-        rows.append((end, study.stages.resistance.resistance.force, order))
+        rows.append((end, study.stages.resistance.steady_law.force, order))
     return rows
 
 

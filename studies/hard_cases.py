@@ -148,7 +148,8 @@ def second_pass():
 
 @case("spring of 1e9 N/m, dry friction, parabolic law", "closed form of the impact without damping")
 def stiff_drive():
-    study = Study(load_scene(SCENE, **{"motion.laws": ["parabolic"], "output.items": []}))
+    changes = {"motion.laws": ["parabolic"], "output.items": [], "drive.turn": "step"}  # of the closed form
+    study = Study(load_scene(SCENE, **changes))
     cart = replace(study.stages.resistance.cart, guide_friction=0.0)
     force, inertia = study.stages.resistance.resistance.force, cart.mass * 4 * 0.4 / 9
     spring = ElasticDrive(1e9, 2 * 0.01 * math.sqrt(1e9 * cart.mass))

@@ -30,9 +30,13 @@ MOTOR = {  # for one cart; assumed: twice the mean power of a cart at the publis
 }
 
 
-def main(scene="loveikin-2015", laws=("cubic", "reversal-4"), carts=(1, 2, 3, 4), inertias=(0.01, 0.1, 1.0), out=None):
+LAWS, CARTS, INERTIAS = ("cubic", "reversal-4"), (1, 2, 3, 4), (0.01, 0.1, 1.0)  # inertias of the motor [kg m^2]
+
+
+def main(scene="loveikin-2015", laws=LAWS, carts=CARTS, inertias=INERTIAS, out=None, **changes):
     """Return rows of HEADER, SI, for each law, number of carts and inertia of the motor with its flywheel."""
-    base, rows, runs = load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.items": []}), [], {}
+    base = load_scene(SCENES / f"{scene}.toml", **{"motion.laws": list(laws), "output.items": [], **changes})
+    rows, runs = [], {}
     for count, inertia in tracked(product(carts, inertias), "motor"):
         motor = MOTOR | {"torque": MOTOR["torque"] * count, "inertia": inertia}
         study = Study(base.replaced(**{"drive.kind": "motor", "drive.carts": count, "drive.motor": motor}))

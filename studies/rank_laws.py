@@ -88,7 +88,8 @@ def main(scene="loveikin-2015", engines=tuple(ENGINES), drives=tuple(DRIVES), sa
     """Return rows of HEADER and rows of SPREAD_HEADER, SI; the maps are kept in `out` for the next run."""
     rows, spreads = [], []
     for engine in tracked(engines, str):
-        overrides = {"output.items": [], "accuracy.engine": engine.split(",")[0], **changes, **ENGINES[engine]}
+        own = {"accuracy.engine": engine.split(",")[0], "drive.turn": "step"}  # linear engines have no other
+        overrides = {"output.items": [], **own, **changes, **ENGINES[engine]}
         base = load_scene(SCENES / f"{scene}.toml", **overrides)
         rows += ranked(base, engine, drives, out and Path(out) / engine.replace(", ", "-").replace(" ", "-"))
         if engine in CHEAP:

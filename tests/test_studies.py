@@ -140,6 +140,7 @@ def test_ranking_with_air_of_columns_is_that_of_heckels_curve(capsys):
 def test_duration_has_the_first_laws_of_every_model(capsys, tmp_path):
     """Columns without air cross where the formula does, but for the rate of compaction."""
     laws = {"motion.laws": ["parabolic", "cubic", "combined-2", "reversal-4-free-acceleration"]}
+    laws |= {"drive.turn": "step"}  # of the crossovers in closed form
     told, options = "| formula | peak drive force | parabolic, 3740 N", {"over": "duration=0.3:3:3", "changes": laws}
     answers = ran("duration", capsys, tmp_path, told, cases=("formula", "columns"), **options)
     formula, columns = (each.segments["peak_power"] for each in answers)
@@ -296,13 +297,14 @@ def test_passes_at_one_height_compact_the_layer_once(capsys, tmp_path):
 
 @pytest.mark.slow
 def test_elastic_drive_has_an_impact_at_the_reversal_for_any_stiffness(capsys, tmp_path):
-    options = {"laws": ("parabolic", "septic"), "stiffnesses": (1e7, 1e9), "ratio": 0.01}
+    options = {"laws": ("parabolic", "septic"), "stiffnesses": (1e7, 1e9), "ratio": 0.01, "turns": ("step", "build-up")}
     rows = ran("elastic_drive", capsys, tmp_path, "parabolic", **options)
     force, inertia = 3562.0, 1000 * 4 * 0.4 / 9
     impact = force + inertia + (4 * force * inertia - inertia**2) ** 0.5  # undamped, in closed form
     for row in rows[:2]:
         assert row[2] == pytest.approx(impact, rel=0.02)
     assert rows[3][3] < rows[2][3] < 1.3  # the septic law starts with vanishing acceleration
+    assert [row[3] for row in rows[5::2]] == pytest.approx([1, 1], abs=2e-3)  # a mix lets go before the cart has speed
     assert all(row[7] < 1e-6 for row in rows)
 
 
@@ -366,7 +368,7 @@ def test_hard_cases_of_finite_elements_and_stiff_drives_are_solved():
 
 
 def test_fluctuation_is_inverse_to_the_inertia(capsys, tmp_path):
-    options = {"laws": ("cubic",), "carts": (1, 4), "inertias": (50.0, 500.0)}
+    options = {"laws": ("cubic",), "carts": (1, 4), "inertias": (50.0, 500.0), "drive.turn": "step"}
     rows = ran("motor_and_flywheel", capsys, tmp_path, "cubic", **options)
     for row in rows:
         assert row[3] * row[6] == pytest.approx(row[1] * 0.8 * 3562, rel=1e-5)  # work of a turn: that of friction

@@ -65,7 +65,7 @@ INSTRUMENTS = {  # quantity -> how it is measured
     INERTIA: "data sheets, or the time of a run-up without load",
     OIL: "volume and pressure of a closed cylinder",
     MASS: "scales",
-    EDGE: "ruler, from the axle to the fresh mix where the cart turns",
+    EDGE: "ruler, axle to fresh mix at a turn",
 }
 
 

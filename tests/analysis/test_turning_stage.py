@@ -1,6 +1,7 @@
 """Resistance along the stroke of a scene: shares by engine, table, figure, and the spread of the sleeve."""
 
 import pickle
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -164,8 +165,8 @@ def test_assumed_sleeve_varies_from_open_to_midway_with_each_of_the_drive():
 
 def test_measured_sleeve_varies_by_its_comment(tmp_path):
     text = ENGINES_SCENE.read_text("utf-8")
-    line = "sleeve_distance = [0.1, 0.12]  # m; measured ± 5 mm\noverlap"
-    (tmp_path / "scene.toml").write_text(text.replace("\noverlap", f"\n{line}"))
+    text = re.sub(r"(?m)^sleeve_distance = .*$", "sleeve_distance = [0.1, 0.12]  # m; measured ± 5 mm", text)
+    (tmp_path / "scene.toml").write_text(text)
     found = drive_variants(load_scene(tmp_path / "scene.toml", **FORMULA), edges=True)
     alone = {each.label: each.keys[SLEEVE] for each in found if each.of == (EDGE,)}
     assert alone["sleeve distance − 5 %"] == pytest.approx((0.095, 0.115))

@@ -63,7 +63,7 @@ SCENES = {
     "optimised": {
         "motion.optimise": {"objectives": ["peak_force"], "smoothness": 1, "acceleration": 0.6},
         "drive.end_springs": {"stiffness": 5e3, "preload": 200.0, "length": 0.1}, "drive.carts": 2,
-        "drive.angles": [0.0, 1.5707963267948966], "output.items": ["tables"],
+        "drive.angles": [0.0, 1.5707963267948966], "drive.turn": "step", "output.items": ["tables"],
     },
 }  # fmt: skip
 SLOW = {"compaction": pytest.mark.slow, "fem": pytest.mark.slow}

@@ -327,7 +327,7 @@ def test_ten_mistakes_are_reported_together_in_the_order_of_the_file():
 def test_a_rule_between_keys_is_skipped_for_a_refused_key():
     mistakes = mistakes_of(edited("stroke = 0.4 ", "stroke = -0.4 "))
     assert mistakes == (
-        f"{FILE}:53: motion.stroke: must be positive, got -0.4; give the travel between the two ends in m",
+        f"{FILE}:54: motion.stroke: must be positive, got -0.4; give the travel between the two ends in m",
     )
 
 

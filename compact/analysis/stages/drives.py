@@ -82,7 +82,7 @@ class DriveStage:
         heavier = self.resistance.map.scaled(1 + self.resistance.error)
         return self._runs(self.resistance.along_stroke(heavier), RuntimeError)
 
-    def _runs(self, resistance: ResistanceLaw, tolerated: type[Exception] | tuple[()] = ()) -> Runs:
+    def _runs(self, resistance: ResistanceLaw, tolerated: type[Exception] | tuple[type[Exception], ...] = ()) -> Runs:
         cart, begin = self.resistance.cart, partial(self.count, "runs")
         return dict(simulate_laws(self.scene, cart, self.cycles, resistance, tolerated, begin))
 
@@ -185,7 +185,7 @@ def simulate_laws(
     cart: Cart,
     cycles: Mapping[str, Cycle],
     resistance: ResistanceLaw,
-    tolerated: type[Exception] | tuple[()] = (),
+    tolerated: type[Exception] | tuple[type[Exception], ...] = (),
     begin: Callable[[], object] = lambda: None,
 ) -> Iterator[tuple[str, Any]]:
     """Simulate laws with the drive of a scene; laws of one motion behind a spring once.
@@ -208,7 +208,7 @@ def simulate_laws(
     working = scene.motion.run_up, 1 - scene.motion.run_down
     for name, cycle in cycles.items():
         begin()
-        if twin := alike.get(_motion_of(cycle)):
+        if twin := alike.get(motion_of(cycle)):
             yield name, replace(twin, cycle=cycle)
             continue
         try:
@@ -216,11 +216,11 @@ def simulate_laws(
         except tolerated:
             continue
         if model.driven_end:
-            alike[_motion_of(cycle)] = run
+            alike[motion_of(cycle)] = run
         yield name, run
 
 
-def _motion_of(cycle: Cycle) -> Any:
+def motion_of(cycle: Cycle) -> Any:
     """Return what laws of one motion share, such as two reversal laws whose free parameter has the same value."""
     forward, curve = cycle.forward, cycle.forward.curve
     same = (curve.x.tobytes(), curve.c.tobytes()) if isinstance(curve, PPoly) else forward.name

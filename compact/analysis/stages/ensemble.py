@@ -38,6 +38,7 @@ Peaks = Mapping[str, Mapping[str, float]]  # by criterion and law
 Step = Callable[[int, int], None]  # called with numbers of new results and of reasons among them
 
 NO_KEYS: Mapping[str, Any] = {}
+UNFOLLOWED = RuntimeError, ValueError  # of a law: no periodic cycle, or a cart faster than its resistance is known
 START = "contact"  # result that is not kept: contact from which a neighbour may start
 KEY_LENGTH = 32  # characters of the key of a result
 _ONE_AT_A_TIME = threading.RLock()  # in threads of a cluster, as BLAS threads and warnings are global to a process
@@ -229,7 +230,7 @@ def drive_peaks(
     mapping
         Values by criterion and law; absent for a law that the drive does not follow.
     """
-    runs = dict(simulate_laws(scene, cart, cycles, change.resistance or resistance, RuntimeError))
+    runs = dict(simulate_laws(scene, cart, cycles, change.resistance or resistance, UNFOLLOWED))
     return {by: {name: value_of(run, by) for name, run in runs.items()} for by in criteria}
 
 

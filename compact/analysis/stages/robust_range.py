@@ -11,7 +11,7 @@ from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any
 
 from compact.analysis.stages.resistance import ResistanceStage, along_stroke
-from compact.machine.cart import Resistance
+from compact.machine.cart import Cart, Resistance
 from compact.machine.drives import DRIVES, levels
 from compact.scene.loader import Scene
 from compact.turning import StrokeResistance
@@ -55,7 +55,8 @@ def plant_range(scene: Scene, stage: ResistanceStage, resistances: Sequence[Resi
     """
     from compact.analysis.robust.law import PlantRange  # compiled code, imported when required
 
-    _require_simulable(scene, stage)
+    if missing := missing_for_pool(scene, stage.cart):
+        raise RuntimeError(f"a robust law requires {' and '.join(missing)}")
     mass, drive = scene.machine.mass, scene.drive
     values: list[tuple[Any, Any]] = [(drive.stiffness, drive.damping)]
     for variant in DRIVES[drive.kind].variants(scene):
@@ -85,17 +86,15 @@ def _sleeve_samples(scene, shares):
     )
 
 
-def _require_simulable(scene, stage):
-    """Require a drive that the pool simulates."""
+def missing_for_pool(scene: Scene, cart: Cart) -> list[str]:
+    """Return in words what a scene lacks to be simulated by `analysis.robust.drive_pool`."""
     drive = scene.drive
     reasons = {
         "an elastic drive": "drive.stiffness" in DRIVES[drive.kind].keys,
         "no backlash": not drive.backlash,
         "no dwell": not scene.motion.dwell,
-        "no end springs": stage.cart.end_springs is None,
-        "a return stroke over loose mix": stage.cart.return_load_ratio == 1,
+        "no end springs": cart.end_springs is None,
+        "a return stroke over loose mix": cart.return_load_ratio == 1,
         "damping": bool(drive.damping),
     }
-    missing = [words for words, holds in reasons.items() if not holds]
-    if missing:
-        raise RuntimeError(f"a robust law requires {' and '.join(missing)}")
+    return [words for words, holds in reasons.items() if not holds]

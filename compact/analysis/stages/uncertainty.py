@@ -35,6 +35,7 @@ from compact.analysis.contact_cases import HeldQuantity, roll_scene, scene_mix
 from compact.analysis.pore_air import RATIOS
 from compact.analysis.stages.drives import Stages, simulate_laws
 from compact.analysis.stages.ensemble import (
+    UNFOLLOWED,
     Change,
     Peaks,
     drive_peaks,
@@ -362,7 +363,7 @@ def _peaks(
     cart = replace(cart, mass=scene.machine.mass, weight=scene.machine.weight)
     if not (drive.realises and change.keys):
         return drive_peaks(cart, followed, resistance, criteria, scene, change)
-    runs = simulate_laws(scene, cart, followed, change.resistance or resistance, RuntimeError)
+    runs = simulate_laws(scene, cart, followed, change.resistance or resistance, UNFOLLOWED)
     made = {law: drive.realised_peaks(scene, run) for law, run in runs}
     return {by: {law: peaks[by] for law, peaks in made.items() if by in peaks} for by in criteria}
 

@@ -7,9 +7,9 @@ dimensions have the whole, and columns the confined floor. Models whose inputs a
 witness of a rank.
 
 A law is a contender for rank 1 by a criterion if any valid model has it first, or within its errors or the build
-tolerance of the first law, or has it first where the resistance is scaled to an end of the spread of the mix. A single
-contender, or several that are equal but for rounding, is a resolved rank; otherwise the contenders tie. Of these the
-recommended law has the least regret, its largest excess over the least value of any valid model.
+tolerance of the first law, or has it first at an end of a source of uncertainty. A single contender, or several that
+are equal but for rounding, is a resolved rank; otherwise the contenders tie. Of the contenders of the models
+themselves the recommended law has the least regret, its largest excess over the least value of any valid model.
 
     margin = sqrt(sum of (increase_i)^2),   increase_i = change of the peak under source i over the peak
 
@@ -20,7 +20,7 @@ its pore air, and the drive where its data are not measured.
 import math
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -293,8 +293,8 @@ def verdict(
     lead, laws = next(iter(values.values())), set.intersection(*map(set, values.values()))
     if not laws:
         return None
+    found = {law for each in valid for law in contenders(each.places[duration][drive][by], by)}
     ends = set(firsts)
-    found = {law for each in valid for law in contenders(each.places[duration][drive][by], by)} | ends
     least = {engine: min(each.values()) for engine, each in values.items()}
 
     def regret(law: str) -> float:
@@ -304,9 +304,12 @@ def verdict(
     def same(law: str, other: str) -> bool:
         return all(math.isclose(each[law], each[other], rel_tol=ROUNDING_TIE) for each in values.values())
 
-    close = [law for law in lead if law in laws & found]
+    def by_regret(names: set[str]) -> Iterator[str]:
+        close = [law for law in lead if law in laws & names]
+        yield from (close[i] for group in group_equal([regret(law) for law in close], floor=1.0) for i in group)
+
     distinct: list[str] = []  # laws with the same values in every model are named once, unless they differ at an end
-    for law in (close[i] for group in group_equal([regret(law) for law in close], floor=1.0) for i in group):
+    for law in (*by_regret(found), *by_regret(ends - found)):
         if law in ends or not any(same(law, known) for known in distinct):
             distinct.append(law)
     first = distinct[0]
