@@ -24,6 +24,7 @@ from compact.analysis.sizing.durations import DurationStudy, over_durations, req
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
 from compact.analysis.stages.contacts import Count, contact_stage, no_count
 from compact.analysis.stages.drives import build_stages
+from compact.analysis.stages.first_laws import FirstLaws, first_laws
 from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.stages.laws import CamDrawing
 from compact.analysis.stages.model_spread import ModelSpread, contact_by_law, scenes_of_laws, spread_of
@@ -162,6 +163,14 @@ class Study:
                 if each := verdict(self.models, duration, drive, by, firsts):
                     found[duration, drive, by] = each
         return found
+
+    @cached_property
+    def first_laws(self) -> FirstLaws | None:
+        """First laws over drive, distance to fresh mix and model; None without `uncertainty`."""
+        if self.uncertainty is None:
+            return None
+        self.count("first laws")
+        return first_laws(self.scene, self.models, self.stages.laws.cycles)
 
     @cached_property
     def machine_sizing(self) -> MachineSizing:

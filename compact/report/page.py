@@ -153,6 +153,8 @@ def sections(study: Study, pictures: Mapping[str, bytes]) -> list[Section]:
 
 def _ranking(study: Study) -> Iterator[Block]:
     """Tabulate the laws by the criteria of the answer, with their ranks and the margins to the next law."""
+    if study.first_laws:
+        yield text.first_laws_table(study)
     kind = study.scene.drive.kind
     orders = dict(islice(study.stages.drive.places[kind].items(), text.ANSWER_CRITERIA))
     laws = [place.law for place in next(iter(orders.values()))]

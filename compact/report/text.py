@@ -17,8 +17,9 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.ranking_uncertainty import Place
+from compact.analysis.stages.first_laws import RIGID
 from compact.analysis.stages.uncertainty import AIR, DRIVE, FED, LAW, MARGIN_SOURCES, MIX
-from compact.analysis.stages.verdict import Verdict, sizing_model
+from compact.analysis.stages.verdict import SIZING_PEAKS, Verdict, sizing_model
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.drives import INSTRUMENTS
@@ -31,8 +32,9 @@ from compact.scene.schema import Overrides
 TEXT_WIDTH = 118  # characters of a line, without its indent
 DIGEST_LINES = 36  # [-], of a digest; recommendations and models are never left out
 ANSWER = (  # sentences of the answer, of terminal and page, the most important first
-    "measurement", "stiffness", "other_cases", "turn", "limits", "spread", "motor", "motor_margin", "heaping",
-    "infinite", "not_made", "reachable", "held", "sleeves", "durations", "bearings", "valid_formulas",
+    "measurement", "stiffness", "other_cases", "first_laws", "turn", "held", "limits", "spread", "motor",
+    "motor_margin", "heaping", "infinite", "not_made", "reachable", "sleeves", "durations", "bearings",
+    "valid_formulas",
 )  # fmt: skip
 FAILURES: dict[type[Exception], str] = {
     HeapingError: "heaps up", UnsteadyError: "not steady", EquilibriumError: "no equilibrium",
@@ -226,6 +228,26 @@ def model_table(study: Study) -> TableSpec:
         for head, cells in columns.items():
             cells.append(told.get(head, "–"))
     return TableSpec.of_columns(say("models", study), columns)
+
+
+def first_laws_table(study: Study) -> TableSpec:
+    """Tabulate the first laws by model and resistance after a turn, with a rigid and over the elastic drives."""
+    found = study.first_laws
+    assert found is not None  # of a page with an uncertainty
+    springs = len(found.drives) - 1
+    columns: dict[str, list[str]] = {
+        "model": [each.engine if each.valid else f"{each.engine}, not for sizing" for each in found.cases],
+        "fresh mix from the axle": [each.turn for each in found.cases],
+    }
+    for by in SIZING_PEAKS:
+        unit, word = CRITERIA[by].unit, by.rpartition("_")[2]
+        columns[f"{word}, rigid"] = [say("first_rigid", *each.first(by, RIGID), unit) for each in found.cases]
+        if springs:
+            columns[f"{word}, {springs} springs"] = [
+                say("first_elastic", *each.elastic(by), unit) for each in found.cases
+            ]
+    title = "First laws over drive, fresh mix behind the roller, and model; in brackets the number of springs"
+    return TableSpec.of_columns(title, columns)
 
 
 def uncertainty_table(study: Study) -> TableSpec:

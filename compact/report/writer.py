@@ -12,6 +12,7 @@ from compact.analysis.contact_cases import HeldQuantity, contact_record
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
+from compact.analysis.stages.first_laws import FirstLaws
 from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
@@ -242,6 +243,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "machine_sizing": sizing_numbers(study.machine_sizing),
         "work_balance": {"law": study.work_balance.law} | json_numbers(study.work_balance, results.WORK_BALANCE),
         "verdict": _verdict(study),
+        "first_laws": _first_laws(study.first_laws),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"density_achievable": not unreachable, "reason": unreachable},
@@ -358,6 +360,22 @@ def _verdict(study: Study) -> dict[str, Any] | None:
         "sources": [asdict(each) for each in known.sources],
         "mix": known.mix and asdict(known.mix),
     }
+
+
+def _first_laws(found: FirstLaws | None) -> dict[str, Any] | None:
+    """Convert the first laws over drive, fresh mix and model; None without the output "report"."""
+    if found is None:
+        return None
+    excess = {by: {"law": law, "excess": each} for by, (law, each) in found.least_excess.items()}
+    cases = []
+    for each in found.cases:
+        first = {
+            by: [{"drive": drive, "law": law} | json_number(value, CRITERIA[by].unit)
+                 for drive in drives for law, value in (each.first(by, drive),)]
+            for by, drives in each.peaks.items()
+        }  # fmt: skip
+        cases.append({"engine": each.engine, "sizing": each.valid, "turn": each.turn, "first": first})
+    return {"least_excess": excess, "cases": cases}
 
 
 def _steady_forces(study: Study) -> dict[str, Any]:
