@@ -78,7 +78,7 @@ def test_linear_engine_and_a_scene_with_a_step_have_the_step_alone():
     assert [each.turn for each in found(**{"drive.turn": "step"})[1].cases] == [STEP]
 
 
-@pytest.mark.parametrize("changes", [{D: (0.1, 0.12)}, {"motion.dwell": 0.1}, {"motion.laws": ["crank"]}])
+@pytest.mark.parametrize("changes", [{"motion.dwell": 0.1}, {"motion.laws": ["crank"]}])
 def test_drives_without_a_model_are_left_out(changes):
     assert found(**changes)[1].drives == (RIGID,)
 

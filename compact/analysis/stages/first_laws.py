@@ -117,7 +117,7 @@ def first_laws(scene: Scene, models: Sequence[ModelAnswer], cycles: Mapping[str,
     """Rank the laws by every engine over the resistances after a turn and the drives of the scene.
 
     A law that retraces its forward stroke, such as a crank's, or whose velocity jumps is ranked with a rigid drive
-    alone; so are all laws where the ends of the stroke differ, and those with a dwell, backlash or end springs.
+    alone; so are all laws with a dwell, backlash or end springs.
 
     Parameters
     ----------
@@ -144,9 +144,7 @@ def first_laws(scene: Scene, models: Sequence[ModelAnswer], cycles: Mapping[str,
 
 def _springs(scene: Scene, models: Sequence[ModelAnswer]) -> dict[str, tuple[float, float]]:
     """Return stiffness and damping of the elastic drives of the scene by label; none where `DrivePool` has no model."""
-    mirrored = len(set(scene.sleeve_distances)) == 1 and all(
-        each.second_pass is None and getattr(each.steady, "return_ratio", 1.0) == 1 for each in models
-    )
+    mirrored = all(each.second_pass is None and getattr(each.steady, "return_ratio", 1.0) == 1 for each in models)
     cart = machine_models.cart(scene, models[0].roller_load)
     if not mirrored or missing_for_pool(scene, cart):
         return {}
@@ -202,10 +200,9 @@ def _elastic_peaks(
     fastest = max(each.forward.peaks().velocity for each in cycles.values())
     fastest = min(fastest, known[-1] / SPEED_RANGE) if len(known) else fastest  # beyond the map the force is held
     first = next(iter(cycles.values())).forward
-    pool = DrivePool(
-        cart.mass, stiffness, damping, [travel_table(cart, resistance, first.stroke, fastest)],
-        np.zeros(len(stiffness), int),
-    )  # fmt: skip
+    table = travel_table(cart, resistance, first.stroke, fastest)
+    ratio = damping / (2 * np.sqrt(stiffness * cart.mass))
+    pool = DrivePool.of(cart.mass, np.column_stack([stiffness, ratio]), (table,))
     found: dict[str, tuple[Array, Array]] = {}
     alike: dict[Any, tuple[Array, Array]] = {}
     for name, cycle in cycles.items():
