@@ -19,6 +19,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from compact.analysis.stages.sensitivity import PRIOR
+from compact.analysis.stages.uncertainty import DRIVE
 from compact.analysis.study import Study
 from compact.files import atomic_file
 from compact.machine.ranking import CRITERIA
@@ -196,7 +197,23 @@ def _uncertainty(study: Study) -> Iterator[Block]:
             [end and end.least[by] / each.base.least[by] - 1 for end in (each.low, each.high)] for each in shifts
         ]
         cells[CRITERIA[by].quantity.term] = [text.say("changes", each) for each in changes]
-    yield TableSpec.of_columns("Change of the least peaks between the ends of one input at a time", cells)
+    if shifts and study.uncertainty and (source := study.uncertainty.source(DRIVE)):
+        for name in source.quantities:
+            ends = source.alone(name)
+            cells["input"].append(name)
+            cells["ends"].append(" to ".join(dict.fromkeys((ends[0].words, ends[-1].words))))
+            cells["range"].append(f"what is known, {study.scene.drive.kind} drive")
+            for by in shifts[0].base.least:
+                found = [end.least.get(by) for end in ends]
+                cells[CRITERIA[by].quantity.term].append(text.say("changes", [*_range(found)]))
+    title = "Change of the least peaks between the ends of one input at a time, with a rigid drive where none is named"
+    yield TableSpec.of_columns(title, cells)
+
+
+def _range(changes: Sequence[float | None]) -> tuple[float | None, float | None]:
+    """Return the least and the largest change; None where one is unknown."""
+    known = [each for each in changes if each is not None]
+    return (min(known), max(known)) if len(known) == len(changes) else (None, None)
 
 
 def _motion(study: Study) -> Iterator[Block]:

@@ -158,7 +158,7 @@ def drive_measurements(study: Study) -> list[dict[str, Any]]:
         return []
     found = []
     for name in source.quantities:
-        alone = replace(source, ends=tuple(end for end in source.ends if end.of == (name,)))
+        alone = replace(source, ends=source.alone(name))
         margins = {by: (known.margin(by), known.margin(by, known=name)) for by in known.laws}
         margins = {by: each for by, each in margins.items() if each[0] - each[1] > WORTH}
         firsts = dict.fromkeys(law for by in known.laws for law in alone.other_firsts(by, known.laws[by]))

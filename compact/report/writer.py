@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,6 +29,10 @@ from compact.machine.ranking import CRITERIA, value_of
 from compact.report import results
 from compact.report.tables import json_number, json_numbers, json_values, write_arrays
 from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
+from compact.scene.loader import Scene
+
+if TYPE_CHECKING:
+    from compact.analysis.robust.law import RobustLaw, WorstDrive
 
 SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
 SHAFT = (
@@ -244,6 +248,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "work_balance": {"law": study.work_balance.law} | json_numbers(study.work_balance, results.WORK_BALANCE),
         "verdict": _verdict(study),
         "first_laws": _first_laws(study.first_laws),
+        "robust_laws": {name: _robust_law(scene, found) for name, found in stages.laws.robust.items()},
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"density_achievable": not unreachable, "reason": unreachable},
@@ -376,6 +381,32 @@ def _first_laws(found: FirstLaws | None) -> dict[str, Any] | None:
         }  # fmt: skip
         cases.append({"engine": each.engine, "sizing": each.valid, "turn": each.turn, "first": first})
     return {"least_excess": excess, "cases": cases}
+
+
+def _robust_law(scene: Scene, found: "RobustLaw") -> dict[str, Any]:
+    """Convert a robust law: its worst peak and that of the best published law, each with its drive, and the range."""
+    plants, unit = found.plants, CRITERIA[found.objective.removeprefix("robust_")].unit
+    resistances, speed = (*plants.resistances, *plants.inner), scene.mean_speed
+
+    def worst(drive: "WorstDrive") -> dict[str, Any]:
+        resistance = resistances[drive.resistance]
+        sides = [getattr(resistance, side, None) for side in ("forward", "backward")]
+        return {
+            "peak": json_number(drive.peak, unit),
+            **json_numbers(drive, "stiffness_N/m damping_ratio"),
+            "force_at_mean_speed": json_number(float(np.ravel(resistance(np.array([speed]), np.zeros(1)))[0]), "N"),
+            "own_tracks": json_number([each.distance for each in sides if each is not None], "m"),
+        }
+
+    return {
+        "objective": found.objective, "worst": worst(found.worst), "mean": json_number(found.mean, unit),
+        "range": {
+            "stiffness": json_number(list(plants.stiffness), "N/m"),
+            "damping_ratio": json_number(list(plants.damping_ratio), "1"), "resistances": len(resistances),
+        },
+        "gap": found.gap, "drives": found.drives, "gains": found.gains,
+        "best_published": {"law": found.published} | worst(found.published_worst),
+    }  # fmt: skip
 
 
 def _steady_forces(study: Study) -> dict[str, Any]:

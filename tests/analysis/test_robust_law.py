@@ -1,5 +1,6 @@
 """Robust laws: simulation of a pool of drives, slopes of its histories, gain over the published laws."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from compact.machine.cart import EndSprings
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.motion.limits import Limits, violations
 from compact.report.text import sentences
+from compact.report.writer import study_summary
 from compact.scene.loader import load_scene
 from compact.turning import StrokeResistance, table_share, wave_load_share, wave_share
 
@@ -213,6 +215,11 @@ def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
     assert sentence.startswith("robust-peak-force: at most 1")
     assert "3.3e+05 to 3e+06 N/m, damping ratios of 0.02 to 0.2 and 3 resistances" in sentence
     assert "best published law over the same: quintic" in sentence
+    stored = study_summary(study, [])["robust_laws"]["robust-peak-force"]
+    assert (stored["worst"]["peak"]["value"], stored["best_published"]["law"]) == (found.worst.peak, "quintic")
+    assert stored["worst"]["own_tracks"]["value"] == [found.worst_resistance.forward.distance] * 2
+    assert stored["worst"]["force_at_mean_speed"]["value"] == pytest.approx(3486, rel=1e-3)
+    assert stored["best_published"]["peak"]["value"] == found.published_worst.peak
 
 
 @pytest.mark.parametrize(
@@ -232,7 +239,7 @@ def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
     ids=["both ends", "exact", "each end in mm", "each end in percent"],
 )
 def test_each_end_has_its_distance_to_fresh_mix_with_its_spread(tmp_path, line, places):
-    words = SCENE.read_text("utf-8").replace("[machine]", f"[machine]\nsleeve_distance = {line}", 1)
+    words = re.sub(r"(?m)^sleeve_distance = .*$", f"sleeve_distance = {line}", SCENE.read_text("utf-8"))
     (tmp_path / "scene.toml").write_text(words, "utf-8")
     study = Study(load_scene(tmp_path / "scene.toml", **FORMULA, **{"drive.turn": "build-up"}))
     stage = study.stages.resistance

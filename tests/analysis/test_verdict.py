@@ -15,7 +15,7 @@ from compact.analysis.stages.uncertainty import DRIVE, MIX, drive_variants, mix_
 from compact.analysis.stages.verdict import ModelAnswer, contenders, fitted_inputs, reason_against, verdict
 from compact.analysis.study import Study
 from compact.machine.drives import DAMPING, EDGE, STIFFNESS
-from compact.report import text
+from compact.report import page, text
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "studies" / "scenes"
@@ -295,6 +295,20 @@ def test_quantities_of_the_drive_that_change_the_answer_are_to_be_measured(tmp_p
     given = edited(tmp_path, stiffness="measured ± 1 %", damping="given", sleeve_distance="measured")
     given = given.replaced(**{"output.items": ["report"]})
     assert text.drive_measurements(Study(given)) == []
+
+
+def test_inputs_of_the_drive_stand_beside_those_of_the_mix():
+    table = list(page._uncertainty(study()))[-1].cells()
+    rows = {
+        name: (ends, change)
+        for name, ends, change in zip(table["input"], table["ends"], table["peak drive force"], strict=True)
+    }
+    assert {STIFFNESS, DAMPING, EDGE, "mass", "heckel slope"} <= rows.keys()
+    assert rows[STIFFNESS][0] == "stiffness ÷ 3 to stiffness × 3"
+    source = study().uncertainty.source(DRIVE)
+    firsts = [end.least[FORCE] for end in source.alone(STIFFNESS)]
+    assert rows[STIFFNESS][1] == text.say("changes", (min(firsts), max(firsts)))
+    assert min(firsts) < 0 < max(firsts)
 
 
 # validity on this scene, and fits

@@ -85,6 +85,8 @@ class SourceEnd:
         Relative change of the peaks of each recommended law [-], by law and criterion.
     first : dict
         First law by criterion.
+    least : dict
+        Relative change of the least peak over the laws [-], by criterion.
     of : tuple of str
         Quantities of drive and cart that are others there.
     """
@@ -92,6 +94,7 @@ class SourceEnd:
     words: str
     change: dict[str, dict[str, float]]
     first: dict[str, str]
+    least: dict[str, float]
     of: tuple[str, ...] = ()
 
 
@@ -115,6 +118,10 @@ class Source:
     def quantities(self) -> tuple[str, ...]:
         """Quantities of drive and cart that vary, in the order of the ends."""
         return tuple(dict.fromkeys(name for end in self.ends for name in end.of))
+
+    def alone(self, quantity: str) -> tuple[SourceEnd, ...]:
+        """Return the ends at which one quantity of drive and cart alone is another."""
+        return tuple(end for end in self.ends if end.of == (quantity,))
 
     def changes(self, law: str, by: str, known: str = "") -> tuple[float, float]:
         """Return the least and the largest relative change of a peak of a recommended law [-], 0 without an end.
@@ -375,12 +382,12 @@ def _end(words: str, values: Peaks, base: Peaks, laws: Mapping[str, str]) -> Sou
         law: {by: found[by].get(law, math.inf) / base[by][law] - 1 for by in laws if law in base[by]}
         for law in laws.values()
     }
+    least = {by: min(each.values(), default=math.inf) for by, each in found.items()}
     first = {}
     for by, law in laws.items():
-        least = min(found[by].values(), default=math.inf)
-        stays = found[by].get(law, math.inf) <= least * (1 + LEAST_EFFECT)
+        stays = found[by].get(law, math.inf) <= least[by] * (1 + LEAST_EFFECT)
         first[by] = law if stays else first_law(found[by])
-    return SourceEnd(words, change, first)
+    return SourceEnd(words, change, first, {by: least[by] / min(base[by].values()) - 1 for by in laws})
 
 
 def _air_ratios(stages: Stages) -> tuple[float, float] | None:
