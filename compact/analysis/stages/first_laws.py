@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -35,6 +35,9 @@ from compact.numerics import Array
 from compact.numerics.piecewise import interior_grid
 from compact.scene.loader import Scene
 from compact.turning import LOAD_TRACK, TRACK, StrokeResistance, table_share
+
+if TYPE_CHECKING:
+    from compact.analysis.robust.drive_pool import PassTable
 
 RIGID, SCENE_DRIVE = "rigid", "drive of the scene"
 OWN_TRACK, STEP = "own track", "step"
@@ -128,18 +131,27 @@ def first_laws(scene: Scene, models: Sequence[ModelAnswer], cycles: Mapping[str,
     -------
     FirstLaws
     """
-    mirrored = {name: each for name, each in cycles.items() if not (each.forward.retraces or _jumps(each))}
-    springs, cases = _springs(scene, models) if mirrored else {}, []
+    springs = _springs(scene, models)
+    tables = _pass_tables(cycles) if springs else {}
+    cases = []
     for model in models:
         cart = machine_models.cart(scene, model.roller_load, (model.second_pass or (1.0,))[0])
         for turn, resistance in _turns(scene, model):
             peaks = {by: {RIGID: each} for by, each in _rigid_peaks(cart, resistance, cycles).items()}
-            if springs:
-                for drive, found in _elastic_peaks(cart, resistance, mirrored, springs):
-                    for by, each in found.items():
-                        peaks[by][drive] = each
+            for drive, found in _elastic_peaks(cart, resistance, tables, springs) if tables else ():
+                for by, each in found.items():
+                    peaks[by][drive] = each
             cases.append(TurnCase(model.engine, turn, model.valid, peaks))
-    return FirstLaws(tuple(cases), (RIGID, *springs))
+    return FirstLaws(tuple(cases), (RIGID, *(springs if tables else ())))
+
+
+def _pass_tables(cycles: Mapping[str, Cycle]) -> dict[str, "PassTable"]:
+    """Tabulate the laws that `DrivePool` simulates; those of one motion have one table."""
+    from compact.analysis.robust.drive_pool import pass_table  # compiled code, imported when required
+
+    simulated = {name: each for name, each in cycles.items() if not (each.forward.retraces or _jumps(each))}
+    tables = {motion_of(each): pass_table(each.forward) for each in simulated.values()}
+    return {name: tables[motion_of(each)] for name, each in simulated.items()}
 
 
 def _springs(scene: Scene, models: Sequence[ModelAnswer]) -> dict[str, tuple[float, float]]:
@@ -190,30 +202,29 @@ def _rigid_peaks(cart: Cart, resistance: ResistanceLaw, cycles: Mapping[str, Cyc
 
 
 def _elastic_peaks(
-    cart: Cart, resistance: ResistanceLaw, cycles: Mapping[str, Cycle], springs: Mapping[str, tuple[float, float]]
+    cart: Cart, resistance: ResistanceLaw, laws: Mapping[str, "PassTable"], springs: Mapping[str, tuple[float, float]]
 ) -> Iterator[tuple[str, dict[str, dict[str, float]]]]:
     """Yield each elastic drive with the peaks of the laws by criterion."""
-    from compact.analysis.robust.drive_pool import SPEED_RANGE, DrivePool, pass_table, travel_table  # compiled code
+    from compact.analysis.robust.drive_pool import SPEED_RANGE, DrivePool, travel_table
 
     stiffness, damping = (np.array(each) for each in zip(*springs.values(), strict=True))
     known: Sequence[float] = getattr(resistance, "speeds", ())
-    fastest = max(each.forward.peaks().velocity for each in cycles.values())
+    fastest = max(float(each.velocity.max()) for each in laws.values())
     fastest = min(fastest, known[-1] / SPEED_RANGE) if len(known) else fastest  # beyond the map the force is held
-    first = next(iter(cycles.values())).forward
-    table = travel_table(cart, resistance, first.stroke, fastest)
+    table = travel_table(cart, resistance, next(iter(laws.values())).stroke, fastest)
     ratio = damping / (2 * np.sqrt(stiffness * cart.mass))
     pool = DrivePool.of(cart.mass, np.column_stack([stiffness, ratio]), (table,))
-    found: dict[str, tuple[Array, Array]] = {}
-    alike: dict[Any, tuple[Array, Array]] = {}
-    for name, cycle in cycles.items():
-        if (motion := motion_of(cycle)) not in alike:
-            law = pass_table(cycle.forward)
+    alike: dict[int, tuple[Array, Array]] = {}
+    for law in laws.values():
+        if id(law) not in alike:
             forces = pool.simulate(law)
             settled = np.where(forces.passes > 0, 1.0, np.inf)
-            alike[motion] = forces.peaks * settled, np.abs(forces.powers(law)).max(axis=1) * settled
-        found[name] = alike[motion]
+            alike[id(law)] = forces.peaks * settled, np.abs(forces.powers(law)).max(axis=1) * settled
     for number, drive in enumerate(springs):
         yield (
             drive,
-            {by: {name: float(peaks[i][number]) for name, peaks in found.items()} for i, by in enumerate(SIZING_PEAKS)},
+            {
+                by: {name: float(alike[id(law)][i][number]) for name, law in laws.items()}
+                for i, by in enumerate(SIZING_PEAKS)
+            },
         )
