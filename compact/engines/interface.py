@@ -325,6 +325,13 @@ class Engine:
         """
         return None
 
+    def turning_error(self, lower_lift: bool) -> float | None:
+        """Return the largest relative error of peaks behind a spring by `turning` [-], also on a pressed lower lift.
+
+        None where no history of forces with a turn supports the shares.
+        """
+        return None
+
     def fields(self, contact: Any) -> Any:
         """Return a mesh with the fields inside the layer; None for an engine without them."""
         return None

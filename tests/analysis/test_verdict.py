@@ -11,9 +11,10 @@ from pages import answer_words
 
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages import uncertainty as stage
-from compact.analysis.stages.uncertainty import DRIVE, MIX, drive_variants, mix_spread
+from compact.analysis.stages.uncertainty import DRIVE, MIX, SHARES, drive_variants, mix_spread
 from compact.analysis.stages.verdict import ModelAnswer, contenders, fitted_inputs, reason_against, verdict
 from compact.analysis.study import Study
+from compact.engines import ENGINES as ENGINE_CLASSES
 from compact.machine.drives import DAMPING, EDGE, STIFFNESS
 from compact.report import page, text
 from compact.scene.loader import load_scene
@@ -295,6 +296,19 @@ def test_quantities_of_the_drive_that_change_the_answer_are_to_be_measured(tmp_p
     given = edited(tmp_path, stiffness="measured ± 1 %", damping="given", sleeve_distance="measured")
     given = given.replaced(**{"output.items": ["report"]})
     assert text.drive_measurements(Study(given)) == []
+
+
+@pytest.mark.parametrize(("lower_lift", "most"), [(False, 0.06), (True, 0.09)])
+def test_error_of_the_shares_after_a_turn_is_part_of_the_margin(monkeypatch, lower_lift, most):
+    assert ENGINE_CLASSES["compaction"].turning_error(lower_lift) == most
+    assert ENGINE_CLASSES["formula"].turning_error(lower_lift) is None
+    monkeypatch.setattr(type(ENGINE_CLASSES["formula"]), "turning_error", lambda *_: most)
+    laws = {"output.items": ["report"], "motion.laws": ["cubic", "parabolic"]}
+    known = Study(load_scene(ENGINES, **FORMULA | laws)).uncertainty
+    law = known.laws[FORCE]
+    assert known.source(SHARES).changes(law, FORCE) == pytest.approx((-most, most))
+    assert known.margin(FORCE) ** 2 - known.margin(FORCE, (SHARES,)) ** 2 == pytest.approx(most**2)
+    assert known.source(SHARES).other_firsts(FORCE, law) == {}
 
 
 def test_inputs_of_the_drive_stand_beside_those_of_the_mix():

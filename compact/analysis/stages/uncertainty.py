@@ -250,9 +250,18 @@ class RankingUncertainty:
 
 
 MESH, MAP, MIX, LAW, MODELS = "mesh", "resistance map", "parameters of the mix", "law of the mix", "other valid models"
-AIR, DRIVE = "pore air", "drive and cart"
+AIR, DRIVE, SHARES = "pore air", "drive and cart", "shares after a turn"
 HELD, RETURN, DURATION = "held quantity", "return stroke", "duration of a pass"
-MARGIN_SOURCES = (MESH, MAP, MIX, LAW, AIR, MODELS, DRIVE)  # of the margin; the others are the designer's choice
+MARGIN_SOURCES = (
+    MESH,
+    MAP,
+    MIX,
+    LAW,
+    AIR,
+    MODELS,
+    DRIVE,
+    SHARES,
+)  # of the margin; the rest is the designer's choice
 
 
 def ranking_uncertainty(
@@ -311,6 +320,14 @@ def ranking_uncertainty(
         else Change(label, each.keys)
         for label, each in variants.items()
     }
+    error = ENGINES[model.engine].turning_error(scene.layer.lower_lift is not None) if edges else None
+    if error and DRIVES[case[1]].driven_end:
+        factors = {f"peaks {sign} {100 * error:.0f} %": 1 + way * error for sign, way in (("−", -1), ("+", 1))}
+        scaled_peaks = {
+            words: {by: {law: by_factor * peak for law, peak in peaks.items()} for by, peaks in base.items()}
+            for words, by_factor in factors.items()
+        }
+        sources.append((SHARES, "against finite elements that follow the turn", scaled_peaks))
     alone = ", ".join(label for label, each in variants.items() if len(each.of) == 1)
     sources += [(MODELS, ", ".join(by_model), by_model), (DRIVE, alone, by_drive)]
     if leads and contacts.second_pass is not None and scene.layer.return_stroke != "compacted":
