@@ -248,7 +248,7 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "work_balance": {"law": study.work_balance.law} | json_numbers(study.work_balance, results.WORK_BALANCE),
         "verdict": _verdict(study),
         "first_laws": _first_laws(study.first_laws),
-        "robust_laws": {name: _robust_law(scene, found) for name, found in stages.laws.robust.items()},
+        "robust_laws": {name: _robust_law(scene, found) for name, found in stages.laws.robust.items()} or None,
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"density_achievable": not unreachable, "reason": unreachable},
