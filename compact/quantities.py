@@ -271,9 +271,10 @@ PROCESS_LIFTS = _table("""
     specific_work         | J/m3 | kJ/m³ |   | work per volume of the product
     bottom_density_ratio  | 1    |       | k | density ratio of the bottom quarter
     top_density_ratio     | 1    |       | k | density ratio of the top quarter
-    overpressed_height    | m    | mm    |   | height with a density ratio above 1
+    saturated_height      | m    | mm    |   | height with a density ratio above 0.99
     surface               | m    | mm    |   | height behind the roller
     air_excess_behind     | Pa   | kPa   |   | largest excess pressure of pore air behind the contact
+    gyrations             | 1    |       | n | gyrations of a compactor with the same shear work over pressure
     largest_work_residual | 1    |       |   | largest energy-balance residual of a pass
 """)
 # One stroke on a section, per unit roller length

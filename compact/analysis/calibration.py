@@ -23,6 +23,7 @@ from scipy.stats import t as student
 
 from compact.analysis.contact_cases import contact_inputs, roll_scene, scene_mix
 from compact.analysis.stages.ensemble import Change, ensemble
+from compact.engines.process.kneading import KneadingFit
 from compact.material import mix
 from compact.material.laws import Compaction
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
@@ -467,6 +468,19 @@ def drive_summary(found: DriveCalibration) -> dict[str, Any]:
     """Convert a calibration of the drive to plain numbers for JSON, SI."""
     named = {name: getattr(found, name) for name in ("stiffness", "damping", "backlash", "tapped_stiffness")}
     return {name: vars(each) | {"spread": each.spread} for name, each in named.items() if each is not None}
+
+
+def kneading_digest(found: KneadingFit) -> str:
+    """Describe a fit of kneading in text, with the lines for the scene."""
+    slopes, (gain, exponent) = found.static_slopes, (found.kneading.gain, found.kneading.exponent)
+    lines = [f"static Heckel slope {slope * 1e6:.3g} per MPa {name}".rstrip() for name, slope in slopes.items()]
+    mean = float(np.exp(np.mean(np.log([*slopes.values()]))))
+    return "\n".join([
+        *lines, f"gain {gain:.3g} at the first gyration, exponent {exponent:.3g}; rms of the density {found.rms:.2g}",
+        "",
+        "for the scene:", "[mix.overrides]", f"heckel_slope = {mean:.4g}  # 1/Pa; static, measured", "[process]",
+        f"kneading = [{gain:.4g}, {exponent:.4g}]  # measured",
+    ])  # fmt: skip
 
 
 def calibration_digest(calibration: Calibration) -> str:

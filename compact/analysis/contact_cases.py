@@ -139,7 +139,7 @@ def contact_speeds(scene: Scene) -> tuple[float, ...]:
 
 def process_detail(scene: Scene) -> "ProcessDetail":
     """Return the detail of the forming process of a scene by the engine "process", lumped lifts by default."""
-    return (scene.process and scene.process.detail) or "quick"
+    return (scene.process and scene.process.detail) or "deep"
 
 
 def nearest_speed(speeds: Iterable[float], speed: float) -> int:

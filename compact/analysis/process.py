@@ -2,13 +2,13 @@
 
 Columns give the load, its spread along the roller and the confined floor of the resistance. The floor is not for
 sizing, and the load is a lower estimate: shear and the density over the height need two dimensions. Lumped lifts
-compute these, of two thicknesses on one mesh ("quick"), or of three thicknesses and on three meshes ("deep"). Pore air
-enters them one-way or coupled; drained mix states its one-way part alone.
+compute these, of two thicknesses ("deep"). Pore air enters them one-way or coupled; drained mix
+states its one-way part alone. Every force on a cart has its origin, its spread and the test that would fix it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,19 +16,29 @@ import numpy as np
 from compact.analysis.contact_cases import compaction_material, scene_mix
 from compact.analysis.machine_models import cart
 from compact.analysis.pore_air import pore_air_of
+from compact.analysis.worker_pool import Executor, SerialExecutor, run_tasks
 from compact.engines.column.column_pass import Column
 from compact.engines.pore_air import AirForces
 from compact.engines.process.forming import Closure, ClosureKind, Feed, FormingMachine
-from compact.engines.process.lifts import CASES, KnownLifts, ProcessDetail, lift_thickness, simulate_lifts
-from compact.engines.process.roller_row import RollerRow, sleeve_drag
-from compact.engines.process.strokes import FormingProblem, SectionHistory, solve_closure
+from compact.engines.process.kneading import Kneading
+from compact.engines.process.lifts import CASES, KnownLifts, LiftSequence, ProcessDetail, lift_thickness, simulate_lifts
+from compact.engines.process.loose_mix import extrusion_pressure, sleeve_drag
+from compact.engines.process.roller_row import RollerRow
+from compact.engines.process.strokes import SEARCH_LAYERS, FormingProblem, SectionHistory, solve_closure
 from compact.machine.cart import balance
 from compact.material.mix import Mix, bulk_density
 from compact.material.pore_air import PoreAir
 from compact.scene.loader import Scene, SceneError
 
+PRESSURE_FACTOR = 2.0  # [-], spread of an assumed pressure on the smoothing plate
 WORK_LIMIT = 2e-2  # [-], residual of the energy balance of a pass
 UNFED_SHARE = 1e-6  # [-], of the product; less missing or surplus mix is rounding
+
+
+def _pressed(press: Callable[..., LiftSequence], case: tuple[float, int]) -> LiftSequence:
+    """Return the lifts of a thickness [m] on a number of elements per contact length."""
+    thickness, increments = case
+    return press(thickness=thickness, increments=increments)
 
 
 class ResistancePart(NamedTuple):
@@ -38,15 +48,23 @@ class ResistancePart(NamedTuple):
     ----------
     cause : str
         Words.
-    force : float or None
-        Force [N]; None where columns do not compute it.
+    origin : {"computed", "estimated", "assumed", "measured", "remainder"}
+        Origin of the force.
+    test : str
+        Test that would fix it.
+    force, low, high : float or None
+        Force and its spread [N]; None where columns do not compute it.
     work : float or None
         Work per volume of the product [J/m3]; None likewise, or of a mould at rest.
     """
 
     cause: str
-    force: float | None
-    work: float | None
+    origin: str
+    test: str
+    force: float | None = None
+    low: float | None = None
+    high: float | None = None
+    work: float | None = None
 
 
 @dataclass(frozen=True)
@@ -57,12 +75,14 @@ class ProcessStudy:
     ----------
     scene : Scene
         Scene.
-    detail : {"columns", "quick", "deep"}
+    detail : {"columns", "deep"}
         Columns alone, or with lumped lifts in two dimensions.
     report : callable
-        Called with a line of text after each lift.
+        Called with a line of text after each sequence of lifts.
     known : KnownLifts, optional
         Lifts of the same section and mix; without them they are computed.
+    executor : Executor, optional
+        Open executor of the sequences of lifts; this process by default.
 
     Raises
     ------
@@ -74,6 +94,7 @@ class ProcessStudy:
     detail: ProcessDetail = "columns"
     report: Callable[[str], None] = field(default=lambda _: None, compare=False)
     known: KnownLifts | None = None
+    executor: Executor | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if self.scene.process is None:
@@ -105,7 +126,8 @@ class ProcessStudy:
         if table.fill_height is not None and table.fill_density_ratio is not None:
             fill = Column(table.fill_height, table.fill_density_ratio)
         feed = Feed(table.feed_density_ratio, table.feed, table.feed_count or 0, table.feeds)
-        return FormingProblem(forming, compaction_material(self.scene, self.mix), fill, feed, table.layers)
+        kneading = None if table.kneading is None else Kneading(*table.kneading)
+        return FormingProblem(forming, compaction_material(self.scene, self.mix), fill, feed, table.layers, kneading)
 
     @property
     def closure(self) -> Closure:
@@ -113,8 +135,9 @@ class ProcessStudy:
         table = self.scene.process
         assert table is not None
         kinds: tuple[ClosureKind, ...] = ("gap", "product_density_ratio", "extrusion_pressure")
-        kind = next(kind for kind in kinds if getattr(table, kind) is not None)  # a rule of the scene
-        return Closure(kind, getattr(table, kind), table.offered_thickness)
+        kind = next((kind for kind in kinds if getattr(table, kind) is not None), kinds[-1])
+        value = self.extrusion_pressures[0] if kind == kinds[-1] else getattr(table, kind)
+        return Closure(kind, value, table.offered_thickness)
 
     @cached_property
     def history(self) -> SectionHistory:
@@ -128,14 +151,17 @@ class ProcessStudy:
         if self.known is not None or not CASES[self.detail] or not history.make_up.any():
             return self.known
         density_ratio, pore_air = history.of_product("density_ratio"), self.pore_air
-        sequences = tuple(
-            simulate_lifts(
-                self.problem, self.mix.steel_friction, history.rate_factor, density_ratio,
-                thickness=lift_thickness(machine, history.make_up, share), increments=increments,
-                air=None if pore_air is None else (pore_air, self.scene.mix.pore_air == "coupled"), report=self.report,
-            )
-            for share, increments in CASES[self.detail]
-        )  # fmt: skip
+        air = None if pore_air is None else (pore_air, self.scene.mix.pore_air == "coupled")
+        press = partial(
+            simulate_lifts, self.problem, self.mix.steel_friction, history.rate_factor, density_ratio, air=air
+        )
+        cases = [(lift_thickness(machine, history.make_up, share), count) for share, count in CASES[self.detail]]
+        found = dict[int, LiftSequence]()
+        for number, job in run_tasks(partial(_pressed, press), cases, self.executor or SerialExecutor()):
+            found[number] = job.result()
+            thickness, count = cases[number]
+            self.report(f"lifts of {thickness * 1e3:.3g} mm, {count} elements: {len(found[number].lifts)} pressed")
+        sequences = tuple(found[number] for number in sorted(found))
         return KnownLifts(sequences, history.rate_factor, machine.cart_speed)
 
     @cached_property
@@ -238,12 +264,66 @@ class ProcessStudy:
     @cached_property
     def sleeve_drag(self) -> float | None:
         """Drag of all sleeves of a cart [N]; None without the table [sleeve]."""
-        table, length = self.scene.sleeve, self.scene.machine.roller_length
+        return self._sleeves.force
+
+    @property
+    def _loose_density(self) -> float:
+        """Bulk density of the feed [kg/m3]."""
+        return float(bulk_density(self.scene.mix.moisture, self.problem.feed.density_ratio))
+
+    @cached_property
+    def _sleeves(self) -> ResistancePart:
+        """Mix sheared in the sleeves: full stress at rest; mix that flows to a rougher opening, and a smoother wall."""
+        table, length, wall = self.scene.sleeve, self.scene.machine.roller_length, self.mix.parameter("steel_friction")
+        test = "sleeve.measured_drag: pull of the cart with full sleeves over a hard plate"
+        part = ResistancePart("mix sheared in the feed sleeves", "assumed", test)
         if table is None:
-            return None
-        density = float(bulk_density(self.scene.mix.moisture, self.problem.feed.density_ratio))
-        given = table.width, length, table.head, table.wall_friction
-        return table.count * sleeve_drag(*given, density, self.mix.friction_angle)
+            return part
+        if table.measured_drag is not None:
+            return ResistancePart(part.cause, "measured", test, *[table.measured_drag] * 3)
+
+        def drag(friction: float, flowing: bool) -> float:
+            given = table.width, length, table.head, friction, self._loose_density, self.mix.friction_angle
+            return table.count * sleeve_drag(*given, flowing)
+
+        spread, friction = (wall.high - wall.low) / 2, table.wall_friction
+        high = drag(max(friction - spread, 0.0), False)
+        return part._replace(force=drag(friction, False), low=drag(friction + spread, True), high=high)
+
+    @property
+    def _plate(self) -> ResistancePart:
+        """Friction of the smoothing plate, which slides with the cart over the strips of its rollers."""
+        table, friction = self.scene.process, self.mix.parameter("steel_friction")
+        part = ResistancePart("friction of the smoothing plate", "assumed", "the same pull with the plate raised")
+        if table is None or table.plate_length is None or table.plate_pressure is None:
+            return part
+        load = table.plate_pressure * table.plate_length * self.covered_width
+        force, low, high = (load * each for each in (friction.value, friction.low, friction.high))
+        return part._replace(force=force, low=low / PRESSURE_FACTOR, high=high * PRESSURE_FACTOR)
+
+    @cached_property
+    def extrusion_pressures(self) -> tuple[float, float, float]:
+        """Pressure at which mix evades along the axis [Pa], and its bounds: the given one, or by the wedge."""
+        given = self.scene.process and self.scene.process.extrusion_pressure
+        if given:
+            return given, given, given
+        angle, cohesion = (self.mix.parameter(name) for name in ("friction_angle", "cohesion_loose"))
+        low, value, high = (
+            extrusion_pressure(
+                self.scene.product.height, self._loose_density, getattr(angle, end), getattr(cohesion, end)
+            )
+            for end in ("low", "value", "high")
+        )
+        return value, low, high
+
+    @property
+    def _extrusion(self) -> ResistancePart:
+        """Work of the mix that evades, at most all of the fill, over the stroke."""
+        flow, (pressure, _, high), k = self.row.flow, self.extrusion_pressures, self.problem.feed.density_ratio
+        swept = self.problem.machine.advance * self.covered_width / k / self.scene.motion.stroke
+        force, most = pressure * flow.extruded * swept, high * flow.fill * swept
+        test = "length of the extruded tongue"
+        return ResistancePart("mix extruded towards the empty mould", "estimated", test, force, 0.0, most)
 
     @property
     def guide_friction(self) -> float:
@@ -252,23 +332,61 @@ class ProcessStudy:
         return float(balance(cart(self.scene, self.load), 0.0, resistance, 1.0).guide_friction)
 
     @property
-    def parts(self) -> tuple[ResistancePart, ...]:
-        """Parts of the force that moves one cart."""
-        row, rollers, air = self.row, self.scene.machine.rollers, {}
+    def _forming(self) -> Iterator[ResistancePart]:
+        """Parts of the mix under the rollers; their spread is that of the Heckel slope, and of lumping and mesh."""
+        row, rollers, slope = self.row, self.scene.machine.rollers, self.mix.parameter("heckel_slope")
+        weaker, stronger = slope.value / slope.high, slope.value / slope.low
+
+        def part(cause: str, test: str, force: float, error: float) -> ResistancePart:
+            force *= rollers
+            ends = force * weaker * max(1 - error, 0.0), force * stronger * (1 + error)
+            return ResistancePart(cause, "computed", test, force, *ends)
+
+        shear, cores = "shear, uneven density, bow wave (two dimensions)", "density of a cored product at three heights"
+        tests, pressed = "confined compression of the mix, or gyratory compaction", row.estimate("resistance")
+        if self.problem.kneading is not None and row.lifts is not None:
+            yield part("forming, kneaded (two dimensions)", tests, pressed.value, pressed.error)
+            return
+        yield part("confined compression of the throughput", tests, row.resistance, 0.0)
+        if row.lifts is None:
+            yield ResistancePart(shear, "computed", cores)
+        else:
+            rest = pressed.value - row.resistance
+            yield part(shear, cores, rest, pressed.error * pressed.value / rest)
         if self.counts_air:
-            air["pore air (two dimensions)"] = rollers * row.estimate("air_resistance").value
-        forces = {
-            "confined compression of the throughput": rollers * row.resistance,
-            "shear, uneven density, bow wave (two dimensions)":
-                None if row.lifts is None else rollers * (row.estimate("resistance").value - row.resistance),
-            **air,
-            "mix sheared in the feed sleeves": self.sleeve_drag,
-            "friction of the guide wheels": self.guide_friction,
-        }  # fmt: skip
-        stroke, volume = self.scene.motion.stroke, self.product_volume
+            air = row.estimate("air_resistance")
+            yield part("pore air (two dimensions)", "air permeability of the fed mix", air.value, air.error)
+
+    @property
+    def parts(self) -> tuple[ResistancePart, ...]:
+        """Parts of the force that moves one cart, and what they leave of a measured or printed one."""
+        guides = self.guide_friction
+        rolling = ResistancePart("friction of the guide wheels", "computed", "pull with raised rollers", *[guides] * 3)
+        found = [*self._forming, self._sleeves, self._plate, self._extrusion, rolling]
+        measured = self.scene.process and self.scene.process.measured_force
+        if measured:
+            sums = [sum(getattr(each, end) or 0.0 for each in found) for end in ("force", "high", "low")]
+            left = (measured - each for each in sums)
+            test = "force over the first strokes, mould at rest, sleeves empty and full"
+            found.append(ResistancePart("not explained", "remainder", test, *left))
+        scale = self.scene.motion.stroke / self.product_volume if self.product_volume else 0.0
         return tuple(
-            ResistancePart(cause, force, None if force is None or not volume else force * stroke / volume)
-            for cause, force in forces.items()
+            each._replace(work=each.force * scale if scale and each.force is not None else None) for each in found
+        )
+
+    @property
+    def _evasion(self) -> str:
+        """Sentence on a pressure of extrusion by the wedge, with the density ratios at its bounds."""
+        pressure, *bounds = self.extrusion_pressures
+        if self.closure.kind != "extrusion_pressure" or pressure in bounds:
+            return ""
+        few, found = replace(self.problem, layers=SEARCH_LAYERS), []
+        for bound in bounds:
+            history = solve_closure(few, replace(self.closure, value=bound))
+            found.append(f"{bound / 1e3:.3g} kPa, density ratio {history.of_product('density_ratio'):.3f}")
+        return (
+            f"mix evades along the axis at {pressure / 1e3:.3g} kPa, estimated by the wedge of the free slope; between "
+            f"{' and '.join(found)}"
         )
 
     @property
@@ -287,15 +405,20 @@ class ProcessStudy:
             flow.extruded > UNFED_SHARE * flow.product
             and f"over-feed: {flow.extruded / flow.product:.2%} of the product's mix are extruded towards the empty "
             f"mould, and {flow.retained / flow.product:.2%} stay in the sleeves",
+            self.problem.kneading is None and self.mix.parameter("heckel_slope").flag != "given"
+            and "the Heckel slope is that of kneaded mix, from required pressures of roller machines; static tests "
+            "give less, and [process] kneading needs a static one",
+            self.problem.kneading and "columns press without kneading, by the static Heckel slope: no floor",
+            self._evasion,
         ]  # fmt: skip
         if self.lifts is not None:
             found, tension = row.numbers_by_lifts, self.mix.cohesion / np.tan(np.radians(self.mix.friction_angle))
             beyond, residual = row.estimate("load").extrapolated_share, found["largest_work_residual"]
             stopped = next((each.stopped for each in self.lifts.sequences if each.stopped), "")
             sentences += [
-                found["overpressed_height"]
-                and f"the top {found['overpressed_height'] * 1e3:.0f} mm of the product exceed a density ratio of 1: "
-                "pressed beyond the pores, outside the law of the mix; water and air would carry the load there",
+                found["saturated_height"]
+                and f"the top {found['saturated_height'] * 1e3:.0f} mm of the product are denser than 0.99: water and "
+                "the last air carry the load there, up to the saturation limit",
                 beyond and f"{beyond:.0%} of the load are extrapolated beyond the densest lift",
                 residual > WORK_LIMIT and f"the energy balance of a lift closes within {residual:.1%} only",
                 stopped and f"a sequence of lifts ends early: {stopped}",

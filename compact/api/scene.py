@@ -168,12 +168,12 @@ class Scene(loader.Scene):
             place = temporary if out is None else out
             return many.run(place, executor=choose_executor(workers), resume=out is not None).load()
 
-    def forming_process(self, detail: Literal["columns", "quick", "deep"] = "columns") -> "Process":
+    def forming_process(self, detail: Literal["columns", "deep"] = "columns") -> "Process":
         """Compute the forming process of the table [process].
 
         Parameters
         ----------
-        detail : {"columns", "quick", "deep"}
+        detail : {"columns", "deep"}
             Columns alone, or with lumped lifts in two dimensions on one mesh, or on three.
 
         Returns

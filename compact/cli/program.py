@@ -237,24 +237,24 @@ def cam(
 
 
 @app.command
-def process(scene: ScenePath, /, *, quick: bool = False, deep: bool = False, job: OwningJob = OWNING_JOB) -> None:
+def process(scene: ScenePath, /, *, deep: bool = False, job: OwningJob = OWNING_JOB) -> None:
     """Compute the forming process of a table [process]: strokes over a moving mould with feed before each.
 
     Parameters
     ----------
-    quick
-        lumped lifts in two dimensions too, of one thickness and on one mesh: some minutes
     deep
-        lumped lifts of three thicknesses and on three meshes, with errors: ten minutes or more
+        lumped lifts in two dimensions too, of two thicknesses, with errors: some minutes on two processors
     """
     from compact.analysis.process import ProcessStudy
+    from compact.analysis.worker_pool import choose_executor
     from compact.report.process import process_digest, write_process
 
     given = job.read(scene)
     stated = given.process and given.process.detail
-    detail = "deep" if deep else "quick" if quick else stated or "columns"
-    with job.writing(scene, "process", given) as (directory, progress):
-        study = ProcessStudy(given, detail, progress.report)
+    detail = "deep" if deep else stated or "columns"
+    helpers = choose_executor(None if detail == "deep" else 1)
+    with job.writing(scene, "process", given) as (directory, progress), helpers:
+        study = ProcessStudy(given, detail, progress.report, executor=helpers)
         progress.begin("strokes of the process")
         write_process(study, directory)
     job.show(lambda: process_digest(study), directory, process=read_json(directory / "process.json"))
@@ -418,12 +418,13 @@ def calibrate(
     increments: int | None = None,
     job: Job = JOB,
 ) -> None:
-    """Fit the mix of a scene to forces measured on its plant, and the drive to its deflection and tap tests.
+    """Fit the mix of a scene to forces measured on its plant or to kneading, and the drive to its tests.
 
     Parameters
     ----------
     measured
-        TOML or CSV file of measured load, resistance and exit density, or of deflection and tap tests of the drive
+        TOML or CSV file of measured load, resistance and exit density, of deflection and tap tests of the drive, or of
+        density over cycles of kneading and pressure
     parameters
         parameters to fit, at most as many as there are data
     engine
@@ -432,6 +433,8 @@ def calibrate(
         elements of travel per contact length (finite elements); 14 by default, 7 cost a third and differ by 1 to 2 %
     """
     from compact.analysis import calibration
+    from compact.engines.process.kneading import fit_kneading
+    from compact.material import mix
     from compact.scene.plant_data import read_measurements
 
     readings = read_measurements(measured)
@@ -444,6 +447,10 @@ def calibrate(
         drive = calibration.calibrate_drive(given, readings)
         summary["drive"] = calibration.drive_summary(drive)
         told.append(calibration.drive_digest(drive, given.machine.mass))
+    if readings.kneading:
+        kneaded = fit_kneading(readings.kneading, mix.LOOSE_DENSITY_RATIO)
+        summary["kneading"] = {**vars(kneaded.kneading), "static_slopes": kneaded.static_slopes, "rms": kneaded.rms}
+        told.append(calibration.kneading_digest(kneaded))
     if readings.measurements:
         with job.progress() as progress:
             progress.begin(f"fit by {engine}")

@@ -96,7 +96,11 @@ def process_summary(study: ProcessStudy) -> dict[str, Any]:
         "rollers": study.scene.machine.rollers,
         "per_roller": _with_units(row.numbers, PROCESS),
         "mix_per_stroke": {name: json_number(value, unit) for name, value in study.mix_balance.items()},
-        "parts": [{"cause": part.cause} | json_numbers(part, "force_N work_J/m3") for part in study.parts],
+        "parts": [
+            {name: getattr(part, name) for name in ("cause", "origin", "test")}
+            | json_numbers(part, "force_N low_N high_N work_J/m3")
+            for part in study.parts
+        ],
         "two_dimensions": by_lifts or None,
         "remarks": list(study.remarks),
     }
@@ -124,8 +128,12 @@ def process_digest(study: ProcessStudy) -> str:
     lines += ["", f"force that moves one cart with {rollers} rollers"]
     for part in study.parts:
         force = "not computed" if part.force is None else format_quantity(part.force, "N")
-        work = "" if part.work is None else f"{part.work / 1e3:10.4g} kJ/m³ of product"
-        lines.append(f"{_line(part.cause, force)}{work}")
+        work = "" if part.work is None else f"{part.work / 1e3:8.3g} kJ/m³"
+        ends = [
+            format_quantity(each, "N") for each in (part.low, part.high) if each is not None and part.low != part.high
+        ]
+        words = f" ({' to '.join(ends)})" if ends else ""
+        lines.append(f"{_line(part.cause, force)}{work}  {part.origin}{words}; {part.test}")
     return "\n".join([*lines, "", *(f"note: {remark}" for remark in study.remarks)]).rstrip()
 
 
@@ -182,8 +190,8 @@ def draw_section(study: ProcessStudy) -> Figure:
     bar.set_title("density ratio k", fontsize=9, loc="left")
     load, resistance = (row.of_strokes(name) for name in ("load", "resistance"))
     for ax, values, color, label in zip(
-        below, (load / 1e3, resistance, study.history.density_ratio), (PALETTE[0], "0.2", PALETTE[2]),
-        ("load P\n[kN/m]", "resistance F\n[N/m]", "mean density\nratio k [-]"), strict=True,
+        below, (load / 1e3, resistance / 1e3, study.history.density_ratio), (PALETTE[0], "0.2", PALETTE[2]),
+        ("load P\n[kN/m]", "resistance F\n[kN/m]", "mean density\nratio k [-]"), strict=True,
     ):  # fmt: skip
         force = ax is not below[-1]
         ax.stairs(values, row.edges, baseline=0 if force else None, color=color, fill=force, alpha=0.5 if force else 1)

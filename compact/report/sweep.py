@@ -1,8 +1,10 @@
 """Results of a sweep in addition to sweep.nc: figures, Sobol indices, and the digest on the terminal.
 
-Maps of a sample show the median. A map is hatched where rolling cannot reach the density, and grey without a number.
+Maps of a sample show the median. A map is hatched where rolling cannot reach the density, and grey without a number, in
+a shade for each kind of reason: over two keys of a machine it is its operating window. A star is the scene itself.
 """
 
+import json
 import re
 import warnings
 from collections.abc import Callable, Iterable, Sequence
@@ -19,6 +21,7 @@ from matplotlib.patches import Patch
 from compact.files import write_csv, write_figure
 from compact.quantities import CRITERIA, INPUT, SWEEP_POINT, unit_symbol
 from compact.report.figures import label_contours, law_style
+from compact.scene.schema import declared_keys, extra_of
 from compact.sweep.sobol_indices import Index, SobolTable
 
 if TYPE_CHECKING:
@@ -34,6 +37,8 @@ PANEL_COLUMNS = 3  # [-]
 LOGARITHMIC_RATIO = 10  # [-], of largest to smallest value, above which an axis is logarithmic
 CONSTANT_SPAN = 1e-9  # [-], relative range below which a quantity is constant
 NO_NUMBER = "0.82"  # grey
+LEGEND_WIDTH = 130  # [characters]
+REASON_WIDTH = 90  # [characters], of a reason in a legend
 
 
 def write_sweep_report(directory: Path, table: "Dataset", sobol: SobolTable) -> None:
@@ -87,13 +92,18 @@ def sweep_digest(table: "Dataset", sobol: SobolTable) -> str:
 
 def _count_sentences(sentences: Iterable[str]) -> list[str]:
     """Count sentences that differ in numbers only; return the most frequent ones."""
-    kinds: dict[str, list[str]] = {}
-    for sentence in filter(None, sentences):
-        kinds.setdefault(DIGITS.sub("#", sentence), []).append(sentence)
-    ordered = sorted(kinds.values(), key=len, reverse=True)
+    ordered = list(_kinds(sentences).values())
     rest = sum(map(len, ordered[SHOWN_SENTENCES:]))
     shown = [f"{len(each)} x {each[0]}" for each in ordered[:SHOWN_SENTENCES]]
     return [*shown, f"{rest} x for other reasons"] if rest else shown
+
+
+def _kinds(sentences: Iterable[str]) -> dict[str, list[str]]:
+    """Return sentences by their words without numbers, the most frequent kind first."""
+    kinds: dict[str, list[str]] = {}
+    for sentence in filter(None, sentences):
+        kinds.setdefault(DIGITS.sub("#", sentence), []).append(sentence)
+    return dict(sorted(kinds.items(), key=lambda kind: -len(kind[1])))
 
 
 # figures
@@ -130,22 +140,29 @@ def band(table: "Dataset", quantity: str) -> "tuple[DataArray, DataArray, DataAr
     return low, middle, high
 
 
-def _panels(names: Sequence[str], draw: Callable[[Axes, str], None], x: str, y: str | None) -> Figure:
+def _axis_label(table: "Dataset", name: str) -> str:
+    """Return the label of a varied key with its unit."""
+    if name in INPUT:
+        return INPUT[name].axis_label
+    key, words = table[name].attrs["key"], name.replace("_", " ")
+    return f"{words} [{extra_of(key).get('unit', '-')}]" if key in declared_keys() else words
+
+
+def _panels(names: Sequence[str], draw: Callable[[Axes, str], None], *labels: str) -> Figure:
     """Draw one panel for each name, PANEL_COLUMNS a row, over one key or two."""
     rows = -(-len(names) // PANEL_COLUMNS)
     figure = Figure(figsize=(4.3 * PANEL_COLUMNS, 3.3 * rows + 0.7), layout="constrained")
     for number, name in enumerate(names):
         ax = figure.add_subplot(rows, PANEL_COLUMNS, number + 1)
         draw(ax, name)
-        ax.set_xlabel(INPUT[x].axis_label if x in INPUT else x.replace("_", " "))
-        if y is not None:
-            ax.set_ylabel(INPUT[y].axis_label if y in INPUT else y.replace("_", " "))
+        ax.set(**dict(zip(("xlabel", "ylabel"), labels, strict=False)))
     return figure
 
 
 def _legend(figure: Figure, marks: Sequence[Any], title: str | None = None) -> None:
     if marks:
-        columns = min(8, len(marks))
+        longest = max(len(str(mark.get_label())) for mark in marks)
+        columns = min(8, len(marks), max(1, LEGEND_WIDTH // longest))
         figure.legend(handles=marks, loc="outside lower center", ncols=columns, frameon=False, title=title, fontsize=9)
 
 
@@ -157,9 +174,22 @@ def draw_maps(table: "Dataset", names: Sequence[str]) -> Figure:
     unreachable = plane["not_reachable"] != ""
     if "sample" in unreachable.dims:
         unreachable = unreachable.mean("sample") > 0.5
+    kinds = {} if "sample" in table.dims else _kinds(plane["reason"].values.ravel())
+    shades = dict(zip(kinds, colormaps["Greys"](np.linspace(0.3, 0.6, max(len(kinds), 1))), strict=False))
+    star = [value for name in (x, y) if (value := _of_scene(table, name)) is not None]
 
     def draw(ax: Axes, name: str) -> None:
         ax.set_facecolor(NO_NUMBER)
+        if kinds:
+            number = np.vectorize(
+                lambda told: [*kinds].index(DIGITS.sub("#", told)) if told else np.nan, otypes=[float]
+            )
+            cells = np.ma.masked_invalid(number(plane["reason"].values))
+            ax.pcolormesh(
+                plane[x], plane[y], cells, cmap=ListedColormap([*shades.values()]), vmin=-0.5, vmax=len(kinds) - 0.5
+            )
+        if len(star) == 2:
+            ax.plot(*star, "*", color="white", markeredgecolor="black", markersize=11, zorder=5)
         if name.startswith(BEST_LAW):
             laws = plane[name].values
             numbers = np.ma.masked_where(laws == "", np.searchsorted(best, laws))
@@ -177,14 +207,28 @@ def draw_maps(table: "Dataset", names: Sequence[str]) -> Figure:
         if unreachable.any():
             ax.contourf(plane[x], plane[y], unreachable.values, [0.5, 1.5], colors="none", hatches=["////"])
 
-    figure = _panels(names, draw, x, y)
+    figure = _panels(names, draw, _axis_label(table, x), _axis_label(table, y))
     marks: list[Any] = [Patch(facecolor=law_style(law)["color"], label=law) for law in best]
     if unreachable.any():
         marks.append(Patch(facecolor="none", edgecolor="black", hatch="////", label="not reachable by rolling"))
-    if (table["reason"] != "").any():
+    marks += [Patch(facecolor=shades[kind], label=_shortened(told[0])) for kind, told in kinds.items()]
+    if not kinds and (table["reason"] != "").any():
         marks.append(Patch(facecolor=NO_NUMBER, label="no result, reason in sweep.nc"))
     _legend(figure, marks)
     return figure
+
+
+def _of_scene(table: "Dataset", name: str) -> float | None:
+    """Return the value of a varied key in the scene itself; None without a number."""
+    found: Any = json.loads(table.attrs["scene"])
+    for part in table[name].attrs["key"].split("."):
+        found = found.get(part) if isinstance(found, dict) else None
+    return found if isinstance(found, int | float) else None
+
+
+def _shortened(reason: str) -> str:
+    """Return a reason for a legend."""
+    return reason if len(reason) <= REASON_WIDTH else f"{reason[:REASON_WIDTH].rpartition(' ')[0]} …"
 
 
 def draw_bands(table: "Dataset", names: Sequence[str]) -> Figure:
@@ -207,7 +251,7 @@ def draw_bands(table: "Dataset", names: Sequence[str]) -> Figure:
         if np.nanmin(values) > 0 and np.nanmax(values) > LOGARITHMIC_RATIO * np.nanmin(values):
             ax.set_yscale("log")
 
-    figure = _panels(names, draw, x, None)
+    figure = _panels(names, draw, _axis_label(table, x))
     title = f"bands: {BAND[0]:.0%} to {BAND[1]:.0%} of the sample" if "sample" in table.dims else None
     _legend(figure, figure.axes[0].get_lines() if before else [], title)
     return figure

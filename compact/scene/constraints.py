@@ -24,6 +24,7 @@ from compact.scene.errors import Key, Mistake, Source
 from compact.scene.schema import NIP_ANGLE, STROKES_LIMIT, unit_of
 
 OIL_SHARE = 0.02  # [-], of the stroke, by which oil may yield; a cart overshoots its stroke by up to half of this
+STATIC_SLOPES = 0.4e-6, 1.5e-6, 5e-6  # [1/Pa], assumed: gyratory compactors before the first turn, to the prior's share
 GUARD = 1 + 1e-9  # [-], relative rounding margin; the published machine satisfies 2R + B_T = stroke exactly
 
 
@@ -243,7 +244,8 @@ NEEDS = (  # key, and the one without which it means nothing
     ("motion.optimise.profile_radius", "cam"),
     ("process.fill_height", "process.fill_density_ratio"),
     ("process.fill_density_ratio", "process.fill_height"),
-    ("process.offered_thickness", "process.extrusion_pressure"),
+    ("process.plate_length", "process.plate_pressure"),
+    ("process.plate_pressure", "process.plate_length"),
     ("sleeve", "process"),
 )
 
@@ -460,12 +462,27 @@ def _mould_has_one_speed(speed, of_product):
         return f"must be product.mould_speed = {of_product:g} m/s, got {speed:g}; take product.mould_speed out"
 
 
-@rule("process.gap", "process.product_density_ratio", "process.extrusion_pressure", "process")
-def _one_closure(*closures_and_process: Any):
-    *closures, process = closures_and_process
+@rule("process.gap", "process.product_density_ratio", "process.extrusion_pressure")
+def _one_closure(*closures: Any):
     given = len(closures) - closures.count(None)
-    if process is not None and given != 1:
-        return f"exactly one of gap, product_density_ratio and extrusion_pressure must be given, got {given}"
+    if given > 1:
+        return f"at most one of gap, product_density_ratio and extrusion_pressure must be given, got {given}"
+
+
+@rule("process.offered_thickness", "process.gap", "process.product_density_ratio")
+def _offer_is_for_a_pressure(offered, *closures: Any):
+    if offered is not None and any(each is not None for each in closures):
+        return "is for a pressure of extrusion; take it out, or the gap or product_density_ratio"
+
+
+@rule("process.kneading", "mix.overrides.heckel_slope")
+def _kneaded_slope_is_static(kneading, slope):
+    if kneading is not None and (slope is None or slope > STATIC_SLOPES[1]):
+        low, proposed, high = STATIC_SLOPES
+        return (
+            "needs a static mix.overrides.heckel_slope: that of the prior is from the required pressures of roller "
+            f"machines, whose mix is kneaded, and would count it twice; give {proposed:g} 1/Pa, {low:g} to {high:g}"
+        )
 
 
 @rule("mix.pore_air", "mix.overrides.air_permeability", into=ADVICE)

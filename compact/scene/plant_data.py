@@ -16,6 +16,12 @@
     frequency = 5.03                                                  # Hz, damped
     damping_ratio = 0.05                                              # or decay in 1/s, or decrement
 
+    [[kneading]]                                                      # of a gyratory compactor
+    cycles = 10                                                       # gyrations, 0 before the first
+    pressure = 600e3                                                  # Pa
+    density_ratio = 0.93
+    specimen = "A"                                                    # optional; each has its static slope
+
 A CSV has one measurement or one test a row under the same names, and for a band the columns NAME_low and NAME_high.
 """
 
@@ -25,13 +31,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from compact.engines.process.kneading import Reading
 from compact.files import read_table
 
 FITTED = ("load", "resistance", "resistance_coefficient")  # data of a fit
 STATED = ("exit_density_ratio", "speed")  # conditions of a measurement
 DECAYS = ("damping_ratio", "decay", "decrement")  # of which a tap test has one
 EDGES = ("low", "high")
-TESTS = {"deflection": "deflection", "tap": "frequency"}  # table of a test -> column by which a CSV file has it
+TESTS = {
+    "deflection": "deflection",
+    "tap": "frequency",
+    "kneading": "cycles",
+}  # table of a test -> column by which a CSV file has it
 
 
 @dataclass(frozen=True)
@@ -130,12 +141,15 @@ class Measured:
         (low, high) of scene keys without a measurement.
     deflections, taps : tuple
         Tests of the drive.
+    kneading : tuple of Reading
+        Density over cycles of kneading.
     """
 
     measurements: tuple[Measurement, ...]
     assumptions: dict[str, tuple[float, float]] = field(default_factory=dict)
     deflections: tuple[Deflection, ...] = ()
     taps: tuple[Tap, ...] = ()
+    kneading: tuple[Reading, ...] = ()
 
     @property
     def of_drive(self) -> bool:
@@ -169,7 +183,7 @@ def read_measurements(path: str | Path) -> Measured:
             data: dict[str, Any] = {kind: cells}
         else:
             data = tomllib.loads(path.read_text(encoding="utf-8"))
-        kinds = {"measurement": _measurement, "deflection": _deflection, "tap": _tap}
+        kinds = {"measurement": _measurement, "deflection": _deflection, "tap": _tap, "kneading": _kneading}
         tables, assumptions = {kind: data.pop(kind, []) for kind in kinds}, data.pop("assumptions", {})
         if data:
             raise ValueError(f"the file has no key `{next(iter(data))}`; it takes {', '.join(kinds)}, assumptions")
@@ -222,6 +236,17 @@ def _tap(table: dict[str, Any], where: str) -> Tap:
     # decay over the damped angular frequency, zeta/sqrt(1 - zeta^2); a decrement is that of one period
     ratio = {"decay": found / (turn * frequency), "decrement": found / turn}.get(name)
     return Tap(frequency, found if ratio is None else math.copysign(ratio / math.hypot(1, ratio), found))
+
+
+def _kneading(table: dict[str, Any], where: str) -> Reading:
+    names, given = ("cycles", "pressure", "density_ratio"), {name: each for name, each in table.items() if each != ""}
+    if given.keys() - {"specimen"} != {*names}:
+        raise ValueError(f"{where} must have {', '.join(names)}, got {', '.join(given) or 'nothing'}")
+    least = dict(zip(names, (-1e-9, 0.0, 0.0), strict=True))
+    values = [number(given[name], f"{where}, `{name}`", least[name], "a number in range") for name in names]
+    if values[-1] >= 1:
+        raise ValueError(f"{where}, `density_ratio` must be below 1, got {values[-1]:g}")
+    return Reading(values[0], values[1], values[2], str(given.get("specimen", "")))
 
 
 def _measurement(table: dict[str, Any], where: str) -> Measurement:

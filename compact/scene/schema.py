@@ -54,7 +54,7 @@ Objective = Literal["peak_force", "peak_power", "rms_force", "energy", "drawn_en
 MixLaw = Literal["ellipse", "drucker-prager-cap"]
 PoreAirModel = Literal["drained", "one-way", "coupled"]
 HeldQuantity = Literal["height", "load", "peak_pressure"]
-ProcessDetail = Literal["columns", "quick", "deep"]
+ProcessDetail = Literal["columns", "deep"]
 FeedLaw = Literal["room", "even", "first"]
 # names that are declared elsewhere; the last two of the fits are no parameters of a mix
 EngineName = Literal[*BUILT_IN]  # type: ignore[valid-type]
@@ -206,9 +206,7 @@ class Machine(Table):
     pressure_nonuniformity: float = positive("the factor k2 for uneven pressure, 1 for even (eq 1.6)", 0.2, 5, EVEN)
     one_sided: bool = key("true for contact on the front half only (rival reading of eq 1.6), else false")
     roller_condition: RollerCondition = key("how the roller turns", default="free")
-    roller_torque: Maybe = key(
-        "the torque on one roller [N m], + with its travel, - a brake", 1e-3, 1e4, TORQUES, default=None
-    )
+    roller_torque: Maybe = key("the torque on a roller [N m], + with its travel", 1e-3, 1e4, TORQUES, default=None)
     gap_geometry: GapGeometry = key("where the gap is measured", default="deformed")
     guide_bearing: BearingTable | None = None
     roller_bearing: BearingTable | None = None
@@ -447,9 +445,7 @@ class Process(Table):
     """The forming process: strokes over a mould that moves along the axis of the rollers, with feed before each."""
 
     mould_speed: float = nonnegative("the speed of the mould along the roller [m/s], 0 at rest", 1e-4, 1, CREEPING)
-    strokes: int | None = key(
-        "the number of strokes of a mould at rest", 1, 2000, SECTIONS, ge=1, le=STROKES_LIMIT, default=None
-    )
+    strokes: int | None = key("the strokes of a mould at rest", 1, 2000, SECTIONS, ge=1, le=STROKES_LIMIT, default=None)
     fill_height: Maybe = optional("the height of the mix in the mould before the first stroke [m]", 5e-3, 2, PRODUCTS)
     fill_density_ratio: Maybe = key("the density ratio of that mix", **STATES, default=None)
     feed_density_ratio: float = key("the density ratio of the mix as fed", **STATES)
@@ -460,12 +456,14 @@ class Process(Table):
     product_density_ratio: Maybe = key("the mean density ratio of the product", **STATES, default=None)
     extrusion_pressure: Maybe = optional("the pressure that the mix evades [Pa]", 1e3, 5e6, PRESSURES)
     offered_thickness: Maybe = or_zero("the thickness that a stroke offers [m]", 1e-5, 0.5, PART_OF_ROLLER)
-    nip_angle: float = positive(
-        "the largest angle at which a roller draws mix in, [deg]", 1, 60, "mix on steel", default=NIP_ANGLE, le=60
-    )
+    nip_angle: float = positive("the largest angle of entry [deg]", 1, 60, "mix on steel", default=NIP_ANGLE, le=60)
     largest_grain: Maybe = optional("the size of the largest grains [m]", 1e-4, 0.05, "sand to coarse aggregate")
     layers: int = key("the number of merged layers of a section", default=20, ge=1, le=500)
-    detail: ProcessDetail | None = key('columns, or lumped lifts; default "quick" for "process"', default=None)
+    kneading: Ends = key("gain and exponent of the Heckel slope", min_length=2, max_length=2, default=None)
+    plate_length: Maybe = optional("the length of the smoothing plate along the roller [m]", 1e-3, 5, PART_OF_PRODUCT)
+    plate_pressure: Maybe = or_zero("the pressure of the mix on it [Pa]", 10, 1e6, PRESSURES)
+    measured_force: Maybe = optional("the force that moves a cart, measured or printed [N]", 1, 1e6, CARTS)
+    detail: ProcessDetail | None = key('columns, or lumped lifts; default "deep" for "process"', default=None)
 
 
 class Sleeve(Table):
@@ -475,6 +473,7 @@ class Sleeve(Table):
     head: float = positive("the height of the mix above the bed [m]", 0.01, 5, SLEEVES)
     wall_friction: float = share("the friction coefficient of the mix on the wall")
     count: int = key("the number of sleeves of one cart", 1, 20, SLEEVES, ge=1, le=COUNT_LIMIT)
+    measured_drag: Maybe = or_zero("their drag on a cart, of a pull test [N]", 1, 1e5, CARTS)
 
 
 TOUCHES = "(zero means no contact)"

@@ -38,6 +38,7 @@ GROUPS = {
     "f 0.35, E 0.75 MPa, q 0.203 MPa, R 0.11 m, L 1.164 m, k2 1",
     "crank": "Four carts on a crank (C; stated: 7962 N on each of 2 rollers, 10.5 rad/s, m = 1000 kg, guide friction "
     "0.008; used: 3562 N in all, 100 rpm, no inertia, no guide friction)",
+    "machine": "Technical data of the machine (D: 14 products an hour, 5100 kg, mean speeds 0.133, 0.45 and 1.34 m/s)",
     "peaks": "Peaks of the motion laws (D ch. 5; stroke 0.4 m, one pass 3 s)",
     "claims": "Closures, criteria and optima of the motion laws (A, B, D; t1 = T/6)",
     "cams": "Cams of constant breadth b (A, B, D; stroke dx)",

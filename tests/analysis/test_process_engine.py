@@ -120,8 +120,7 @@ def test_feed_before_forward_strokes_alone_loads_them(study):
     assert study.stages.contacts.return_ratios == (1.0, 1.0)
 
 
-def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, air, report):
-    report("lift 1")
+def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, air):
     return sequence(
         thickness, increments, load=lambda k: 2e3 * np.exp(8 * (k - 0.75)), work=lambda k: 1e5 * np.exp(10 * (k - 0.75))
     )

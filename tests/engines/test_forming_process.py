@@ -10,11 +10,13 @@ from compact.analysis.multipass import Pass, passes
 from compact.engines.column import engine as column
 from compact.engines.column.column_pass import Column
 from compact.engines.process.forming import Closure, Feed, FormingMachine
-from compact.engines.process.roller_row import RollerRow, bed_stress, confined_work, sleeve_drag
+from compact.engines.process.loose_mix import bed_stress, extrusion_pressure, sleeve_drag
+from compact.engines.process.roller_row import RollerRow
 from compact.engines.process.strokes import (
     FeedError,
     FormingProblem,
     SectionState,
+    confined_work,
     mean_over_height,
     solve_closure,
 )
@@ -250,6 +252,20 @@ def test_sleeve_has_the_limits_of_janssen():
     stress = bed_stress(0.18, 1.164, 1.0, 0.35, rho, 1 - np.sin(np.radians(35)))
     assert drag == pytest.approx(stress * 0.18 * 1.164 * np.tan(np.radians(35)))
     assert 500 < drag < 1300
+    flowing = sleeve_drag(0.18, 1.164, 1.0, 0.35, rho, 35.0, flowing=True)
+    assert 0.1 * drag < flowing < 0.2 * drag  # K of 3.7 in place of 0.43
+
+
+def test_wedge_bounds_the_thrust_on_the_tongue():
+    """Without friction a wedge on the base is held by cohesion alone."""
+    length = 0.22 / np.tan(np.radians(35))
+    frictionless = extrusion_pressure(0.22, 1e-9, 1e-9, 1e4)
+    assert frictionless <= 1e4 * length / 0.22 + 2e4 + 1e-6
+    assert extrusion_pressure(0.44, 1700.0, 35.0, 0.0) == pytest.approx(2 * extrusion_pressure(0.22, 1700.0, 35.0, 0.0))
+    sliding = 9.80665 * 1700 * 0.22 / 2 / np.tan(np.radians(35)) * np.tan(np.radians(35))  # along the base
+    assert extrusion_pressure(0.22, 1700.0, 35.0, 0.0) <= 3.69 * sliding * (1 + 1e-3)
+    pressures = [extrusion_pressure(0.22, 1700.0, angle, c) for angle, c in ((30, 5e3), (35, 1e4), (40, 2e4))]
+    assert np.all(np.diff(pressures) > 0)
 
 
 def test_fields_hold_the_grains_of_the_sections():

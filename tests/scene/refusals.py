@@ -201,8 +201,18 @@ UNITS = [  # values in other units; a guess states the unit
     ({"compare.column.mix.overrides.heckel_slope": 13.0}, "compare.column: with it mix.overrides.heckel_slope: 13 1/"),
 ]
 PROCESS = [  # of the process scene
-    (NO_CLOSURE, "process.gap: exactly one of gap, product_density_ratio and extrusion_pressure must be given, got 0"),
-    ({"process.gap": 0.001}, "process.gap: exactly one of gap, product_density_ratio and extrusion_pressure must be g"),
+    (
+        {"process.kneading": [0.5, 0.7]},
+        "process.kneading: needs a static mix.overrides.heckel_slope: that of the prior is",
+    ),
+    (
+        {"process.plate_pressure": None},
+        "process.plate_length: needs process.plate_pressure, which is missing; give it, or",
+    ),
+    (
+        {"process.gap": 0.001},
+        "process.gap: at most one of gap, product_density_ratio and extrusion_pressure must be gi",
+    ),
     ({"process.mould_speed": 0.0}, "process.mould_speed: is 0, and process.strokes is missing; give the number"),
     ({"process.strokes": 4}, "process.mould_speed: is 0.0175 m/s, which determines the number of strokes, got process"),
     ({"process.mould_speed": 1.5}, "process.mould_speed: must be at most machine.roller_length / (motion.duration + m"),
@@ -219,8 +229,8 @@ PROCESS = [  # of the process scene
     ({"process.product_density_ratio": 0.74}, "process.product_density_ratio: must be above max(process.feed_density_"),
     ({"process.feed": "first"}, 'process.feed_count: is missing, and process.feed is "first"; give the number of f'),
     ({"process.feed_count": 3}, 'process.feed_count: is for process.feed = "first", got it with "room"; take it out,'),
-    ({"process.offered_thickness": 0.001}, "process.offered_thickness: needs process.extrusion_pressure, which is mis"),
+    ({"process.offered_thickness": 0.001}, "process.offered_thickness: is for a pressure of extrusion; take it out"),
     ({"process.feed": "all"}, "process.feed: must be 'room', 'even' or 'first', got 'all'; give the distribu"),
-    ({"process.nip_angle": 0.0}, "process.nip_angle: must be positive, got 0.0; give the largest angle at which"),
+    ({"process.nip_angle": 0.0}, "process.nip_angle: must be positive, got 0.0; give the largest angle of entry"),
     ({"process": None}, "sleeve: needs process, which is missing; give it, or take the key out"),
 ]

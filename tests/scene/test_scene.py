@@ -111,7 +111,7 @@ def test_the_tables_of_the_starter_are_valid_once_uncommented():
     text = starter_scene()
     start, end = text.index("# [process]"), text.index("\n[accuracy]") + 1
     lines = text[start:end].replace("\n# ", "\n").removeprefix("# ").split("\n")
-    optional = ("strokes", "gap", "extrusion_pressure", "offered_thickness", "feed_count")
+    optional = ("strokes", "gap", "extrusion_pressure", "offered_thickness", "feed_count", "kneading")
     kept = [line for line in lines if not line.startswith(optional)]
     table = "\n".join(kept)
     scene = parse_scene(text.replace(text[start:end], table + "\n"))

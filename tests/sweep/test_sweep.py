@@ -340,6 +340,23 @@ def test_heckel_slope_explains_the_resistance_of_columns(tmp_path):
     assert (tmp_path / "sobol.png").stat().st_size > 10_000
 
 
+def test_a_map_of_mould_and_stroke_is_the_window_of_the_machine(tmp_path):
+    """Slow moulds and quick strokes are possible; beyond, the nip angle draws in too little mix for the density."""
+    few = {"accuracy.engine": "process", "process.detail": "columns", "process.layers": 1, "machine.roller_length": 0.2}
+    scene = load_scene(SCENES / "process.toml", **few)
+    table, _ = swept(tmp_path, scene, ["process.mould_speed=0.015,0.03", "motion.duration=0.6,0.9"])
+    assert (table.reason != "").sum() == 1
+    assert "nip angle" in str(table.reason.values[1, 1])
+    figure = sweep_report.draw_maps(table, ["load"])
+    (ax,) = figure.axes
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("duration [s]", "mould speed [m/s]")
+    (star,) = ax.get_lines()
+    assert star.get_xydata()[0] == pytest.approx([0.8888888888888888, 0.0175])
+    assert next(text.get_text() for text in figure.legends[0].get_texts()).startswith(
+        "`product_density_ratio` must be at"
+    )
+
+
 # (h) the command
 
 

@@ -19,44 +19,42 @@ length of some contacts. It is not elastic recovery, which lifts the surface: th
 the loose mix below, and compacts it on while the roller is already ahead.
 """
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from compact.engines.compaction.engine import CompactionContactResult, build_result, field_mesh, roll
-from compact.engines.compaction.layer_state import fresh_layer, rate_factor_at
+from compact.engines.compaction.layer_state import LayerState, fresh_layer, rate_factor_at
 from compact.engines.compaction.rolling import DAMPING, FINAL_DAMPING_RATIO, ROLLING_TOLERANCE
 from compact.engines.pore_air import NO_FORCES
 from compact.engines.pore_air.coupled_rolling import roll_coupled
 from compact.engines.pore_air.steady_flow import RollerAir
 from compact.engines.process.forming import FormingMachine
-from compact.engines.process.strokes import QUARTER, FormingProblem, mean_over_height
+from compact.engines.process.kneading import GYRATION_WORK
+from compact.engines.process.strokes import QUARTER, FormingProblem, confined_stress, confined_work, mean_over_height
+from compact.material.laws import MEASURED_DENSITY_RATIO, Compaction
 from compact.material.pore_air import PoreAir
 from compact.numerics import Array
 from compact.rolling_contact import Layer, Roller
 
-ProcessDetail = Literal["columns", "quick", "deep"]
+ProcessDetail = Literal["columns", "deep"]
 FILL_ROWS = 40  # [-], rows of the fill, resampled to those of the mesh by the engine
 STEADY_TOLERANCE = 1e-2  # [-], of load, resistance and density of a pass; small against the error of lumping
 LIFTS_MIN = 10  # [-], lifts of a sequence at least, so that those of a thin product are thinner
 MIDDLE_SHARE = 0.75  # [-], thickness of the lifts of the middle over their largest
 PROFILE_ROWS = 40  # [-], rows of equal height of a profile between two lifts
+WAVE_SHARE = 0.5  # [-], bow wave over the bite beyond which a lift no longer stands for strokes of its own wave
 LIFTS_MAX = 40  # [-], lifts of a sequence
 ENERGY_TOLERANCE = 1e-2  # [-], residual of the energy of a pass above which it rolls on
 SETTLING_SHARE = 1 / 3  # [-], of the height, travel after which the energy is evaluated again
 SETTLINGS_MAX = 8  # [-], of a pass; the wave relaxes over some ten contact lengths, 1.6 times the height
 RATE_ROUNDING = 1e-12  # [-], rate factor less 1 below which the speed does not matter
-LIFT_SHARES = (MIDDLE_SHARE, 0.9, 0.6)  # [-], of thicknesses of the lifts, see `lift_thickness`; quick: the first two
-INCREMENTS = (6, 9, 12)  # [-], elements per contact length of the meshes; quick: the first
-CASES: dict[ProcessDetail, tuple[tuple[float, int], ...]] = {  # share and increments of the sequences of lifts
+CASES: dict[ProcessDetail, tuple[tuple[float, int], ...]] = {  # share and elements per contact length of the sequences
     "columns": (),
-    "quick": tuple((share, INCREMENTS[0]) for share in LIFT_SHARES[:2]),
-    "deep": (
-        *((share, INCREMENTS[0]) for share in LIFT_SHARES), *((LIFT_SHARES[0], count) for count in INCREMENTS[1:]),
-    ),
-}  # fmt: skip
+    "deep": ((0.6, 6), (0.9, 6)),  # the longer one first; on 4 elements the energy of dense lifts is open by 10 %
+}
 
 
 @dataclass(frozen=True)
@@ -76,8 +74,8 @@ class LumpedLift:
         Mean density ratio of the section with the loose lift on it, and behind the roller [-].
     bottom_density_ratio, top_density_ratio : float
         Mean density ratio of the bottom and of the top quarter behind the roller [-].
-    overpressed_height : float
-        Height with a density ratio above 1, outside the law [m].
+    saturated_height : float
+        Height beyond the measured end of the curve, k > 0.99 [m].
     surface : float
         Height behind the roller [m].
     peak_pressure : float
@@ -90,6 +88,8 @@ class LumpedLift:
         Changes of load and resistance by the pore air [N/m]; 0 without air.
     air_excess_behind : float
         Largest excess pressure of the air behind the contact [Pa].
+    gyrations : float
+        Gyrations of the section by the shear work of all passes so far [-], see `kneading`.
     mesh : meshio.Mesh or None
         Fields under the roller (`results.field_mesh`).
     """
@@ -104,7 +104,7 @@ class LumpedLift:
     density_ratio: float
     bottom_density_ratio: float
     top_density_ratio: float
-    overpressed_height: float
+    saturated_height: float
     surface: float
     peak_pressure: float
     work_residual: float
@@ -113,6 +113,7 @@ class LumpedLift:
     air_load: float = 0.0
     air_resistance: float = 0.0
     air_excess_behind: float = 0.0
+    gyrations: float = 0.0
     mesh: Any = field(default=None, repr=False, compare=False)
 
 
@@ -211,8 +212,7 @@ class KnownLifts(NamedTuple):
     Parameters
     ----------
     sequences : tuple of LiftSequence
-        Lifts; those with the least increments have different thicknesses, two or more, those of one thickness
-        different increments.
+        Lifts of different thicknesses, the thinnest first.
     rate_factor : float
         Factor of their yield pressure [-]; forces of other strokes are in proportion to theirs.
     cart_speed : float
@@ -222,21 +222,6 @@ class KnownLifts(NamedTuple):
     sequences: tuple[LiftSequence, ...]
     rate_factor: float
     cart_speed: float
-
-    @property
-    def lumpings(self) -> tuple[LiftSequence, ...]:
-        """Sequences with the least increments, the thinnest lifts first."""
-        least = min(sequence.increments for sequence in self.sequences)
-        found = [sequence for sequence in self.sequences if sequence.increments == least]
-        return tuple(sorted(found, key=lambda sequence: sequence.thickness))
-
-    @property
-    def meshes(self) -> tuple[LiftSequence, ...]:
-        """Sequences of the thickness that has most meshes, the finest mesh first."""
-        thicknesses = [sequence.thickness for sequence in self.sequences]
-        most = max(thicknesses, key=thicknesses.count)
-        found = [sequence for sequence in self.sequences if sequence.thickness == most]
-        return tuple(sorted(found, key=lambda sequence: -sequence.increments))
 
     def to_json(self) -> dict[str, Any]:
         """Return the content of a JSON file, without the fields under the roller."""
@@ -253,7 +238,6 @@ def simulate_lifts(
     thickness: float,
     increments: int,
     air: tuple[PoreAir, bool] | None = None,
-    report: Callable[[str], None] = lambda _: None,
 ) -> LiftSequence:
     """Press lifts of one thickness until the section has a mean density ratio.
 
@@ -272,42 +256,63 @@ def simulate_lifts(
     air : (PoreAir, bool), optional
         Pore air, whose forces at the speed of the cart are added to the records, and True if the deformation of a pass
         yields to it.
-    report : callable
-        Called with a line of text after each lift.
 
     Returns
     -------
     LiftSequence
         Without the lifts after one that has no steady state.
     """
-    lifts, stopped, machine = list[LumpedLift](), "", problem.machine
+    lifts, stopped, height = list[LumpedLift](), "", problem.machine.height
     material = replace(problem.material, fed_density_ratio=problem.feed.density_ratio)
     filling = replace(material, fed_density_ratio=problem.fill.density_ratio)
     state = fresh_layer(filling, np.full(FILL_ROWS, problem.fill.height / FILL_ROWS))
-    radius, m = machine.roller_radius, material.rate_sensitivity
-    try:
-        while not lifts or (lifts[-1].density_ratio < density_ratio and len(lifts) < LIFTS_MAX):
-            # a fill above the lowest generatrix, or elastic recovery, is pressed alone
-            fed = 0.0 if state.height + thickness - machine.height > machine.max_bite else thickness
-            raised = state.with_lift(fed, material) if fed else state
-            while raised.height <= machine.height:  # lifts in a mould that is not full
-                raised = raised.with_lift(thickness, material)
-            bite, speed = raised.height - machine.height, machine.cart_speed
-            if m and rate_factor >= 1 + RATE_ROUNDING:  # the speed at which the yield pressure has the rate factor
-                factor = rate_factor_at(material, radius, raised.height, bite, speed, raised)
-                speed *= float(np.expm1((rate_factor - 1) / m) / np.expm1((factor - 1) / m))
-            roller = Roller(radius, indentation=bite, friction=friction, rolling="free", profile="deformed")
-            accuracy: Any = {"increments": increments, "steady_tolerance": STEADY_TOLERANCE}
-            passed = roll(Layer(raised.height), roller, material, speed, fed_layer=raised, **accuracy)
-            passed = _with_closed_energy(passed)
-            lifts.append(_lift(passed, raised.density_ratio, fed, machine.cart_speed, air))
-            report(f"lift {len(lifts)} of {thickness * 1e3:.3g} mm: mean density ratio {lifts[-1].density_ratio:.3f}")
-            state = passed.exit
-    except (RuntimeError, ValueError) as error:  # no steady state, or more mix than fits
-        if not lifts:
-            raise
-        stopped = str(error).partition(";")[0]
+    kneaded, gained, wave, accuracy = 0.0, 0.0, np.inf, {"increments": increments, "steady_tolerance": STEADY_TOLERANCE}
+    while not lifts or (lifts[-1].density_ratio < density_ratio and len(lifts) < LIFTS_MAX):
+        # a fill above the lowest generatrix, or elastic recovery, is pressed alone
+        fed = 0.0 if state.height + thickness - height > problem.machine.max_bite else thickness
+        raised = state.with_lift(fed, material) if fed else state
+        while raised.height <= height:  # lifts in a mould that is not full
+            raised = raised.with_lift(thickness, material)
+        kneaded *= state.density_ratio * state.height / (raised.density_ratio * raised.height)  # of all its grains
+        if problem.kneading is not None:  # at the middle of the pass, if it gains as much as the one before
+            slope = problem.material.heckel_slope * float(problem.kneading.slope_factor(kneaded + gained / 2))
+            material = replace(material, heckel_slope=slope)
+        try:
+            passed = _passed(problem.machine, material, raised, friction, rate_factor, accuracy)
+        except (RuntimeError, ValueError) as error:  # no steady state, or more mix than fits
+            if not lifts:
+                raise
+            stopped = str(error).partition(";")[0]
+            break
+        lift = _lift(passed, raised.density_ratio, fed, problem.machine.cart_speed, air)
+        densities = lift.density_before, lift.density_ratio
+        gained = gyrations_of(material, densities, lift.surface, lift.resistance, rate_factor)
+        kneaded += gained
+        lifts.append(replace(lift, gyrations=kneaded))
+        state = passed.exit
+        before, wave = wave, passed.bow_wave
+        if wave > max(before, WAVE_SHARE * passed.indentation):
+            stopped = f"from lift {len(lifts)} on the mix heaps up, in a wave of {wave * 1e3:.1f} mm"
+            break
     return LiftSequence(thickness, increments, tuple(lifts), stopped)
+
+
+def _passed(
+    machine: FormingMachine,
+    material: Compaction,
+    raised: LayerState,
+    friction: float,
+    rate_factor: float,
+    accuracy: dict[str, Any],
+) -> CompactionContactResult:
+    """Return the pass of the roller over a raised section, at the speed at which its yield has the rate factor."""
+    bite, speed, m = raised.height - machine.height, machine.cart_speed, material.rate_sensitivity
+    if m and rate_factor >= 1 + RATE_ROUNDING:
+        factor = rate_factor_at(material, machine.roller_radius, raised.height, bite, speed, raised)
+        speed *= float(np.expm1((rate_factor - 1) / m) / np.expm1((factor - 1) / m))
+    roller = Roller(machine.roller_radius, indentation=bite, friction=friction, rolling="free", profile="deformed")
+    with threadpool_limits(1):  # threads of a factorisation wait for one another
+        return _with_closed_energy(roll(Layer(raised.height), roller, material, speed, fed_layer=raised, **accuracy))
 
 
 def lift_thickness(machine: FormingMachine, make_up: Array, share: float) -> float:
@@ -348,8 +353,7 @@ def _lift(
     passed: CompactionContactResult, before: float, thickness: float, speed: float, air: tuple[PoreAir, bool] | None
 ) -> LumpedLift:
     """Return the record of a pass on mix of a mean density ratio before, with its pore air at a speed [m/s]."""
-    state, error, mesh, forces = passed.exit, passed.error, field_mesh(passed), NO_FORCES
-    assert error is not None  # the engine estimates its error
+    state, error, mesh, forces = passed.exit, passed.error or (0.0, 0.0), field_mesh(passed), NO_FORCES
     ratio = state.points.density_ratio
     if air is not None:
         pore_air, coupled = air
@@ -364,8 +368,31 @@ def _lift(
         density_before=before, density_ratio=passed.exit_density_ratio,
         bottom_density_ratio=mean_over_height(state.heights, ratio, 0.0, QUARTER),
         top_density_ratio=mean_over_height(state.heights, ratio, 1 - QUARTER, 1.0),
-        overpressed_height=float(state.heights[ratio > 1].sum()), surface=passed.exit_height,
+        saturated_height=float(state.heights[ratio > MEASURED_DENSITY_RATIO].sum()), surface=passed.exit_height,
         rows=tuple(zip(state.heights, ratio, -state.points.stress[:, [0, 2]].mean(axis=1), strict=True)),
         mesh=mesh, **{name: getattr(passed, name) for name in same},
         **{f"air_{name}": value for name, value in forces._asdict().items()},
     )  # fmt: skip
+
+
+def gyrations_of(
+    material: Compaction, densities: tuple[float, float], height: float, work: float, rate_factor: float
+) -> float:
+    """Return the gyrations of a pass [-] by its shear work, the work less that of confined compression.
+
+    The pressure is the vertical stress of confined compression at the mean density ratio behind the pass.
+
+    Parameters
+    ----------
+    densities : (float, float)
+        Mean density ratio before and behind the pass [-].
+    height : float
+        Height behind the pass [m].
+    work : float
+        Work per area, the resistance per roller length [N/m].
+    rate_factor : float
+        Factor of the yield pressure [-].
+    """
+    before, after = densities
+    shear = work / height - confined_work(material, [(1.0, before)], after, rate_factor)
+    return max(shear, 0.0) / (GYRATION_WORK * float(confined_stress(material, after, rate_factor)))

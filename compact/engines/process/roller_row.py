@@ -1,4 +1,4 @@
-"""Forming process along one roller: forces by columns and by lumped lifts, balances, confined floor, sleeves, fields.
+"""Forming process along one roller: forces by columns and by lumped lifts, balances, confined floor, fields.
 
 The sections under the roller have had 1, 2, ... N strokes, so that the forces of the strokes on one section, in order,
 are those along the roller at one instant:
@@ -20,15 +20,6 @@ The floor neither depends on the roller length nor on the number of strokes nor 
 the elastic work of the one before, and the plastic work of confined mix depends on its densities alone. It is the least
 resistance that any model of the process can have, since shear in two dimensions adds to it. It is not for sizing.
 
-A feed sleeve of the width B_T along the travel and the roller length L is a silo whose bottom is the bed. The moving
-cart shears the mix that stands in it over the bed. Its walls carry part of the weight (Janssen):
-
-    s_J = g rho D/(4 mu K) [1 - exp(-4 mu K H/D)],    D = 2 B_T L/(B_T + L),    F_s = s_J B_T L tan phi
-
-with the head H, the bulk density rho of the loose mix, the friction mu on the wall, the earth pressure coefficient
-K = 1 - sin phi of mix that fills a silo (Jaky), the hydraulic diameter D and the angle of internal friction phi. The
-drag is the friction of a silo on a rough bed at rest. It contains no cohesion, and no mix that leaves the sleeve.
-
 Lumped lifts give load and resistance in two dimensions as sums over the same strokes:
 
     P_row = sum_n P(k_n) dz_n,    F_row = v_form T sum_n (F/t)(k_n) t_n
@@ -39,14 +30,13 @@ density, the first at that behind a stroke, the second at the mean of both sides
 interpolated; beyond the last lift they are extrapolated, and the share of the result that is extrapolated is stated.
 
 P and F/t are extrapolated linearly in the thickness of the lifts to t_n at every density. Errors, added as independent
-ones: the larger difference to a power law of the thickness and, of three, to a parabola; the finest mesh less the limit
-of vanishing elements, of first order in 1/increments; without other meshes the estimate of the engine.
+ones: the difference to a power law of the thickness, and that of the mesh by the engine.
 
 The excess pressure of the pore air is in proportion to the mix that a pass displaces, as long as its flow is linear:
 
     P_air(t_n) = P_air(t) t_n/t,    F_air/t_n = (F_air/t) t_n/t
 
-Both are taken from the thinnest lifts; the error is the difference to the thickest, and to the other meshes.
+Both are taken from the thinnest lifts; the error is the difference to the thickest.
 
 With feed before forward strokes alone, the sections under the roller have had their first stroke in forward direction,
 or one stroke later. In a forward stroke each of them gets the force of its last fed stroke, in a return stroke that of
@@ -65,11 +55,6 @@ The row is also the contact of the engine "process". Over a stroke its resistanc
 Fields of a process are rectangles in z, along the roller, and y, the height. In two dimensions the rows of a section
 are those of the lumped lifts at its mean density. Frame n shows the mould after the n-th stroke since its start: the
 first section has had n strokes and lies farthest from the empty mould, and loose fill follows it.
-
-References
-----------
-H. A. Janssen, Versuche ueber Getreidedruck in Silozellen, Z. VDI 39 (1895) 1045-1049; J. Jaky, The coefficient of earth
-pressure at rest, J. Soc. Hung. Eng. Arch. 78 (1944) 355-358.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -81,17 +66,13 @@ import numpy as np
 
 from compact.engines.column.column_pass import Column, Columns
 from compact.engines.process.lifts import KnownLifts, LiftSequence
-from compact.engines.process.strokes import FormingProblem, SectionHistory, SectionState
-from compact.material.laws import Compaction
+from compact.engines.process.strokes import FormingProblem, SectionHistory, SectionState, confined_work
 from compact.numerics import Array
-from compact.numerics.validation import require_positive
 from compact.rolling_contact import Contact
 
 if TYPE_CHECKING:
     import meshio
 
-QUADRATURE_POINTS = 64  # [-], of Gauss and Legendre over ln(1 - k); the error is below 1e-12 up to k = 0.99
-GRAVITY = 9.80665  # [m/s2], standard acceleration of gravity
 COLUMNS_ERROR = 1e-6  # [-], of the forces; difference of 3, 20 and 80 merged layers
 FRAMES_MAX = 60  # [-], frames of a series; later strokes are shown at equal intervals
 FILL_SHARE = 0.15  # [-], length of the fill shown in front of the roller over that of the roller
@@ -260,7 +241,7 @@ class RollerRow:
     def thinnest(self) -> LiftSequence:
         """Sequence of the thinnest lifts."""
         assert self.lifts is not None
-        return self.lifts.lumpings[0]
+        return self.lifts.sequences[0]
 
     @property
     def rate_scale(self) -> float:
@@ -283,7 +264,7 @@ class RollerRow:
         assert self.lifts is not None
         machine, load, ratio = self.problem.machine, self.estimate("load").value, self.thinnest.values("density_ratio")
         centre, swept = self.centre_of(self.at_strokes("load")), machine.advance * self.product_height
-        product = ("bottom_density_ratio", "top_density_ratio", "overpressed_height", "surface")
+        product = ("bottom_density_ratio", "top_density_ratio", "saturated_height", "surface", "gyrations")
         return {
             "air_excess_behind": float(self.thinnest.values("air_excess_behind").max()) * self.air_scale,
             "load_centre": centre,
@@ -296,7 +277,7 @@ class RollerRow:
             "largest_work_residual": max(each.largest_work_residual for each in self.lifts.sequences),
         }
 
-    def at_strokes(self, name: str, sequences: Sequence[LiftSequence] = (), degree: int = 1) -> Array:
+    def at_strokes(self, name: str, sequences: Sequence[LiftSequence] = (), *, power: bool = False) -> Array:
         """Return P or F/t of every stroke [N/m, N/m2], extrapolated in the thickness of the lifts to its make-up.
 
         Parameters
@@ -304,22 +285,21 @@ class RollerRow:
         name : {"load", "resistance"}
             Force.
         sequences : sequence of LiftSequence
-            One or more sequences of different thicknesses; those of one mesh by default.
-        degree : int
-            Degree of the polynomial in the thickness, less than the number of sequences; 0 for a power law.
+            One, or the thinnest and the thickest; all by default.
+        power : bool
+            True for a power law of the thickness, False for a line.
         """
         assert self.lifts is not None
-        sequences = sequences or self.lifts.lumpings
+        sequences = sequences or self.lifts.sequences
         density, made_up = self._densities(name), self.history.make_up
-        table = self.rate_scale * np.array([sequence.at(name, density) for sequence in sequences])
+        thin, thick = (self.rate_scale * sequence.at(name, density) for sequence in (sequences[0], sequences[-1]))
         if len(sequences) == 1:
-            return table[0]
-        thickness = np.array([sequence.thickness for sequence in sequences])
-        if not degree:
-            slope, level = np.polyfit(np.log(thickness), np.log(table), 1)
-            return np.asarray(np.exp(level + slope * np.log(np.where(made_up > 0, made_up, thickness[0]))))
-        powers = np.arange(degree, -1, -1)[:, None]
-        return np.sum(np.polyfit(thickness, table, degree) * made_up**powers, axis=0)
+            return thin
+        thickness, ratio = sequences[0].thickness, sequences[-1].thickness / sequences[0].thickness
+        if power:
+            share = np.where(made_up > 0, made_up, thickness) / thickness
+            return np.asarray(thin * share ** (np.log(thick / thin) / np.log(ratio)))
+        return np.asarray(thin + (thick - thin) * (made_up / thickness - 1) / (ratio - 1))
 
     def _densities(self, name: str) -> Array:
         """Mean density ratio of every stroke to which a force belongs [-]: behind it, or the mean of both sides."""
@@ -345,25 +325,19 @@ class RollerRow:
         """
         if self.lifts is None:
             return Estimate(float(getattr(self.history, name) @ self.lengths), 0.0, COLUMNS_ERROR)
-        lumpings, meshes, weights = self.lifts.lumpings, self.lifts.meshes, self._weights(name)
+        sequences, weights = self.lifts.sequences, self._weights(name)
         if name.startswith("air"):
             weights, density = self.history.make_up * weights * self.air_scale, self._densities(name)
-            sequences = lumpings[0], lumpings[-1], meshes[0], meshes[-1]
-            value, thickest, finest, coarsest = (float(each.at(name, density) @ weights) for each in sequences)
-            return Estimate(value, abs(thickest / value - 1), abs(coarsest / finest - 1)) if value else Estimate(0.0)
+            value, thickest = (float(each.at(name, density) @ weights) for each in (sequences[0], sequences[-1]))
+            return Estimate(value, abs(thickest / value - 1)) if value else Estimate(0.0)
         forces = self.at_strokes(name)
         value = float(forces @ weights)
         if value == 0:
             return Estimate(0.0)
-        others = [self.at_strokes(name, lumpings, degree) for degree in ((0, 2) if len(lumpings) > 2 else (0,))]
-        lumping = max(abs(float(other @ weights) / value - 1) for other in others)
-        mesh_limit, mesh = 1.0, float(np.average(lumpings[0].values(f"{name}_error"), weights=lumpings[0].values(name)))
-        if len(meshes) > 1:
-            sums = [float(self.at_strokes(name, [sequence]) @ weights) for sequence in meshes]
-            limit = float(np.polyfit([1 / sequence.increments for sequence in meshes], sums, 1)[1])
-            mesh_limit, mesh = limit / sums[-1], abs(limit / sums[0] - 1)
-        beyond = self.history.density_ratio > min(each.values("density_ratio").max() for each in lumpings)
-        return Estimate(value * mesh_limit, lumping, mesh, float(forces[beyond] @ weights[beyond]) / value)
+        lumping = abs(float(self.at_strokes(name, power=True) @ weights) / value - 1) if len(sequences) > 1 else 0.0
+        mesh = float(np.average(self.thinnest.values(f"{name}_error"), weights=self.thinnest.values(name)))
+        beyond = self.history.density_ratio > min(each.values("density_ratio").max() for each in sequences)
+        return Estimate(value, lumping, mesh, float(forces[beyond] @ weights[beyond]) / value)
 
     # strokes in both directions, as a contact of the engine
 
@@ -469,92 +443,3 @@ class RollerRow:
             data = {name: [column] for name, column in zip(names, values, strict=True)}
             cells = [("quad", np.arange(len(points)).reshape(-1, 4))]
             yield float(number), meshio.Mesh(points, cells, cell_data=data)
-
-
-def confined_work(
-    material: Compaction, entries: Iterable[tuple[float, float]], density_ratio: float, rate_factor: float = 1.0
-) -> float:
-    """Compute the work of confined compression per volume of the product [J/m3].
-
-    Parameters
-    ----------
-    entries : iterable of (share, density_ratio)
-        Share of the grains of the product [-] and their density ratio at entry [-]; the shares add up to 1.
-    density_ratio : float
-        Density ratio of the product [-], below 1.
-    rate_factor : float
-        Factor of the yield pressure [-].
-
-    Returns
-    -------
-    float
-        Work w per volume of the product [J/m3].
-
-    Examples
-    --------
-    >>> mix = Compaction(unloading_modulus=60e6, poisson=0.3, heckel_slope=13e-6,
-    ...                  loose_density_ratio=0.72, critical_slope=1.2, tensile_strength=14e3, fed_density_ratio=0.75)
-    >>> f"{confined_work(mix, [(1.0, 0.75)], 0.98) / 1e3:.2f} kJ/m3"
-    '22.21 kJ/m3'
-    """
-    if not 0 < density_ratio < 1:
-        raise ValueError(f"`density_ratio` must lie between 0 and 1, got {density_ratio!r}")
-    require_positive(rate_factor=rate_factor)
-    ratio, strength = material.confined_stress_ratio, material.tensile_strength
-    nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_POINTS)
-    work = 0.0
-    for share, entry in entries:
-        low, high = -np.log1p(-entry), -np.log1p(-density_ratio)
-        u = (low + high) / 2 + (high - low) / 2 * nodes
-        k = -np.expm1(-u)
-        stress = ratio * (rate_factor * material.yield_pressure(k) + strength) - strength
-        integrand = stress / k**2 * (1 - k)  # dk = (1 - k) du
-        work += share * (high - low) / 2 * float(weights @ integrand)
-    return density_ratio * work
-
-
-def bed_stress(
-    width: float, length: float, head: float, wall_friction: float, bulk_density: float, lateral_ratio: float
-) -> float:
-    """Compute the vertical stress on the bed below a sleeve full of loose mix [Pa].
-
-    Parameters
-    ----------
-    width : float
-        Width B_T along the travel [m].
-    length : float
-        Length along the roller [m].
-    head : float
-        Height H of the mix above the bed [m].
-    wall_friction : float
-        Friction coefficient mu of mix on the wall [-]; 0 for a smooth wall, which carries no weight.
-    bulk_density : float
-        Bulk density of the loose mix [kg/m3].
-    lateral_ratio : float
-        Lateral over vertical stress K [-].
-
-    Examples
-    --------
-    >>> f"{bed_stress(0.18, 1.164, 1.0, 0.35, 1700.0, 0.43):.0f} Pa"
-    '7382 Pa'
-    """
-    diameter = 2 * width * length / (width + length)
-    decay = 4 * wall_friction * lateral_ratio * head / diameter
-    return float(GRAVITY * bulk_density * head * (-np.expm1(-decay) / decay if decay else 1.0))
-
-
-def sleeve_drag(
-    width: float, length: float, head: float, wall_friction: float, bulk_density: float, friction_angle: float
-) -> float:
-    """Compute the shear force of the bed on the mix of one sleeve [N].
-
-    Parameters
-    ----------
-    width, length, head, wall_friction, bulk_density
-        See `bed_stress`.
-    friction_angle : float
-        Angle of internal friction [deg], between 0 and 90.
-    """
-    angle = np.radians(friction_angle)
-    stress = bed_stress(width, length, head, wall_friction, bulk_density, float(1 - np.sin(angle)))
-    return float(stress * width * length * np.tan(angle))
