@@ -398,10 +398,9 @@ def simulate_acceleration_phase(periodic: MotorRun, tolerance: float = PERIODIC_
 
 
 def _graded_sections(first: float, breaks: Array) -> Iterator[Array]:
-    """Split the breaks of the first revolution into sections, since the energy grows by decades."""
+    """Split the first revolution into sections, graded to the first break, since the energy grows by decades."""
     edges = first * GRADING ** np.arange(math.floor(math.log(breaks[1] / first, GRADING)))
-    yield from map(np.array, pairwise([*edges, breaks[1]]))
-    yield breaks[1:]
+    yield from map(np.array, pairwise([*edges, *breaks[1:]]))
 
 
 def _first_instant(motor: Motor, load: CartsOnShaft) -> tuple[float, float, float]:

@@ -161,6 +161,8 @@ def test_motor_drive_of_a_scene_is_summarised(tmp_path):
     forces = study.stages.resistance.resistance.force + 0.008 * (
         2 * study.stages.contacts.engineering.roller_force - 10000
     )
+    along = Study(scene(**given, **{"output.items": []}))  # with a build-up the motor starts too
+    assert len(list(along.stages.drive.tables())) == 1
     assert study.stages.drive.runs["cubic"].energy == pytest.approx(0.8 * forces, rel=1e-6)
     assert study.stages.drive.runs["crank"].state.rod_tangent.any()
     run = study.stages.drive.runs["cubic"]
