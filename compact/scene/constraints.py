@@ -477,7 +477,7 @@ def _offer_is_for_a_pressure(offered, *closures: Any):
 
 @rule("process.kneading", "mix.overrides.heckel_slope")
 def _kneaded_slope_is_static(kneading, slope):
-    if kneading is not None and (slope is None or slope > STATIC_SLOPES[1]):
+    if kneading is not None and (slope is None or slope > STATIC_SLOPES[2]):
         low, proposed, high = STATIC_SLOPES
         return (
             "needs a static mix.overrides.heckel_slope: that of the prior is from the required pressures of roller "
