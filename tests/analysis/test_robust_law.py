@@ -19,6 +19,7 @@ from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.motion.limits import Limits, violations
 from compact.report.text import sentences
 from compact.report.writer import study_summary
+from compact.resistance import ResistanceMap
 from compact.scene.loader import load_scene
 from compact.turning import StrokeResistance, table_share, wave_load_share, wave_share
 
@@ -220,6 +221,13 @@ def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
     assert stored["worst"]["own_tracks"]["value"] == [found.worst_resistance.forward.distance] * 2
     assert stored["worst"]["force_at_mean_speed"]["value"] == pytest.approx(3486, rel=1e-3)
     assert stored["best_published"]["peak"]["value"] == found.published_worst.peak
+
+
+def test_force_beyond_the_speeds_of_a_map_is_held():
+    known = ResistanceMap(np.array([0.1, 1.0]), np.array([3000.0, 3600.0]), error=0.0)
+    table = travel_table(CART, known, 0.4, 0.9)
+    assert table.forces[-1] == pytest.approx(3600.0)
+    assert table.numbers[0][0] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

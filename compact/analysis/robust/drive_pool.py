@@ -46,9 +46,12 @@ MIRRORED = 1e-9  # [-], difference of both strokes that is rounding
 def travel_table(cart: Cart, resistance: Resistance, stroke: float, fastest: float) -> TravelTable:
     """Tabulate a resistance over travels up to the stroke [m] and speeds up to `SPEED_RANGE` times the fastest [m/s].
 
-    One that is no `StrokeResistance` is a step at the turn. Both strokes may differ in share, distance and guides.
+    Beyond the sampled speeds of a map its force is held. One that is no `StrokeResistance` is a step at the turn. Both
+    strokes may differ in share, distance and guides.
     """
-    speeds = SPEED_RANGE * fastest * np.linspace(0, 1, SPEED_SAMPLES + 1) ** 2
+    known: Sequence[float] = getattr(resistance, "speeds", ())
+    largest = min(SPEED_RANGE * fastest, known[-1] if len(known) else np.inf)
+    speeds = largest * np.linspace(0, 1, SPEED_SAMPLES + 1) ** 2
     forces = evaluate_resistance(resistance, np.maximum(speeds, SLOWEST * speeds[-1]), np.zeros(len(speeds)))
     travels = stroke * np.linspace(0, 1, SHARE_SAMPLES + 1)
     wheels = guide_wheels(cart, float(np.abs(forces).max()) or 1.0)

@@ -205,12 +205,10 @@ def _elastic_peaks(
     cart: Cart, resistance: ResistanceLaw, laws: Mapping[str, "PassTable"], springs: Mapping[str, tuple[float, float]]
 ) -> Iterator[tuple[str, dict[str, dict[str, float]]]]:
     """Yield each elastic drive with the peaks of the laws by criterion."""
-    from compact.analysis.robust.drive_pool import SPEED_RANGE, DrivePool, travel_table
+    from compact.analysis.robust.drive_pool import DrivePool, travel_table
 
     stiffness, damping = (np.array(each) for each in zip(*springs.values(), strict=True))
-    known: Sequence[float] = getattr(resistance, "speeds", ())
     fastest = max(float(each.velocity.max()) for each in laws.values())
-    fastest = min(fastest, known[-1] / SPEED_RANGE) if len(known) else fastest  # beyond the map the force is held
     table = travel_table(cart, resistance, next(iter(laws.values())).stroke, fastest)
     ratio = damping / (2 * np.sqrt(stiffness * cart.mass))
     pool = DrivePool.of(cart.mass, np.column_stack([stiffness, ratio]), (table,))
