@@ -31,13 +31,13 @@ def roller():
 
 @pytest.fixture(scope="session")
 def coarse():
-    """Steady rolling on 4 increments per contact length, one mesh without an estimate of its error."""
+    """Steady rolling on 4 elements per contact length."""
     return roll(LAYER, ROLLER, MIX, 0.2, increments=4)
 
 
 @pytest.fixture(scope="session")
 def fine():
-    """Steady rolling on 8 increments per contact length, for slow tests."""
+    """Steady rolling on 8 elements per contact length, for slow tests."""
     return roll(LAYER, ROLLER, MIX, 0.2, increments=8)
 
 

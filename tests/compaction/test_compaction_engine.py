@@ -21,7 +21,7 @@ HEIGHT = 0.22 * 0.98 / 0.94
 DEPTH = 0.03 * HEIGHT
 # bonded base, parabola, small strain, independent solution: contact length ahead over height, load and resistance over
 # those of columns, elements per contact length
-COLUMN_LIMIT = [(5, 1.0157, 1.034, 24), (10, 1.0052, 1.0096, 12), (20, 1.0011, 1.0019, 12)]
+COLUMN_LIMIT = [(5, 1.0157, 1.034, 12), (10, 1.0052, 1.0096, 12), (20, 1.0011, 1.0019, 12)]
 
 
 def wide_roller(ratio, **changes):
@@ -185,7 +185,7 @@ def rolled(request):
 
 def test_mass_work_yield_and_equilibrium_balance(rolled):
     assert rolled.mass_residual < 2e-3
-    assert rolled.work_residual < (0.02 if rolled.error else 0.05)  # 4 elements on one mesh have no error estimate
+    assert rolled.work_residual < 0.02
     assert rolled.yield_residual < 1e-9
     assert rolled.equilibrium_residual < 1e-4
 
@@ -288,7 +288,8 @@ def test_rate_effect_is_that_of_the_yield_pressure(thin):
     stronger = roll_thin(10, replace(THIN, heckel_slope=THIN.heckel_slope / factor))
     assert (faster.load, faster.resistance) == pytest.approx((stronger.load, stronger.resistance), rel=1e-9)
     assert 1.05 < factor < 1.08
-    assert faster.load / thin.load == pytest.approx(factor**0.95, rel=5e-3)
+    loads = [each.load / each.load_factor for each in (faster, thin)]  # on one mesh
+    assert loads[0] / loads[1] == pytest.approx(factor**0.95, rel=5e-3)
 
 
 def test_rate_effect_from_a_neighbour(rolled, layer, roller, mix):
@@ -339,7 +340,7 @@ def test_progress_is_reported_and_can_interrupt():
 
     with pytest.raises(KeyboardInterrupt):
         roll(Layer(HEIGHT), wide_roller(10), THIN, 0.2, strain="small", increments=4, progress=interrupt)
-    assert re.match(r"4 increments per contact length, step 3: travel \S+ m, bow wave \S+ mm, residual ", lines[-1])
+    assert re.match(r"4 elements per contact length, step 3: travel \S+ m, bow wave \S+ mm, residual ", lines[-1])
 
 
 # (h) refusals
@@ -373,5 +374,6 @@ def test_convection_keeps_a_stress_that_is_uniform_along_the_travel(mix):
 
 
 def test_pressure_integrates_to_the_load(rolled):
-    tolerance = 0.36 / (8 if rolled.error else 4)  # of the edges, half an element each
+    frame = rolled.solution.frame
+    tolerance = 0.36 * frame.step / frame.contact_length  # of the edges, half an element each
     assert np.trapezoid(rolled.pressure, rolled.x) == pytest.approx(rolled.load, rel=tolerance)

@@ -12,7 +12,7 @@ FIELDS = {"density_ratio", "density_under_load", "pressure", "saturation_pressur
 
 @pytest.fixture(scope="module")
 def rolled():
-    return roll(LIFT, free_roller(), LIFT_MIX, 0.13, increments=7)
+    return roll(LIFT, free_roller(), LIFT_MIX, 0.13, increments=10)
 
 
 @pytest.fixture
@@ -42,7 +42,8 @@ def test_saturation_reaction_is_that_of_the_densest_state(rolled, grid):
 
 def test_mix_at_rest_is_no_denser_than_the_limit_and_under_load_by_its_elastic_compression(rolled):
     assert LIFT_MIX.saturation_limit < rolled.peak_density_ratio < LIFT_MIX.saturation_limit + 1e-3
-    highest = np.exp(rolled.peak_pressure / LIFT_MIX.bulk_modulus)
+    pressure = -rolled.solution.state.points.stress[:, :3].mean(axis=1)
+    highest = np.exp(pressure.max() / LIFT_MIX.bulk_modulus)
     assert 1 < rolled.peak_loaded_density_ratio / rolled.peak_density_ratio < highest
 
 
@@ -60,5 +61,5 @@ def test_mass_is_conserved_everywhere_and_the_density_is_reset_little(rolled):
     interpolated, moved = frame.interpolated(state), frame.convect(state)
     ratio = moved.points.density_ratio / interpolated.points.density_ratio
     assert rolled.density_reset == pytest.approx(np.abs(np.log(ratio)).max(), rel=1e-9)
-    assert rolled.density_reset < 2e-3  # 1e-3 with 10 elements a contact length
+    assert rolled.density_reset < 1e-3
     assert rolled.mass_residual < 1e-9

@@ -49,16 +49,16 @@ def test_carried_pressure_is_that_of_the_mix_in_steady_motion(loose):
     deviator = points.stress + p[:, None] * [1, 1, 1, 0]
     q = np.sqrt(1.5 * (deviator**2) @ [1, 1, 1, 2])
     near = np.abs(loose.frame.solid.point_coordinates[:, 0]) < loose.frame.contact_length
-    assert np.abs(loose.carried_pressure - p)[near].max() < 100.0  # Pa; the peak pressure is 250 kPa
+    assert np.abs(loose.parts[-1].carried_pressure - p)[near].max() < 100.0  # Pa; the peak pressure is 250 kPa
     excess = (q - mix.friction_slope * (p + mix.tensile_strength))[near]
     assert excess.max() < 100.0
     assert (excess > -100.0).sum() > 30  # mix slides on the line
 
 
 def test_coefficient_of_loose_mix_is_that_of_the_table(loose):
-    """Fed at 0.90 the K0 cap and the line have 0.127 on 6 increments; 4 have some 0.02 less."""
+    """Fed at 0.90 the K0 cap and the line have 0.140 on 6 elements; 4 have 0.003 less."""
     step = loose.steps[-1]
-    assert step.resistance / step.load == pytest.approx(0.115, abs=0.006)
+    assert step.resistance / step.load == pytest.approx(0.137, abs=0.004)
     assert step.bow_wave < 0.3e-3
     assert abs(step.load / loose.steps[-30].load - 1) < 2e-3
 

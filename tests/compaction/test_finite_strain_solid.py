@@ -10,8 +10,8 @@ from skfem import MeshQuad
 
 from compact.engines.compaction.finite_strain_kernels import strain_derivatives, strain_increment
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid
+from compact.engines.compaction.increment_solver import IncrementSolver
 from compact.engines.compaction.roller_contact import ContactForces
-from compact.engines.compaction.rolling import IncrementSolver
 from compact.material import cap_plasticity
 
 SQUARE = MeshQuad.init_tensor(np.linspace(0, 1, 4), np.linspace(0, 1, 3))

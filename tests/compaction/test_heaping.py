@@ -129,7 +129,7 @@ def test_estimate_is_omitted_where_it_does_not_apply(no_solution, changes):
 
 def search_with(bow_wave):
     """Search whose last step has a bow wave [m], 22 mm of which are allowed, and whose wave grows as at first."""
-    step = RollingStep(0.05, 0.09, 1e4, 3e3, 0.95, 2e5, 1, 1e-4, bow_wave, 1e-4, 0.0)
+    step = RollingStep(0.05, 0.09, 1e4, 3e3, 0.0, 0.95, 2e5, 1, 1e-4, bow_wave, 1e-4, 0.0)
     rolling = IncrementalRolling.__new__(IncrementalRolling)
     rolling.steps, rolling.max_wave_height = (step,), 0.032
     rolling.surface = SimpleNamespace(radius=0.11)

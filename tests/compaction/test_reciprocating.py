@@ -135,12 +135,15 @@ def test_lifts_between_strokes_agree_with_passes():
 
 @pytest.mark.parametrize("torque", [pytest.param(0.0, marks=pytest.mark.slow), 2000.0], ids=["free", "driven"])
 def test_rotating_roller_becomes_steady(torque):
-    """Tolerances of resistance and creepage are relative to the effect of friction, f times contact over radius."""
+    """Tolerances of resistance and creepage are relative to the effect of friction, f times contact over radius.
+
+    Its steps are half elements, those of steady rolling quarters; their resistances are .9 % of this effect apart.
+    """
     run = simulate_thin(law("quintic", 2 * WIDE_LENGTH, 2.0), roller=free_roller(), increments=8, torque=torque)
     steady = roll(Layer(HEIGHT), free_roller(), THIN, 0.2, torque=torque, increments=8)
     assert element_means(run.load)[-6:] == pytest.approx(steady.load, rel=2e-3)
     # the torque reduces the resistance by 60 of 72 N/m
-    assert element_means(run.resistance)[-6:] == pytest.approx(steady.resistance, abs=5e-3 * 72)
+    assert element_means(run.resistance)[-6:] == pytest.approx(steady.resistance, abs=0.012 * 72)
     creepage = WIDE.radius * np.diff(run.angle[-9:]) / np.diff(run.position[-9:]) - 1
     assert element_means(creepage)[-6:] == pytest.approx(steady.creep, abs=0.01 * 0.3 * WIDE_LENGTH / WIDE.radius)
     assert run.work_residual < 5e-3

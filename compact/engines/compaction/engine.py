@@ -9,9 +9,14 @@ mix, starts from the last solution stretched to it.
     mass    solids and water of the exit column = those of the fed column, both at rest (`LayerState.solid_height`)
     work    resistance = sum of W dY + int t (slip velocity) dx/v,    W = int J sigma : d strain of the exit column
 
-The load is that in the limit of fine meshes (`mesh_extrapolation`). The error has three parts: of the mesh; of the
-drift, the distance to the steady state along the slow mode; of the start, the scatter of that distance, the last
-transient and the miss of a target.
+The forces converge with first order in the length of an increment, the load from above on all lifts that were computed.
+The length of the elements matters less. The last two searches therefore have the same mesh, and the load is that in the
+limit of short increments, by loads P of increments of half the length and P_c of twice that,
+
+    P_limit = P + (P - P_c)
+
+The error has three parts: of mesh and increments; of the drift, the distance to the steady state along the slow mode;
+of the start, the scatter of that distance, the last transient and the miss of a target.
 
 Range: frictionless, sliding, free and driven rollers, bonded and frictionless bases, contact
 angles up to some 25 degrees where the mix has the voids. On a layer that is high compared with the contact length, the
@@ -30,8 +35,7 @@ from compact.engines.compaction.depth_target import MAX_ELONGATED_SHARE, TARGET_
 from compact.engines.compaction.finite_strain_kernels import announce_compilation
 from compact.engines.compaction.heaping import require_no_heaping
 from compact.engines.compaction.layer_state import LayerState
-from compact.engines.compaction.mesh_extrapolation import mesh_cascade, mesh_errors
-from compact.engines.compaction.rolling import IncrementalRolling
+from compact.engines.compaction.rolling import PARTS, IncrementalRolling
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.engines.compaction.steady_search import MAX_COARSE_TRAVEL, MAX_TRAVEL, SteadySearch
 from compact.engines.compaction.steady_state import ErrorParts, Relaxation
@@ -40,6 +44,7 @@ from compact.material.laws import MEASURED_DENSITY_RATIO, Compaction, DruckerPra
 from compact.numerics.validation import require_known
 from compact.rolling_contact import (
     HEIGHT_TOLERANCE,
+    MIN_RESISTANCE_RATIO,
     Contact,
     HeapingError,
     Layer,
@@ -56,6 +61,10 @@ if TYPE_CHECKING:
 
 __all__ = ["CompactionContactResult", "HeapingError", "roll"]
 
+COARSE_INCREMENTS = 4  # [-], least elements per contact length of a mesh
+RATIO = 2  # [-], of the elements of successive meshes, and of the parts of a step on the last one
+CORRECTION_SHARE = 0.5  # [-], error of the extrapolated load over its correction; see docs/theory/compaction.md
+TYPICAL_CHANGE = 0.1  # [-], of the forces over the length of an increment in contact lengths, least measured one
 COARSE_TARGET_TOLERANCE = 10.0  # [-], tolerance of a target on the coarser meshes over that on the last one
 NEIGHBOUR_DEPTH = 1.03  # [-], largest ratio of depths of neighbours; waves further apart relax longer than from rest
 MIN_RESISTANCE = 1e-3  # [-], least scale of the work residual over the load
@@ -151,7 +160,7 @@ def build_result(
         work_residual=work_residual(solution),
         peak_pressure=float(pressure.max()),
         indentation=frame.mesh.height - last.bottom_height,
-        creep=solution.contact.creepage,
+        creep=solution.creepage,
         exit=exit_state,
         exit_height=exit_state.height,
         exit_density_ratio=exit_state.density_ratio,
@@ -200,14 +209,10 @@ def work_residual(solution: IncrementalRolling) -> float:
     solution : IncrementalRolling
         Steady solution.
     """
-    frame, surface, (load, resistance) = solution.frame, solution.surface, solution.load_and_resistance()
-    nodes = frame.surface_nodes
+    frame, last = solution.frame, solution.steps[-1]
     deformation = frame.row_heights @ frame.to_rows(solution.state.work)[:, frame.exit_column]
-    slip = np.array([1.0, 0.0]) - solution.displacement_change[nodes] / frame.step  # of the roller, over its speed
-    sliding = np.sum(surface.tangents(solution.state.displacement[nodes]) * slip, axis=1)
-    # the work of rotation, - (1 + creepage) times the sum of the shear, cancels with its share of the slip
-    slip_work = np.sum(surface.weights * solution.contact.shear * sliding)
-    return float(abs(resistance - deformation - slip_work) / max(abs(resistance), MIN_RESISTANCE * load))
+    scale = max(abs(last.resistance), MIN_RESISTANCE * last.load)
+    return float(abs(last.resistance - deformation - last.slip_resistance) / scale)
 
 
 def _share_between_edges(
@@ -292,7 +297,6 @@ def roll(
     announce_compilation(numerics.progress)
     if case.heaping is not None and fed_layer is None and not isinstance(material, DruckerPragerCap):
         require_no_heaping(case.heaping, target.quantity, target.value, target.required_depth)
-    last = case.numerics.increments
     with threadpool_limits(1):
         if start is not None and _is_neighbour(case, target, start):
             depth = target.depth_from(getattr(start, target.quantity), start.indentation)
@@ -303,16 +307,48 @@ def roll(
             search.run()
             return _to_result(case, search, start.error_parts.mesh)
         searches: list[SteadySearch] = []
-        for count in mesh_cascade(last):
+        for elements, parts in refinements(case.numerics.increments):
             depth = searches[-1].depth if searches else target.initial_depth()
-            rolling = case.roller_at_rest(case.create_frame(depth, count))
-            travel = MAX_TRAVEL if count > last / 2 else MAX_COARSE_TRAVEL  # the extrapolation needs two meshes
-            search = _create_search(case, target, rolling, depth, travel, is_last=count == last)
+            rolling = case.roller_at_rest(case.create_frame(depth, elements), parts)
+            travel = MAX_COARSE_TRAVEL if parts == 1 else MAX_TRAVEL  # the extrapolation needs the last two
+            search = _create_search(case, target, rolling, depth, travel, is_last=parts == PARTS)
             if searches:
                 search.start_from(searches[-1])
             search.run()
             searches.append(search)
         return _to_result(case, searches[-1])
+
+
+def refinements(elements: int) -> list[tuple[int, int]]:
+    """Return elements per contact length and parts of a step of successive refinements."""
+    counts = [elements]
+    while (coarser := round(counts[0] / RATIO)) >= COARSE_INCREMENTS:
+        counts.insert(0, coarser)
+    return [(count, 1) for count in counts[:-1] or counts] + [(elements, PARTS // RATIO), (elements, PARTS)]
+
+
+def mesh_errors(fine: SteadySearch) -> tuple[float, float] | None:
+    """Return the relative errors of load and resistance by mesh and increments [-]; None without a coarser search.
+
+    That of the load is a share of its correction, that of the resistance, which is not extrapolated, the whole one.
+    Both are at least those of a typical lift, since two searches may agree by chance. They are compared at what is
+    prescribed, by the exponents of the forces over the depth.
+
+    Parameters
+    ----------
+    fine : SteadySearch
+        Search on the last refinement, with those on the coarser ones.
+    """
+    coarse = fine.coarse
+    if coarse is None:
+        return None
+    load, resistance = fine.values[:2] * [fine.load_factor, 1.0]
+    scales = np.array([load, max(abs(resistance), MIN_RESISTANCE_RATIO * load)])
+    corrections = (fine.values - coarse.values_at(fine.depth))[:2] / (fine.increments / coarse.increments - 1)
+    errors = np.maximum(np.abs(corrections) / scales, TYPICAL_CHANGE / fine.increments)
+    if fine.load_factor != 1:
+        errors[0] *= CORRECTION_SHARE
+    return float(errors[0]), float(errors[1])
 
 
 def _create_search(

@@ -29,7 +29,7 @@ from compact.numerics.assembly import element_unknowns
 
 STRAIN_FROM_GRADIENT = np.array([[1.0, 0, 0, 0], [0, 0, 0, 1.0], [0, 1.0, 1.0, 0]])  # (xx, yy, 2 xy)
 GAUSS_ORDER = 3  # [-], polynomial order of 2 x 2 points
-SUBSTEPS = 4  # [-], of the stress integration in one increment; 2 leave an error of up to 0.3 % in the resistance
+SUBSTEPS = 4  # [-], of the stress integration in an increment as long as an element; 2 leave 0.3 % in the resistance
 PROBE_TOLERANCE = 5e-3  # [-], error of factors in single precision, over the largest displacement
 FloatArray = NDArray[np.float64]
 LinearSolver = Callable[[FloatArray], FloatArray]

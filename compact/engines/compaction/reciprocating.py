@@ -46,6 +46,7 @@ from threadpoolctl import threadpool_limits
 
 from compact.engines.compaction.engine import CompactionContactResult
 from compact.engines.compaction.finite_strain_solid import FloatArray
+from compact.engines.compaction.increment_solver import Equilibrium, IncrementSolver
 from compact.engines.compaction.layer_state import LayerState, rate_factor_at
 from compact.engines.compaction.reciprocating_case import (
     ReciprocatingNumerics,
@@ -57,9 +58,7 @@ from compact.engines.compaction.roller_contact import ContactForces, ContactTrac
 from compact.engines.compaction.roller_frame import RollerFrame, laid_state, rolling_mesh, transfer_state
 from compact.engines.compaction.rolling import (
     CARRIED_SHARE,
-    Equilibrium,
     IncrementalRolling,
-    IncrementSolver,
     mean_pressure,
     roller_surface,
 )

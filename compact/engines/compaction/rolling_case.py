@@ -10,14 +10,14 @@ from compact.engines.compaction.finite_strain_solid import SolidState
 from compact.engines.compaction.heaping import MAX_CONTACT_ANGLE, HeapingEstimate
 from compact.engines.compaction.layer_state import LayerState, compacted_lift, rate_factor_at
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh
-from compact.engines.compaction.rolling import IncrementalRolling, Progress
+from compact.engines.compaction.rolling import PARTS, IncrementalRolling, Progress
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.mesh import RowMesh
 from compact.numerics.validation import require_between, require_known, require_positive
 from compact.rolling_contact import Layer, Roller
 
-INCREMENTS = 14  # [-], elements per contact length sqrt(2 R depth)
+INCREMENTS = 7  # [-], elements per contact length sqrt(2 R depth)
 STEADY_TOLERANCE = 1e-3  # [-], estimated distance of load, resistance and exit density from the steady state
 
 
@@ -31,7 +31,7 @@ class RollingNumerics:
         Strain measure; small strain is fair up to contact angles of 12 to 15 degrees, and its density ratio is low by
         half a squared strain.
     increments : int
-        Elements and steps per contact length.
+        Elements per contact length, each rolled over in `rolling.PARTS` parts.
     steady_tolerance : float
         Relative tolerance of the steady state: estimated remaining change of load, resistance and exit density [-].
     max_contact_angle : float or None
@@ -130,11 +130,11 @@ class RollingCase:
             rate_factor=self.rate_factor(depth),
         )
 
-    def roller_at_rest(self, frame: RollerFrame) -> IncrementalRolling:
-        """Create the roller above the fed layer of a frame."""
+    def roller_at_rest(self, frame: RollerFrame, parts: int = PARTS) -> IncrementalRolling:
+        """Create the roller above the fed layer of a frame, with a number of parts of a step."""
         limit = np.inf if self.heaping is None else self.heaping.contact_height
         torque, progress = self.torque or 0.0, self.numerics.progress
-        return IncrementalRolling(frame, self.roller, torque, max_wave_height=limit, progress=progress)
+        return IncrementalRolling(frame, self.roller, torque, max_wave_height=limit, parts=parts, progress=progress)
 
     def stretched(self, old: IncrementalRolling, depth: float) -> IncrementalRolling:
         """Return the roller of this case at the state of another one stretched to a depth.
@@ -158,7 +158,7 @@ class RollingCase:
             below = np.minimum(frame.mesh.y, frame.lower_height)
             y = np.maximum(y, 0.0) + below * (self.lower.height / frame.lower_height)
         mesh = RowMesh(along * frame.mesh.x, y)
-        rolling = self.roller_at_rest(self._frame_on(mesh, depth, frame.solid.finite))
+        rolling = self.roller_at_rest(self._frame_on(mesh, depth, frame.solid.finite), len(old.parts))
         strain = depth / old.depth / across
         fed, old_fed = rolling.frame.initial_state().points, frame.initial_state().points
         ratios = {

@@ -36,7 +36,7 @@ from compact.engines.compaction.steady_state import (
 from compact.rolling_contact import EquilibriumError, HeapingError, Unsteady, UnsteadyError
 
 # chosen by halving and doubling each on random lifts, see docs/theory/compaction.md; lengths over the contact length
-SETTLING, CYCLE = 1.5, 1.0  # [-], travel after a change and in a cycle
+SETTLING, CYCLE = 2.0, 1.0  # [-], travel after a change and in a cycle
 FIRST_LENGTH = 8.0  # [-], relaxation length of the wave before any is known
 LENGTH_ERROR = 0.5  # [-], relative error of the relaxation length, which jumps then leave; largest jump over the wave
 MIN_CHANGE = 0.02  # [-], least change of the wave between two settled states that define a mode, over the wave
@@ -52,7 +52,6 @@ APPROACH, FIRST_APPROACH = CYCLE / 2, SETTLING + CYCLE  # [-], travel in which a
 FINAL_TRAVEL = SETTLING + CYCLE / 2  # [-], after the last jump; the mix of the exit column has passed it all
 MAX_COARSE_TRAVEL = 0.4 * MAX_TRAVEL  # [-], on meshes before the last two
 MIN_WAVES = 3  # [-], cycles with two changes, before a wave may count as endless
-MIN_EXTRAPOLATED = 9.5  # [-], elements per contact length of the coarser mesh, below which loads are not extrapolated
 MIN_STEPS = 4  # [-], of a measurement
 MAX_MISS = 10.0  # [-], of the tolerance of a target, which is accepted, and told, at the largest travel
 HEIGHT_SHARE = 1 / 3  # [-], of the layer height, which counts as contact length at least; later passes are that short
@@ -132,12 +131,17 @@ class SteadySearch:
         return self.rolling.frame.contact_length / self.rolling.frame.step
 
     @property
+    def increments(self) -> float:
+        """Increments per contact length [-]."""
+        return self.elements * len(self.rolling.parts)
+
+    @property
     def load_factor(self) -> float:
-        """Load in the limit of fine meshes over that of this one [-], by the steady state on the mesh before."""
+        """Load in the limit of short increments over that of this search [-], by the one before on an equal mesh."""
         coarse, change = self.coarse, self._change_by_mesh
-        if coarse is None or not change or coarse.elements < MIN_EXTRAPOLATED or abs(change) > MAX_DISTANCE:
+        if coarse is None or round(coarse.elements) != round(self.elements) or abs(change) > MAX_DISTANCE:
             return self.known_factor
-        return 1 + change / (self.elements / coarse.elements - 1)
+        return 1 + change / (self.increments / coarse.increments - 1)
 
     @property
     def _change_by_mesh(self) -> float:
@@ -149,7 +153,10 @@ class SteadySearch:
 
     def values_at(self, depth: float) -> FloatArray:
         """Return load, resistance and peak pressure scaled to a near depth [m], as part of `QUANTITIES`."""
-        return np.asarray(self.values * (depth / self.depth) ** DEPTH_EXPONENTS)
+        exponents = DEPTH_EXPONENTS.copy()
+        if self._depth_exponent is not None and self.target.quantity in ("load", "peak_pressure"):  # measured
+            exponents[QUANTITIES.index(self.target.quantity)] = self._depth_exponent
+        return np.asarray(self.values * (depth / self.depth) ** exponents)
 
     def start_from(self, coarse: "SteadySearch") -> None:
         """Start from the steady state on a coarser mesh."""
@@ -424,7 +431,7 @@ class SteadySearch:
         """
         parts = [self.errors.drift[:2] / self._error_scales, self.errors.start[:2] / self._error_scales]
         if self.coarse is not None and self.load_factor != 1:
-            weight, coarse = 1 / (self.elements / self.coarse.elements - 1), self.coarse
+            weight, coarse = 1 / (self.increments / self.coarse.increments - 1), self.coarse
             for part, of_coarse in zip(parts, (coarse.errors.drift, coarse.errors.start), strict=True):
                 part[0] = np.hypot((1 + weight) * part[0], weight * of_coarse[0] / coarse.values[0])
         parts[1] += DEPTH_EXPONENTS[:2] * abs(self._miss) / (self._depth_exponent or 1.0)  # at another depth

@@ -21,7 +21,6 @@ from typing import Self
 import numpy as np
 
 from compact.engines.compaction.finite_strain_solid import FloatArray, SolidState
-from compact.engines.compaction.roller_contact import ContactTractions
 from compact.engines.compaction.roller_frame import transfer_state
 from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
 
@@ -129,8 +128,7 @@ class BowWaveMode:
         points = replace(points, max_density_ratio=densest, plastic_work=np.maximum(plastic_work, 0.0))
         change = factor * self.state.displacement
         moved = SolidState(state.displacement + change, points, state.work + factor * self.state.work)
-        pressure = np.maximum(rolling.contact.pressure + factor * self.pressure, 0.0)
-        rolling.restart(moved, ContactTractions(pressure, rolling.contact.shear, rolling.contact.creepage), change)
+        rolling.change_by(moved, factor * self.pressure, change)
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,8 @@ from threadpoolctl import threadpool_limits
 from compact.engines.compaction.depth_target import DepthTarget
 from compact.engines.compaction.engine import CompactionContactResult
 from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, SolidIncrement
-from compact.engines.compaction.rolling import DAMPING, IncrementalRolling, IncrementSolver, RollingStep
+from compact.engines.compaction.increment_solver import IncrementSolver
+from compact.engines.compaction.rolling import DAMPING, IncrementalRolling, RollingStep
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.engines.compaction.steady_search import MAX_TRAVEL, SteadySearch
 from compact.engines.compaction.steady_state import Relaxation
