@@ -238,7 +238,7 @@ class ProcessStudy:
         other, row = replace(self, scene=scene, known=None), self.row
         work = row.confined_work_of(other.problem, other.problem.rate_factor(self.history.mean_bite))
         own = row.confined_work_of(self.problem, self.history.rate_factor)
-        return self.scene.machine.rollers * self.resistance * work / own + (other.sleeve_drag or 0.0)
+        return self.scene.machine.rollers * self.resistance * work / own + other.standing_drag
 
     @property
     def covered_width(self) -> float:
@@ -261,10 +261,10 @@ class ProcessStudy:
         density = float(bulk_density(self.scene.mix.moisture, 1.0))
         return {name: grains * machine.advance * self.covered_width * density for name, grains in flow.items()}
 
-    @cached_property
-    def sleeve_drag(self) -> float | None:
-        """Drag of all sleeves of a cart [N]; None without the table [sleeve]."""
-        return self._sleeves.force
+    @property
+    def standing_drag(self) -> float:
+        """Drag of sleeves and smoothing plate of a cart [N], at any speed."""
+        return (self._sleeves.force or 0.0) + (self._plate.force or 0.0)
 
     @property
     def _loose_density(self) -> float:
@@ -328,7 +328,7 @@ class ProcessStudy:
     @property
     def guide_friction(self) -> float:
         """Friction of the guide wheels of a cart under the computed load [N]."""
-        resistance = self.scene.machine.rollers * self.resistance + (self.sleeve_drag or 0.0)
+        resistance = self.scene.machine.rollers * self.resistance + self.standing_drag
         return float(balance(cart(self.scene, self.load), 0.0, resistance, 1.0).guide_friction)
 
     @property

@@ -277,7 +277,7 @@ class ContactStage:
 
     @property
     def sleeve_drag(self) -> float:
-        """Drag of the feed sleeves, a part of the resistance to a cart [N]."""
+        """Drag of feed sleeves and smoothing plate, a part of the resistance to a cart [N]."""
         return 0.0
 
     @cached_property
@@ -431,8 +431,8 @@ class ProcessStage(ContactStage):
 
     @property
     def sleeve_drag(self) -> float:
-        """Drag of the feed sleeves, a part of the resistance to a cart [N]."""
-        return self.process.sleeve_drag or 0.0
+        """Drag of feed sleeves and smoothing plate, a part of the resistance to a cart [N]."""
+        return self.process.standing_drag
 
     def rate_factor(self) -> Callable[[float], float]:
         """Return the factor of the yield pressure over the speed [m/s]."""
