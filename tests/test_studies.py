@@ -61,6 +61,18 @@ def test_first_law_over_drive_and_turn_is_that_of_an_independent_integrator(caps
         assert (row.force, row.power) == (pytest.approx(force, rel=0.02), pytest.approx(power, rel=0.02))
 
 
+def test_peaks_of_the_drive_are_those_of_even_steps_without_events(capsys):
+    """Friction smoothed over 0.1 to 3 mm/s instead of sticking: peak force and power to 2 %."""
+    module = study("turning_and_drive")
+    rows = module.checked(cases={"rebuilt over 10 mm": ("parabolic",)}, steps=10000)
+    module.show_checked(rows)
+    assert "even steps" in capsys.readouterr().out
+    for _, law, *peaks in rows:
+        assert law == "parabolic"
+        assert peaks[1:4] == pytest.approx([peaks[0]] * 3, rel=0.02)
+        assert peaks[5:] == pytest.approx([peaks[4]] * 3, rel=0.02)
+
+
 @pytest.mark.slow
 def test_engines_agree_with_finite_elements_by_hand_and_name_the_open_codes_that_are_not_installed(capsys):
     module = study("open_codes")

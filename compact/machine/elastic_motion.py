@@ -52,7 +52,10 @@ DEFECT_SHARE = 0.3  # [-], of the solution tolerance; defect of a step
 CLOSURE_TOLERANCE = 0.1  # [-], of the solution tolerance; residual of a closed cycle
 MAX_MOVE = 30.0  # [-], of the force scale; change of the state by an extrapolation
 MAX_DEPTH = 3  # [-], differences of an extrapolation
-MAX_CYCLES, ACCELERATED_CYCLES = 150, 60  # [-]; 3 to 8 are usual
+MAX_CYCLES = 400  # [-]; 3 to 8 are usual
+DECIDING_CYCLES = 15  # [-], over which residuals fall, or do not
+STEADY = 0.95  # [-], rate of residuals in a cycle that do not fall; stable regimes have less than 0.9, alternating and
+# irregular cycles of soft springs 0.97 to 1.03
 
 
 class Kinematics(NamedTuple):
@@ -388,7 +391,8 @@ class CartMotion:
     def solve_periodic(self) -> Trajectory:
         """Solve the periodic regime: fixed point of a cycle by Anderson's acceleration.
 
-        A cycle begins in the middle of the forward stroke, where the cart moves.
+        A cycle begins in the middle of the forward stroke, where the cart moves. Where accelerated cycles do not close
+        further, plain ones let a stable regime settle; there is none where they do not close further either.
         """
         middle = int(np.searchsorted(self.law.breaks, self.half_stroke_time * (1 - 1e-9)))
         early = PiecewisePolynomial(self.law.breaks[: middle + 1], self.law.coefficients[:middle])
@@ -402,18 +406,25 @@ class CartMotion:
         depth = min(len(free), MAX_DEPTH)
         places: list[Array] = []
         residuals: list[Array] = []
-        for count in range(MAX_CYCLES):
+        sizes: list[float] = []
+        first_plain = 0  # of the sizes; 0 while cycles are accelerated
+        for _ in range(MAX_CYCLES):
             trajectory = self._cycle(state, early, late)
             end = trajectory.end
             place, residual = (np.array(each)[free] / units for each in (state, np.subtract(end, state)))
             size, amplitude = np.abs(residual).max(), max(1.0, np.abs(place[:2]).max())
             if size <= CLOSURE_TOLERANCE * self.tolerance * amplitude and end[2:4] == state[2:4]:
                 return replace(trajectory, end=trajectory.start)
+            sizes.append(float(size))
+            if (rate := _rate(sizes[first_plain:])) > STEADY:
+                if first_plain:
+                    break
+                first_plain = len(sizes)
             if residuals and size > np.abs(residuals[-1]).max():  # the extrapolation failed
                 places, residuals = [], []
             places, residuals = [*places[-depth:], place], [*residuals[-depth:], residual]
             move = residual
-            if len(places) > 1 and count < ACCELERATED_CYCLES:  # then let a stable regime settle
+            if len(places) > 1 and not first_plain:
                 moves, changes = np.diff(places, axis=0).T, np.diff(residuals, axis=0).T
                 move = residual - (moves + changes) @ np.linalg.lstsq(changes, residual, rcond=1e-10)[0]
                 move *= min(1.0, MAX_MOVE / max(np.abs(move).max(), 1.0))
@@ -421,10 +432,19 @@ class CartMotion:
             for k, value in zip(free, ((place + move) * units).tolist(), strict=True):
                 values[k] = value
             state = CartState._make(values)
+        found = "no periodic regime found" if rate > STEADY else "a periodic regime is not decided"
         raise RuntimeError(
-            f"no periodic regime found in {MAX_CYCLES} cycles: a cycle ends {size * self.scale:g} N from its start, "
+            f"{found} in {len(sizes)} cycles: a cycle ends {size * self.scale:g} N from its start, "
             'possibly by resonance of the spring or a subharmonic motion; increase `damping`, or use regime "rest"'
         )
+
+
+def _rate(sizes):
+    """Rate at which residuals fall in a cycle, by their largest over `DECIDING_CYCLES`; 0 while there are too few."""
+    if len(sizes) < 2 * DECIDING_CYCLES:
+        return 0.0
+    before, after = max(sizes[-2 * DECIDING_CYCLES : -DECIDING_CYCLES]), max(sizes[-DECIDING_CYCLES:])
+    return (after / before) ** (1 / DECIDING_CYCLES)
 
 
 @lru_cache(maxsize=SHARE_TABLES)

@@ -17,7 +17,8 @@ so that the force of the mix does not jump at a turn (`compact.turning`). Withou
 at rest as dry friction does.
 
 The state is seen from the stroke: it is mirrored where the law turns. Where both strokes are mirror images, a pass that
-ends as it started is periodic; otherwise two passes are.
+ends as it started is periodic; otherwise two passes are. A soft spring may have two regimes: the first passes are not
+extrapolated, so that the one is found to which a cart comes that follows the law at first.
 """
 
 import math
@@ -32,7 +33,8 @@ PASSES = 60  # [-], at most; 3 to 12 are usual
 UNSETTLED_PASSES = 12  # [-], where none is periodic: the one with the largest force counts
 CLOSURE = 3e-6  # [-], of the force scale; residual of a closed pass
 WORSE = 4.0  # [-], residual over the least one, beyond which Broyden's method starts again
-MOVE_LIMIT = 3.0  # [-], of the force scale; change of the state by an extrapolation
+FADED_SHARE = 0.25  # [-], of the first transient, after which passes are extrapolated to a regime
+MOVE_LIMIT = 8.0  # [-], of the residual; change of the state by an extrapolation
 CORRECTORS = 2  # [-], evaluations of the resistance at the end of a step
 STEEP = 0.01  # [-], of F; a larger change of the resistance in one step is not extrapolated to the next
 HELD = 1e-6  # [-], of the range of pulls that hold a cart; a pull within it of an end breaks away
@@ -360,8 +362,8 @@ def _close(spring, table, law, units, state, inverse, out):
     """Find the periodic regime over elongation, rate and origin at the middle of a stroke; returns the passes, or 0."""
     places, n, least, start = (ELONGATION, RATE, ORIGIN), 3, np.inf, np.empty(SIZE)
     change, residual, last = np.zeros(n), np.empty(n), np.zeros(n)
-    if not inverse.any():
-        _linear_inverse(spring, law, len(out), units, inverse)
+    cold, decay = not inverse.any(), spring.damping / (2 * spring.mass) * len(out) * law.step * len(law.starts)
+    settling = min(math.log(1 / FADED_SHARE) / decay, PASSES // 4) if cold else 0.0
     for count in range(1, PASSES + 1):
         start[:] = state
         for side in range(len(out)):
@@ -372,17 +374,18 @@ def _close(spring, table, law, units, state, inverse, out):
             size = max(size, abs(residual[k]))
         if size < CLOSURE:
             return count
-        if count > 1 and count < PASSES // 2 and size < WORSE * least:
+        if count <= settling or count >= PASSES // 2 or (count > 1 and size >= WORSE * least):
+            inverse[:] = np.eye(n)  # the next pass goes on from the end of this one
+        elif cold:
+            cold = False
+            _linear_inverse(spring, law, len(out), units, inverse)
+        elif count > 1:
             _update(inverse, change, last - residual)
-        elif count > 1:  # let a stable regime settle
-            for k in range(n):
-                for j in range(n):
-                    inverse[k, j] = 1.0 if k == j else 0.0
         least = min(least, size)
         last[:] = residual
         _product(inverse, residual, change)
         largest = max(abs(change[0]), abs(change[1]), abs(change[2]))
-        change *= min(1.0, MOVE_LIMIT * max(1.0, size) / largest)
+        change *= min(1.0, MOVE_LIMIT * size / largest)
         state[ELONGATION] += units[0] * (change[0] - residual[0])
         state[RATE] += units[1] * (change[1] - residual[1])
         for k in (ORIGIN, FRONT, TURN):
