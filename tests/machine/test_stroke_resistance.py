@@ -1,5 +1,6 @@
 """Drives under a resistance along the stroke: work, limits, mirror, memory of the turns, hard cases."""
 
+import itertools
 import math
 from dataclasses import replace
 from itertools import pairwise
@@ -15,6 +16,7 @@ from compact.machine.crankshaft import simulate_crankshaft
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.elastic_motion import CartMotion
 from compact.machine.motor_drive import Motor
+from compact.motion.laws import LAWS
 from compact.numerics.piecewise import PiecewisePolynomial
 from compact.resistance import dry_resistance, tabulated_resistance
 from compact.turning import (
@@ -327,6 +329,15 @@ def test_undamped_drive_is_solved():
     assert run.energy_residual < 1e-6
 
 
+@pytest.mark.parametrize("harmonic", [1, 3, 5, 7])
+def test_undamped_drive_at_a_resonance_is_held_by_the_mix(harmonic):
+    """The law excites odd harmonics of its cycle; mix and guides take what they supply."""
+    drive = ElasticDrive(MASS * (harmonic * np.pi / DURATION) ** 2, 0.0)
+    run = periodic(along(wave(0.110)), "cubic", drive=drive)
+    assert run.energy_residual < 1e-6
+    assert run.peak_force < 5 * SIZE
+
+
 @pytest.mark.parametrize("rounding", [0.0, 1e-12, -3e-12, 1e-9])
 def test_drive_without_a_periodic_regime_is_told(rounding):
     """Its cycles do not settle, whatever the rounding."""
@@ -349,3 +360,17 @@ def test_share_costs_few_evaluations():
     run = periodic(along(wave(0.110)))
     assert run.cost.intervals < 3000
     assert len(run.trajectory.rows) < 200
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [wave(0.110), imprint(0.110)], ids=["wave", "imprint"])
+def test_all_laws_behind_twelve_drives_cost_few_evaluations(share):
+    """7 s of one processor; a soft drive without a periodic regime is told."""
+    intervals, told = 0, 0
+    for stiffness, ratio, name in itertools.product((3e5, 1e6, 3e6, 1e7), (0.02, 0.05, 0.2), LAWS):
+        try:
+            intervals += periodic(along(share), name, drive=elastic(stiffness, ratio)).cost.intervals
+        except RuntimeError as error:
+            told += "no periodic regime" in str(error)
+    assert intervals < 24000
+    assert told <= 4
