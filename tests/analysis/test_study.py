@@ -324,7 +324,7 @@ def test_velocity_bound_of_the_scene_holds():
 @pytest.mark.slow
 def test_optimal_law_for_the_spread_of_the_mix_has_little_regret():
     made = OPTIMISE | {"objectives": ["peak_power"], "spread": ["required_pressure"]}
-    study = Study(scene(**{"motion.laws": ["reversal-4"], "motion.optimise": made}))
+    study = Study(scene(**{"motion.laws": ["reversal-4"], "motion.optimise": made}, **STEP))
     low, high = (
         study.stages.laws.motion_resistances[k].resistance.force / study.stages.resistance.resistance.force
         for k in (1, 2)
