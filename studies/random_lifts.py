@@ -6,7 +6,7 @@ with the elliptic cap, seed 2027 has 30 with the shear line.
 
 `--constant` changes a constant of the search for the steady state, to see what depends on it.
 
-    python studies/random_lifts.py [--seed 2026] [--increments 14] [--constant SETTLING=3] [numbers ...]
+    python studies/random_lifts.py [--seed 2026] [--increments 7] [--constant SETTLING=3] [numbers ...]
 """
 
 import argparse
@@ -19,6 +19,7 @@ import numpy as np
 
 from compact.engines.compaction import steady_search
 from compact.engines.compaction.engine import roll
+from compact.engines.compaction.rolling_case import INCREMENTS
 from compact.material.laws import Compaction, drucker_prager_cap
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
 from compact.rolling_contact import HeapingError, Layer, Roller, UnsteadyError
@@ -80,7 +81,7 @@ def random_lift(seed: int, number: int) -> Lift:
     return Lift(Layer(height + depth), roller, material, torque)
 
 
-def outcome(lift: Lift, increments: int = 14) -> str:
+def outcome(lift: Lift, increments: int = INCREMENTS) -> str:
     """Return the answer for a lift in one line."""
     start = time.process_time()
     try:
@@ -103,7 +104,7 @@ def main(arguments: Sequence[str] | None = None) -> list[str]:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("numbers", nargs="*", type=int)
     parser.add_argument("--seed", type=int, default=2026, choices=COUNTS)
-    parser.add_argument("--increments", type=int, default=14)
+    parser.add_argument("--increments", type=int, default=INCREMENTS)
     parser.add_argument("--constant", default="", metavar="NAME=VALUE")
     given, lines = parser.parse_args(arguments), []
     name, _, value = given.constant.partition("=")

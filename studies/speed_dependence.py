@@ -25,8 +25,8 @@ SPEEDS = np.geomspace(0.007, 2.1, 13)  # [m/s]; a twentieth of the mean speed to
 PRINTED_SPEED = 0.45  # [m/s], of the cart; Loveikin and Pochka 2015
 COLUMNS = {"accuracy.engine": "column", "mix.overrides.heckel_slope": 15.228e-6, "layer.fed_density_ratio": 0.93430}
 LIFT = {
-    "accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "mix.overrides.heckel_slope": 16.969e-6,
-    "layer.fed_density_ratio": 0.94805,
+    "accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "mix.overrides.heckel_slope": 16.955e-6,
+    "layer.fed_density_ratio": 0.94834,
 }  # fmt: skip
 LINEAR = {
     "accuracy.engine": "spectral", "machine.roller_condition": "frictionless", "machine.gap_geometry": "circle",

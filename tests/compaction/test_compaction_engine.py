@@ -153,7 +153,8 @@ def test_independent_explicit_rolling_is_reproduced(name):
     rolled = roll(Layer(height), roller, mix, 0.13)
     assert rolled.load == pytest.approx(load, rel=of_load)
     assert rolled.resistance == pytest.approx(resistance, rel=of_resistance)
-    if name == "published lift":  # its density at heights over that of the layer; that of the last 5 % scatters
+    assert rolled.work_residual < 4e-3
+    if name == "published lift":  # its density at heights over that of the layer; the top row is 6 % of it
         height_share = np.array([0.02, 0.2, 0.4, 0.6, 0.7, 0.8, 0.9])
         density = np.interp(height_share, rolled.exit.y / rolled.exit_height, rolled.exit.points.density_ratio)
         assert density == pytest.approx(np.array([0.951, 0.966, 0.988, 0.997, 0.996, 0.990, 0.983]), abs=2e-3)
@@ -161,16 +162,12 @@ def test_independent_explicit_rolling_is_reproduced(name):
 
 
 @pytest.mark.slow
-def test_load_of_a_frictionless_lift_is_that_of_four_meshes():
-    """A lift of 20 mm below the saturation limit; loads of 14, 20 and 28 elements extrapolate to 1922 N/m within 0.2 %.
-
-    The independent code has 1954 N/m and 104.9 N/m, within 1.5 % by its author, for a mix that is 0.3 % stronger.
-    """
+def test_frictionless_lift_below_the_saturation_limit_is_that_of_the_independent_code():
+    """A lift of 20.9 mm; the independent code has 1954 N/m and 104.9 N/m, for a mix that is 0.3 % stronger."""
     roller = Roller(0.11, indentation=0.5e-3, profile="deformed")
-    rolled = roll(Layer(0.0209), roller, published_mix(0.93576), 0.13)
-    assert rolled.load == pytest.approx(1922, rel=0.004)
-    assert rolled.load == pytest.approx(1954 / 1.003, rel=0.015)
-    assert rolled.resistance == pytest.approx(104.9 / 1.003, rel=0.02)
+    rolled = roll(Layer(0.0209), roller, published_mix(0.93576), 0.13, increments=10)
+    assert rolled.load == pytest.approx(1954, rel=0.01)
+    assert rolled.resistance == pytest.approx(104.9, rel=0.02)
     assert rolled.peak_density_ratio < 0.998
 
 

@@ -164,7 +164,7 @@ def test_second_pass_by_finite_elements_carries_both_lifts():
     first, second = passes(ON_LIFT, ROLLER, MIX, 0.13, (Pass(), Pass(forward=False)), engine="compaction", increments=4)
     lowest = LIFT.height + LOWER.thickness - first.indentation
     assert second.exit.lower.height + second.exit_height - second.elastic_recovery == pytest.approx(lowest, rel=1e-9)
-    assert abs(second.resistance) < 0.1 * first.resistance
+    assert abs(second.resistance) < 0.3 * first.resistance  # 6 % on 7 elements and a rigid base
     assert len(density(second)) == len(second.exit.heights) + len(second.exit.lower.heights)
 
 

@@ -25,6 +25,7 @@ HEIGHT = 0.02
 DEPTH = 0.03 * HEIGHT
 WIDE = Roller((10 * HEIGHT) ** 2 / (2 * DEPTH), indentation=DEPTH)
 WIDE_LENGTH = 10 * HEIGHT
+HALF_STEPS = 0.007  # [-], that the load of steps of half an element is too high; steady rolling has quarters
 
 
 class RepeatedMotion:
@@ -104,20 +105,20 @@ def test_roller_from_rest_becomes_steady(layer, roller, mix):
     """Twenty contact lengths, the relaxation length of the wave; steps of half elements, on a mesh of its own."""
     steady = roll(layer, roller, mix, 0.2)
     run = simulate_reciprocating(layer, roller, mix, law("constant-velocity", 0.45, 2.25), estimate=False)
-    load_error, resistance_error = steady.error
-    assert element_means(run.load)[-10:] == pytest.approx(steady.load / steady.load_factor, rel=load_error)
+    (load_error, resistance_error), on_mesh = steady.error, steady.load / steady.load_factor
+    assert element_means(run.load)[-10:] == pytest.approx(on_mesh, rel=load_error + HALF_STEPS)
     assert element_means(run.resistance)[-10:] == pytest.approx(steady.resistance, rel=resistance_error)
-    assert np.all(np.less(steady.error, (0.012, 0.01)))
+    assert np.all(np.less(steady.error, (0.012, 0.012)))
     assert run.resistance[-10:] == pytest.approx(steady.resistance, rel=0.02)  # of each step
     assert run.density_ratio[0] == pytest.approx(steady.exit_density_ratio, abs=2e-4)
 
 
 @pytest.mark.slow
 def test_steady_motion_continues(from_steady, steady):
-    """Both differ by the error of steady rolling with 8 increments."""
-    load_error, resistance_error = steady.error
+    """Both differ by the error of steady rolling on 8 elements, and by that of steps of half an element."""
+    (load_error, resistance_error), on_mesh = steady.error, steady.load / steady.load_factor
     steps = (from_steady.stroke == 1) & (from_steady.position > 2 * LENGTH)
-    assert element_means(from_steady.load[steps]) == pytest.approx(steady.load, rel=load_error)
+    assert element_means(from_steady.load[steps]) == pytest.approx(on_mesh, rel=load_error + HALF_STEPS)
     assert element_means(from_steady.resistance[steps]) == pytest.approx(steady.resistance, rel=resistance_error)
 
 

@@ -8,7 +8,7 @@ from mixes import shear_line as law
 from compact.engines.compaction.engine import roll
 from compact.material.laws import earth_pressure_bounds, matched_slopes
 from compact.material.mix import LOOSE_DENSITY_RATIO, prior
-from compact.rolling_contact import HeapingError, Layer, Roller, UnsteadyError
+from compact.rolling_contact import HeapingError, Layer, Roller
 
 DEPTH = 0.003
 
@@ -19,10 +19,10 @@ def lift(fed):
 
 @pytest.mark.slow
 def test_loose_lift_is_steady_on_two_meshes():
-    """Fed at 0.90; the search with jumps of the first mesh ended at 4077 and 529.6 N/m on 7 elements."""
+    """Fed at 0.90, on 7 elements; one part an element has 4077 and 529.6 N/m."""
     found = roll(*lift(0.9), 0.13, increments=7)
-    assert found.load == pytest.approx(4077, rel=0.01)
-    assert found.resistance == pytest.approx(529.6, rel=0.01)
+    assert found.load == pytest.approx(3804, rel=0.01)
+    assert found.resistance == pytest.approx(555.1, rel=0.01)
     assert sum(found.error_parts.drift) + sum(found.error_parts.start) < 0.01
     assert found.equilibrium_residual < 1e-4
 
@@ -84,19 +84,16 @@ def test_random_lift_heaps_up():
 
 
 @pytest.mark.slow
-def test_random_lift_is_not_decided():
-    """Its wave of thirteen times the depth still drifts."""
+def test_random_lift_with_a_high_wave_heaps_up():
     scene, torque = random_lift(26)
-    with pytest.raises(UnsteadyError, match="not decided whether it becomes so") as raised:
+    with pytest.raises(HeapingError, match="still grows, without slowing down, and takes up") as raised:
         roll(*scene, 0.13, **torque)
-    assert 0.05 < raised.value.unsteady.distance < 0.5
-    assert raised.value.unsteady.wave_height > 10 * scene[1].indentation
+    assert raised.value.heaping.wave_height > 10 * scene[1].indentation
 
 
 @pytest.mark.slow
-def test_error_of_a_random_lift_whose_meshes_have_different_loads_is_told():
+def test_random_lift_with_a_high_wave_is_steady():
     scene, torque = random_lift(25)
     rolled = roll(*scene, 0.13, **torque)
     assert rolled.bow_wave > 10 * scene[1].indentation
-    assert 0.1 < rolled.error[0] < 0.4
-    assert 0.05 < rolled.error[1] < 0.2
+    assert max(rolled.error) < 0.05

@@ -38,7 +38,6 @@ import numpy as np
 from compact.engines.compaction.finite_strain_solid import FloatArray
 from compact.rolling_contact import GapGeometry
 
-SHEAR_PENALTY_RATIO = 1.0  # [-], tangential over normal penalty; 0.2 to 5 give the same steady motion
 MIN_SLOPE_ROOT = 1e-12  # [-], of R^2, least R^2 - x^2 of the slope of the circle
 
 
@@ -118,6 +117,8 @@ class RollerSurface:
         Arcs of the nodes at the begin of the increment [m].
     start_position : float
         x of the lowest generatrix at the begin of the increment [m].
+    shear_penalty_ratio : float
+        Tangential over normal penalty [-]; 0.2 to 5 give the same steady motion.
     """
 
     coordinates: FloatArray
@@ -132,6 +133,7 @@ class RollerSurface:
     position: float = 0.0
     start_arcs: FloatArray | float = 0.0
     start_position: float = 0.0
+    shear_penalty_ratio: float = 1.0
 
     @property
     def rotates(self) -> bool:
@@ -167,7 +169,7 @@ class RollerSurface:
             n, distance = self._normals(displacement)
             rotation, growth = 1 / distance, self.radius / distance
         bound, travel = self.friction * normal.pressure, self.position - self.start_position
-        stiffness = SHEAR_PENALTY_RATIO * self.penalty
+        stiffness = self.shear_penalty_ratio * self.penalty
         without_creep = self.multipliers.shear - stiffness * (self.arcs(displacement) - self.start_arcs + travel)
         creepage, touching = self.multipliers.creepage or 0.0, bound > 0
         if touching.any():  # every shear is linear in creepage times travel between its bounds

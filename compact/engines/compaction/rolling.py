@@ -199,7 +199,8 @@ class IncrementalRolling:
     ) -> None:
         self.frame, self.max_wave_height, self.progress = frame, max_wave_height, progress
         frame.solid.travel, frame.solid.substeps = frame.step / parts, max(SUBSTEPS // parts, MIN_SUBSTEPS)
-        self.surface = roller_surface(frame, roller, torque)
+        # the slip of a part is as much smaller, and its multiplier shall change as fast
+        self.surface = replace(roller_surface(frame, roller, torque), shear_penalty_ratio=float(parts))
         self.solver = IncrementSolver(frame.solid, frame.surface_nodes, ROLLING_TOLERANCE)
         self.state = frame.initial_state()
         self.parts = (RollingPart(self.surface.multipliers, np.zeros_like(self.state.displacement)),) * parts
