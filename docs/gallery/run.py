@@ -53,7 +53,7 @@ RUNS = {
     "operating_point": Run("out/operating_point/operating_point.png"),
     "optimal_laws": Run("out/optimal_laws/optimal_laws.png", fast=True),
     "pore_air": Run("out/pore_air.png", ("--increments", "7", "--out", "out"), fast=True),
-    "random_lifts": Run("", ("--increments", "10")),
+    "random_lifts": Run(""),
     "rank_laws": Run("out/rank_laws/rank_laws.png"),
     "ranking_with_air": Run("", ("--mixes", "ellipse, columns", "cap, columns"), fast=True),
     "return_stroke": Run("out/return_stroke/return_stroke.png"),
