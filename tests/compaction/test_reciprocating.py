@@ -25,7 +25,7 @@ HEIGHT = 0.02
 DEPTH = 0.03 * HEIGHT
 WIDE = Roller((10 * HEIGHT) ** 2 / (2 * DEPTH), indentation=DEPTH)
 WIDE_LENGTH = 10 * HEIGHT
-HALF_STEPS = 0.007  # [-], that the load of steps of half an element is too high; steady rolling has quarters
+HALF_STEPS = 0.007  # [-], error of load and resistance by steps of half an element; steady rolling has quarters
 
 
 class RepeatedMotion:
@@ -119,7 +119,8 @@ def test_steady_motion_continues(from_steady, steady):
     (load_error, resistance_error), on_mesh = steady.error, steady.load / steady.load_factor
     steps = (from_steady.stroke == 1) & (from_steady.position > 2 * LENGTH)
     assert element_means(from_steady.load[steps]) == pytest.approx(on_mesh, rel=load_error + HALF_STEPS)
-    assert element_means(from_steady.resistance[steps]) == pytest.approx(steady.resistance, rel=resistance_error)
+    tolerance = resistance_error + HALF_STEPS
+    assert element_means(from_steady.resistance[steps]) == pytest.approx(steady.resistance, rel=tolerance)
 
 
 @pytest.mark.slow
