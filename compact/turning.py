@@ -86,7 +86,7 @@ class _Wave:
         missing = np.where(missing > COMPLETE, missing, 0.0)
         return np.maximum(self.track, np.minimum(CLIMB * x, 1.0) * (1 - missing))
 
-    def travels(self):
+    def travels(self) -> tuple[float, ...]:
         top = complete = 1 / CLIMB
         onset = top * self.track / (1 - self.part)
         if onset > top:  # the first front stands below the track
@@ -110,24 +110,24 @@ class _Imprint:
         u = np.clip((travel - self.edge) / self.length + 1, 0.0, 1.0)
         return np.maximum(self.track, self.portion(u))
 
-    def travels(self):
+    def travels(self) -> tuple[float, ...]:
         places = self.edge + self.length * (np.array([self.onset(), 1.0]) - 1)
         return tuple(np.unique(np.maximum(places, 0.0)).tolist())
 
-    def portion(self, u):
+    def portion(self, u: Array) -> Array:
         return (2 * u - u**2) ** (self.exponent + 1)
 
-    def onset(self):
+    def onset(self) -> float:
         return 1 - math.sqrt(1 - self.track ** (1 / (self.exponent + 1)))
 
 
 class _ImprintLoad(_Imprint):
     """Likewise for the load, the integral of the pressure along the contact."""
 
-    def portion(self, u):
+    def portion(self, u: Array) -> Array:
         return 1 - betainc(0.5, self.exponent + 1, (1 - u) ** 2)
 
-    def onset(self):
+    def onset(self) -> float:
         return 1 - math.sqrt(betaincinv(0.5, self.exponent + 1, 1 - self.track))
 
 

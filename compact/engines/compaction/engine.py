@@ -83,7 +83,7 @@ class CompactionContactResult(Contact):
     error_parts : ErrorParts
         Parts of `error`.
     load_factor : float
-        Reported load, in the limit of fine meshes, over that of the mesh, which pressures and fields have [-].
+        Reported load, in the limit of short increments, over that of the mesh, which pressures and fields have [-].
     relaxation : Relaxation
         Slow relaxation of the bow wave of the solution.
     """

@@ -318,9 +318,8 @@ class IncrementalRolling:
         nodes = self.frame.surface_nodes
         heights, positions = zip(*((each.bottom_height, each.position) for each in (before, after)), strict=True)
         for pieces in (2**halving for halving in range(1, MAX_HALVINGS + 1)):
-            moved, state, self.solver.solve_tangent = before, start, None
-            moved = replace(before, penalty=PENALTY_REDUCTION * before.penalty)
-            iterations = 0
+            moved, state = replace(before, penalty=PENALTY_REDUCTION * before.penalty), start
+            self.solver.solve_tangent, iterations = None, 0
             try:
                 for share in np.arange(1, pieces + 1) / pieces:
                     moved = moved.begin_increment(state.displacement[nodes])

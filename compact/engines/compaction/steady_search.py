@@ -86,7 +86,7 @@ class SteadySearch:
     relaxation : Relaxation
         Slow relaxation of the bow wave.
     known_factor : float
-        Load in the limit of fine meshes over that of this one, where no coarser mesh determines it [-].
+        Load in the limit of short increments over that of this search, where none before determines it [-].
 
     Attributes
     ----------
