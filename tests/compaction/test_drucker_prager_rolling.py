@@ -37,8 +37,8 @@ def marched(mix, increments, travel, height=None):
 
 @pytest.fixture(scope="module")
 def loose():
-    """Mix fed at 0.90 after 0.5 m."""
-    return marched(law(), 4, 0.5)
+    """Mix fed at 0.90 after 0.8 m."""
+    return marched(law(), 4, 0.8)
 
 
 @pytest.mark.slow
@@ -49,7 +49,7 @@ def test_carried_pressure_is_that_of_the_mix_in_steady_motion(loose):
     deviator = points.stress + p[:, None] * [1, 1, 1, 0]
     q = np.sqrt(1.5 * (deviator**2) @ [1, 1, 1, 2])
     near = np.abs(loose.frame.solid.point_coordinates[:, 0]) < loose.frame.contact_length
-    assert np.abs(loose.parts[-1].carried_pressure - p)[near].max() < 200.0  # Pa; the peak pressure is 250 kPa
+    assert np.abs(loose.parts[-1].carried_pressure - p)[near].max() < 100.0  # Pa; the peak pressure is 250 kPa
     excess = (q - mix.friction_slope * (p + mix.tensile_strength))[near]
     assert excess.max() < 100.0
     assert (excess > -100.0).sum() > 30  # mix slides on the line
