@@ -39,7 +39,7 @@ def written(tmp_path_factory):
     """Study, summary and directory of a scene whose compared engines ran in other processes."""
     directory = tmp_path_factory.mktemp("comparison")
     study = Study(scene(), directory=directory)
-    return study, report.write_study(study, directory, executor=ProcessExecutor(2)), directory
+    return study, report.write_study(study, directory, executor=ProcessExecutor(1)), directory
 
 
 def rows(path):

@@ -58,11 +58,11 @@ def compiled_result(module):
     return function(), sum(function.stats.cache_hits.values())
 
 
-@pytest.fixture(params=["", "jit_sample."], ids=["modules", "package"])
+@pytest.fixture
 def sample(request, tmp_path, monkeypatch):
     """Folder and name of a module whose compiled function calls others."""
     monkeypatch.setattr(numba.config, "CACHE_DIR", "")  # the cache stands beside the module, whatever NUMBA_CACHE_DIR
-    package = request.param
+    package = getattr(request, "param", "jit_sample.")
     folder = tmp_path / package.rstrip(".")
     folder.mkdir(exist_ok=True)
     if package:
@@ -77,6 +77,7 @@ def sample(request, tmp_path, monkeypatch):
 
 
 @pytest.mark.sampled(2)
+@pytest.mark.parametrize("sample", ["", "jit_sample."], ids=["modules", "package"], indirect=True)
 @pytest.mark.parametrize("change", CHANGES)
 def test_a_change_in_another_module_recompiles_the_caller(sample, change):
     folder, module = sample

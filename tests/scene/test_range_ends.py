@@ -26,8 +26,8 @@ def faults(key, engine, folder):
 
 
 def mark(number, key):
-    """No mark for every fifth key; the others are slow, and those that take long run at night."""
-    return [pytest.mark.nightly] if key.startswith(LONG) else [pytest.mark.slow] if number % 5 else []
+    """No mark for every twelfth key; the others are slow, and those that take long run at night."""
+    return [pytest.mark.nightly] if key.startswith(LONG) else [pytest.mark.slow] if number % 12 else []
 
 
 @pytest.mark.parametrize("key", [pytest.param(key, marks=mark(*each)) for each in enumerate(KEYS) for key in each[1:]])
