@@ -223,17 +223,6 @@ def test_a_refusal_from_a_worker_process_is_told_from_an_error_of_a_library(work
     assert is_refusal(pickle.loads(pickle.dumps(found.value))) is ours
 
 
-def test_help_loads_neither_numpy_nor_the_scene():
-    script = (
-        "import sys; sys.argv = ['compact', '--help']\n"
-        "from compact.cli import main\n"
-        "try: main()\n"
-        "finally: print([name for name in ('numpy', 'scipy', 'pydantic', 'matplotlib') if name in sys.modules])"
-    )
-    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
-    assert told.stdout.strip().endswith("[]")
-
-
 # where results go, and errors of arithmetic
 
 
@@ -263,12 +252,6 @@ def test_cam_of_a_tabulated_law(compact, tmp_path):
     assert np.ptp(profile[:, 1]) == pytest.approx(400, rel=1e-6)  # mm, of the follower
     told = compact("cam", tmp_path / "scene.toml", "--law", "min", "--out", tmp_path)
     assert (told.returncode, "did you mean 'mine'?" in told.stderr) == (2, True)
-
-
-def test_the_package_runs_as_a_module():
-    told = subprocess.run([sys.executable, "-m", "compact", "--help"], capture_output=True, text=True, check=False)
-    assert told.returncode == 0
-    assert "Usage: compact COMMAND" in told.stdout
 
 
 def raising(error):

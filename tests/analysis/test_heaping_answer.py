@@ -34,6 +34,7 @@ def test_an_engine_of_the_comparison_that_heaps_up_is_an_answer(tmp_path):
     assert "compaction: the mix heaps up in front of the roller, no steady state at a depth of 9.37 mm;" in digest
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("error", "key", "numbers", "words"),
     [

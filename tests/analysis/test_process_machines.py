@@ -9,7 +9,7 @@ from compact.analysis.process import ProcessStudy
 from compact.scene.loader import load_scene
 
 SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "process.toml"
-FEW = {"process.layers": 1}
+FEW = {"process.layers": 1, "machine.roller_length": 0.4}
 AT_REST = {"process.mould_speed": 0.0}
 OPEN = {"process.product_density_ratio": None}
 HARD = {
@@ -29,7 +29,7 @@ REMEDIES = ("are needed", "give ", "feed less", "choose")  # of refusals
 
 def balanced(changes):
     """Numbers of a process whose mix and work close, and whose resistance is not below its floor."""
-    study = ProcessStudy(load_scene(SCENE, **FEW, **changes))
+    study = ProcessStudy(load_scene(SCENE, **FEW | changes))
     numbers = study.row.numbers
     assert abs(numbers["mass_residual"]) < 1e-12
     assert numbers["work_residual"] < 1e-12
@@ -52,7 +52,7 @@ def test_ten_thousand_strokes_close_their_balances():
 
 
 def test_one_stroke_for_a_density_is_refused_with_a_remedy():
-    study = ProcessStudy(load_scene(SCENE, **FEW, **AT_REST, **{"process.strokes": 1}))
+    study = ProcessStudy(load_scene(SCENE, **FEW | AT_REST | {"process.strokes": 1}))
     with pytest.raises(
         ValueError, match=r"in 1 strokes .* more strokes on a section are needed: a slower mould, a faster"
     ):

@@ -2,6 +2,7 @@
 
 import math
 import re
+import tempfile
 from functools import cache
 from pathlib import Path
 
@@ -153,6 +154,7 @@ def test_peak_changes_by_less_than_the_resistance_because_of_inertia():
     assert known.peak_change(FORCE, 1.0) == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_linear_lead_has_peaks_and_margin_of_a_valid_model():
     case = Study(study().scene.replaced(**{
         "accuracy.engine": "spectral", "compare": None, "machine.roller_condition": "frictionless",
@@ -312,6 +314,7 @@ def test_error_of_the_shares_after_a_turn_is_part_of_the_margin(monkeypatch):
     assert known.source(SHARES).other_firsts(FORCE, law) == {}
 
 
+@pytest.mark.slow
 def test_inputs_of_the_drive_stand_beside_those_of_the_mix():
     table = list(page._uncertainty(study()))[-1].cells()
     rows = {
@@ -366,6 +369,15 @@ RIGID = {
 AIR = {"mix.pore_air": "one-way"}
 
 
+@cache
+def kept_contacts(air):
+    """Directory with the contacts of the main scene by finite elements, with or without pore air, for every turn."""
+    directory = Path(tempfile.mkdtemp())
+    study = Study(load_scene(ENGINES, **RIGID | (AIR if air else {})))
+    assert list(study.keep(directory, []))
+    return directory
+
+
 @pytest.mark.parametrize(
     "changes",
     [
@@ -378,7 +390,9 @@ AIR = {"mix.pore_air": "one-way"}
 )
 @pytest.mark.parametrize("turn", FIRST)
 def test_first_laws_over_the_duration_are_those_of_every_valid_engine(changes, turn):
-    case = Study(load_scene(ENGINES, **changes | RIGID, **{"drive.turn": turn}))
+    kept = None if "accuracy.engine" in changes else kept_contacts("mix.pore_air" in changes)
+    case = Study(load_scene(ENGINES, **changes | RIGID, **{"drive.turn": turn}), directory=kept)
+    assert kept is None or case.stages.contacts.kept
     places = {case.scene.motion.duration: case.stages.drive.places}
     places |= {duration: each.places for duration, each in case.stages.drive.other_durations.items()}
     for duration, laws in FIRST[turn].items():

@@ -79,7 +79,7 @@ CALLS = {  # function, and valid numbers of its arguments
 }  # fmt: skip
 
 
-@pytest.mark.sampled(40)
+@pytest.mark.sampled(20)
 @pytest.mark.parametrize(("name", "key"), [(name, key) for name, (_, valid) in CALLS.items() for key in valid])
 def test_a_numeric_argument_takes_numbers_only(name, key):
     call, valid = CALLS[name]

@@ -266,8 +266,13 @@ def test_unreachable_tolerance_raises_with_the_error_and_the_remedy(monkeypatch)
         fem.roll(LAYER, Roller(0.11, indentation=0.003), STIFF, 0.001, tolerance=7e-3)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("number", range(12))
+@pytest.mark.parametrize(
+    "number",
+    [
+        *(pytest.param(number, marks=pytest.mark.slow) for number in range(6)),
+        *(pytest.param(number, marks=pytest.mark.nightly) for number in range(6, 12)),
+    ],
+)
 def test_random_scene_of_stiff_mix_reaches_the_tolerance_or_raises(number):
     layer, roller, mix, speed = stiff_scene(7, number)
     torque = 0.0 if roller.rolling == "driven" else None

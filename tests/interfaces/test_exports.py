@@ -198,7 +198,7 @@ def along_stroke(resistance):
     return StrokeResistance(resistance, *shares)
 
 
-@pytest.mark.parametrize("memory", [False, True])
+@pytest.mark.parametrize("memory", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_unit_follows_the_shares_along_the_stroke(model, model_with_memory, tmp_path, memory):
     """Its prescribed motion has the forces of the rigid drive, whose forces move its free cart by the law.
 

@@ -25,7 +25,6 @@ radii = st.floats(0.01, 1)
 ratios = st.floats(0.01, 0.99)
 speeds = st.floats(0.1, 50)
 masses = st.just(0.0) | st.floats(1e-3, 5e3)
-sizes = st.just(0.0) | st.floats(1e-3, 3e4)
 
 
 def closed_travel(radius, rod_length, psi):
@@ -116,7 +115,7 @@ def mean_power_of_one_cart(cart, resistance):
 # properties
 
 
-@examples(20, slow=100)
+@examples(6, slow=100)
 @given(st.floats(0.05, 0.6), speeds, masses)
 def test_shaft_power_equals_rod_power_with_friction(ratio, speed, mass):
     cart = simulate_crankshaft(replace(CART, mass=mass), Crank(0.2, 0.2 / ratio), speed, friction(15924.0)).carts[0]
@@ -125,7 +124,7 @@ def test_shaft_power_equals_rod_power_with_friction(ratio, speed, mass):
     assert cart.drive_power == pytest.approx(work, rel=1e-12, abs=1e-12 * np.abs(work).max())
 
 
-@examples(20, slow=100)
+@examples(6, slow=100)
 @given(radii, ratios, speeds, masses, st.floats(1, 3e4))
 def test_mean_power_depends_on_neither_rod_nor_mass(radius, ratio, speed, mass, resistance):
     shaft = simulate_crankshaft(
@@ -136,7 +135,7 @@ def test_mean_power_depends_on_neither_rod_nor_mass(radius, ratio, speed, mass, 
     assert shaft.mean(shaft.power) == pytest.approx(closed, rel=1e-11, abs=rounding)
 
 
-@examples(20, slow=100)
+@examples(6, slow=100)
 @given(ratios, st.floats(1, 3e4), speeds)
 def test_four_massless_carts_have_a_fixed_power_fluctuation(ratio, resistance, speed):
     shaft = simulate_crankshaft(MASSLESS, Crank(0.2, 0.2 / ratio), speed, friction(resistance), CRANK_ANGLES[4])
@@ -144,7 +143,7 @@ def test_four_massless_carts_have_a_fixed_power_fluctuation(ratio, resistance, s
     assert shaft.power.min() / shaft.mean(shaft.power) == pytest.approx(np.pi / 4, rel=1e-12)
 
 
-@examples(20, slow=100)
+@examples(6, slow=100)
 @given(st.lists(st.floats(-10, 10), min_size=1, max_size=4))
 def test_mean_of_the_sum_equals_the_sum_of_the_means(angles):
     """Errata C-5: an identity for any crank angles."""
@@ -156,11 +155,3 @@ def test_mean_of_the_sum_equals_the_sum_of_the_means(angles):
 
 
 # errors
-
-
-@given(ratios, masses, speeds)
-def test_inertia_does_no_work_over_a_revolution(ratio, mass, speed):
-    shaft = simulate_crankshaft(
-        replace(WITHOUT_FRICTION, mass=mass), Crank(0.2, 0.2 / ratio), speed, lambda velocity, acceleration: 0.0
-    )
-    assert abs(shaft.mean(shaft.power)) <= 1e-13 * np.abs(shaft.power).max()

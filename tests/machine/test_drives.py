@@ -76,6 +76,7 @@ def test_both_strokes_require_the_same_of_a_symmetric_machine(drive, name):
     assert halves[0] == pytest.approx(halves[1], rel=1e-3)
 
 
+@pytest.mark.sampled(24)
 @pytest.mark.parametrize("name", ["quintic", "parabolic", "reversal-4", "constant-velocity"])
 @pytest.mark.parametrize(
     ("stiffness", "backlash"), [(1e5, 0.0), (1e9, 0.0), (1e6, 1e-3), (1e6, 1e-4), (1e6, 2e-3)], ids=str

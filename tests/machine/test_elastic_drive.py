@@ -1,6 +1,5 @@
 """A cart behind a drive spring: closed forms, order, independent solutions, stick and slip, cost, errors."""
 
-import itertools
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -252,86 +251,40 @@ def ramp(size, length, first=0.0):
     return StrokeResistance(friction(size), share, share, share, share)
 
 
-class ReferenceSolver:
-    """The same cart by a general solver in position and velocity; events are located by sampling and bisection."""
-
-    def __init__(self, drive, cycle, resistance):
-        self.drive, self.cycle, self.resistance = drive, cycle, resistance
-        self.x, self.v, self.turn, self.heading = 0.0, 0.0, 0.0, -1.0
-
-    def force(self, sign, x, speed=0.0):
-        arguments = np.array([sign * max(speed, 1e-12)]), np.zeros(1)
-        if isinstance(self.resistance, StrokeResistance):
-            arguments += (np.array([max(sign * (x - self.turn), 0.0) if sign == self.heading else 0.0]),)
-        return float(self.resistance(*arguments)[0])
-
-    def pull(self, t, x, v):
-        y, pace = (self.cycle.derivative(t, order) for order in (0, 1))
-        return self.drive.stiffness * (y - x) + self.drive.damping * (pace - v)
-
-    def is_held(self, t):
-        pull, margin = self.pull(t, self.x, 0.0), 1e-9 * abs(self.force(self.heading, np.inf))
-        return (self.force(-1.0, self.x) - margin <= pull) & (pull <= self.force(1.0, self.x) + margin)
-
-    def integrate(self, start, stop):
-        """Integrate from one join of the law to the next."""
-        time, last = start, stop - 1e-12
-        while time < last:
-            first = time + 1e-12
-            if self.v == 0 and self.is_held(first):
-                time = self.stick_end(first, last)
-                continue
-            above = self.pull(first, self.x, 0.0) > self.force(1.0, self.x)
-            sign = np.sign(self.v) or (1.0 if above else -1.0)
-            if sign != self.heading:
-                self.heading, self.turn = sign, self.x
-            time = self.slip_end(time, last, sign)
-
-    def stick_end(self, time, last):
-        """Time of the first breakaway."""
-        fine = np.linspace(time, last, 4001)
-        over = np.flatnonzero(~self.is_held(fine))
-        if not over.size:
-            return last
-        low, high = fine[max(over[0] - 1, 0)], fine[over[0]]
-        for _ in range(60):
-            middle = (low + high) / 2
-            low, high = (middle, high) if self.is_held(middle) else (low, middle)
-        return high
-
-    def slip_end(self, time, last, sign):
-        """Time of the first stop."""
-
-        def rates(t, z):
-            return [z[1], (self.pull(t, *z) - self.force(sign, z[0], sign * z[1])) / MASS]
-
-        def rest(t, z):
-            return sign * z[1] + (1.0 if t <= time + 1e-7 else 0.0)
-
-        rest.terminal, rest.direction = True, -1
-        got = solve_ivp(rates, (time, last), [self.x, self.v], "DOP853", events=rest, rtol=1e-10, atol=1e-13)
-        self.x, self.v = got.y[0, -1], 0.0 if got.status == 1 else got.y[1, -1]
-        return got.t[-1]
-
-
 RAMP = ramp(3486.0, 0.02)
 
 
-@pytest.mark.sampled(2)
-@pytest.mark.parametrize("resistance", [stribeck, RAMP], ids=["stribeck", "over the travel"])
-@pytest.mark.parametrize("name", ["quintic", "parabolic"])
-def test_stick_and_slip_agree_with_a_general_solver(name, resistance):
-    ends = (1.3, 2.2, 3.6, 4.7, 5.5)
-    drive, cycle = spring(2e5, 0.1), published_law(name).cycle()
-    trajectory = simulate_elastic(CART, drive, cycle, resistance, regime="rest").trajectory
-    reference = ReferenceSolver(drive, cycle, resistance)
-    joins = {leg.start + leg.duration * z for leg in cycle.legs() for z in leg.breakpoints()}
-    for start, stop in itertools.pairwise(sorted({time for time in joins if time < ends[-1]} | set(ends))):
-        reference.integrate(start, stop)
-        if stop in ends:
-            position, velocity, *_ = trajectory.at(np.array([stop]))
-            assert position == pytest.approx([reference.x], abs=1e-8)
-            assert velocity == pytest.approx([reference.v], abs=1e-7)
+# the same cart by scipy's DOP853 at 1e-10 in position and velocity, events by sampling and bisection, at 1.3, 2.2, 3.6,
+# 4.7 and 5.5 s; removed after revision ddbd3f65: positions [m], velocities [m/s]
+GENERAL_SOLVER = {
+    ("quintic", "stribeck"): (
+        (0.1416781422, 0.3421173812, 0.3828082718, 0.1630629202, 0.0248196089),
+        (0.233906101, 0.152880948, 0.0, -0.251819733, -0.060418888),
+    ),
+    ("quintic", "over the travel"): (
+        (0.1307242593, 0.3344989967, 0.3817707316, 0.1662280409, 0.0297313641),
+        (0.245258654, 0.155126712, -0.045805931, -0.218428759, -0.079786173),
+    ),
+    ("parabolic", "stribeck"): (
+        (0.1384484720, 0.3336514684, 0.3897454724, 0.1583597433, 0.0328405019),
+        (0.183112277, 0.132916065, -0.107097377, -0.244839566, -0.098337291),
+    ),
+    ("parabolic", "over the travel"): (
+        (0.1310855345, 0.3270065464, 0.3748949672, 0.1660106273, 0.0383850894),
+        (0.250428808, 0.143998595, -0.088784776, -0.215801235, -0.090466889),
+    ),
+}
+
+
+@pytest.mark.parametrize(("name", "case"), GENERAL_SOLVER)
+def test_stick_and_slip_agree_with_a_general_solver(name, case):
+    resistance = {"stribeck": stribeck, "over the travel": RAMP}[case]
+    cycle = published_law(name).cycle()
+    trajectory = simulate_elastic(CART, spring(2e5, 0.1), cycle, resistance, regime="rest").trajectory
+    motion = trajectory.at(np.array([1.3, 2.2, 3.6, 4.7, 5.5]))
+    position, velocity = GENERAL_SOLVER[name, case]
+    assert motion.position == pytest.approx(position, abs=1e-8)
+    assert motion.velocity == pytest.approx(velocity, abs=1e-7)
 
 
 @pytest.mark.parametrize("stiffness", [1e5, 1e6, 1e8])
@@ -410,6 +363,8 @@ def test_peak_of_an_undamped_cart_is_the_sum_of_friction_and_impact(name):
     assert run.peak_force == pytest.approx(size + 0.4 / 3 * math.sqrt(stiffness * mass), rel=1e-8)
     assert run.trajectory.end[:2] == pytest.approx(run.trajectory.start[:2], rel=1e-8, abs=1e-11)
     assert run.energy_residual < 1e-6
+    assert math.isinf(run.rigid.peak_force)
+    assert math.isnan(run.dynamic_amplification)
     assert run.cost.integrations < 120
 
 
@@ -553,17 +508,6 @@ def test_piecewise_polynomials_resolve_a_boundary_layer():
     table = fit_piecewise(lambda x: np.exp(-x / 1e-4), (0, 1), 1e-10)
     x = np.concatenate([np.logspace(-8, 0, 300), np.linspace(0, 1, 300)])
     assert table(x) == pytest.approx(np.exp(-x / 1e-4), abs=2e-10)
-
-
-def test_spring_limits_the_force_of_a_velocity_jump():
-    """Undamped, with the driven end starting at V against friction: F + V sqrt(k m)."""
-    run = simulate_elastic(
-        CART, ElasticDrive(1e6, 0.0), published_law("gear-sector").cycle(1.0, 1.0), friction(3486.0), regime="rest"
-    )
-    first = run.drive_force[run.time < 0.5]
-    assert np.abs(first).max() == pytest.approx(3486.0 + 0.4 / 3 * math.sqrt(1e6 * MASS), rel=1e-2)
-    assert math.isinf(run.rigid.peak_force)
-    assert math.isnan(run.dynamic_amplification)
 
 
 @pytest.mark.parametrize("name", sampled(WITHOUT_IMPULSE, KINDS))

@@ -5,14 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from machine_cases import CART, SIZE, dry, published_law
 from machine_cases import HYDRAULIC as DRIVE
-from sampling import examples, sampled
+from sampling import sampled
 
 from compact.drive import simulate
-from compact.machine.cart import EndSprings
 from compact.machine.hydraulic_drive import simulate_stroke, solve_valve_flow
 from compact.numerics.piecewise import PiecewisePolynomial
 
@@ -124,16 +121,6 @@ def test_energy_balance_of_pump_cart_and_valves(name):
     assert run.throttle_heat > 0 < run.relief_heat
 
 
-@pytest.mark.slow
-def test_end_springs_reduce_the_peak_pressure():
-    springs = replace(CART, end_springs=EndSprings(4e3, 300.0, 0.08, stroke=0.4))
-    bare, with_springs = (simulate(cart, DRIVE, published_law("harmonic", 1.4), dry) for cart in (CART, springs))
-    assert with_springs.valve_flow.inlet_pressure.max() < bare.valve_flow.inlet_pressure.max()
-    stroke = with_springs.simulate_stroke()
-    assert stroke.energy_residual < 1e-6
-    assert np.abs(stroke.position - published_law("harmonic", 1.4).position(stroke.time)).max() < 2e-3 * 0.4
-
-
 # hard cases
 
 
@@ -145,16 +132,6 @@ def test_cart_is_at_rest_until_breakaway():
     assert np.abs(stroke.velocity[stroke.time < 0.99 * wait]).max() < 1e-12
     standing = stroke.time[np.abs(stroke.velocity) < 1e-12]
     assert standing.max() == pytest.approx(wait, rel=0.01)
-
-
-@pytest.mark.slow
-@examples(5, slow=25)
-@given(st.floats(100, 6e3), st.floats(0.5, 5), st.sampled_from(["cubic", "quintic"]))
-def test_energy_balance_of_any_cart(size, duration, name):
-    run = simulate(CART, DRIVE, published_law(name, duration), lambda v, a: size * np.sign(v))
-    assert run.energy_residual < 1e-12
-    if not run.lack:
-        assert run.simulate_stroke().energy_residual < 1e-6
 
 
 @pytest.mark.parametrize("name", sampled(["quintic", "septic", "cycloidal", "combined-4"], ["quintic"]))

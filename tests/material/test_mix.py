@@ -18,8 +18,6 @@ with (files("compact") / "data" / "mix.csv").open() as file:
 KEYS = ("moisture", "density_ratio")
 PHASES = ("bulk_density", "saturation")
 COLUMNS = [name for name in TABLE[0] if name not in KEYS + PHASES]
-MOISTURES = sorted({row["moisture"] for row in TABLE})
-RATIOS = sorted({row["density_ratio"] for row in TABLE})
 
 moistures = st.floats(0.08, 0.12)
 ratios = st.floats(0.90, 0.99)
@@ -33,12 +31,6 @@ def test_phase_volumes_add_up(moisture, density_ratio):
     dry = mix.bulk_density(moisture, density_ratio) / (1 + moisture)
     pores = 1 - dry / 2650
     assert mix.saturation(moisture, density_ratio) == pytest.approx(moisture * dry / 1000 / pores, rel=1e-12)
-
-
-@given(ratios)
-def test_required_pressure_follows_heckels_curve_between_nodes(density_ratio):
-    heckel = np.log((1 - 0.72) / (1 - density_ratio)) / 13e-6
-    assert mix.prior(0.10, density_ratio).required_pressure == pytest.approx(heckel, rel=5e-3)  # the table has 3 digits
 
 
 @given(moistures, ratios)
@@ -177,11 +169,6 @@ def test_effective_modulus_equals_the_relaxed_one_by_default():
     assert (follows.value, follows.flag) == (2e6, "given")
     apart = mix.prior(0.10, 0.98, {"relaxed_modulus": 2e6, "effective_modulus": 1.37e6})
     assert (apart.relaxed_modulus, apart.effective_modulus) == (2e6, 1.37e6)
-
-
-@pytest.mark.parametrize("name", ["cohesion", "steel_friction", "poisson"])
-def test_some_overrides_may_be_zero(name):
-    assert getattr(mix.prior(0.10, 0.98, {name: 0}), name) == 0
 
 
 # errors

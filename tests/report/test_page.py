@@ -179,7 +179,7 @@ FORMULA_KEYS = ("machine.roller_length", "motion.duration", "machine.mass", "mix
 
 @pytest.mark.parametrize(("engine", "keys", "rel"), [
     ("formula", FORMULA_KEYS, 1e-3),
-    ("column", COLUMN_KEYS, 5e-3),
+    pytest.param("column", COLUMN_KEYS, 5e-3, marks=pytest.mark.slow),
     pytest.param("spectral", ("mix.overrides.instant_over_relaxed",), 5e-3, marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_ends_are_those_of_a_scene_so_changed(engine, keys, rel):
@@ -200,6 +200,7 @@ def test_ends_are_those_of_a_scene_so_changed(engine, keys, rel):
                 assert end.law[by] == exact.stages.drive.rankings[by][0].run.name
 
 
+@pytest.mark.slow
 def test_sensitivities_of_an_expensive_engine_are_by_its_map_or_by_formula():
     study = Study(scene(**LAYERS["spectral"], **{"output.items": [], "motion.laws": ["cubic", "reversal-3"]}))
     dear = Study(study.scene.replaced(**{"accuracy.engine": "fem"}))

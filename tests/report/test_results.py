@@ -212,30 +212,6 @@ def test_directory_of_others_is_refused_and_kept_under_force(tmp_path, case):
     assert set(files) <= set(names(tmp_path))
 
 
-def test_table_or_json_that_breaks_half_way_leaves_the_old(tmp_path):
-    write_csv(tmp_path / "t.csv", ("a",), [(1.0,)])
-    write_json(tmp_path / "s.json", {"a": 1})
-    with pytest.raises(ZeroDivisionError):
-        write_csv(tmp_path / "t.csv", ("a",), ((1 / i,) for i in (2, 1, 0)))
-    with pytest.raises(TypeError):
-        write_json(tmp_path / "s.json", {"a": {1, 2}})
-    assert (tmp_path / "t.csv").read_text() == "a\n1\n"
-    assert json.loads((tmp_path / "s.json").read_text()) == {"a": 1}
-    assert names(tmp_path) == ["s.json", "t.csv"]
-
-
-@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs the device that is always full")
-@pytest.mark.parametrize("size", [10, 10**6], ids=["in the buffer", "beyond the buffer"])
-def test_really_full_device_is_told(tmp_path, monkeypatch, size):
-    """The file set aside is opened on /dev/full; the device itself is never named, since it would be replaced."""
-    plain = Path.open
-    monkeypatch.setattr(Path, "open", lambda self, *args, **options: plain(Path("/dev/full"), *args, **options))
-    with pytest.raises(ResultsError, match="could not be written: No space left on device"):
-        write_csv(tmp_path / "table.csv", ("a",), [("x" * size,)])
-    monkeypatch.undo()
-    assert names(tmp_path) == []
-
-
 @pytest.mark.parametrize("call", ["open", "mkdir", "iterdir"])
 def test_forbidden_directory_is_told(tmp_path, monkeypatch, call):
     def forbidden(*_, **__):

@@ -191,8 +191,13 @@ def test_a_broken_scene_is_solved_or_refused(seed, tmp_path, warm):
     checked(case(seed), tmp_path)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(10, 340))
+@pytest.mark.parametrize(
+    "seed",
+    [
+        *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(10, 130)),
+        *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(130, 340)),
+    ],
+)
 def test_many_broken_scenes_are_solved_or_refused(seed, tmp_path, warm):
     checked(case(seed), tmp_path)
 

@@ -114,6 +114,7 @@ def test_laws_are_ranked_at_every_point(tmp_path):
 # (b) results are independent of the executor
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_tasks")
 def test_cluster_gives_the_same_bits(whole, cluster, tmp_path):
     table, many = swept(tmp_path, COLUMNS, GRID, DaskExecutor(cluster))
@@ -141,12 +142,13 @@ def task(scene, points, versions):
     return Task(scene, partial(sweep.headline, False), tuple(Change("", keys) for keys in points), versions=versions)
 
 
-def test_worker_of_other_versions_is_refused(cluster):
+@pytest.mark.parametrize("kind", ["here", pytest.param("cluster", marks=pytest.mark.slow)])
+def test_worker_of_other_versions_is_refused(kind, request):
     older = task(COLUMNS, [{"mix.moisture": 0.1}], files.versions() | {"numpy": "1.0"})
     words = rf"a worker has other versions than the command: numpy {re.escape(np.__version__)} for 1.0; .*same on both"
-    for executor in (SerialExecutor(), DaskExecutor(cluster)):
-        with executor, pytest.raises(RuntimeError, match=words):
-            executor.submit(compute, older).result()
+    executor = SerialExecutor() if kind == "here" else DaskExecutor(request.getfixturevalue("cluster"))
+    with executor, pytest.raises(RuntimeError, match=words):
+        executor.submit(compute, older).result()
 
 
 # (c) resumption
@@ -298,8 +300,10 @@ def held(task):
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("engine", ["column", "spectral"])
+@pytest.mark.parametrize(
+    "engine",
+    [pytest.param("column", marks=pytest.mark.slow), pytest.param("spectral", marks=pytest.mark.nightly)],
+)
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no such file states the memory here")
 def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
     scene, names = FORMULA.replaced(**{"accuracy.engine": engine}), ("mix.moisture", "mix.density_ratio")

@@ -12,14 +12,16 @@ from compact.validation.case import CASES, Comparison, read_rows
 from compact.validation.compaction import MIX, arc_forces, chord_forces, shear_strength
 from compact.validation.plant_case import select_cases
 
-CHEAP = 0.5  # [s], of processor time; longer cases are slow tests
-MARKED = [
-    pytest.param(case, marks=[pytest.mark.slow] if case.seconds > CHEAP else [], id=case.name)
-    for case in CASES.values()
-]
+CHEAP, LONG = 0.5, 60.0  # [s], of processor time; longer cases are slow tests, or those of the night
 
 
-@pytest.mark.parametrize("case", MARKED)
+def marked(case):
+    """Case as a parameter with the mark of its length."""
+    marks = [pytest.mark.nightly] if case.seconds > LONG else [pytest.mark.slow] if case.seconds > CHEAP else []
+    return pytest.param(case, marks=marks, id=case.name)
+
+
+@pytest.mark.parametrize("case", list(map(marked, CASES.values())))
 def test_values_and_verdicts_are_the_recorded_ones(case):
     comparisons = case.evaluated().rows.values()
     assert [each.key for each in comparisons if each.moved] == []
