@@ -45,8 +45,11 @@ MOTOR = (
     "next_smaller=next_smaller.motor.name next_smaller_fails=next_smaller.failures"
 )
 AGREED = "drive criterion=by first other_first tau discordant_pairs resolved_discordant_pairs pairs"
-HEAPING = "depth_m wave_height_m travel_m contact_angle_rad"
-UNSTEADY = "depth_m wave_height_m travel_m distance load_N/m resistance_N/m"
+FAILURES: dict[str, tuple[type[Exception], str]] = {  # by kind: error, and its numbers
+    "heaping": (HeapingError, "depth_m wave_height_m travel_m contact_angle_rad"),
+    "unsteady": (UnsteadyError, "depth_m wave_height_m travel_m distance load_N/m resistance_N/m"),
+    "no_equilibrium": (EquilibriumError, ""),
+}
 HELD = {"height": "indentation_m", "load": "load_N/m", "peak_pressure": "peak_pressure_Pa"}
 
 
@@ -260,26 +263,23 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "rigid_rankings": _rankings(stages.drive.places.get("rigid", {})),
         "roller_motors": _roller_motors(study),
         "comparison": _comparison(study),
-        "heaping": {
-            name: json_numbers(error.heaping, HEAPING)
-            | {"is_estimate": error.heaping.travel is None, "reason": str(error)}
-            for name, error in study.failures.items()
-            if isinstance(error, HeapingError)
-        },
-        "unsteady": {
-            name: json_numbers(error.unsteady, UNSTEADY) | {"reason": str(error)}
-            for name, error in study.failures.items()
-            if isinstance(error, UnsteadyError)
-        },
-        "no_equilibrium": {
-            name: {"reason": str(error)}
-            for name, error in study.failures.items()
-            if isinstance(error, EquilibriumError)
-        },
+        **{kind: _failures(study, kind) for kind in FAILURES},
         "units": {name: quantity.unit for name, quantity in (quantities.CRITERIA | quantities.RUN).items()},
         "evaluation_counts": dict(study.counts),
         "files": files,
     }
+
+
+def _failures(study: Study, kind: str) -> dict[str, dict[str, Any]]:
+    """Convert the engines of the comparison without a steady state of one kind, by name."""
+    error_type, names = FAILURES[kind]
+    found = {}
+    for name, error in study.failures.items():
+        if isinstance(error, error_type):
+            numbers = getattr(error, kind, None)
+            estimated = {"is_estimate": numbers.travel is None} if isinstance(error, HeapingError) else {}
+            found[name] = json_numbers(numbers, names) | estimated | {"reason": str(error)}
+    return found
 
 
 def _roller_motors(study: Study) -> dict[str, Any]:

@@ -19,12 +19,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from compact.analysis.robust.drive_pool import DrivePool, PassTable, PoolForces, pass_table, travel_table
-from compact.analysis.robust.program import LawSpace, Row
+from compact.analysis.robust.program import LawSpace, ProgramStep, Row
 from compact.machine.cart import Cart, Resistance
 from compact.motion.laws import LAWS
 from compact.motion.limits import Limits
 from compact.motion.profile import MotionProfile, law
-from compact.numerics import Array
+from compact.numerics import Array, IntArray
 from compact.numerics.validation import require_fields, require_known, require_positive
 
 ROBUST_OBJECTIVES = ("robust_peak_force", "robust_peak_power")
@@ -334,21 +334,21 @@ class _Search:
         """Seek the least worst power from now on; `polish` finds that of the best law."""
         self.power, self._rows = True, set()
 
-    def _choose(self, peaks):
+    def _choose(self, peaks: Array) -> list[int]:
         """Drives of the next program: those of the last one and the worst others."""
         others = [i for i in np.argsort(-peaks).tolist() if i not in set(self._program)]
         self._program += others[: MORE_DRIVES if self._program else FIRST_DRIVES]
         self._program = sorted(self._program, key=lambda i: -peaks[i])[:MOST_DRIVES]
         return self._program
 
-    def _response(self, i):
+    def _response(self, i: int) -> Array:
         """Slopes of H of a drive, its resistance frozen."""
         spring = float(self.drives.drives[i, 0]), float(self.drives.damping[i])
         if spring not in self._responses:
             self._responses[spring] = np.tile(self.space.response(*spring), (self.drives.sides, 1))
         return self._responses[spring]
 
-    def _differences(self, drives, histories, forces):
+    def _differences(self, drives: list[int], histories: Array, forces: PoolForces) -> Array:
         """Slopes of the histories of some drives by differences of simulations, within the equalities."""
         chosen, states = self.drives.take(drives), forces.states[drives]
         directions, size = self.space.free_directions, DIFFERENCE * float(np.abs(self.best).max())
@@ -358,7 +358,9 @@ class _Search:
             changes.append((moved - histories[drives]) / size)
         return np.moveaxis(np.array(changes), 0, -1) @ directions.T
 
-    def _solve(self, unknowns, drives, histories, slopes, radius=np.inf):
+    def _solve(
+        self, unknowns: Array, drives: list[int], histories: Array, slopes: list[Array], radius: float = np.inf
+    ) -> ProgramStep:
         """Solve the program of some drives; rows that bind are kept by the number of the drive."""
         place = {drive: i for i, drive in enumerate(drives)}
         rows = {(place[drive], t, sign) for drive, t, sign in self._rows if drive in place}
@@ -382,7 +384,9 @@ def _best_published(search: _Search, drives: DrivePool, names: Sequence[str]) ->
     return best, peaks
 
 
-def _peaks_below(search, table, drives, order, limit):
+def _peaks_below(
+    search: _Search, table: PassTable, drives: DrivePool, order: IntArray, limit: float
+) -> tuple[()] | tuple[Array]:
     """Tuple of the peaks of a law, the drives taken in an order; empty as soon as one reaches the limit."""
     peaks = np.zeros(len(order))
     for part in np.array_split(order, BOUNDING):

@@ -16,32 +16,20 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from compact.analysis import machine_models
-from compact.analysis.stages.drives import motion_of
 from compact.analysis.stages.ensemble import first_law
+from compact.analysis.stages.pooled_peaks import PooledLaws, RigidLaws, Springs, is_mirrored
 from compact.analysis.stages.resistance import DEFAULT_TURN, ResistanceLaw, along_stroke
 from compact.analysis.stages.robust_range import missing_for_pool, sleeve_ends
 from compact.analysis.stages.verdict import SIZING_PEAKS, ModelAnswer
-from compact.drive import Rigid
-from compact.machine.cart import Cart
 from compact.machine.drives import DRIVES
-from compact.machine.rigid_drive import InverseDynamics
 from compact.motion.profile import Cycle
-from compact.numerics import Array
-from compact.numerics.piecewise import interior_grid
 from compact.scene.loader import Scene
 from compact.turning import LOAD_TRACK, TRACK, StrokeResistance, table_share
 
-if TYPE_CHECKING:
-    from compact.analysis.robust.drive_pool import PassTable
-
 RIGID, SCENE_DRIVE = "rigid", "drive of the scene"
 OWN_TRACK, STEP = "own track", "step"
-PHASES = 384  # [-], of a piece of a law; peaks with a rigid drive are within 1e-3
 
 
 @dataclass(frozen=True)
@@ -61,7 +49,7 @@ class TurnCase:
     engine: str
     turn: str
     valid: bool
-    peaks: dict[str, dict[str, dict[str, float]]]
+    peaks: dict[str, dict[str, Mapping[str, float]]]
 
     def first(self, by: str, drive: str) -> tuple[str, float]:
         """Return the first law with a drive and its peak; empty and infinite where no law has a cycle."""
@@ -132,31 +120,20 @@ def first_laws(scene: Scene, models: Sequence[ModelAnswer], cycles: Mapping[str,
     FirstLaws
     """
     springs = _springs(scene, models)
-    tables = _pass_tables(cycles) if springs else {}
+    rigid, pooled = RigidLaws(cycles), PooledLaws(cycles)
     cases = []
     for model in models:
         cart = machine_models.cart(scene, model.roller_load, (model.second_pass or (1.0,))[0])
         for turn, resistance in _turns(scene, model):
-            peaks = {by: {RIGID: each} for by, each in _rigid_peaks(cart, resistance, cycles).items()}
-            for drive, found in _elastic_peaks(cart, resistance, tables, springs) if tables else ():
-                for by, each in found.items():
-                    peaks[by][drive] = each
+            found = {RIGID: rigid.peaks(cart, resistance)} | pooled.peaks(cart, resistance, springs)
+            peaks = {by: {drive: each[by] for drive, each in found.items()} for by in SIZING_PEAKS}
             cases.append(TurnCase(model.engine, turn, model.valid, peaks))
-    return FirstLaws(tuple(cases), (RIGID, *(springs if tables else ())))
+    return FirstLaws(tuple(cases), tuple(found))
 
 
-def _pass_tables(cycles: Mapping[str, Cycle]) -> dict[str, "PassTable"]:
-    """Tabulate the laws that `DrivePool` simulates; those of one motion have one table."""
-    from compact.analysis.robust.drive_pool import pass_table  # compiled code, imported when required
-
-    simulated = {name: each for name, each in cycles.items() if not (each.forward.retraces or _jumps(each))}
-    tables = {motion_of(each): pass_table(each.forward) for each in simulated.values()}
-    return {name: tables[motion_of(each)] for name, each in simulated.items()}
-
-
-def _springs(scene: Scene, models: Sequence[ModelAnswer]) -> dict[str, tuple[float, float]]:
+def _springs(scene: Scene, models: Sequence[ModelAnswer]) -> Springs:
     """Return stiffness and damping of the elastic drives of the scene by label; none where `DrivePool` has no model."""
-    mirrored = all(each.second_pass is None and getattr(each.steady, "return_ratio", 1.0) == 1 for each in models)
+    mirrored = all(each.second_pass is None and is_mirrored(each.steady) for each in models)
     cart = machine_models.cart(scene, models[0].roller_load)
     if not mirrored or missing_for_pool(scene, cart):
         return {}
@@ -182,47 +159,3 @@ def _turns(scene: Scene, model: ModelAnswer) -> Iterator[tuple[str, ResistanceLa
         for words, ends in distances.items():
             yield words, along_stroke(model.steady, model.turning, ends)
     yield STEP, model.steady
-
-
-def _jumps(cycle: Cycle) -> bool:
-    """Return True for a law whose velocity jumps."""
-    return any(jump.order == 1 for jump in cycle.discontinuities())
-
-
-def _rigid_peaks(cart: Cart, resistance: ResistanceLaw, cycles: Mapping[str, Cycle]) -> dict[str, dict[str, float]]:
-    """Return the peaks of the laws with a rigid drive by criterion, at samples of the cycle."""
-    found: dict[str, dict[str, float]] = {by: {} for by in SIZING_PEAKS}
-    for name, cycle in cycles.items():
-        required = InverseDynamics(cart, Rigid(), cycle, resistance)
-        states = [required.state_at(leg, interior_grid(leg.breakpoints(), PHASES)) for leg in cycle.legs()]
-        for by, values in zip(SIZING_PEAKS, ("forces.drive_force", "drive_power"), strict=True):
-            largest = max(float(np.abs(attrgetter(values)(each)).max()) for each in states)
-            found[by][name] = math.inf if _jumps(cycle) else largest
-    return found
-
-
-def _elastic_peaks(
-    cart: Cart, resistance: ResistanceLaw, laws: Mapping[str, "PassTable"], springs: Mapping[str, tuple[float, float]]
-) -> Iterator[tuple[str, dict[str, dict[str, float]]]]:
-    """Yield each elastic drive with the peaks of the laws by criterion."""
-    from compact.analysis.robust.drive_pool import DrivePool, travel_table
-
-    stiffness, damping = (np.array(each) for each in zip(*springs.values(), strict=True))
-    fastest = max(float(each.velocity.max()) for each in laws.values())
-    table = travel_table(cart, resistance, next(iter(laws.values())).stroke, fastest)
-    ratio = damping / (2 * np.sqrt(stiffness * cart.mass))
-    pool = DrivePool.of(cart.mass, np.column_stack([stiffness, ratio]), (table,))
-    alike: dict[int, tuple[Array, Array]] = {}
-    for law in laws.values():
-        if id(law) not in alike:
-            forces = pool.simulate(law)
-            settled = np.where(forces.passes > 0, 1.0, np.inf)
-            alike[id(law)] = forces.peaks * settled, np.abs(forces.powers(law)).max(axis=1) * settled
-    for number, drive in enumerate(springs):
-        yield (
-            drive,
-            {
-                by: {name: float(alike[id(law)][i][number]) for name, law in laws.items()}
-                for i, by in enumerate(SIZING_PEAKS)
-            },
-        )

@@ -11,24 +11,21 @@ the density ratio before the pass varies by a tenth of its change. At each end t
 New contacts are steady: they have no added mass. Peaks are those of the samples of a cycle, accurate to 1e-3.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
 
-from compact import drive
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import contact_speeds, roll_scene
 from compact.analysis.pore_air import has_air
 from compact.analysis.stages.drives import Stages, build_stages
 from compact.analysis.stages.ensemble import Change, Peaks, ensemble, first_law
-from compact.analysis.stages.resistance import ResistanceLaw, along_stroke
+from compact.analysis.stages.pooled_peaks import RigidLaws
+from compact.analysis.stages.resistance import along_stroke
 from compact.engines import ENGINES
 from compact.engines.pore_air import NO_FORCES
-from compact.machine.cart import Cart
 from compact.machine.ranking import BUILD_TOLERANCE
-from compact.motion.profile import Cycle
 from compact.quantities import INPUT
 from compact.resistance import ResistanceMap
 from compact.scene.loader import Scene
@@ -42,7 +39,6 @@ MACHINE_INPUTS = (  # inputs of the machine and the motion
 FORMULA_INPUTS = ("machine.roller_friction", "machine.bearing_friction")  # of eqs 1.8 and 1.9 only
 CART_INPUTS = ("machine.guide_friction", "machine.mass", "motion.duration")  # on which no layer depends
 DENSITY_INPUT = "layer.fed_density_ratio"
-PEAKS = {"peak_force": "drive_force", "peak_power": "drive_power"}
 PRIOR, SHARE, PRESSED = "spread of the prior", "a tenth less, more", "a tenth of what is pressed"
 
 
@@ -53,7 +49,7 @@ class End:
     Parameters
     ----------
     least : dict
-        Least peak by quantity of PEAKS [N], [W].
+        Least peak by criterion [N], [W].
     law : dict
         Law with the least peak by quantity.
     ties : dict
@@ -89,7 +85,7 @@ class Shift:
     high: End | None
 
     def changed_ends(self, by: str) -> list[End]:
-        """Return the ends at which the first law of the scene by a quantity of PEAKS is not first."""
+        """Return the ends at which the first law of the scene by a criterion is not first."""
         return [end for end in (self.low, self.high) if end is not None and self.base.law[by] not in end.ties[by]]
 
 
@@ -143,6 +139,7 @@ class _RigidPeaks:
         self.stages, self.engine = stages, stages.contacts.engine
         self.largest_speed = SPEED_MARGIN * stages.resistance.largest_speed if stages.contacts.speeds else 0.0
         self.own_layer: tuple[float, ResistanceMap] | None = None
+        self.laws = RigidLaws(stages.drive.cycles)
 
     def engine_for(self, key: str) -> str:
         """Return the engine of the scene if it can vary an input, else "formula"."""
@@ -155,9 +152,10 @@ class _RigidPeaks:
         """Return the peaks by law with a rigid drive."""
         changed = build_stages(scene)
         drive = self.stages.drive
-        cycles = (drive.over(scene.motion.duration) if "motion.duration" in change.keys else drive).cycles
+        other = drive.over(scene.motion.duration) if "motion.duration" in change.keys else None
+        laws = RigidLaws(other.cycles) if other else self.laws
         if not changed.contacts.speeds:
-            return _rigid_peaks(changed.resistance.cart, changed.resistance.resistance, cycles)
+            return laws.peaks(changed.resistance.cart, changed.resistance.resistance)
         over = self.stages.resistance.over(scene.motion.duration)
         if not self.engine.affordable:
             load, resistance = over.contacts.roller_load, over.map
@@ -168,9 +166,7 @@ class _RigidPeaks:
             load, resistance = self.own_layer
         contacts = changed.contacts if self.engine.affordable else over.contacts  # whose passes are not computed again
         cart = machine_models.cart(scene, load, contacts.return_ratios[0])
-        return _rigid_peaks(
-            cart, along_stroke(resistance, self.stages.resistance.turning, scene.sleeve_distances), cycles
-        )
+        return laws.peaks(cart, along_stroke(resistance, self.stages.resistance.turning, scene.sleeve_distances))
 
 
 def _new_contacts(stages: Stages, largest_speed: float) -> tuple[float, ResistanceMap]:
@@ -185,16 +181,6 @@ def _new_contacts(stages: Stages, largest_speed: float) -> tuple[float, Resistan
     resistances = [each.resistance + more.resistance for each, more in zip(rolled, air, strict=True)]
     forces = scene.machine.rollers * length * np.array(resistances)
     return float(load), ResistanceMap(np.array(speeds), forces, error=np.nan, return_ratio=contacts.return_ratios[1])
-
-
-def _rigid_peaks(cart: Cart, resistance: ResistanceLaw, cycles: Mapping[str, Cycle]) -> Peaks:
-    runs = {name: drive.simulate(cart, drive.Rigid(), cycle, resistance) for name, cycle in cycles.items()}
-    return {
-        peak: {
-            name: np.inf if run.impulses else float(np.abs(getattr(run, quantity)).max()) for name, run in runs.items()
-        }
-        for peak, quantity in PEAKS.items()
-    }
 
 
 def _end(peaks: Peaks) -> End:

@@ -43,6 +43,7 @@ from compact.analysis.stages.ensemble import (
     first_law,
     polynomial_terms,
 )
+from compact.analysis.stages.pooled_peaks import PooledLaws
 from compact.analysis.stages.resistance import DEFAULT_TURN, ResistanceLaw, along_stroke
 from compact.analysis.stages.robust_range import SLEEVE, sleeve_ends
 from compact.analysis.stages.verdict import ModelAnswer, Verdict, sizing_model
@@ -67,6 +68,7 @@ DENSITY_STEP = 0.1  # [-], of the increase of the density ratio; half-width of t
 SCALES = 7  # [-], of the resistance, at which the peaks of the recommended law are sampled
 SCALE_ENDS = (0.8, 1.2)  # [-], first and last of them over the least and largest resistance of the sources
 CONTENDER_SHARE = 1.5  # [-], of the least peak; laws beyond it are not first where the resistance changes
+FAR_SHARE = 3.0  # [-], of the least peak; velocity jumps beyond it are not first at a third of the stiffness
 OIL_SHARE = 1.05  # [-], of the least peak; laws whose strokes with compressible oil are computed
 FED = "fed_density_ratio"
 HELD_FIELDS = (("height", "indentation"), ("load", "load"), ("peak_pressure", "peak_pressure"))
@@ -345,9 +347,12 @@ def ranking_uncertainty(
         close = {law for each in base.values() for law, value in each.items() if value <= share * min(each.values())}
         return {law: cycle for law, cycle in cycles.items() if law in {*close, *laws.values()}}
 
+    changes = [each for *_, ends in sources for each in ends.values() if isinstance(each, Change)]
     followed = {"": near(CONTENDER_SHARE)} | {str(scale): near(0.0) for scale in scales}
     followed |= dict.fromkeys(by_drive, near(OIL_SHARE) if DRIVES[case[1]].realises else cycles)
-    changes = [each for *_, ends in sources for each in ends.values() if isinstance(each, Change)]
+    pooled = PooledLaws(cycles, near(FAR_SHARE))
+    for label, firsts in pooled.likely_firsts(scene, stages.resistance.cart, met, changes).items():
+        followed[label] = {law: cycle for law, cycle in cycles.items() if law in {*firsts, *laws.values()}}
     changes += [Change(str(scale), resistance=met.scaled(scale)) for scale in scales]
     run = partial(_peaks, stages.resistance.cart, followed, met, tuple(laws))
     solved = ensemble(scene, changes, run, executor)

@@ -1,0 +1,155 @@
+"""Peaks of all laws at once, within 1e-3 of their runs: with a rigid drive, and on many elastic drives.
+
+The motion of the laws is sampled once, and serves every cart, resistance and drive. The table of the first laws and the
+sensitivities consist of these peaks; elsewhere they tell which laws may be first, which alone are then run.
+"""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import cached_property, partial
+from itertools import chain
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from compact.analysis.stages.drives import motion_of
+from compact.analysis.stages.ensemble import Change, Peaks
+from compact.analysis.stages.resistance import ResistanceLaw
+from compact.analysis.stages.robust_range import missing_for_pool
+from compact.analysis.stages.verdict import SIZING_PEAKS
+from compact.machine.cart import Cart
+from compact.machine.rigid_drive import InverseDynamics, Rigid, solve_state
+from compact.motion.profile import Cycle
+from compact.numerics.piecewise import interior_grid
+from compact.scene.loader import Scene
+
+if TYPE_CHECKING:
+    from compact.analysis.robust.drive_pool import PassTable
+
+Springs = Mapping[str, tuple[float, float]]  # stiffness [N/m] and damping [N s/m] of drives by label
+PHASES = 768  # [-], of a piece of a law; peaks with a rigid drive are within 1e-3
+POOL_ERROR = 1e-3  # [-], of a peak on an elastic drive
+POOL_KEYS = "machine.mass", "machine.weight", "drive.stiffness", "drive.damping"
+DECIDED = 10 * POOL_ERROR  # [-], of the least peak, beyond which a law is not first
+
+
+class RigidLaws:
+    """Laws of one stroke and duration, imposed on the cart."""
+
+    def __init__(self, cycles: Mapping[str, Cycle]) -> None:
+        self.cycles = cycles
+        legs = [each.legs() for each in cycles.values()]
+        sampled = [[(leg, interior_grid(leg.breakpoints(), PHASES)) for leg in each] for each in legs]
+        self.legs = list(chain(*sampled))
+        derivatives = [[leg.at_phase(phases, order).ravel() for leg, phases in self.legs] for order in range(4)]
+        position, velocity, acceleration, jerk = map(np.concatenate, derivatives)
+        self.motion = position, velocity, acceleration, jerk
+        self.direction = np.concatenate([np.full(phases.size, leg.direction) for leg, phases in self.legs])
+        sizes = [sum(phases.size for _, phases in each) for each in sampled]
+        self.starts = np.cumsum([0, *sizes[:-1]])  # of the samples of each law
+
+    def peaks(self, cart: Cart, resistance: ResistanceLaw) -> Peaks:
+        """Return the peaks by criterion and law [N] or [W]; infinite where the velocity jumps."""
+        required = InverseDynamics(cart, Rigid(), next(iter(self.cycles.values())), resistance)
+        side, springs = None, cart.end_springs
+        if springs is not None:
+            zones = [springs.zones(partial(leg.at_phase, order=0), leg.breakpoints()) for leg, _ in self.legs]
+            side = np.concatenate([each.side_at(at).ravel() for each, (_, at) in zip(zones, self.legs, strict=True)])
+        state = solve_state(required, self.motion, self.direction, np.zeros(len(self.direction)), side)
+        found = {}
+        for by, values in zip(SIZING_PEAKS, (state.forces.drive_force, state.drive_power), strict=True):
+            largest = np.maximum.reduceat(np.abs(values), self.starts).tolist()
+            laws = zip(self.cycles.items(), largest, strict=True)
+            found[by] = {name: math.inf if jumps(cycle) else peak for (name, cycle), peak in laws}
+        return found
+
+
+class PooledLaws:
+    """Laws that a pool of drives simulates: those that mirror their forward stroke without a jump of the velocity.
+
+    Parameters
+    ----------
+    cycles : mapping
+        All laws.
+    others : mapping
+        Laws that may be first where the pool does not simulate them.
+    """
+
+    def __init__(self, cycles: Mapping[str, Cycle], others: Iterable[str] = ()) -> None:
+        self.cycles, self.others = cycles, {*others}
+
+    @cached_property
+    def tables(self) -> dict[str, "PassTable"]:
+        """Table of each law that is simulated; those of one motion have one table."""
+        from compact.analysis.robust.drive_pool import pass_table  # compiled code, imported when required
+
+        simulated = {name: each for name, each in self.cycles.items() if not (each.forward.retraces or jumps(each))}
+        tables = {motion_of(each): pass_table(each.forward) for each in simulated.values()}
+        return {name: tables[motion_of(each)] for name, each in simulated.items()}
+
+    def peaks(self, cart: Cart, resistance: ResistanceLaw, springs: Springs) -> dict[str, Peaks]:
+        """Return the peaks by drive, criterion and law [N] or [W]; infinite without a periodic cycle."""
+        laws = self.tables if springs else {}
+        if not laws:
+            return {}
+        from compact.analysis.robust.drive_pool import DrivePool, travel_table
+
+        stiffness, damping = (np.array(each) for each in zip(*springs.values(), strict=True))
+        fastest = max(float(each.velocity.max()) for each in laws.values())
+        table = travel_table(cart, resistance, next(iter(laws.values())).stroke, fastest)
+        ratio = damping / (2 * np.sqrt(stiffness * cart.mass))
+        pool = DrivePool.of(cart.mass, np.column_stack([stiffness, ratio]), (table,))
+        alike = {}
+        for law in {id(each): each for each in laws.values()}.values():
+            forces = pool.simulate(law)
+            settled = np.where(forces.passes > 0, 1.0, np.inf)
+            alike[id(law)] = forces.peaks * settled, np.abs(forces.powers(law)).max(axis=1) * settled
+        return {
+            drive: {
+                by: {name: float(alike[id(law)][i][number]) for name, law in laws.items()}
+                for i, by in enumerate(SIZING_PEAKS)
+            }
+            for number, drive in enumerate(springs)
+        }
+
+    def likely_firsts(
+        self, scene: Scene, cart: Cart, met: ResistanceLaw, changes: Iterable[Change]
+    ) -> dict[str, set[str]]:
+        """Return the laws that may be first by label of a change of drive, cart or resistance [N].
+
+        Drives with one cart and resistance are one pool; a scene or change of which a pool has no model is left out.
+        """
+        pools: dict[Any, dict[str, tuple[float, float]]] = {}
+        found = defaultdict[str, set[str]](set)  # two changes may have a label in common
+        if missing_for_pool(scene, cart) or scene.drive.include_added_mass:
+            return found
+        for each in changes:
+            resistance = each.resistance or met
+            mass, weight, *spring = (each.keys.get(key, attrgetter(key)(scene)) for key in POOL_KEYS)
+            if is_mirrored(resistance):
+                pools.setdefault((mass, weight, resistance), {})[each.label] = spring[0], spring[1]
+        for (mass, weight, resistance), springs in pools.items():
+            for label, peaks in self.peaks(replace(cart, mass=mass, weight=weight), resistance, springs).items():
+                found[label] |= self._near_first(peaks)
+        return found
+
+    def _near_first(self, peaks: Peaks) -> set[str]:
+        """Laws that may be first by peaks of the pool; those without a periodic cycle, or a table, may."""
+        near = {law for law in self.cycles if law not in self.tables} & self.others
+        for found in peaks.values():
+            limit = (1 + DECIDED) * min(found.values())
+            near |= {law for law, peak in found.items() if peak <= limit or math.isinf(peak)}
+        return near
+
+
+def is_mirrored(resistance: ResistanceLaw) -> bool:
+    """Return True for a resistance [N] whose return stroke is the mirror image, as a pool requires."""
+    return bool(getattr(getattr(resistance, "resistance", resistance), "return_ratio", 1.0) == 1)
+
+
+def jumps(cycle: Cycle) -> bool:
+    """Return True for a law whose velocity jumps."""
+    return any(jump.order == 1 for jump in cycle.discontinuities())
