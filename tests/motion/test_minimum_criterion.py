@@ -182,11 +182,11 @@ def test_optimal_travel_at_fixed_stroke():
     assert half @ form @ half / (best @ form @ best) - 1 == pytest.approx(LOSS_OF_HALF, abs=5e-6)
 
 
-@pytest.mark.parametrize("order", range(5))
 @pytest.mark.parametrize("weights", WEIGHTS.values(), ids=WEIGHTS)
-def test_complex_law_is_its_closed_form(weights, order):
-    exact, got = twin(*weights, order, PHASES), ComplexLaw(*weights)(PHASES, nu=order)
-    assert got == pytest.approx(exact, rel=0, abs=1e-12 * np.abs(exact).max() + 1e-300)
+def test_complex_law_is_its_closed_form(weights):
+    for order in range(5):
+        exact, got = twin(*weights, order, PHASES), ComplexLaw(*weights)(PHASES, nu=order)
+        assert got == pytest.approx(exact, rel=0, abs=1e-12 * np.abs(exact).max() + 1e-300)
 
 
 @pytest.mark.parametrize(

@@ -139,19 +139,21 @@ def test_phases_of_laws_with_constant_velocity(name, run_up, run_down):
         assert np.abs([motion.derivative(z, k) for k in (2, 3, 4)]).max() == 0
 
 
-@pytest.mark.parametrize(("run_up", "run_down"), RUNS)
-@pytest.mark.parametrize(("name", "order"), [(name, k) for name, orders in RESTING.items() for k in orders])
-def test_derivatives_vanish_at_the_ends(name, order, run_up, run_down):
-    motion = unit(name, run_up=run_up, run_down=run_down)
-    assert motion.curve(np.array([0.0, 1.0]), nu=order) == pytest.approx([0, 0], abs=1e-12 * inner_sides(motion, order))
+@pytest.mark.parametrize("name", RESTING)
+def test_derivatives_vanish_at_the_ends(name):
+    for run_up, run_down in RUNS:
+        motion = unit(name, run_up=run_up, run_down=run_down)
+        ends = [motion.curve(np.array([0.0, 1.0]), nu=k) / inner_sides(motion, k) for k in RESTING[name]]
+        assert np.array(ends) == pytest.approx(0, abs=1e-12)
 
 
-@pytest.mark.parametrize(("name", "order"), [(name, k) for name, ends in RUN_UP_ENDS.items() for k in ends[1]])
-def test_derivatives_vanish_at_the_start_of_the_constant_velocity(name, order):
+@pytest.mark.parametrize("name", RUN_UP_ENDS)
+def test_derivatives_vanish_at_the_start_of_the_constant_velocity(name):
     motion = unit(name, run_up=0.05, run_down=0.3)
-    before, after = motion.curve.x[1] - 1e-15, motion.curve.x[2]
-    size = max(inner_sides(motion, order), 1.0) + 1e-3 * inner_sides(motion, order + 1)
-    assert motion.curve(np.array([before, after]), nu=order) == pytest.approx([0, 0], abs=1e-11 * size)
+    sides = np.array([motion.curve.x[1] - 1e-15, motion.curve.x[2]])
+    for order in RUN_UP_ENDS[name][1]:
+        size = max(inner_sides(motion, order), 1.0) + 1e-3 * inner_sides(motion, order + 1)
+        assert motion.curve(sides, nu=order) == pytest.approx([0, 0], abs=1e-11 * size)
 
 
 @pytest.mark.parametrize("ratio", [0.0, 1e-9, 0.1, 0.5, 0.9, 0.99, 0.999])
@@ -231,16 +233,16 @@ def sizes_of(cycle):
     return {k: np.abs(cycle.derivative(np.linspace(0, cycle.period, 999), k)).max() for k in range(1, 5)}
 
 
-@pytest.mark.parametrize("order", range(5))
 @pytest.mark.parametrize("name", NAMES)
-def test_return_stroke_is_the_mirror_image_and_that_of_a_crank_is_reversed_in_time(name, order):
+def test_return_stroke_is_the_mirror_image_and_that_of_a_crank_is_reversed_in_time(name):
     cycle, t = cycle_of(name), np.linspace(0.013, 2.987, 41)
-    expected = (0.4 if order == 0 else 0.0) - cycle.derivative(t, order)
-    if name == "crank":
-        expected = (-1) ** order * cycle.derivative(3.0 - t, order)
-    assert cycle.derivative(3.5 + t, order) == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
-    standing = [0.4, 0.0] if order == 0 else [0.0, 0.0]
-    assert cycle.derivative([3.25, 6.6], order) == pytest.approx(standing, abs=0)
+    for order in range(5):
+        standing = 0.4 * (order == 0)
+        expected = standing - cycle.derivative(t, order)
+        if name == "crank":
+            expected = (-1) ** order * cycle.derivative(3.0 - t, order)
+        assert cycle.derivative(3.5 + t, order) == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
+        assert cycle.derivative([3.25, 6.6], order) == pytest.approx([standing, 0.0], abs=0)
 
 
 def test_period_includes_both_dwells():
