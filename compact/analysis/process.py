@@ -264,7 +264,18 @@ class ProcessStudy:
     @property
     def standing_drag(self) -> float:
         """Drag of sleeves and smoothing plate of a cart [N], at any speed."""
-        return (self._sleeves.force or 0.0) + (self._plate.force or 0.0)
+        return self.sleeve_drag + (self._plate.force or 0.0)
+
+    @property
+    def sleeve_drag(self) -> float:
+        """Drag of the feed sleeves of a cart [N]."""
+        return self._sleeves.force or 0.0
+
+    @property
+    def moving_force(self) -> float:
+        """Force that moves one cart by the best model computed [N], the sum of its parts."""
+        standing = self.standing_drag + self.guide_friction + (self._extrusion.force or 0.0)
+        return self.scene.machine.rollers * self.resistance + standing
 
     @property
     def _loose_density(self) -> float:

@@ -90,7 +90,11 @@ class Job(Console):
     ] = None
     changes: Annotated[
         tuple[str, ...],
-        Parameter(name="--set", negative="", help="change one key of the scene, such as mix.moisture=0.11; repeatable"),
+        Parameter(
+            name="--set",
+            negative="",
+            help="change a key of the scene, as mix.moisture=0.11; KEY= removes it; repeatable",
+        ),
     ] = ()
 
     def place(self, scene: Path, suffix: str = "") -> Path:
@@ -109,8 +113,8 @@ class Job(Console):
         """
         from compact.scene.loader import load_scene, read_change
 
-        wanted = replacements | dict(map(read_change, self.changes))
-        scene = load_scene(path, **{key: value for key, value in wanted.items() if value is not None})
+        given = {key: value for key, value in replacements.items() if value is not None}
+        scene = load_scene(path, **given | dict(map(read_change, self.changes)))
         for sentence in scene.advice if not self.quiet else ():
             print(f"compact: advice: {sentence}", file=sys.stderr)
         return scene

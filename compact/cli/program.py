@@ -418,13 +418,13 @@ def calibrate(
     increments: int | None = None,
     job: Job = JOB,
 ) -> None:
-    """Fit the mix of a scene to forces measured on its plant or to kneading, and the drive to its tests.
+    """Fit mix and process of a scene to forces and densities of its plant or to kneading, and the drive to its tests.
 
     Parameters
     ----------
     measured
-        TOML or CSV file of measured load, resistance and exit density, of deflection and tap tests of the drive, or of
-        density over cycles of kneading and pressure
+        TOML or CSV file of measured load, resistance and exit density, of deflection and tap tests of the drive, of
+        density over cycles of kneading and pressure, or of density and force over mould speed and strokes a minute
     parameters
         parameters to fit, at most as many as there are data
     engine
@@ -432,7 +432,7 @@ def calibrate(
     increments
         elements of travel per contact length (finite elements); 14 by default, 7 cost a third and differ by 1 to 2 %
     """
-    from compact.analysis import calibration
+    from compact.analysis import calibration, operating_window
     from compact.engines.process.kneading import fit_kneading
     from compact.material import mix
     from compact.scene.plant_data import read_measurements
@@ -451,6 +451,10 @@ def calibrate(
         kneaded = fit_kneading(readings.kneading, mix.LOOSE_DENSITY_RATIO)
         summary["kneading"] = {**vars(kneaded.kneading), "static_slopes": kneaded.static_slopes, "rms": kneaded.rms}
         told.append(calibration.kneading_digest(kneaded))
+    if readings.strokes:
+        window = operating_window.calibrate_window(given, readings.strokes)
+        summary["window"] = window.values
+        told.append(operating_window.window_digest(window))
     if readings.measurements:
         with job.progress() as progress:
             progress.begin(f"fit by {engine}")

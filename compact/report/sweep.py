@@ -1,7 +1,7 @@
 """Results of a sweep in addition to sweep.nc: figures, Sobol indices, and the digest on the terminal.
 
-Maps of a sample show the median. A map is hatched where rolling cannot reach the density, and grey without a number, in
-a shade for each kind of reason: over two keys of a machine it is its operating window. A star is the scene itself.
+Maps of a sample show the median. A map is hatched where rolling cannot reach the density, and grey without a number.
+Over mould speed and duration of a forming process one figure is its operating window.
 """
 
 import json
@@ -16,7 +16,9 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, Stroke
 
 from compact.files import write_csv, write_figure
 from compact.quantities import CRITERIA, INPUT, SWEEP_POINT, unit_symbol
@@ -38,6 +40,9 @@ LOGARITHMIC_RATIO = 10  # [-], of largest to smallest value, above which an axis
 CONSTANT_SPAN = 1e-9  # [-], relative range below which a quantity is constant
 NO_NUMBER = "0.82"  # grey
 LEGEND_WIDTH = 130  # [characters]
+WINDOW = ("mould_speed", "duration")
+HATCHES = ("//", "\\\\", "..", "xx", "++", "oo")  # of limits
+MINUTE = 60.0  # [s]
 REASON_WIDTH = 90  # [characters], of a reason in a legend
 
 
@@ -50,7 +55,9 @@ def write_sweep_report(directory: Path, table: "Dataset", sobol: SobolTable) -> 
     axes, names = numeric_axes(table), varying_quantities(table)
     if axes and names:
         write_figure(directory / "bands.png", draw_bands(table, names))
-    if len(axes) >= 2 and names:
+    if {*axes[-2:]} == {*WINDOW} and "limit" in table and "sample" not in table.dims:
+        write_figure(directory / "window.png", draw_window(table))
+    elif len(axes) >= 2 and names:
         write_figure(directory / "maps.png", draw_maps(table, names))
         if best := [] if "sample" in table.dims else [str(name) for name in table if str(name).startswith(BEST_LAW)]:
             write_figure(directory / "best_laws.png", draw_maps(table, best))
@@ -174,22 +181,9 @@ def draw_maps(table: "Dataset", names: Sequence[str]) -> Figure:
     unreachable = plane["not_reachable"] != ""
     if "sample" in unreachable.dims:
         unreachable = unreachable.mean("sample") > 0.5
-    kinds = {} if "sample" in table.dims else _kinds(plane["reason"].values.ravel())
-    shades = dict(zip(kinds, colormaps["Greys"](np.linspace(0.3, 0.6, max(len(kinds), 1))), strict=False))
-    star = [value for name in (x, y) if (value := _of_scene(table, name)) is not None]
 
     def draw(ax: Axes, name: str) -> None:
         ax.set_facecolor(NO_NUMBER)
-        if kinds:
-            number = np.vectorize(
-                lambda told: [*kinds].index(DIGITS.sub("#", told)) if told else np.nan, otypes=[float]
-            )
-            cells = np.ma.masked_invalid(number(plane["reason"].values))
-            ax.pcolormesh(
-                plane[x], plane[y], cells, cmap=ListedColormap([*shades.values()]), vmin=-0.5, vmax=len(kinds) - 0.5
-            )
-        if len(star) == 2:
-            ax.plot(*star, "*", color="white", markeredgecolor="black", markersize=11, zorder=5)
         if name.startswith(BEST_LAW):
             laws = plane[name].values
             numbers = np.ma.masked_where(laws == "", np.searchsorted(best, laws))
@@ -211,9 +205,45 @@ def draw_maps(table: "Dataset", names: Sequence[str]) -> Figure:
     marks: list[Any] = [Patch(facecolor=law_style(law)["color"], label=law) for law in best]
     if unreachable.any():
         marks.append(Patch(facecolor="none", edgecolor="black", hatch="////", label="not reachable by rolling"))
-    marks += [Patch(facecolor=shades[kind], label=_shortened(told[0])) for kind, told in kinds.items()]
-    if not kinds and (table["reason"] != "").any():
+    if (table["reason"] != "").any():
         marks.append(Patch(facecolor=NO_NUMBER, label="no result, reason in sweep.nc"))
+    _legend(figure, marks)
+    return figure
+
+
+def draw_window(table: "Dataset") -> Figure:
+    """Draw the operating window of a forming process: density reached, force, power, limits and the scene itself.
+
+    Over speed of the mould and strokes a minute; hatched where a limit is met, or, by its reason, without a number.
+    """
+    plane = table.isel({name: 0 for name in table["load"].dims if name not in WINDOW}).transpose(*WINDOW)
+    dwell = json.loads(table.attrs["scene"])["motion"]["dwell"]
+    rate, speed = MINUTE / (plane["duration"].values + dwell), MINUTE * plane["mould_speed"].values
+    figure = Figure(figsize=(7.6, 5.6), layout="constrained")
+    ax = figure.add_subplot()
+    ax.set(xlabel="strokes a minute [1/min]", ylabel="speed of the mould [m/min]")
+    density = np.ma.masked_invalid(plane["exit_density_ratio"].values)
+    marks: list[Any] = []
+    if density.count() and np.ma.ptp(density) > CONSTANT_SPAN:
+        figure.colorbar(ax.contourf(rate, speed, density, 12, cmap="viridis"), label="density ratio of the product [-]")
+    for name, colour in (("resistance", "black"), ("power", "white")):
+        values = np.ma.masked_invalid(plane[name].values * SWEEP_POINT[name].plot_factor)
+        if values.count():
+            lines = ax.contour(rate, speed, values, colors=colour, linewidths=1.0)
+            label_contours(ax, lines)
+            outline = [Stroke(linewidth=3.0, foreground="0.6"), Normal()]
+            marks.append(Line2D([], [], color=colour, path_effects=outline, label=SWEEP_POINT[name].axis_label))
+    met: dict[str, Any] = {}
+    for place, told in np.ndenumerate(np.where(plane["reason"] == "", plane["limit"], plane["reason"])):
+        for word in [told] if plane["reason"].values[place] else filter(None, told.split(", ")):
+            met.setdefault(DIGITS.sub("#", word), (word, np.zeros(density.shape)))[1][place] = 1.0
+    for (word, cells), hatch in zip(met.values(), HATCHES, strict=False):
+        ax.contourf(rate, speed, cells, [0.5, 1.5], colors="none", hatches=[hatch])
+        marks.append(Patch(facecolor="none", edgecolor="black", hatch=hatch, label=_shortened(word)))
+    mould, duration = (_of_scene(table, name) for name in WINDOW)
+    if mould is not None and duration is not None:
+        star: dict[str, Any] = {"color": "white", "markeredgecolor": "black", "markersize": 14}
+        ax.plot(MINUTE / (duration + dwell), MINUTE * mould, "*", **star)
     _legend(figure, marks)
     return figure
 

@@ -301,11 +301,11 @@ def read_change(text: str) -> tuple[str, object]:
 
 
 def read_value(text: str) -> Any:
-    """Return the value of a TOML text, or a bare word as it is."""
+    """Return the value of a TOML text, a bare word as it is, or None of an empty text, which removes a key."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
-        return text
+        return text or None
 
 
 def starter_scene() -> str:

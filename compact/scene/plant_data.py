@@ -1,4 +1,4 @@
-"""Measurements of a plant: forces of the rollers, and tests of the drive, read from TOML or CSV and validated once.
+"""Measurements of a plant: forces of rollers, strokes of a process, tests of the drive; TOML or CSV, validated once.
 
     [[measurement]]
     load = 9740.0                                                     # N on one roller
@@ -22,6 +22,12 @@
     density_ratio = 0.93
     specimen = "A"                                                    # optional; each has its static slope
 
+    [[stroke]]                                                        # of a forming process with a moving mould
+    mould_speed = 0.0175                                              # m/s
+    strokes_per_minute = 67.5
+    density_ratio = 0.975                                             # of the product, or force, or both
+    force = 3600.0                                                    # N, that moves a cart
+
 A CSV has one measurement or one test a row under the same names, and for a band the columns NAME_low and NAME_high.
 """
 
@@ -29,7 +35,7 @@ import math
 import tomllib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from compact.engines.process.kneading import Reading
 from compact.files import read_table
@@ -38,10 +44,12 @@ FITTED = ("load", "resistance", "resistance_coefficient")  # data of a fit
 STATED = ("exit_density_ratio", "speed")  # conditions of a measurement
 DECAYS = ("damping_ratio", "decay", "decrement")  # of which a tap test has one
 EDGES = ("low", "high")
+MINUTE = 60.0  # [s]
 TESTS = {
     "deflection": "deflection",
     "tap": "frequency",
     "kneading": "cycles",
+    "stroke": "strokes_per_minute",
 }  # table of a test -> column by which a CSV file has it
 
 
@@ -129,6 +137,19 @@ class Tap:
         return 2 * math.pi * self.frequency / math.sqrt(1 - self.damping_ratio**2)
 
 
+class StrokeRow(NamedTuple):
+    """Row of a forming process: density ratio of the product [-], and force that moves a cart [N]; None if unknown."""
+
+    mould_speed: float
+    strokes_per_minute: float
+    density_ratio: float | None = None
+    force: float | None = None
+
+    def changes(self, dwell: float) -> dict[str, object]:
+        """Return the changes of a scene with a dwell at each end [s]."""
+        return {"process.mould_speed": self.mould_speed, "motion.duration": MINUTE / self.strokes_per_minute - dwell}
+
+
 @dataclass(frozen=True)
 class Measured:
     """All measurements of a plant.
@@ -143,6 +164,8 @@ class Measured:
         Tests of the drive.
     kneading : tuple of Reading
         Density over cycles of kneading.
+    strokes : tuple of StrokeRow
+        Density and force of a forming process.
     """
 
     measurements: tuple[Measurement, ...]
@@ -150,6 +173,7 @@ class Measured:
     deflections: tuple[Deflection, ...] = ()
     taps: tuple[Tap, ...] = ()
     kneading: tuple[Reading, ...] = ()
+    strokes: tuple[StrokeRow, ...] = ()
 
     @property
     def of_drive(self) -> bool:
@@ -183,7 +207,7 @@ def read_measurements(path: str | Path) -> Measured:
             data: dict[str, Any] = {kind: cells}
         else:
             data = tomllib.loads(path.read_text(encoding="utf-8"))
-        kinds = {"measurement": _measurement, "deflection": _deflection, "tap": _tap, "kneading": _kneading}
+        kinds = dict(zip(("measurement", *TESTS), (_measurement, _deflection, _tap, _kneading, _stroke), strict=True))
         tables, assumptions = {kind: data.pop(kind, []) for kind in kinds}, data.pop("assumptions", {})
         if data:
             raise ValueError(f"the file has no key `{next(iter(data))}`; it takes {', '.join(kinds)}, assumptions")
@@ -247,6 +271,14 @@ def _kneading(table: dict[str, Any], where: str) -> Reading:
     if values[-1] >= 1:
         raise ValueError(f"{where}, `density_ratio` must be below 1, got {values[-1]:g}")
     return Reading(values[0], values[1], values[2], str(given.get("specimen", "")))
+
+
+def _stroke(table: dict[str, Any], where: str) -> StrokeRow:
+    given = {name: positive(each, f"{where}, `{name}`") for name, each in table.items() if each != ""}
+    if given.keys() - {*StrokeRow._fields} or len(given) < 3 or not given.keys() >= {*StrokeRow._fields[:2]}:
+        words = "must have mould_speed, strokes_per_minute, and density_ratio or force"
+        raise ValueError(f"{where} {words}, got {', '.join(given) or 'nothing'}")
+    return StrokeRow(**given)
 
 
 def _measurement(table: dict[str, Any], where: str) -> Measurement:

@@ -17,6 +17,7 @@ import json
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,7 @@ import numpy as np
 from compact import files, quantities
 from compact.analysis.contact_cases import Passes, air_forces_of, contact_record
 from compact.analysis.failures import MAX_REASON, reason_of
+from compact.analysis.operating_window import limits_met, shared_lifts
 from compact.analysis.pore_air import coupled_contact, is_coupled, pore_air_of
 from compact.analysis.stages.ensemble import START, Change, Share, Step, ensemble
 from compact.analysis.store import Store, open_store
@@ -59,7 +61,7 @@ Results = dict[str, Any]  # of a point by name
 Evaluate = Callable[..., dict[int, Results]]  # `ensemble` of the scene and run of a sweep
 
 
-def headline(rank: bool, scene: Scene, change: Change) -> Results:
+def headline(rank: bool, scene: Scene, change: Change, lifts: Any = None) -> Results:
     """Compute the results of one point, with errors and balance residuals; an error is also a result.
 
     Parameters
@@ -70,6 +72,8 @@ def headline(rank: bool, scene: Scene, change: Change) -> Results:
         Scene of the point; its contact is that at the mean speed.
     change : Change
         Sampled keys, and the contact of a neighbour for engines with continuation over the same layer.
+    lifts : KnownLifts, optional
+        Lumped lifts of a forming process for all points of its operating window.
 
     Returns
     -------
@@ -85,10 +89,15 @@ def headline(rank: bool, scene: Scene, change: Change) -> Results:
         warnings.simplefilter("error", RuntimeWarning)  # an invalid operation of numpy yields no valid result
         try:
             study = Study(scene)
-            found["required_pressure"] = float(study.stages.contacts.mix.required_pressure)
-            found["saturation"] = float(study.stages.contacts.mix.saturation)
-            found["not_reachable"] = study.stages.contacts.mix.not_achievable
+            contacts = study.stages.contacts
+            if lifts is not None and contacts.process is not None:
+                contacts.process = replace(contacts.process, known=lifts)
+            found["required_pressure"] = float(contacts.mix.required_pressure)
+            found["saturation"] = float(contacts.mix.saturation)
+            found["not_reachable"] = contacts.mix.not_achievable
             numbers, contact = _computed(study, change.start)
+            if contacts.process is not None:
+                numbers["limit"] = limits_met(contacts.process)
             numbers["power"] = numbers["resistance"] * scene.mean_speed
             for by, (best, *_) in study.stages.drive.rankings.items() if rank else ():
                 numbers |= {by: best.value, f"best_law_by_{by}": best.run.name}
@@ -126,7 +135,7 @@ def _computed(study: Study, initial_guess: Contact | None) -> tuple[Results, Con
     record = contact_record(scene.accuracy.engine, speed, passes, air)
     known = {name: getattr(record, name) for name in RECORDED} | {
         "load": machine.roller_length * record.load,
-        "resistance": machine.rollers * machine.roller_length * record.resistance,
+        "resistance": machine.rollers * machine.roller_length * record.resistance + study.stages.contacts.sleeve_drag,
         "resistance_coefficient": record.coefficient,
         "capture_angle": np.arcsin(first.leading / machine.roller_radius),
         "exit_density_ratio": passes[-1].exit_density_ratio,
@@ -191,12 +200,18 @@ class Sweep:
             open_store(place / POINTS, base, resume, force) as self.store,
             executor,
         ):
-            run = partial(headline, self.rank)
+            run = partial(headline, self.rank, **self._shared())
             given: dict[str, Any] = {"run": run, "executor": executor, "store": self.store, "step": step}
             found = self._results(partial(ensemble, self.scene, **given))
             table = self._table([found[number] for number in range(self.size)])
             files.write_netcdf(place / "sweep.nc", table, files.NETCDF_HDF5)
         return table
+
+    def _shared(self) -> dict[str, Any]:
+        """Return the lumped lifts of an operating window; empty for another sweep."""
+        if not all(ENGINES[engine].reads("process") for engine in self.engines) or self.design.names:
+            return {}
+        return {"lifts": shared_lifts(self.scene, [axis.key for axis in self.design.axes])}
 
     def _results(self, evaluated: Evaluate) -> dict[int, Results]:
         """Return the results of all points by number; neighbours of an engine with continuation are a task."""
@@ -241,6 +256,8 @@ class Sweep:
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any]]:
         """Return the attributes of the numbers and of the words of a point, by name."""
         numbers, words = dict(SWEEP_POINT), dict(WORDS)
+        if any(ENGINES[engine].reads("process") for engine in self.engines):
+            words["limit"] = "limits of the machine that the strokes meet; empty within its operating window"
         for by in self.scene.drive.rank_by if self.rank else ():
             numbers[by] = quantities.CRITERIA[by]
             words[f"best_law_by_{by}"] = f"law of the least {numbers[by].term}"

@@ -17,9 +17,11 @@ import numpy as np
 import pytest
 import xarray
 from interrupts import heed_interrupts, of_unix
+from lift_sequences import sequence
 from sweeps import COLUMNS, FORMULA, SCENES, swept
 
 from compact import files
+from compact.analysis import process
 from compact.analysis.stages import ensemble
 from compact.analysis.stages.ensemble import Change, Task, compute
 from compact.analysis.store import open_store
@@ -351,14 +353,38 @@ def test_a_map_of_mould_and_stroke_is_the_window_of_the_machine(tmp_path):
     table, _ = swept(tmp_path, scene, ["process.mould_speed=0.015,0.03", "motion.duration=0.6,0.9"])
     assert (table.reason != "").sum() == 1
     assert "nip angle" in str(table.reason.values[1, 1])
-    figure = sweep_report.draw_maps(table, ["load"])
-    (ax,) = figure.axes
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("duration [s]", "mould speed [m/s]")
+    assert table.limit.values[0, 0] == ""
+    figure = sweep_report.draw_window(table)
+    ax = figure.axes[0]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("strokes a minute [1/min]", "speed of the mould [m/min]")
     (star,) = ax.get_lines()
-    assert star.get_xydata()[0] == pytest.approx([0.8888888888888888, 0.0175])
-    assert next(text.get_text() for text in figure.legends[0].get_texts()).startswith(
-        "`product_density_ratio` must be at"
-    )
+    assert star.get_xydata()[0] == pytest.approx([67.5, 1.05])
+    *_, told = (text.get_text() for text in figure.legends[0].get_texts())
+    assert told.startswith("`product_density_ratio` must be at")
+    sweep_report.write_sweep_report(tmp_path, table, {})
+    assert (tmp_path / "window.png").exists()
+    assert not (tmp_path / "maps.png").exists()
+
+
+def test_a_window_shares_the_lifts_of_its_scene(monkeypatch, tmp_path):
+    """At the point of the scene load and density are those of its own lifts; speeds of the mould need no others."""
+    computed = []
+
+    def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, air):
+        computed.append(thickness)
+        return sequence(thickness, increments, load=lambda k: 2e3 * np.exp(8 * (k - 0.75)), to=0.9)
+
+    monkeypatch.setattr(process, "simulate_lifts", lifts)
+    few = {"accuracy.engine": "process", "process.layers": 1, "machine.roller_length": 0.2, "motion.duration": 0.8}
+    scene = load_scene(SCENES / "process.toml", **few, **{"process.product_density_ratio": 0.92})
+    table, _ = swept(tmp_path, scene, ["process.mould_speed=0.0175,0.02", "motion.duration=0.7,0.8"])
+    assert len(computed) == 2
+    own = Study(scene).stages.contacts
+    assert float(table.load.sel(mould_speed=0.0175, duration=0.8)) == pytest.approx(own.process.load, rel=1e-12)
+    force = 2 * own.process.resistance + own.process.standing_drag
+    assert float(table.resistance.sel(mould_speed=0.0175, duration=0.8)) == pytest.approx(force, rel=1e-12)
+    swept(tmp_path / "other", scene, ["product.height=0.2,0.22"])
+    assert len(computed) == 2 + 2 + 4
 
 
 # (h) the command

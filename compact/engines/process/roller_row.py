@@ -292,14 +292,16 @@ class RollerRow:
         assert self.lifts is not None
         sequences = sequences or self.lifts.sequences
         density, made_up = self._densities(name), self.history.make_up
-        thin, thick = (self.rate_scale * sequence.at(name, density) for sequence in (sequences[0], sequences[-1]))
+        thin = self.rate_scale * sequences[0].at(name, density)
         if len(sequences) == 1:
             return thin
         thickness, ratio = sequences[0].thickness, sequences[-1].thickness / sequences[0].thickness
+        common = np.minimum(density, min(each.values("density_ratio").max() for each in sequences))
+        thicker = sequences[-1].at(name, common) / sequences[0].at(name, common)  # beyond both, as at their end
         if power:
             share = np.where(made_up > 0, made_up, thickness) / thickness
-            return np.asarray(thin * share ** (np.log(thick / thin) / np.log(ratio)))
-        return np.asarray(thin + (thick - thin) * (made_up / thickness - 1) / (ratio - 1))
+            return np.asarray(thin * share ** (np.log(thicker) / np.log(ratio)))
+        return np.asarray(thin * (1 + (thicker - 1) * (made_up / thickness - 1) / (ratio - 1)))
 
     def _densities(self, name: str) -> Array:
         """Mean density ratio of every stroke to which a force belongs [-]: behind it, or the mean of both sides."""

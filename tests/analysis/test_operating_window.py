@@ -1,0 +1,89 @@
+"""Operating window of a forming process: limits that are met, and calibration by the rows of a plant."""
+
+from pathlib import Path
+
+import pytest
+
+from compact.analysis.operating_window import calibrate_window, deliverable, limits_met, reached_by, window_digest
+from compact.analysis.process import ProcessStudy
+from compact.scene.loader import load_scene
+from compact.scene.plant_data import StrokeRow, read_measurements
+
+SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "process.toml"
+SHORT = {"machine.roller_length": 0.3, "process.layers": 1, "process.product_density_ratio": None}
+OFFERED = {"process.offered_thickness": 4e-3}
+PLANT = {  # other mix, sleeves, plate and feed than those of the scene
+    "mix.overrides.heckel_slope": 1e-5, "mix.overrides.unloading_modulus": 180e6, "process.extrusion_pressure": 180e3,
+    "process.offered_thickness": 4.5e-3, "process.feed_density_ratio": 0.77, "process.plate_pressure": 30e3,
+    "sleeve.head": 0.6, "sleeve.wall_friction": 0.25,
+}  # fmt: skip
+MOTOR = {
+    "curve": "linear", "torque": 10.0, "speed": 100.0, "gear_ratio": 40.0, "inertia": 0.01, "flywheel_inertia": 5.0,
+}  # fmt: skip
+ROWS = (0.0175, 67.5), (0.013, 67.5), (0.0175, 50.0), (0.03, 90.0), (0.022, 60.0)
+HELD_OUT = (0.015, 60.0), (0.02, 80.0), (0.025, 90.0), (0.012, 45.0)
+
+
+def plants_row(scene, place):
+    return StrokeRow(*place, *reached_by(ProcessStudy(scene.replaced(**StrokeRow(*place).changes(0.0)))))
+
+
+@pytest.mark.slow
+def test_five_rows_of_a_plant_calibrate_the_window():
+    """Rows of another parameter set; at other points the density is within 0.01 and the force within 15 %."""
+    scene = load_scene(SCENE, **SHORT, **OFFERED)
+    plant = scene.replaced(**PLANT)
+    found = calibrate_window(scene, [plants_row(plant, place) for place in ROWS])
+    for place in HELD_OUT:
+        row = plants_row(plant, place)
+        before = reached_by(ProcessStudy(scene.replaced(**row.changes(0.0))))
+        density, force = reached_by(ProcessStudy(found.scene.replaced(**row.changes(0.0))))
+        assert density == pytest.approx(row.density_ratio, abs=0.01)
+        assert force == pytest.approx(row.force, rel=0.15)
+        assert abs(before[0] - row.density_ratio) > 0.01
+    assert "extrusion_pressure" in window_digest(found)
+
+
+@pytest.mark.slow
+def test_rows_leave_open_what_they_do_not_tell():
+    """A density alone moves slope and pressure, never the drag."""
+    scene = load_scene(SCENE, **SHORT)
+    density, force = reached_by(ProcessStudy(scene))
+    found = calibrate_window(scene, [StrokeRow(0.0175, 67.5, density + 0.01)])
+    assert reached_by(ProcessStudy(found.scene))[0] == pytest.approx(density + 0.01, abs=1e-3)
+    assert found.values["sleeve.measured_drag"] == pytest.approx(found.before["sleeve.measured_drag"], rel=1e-3)
+    assert force > 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "met"),
+    [
+        ({"process.extrusion_pressure": 340e3, "machine.roller_length": 0.1, "process.mould_speed": 0.03}, "bite"),
+        ({"process.offered_thickness": 1e-3, "process.extrusion_pressure": 340e3}, "feed"),
+        ({"process.extrusion_pressure": 3e5}, "full density"),
+        ({}, ""),
+        ({"drive.kind": "motor", "drive.motor": MOTOR}, "drive"),
+    ],
+)  # fmt: skip
+def test_limits_are_named(changes, met):
+    assert limits_met(ProcessStudy(load_scene(SCENE, **SHORT | changes))) == met
+
+
+def test_drives_deliver_what_their_curves_have():
+    oil = {
+        "piston_area": 2e-3, "supply_pressure": 1e7, "pump_flow": 1e-3, "valve_area": 1e-4, "oil_density": 870.0,
+        "discharge_coefficient": 0.6, "transition_drop": 1e4, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
+    }  # fmt: skip
+    assert deliverable(load_scene(SCENE, **{"drive.kind": "hydraulic", "drive.hydraulics": oil})) == pytest.approx(
+        (2e4, 1e4)
+    )
+    assert deliverable(load_scene(SCENE))[0] == float("inf")
+
+
+def test_rows_are_read(tmp_path):
+    path = tmp_path / "rows.csv"
+    path.write_text("mould_speed,strokes_per_minute,density_ratio,force\n0.0175,67.5,0.97,\n0.02,60,,3500\n")
+    assert read_measurements(path).strokes == (StrokeRow(0.0175, 67.5, 0.97), StrokeRow(0.02, 60.0, None, 3500.0))
+    path.write_text("mould_speed,strokes_per_minute\n0.0175,67.5\n")
+    with pytest.raises(ValueError, match="density_ratio or force"):
+        read_measurements(path)
