@@ -380,9 +380,9 @@ def test_a_window_shares_the_lifts_of_its_scene(monkeypatch, tmp_path):
     table, _ = swept(tmp_path, scene, ["process.mould_speed=0.0175,0.02", "motion.duration=0.7,0.8"])
     assert len(computed) == 2
     own = Study(scene).stages.contacts
-    assert float(table.load.sel(mould_speed=0.0175, duration=0.8)) == pytest.approx(own.process.load, rel=1e-12)
+    assert float(table["load"].sel(mould_speed=0.0175, duration=0.8)) == pytest.approx(own.process.load, rel=1e-12)
     force = 2 * own.process.resistance + own.process.standing_drag
-    assert float(table.resistance.sel(mould_speed=0.0175, duration=0.8)) == pytest.approx(force, rel=1e-12)
+    assert float(table["resistance"].sel(mould_speed=0.0175, duration=0.8)) == pytest.approx(force, rel=1e-12)
     swept(tmp_path / "other", scene, ["product.height=0.2,0.22"])
     assert len(computed) == 2 + 2 + 4
 
