@@ -7,7 +7,6 @@ import pytest
 from column_cases import mix
 
 from compact.engines.column import engine as column
-from compact.engines.compaction.engine import roll
 from compact.engines.pore_air import steady_flow
 from compact.engines.pore_air.steady_flow import ColumnAir, RollerAir
 from compact.material.pore_air import PoreAir, water_volume
@@ -63,10 +62,9 @@ def test_elements_along_the_contact_are_fine_enough(permeability, monkeypatch):
 
 
 @pytest.mark.slow
-def test_columns_and_finite_elements_agree_over_a_wide_thin_layer():
-    contact = roll(LAYER, ROLLER, MIX, 0.2, increments=12)
+def test_columns_and_finite_elements_agree_over_a_wide_thin_layer(wide):
     for permeability, tolerance in ((1e-12, 0.2), (1e-13, 0.15), (1e-15, 0.04)):
         under, _ = columns(permeability)
-        by_elements = RollerAir(contact.solution, under.air)
+        by_elements = RollerAir(wide.solution, under.air)
         load, *_ = under.forces(under.pressure(0.2))
         assert by_elements.forces(by_elements.pressure(0.2))[0] == pytest.approx(load, rel=tolerance)
