@@ -132,6 +132,17 @@ class _ImprintLoad(_Imprint):
 
 
 @dataclass(frozen=True)
+class _Standing:
+    """Share of a force of which a part is that of sleeves and plate, whole from the turn on."""
+
+    function: Callable[[Array], Array]
+    part: float
+
+    def __call__(self, travel: Array) -> Array:
+        return self.part + (1 - self.part) * self.function(travel)
+
+
+@dataclass(frozen=True)
 class _Table:
     """Share of a table, linear between its rows."""
 
@@ -194,6 +205,25 @@ def _wave(length, edge_distance, exponent, ratio, track, build_up):
     part = -math.expm1(-exponent * math.log1p(ratio))  # 1 - (depth/(depth + w))^exponent
     wave = _Wave(length, max(0.0, edge_distance - length), part, build_up * ratio**WAVE_EXPONENT, track)
     return Share(wave, track, wave.travels(), wave.distance, RELEASE * length * (1 + ratio) ** -RELEASE_EXPONENT)
+
+
+def with_standing_drag(share: Callable[[float], Share], part: float, edge_distance: float) -> Share:
+    """Share of a force of which a part does not build up after a turn, the drag of sleeves and plate.
+
+        f = part + (1 - part) f_mix
+
+    Parameters
+    ----------
+    share : callable
+        Share of the mix over the distance to its fresh edge [m].
+    part : float
+        Part of the drag in the steady force [-], in [0, 1].
+    edge_distance : float
+        Distance [m].
+    """
+    require_between(0, 1, part=part)
+    mix = share(edge_distance)
+    return replace(mix, function=_Standing(mix.function, part), track=part + (1 - part) * mix.track)
 
 
 def imprint_share(contact_length: float, exponent: float, edge_distance: float) -> Share:

@@ -34,9 +34,11 @@ from compact.analysis.stages.verdict import (
     DIRECTORY,
     SIZING_PEAKS,
     Answer,
+    Governing,
     ModelAnswer,
     Verdict,
     answer_of,
+    governing,
     model_answer,
     verdict,
 )
@@ -163,6 +165,13 @@ class Study:
                 if each := verdict(self.models, duration, drive, by, firsts):
                     found[duration, drive, by] = each
         return found
+
+    @property
+    def governing(self) -> list[Governing]:
+        """Pass over fresh mix and forming process at the duration and drive of the scene, the larger of which sizes."""
+        own = self.scene.motion.duration, self.scene.drive.kind
+        verdicts = [each for key, each in self.verdicts.items() if key[:2] == own]
+        return governing(self.models, verdicts, self.scene.motion.duration)
 
     @cached_property
     def first_laws(self) -> FirstLaws | None:

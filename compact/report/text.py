@@ -32,7 +32,7 @@ from compact.scene.schema import Overrides
 TEXT_WIDTH = 118  # characters of a line, without its indent
 DIGEST_LINES = 36  # [-], of a digest; recommendations and models are never left out
 ANSWER = (  # sentences of the answer, of terminal and page, the most important first
-    "measurement", "stiffness", "other_cases", "first_laws", "turn", "held", "limits", "spread", "motor",
+    "measurement", "stiffness", "process", "other_cases", "first_laws", "turn", "held", "limits", "spread", "motor",
     "motor_margin", "heaping", "infinite", "not_made", "reachable", "sleeves", "durations", "bearings",
     "valid_formulas",
 )  # fmt: skip

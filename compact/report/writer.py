@@ -361,6 +361,7 @@ def _verdict(study: Study) -> dict[str, Any] | None:
     return {
         "models": models,
         "verdicts": [asdict(each) | {"value": json_number(each.value, CRITERIA[each.by].unit)} for each in verdicts],
+        "governing": [each._asdict() for each in study.governing],
         "margins": {by: known.margin(by) for by in known.peaks},
         "sources": [asdict(each) for each in known.sources],
         "mix": known.mix and asdict(known.mix),

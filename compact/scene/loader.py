@@ -94,9 +94,10 @@ class Scene(SceneTables):
 
     @property
     def compared_engines(self) -> tuple[str, ...]:
-        """Engines of the comparison; the formulas are compared with every engine of a layer."""
+        """Engines of the comparison; the formulas, and the process of a moving mould, are always among them."""
         given = {} if self.compare is None else self.compare.model_dump(exclude_none=True)
-        return tuple(dict.fromkeys(([] if self.accuracy.engine == "formula" else ["formula"]) + list(given)))
+        beside = ["process"] if self.process is not None and self.process.mould_speed else []
+        return tuple(each for each in dict.fromkeys(["formula", *given, *beside]) if each != self.accuracy.engine)
 
     @classmethod
     def load(cls, path: str | Path, /, **changes: object) -> Self:
@@ -134,14 +135,16 @@ class Scene(SceneTables):
         return _parsed(cls, text, file, {})
 
     def _neglected(self, engine: str) -> list[Limit]:
-        """Return the limits of the formulas that the scene sets for the engine with which they are compared."""
-        limits = ENGINES[engine].limits if engine == "formula" else ()
+        """Return the limits of the formulas, or of the process, that the scene sets for the engine beside them."""
+        limits = ENGINES[engine].limits if engine in ("formula", "process") else ()
         return [limit for limit in limits if not limit.fixed and limit.value_in(self) not in limit.taken]
 
     def with_engine(self, engine: str) -> Self:
         """Return the scene of an engine of the comparison, with the keys of `[compare.ENGINE]` and no output items."""
         given = getattr(self.compare, engine, None)
         changes: dict[str, object] = {"accuracy.engine": engine, "compare": None, "output.items": ()}
+        if engine == "process" and given is None and self.process is not None and self.process.detail is None:
+            changes["process.detail"] = "columns"  # beside a pass it is not asked for in two dimensions
         if self.mix.fitted_at is not None:  # its values are those of the file, not of a caller
             changes["mix.fitted_at"] = self.mix.fitted_at.model_dump()
         changes |= {limit.key: limit.taken[0] for limit in self._neglected(engine)}

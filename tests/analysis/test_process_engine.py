@@ -15,7 +15,7 @@ from compact.analysis.stages.uncertainty import mix_spread
 from compact.analysis.stages.verdict import reason_against
 from compact.analysis.study import Study
 from compact.engines.process.lifts import simulate_lifts
-from compact.report import writer
+from compact.report import text, writer
 from compact.resistance import ResistanceMap
 from compact.scene.loader import load_scene
 
@@ -72,7 +72,7 @@ def test_ranking_is_that_of_a_table_of_the_same_numbers(kind, study):
         "reference": contacts.reference,
     }
     sampled = stages.resistance.map
-    table = ResistanceMap(sampled.speeds, sampled.forces, sampled.error)
+    table = stages.resistance.along_stroke(ResistanceMap(sampled.speeds, sampled.forces, sampled.error))
     cart = machine_models.cart(given, contacts.process.load)
     working = (given.motion.run_up, 1 - given.motion.run_down)
     runs = [
@@ -151,6 +151,41 @@ def test_lumped_lifts_are_kept_with_the_results(monkeypatch, tmp_path):
     assert first.stages.resistance.map.engine_error == pytest.approx(
         first.stages.contacts.process.row.estimate("resistance").error * force / (force + drag), rel=0.02
     )
+
+
+def beside(monkeypatch, detail):
+    """Study of one pass by columns, with the forming process beside it."""
+    monkeypatch.setattr(process, "simulate_lifts", lifts)
+    return Study(scene(**{"accuracy.engine": "column", "layer.lift_thickness": 0.06, "process.detail": detail}))
+
+
+def test_the_process_stands_beside_a_pass_and_the_larger_one_sizes(monkeypatch):
+    """In two dimensions where asked for; with its own shares after a turn, and its own places of the laws."""
+    found = beside(monkeypatch, "deep")
+    own, other = found.models[0], found.comparison["process"]
+    assert other.valid
+    assert set(other.places[found.scene.motion.duration]) == set(own.places[found.scene.motion.duration])
+    rows = {each.quantity: each for each in found.governing}
+    assert rows["load on a roller"].values == {"column": own.roller_load, "process": other.roller_load}
+    assert all(each.values[each.engine] == max(each.values.values()) for each in rows.values())
+    assert rows["resistance of a cart"].engine == "process"
+    (sentence,) = text.sentences("process", found)
+    assert "by process" in sentence
+    share = other.turning[0](0.11)
+    drag = ProcessStudy(found.scene.with_engine("process")).standing_drag
+    forming = other.mean_resistance[found.scene.motion.duration] - drag
+    assert share(1.0) == pytest.approx(1)
+    assert share(0.0) == pytest.approx((drag + 0.02 * forming) / (drag + forming), rel=1e-3)
+
+
+def test_columns_of_the_process_beside_a_pass_size_nothing(monkeypatch):
+    found = beside(monkeypatch, None)
+    assert found.comparison["process"].invalid == "confined floor"
+    assert found.governing == []
+    (sentence,) = text.sentences("process", found)
+    assert "sizes nothing" in sentence
+    assert "process" not in Study(scene(**{"process.mould_speed": 0.0, "process.strokes": 3,
+                                           "accuracy.engine": "column"})).scene.compared_engines  # fmt: skip
 
 
 def test_columns_are_not_for_sizing():

@@ -30,7 +30,7 @@ from compact.numerics import Array
 from compact.resistance import ForceSample, ResistanceMap
 from compact.rolling_contact import Contact
 from compact.scene.schema import Motion
-from compact.turning import RELEASED, Share, StrokeResistance, table_share
+from compact.turning import RELEASED, Share, StrokeResistance, table_share, with_standing_drag
 
 if TYPE_CHECKING:
     from compact.engines.interface import Turning
@@ -105,7 +105,10 @@ class ResistanceStage:
             near = (
                 records[nearest_speed([each.speed for each in records], mean)] if records else self.contacts.typical[1]
             )
-        return self.contacts.engine.turning(near, self.scene.machine.roller_radius)
+        found, drag = self.contacts.engine.turning(near, self.scene.machine.roller_radius), self.contacts.sleeve_drag
+        if found is None or not drag:
+            return found
+        return partial(with_standing_drag, found[0], drag / float(self.map(mean))), found[1]
 
     @cached_property
     def mean_share(self) -> float:

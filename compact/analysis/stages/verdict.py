@@ -23,7 +23,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from compact.rolling_contact import Contact, EquilibriumError, HeapingError, Uns
 from compact.scene.loader import Scene
 
 SIZING_PEAKS = ("peak_force", "peak_power")  # criteria of the verdict
+PROCESS = "process"  # engine that stands beside a pass over fresh mix
 DIRECTORY = "comparison"  # under the results; kept results of the engines of the comparison
 
 
@@ -214,6 +215,57 @@ def model_answer(stages: Stages, spread: tuple[float, float] | None = None) -> M
     )  # fmt: skip
 
 
+class Governing(NamedTuple):
+    """Quantity that sizes a machine, and the model by which it is largest.
+
+    Parameters
+    ----------
+    quantity, unit : str
+        Words and unit.
+    values : dict
+        Value by engine, of the pass over fresh mix and of the forming process.
+    engine : str
+        Engine of the largest one.
+    """
+
+    quantity: str
+    unit: str
+    values: dict[str, float]
+    engine: str
+
+
+def governing(models: Sequence[ModelAnswer], verdicts: Iterable[Verdict], duration: float) -> list[Governing]:
+    """Compare a pass over fresh mix with the forming process beside it, quantity by quantity.
+
+    Parameters
+    ----------
+    models : sequence of ModelAnswer
+        Answers, that of the engine of the scene first.
+    verdicts : iterable of Verdict
+        Recommended laws, whose peaks are compared.
+    duration : float
+        Duration of a pass [s].
+
+    Returns
+    -------
+    list of Governing
+        Empty unless both are valid for sizing.
+    """
+    passes = [each for each in models if each.engine != PROCESS and each.valid]
+    beside = [each for each in models if each.engine == PROCESS and each.valid]
+    if not (passes and beside):
+        return []
+    pair = passes[0], beside[0]
+    found = [
+        ("load on a roller", "N", {each.engine: each.roller_load for each in pair}),
+        ("resistance of a cart", "N", {each.engine: each.mean_resistance[duration] for each in pair}),
+    ]
+    for each in verdicts:
+        values = {model.engine: each.values.get(model.engine, math.nan) for model in pair}
+        found.append((f"{CRITERIA[each.by].quantity.term} of {each.law}", CRITERIA[each.by].unit, values))
+    return [Governing(*each, max(each[2], key=each[2].__getitem__)) for each in found]
+
+
 Answer = ModelAnswer | HeapingError | UnsteadyError | EquilibriumError
 
 
@@ -227,6 +279,9 @@ def answer_of(scene: Scene, laws: KnownLaws, directory: Path | None) -> Answer:
         equilibrium, which are answers too.
     """
     counts = Counter[str]()
+    if directory and scene.process is not None and scene.process.detail == "columns":  # two dimensions that are kept
+        deep = scene.replaced(**{"process.detail": "deep"})
+        scene = deep if build_stages(deep, directory=directory).contacts.kept else scene
     stages = build_stages(scene, count=lambda stage: counts.update([stage]), directory=directory, known_laws=laws)
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")

@@ -1,9 +1,15 @@
 """Forming process: strokes of one roller over a moving mould, fed before every stroke; the engine "process"."""
 
-from typing import Any
+import math
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
+from compact.engines.compaction import MAKE_UP_PEAK_ERROR
 from compact.engines.interface import FLOOR, ONE_MIX, PLASTIC, Limit, RateEngine
 from compact.rolling_contact import Contact
+
+if TYPE_CHECKING:
+    from compact.engines.interface import Turning
 
 
 class ProcessEngine(RateEngine):
@@ -31,6 +37,18 @@ class ProcessEngine(RateEngine):
     def contact(self, case: Any, start: Any = None) -> Contact:
         """Compute the means over the strokes under a roller at a speed of the cart."""
         return case.process.row_at(abs(case.speed)).contact(case.speed)
+
+    def turning(self, contact: Contact, radius: float) -> "Turning | None":
+        """Return the shares of a roller that climbs from its own track onto the make-up, without a wave."""
+        from compact.turning import wave_load_share, wave_share
+
+        depth = contact.indentation
+        shape = math.sqrt(2 * radius * depth), depth, 0.0
+        return (partial(wave_share, *shape), partial(wave_load_share, *shape)) if depth else None
+
+    def turning_error(self, lower_lift: bool) -> float | None:
+        """Return that of a thin make-up on a dense lift."""
+        return MAKE_UP_PEAK_ERROR
 
     def valid(self, height_ratio: float | None = None, detail: str | None = None) -> str:
         """Refuse columns alone: the confined floor."""
