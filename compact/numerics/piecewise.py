@@ -27,7 +27,7 @@ Function = Callable[[Array], Array]
 
 BREAK_OFFSET = 4 * np.finfo(float).eps  # [-], distance from a break over the unit interval; resolved in 1 - z too
 HALVINGS = 40  # [-], halvings of a piece towards each of its ends, down to 1e-12 of it
-ZOOM_CELLS, ZOOM_LEVELS = 20, 7  # [-], cells and levels of the search; to 1e-7 of a cell, a smooth maximum to rounding
+ZOOM_CELLS, ZOOM_LEVELS = 100, 4  # [-], cells and levels of the search; to 1e-7 of a cell, a smooth maximum to rounding
 BISECTIONS = 60  # [-], halvings of an interval that contains a root, to rounding
 GAUSS_POINTS = 12  # [-], per cell; exact for polynomials up to degree 23
 

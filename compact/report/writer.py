@@ -276,7 +276,7 @@ def _failures(study: Study, kind: str) -> dict[str, dict[str, Any]]:
     found = {}
     for name, error in study.failures.items():
         if isinstance(error, error_type):
-            numbers = getattr(error, kind, None)
+            numbers: Any = getattr(error, kind, None)
             estimated = {"is_estimate": numbers.travel is None} if isinstance(error, HeapingError) else {}
             found[name] = json_numbers(numbers, names) | estimated | {"reason": str(error)}
     return found
