@@ -233,6 +233,7 @@ def slides(*_, **__):
     raise RuntimeError("the roller slides")
 
 
+@pytest.mark.slow
 def test_samples_end_at_the_coulomb_limit_or_have_no_creep(by_fem, monkeypatch):
     contacts = copy(by_fem.stages.contacts)
     contacts.records = by_fem.stages.contacts.records[:1]

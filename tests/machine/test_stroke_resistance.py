@@ -74,7 +74,6 @@ CASES = {
     "map": (along(wave(0.110), resistance=MAP), {"include_added_mass": True}),
     "return over compacted mix": (along(wave(0.110), resistance=replace(MAP, return_ratio=0.4)), {}),
 }
-periodic_cases = pytest.mark.parametrize(("resistance", "options"), CASES.values(), ids=CASES.keys())
 
 
 # closed form
@@ -156,6 +155,7 @@ def test_crankshaft_has_the_resistance_of_its_carts():
     assert np.sum(shaft.weights * shaft.torque) == pytest.approx(2 * alone.energy, rel=1e-6)
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["wave", "table"])
 def test_hydraulic_stroke_follows_the_law(name):
     run = simulate(CART_OF_C, HYDRAULIC, published_law("quintic"), CASES[name][0])
@@ -239,39 +239,29 @@ def test_periodic_regime_agrees_with_many_small_steps(share):
 # properties
 
 
-@periodic_cases
-def test_drive_does_the_work_against_mix_guides_and_damper(resistance, options):
+@pytest.mark.parametrize("case", CASES)
+def test_periodic_regime_balances_its_work_and_closes(case):
+    """The share at each place of a full stroke follows from the travel alone once the old force has gone."""
+    resistance, options = CASES[case]
     run = periodic(resistance, drive=elastic(**options))
-    state, damping = run.state, run.drive.damping
-    losses = (state.resistance + state.forces.guide_friction) * state.velocity + damping * run.motion.elongation_rate**2
+    state, motion, trajectory = run.state, run.motion, run.trajectory
+    losses = (state.resistance + state.forces.guide_friction) * state.velocity
+    losses = losses + run.drive.damping * motion.elongation_rate**2
     assert np.sum(run.weights * losses) == pytest.approx(run.energy, rel=1e-6)
     assert run.energy_residual < 1e-6
-
-
-@periodic_cases
-def test_mix_pushes_by_its_share_of_the_steady_force(resistance, options):
-    """The share at each place of a full stroke follows from the travel alone once the old force has gone."""
-    run = periodic(resistance, drive=elastic(**options))
-    state, motion = run.state, run.motion
+    # the mix pushes by its share of the steady force
     moving = np.abs(state.velocity) > 1e-3
     acceleration = run.drive.include_added_mass * state.acceleration
     steady = resistance.resistance(state.velocity[moving], acceleration[moving])
     assert state.resistance[moving] == pytest.approx(steady * motion.force_share[moving], rel=1e-9, abs=1e-6)
     friction = state.forces.guide_friction[moving]
     reactions = np.abs(state.forces.front_reaction) + np.abs(state.forces.rear_reaction)
-    assert friction == pytest.approx(
-        np.sign(state.velocity[moving]) * CART_OF_C.guide_friction * reactions[moving], abs=1e-4 * SIZE
-    )
-
-
-@periodic_cases
-def test_regime_closes(resistance, options):
-    trajectory = periodic(resistance, drive=elastic(**options)).trajectory
+    expected = np.sign(state.velocity[moving]) * CART_OF_C.guide_friction * reactions[moving]
+    assert friction == pytest.approx(expected, abs=1e-4 * SIZE)
     start, end = (trajectory.samples.force_share[i] for i in (0, -1))
     assert end == pytest.approx(start, abs=1e-6)
-    assert trajectory.at(np.zeros(1)).resistance == pytest.approx(
-        trajectory.at(np.array([2 * DURATION * (1 - 1e-12)])).resistance, abs=1e-3 * SIZE
-    )
+    first, last = (trajectory.at(np.array([time])).resistance for time in (0.0, 2 * DURATION * (1 - 1e-12)))
+    assert first == pytest.approx(last, abs=1e-3 * SIZE)
 
 
 @every_drive
