@@ -50,15 +50,6 @@ def sentence(found):
     return say("motor", SimpleNamespace(machine_sizing=found))
 
 
-def test_shaft_has_the_energy_and_the_peak_power_of_the_run():
-    study = study_of(**RULE)
-    for name, each in study.machine_sizing.laws.items():
-        run, found = study.stages.drive.runs[name], each.requirement
-        assert 2 * np.pi * found.mean_torque == pytest.approx(run.energy, rel=1e-6)
-        assert found.peak_torque * found.speed == pytest.approx(run.peak_power, rel=1e-6)
-        assert each.required_power == pytest.approx(1.25 * run.rms_power / 0.9, rel=0.01)  # little braking
-
-
 def test_smallest_motor_of_the_example_holds_for_the_first_law():
     found = sizing(**RULE)
     choice = found.first.choice
@@ -199,10 +190,3 @@ def test_catalogue_is_validated_before_anything_is_computed(small, text, words):
     with pytest.raises(SceneError) as error:
         Study(scene)
     assert words in str(error.value)
-
-
-@pytest.mark.slow
-def test_stiff_spring_requires_the_motor_of_a_rigid_drive():
-    rigid = sizing(**{"motion.laws": ["cubic"]}).first
-    assert elastic().required_power == pytest.approx(rigid.required_power, rel=0.01)
-    assert elastic().requirement.largest_inertia == pytest.approx(rigid.requirement.largest_inertia, rel=1e-3)

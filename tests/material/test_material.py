@@ -55,12 +55,6 @@ def test_compiled_hardening_equals_that_of_the_law(mix):
     assert modulus[smooth] == pytest.approx(central[smooth], rel=1e-6, abs=1e-3)
 
 
-@pytest.mark.parametrize(("rate", "factor"), [(0.0, 1.0), (1e-3, 1 + 0.02 * np.log(2)), (1.0, 1 + 0.02 * np.log(1001))])
-def test_rate_factor_grows_with_the_logarithm_of_the_rate(rate, factor):
-    assert replace(MIX, rate_sensitivity=0.02).rate_factor(rate) == pytest.approx(factor, rel=1e-14)
-    assert MIX.rate_factor(rate) == 1.0
-
-
 # errors
 
 POSITIVE = ("unloading_modulus", "heckel_slope", "loose_density_ratio", "critical_slope", "reference_rate")

@@ -63,13 +63,6 @@ def test_tangents_are_those_of_differences(law):
         assert np.abs(slope - tangent[:, :, j])[smooth].max() < 5e-8 * scale
 
 
-def test_reaction_begins_at_the_limit():
-    k = FLAT.saturation_limit * np.exp([-1e-4, 0.0, 1e-4])
-    assert FLAT.saturation_pressure(k) == pytest.approx([0, 0, 0.8e5], abs=1e-4)
-    assert np.ptp(FLAT.yield_pressure(k[1:])) == 0
-    assert FLAT.yield_pressure(0.998) == pytest.approx(np.log(0.28 / 0.002) / 13e-6)
-
-
 @pytest.mark.parametrize("law", LAWS)
 def test_column_passes_the_limit_as_the_return_mapping_does(law):
     mix = LAWS[law]

@@ -131,8 +131,8 @@ def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, 
     assert bool(contact["replaced"]) == (engine != "fem")
 
 
-@pytest.mark.parametrize("load", [2000.0, 9740.0, 15000.0])
-def test_formulas_meet_a_prescribed_load(load):
+def test_formulas_meet_a_prescribed_load():
+    load = 15000.0
     study = Study(load_scene(SMALL, **{"contact.load": load}))
     assert study.stages.contacts.engineering.roller_force == pytest.approx(load, rel=1e-12)
     assert study.stages.contacts.numbers["roller_force"].low is None
