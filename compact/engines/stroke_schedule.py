@@ -16,8 +16,8 @@ from compact.numerics import Array
 from compact.numerics.piecewise import graded_grid
 from compact.rolling_contact import PrescribedMotion
 
-TURN_STEP_ENDS = np.cumsum([1 / 16] * 4 + [1 / 8] * 2 + [1 / 4] * 2)  # [-], ends of steps after a reversal, in elements
-STEP_LENGTH = 1 / 2  # [-], further steps, in elements
+TURN_STEP_ENDS = np.cumsum([1 / 16] * 4 + [1 / 8] * 2)  # [-], ends of steps after a reversal, in elements
+STEP_LENGTH = 1 / 4  # [-], further steps, in elements
 PLACE_TOLERANCE = 1e-9  # [-], of an element or a stroke; a smaller displacement is rest
 MOVE_ROUNDING = 1e-12  # [-], of the range of positions; a smaller displacement has no sign
 SEARCH_CELLS, SEARCH_LEVELS = 20, 8  # [-], cells and levels of the search for a reversal, to 1e-8 of a grid cell
@@ -94,7 +94,7 @@ def stroke_schedule(motion: PrescribedMotion) -> Strokes:
 
 def _step_ends(distance: float, every: int) -> Array:
     """Return the ends of the steps of a stroke, in elements from its start, 0 and the distance included."""
-    places = np.concatenate([TURN_STEP_ENDS, np.arange(1 + STEP_LENGTH, distance, STEP_LENGTH)])
+    places = np.concatenate([TURN_STEP_ENDS, np.arange(TURN_STEP_ENDS[-1] + STEP_LENGTH, distance, STEP_LENGTH)])
     places = places[places < distance - PLACE_TOLERANCE]
     return np.concatenate([[0.0], places[every - 1 :: every], [distance]])
 

@@ -8,9 +8,9 @@ elements; the prediction of a step is the displacement change of the step one el
 depends on the path alone; with it, the yield pressure follows the rate of compaction at the mean |v| of each step.
 Nothing changes while the roller is at rest.
 
-Steps are half elements, the spacing of the Gauss points. After a reversal they begin with 1/16 of an element. The error
-estimate is the change from steps twice as long on the same mesh. The forces also oscillate within each element as its
-nodes enter the contact: with 6 elements per contact length by 1.3 % of the resistance and 0.3 % of the load. A step on
+Steps are quarter elements, as long as the parts of a step of `rolling`; after a reversal they begin with 1/16 of an
+element. The error estimate is the change from steps twice as long on the same mesh. The forces oscillate within each
+element as its nodes enter the contact: with 8 elements per contact length by 0.9 % of the load. A step on
 the shear line of a `DruckerPragerCap` that has no equilibrium is solved with a carried pressure (`drucker_prager_cap`),
 first that before the step, then half-way to that after it, until both agree.
 
@@ -58,6 +58,7 @@ from compact.engines.compaction.roller_contact import ContactForces, ContactTrac
 from compact.engines.compaction.roller_frame import RollerFrame, laid_state, rolling_mesh, transfer_state
 from compact.engines.compaction.rolling import (
     CARRIED_SHARE,
+    MIN_SUBSTEPS,
     IncrementalRolling,
     mean_pressure,
     roller_surface,
@@ -182,6 +183,7 @@ class ReciprocatingRoller:
         self, frame: RollerFrame, roller: Roller, strokes: Strokes, torque: float = 0.0, position: float = 0.0
     ) -> None:
         self.frame, self.strokes = frame, strokes
+        frame.solid.substeps = MIN_SUBSTEPS  # as in a part of `rolling`
         self.surface = roller_surface(frame, roller, torque, low=strokes.low, position=float(position))
         self._friction, self._tangential_force = self.surface.friction, self.surface.tangential_force  # along +x
         self.solver = IncrementSolver(frame.solid, frame.surface_nodes, STEP_TOLERANCE)

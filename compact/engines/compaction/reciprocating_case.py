@@ -26,7 +26,7 @@ class ReciprocatingNumerics:
     strain : {"finite", "small"}
         Strain measure.
     increments : int
-        Elements per contact length; each is travelled in two steps.
+        Elements per contact length; each is travelled in four steps.
     instants : sequence of float
         Times at which fields are kept as `frames`, each at the nearest end of a step [s].
     estimate : bool
