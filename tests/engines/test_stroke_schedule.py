@@ -31,8 +31,8 @@ def test_reversal_between_discontinuities_is_found():
 def test_steps_end_at_fractions_of_elements():
     motion = law("quintic", 0.1, 1.0)
     times, places = stroke_schedule(motion).steps(0, 0.01)
-    assert places[:9] == pytest.approx(0.01 * np.append(0.0, TURN_STEP_ENDS))
-    assert np.diff(places[8:]) == pytest.approx(0.005)
+    assert places[:7] == pytest.approx(0.01 * np.append(0.0, TURN_STEP_ENDS))
+    assert np.diff(places[6:]) == pytest.approx(0.0025)
     assert places[-1] == pytest.approx(0.1)
     assert motion.position(times) == pytest.approx(places, abs=1e-9)
 

@@ -127,6 +127,7 @@ class DepthSecant:
     is_measured: bool = field(default=False, init=False)
     _logs: list[float] = field(default_factory=list, init=False)
     _misses: list[float] = field(default_factory=list, init=False)
+    _mesh_misses: list[float] = field(default_factory=list, init=False)
     _values: list[float] = field(default_factory=list, init=False)
 
     @property
@@ -134,14 +135,18 @@ class DepthSecant:
         """Last logarithm of the quantity over the target [-]; 0 for a prescribed depth."""
         return self._misses[-1] if self._misses else 0.0
 
-    def next_depth(self, depth: float, value: float) -> float:
-        """Return the next depth [m] from the quantity at a depth."""
+    def next_depth(self, depth: float, value: float, factor: float = 1.0) -> float:
+        """Return the next depth [m] from the quantity at a depth on the mesh, and the reported one over it [-].
+
+        The exponent is that on the mesh: the factor compares two meshes, and depends on the exponent itself.
+        """
         target = self.target
         if target.quantity == "indentation":
             return target.value
         self._logs.append(float(np.log(depth)))
-        self._values.append(value)
-        self._misses.append(target.log_miss(value))
+        self._values.append(value * factor)
+        self._misses.append(target.log_miss(value * factor))
+        self._mesh_misses.append(target.log_miss(value))
         crossed = len(self._misses) > 1 and self._misses[-1] * self._misses[-2] < 0
         share = CROSSING_SHARE if crossed else 1.0  # the quantity scatters with the elements
         first, low, high = EXPONENTS[target.quantity]
@@ -149,16 +154,16 @@ class DepthSecant:
         distant = np.flatnonzero(np.abs(np.array(self._logs) - self._logs[-1]) > MIN_SECANT)
         if len(distant):  # the secant to the last depth that is distant enough
             other = distant[-1]
-            secant = (self._misses[-1] - self._misses[other]) / (self._logs[-1] - self._logs[other])
+            secant = (self._mesh_misses[-1] - self._mesh_misses[other]) / (self._logs[-1] - self._logs[other])
             self.slope = float(np.clip(secant, low, high))
         factor = float(np.exp(-share * self.last_miss / self.slope))
         return min(depth * float(np.clip(factor, 1 / MAX_DEPTH_FACTOR, MAX_DEPTH_FACTOR)), target.max_depth)
 
-    def measured_depth(self, depth: float, value: float) -> float:
-        """Return the next depth [m] from the measured quantity of the steady state at a depth; predictions end."""
+    def measured_depth(self, depth: float, value: float, factor: float = 1.0) -> float:
+        """Return `next_depth` from the measured quantity of the steady state at a depth; predictions end."""
         if not self.is_measured:
-            self._logs, self._misses, self._values, self.is_measured = [], [], [], True
-        return self.next_depth(depth, value)
+            self._logs, self._misses, self._mesh_misses, self._values, self.is_measured = [], [], [], [], True
+        return self.next_depth(depth, value, factor)
 
     def failure(self) -> str:
         """Return the message for a target that no depth satisfies."""

@@ -11,7 +11,8 @@ mix, starts from the last solution stretched to it.
 
 The forces converge with first order in the length of an increment, the load from above on all lifts that were computed.
 The length of the elements matters less. The last two searches therefore have the same mesh, and the load is that in the
-limit of short increments, by loads P of increments of half the length and P_c of twice that,
+limit of short increments, by loads P of increments of half the length and P_c of twice that. Searches on coarser meshes
+tell the error by the length of the elements.
 
     P_limit = P + (P - P_c)
 
@@ -37,7 +38,7 @@ from compact.engines.compaction.heaping import require_no_heaping
 from compact.engines.compaction.layer_state import LayerState
 from compact.engines.compaction.rolling import PARTS, IncrementalRolling
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
-from compact.engines.compaction.steady_search import MAX_COARSE_TRAVEL, MAX_TRAVEL, SteadySearch
+from compact.engines.compaction.steady_search import SteadySearch
 from compact.engines.compaction.steady_state import ErrorParts, Relaxation
 from compact.material import cap_plasticity
 from compact.material.laws import MEASURED_DENSITY_RATIO, Compaction, DruckerPragerCap
@@ -65,6 +66,7 @@ COARSE_INCREMENTS = 4  # [-], least elements per contact length of a mesh
 RATIO = 2  # [-], of the elements of successive meshes, and of the parts of a step on the last one
 CORRECTION_SHARE = 0.5  # [-], error of the extrapolated load over its correction; see docs/theory/compaction.md
 TYPICAL_CHANGE = 0.1  # [-], of the forces over the length of an increment in contact lengths, least measured one
+TYPICAL_REFINEMENT = 0.1  # [-], of the forces over the squared length of an element, median of random lifts
 COARSE_TARGET_TOLERANCE = 10.0  # [-], tolerance of a target on the coarser meshes over that on the last one
 NEIGHBOUR_DEPTH = 1.03  # [-], largest ratio of depths of neighbours; waves further apart relax longer than from rest
 MIN_RESISTANCE = 1e-3  # [-], least scale of the work residual over the load
@@ -310,8 +312,7 @@ def roll(
         for elements, parts in refinements(case.numerics.increments):
             depth = searches[-1].depth if searches else target.initial_depth()
             rolling = case.roller_at_rest(case.create_frame(depth, elements), parts)
-            travel = MAX_COARSE_TRAVEL if parts == 1 else MAX_TRAVEL  # the extrapolation needs the last two
-            search = _create_search(case, target, rolling, depth, travel, is_last=parts == PARTS)
+            search = _create_search(case, target, rolling, depth, is_last=parts == PARTS)
             if searches:
                 search.start_from(searches[-1])
             search.run()
@@ -324,31 +325,40 @@ def refinements(elements: int) -> list[tuple[int, int]]:
     counts = [elements]
     while (coarser := round(counts[0] / RATIO)) >= COARSE_INCREMENTS:
         counts.insert(0, coarser)
-    return [(count, 1) for count in counts[:-1] or counts] + [(elements, PARTS // RATIO), (elements, PARTS)]
+    halves = PARTS // RATIO
+    coarser_ones = [(count, halves) for count in counts[:-1]] or [(elements, 1)]  # finds the depth of a target
+    return [*coarser_ones, (elements, halves), (elements, PARTS)]
 
 
 def mesh_errors(fine: SteadySearch) -> tuple[float, float] | None:
-    """Return the relative errors of load and resistance by mesh and increments [-]; None without a coarser search.
+    """Return the relative errors of load and resistance by elements and increments [-]; None without a coarser search.
 
-    That of the load is a share of its correction, that of the resistance, which is not extrapolated, the whole one.
-    Both are at least those of a typical lift, since two searches may agree by chance. They are compared at what is
-    prescribed, by the exponents of the forces over the depth.
+    That by the increments is a share of the correction for the load, and the whole of it for the resistance, which is
+    not extrapolated. That by the elements is the error of second order after the last change of the mesh. Both are at
+    least those of a typical lift, since two searches may agree by chance; their squares add. Searches are compared at
+    what is prescribed, by the exponents of the forces over the depth.
 
     Parameters
     ----------
     fine : SteadySearch
         Search on the last refinement, with those on the coarser ones.
     """
-    coarse = fine.coarse
-    if coarse is None:
+    halves = fine.coarse
+    if halves is None:
         return None
     load, resistance = fine.values[:2] * [fine.load_factor, 1.0]
     scales = np.array([load, max(abs(resistance), MIN_RESISTANCE_RATIO * load)])
-    corrections = (fine.values - coarse.values_at(fine.depth))[:2] / (fine.increments / coarse.increments - 1)
-    errors = np.maximum(np.abs(corrections) / scales, TYPICAL_CHANGE / fine.increments)
+    corrections = (fine.values - halves.values_at(fine.depth))[:2] / (fine.increments / halves.increments - 1)
+    by_increments = np.maximum(np.abs(corrections) / scales, TYPICAL_CHANGE / fine.increments)
     if fine.load_factor != 1:
-        errors[0] *= CORRECTION_SHARE
-    return float(errors[0]), float(errors[1])
+        by_increments[0] *= CORRECTION_SHARE
+    by_elements = np.full(2, TYPICAL_REFINEMENT / fine.elements**2)
+    coarser = halves.coarse
+    if coarser is not None and round(coarser.elements) < round(halves.elements):
+        changes = (halves.values - coarser.values_at(halves.depth))[:2] / ((halves.elements / coarser.elements) ** 2 - 1)
+        by_elements = np.maximum(np.abs(changes) / scales, by_elements)
+    load_error, resistance_error = np.hypot(by_increments, by_elements).tolist()
+    return load_error, resistance_error
 
 
 def _create_search(
@@ -356,7 +366,6 @@ def _create_search(
     target: DepthTarget,
     rolling: IncrementalRolling,
     depth: float,
-    max_travel: float = MAX_TRAVEL,
     is_last: bool = True,
 ) -> SteadySearch:
     """Return the search on a mesh."""
@@ -367,7 +376,6 @@ def _create_search(
         rolling,
         depth,
         tolerance=case.numerics.steady_tolerance,
-        max_travel=max_travel,
         target_tolerance=share * target.tolerance(elements),
     )
 

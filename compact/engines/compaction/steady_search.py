@@ -50,7 +50,6 @@ SLOWING, GROWN = 0.8, 4.0  # [-], growth over the fastest one of a wave grown by
 
 APPROACH, FIRST_APPROACH = CYCLE / 2, SETTLING + CYCLE  # [-], travel in which a depth is reached; from rest
 FINAL_TRAVEL = SETTLING + CYCLE / 2  # [-], after the last jump; the mix of the exit column has passed it all
-MAX_COARSE_TRAVEL = 0.4 * MAX_TRAVEL  # [-], on meshes before the last two
 MIN_WAVES = 3  # [-], cycles with two changes, before a wave may count as endless
 MIN_STEPS = 4  # [-], of a measurement
 MAX_MISS = 10.0  # [-], of the tolerance of a target, which is accepted, and told, at the largest travel
@@ -79,8 +78,6 @@ class SteadySearch:
         First depth [m].
     tolerance : float
         Largest estimated distance from the steady state [-].
-    max_travel : float
-        Largest travel over the contact length [-].
     target_tolerance : float
         Tolerance of the logarithm of the prescribed quantity [-].
     relaxation : Relaxation
@@ -105,7 +102,6 @@ class SteadySearch:
     rolling: IncrementalRolling
     depth: float
     tolerance: float
-    max_travel: float
     target_tolerance: float
     relaxation: Relaxation = field(default_factory=Relaxation)
     known_factor: float = 1.0
@@ -190,21 +186,22 @@ class SteadySearch:
         self.rolling.solver.tolerance = MAX_RESIDUAL
         self._settle(DAMPING)
         travelled = 0.0
-        while travelled < self.max_travel:
+        while travelled < MAX_TRAVEL:
             drift = self._measure()
             jump = self._estimate(drift)
             self._require_slowing()
             travelled = (len(self.rolling.steps) - first) * self.rolling.frame.step / self._length
-            accepted = max(self.tolerance, MAX_DISTANCE * (travelled / self.max_travel) ** PATIENCE)
+            accepted = max(self.tolerance, MAX_DISTANCE * (travelled / MAX_TRAVEL) ** PATIENCE)
             depth, is_met = self.depth, False
             if secant.is_measured:  # at a depth that a measured value has corrected
                 is_met = True
             elif self.errors.total < NEAR * accepted:
-                corrected = secant.next_depth(depth, self._target_value())
+                corrected = secant.next_depth(depth, self._target_value(), self._target_factor)
                 self._depth_exponent, is_met = secant.slope, abs(secant.last_miss) < self.target_tolerance
                 depth = depth if is_met else corrected
             if is_met and self.errors.total < accepted:
-                depth, jump = secant.measured_depth(self.depth, self._finish(jump)), 0.0
+                value = self._finish(jump)
+                depth, jump = secant.measured_depth(self.depth, value, self._target_factor), 0.0
                 self._miss = secant.last_miss
                 if abs(self._miss) < self.target_tolerance:
                     self.is_steady = True
@@ -350,7 +347,7 @@ class SteadySearch:
                     raise
 
     def _finish(self, jump: float) -> float:
-        """Make the last jump and steps to the full tolerance; return the prescribed quantity then."""
+        """Make the last jump and steps to the full tolerance; return the prescribed quantity on the mesh then."""
         if jump:
             self._correct(self.depth, jump)
         missing = FINAL_TRAVEL - (len(self.rolling.steps) - self._begin) * self.rolling.frame.step / self._length
@@ -365,7 +362,7 @@ class SteadySearch:
             return density
         if quantity == "indentation":
             return self.depth
-        return last.load * self.load_factor if quantity == "load" else last.peak_pressure
+        return last.load if quantity == "load" else last.peak_pressure
 
     def _advance_exactly(self) -> None:
         """Make steps to the full tolerance, in which the multipliers of the contact converge, the last undamped."""
@@ -388,7 +385,7 @@ class SteadySearch:
         return max(int(np.ceil(share * self._length / self.rolling.frame.step)), MIN_STEPS)
 
     def _target_value(self) -> float:
-        """Extrapolated steady value of the prescribed quantity."""
+        """Steady value of the prescribed quantity on the mesh."""
         quantity = self.target.quantity
         if quantity == "indentation":
             return self.depth
@@ -396,8 +393,12 @@ class SteadySearch:
             if self.rolling.frame.has_frictionless_base:
                 self._density_factor = float(self.values[2]) / self._geometric_density_ratio(at_exit=True)
             return self._density_factor * self._geometric_density_ratio()
-        factor = self.load_factor if quantity == "load" else 1.0
-        return float(self.values[QUANTITIES.index(quantity)]) * factor
+        return float(self.values[QUANTITIES.index(quantity)])
+
+    @property
+    def _target_factor(self) -> float:
+        """Reported over computed value of the prescribed quantity [-]."""
+        return self.load_factor if self.target.quantity == "load" else 1.0
 
     def _geometric_density_ratio(self, at_exit: bool = False) -> float:
         """Density ratio of the fed mix in the height of the layer behind the roller at the present depth [-].

@@ -22,7 +22,7 @@ from compact.engines.compaction.finite_strain_solid import FiniteStrainSolid, So
 from compact.engines.compaction.increment_solver import IncrementSolver
 from compact.engines.compaction.rolling import DAMPING, IncrementalRolling, RollingStep
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
-from compact.engines.compaction.steady_search import MAX_TRAVEL, SteadySearch
+from compact.engines.compaction.steady_search import SteadySearch
 from compact.engines.compaction.steady_state import Relaxation
 from compact.engines.pore_air import AirForces
 from compact.engines.pore_air.steady_flow import AirPressure, RollerAir
@@ -100,7 +100,6 @@ def roll_coupled(
         CoupledRolling(contact.solution if start is None else start.rolling, air, abs(speed)),
         depth,
         tolerance=steady_tolerance,
-        max_travel=MAX_TRAVEL,
         target_tolerance=1.0,  # a depth is prescribed
         relaxation=contact.relaxation if start is None else start.relaxation,
     )
