@@ -96,13 +96,13 @@ def compare(older, increments=None):
 def reference(increments=24, travel=REFERENCE_TRAVEL, change=WAVE_CHANGE):
     """Return loads and resistances [N] of the search, and after a travel from below and above its bow wave.
 
-    The travel is one over the contact length. Values are means over the last contact length.
+    Loads are those on the mesh. The travel is one over the contact length. Values are means over the last contact length.
     """
     from compact.engines.compaction.engine import roll
 
     layer, roller, mix = published_lift()
     steady = roll(layer, roller, mix, SPEED, increments=increments)
-    results = [(steady.load * ROLLER_LENGTH, steady.resistance * ROLLER_LENGTH)]
+    results = [(steady.load / steady.load_factor * ROLLER_LENGTH, steady.resistance * ROLLER_LENGTH)]
     for share in (-change, change):
         steps = rolled_on(moved(steady, share), round(travel * increments)).steps[-increments:]
         results.append(

@@ -14,9 +14,9 @@ from compact.engines.compaction.steady_search import SteadySearch
 from compact.engines.compaction.steady_state import QUANTITIES, WaveDrift
 
 PUBLISHED = LIFT, free_roller(), LIFT_MIX
-# load and resistance of the published lift on the mesh, N/m, after 24 contact lengths from bow waves 10 % below and
-# above the steady one, on 12 elements per contact length
-BELOW, ABOVE = (9312.6, 1962.2), (9312.9, 1962.3)
+# load and resistance of the published lift on the mesh, N/m, after 96 contact lengths from bow waves 10 % below and
+# above the steady one, on 7 elements per contact length
+BELOW, ABOVE = (9190.8, 1909.7), (9194.0, 1911.7)
 
 
 def step(travel, wave_area, **values):
@@ -67,9 +67,7 @@ def test_wave_that_relaxes_is_not():
     assert not search_with(drifts)._is_unslowed(1.0)
 
 
-@pytest.mark.parametrize(
-    ("elements", "coarser"), [(7, [4]), (8, [4]), (14, [4, 7]), (28, [4, 7, 14])]
-)
+@pytest.mark.parametrize(("elements", "coarser"), [(7, [4]), (8, [4]), (14, [4, 7]), (28, [4, 7, 14])])
 def test_last_two_refinements_have_one_mesh_and_halve_the_increments(elements, coarser):
     assert refinements(elements) == [*((count, 2) for count in coarser), (elements, 2), (elements, 4)]
     assert refinements(5) == [(5, 1), (5, 2), (5, 4)]
@@ -101,7 +99,7 @@ def test_two_percent_deeper_and_back_gives_the_first_solution(coarse, layer, rol
 
 @pytest.mark.slow
 def test_published_lift_is_that_of_two_starts():
-    rolled = roll(*PUBLISHED, 0.13, increments=12)
+    rolled = roll(*PUBLISHED, 0.13, increments=7)
     found = np.array([rolled.load / rolled.load_factor, rolled.resistance])  # on the mesh
     told = np.add(rolled.error_parts.drift, rolled.error_parts.start)
     assert np.all(np.abs(found / np.mean([BELOW, ABOVE], axis=0) - 1) < STEADY_TOLERANCE + told)

@@ -355,7 +355,9 @@ def mesh_errors(fine: SteadySearch) -> tuple[float, float] | None:
     by_elements = np.full(2, TYPICAL_REFINEMENT / fine.elements**2)
     coarser = halves.coarse
     if coarser is not None and round(coarser.elements) < round(halves.elements):
-        changes = (halves.values - coarser.values_at(halves.depth))[:2] / ((halves.elements / coarser.elements) ** 2 - 1)
+        changes = (halves.values - coarser.values_at(halves.depth))[:2] / (
+            (halves.elements / coarser.elements) ** 2 - 1
+        )
         by_elements = np.maximum(np.abs(changes) / scales, by_elements)
     load_error, resistance_error = np.hypot(by_increments, by_elements).tolist()
     return load_error, resistance_error
