@@ -96,7 +96,7 @@ def compare(older, increments=None):
 def reference(increments=24, travel=REFERENCE_TRAVEL, change=WAVE_CHANGE):
     """Return loads and resistances [N] of the search, and after a travel from below and above its bow wave.
 
-    Loads are those on the mesh. The travel is one over the contact length. Values are means over the last contact length.
+    Loads are those on the mesh. The travel is one over the contact length. Values are means over the last one.
     """
     from compact.engines.compaction.engine import roll
 
