@@ -107,7 +107,7 @@ def test_roller_from_rest_becomes_steady(layer, roller, mix):
     (load_error, resistance_error), on_mesh = steady.error, steady.load / steady.load_factor
     assert element_means(run.load)[-10:] == pytest.approx(on_mesh, rel=load_error)
     assert element_means(run.resistance)[-10:] == pytest.approx(steady.resistance, rel=resistance_error)
-    assert np.all(np.less(steady.error, (0.012, 0.012)))
+    assert np.all(np.less(steady.error, (0.012, 0.016)))  # with that by the elements
     assert run.resistance[-10:] == pytest.approx(steady.resistance, rel=0.02)  # of each step
     assert run.density_ratio[0] == pytest.approx(steady.exit_density_ratio, abs=2e-4)
 

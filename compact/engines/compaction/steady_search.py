@@ -15,7 +15,7 @@ distance (`UnsteadyError`).
 """
 
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -156,11 +156,17 @@ class SteadySearch:
 
     def start_from(self, coarse: "SteadySearch") -> None:
         """Start from the steady state on a coarser mesh."""
-        old, new, self.coarse = coarse.rolling, self.rolling, coarse
-        new.initialise_from(old, transfer_state(old.state, old.frame, new.frame))
-        mode = coarse.relaxation.mode
-        self.relaxation = Relaxation(coarse.relaxation.length, None if mode is None else mode.on_mesh(old, new))
+        new, self.coarse = self.rolling, coarse
+        self.rolling, self.relaxation = coarse.rolling, coarse.relaxation
         self._density_factor, self._depth_exponent = coarse._density_factor, coarse._depth_exponent
+        self._continue_on(new)
+
+    def _continue_on(self, new: IncrementalRolling) -> None:
+        """Continue from the present state on another mesh."""
+        old, mode = self.rolling, self.relaxation.mode
+        new.initialise_from(old, transfer_state(old.state, old.frame, new.frame))
+        self.rolling = new
+        self.relaxation = replace(self.relaxation, mode=None if mode is None else mode.on_mesh(old, new))
 
     def run(self) -> None:
         """Roll until the motion is steady and the target satisfied, or to the largest travel.
@@ -339,7 +345,7 @@ class SteadySearch:
             if self.relaxation.mode is not None and trial:
                 self.relaxation.mode.add_to(self.rolling, trial * jump)
             self.rolling.remove_marks_behind()
-            self._fit_mesh()
+            self._fit_mesh(is_similar=bool(trial))
             try:
                 return self._settle()
             except EquilibriumError:
@@ -418,11 +424,15 @@ class SteadySearch:
         bottom_height = passed.bottom_height if at_exit else self._height
         return self.target.fed_ratio * height / (bottom_height + recovery - bottom)
 
-    def _fit_mesh(self) -> None:
-        """Stretch the mesh to a depth that differs much from its own, and update the rate factor."""
+    def _fit_mesh(self, is_similar: bool) -> None:
+        """Fit the mesh to a depth that differs much from its own, with a similar or the same state, and the rate."""
         stretching = self.depth / self.rolling.mesh_depth
         if max(stretching, 1 / stretching) > STRETCHED_DEPTH:
-            self.rolling = self.case.stretched(self.rolling, self.depth)
+            if is_similar:
+                self.rolling = self.case.stretched(self.rolling, self.depth)
+            else:
+                frame = self.case.create_frame(self.depth, round(self.elements))
+                self._continue_on(self.case.roller_at_rest(frame, len(self.rolling.parts)))
         self.rolling.frame.solid.rate_factor = self.case.rate_factor(self.depth)
 
     def error_parts(self, mesh: tuple[float, float] | None) -> ErrorParts:
