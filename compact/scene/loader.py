@@ -96,8 +96,8 @@ class Scene(SceneTables):
     def compared_engines(self) -> tuple[str, ...]:
         """Engines of the comparison; the formulas, and the process of a moving mould, are always among them."""
         given = {} if self.compare is None else self.compare.model_dump(exclude_none=True)
-        beside = ["process"] if self.process is not None and self.process.mould_speed else []
-        return tuple(each for each in dict.fromkeys(["formula", *given, *beside]) if each != self.accuracy.engine)
+        strokes = ["process"] if self.process is not None and self.process.mould_speed else []
+        return tuple(each for each in dict.fromkeys(["formula", *given, *strokes]) if each != self.accuracy.engine)
 
     @classmethod
     def load(cls, path: str | Path, /, **changes: object) -> Self:

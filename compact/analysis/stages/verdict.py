@@ -252,10 +252,10 @@ def governing(models: Sequence[ModelAnswer], verdicts: Iterable[Verdict], durati
         Empty unless both are valid for sizing.
     """
     passes = [each for each in models if each.engine != PROCESS and each.valid]
-    beside = [each for each in models if each.engine == PROCESS and each.valid]
-    if not (passes and beside):
+    processes = [each for each in models if each.engine == PROCESS and each.valid]
+    if not (passes and processes):
         return []
-    pair = passes[0], beside[0]
+    pair = passes[0], processes[0]
     found = [
         ("load on a roller", "N", {each.engine: each.roller_load for each in pair}),
         ("resistance of a cart", "N", {each.engine: each.mean_resistance[duration] for each in pair}),
