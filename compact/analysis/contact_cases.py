@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from compact.analysis.failures import is_refusal
-from compact.analysis.multipass import roll_stages, there_and_back
+from compact.analysis.multipass import PassEnd, roll_stages, there_and_back
 from compact.analysis.pore_air import UNDRAINED, air_under, has_air, pore_air_of
 from compact.engines import ENGINES
 from compact.engines.interface import Case, Engine
@@ -331,7 +331,7 @@ def roll_passes(
     initial_guess: Sequence[Contact] | None = None,
     held: HeldQuantity | None = None,
     count: int | None = None,
-    first: Contact | None = None,
+    first: Contact | PassEnd | None = None,
     progress: Progress | None = None,
     **numerics: Any,
 ) -> Passes:

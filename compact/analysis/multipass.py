@@ -26,7 +26,7 @@ A second pass at the same height
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,20 @@ class Pass:
         require_positive(**given)
         if len(given) > 1:
             raise ValueError(f"give at most one of `height`, `load`, `exit_density_ratio`, got {sorted(given)}")
+
+
+class PassEnd(NamedTuple):
+    """State of the mix and heights [m] behind a pass, which another process takes as first pass."""
+
+    indentation: float
+    exit: Any
+    exit_height: float
+    lower_height: float | None
+
+    @classmethod
+    def of(cls, contact: Any) -> Self:
+        """Return the end of a pass over compacting mix."""
+        return cls(*(getattr(contact, name) for name in cls._fields))
 
 
 def there_and_back(count: int) -> tuple[Pass, ...]:
@@ -131,7 +145,7 @@ def passes(
 
 
 def roll_stages(
-    case: Case, stages: Sequence[Pass], engine: Engine, first: Contact | None = None
+    case: Case, stages: Sequence[Pass], engine: Engine, first: Contact | PassEnd | None = None
 ) -> tuple[Contact, ...]:
     """Compute several passes of the roller of a case; see `passes`."""
     layer, state = case.layer, None  # of the mix behind the last pass; None of fresh mix

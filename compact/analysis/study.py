@@ -237,10 +237,8 @@ class Study:
     @cached_property
     def _answers(self) -> dict[str, Job]:
         """Jobs of the engines of the comparison by name."""
-        laws, directory = (
-            (self.stages.laws.prescribed, self.stages.laws.cycles),
-            self._directory and self._directory / DIRECTORY,
-        )
+        laws = self.stages.laws.prescribed, self.stages.laws.cycles
+        directory = self._directory and self._directory / DIRECTORY
         return {
             name: self.submit(partial(answer_of, self.scene.with_engine(name), laws), directory and directory / name)
             for name in self.scene.compared_engines
@@ -253,9 +251,10 @@ class Study:
         work = partial(contact_by_law, self.stages.contacts.held, contact_stage)
         return [self.submit(work, each) for each in scenes_of_laws(self.scene, self.stages.contacts.mix)]
 
-    def begin_model_spread(self) -> None:
-        """Start the contacts by the other laws of the mix, where they are required and not kept."""
+    def begin_contacts(self) -> None:
+        """Start the second pass, and the contacts by the other laws of the mix, where required and not kept."""
         contacts = self.stages.contacts
+        contacts.begin_second_pass(self.submit)
         if contacts.requires_model_spread and not (contacts.kept and contacts.kept.model_spread):
             _ = self._answers_by_law
 

@@ -75,13 +75,13 @@ def write_study(
     items, layered = study.scene.output.items, bool(study.stages.contacts.speeds)
     with claimed_directory(directory, study.scene.hash, force) as place, study.helped(executor or SerialExecutor()):
         files = list(_write_contacts(study, place)) if layered else []
-        study.begin_model_spread()
-        kept = list(study.keep(place, files)) if layered else []
+        study.begin_contacts()
         for item in ("reactions", "cams", "crank"):
             if item in items:
                 files += results.write_tables(place, results.ITEMS[item](study))
         if "fields" in items:
             files += _write_fields(study, place)
+        kept = list(study.keep(place, files)) if layered else []  # after what needs no second pass
         drawn = {}
         for name, figure in (study_figures(study) if {"figures", "report"} & set(items) else {}).items():
             study.count("figures")
@@ -194,11 +194,7 @@ def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
     found: dict[str, tuple[Any, ...]] = {"kinematics": (figures.draw_kinematics, cycles)}
     if "reactions" in items:
         by_rod = (name for name, run in drive.runs.items() if run.state.rod_tangent.any())
-        found["reactions"] = (
-            figures.draw_reactions,
-            drive.runs,
-            list(dict.fromkeys([drive.best_law, *by_rod])),
-        )
+        found["reactions"] = figures.draw_reactions, drive.runs, list(dict.fromkeys([drive.best_law, *by_rod]))
     if "cams" in items:
         found["cams"] = (figures.draw_cams, study.stages.laws.cams, list(cycles), "roller")
     if "crank" in items:
@@ -216,10 +212,7 @@ def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
     if study.verdicts:
         speeds = {law: cycles[law].forward.peaks().velocity for law in study.best_laws}
         found["models"] = (contact_figures.draw_models, study.models, speeds)
-        found["best_cycles"] = (
-            figures.draw_best_cycles,
-            {law: drive.runs[law] for law in study.best_laws},
-        )
+        found["best_cycles"] = figures.draw_best_cycles, {law: drive.runs[law] for law in study.best_laws}
     comparisons = {by: results.comparison_places(study, study.scene.drive.kind, by) for by in places}
     found["ranking"] = (figures.draw_rankings, places, comparisons)
     return found

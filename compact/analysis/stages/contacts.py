@@ -4,9 +4,9 @@
 """
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
@@ -25,6 +25,7 @@ from compact.analysis.contact_cases import (
     solve,
 )
 from compact.analysis.engineering_summary import Engineering, Number, engineering, numbers, peak_pressure
+from compact.analysis.multipass import PassEnd
 from compact.analysis.pore_air import (
     AirCurve,
     add_air_field,
@@ -36,6 +37,7 @@ from compact.analysis.pore_air import (
     pore_air_of,
 )
 from compact.analysis.stages.kept_results import KeptResults, contacts_key, read_results
+from compact.analysis.worker_pool import Job, SerialExecutor
 from compact.engines import ENGINES
 from compact.engines.halfplane import LineContact, galin
 from compact.engines.pore_air import NO_FORCES, AirForces
@@ -86,6 +88,7 @@ class ContactStage:
         self.engine = ENGINES[scene.accuracy.engine]
         self.speeds = contact_cases.contact_speeds(scene) if self.engine.reads("contact.speeds") else ()
         self.compacts = self.engine.reads(self.engine.fed_key)
+        self._second_pass: Job | None = None
 
     # the formulas
 
@@ -280,6 +283,16 @@ class ContactStage:
         """Drag of feed sleeves and smoothing plate, a part of the resistance to a cart [N]."""
         return 0.0
 
+    def begin_second_pass(self, submit: Callable[[Callable[[Any], Any], Any], Job]) -> None:
+        """Start the second pass by an executor, where it is not kept and the engine rolls over compacted mix."""
+        if self.kept or not self.engine.rolls_over or self._second_pass is not None:
+            return
+        self.count("second pass")
+        first = self.reference[0]
+        coarse = self.scene.layer.return_stroke == "fresh" and self.engine.as_start(first) is not None
+        numerics: dict[str, Any] = {"increments": SECOND_PASS_INCREMENTS} if coarse else {}
+        self._second_pass = submit(partial(roll_back, self.scene, self.mix, numerics), PassEnd.of(first))
+
     @cached_property
     def second_pass(self) -> tuple[float, float] | None:
         """Load and resistance of a second pass over those of the first, at the mean speed [-].
@@ -288,24 +301,18 @@ class ContactStage:
         """
         if self.kept:
             return self.kept.second_pass
-        if not self.engine.rolls_over:
+        self.begin_second_pass(SerialExecutor().submit)
+        if self._second_pass is None:
             return None
-        scene, first, speed = self.scene, self.reference[0], self.scene.mean_speed
-        self.count("second pass")
-        coarse = scene.layer.return_stroke == "fresh" and self.engine.as_start(first) is not None
-        numerics: dict[str, Any] = {"increments": SECOND_PASS_INCREMENTS} if coarse else {}
         try:
-            back = roll_passes(scene, self.mix, speed, count=2, first=first, progress=self.progress, **numerics)[1]
+            load, resistance = self._second_pass.result()
         except RuntimeError as error:
-            if scene.layer.return_stroke == "compacted":
+            if self.scene.layer.return_stroke == "compacted":
                 raise
             warnings.warn(f"the return stroke over compacted mix is left out: {error}", stacklevel=2)
             return None
-        air = self.air_forces(speed) or NO_FORCES
-        return (
-            back.load / (first.load + air.load),
-            max(-back.resistance / (first.resistance + air.resistance), 0.0),
-        )
+        first, air = self.reference[0], self.air_forces(self.scene.mean_speed) or NO_FORCES
+        return load / (first.load + air.load), max(-resistance / (first.resistance + air.resistance), 0.0)
 
     @property
     def return_ratios(self) -> tuple[float, float]:
@@ -362,6 +369,12 @@ class ContactStage:
     def requires_model_spread(self) -> bool:
         """True for a scene of a compacting engine with the output "model_spread"."""
         return self.compacts and "model_spread" in self.scene.output.items
+
+
+def roll_back(scene: Scene, mix: Mix, numerics: Mapping[str, Any], first: PassEnd) -> tuple[float, float]:
+    """Compute load and resistance of a second pass over the mix behind a first one, at the mean speed [N/m]."""
+    back = roll_passes(scene, mix, scene.mean_speed, count=2, first=first, **numerics)[1]
+    return back.load, back.resistance
 
 
 class ProcessCase(NamedTuple):

@@ -254,16 +254,7 @@ class RankingUncertainty:
 MESH, MAP, MIX, LAW, MODELS = "mesh", "resistance map", "parameters of the mix", "law of the mix", "other valid models"
 AIR, DRIVE, SHARES = "pore air", "drive and cart", "shares after a turn"
 HELD, RETURN, DURATION = "held quantity", "return stroke", "duration of a pass"
-MARGIN_SOURCES = (
-    MESH,
-    MAP,
-    MIX,
-    LAW,
-    AIR,
-    MODELS,
-    DRIVE,
-    SHARES,
-)  # of the margin; the rest is the designer's choice
+MARGIN_SOURCES = MESH, MAP, MIX, LAW, AIR, MODELS, DRIVE, SHARES  # of the margin; the rest is the designer's choice
 
 
 def ranking_uncertainty(
