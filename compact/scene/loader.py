@@ -135,7 +135,7 @@ class Scene(SceneTables):
         return _parsed(cls, text, file, {})
 
     def _neglected(self, engine: str) -> list[Limit]:
-        """Return the limits of the formulas, or of the process, that the scene sets for the engine beside them."""
+        """Return the limits of the formulas, or of the process, that the scene sets for the engine compared with it."""
         limits = ENGINES[engine].limits if engine in ("formula", "process") else ()
         return [limit for limit in limits if not limit.fixed and limit.value_in(self) not in limit.taken]
 

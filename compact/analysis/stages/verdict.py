@@ -235,7 +235,7 @@ class Governing(NamedTuple):
 
 
 def governing(models: Sequence[ModelAnswer], verdicts: Iterable[Verdict], duration: float) -> list[Governing]:
-    """Compare a pass over fresh mix with the forming process beside it, quantity by quantity.
+    """Compare a pass over fresh mix with the forming process next to it, quantity by quantity.
 
     Parameters
     ----------
