@@ -45,7 +45,10 @@ class Winch(Drive):
 
 WINCH = Winch()
 '''
-GIVEN = {"drive.kind": "winch", "drive.stiffness": 1e5, "output.items": ["tables", "report"]}
+GIVEN = {
+    "drive.kind": "winch", "drive.stiffness": 1e5, "output.items": ["tables", "report"],
+    "motion.laws": ["cubic", "crank"],
+}  # fmt: skip
 SPRINGS = {"drive.end_springs": {"stiffness": 1e3, "preload": 10.0, "length": 0.05}}
 
 
