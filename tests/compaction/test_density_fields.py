@@ -12,7 +12,7 @@ FIELDS = {"density_ratio", "density_under_load", "pressure", "saturation_pressur
 
 @pytest.fixture(scope="module")
 def rolled():
-    return roll(LIFT, free_roller(), LIFT_MIX, 0.13, increments=10)
+    return roll(LIFT, free_roller(), LIFT_MIX, 0.13)
 
 
 @pytest.fixture

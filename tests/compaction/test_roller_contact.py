@@ -124,13 +124,10 @@ def creepage_difference(rolled, linear):
     return (rolled.creep - linear.creep) / (FRICTION * (linear.leading - linear.trailing) / 2 / R)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("profile", "share"),
-    [
-        pytest.param("deformed", 0.0, marks=pytest.mark.slow),
-        ("deformed", 0.5),
-        pytest.param("parabola", -0.5, marks=pytest.mark.slow),
-    ],
+    [("deformed", 0.0), ("deformed", 0.5), ("parabola", -0.5)],
     ids=["free", "driven", "braked"],
 )
 def test_mix_that_does_not_yield_equals_the_linear_layer(profile, share):

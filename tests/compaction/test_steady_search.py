@@ -67,10 +67,12 @@ def test_wave_that_relaxes_is_not():
     assert not search_with(drifts)._is_unslowed(1.0)
 
 
-@pytest.mark.parametrize(("elements", "coarser"), [(7, [4]), (8, [4]), (14, [4, 7]), (28, [4, 7, 14])])
+@pytest.mark.parametrize(
+    ("elements", "coarser"),
+    [(5, [(5, 1)]), (7, [(4, 2)]), (14, [(4, 1), (7, 2)]), (28, [(4, 1), (7, 1), (14, 2)])],
+)
 def test_last_two_refinements_have_one_mesh_and_halve_the_increments(elements, coarser):
-    assert refinements(elements) == [*((count, 2) for count in coarser), (elements, 2), (elements, 4)]
-    assert refinements(5) == [(5, 1), (5, 2), (5, 4)]
+    assert refinements(elements) == [*coarser, (elements, 2), (elements, 4)]
 
 
 def test_rolled_state_is_steady(coarse):

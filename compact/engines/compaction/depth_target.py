@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from compact.engines.compaction.layer_state import LayerState
-from compact.engines.compaction.rolling import RollingStep
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller
 
@@ -93,10 +92,6 @@ class DepthTarget:
         if self.quantity == "exit_density_ratio":  # proportional to the depth above the fed density
             return float(np.log(max(value - self.fed_ratio, MIN_DENSITY_INCREASE) / (self.value - self.fed_ratio)))
         return float(np.log(max(value / self.value, MIN_TARGET_RATIO)))  # an extrapolated value may be negative
-
-    def log_miss_of(self, step: RollingStep) -> float:
-        """Return `log_miss` of a step; 0 of a prescribed depth."""
-        return 0.0 if self.quantity == "indentation" else self.log_miss(getattr(step, self.quantity))
 
     def tolerance(self, elements: float) -> float:
         """Return the tolerance of `log_miss` on a mesh of some elements per contact length [-]."""

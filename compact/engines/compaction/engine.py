@@ -326,8 +326,10 @@ def refinements(elements: int) -> list[tuple[int, int]]:
     while (coarser := round(counts[0] / RATIO)) >= COARSE_INCREMENTS:
         counts.insert(0, coarser)
     halves = PARTS // RATIO
-    coarser_ones = [(count, halves) for count in counts[:-1]] or [(elements, 1)]  # finds the depth of a target
-    return [*coarser_ones, (elements, halves), (elements, PARTS)]
+    if len(counts) == 1:
+        return [(elements, 1), (elements, halves), (elements, PARTS)]  # the first one finds the depth of a target
+    # two meshes of equal parts tell the error by the elements
+    return [*((count, 1) for count in counts[:-2]), (counts[-2], halves), (elements, halves), (elements, PARTS)]
 
 
 def mesh_errors(fine: SteadySearch) -> tuple[float, float] | None:
