@@ -19,9 +19,9 @@ from compact.material.mix import Mix
 from compact.rolling_contact import Contact, Heaping
 from compact.scene.loader import Scene
 
-# elements per contact length of "compaction" [-], the ratios change by some per cent; tolerance of the steady state
+# elements per contact length of "compaction" [-], with 7 the ratios change by up to 3 %; tolerance of the steady state
 # [-], the waves of loose mix scatter by as much
-COARSE: dict[str, Any] = {"numerics": {"increments": 7, "steady_tolerance": 1e-2}, "unlimited": False}
+COARSE: dict[str, Any] = {"numerics": {"increments": 4, "steady_tolerance": 1e-2}, "unlimited": False}
 LINE = "drucker-prager-cap"
 
 
