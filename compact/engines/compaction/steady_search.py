@@ -181,7 +181,7 @@ class SteadySearch:
         try:
             self._search()
         except EquilibriumError as error:
-            if self._is_unslowed(1.0):
+            if self._is_endless():
                 raise self._heaping_error("grows without slowing down until a step fails") from error
             if not self._waves and self.coarse is None:
                 raise
@@ -218,7 +218,7 @@ class SteadySearch:
         self._miss = secant.last_miss
         self._missed = secant.failure() if abs(self._miss) > MAX_MISS * self.target_tolerance else ""
         self.is_steady = self.errors.total < MAX_DISTANCE
-        if not self.is_steady and self._is_unslowed(1.0):
+        if not self.is_steady and self._is_endless():
             raise self._heaping_error("still grows, without slowing down")
         self._advance_exactly()
 
@@ -289,6 +289,15 @@ class SteadySearch:
         first, last = self._waves[0], self._waves[-1]
         fastest = max(wave.growth for wave in self._waves)
         return last.wave_area > grown * first.wave_area and last.growth > max(SLOWING * fastest, 0.0)
+
+    def _is_endless(self) -> bool:
+        """Return whether a wave at the end of a search takes up mix, and grows by mass or area as at its fastest.
+
+        After a jump the mass is disturbed, and the area is not.
+        """
+        slopes = [wave.wave_slope for wave in self._waves]
+        grows = len(slopes) >= MIN_WAVES and slopes[-1] > SLOWING * max(slopes) and self._waves[-1].growth > 0
+        return self._is_unslowed(1.0) or (grows and not self._is_low(self._waves[-1]))
 
     def _heaping_error(self, wave: str) -> HeapingError:
         """Return the error of a wave without end, with the share of the feed that it takes up."""
