@@ -10,8 +10,9 @@ smaller tolerance thus means more travel and smaller residuals.
 
 A motion that is not steady at the largest travel has one of two answers. If the wave takes up mix without slowing
 down, the mix heaps up in front of the roller (`HeapingError`). The measure is mass: the inflow of fed mix less the
-outflow at the exit column. Otherwise the search has not decided, and its error has the last load, resistance and
-distance (`UnsteadyError`).
+outflow at the exit column. Jumps disturb it, so that at the end of a search a wave that takes up mix is also without
+end if its area grows as fast as ever. Otherwise the search has not decided, and its error has the last load,
+resistance and distance (`UnsteadyError`).
 """
 
 from copy import copy
