@@ -18,6 +18,7 @@ HARD = {
     "mould at rest": AT_REST | {"process.strokes": 60},
     "feed below the demand": OPEN | {"process.extrusion_pressure": 203e3, "process.offered_thickness": 1e-4},
     "dry": {"mix.moisture": 0.08},
+    "wet": {"mix.moisture": 0.12},
     "extrusion by the wedge": OPEN,
     "plate of 100 mm, three rollers": {
         "product.height": 0.1, "machine.rollers": 3, "machine.roller_positions": [0.3, 0.0, -0.3],
