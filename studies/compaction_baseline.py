@@ -11,7 +11,7 @@ The second one computes a reference by two starts: the bow wave of the steady st
 along its slow mode, and the roller rolls on from both by increments, without any search. The waves approach the steady
 one from both sides, so that the two last states bracket load and resistance.
 
-Lift: 0.06 m thick, of 0.98 after compaction, with Heckel slope and initial density of `docs/theory/compaction.md`.
+Lift: 0.06 m thick, of 0.98 after compaction, with the Heckel slope and initial density ratio of an earlier fit.
 The roller of 0.11 m is free with friction 0.35. Forces are those of one roller of 1.164 m.
 """
 

@@ -13,8 +13,8 @@ The third command rolls on without a search, at the permeability of the prior, w
 skeleton without air, from the pressure at its deformation, and from a high wave (0.1 m at `FAST`). It prints the
 growth of the wave per travel [mm2/mm]: of its area, and of its mass, inflow less outflow over the density as fed.
 
-Lift: 0.06 m thick, of 0.98 after compaction, 3 mm deep, with Heckel slope and initial density ratio of
-`docs/theory/compaction.md`; mix of the prior without an effect of the rate.
+Lift: 0.06 m thick, of 0.98 after compaction, 3 mm deep, with the Heckel slope and initial density ratio of an earlier
+fit; mix of the prior without an effect of the rate.
 Changes are relative to the contact without air.
 """
 

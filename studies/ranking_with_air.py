@@ -73,7 +73,7 @@ def first_laws(study: Study, criterion: str) -> str:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Parse the command line and print the table of `docs/theory/pore_air.md`."""
+    """Parse the command line and print the table of `docs/which_law.md`."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mixes", nargs="+", choices=list(MIXES), default=list(MIXES), help="mixes and engines")
     parser.add_argument("--airs", nargs="+", choices=list(AIRS), default=list(AIRS), help="kinds of pore air")
