@@ -10,9 +10,8 @@ RUN pip wheel --no-cache-dir --wheel-dir /wheels --constraint constraints.txt ".
 FROM python:3.13-slim
 RUN --mount=type=bind,from=build,source=/wheels,target=/wheels pip install --no-cache-dir /wheels/*.whl
 RUN useradd --create-home --uid 1000 compact && install --directory --owner=compact /work
-COPY studies/scenes /scenes
 USER compact
 WORKDIR /work
 ENV MPLBACKEND=Agg MPLCONFIGDIR=/tmp/matplotlib NUMBA_CACHE_DIR=/tmp/numba
 ENTRYPOINT ["compact"]
-CMD ["run", "/scenes/loveikin-2015-engines.toml"]
+CMD ["run", "loveikin-2015-engines"]

@@ -1,7 +1,7 @@
 """Roller-compaction loads: a scene (machine, mix, motion) goes in, ranked motion laws come out.
 
     import compact
-    scene = compact.load_scene("studies/scenes/loveikin-2015.toml")
+    scene = compact.load_scene("loveikin-2015")
     print(scene.rank(by="peak_force").to_dataframe())
 
 Names are loaded from their modules when first used, so that a formula costs no finite elements. SI units, radians.

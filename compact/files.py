@@ -119,6 +119,17 @@ def atomic_file(path: str | Path, mode: str = "w") -> Iterator[IO[Any]]:
             temporary.unlink(missing_ok=True)
 
 
+def published_scenes() -> dict[str, Path]:
+    """Return the files of the scenes inside this package by name, and of the measurements that belong to them."""
+    return {path.stem: path for path in sorted((Path(__file__).parent / "data" / "scenes").glob("*.toml"))}
+
+
+def scene_file(path: str | Path) -> Path:
+    """Return the path of a file, or of a published scene by its name where no file has it."""
+    published = published_scenes().get(str(path))
+    return published if published and not Path(path).exists() else Path(path)
+
+
 def default_directory(scene_path: str | Path, suffix: str = "") -> Path:
     """Return the default directory for the results of a scene file.
 

@@ -24,7 +24,7 @@ from compact.report.progress import tracked
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 HEADER = ("radius_m", "moisture", "passes", "largest_load_N", "largest_resistance_N", "density_ratio")
 PROFILE_HEADER = ("engine", "pass", "load_N/m", "resistance_N/m", "bottom_m", "top_m", "density_ratio")
 CALIBRATED = {

@@ -24,7 +24,7 @@ from compact.report.progress import tracked
 from compact.report.tables import format_column
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 OVER = "duration=0.3:3:8"
 STATED = (3.0, 0.4 / 0.45, 0.3)  # [s]; chapter 5 of the source, the printed 0.45 m/s, and the limit of the range
 COLUMNS = {"accuracy.engine": "column", "mix.overrides.heckel_slope": 15.228e-6, "layer.fed_density_ratio": 0.93430}

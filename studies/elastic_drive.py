@@ -21,7 +21,7 @@ from compact.machine.elastic_drive import ElasticDrive
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 HEADER = (
     "law", "stiffness_N/m", "peak_force_N", "dynamic_amplification", "nonuniformity", "peak_power_W", "stick_time_s",
     "energy_residual", "intervals", "turn",

@@ -24,7 +24,7 @@ from compact.engines.halfplane import galin
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 PLAIN = {
     "machine.roller_condition": "frictionless",
     "machine.gap_geometry": "parabola",

@@ -11,7 +11,7 @@ from compact.analysis.study import Study
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 
 
 def main(scene="loveikin-2015", by="peak_power", **overrides):

@@ -28,7 +28,7 @@ from compact.report.progress import tracked
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
 
-SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
+SCENE = Path(__file__).parents[1] / "compact" / "data" / "scenes" / "loveikin-2015.toml"
 HEADER = ("case", "reference", "result", "relative error", "seconds")
 LAYER, MIX = Layer(0.22), Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))
 STIFF = Elastic(youngs_modulus=10e6, poisson=0.3)

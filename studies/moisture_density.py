@@ -23,7 +23,7 @@ from compact.scene.loader import load_scene
 from compact.sweep import design as vary
 from compact.sweep.run import Sweep
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 PLAIN = {
     "machine.roller_condition": "frictionless",
     "layer.fed_density_ratio": 0.9,

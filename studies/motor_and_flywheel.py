@@ -15,7 +15,7 @@ from compact.analysis.study import Study
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 HEADER = (
     "law", "carts", "motor_inertia_kgm2", "period_s", "fluctuation", "peak_motor_power_W", "mean_motor_power_W",
     "peak_force_N", "nonuniformity", "energy_residual",

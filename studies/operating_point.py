@@ -30,7 +30,7 @@ from compact.report.progress import tracked
 from compact.scene.loader import load_scene
 from compact.scene.plant_data import read_measurements
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 PRINTED_LOAD, PRINTED_FORCE = 9740.0, 3562.0  # [N]; Loveikin and Pochka 2015
 # Prior: Heckel slope in confined compression at rest [1/Pa], with its range, and range of the initial density ratio [-]
 PRIOR_SLOPE = prior(0.10, 0.98).parameter("heckel_slope")

@@ -20,7 +20,7 @@ from compact.motion.profile import law
 from compact.report.progress import tracked
 from compact.scene.loader import LAW_NAMES, load_scene
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 OBJECTIVES = ("peak_force", "peak_power")
 ACCELERATION = 0.6  # [m/s2]; assumed, above the acceleration of all published reversal laws
 SHARES = (0.0, 0.2, 0.4, 0.5, 0.6, 2 / 3, 0.75, 0.8)

@@ -35,7 +35,7 @@ from compact.files import write_figure
 from compact.material.pore_air import PoreAir, water_volume
 from compact.scene.loader import load_scene
 
-SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
+SCENE = Path(__file__).parents[1] / "compact" / "data" / "scenes" / "loveikin-2015.toml"
 DEPTH = 3.0e-3  # [m]
 FED, LOOSE, LOOSE_DEPTH = 0.936, 0.90, 5.3e-3  # [-], [-], [m]; the looser feed reaches a similar density
 SPEEDS = (0.007, 0.03, 0.133, 0.45, 2.1)  # [m/s]

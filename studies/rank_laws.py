@@ -34,7 +34,7 @@ from compact.scene.constraints import adapt
 from compact.scene.loader import load_scene
 from compact.sweep import design as vary
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 SMOOTH = {"machine.roller_condition": "frictionless"}
 ENGINES = {  # changes of the scene for each engine
     "formula": {},

@@ -19,7 +19,7 @@ from time import process_time
 from compact.analysis.study import Study
 from compact.scene.loader import load_scene
 
-SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
+SCENE = Path(__file__).parents[1] / "compact" / "data" / "scenes" / "loveikin-2015.toml"
 SPEEDS = [0.11, 0.45, 0.9]  # [m/s]
 COMMON = {
     "motion.duration": 0.889, "contact.speeds": SPEEDS, "contact.indentation": 3.0e-3, "layer.lift_thickness": 0.06,

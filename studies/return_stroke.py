@@ -25,7 +25,7 @@ from compact.report.progress import spinning
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 CALIBRATED = {
     "mix.overrides.heckel_slope": 15.228e-6,
     "layer.fed_density_ratio": 0.93430,

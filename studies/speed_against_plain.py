@@ -28,7 +28,7 @@ from compact.motion.profile import law
 from compact.report.progress import Progress
 from compact.rolling_contact import Layer, Roller
 
-SCENE = Path(__file__).parent / "scenes" / "loveikin-2015.toml"
+SCENE = Path(__file__).parents[1] / "compact" / "data" / "scenes" / "loveikin-2015.toml"
 LAYER = Layer(0.22)
 MIX = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.1),))  # of the published machine
 ROLLER = Roller(0.11, indentation=0.003)

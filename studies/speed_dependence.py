@@ -20,7 +20,7 @@ from compact.analysis.study import Study
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 SPEEDS = np.geomspace(0.007, 2.1, 13)  # [m/s]; a twentieth of the mean speed to five times the printed one
 PRINTED_SPEED = 0.45  # [m/s], of the cart; Loveikin and Pochka 2015
 COLUMNS = {"accuracy.engine": "column", "mix.overrides.heckel_slope": 15.228e-6, "layer.fed_density_ratio": 0.93430}

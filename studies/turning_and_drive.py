@@ -16,7 +16,7 @@ from compact.machine.cart import balance
 from compact.report.progress import tracked
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parent / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 SPRINGS = ((1e6, 0.05), (1e6, 0.02), (3e5, 0.05), (3e6, 0.05), (1e7, 0.05), (1e6, 0.2))  # [N/m], damping ratio
 TURNS: dict[str, Any] = {  # rows of travel [m] and share
     "step": "step",

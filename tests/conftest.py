@@ -16,7 +16,7 @@ settings.register_profile("compact", max_examples=50, deadline=None, derandomize
 settings.load_profile("compact")
 
 ROOT = Path(__file__).parents[1]
-SMALL = str(ROOT / "studies" / "scenes" / "small.toml")
+SMALL = str(ROOT / "compact" / "data" / "scenes" / "small.toml")
 ELASTIC_DRIVE = [
     *("run", SMALL, "--set", "drive.kind=elastic", "--set", "drive.stiffness=1e6", "--set", "drive.damping=3e3"),
     *("--set", "drive.backlash=1e-4", "--set", "output.items=[]", "--set", "motion.laws=['cubic']", "--quiet"),

@@ -26,7 +26,7 @@ from compact.scene import plausible_ranges
 from compact.scene.loader import load_scene
 from compact.scene.schema import Layer, declared_keys, table_of
 
-SCENES = Path(__file__).parents[1] / "studies" / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 HUGE = 1.7e308  # largest number of a scene
 WALL = 600  # seconds after which a case that waits for something is ended
 MEMORY = 6 << 30  # bytes of address space for one case

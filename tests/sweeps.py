@@ -7,7 +7,7 @@ from compact.scene.loader import load_scene
 from compact.sweep.corrected import create_sweep
 from compact.sweep.design import read_design
 
-SCENES = Path(__file__).parents[1] / "studies" / "scenes"
+SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
 PLAIN = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless", "layer.fed_density_ratio": 0.9}
 FORMULA = load_scene(SCENES / "loveikin-2015.toml", **PLAIN)
 COLUMNS = FORMULA.replaced(**{"accuracy.engine": "column"})

@@ -28,7 +28,7 @@ from compact.files import default_directory, write_json
 from compact.scene.loader import SceneError, parse_scene, scene_schema, starter_scene, summary_schema
 
 ROOT = Path(__file__).parent.parent
-SMALL = ROOT / "studies" / "scenes" / "small.toml"
+SMALL = ROOT / "compact" / "data" / "scenes" / "small.toml"
 ERRORS_PAGE = (ROOT / "docs" / "reference" / "errors.md").read_text("utf-8")
 KNOWN_BY_CODE = {
     options.SUCCESS: "success", options.NO_RESULT: "no result", options.INVALID_INPUT: "invalid input",
@@ -154,7 +154,7 @@ def test_another_scenes_results_need_force_and_refused_ones_do_not(compact, tmp_
 @pytest.mark.slow
 def test_interrupt_leaves_whole_files_and_no_summary(tmp_path):
     scene = tmp_path / "scene.toml"
-    shutil.copy(ROOT / "studies" / "scenes" / "loveikin-2015.toml", scene)
+    shutil.copy(ROOT / "compact" / "data" / "scenes" / "loveikin-2015.toml", scene)
     call = [sys.executable, "-m", "compact.cli", "run", str(scene), "--out", str(tmp_path / "out")]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "preexec_fn": heed_interrupts}
     with subprocess.Popen(call, **pipes) as process:
@@ -389,7 +389,7 @@ def test_summary_satisfies_its_schema(compact, tmp_path, engine, items):
 
 def test_scenes_satisfy_the_schema():
     validate = fastjsonschema.compile(scene_schema())
-    for path in (ROOT / "studies" / "scenes").glob("*.toml"):
+    for path in (ROOT / "compact" / "data" / "scenes").glob("*.toml"):
         scene = tomllib.loads(path.read_text("utf-8"))
         if "machine" in scene:
             validate(scene)

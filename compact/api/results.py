@@ -429,7 +429,7 @@ class Study(Tabular, study.Study):
     Examples
     --------
     >>> from compact.api.scene import load_scene
-    >>> study = Study(load_scene("studies/scenes/small.toml"))
+    >>> study = Study(load_scene("small"))
     >>> study
     <study of Small: the published machine, three laws, engine formula, 3 laws>
     >>> study.stages.drive.rankings["peak_power"][0].run.name

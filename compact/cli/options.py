@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 SUCCESS, NO_RESULT, INVALID_INPUT = 0, 1, 2
 MESSAGE_LIMIT, MESSAGE_END = 1000, 400  # [characters], longest message; kept of each end of a longer one
 
-ScenePath = Annotated[Path, Parameter(help="scene file in TOML")]
+ScenePath = Annotated[Path, Parameter(help="scene file in TOML, or name of a published scene, such as loveikin-2015")]
 
 
 def _flag(meaning: str) -> Parameter:

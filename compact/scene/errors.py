@@ -17,6 +17,7 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
+from compact.files import published_scenes
 from compact.scene.schema import Table, declared_tables, table_of
 
 Key = tuple[str, ...]
@@ -252,7 +253,8 @@ def syntax_sentence(error: Exception, text: str) -> str:
 def unreadable_sentence(path: str | Path, error: Exception) -> str:
     """Return the reason why a file cannot be read, with a similar file name in its folder."""
     if isinstance(error, FileNotFoundError):
-        similar = get_close_matches(Path(path).name, sorted(p.name for p in Path(path).parent.glob("*.toml")), n=1)
+        known = [*sorted(p.name for p in Path(path).parent.glob("*.toml")), *published_scenes()]
+        similar = get_close_matches(Path(path).name, known, n=1)
         hint = f"did you mean '{similar[0]}'?" if similar else "`compact new DIR` writes a scene to start from"
         return f"no such file; {hint}"
     return f"cannot be read: {error}; give the path of a scene file, in UTF-8"

@@ -1,6 +1,6 @@
 """The scene: machine, product, mix, layer, motion, drive; read from TOML, validated once, immutable.
 
-    scene = load_scene("studies/scenes/loveikin-2015.toml")
+    scene = load_scene("loveikin-2015")
     wetter = scene.replaced(**{"mix.moisture": 0.11})
 
 SI units; every physical number is stated in the file, none has a default here. `load_scene`, `parse_scene` and
@@ -32,7 +32,7 @@ from pydantic_core import core_schema
 
 from compact.engines import ENGINES
 from compact.engines.interface import Limit
-from compact.files import checksum
+from compact.files import checksum, scene_file
 from compact.machine.drives import DRIVES
 from compact.scene import errors, plausible_ranges
 from compact.scene.constraints import ADVICE, RULES, Rule, adapt, files_exist, replaced, sentences
@@ -106,7 +106,7 @@ class Scene(SceneTables):
         Parameters
         ----------
         path : str or Path
-            Scene file.
+            Scene file, or name of a published scene, such as "loveikin-2015".
         **changes : object
             Values by key path that replace keys of the file, such as `**{"mix.moisture": 0.11}`.
 
@@ -115,6 +115,7 @@ class Scene(SceneTables):
         SceneError
             If the file cannot be read or the scene has mistakes; the message lists all of them.
         """
+        path = scene_file(path)
         try:
             text = _bytes(path).decode("utf-8-sig")
         except UnicodeDecodeError as error:

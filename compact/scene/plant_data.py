@@ -38,7 +38,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from compact.engines.process.kneading import Reading
-from compact.files import read_table
+from compact.files import read_table, scene_file
 
 FITTED = ("load", "resistance", "resistance_coefficient")  # data of a fit
 STATED = ("exit_density_ratio", "speed")  # conditions of a measurement
@@ -199,7 +199,7 @@ def read_measurements(path: str | Path) -> Measured:
     ValueError
         If the file cannot be read or a key is unknown or out of bounds; the message names file and key.
     """
-    path = Path(path)
+    path = scene_file(path)
     try:
         if path.suffix.lower() == ".csv":
             cells = [each for _, each in read_table(path)]

@@ -2,7 +2,7 @@
 
 import compact
 
-scene = compact.load_scene("studies/scenes/small.toml", **{"accuracy.engine": "column"})
+scene = compact.load_scene("small", **{"accuracy.engine": "column"})
 
 # [rank_laws] First law by each engine.
 for engine in ("formula", "column"):

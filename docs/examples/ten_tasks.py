@@ -5,7 +5,7 @@ import numpy as np
 import compact
 
 # [load] Load a scene, and change a key.
-scene = compact.load_scene("studies/scenes/small.toml", **{"accuracy.engine": "column"})
+scene = compact.load_scene("small", **{"accuracy.engine": "column"})
 wetter = scene.replaced(**{"mix.moisture": 0.11})
 print(scene.mix.moisture, wetter.mix.moisture)
 
@@ -51,6 +51,6 @@ dataset = scene.sweep({"mix.moisture": [0.09, 0.1, 0.11], "layer.fed_density_rat
 print(dataset["resistance"].sel(moisture=0.1).to_pandas())
 
 # [process] Compute the forming process: strokes over a moving mould.
-process = compact.load_scene("studies/scenes/process.toml").forming_process()
+process = compact.load_scene("process").forming_process()
 strokes = process.to_dataframe()
 print(strokes[["load", "resistance", "density_ratio"]].tail())

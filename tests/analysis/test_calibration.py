@@ -17,7 +17,7 @@ from compact.engines.compaction import engine as finite_elements
 from compact.scene.loader import SceneError, load_scene, read_change
 from compact.scene.plant_data import Band, Deflection, Measured, Measurement, Tap, read_measurements
 
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 PUBLISHED = SCENES / "loveikin-2015.toml"
 MEASURED = SCENES / "loveikin-2015-printed.toml"
 FITTED = ("heckel_slope", "fed_density_ratio", "effective_modulus", "roller_friction")

@@ -19,8 +19,8 @@ from compact.report import writer as report
 from compact.scene.loader import SceneError, load_scene
 
 ROOT = Path(__file__).parents[2]
-SMALL = ROOT / "studies" / "scenes" / "small.toml"
-ENGINES = ROOT / "studies" / "scenes" / "loveikin-2015-engines.toml"
+SMALL = ROOT / "compact" / "data" / "scenes" / "small.toml"
+ENGINES = ROOT / "compact" / "data" / "scenes" / "loveikin-2015-engines.toml"
 PLAIN = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless"}
 QUICK = {"contact.speeds": [0.05, 0.15], "contact.peak_pressure": 203e3, "accuracy.tolerance": 0.05}
 COMPARED = {"column": {"layer": {"fed_density_ratio": 0.95}, "contact": {"peak_pressure": 180e3}}}

@@ -16,7 +16,7 @@ from compact.report import writer as report
 from compact.rolling_contact import Contact, Layer, Ply, Roller
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 # contact.md g: R .11 m, h .22 m bonded, E(t) = 10 + 10 exp(-t/tau) MPa, nu .3, depth 3 mm, frictionless, parabola
 CASE_G = {
     "mix.overrides.effective_modulus": 10e6,

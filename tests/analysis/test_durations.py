@@ -14,7 +14,7 @@ from compact.report.page import sections
 from compact.report.text import say
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 SMALL = SCENES / "small.toml"
 STEP = {"drive.turn": "step"}  # of the closed forms and the published durations
 COLUMN = {"accuracy.engine": "column", "contact.speeds": [0.05, 0.2]}

@@ -14,7 +14,7 @@ from compact.analysis.worker_pool import ProcessExecutor
 from compact.resistance import dry_resistance
 from compact.scene.loader import load_scene
 
-SMALL = load_scene(Path(__file__).parents[2] / "studies" / "scenes" / "small.toml", **{"output.items": []})
+SMALL = load_scene(Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml", **{"output.items": []})
 LAWS = SMALL.replaced(**{"motion.laws": ["parabolic", "constant-velocity"], "machine.guide_friction": 0.0})
 
 

@@ -13,7 +13,7 @@ from compact.report import text
 from compact.report import writer as report
 from compact.scene.loader import load_scene
 
-ENGINES = Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015-engines.toml"
+ENGINES = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "loveikin-2015-engines.toml"
 FORMULA = {
     "accuracy.engine": "formula", "compare": None, "motion.other_durations": None, "output.items": ["report"],
     "motion.laws": ["parabolic", "cubic", "harmonic", "crank", "constant-velocity"],

@@ -16,7 +16,7 @@ from compact.report import writer as report
 from compact.rolling_contact import EquilibriumError, Heaping, HeapingError, Unsteady, UnsteadyError
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"  # 0.22 m in one pass, which heaps up
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"  # 0.22 m in one pass, which heaps up
 COMPARED = {"accuracy.engine": "column", "compare": {"compaction": {}}, "output.items": [], "motion.laws": ["cubic"]}
 
 

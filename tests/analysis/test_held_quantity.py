@@ -16,7 +16,7 @@ from compact.report import writer as report
 from compact.report.tables import format_column
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 PLAIN = {"machine.roller_condition": "frictionless", "machine.gap_geometry": "circle", "accuracy.engine": "spectral"}
 LIFT = {"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "mix.overrides.heckel_slope": 1.65e-5}
 

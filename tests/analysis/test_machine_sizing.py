@@ -18,7 +18,7 @@ from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
 from compact.scene.schema import Hydraulics
 
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 MOTORS = SCENES / "motors.csv"
 STEP = {"drive.turn": "step"}  # for numbers by hand
 RULE = STEP | {

@@ -14,7 +14,7 @@ from compact.cli import program as cli
 from compact.engines.column.engine import simulate_oedometer
 from compact.scene.loader import load_scene
 
-SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015.toml"
+SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "loveikin-2015.toml"
 PRESSURE = 203e3
 LAWS = ("ellipse", "drucker-prager-cap")
 

@@ -13,7 +13,7 @@ from compact.report.writer import study_summary
 from compact.rolling_contact import Heaping, HeapingError
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 HEAPED = Heaping(0.003, 0.43, 0.0072, 0.54)
 
 

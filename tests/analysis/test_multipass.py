@@ -17,7 +17,7 @@ from compact.report import writer as report
 from compact.rolling_contact import Layer, Roller
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 # a thick layer: contact length ahead of a fifth of its height
 MIX = Compaction(
     unloading_modulus=60e6,

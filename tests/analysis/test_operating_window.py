@@ -9,7 +9,7 @@ from compact.analysis.process import ProcessStudy
 from compact.scene.loader import load_scene
 from compact.scene.plant_data import StrokeRow, read_measurements
 
-SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "process.toml"
+SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "process.toml"
 SHORT = {"machine.roller_length": 0.3, "process.layers": 1, "process.product_density_ratio": None}
 OFFERED = {"process.offered_thickness": 4e-3}
 PLANT = {  # other mix, sleeves, plate and feed than those of the scene

@@ -15,7 +15,7 @@ from compact.report.writer import study_summary
 from compact.scene.loader import load_scene
 from compact.sweep.run import headline
 
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 LIFT = {
     "accuracy.engine": "column", "layer.lift_thickness": 0.06, "layer.fed_density_ratio": 0.936, "output.items": (),
     "mix.overrides.heckel_slope": 1.487e-5,

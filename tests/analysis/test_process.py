@@ -14,7 +14,7 @@ from compact.engines.process.forming import Closure
 from compact.scene.loader import load_scene
 from compact.verification.formulas import MOVING_FORCE, ROLLER_REACTION
 
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 SCENE = SCENES / "process.toml"
 SHORT = {"machine.roller_length": 0.3, "process.layers": 2}  # 19 strokes
 OFFERED = {"process.product_density_ratio": None, "process.extrusion_pressure": 1e5}

@@ -19,7 +19,7 @@ from compact.report import text, writer
 from compact.resistance import ResistanceMap
 from compact.scene.loader import load_scene
 
-SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "process.toml"
+SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "process.toml"
 MOTOR = {
     "curve": "linear", "torque": 150.0, "speed": 157.0, "gear_ratio": 40.0, "inertia": 0.01, "flywheel_inertia": 5.0,
 }  # fmt: skip

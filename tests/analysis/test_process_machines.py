@@ -8,7 +8,7 @@ import pytest
 from compact.analysis.process import ProcessStudy
 from compact.scene.loader import load_scene
 
-SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "process.toml"
+SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "process.toml"
 FEW = {"process.layers": 1, "machine.roller_length": 0.4}
 AT_REST = {"process.mould_speed": 0.0}
 OPEN = {"process.product_density_ratio": None}

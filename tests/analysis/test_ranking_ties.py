@@ -12,7 +12,7 @@ from compact.machine.ranking import BUILD_TOLERANCE
 from compact.report import writer as report
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 CONSTANT_VELOCITY = ("constant-velocity", "combined-2", "reversal-2", "reversal-4-free-both")
 LAWS = (*CONSTANT_VELOCITY, "cubic", "harmonic", "parabolic", "quintic", "modified-trapezoid")
 

@@ -19,7 +19,7 @@ from compact.resistance import ForceSample, load_resistance_map
 from compact.rolling_contact import Layer, Roller, compaction_rate
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 DECADES = np.geomspace(0.002, 0.2, 41)  # [m/s], two decades
 RATE = 0.0195  # [-], 4.6 % a decade
 

@@ -14,7 +14,7 @@ from compact.report import writer as report
 from compact.resistance import UNSTEADINESS_LIMIT
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 ROLLED = {
     "accuracy.engine": "spectral",
     "machine.roller_condition": "frictionless",

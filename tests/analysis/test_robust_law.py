@@ -192,7 +192,7 @@ def test_refusals_of_robust_laws(cart, resistance, objective, words):
         robust_law(cart, plants, STROKE, DURATION, Limits(jerk=200.0), objective=objective)
 
 
-SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015-engines.toml"
+SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "loveikin-2015-engines.toml"
 FORMULA = {
     "accuracy.engine": "formula", "compare": None, "output.items": [], "motion.other_durations": None,
     "motion.laws": ["parabolic", "quintic"],

@@ -22,7 +22,7 @@ from compact.report import writer as report
 from compact.scene.loader import LAW_NAMES, SceneError, load_scene
 from compact.scene.schema import RankBy
 
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 PUBLISHED_COEFFICIENT = (3562 - 0.008 * (2 * 9740 - 10000)) / (2 * 9740)  # C: 3562 N without the guides' friction
 
 

@@ -21,7 +21,7 @@ from compact.resistance import ResistanceMap
 from compact.scene.loader import load_scene
 from compact.turning import StrokeResistance
 
-ENGINES_SCENE = Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015-engines.toml"
+ENGINES_SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "loveikin-2015-engines.toml"
 FORMULA = {"accuracy.engine": "formula", "compare": None, "output.items": [], "motion.other_durations": None}
 COLUMN = FORMULA | {
     "accuracy.engine": "column", "mix.overrides.heckel_slope": 15.228e-6, "layer.lift_thickness": 0.22,

@@ -20,7 +20,7 @@ from compact.machine.drives import DAMPING, EDGE, STIFFNESS
 from compact.report import page, text
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 ENGINES = SCENES / "loveikin-2015-engines.toml"
 FORCE = "peak_force"
 COLUMNS = {  # the main scene led by columns, which cost milliseconds

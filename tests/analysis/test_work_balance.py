@@ -13,7 +13,7 @@ from compact.report.text import say, sentences
 from compact.report.writer import study_summary
 from compact.scene.loader import load_scene
 
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 PRINTED = {"motion.duration": 0.4 / 0.45, "product.mould_speed": 1.1 / 60}  # .45 m/s, 1 to 1.15 m/min
 LINEAR = {
     "accuracy.engine": "spectral", "machine.roller_condition": "frictionless", "machine.gap_geometry": "circle",

@@ -8,7 +8,7 @@ import compact
 from compact.engines import ENGINES
 from compact.scene.loader import scene_schema
 
-SMALL = "studies/scenes/small.toml"
+SMALL = "compact/data/scenes/small.toml"
 PACKAGE = '''
 import dataclasses
 from compact.engines.column.engine import roll

@@ -76,7 +76,7 @@ def test_elastic_layer_has_its_closed_form_and_no_resistance(spring):
 
 
 def test_scene_rolls_over_an_own_material_to_its_density(own_mix):
-    scene = compact.load_scene("studies/scenes/small.toml", **{"accuracy.engine": "column"})
+    scene = compact.load_scene("compact/data/scenes/small.toml", **{"accuracy.engine": "column"})
     found = scene.roll(0.1, material=own_mix)[0]
     assert found.exit_density_ratio == pytest.approx(scene.mix.density_ratio, rel=1e-5)
     assert found.exit_height == pytest.approx(scene.product.height, rel=1e-5)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 import compact
 
 ROOT = Path(__file__).parents[2]
-SCENES = ROOT / "studies" / "scenes"
+SCENES = ROOT / "compact" / "data" / "scenes"
 SPEEDS = (0.05, 0.1, 0.2)
 
 

@@ -93,7 +93,7 @@ def test_a_numeric_argument_takes_numbers_only(name, key):
 
 @pytest.fixture(scope="module")
 def scene():
-    return compact.load_scene("studies/scenes/small.toml")
+    return compact.load_scene("compact/data/scenes/small.toml")
 
 
 REFUSED = {  # call, and the beginning of the refusal

@@ -24,7 +24,7 @@ from compact.resistance import ResistanceMap
 from compact.scene.loader import load_scene
 from compact.turning import StrokeResistance, wave_load_share, wave_share
 
-SMALL = "studies/scenes/small.toml"
+SMALL = "compact/data/scenes/small.toml"
 REFERENCE = {each.name: number for number, each in enumerate(VARIABLES)}
 SPEEDS = np.geomspace(0.01, 0.5, 6)
 WITH_MEMORY = ResistanceMap(SPEEDS, 900 * SPEEDS**0.3, 0.0, None, -40 / (1 + SPEEDS), 0.1, return_ratio=0.6)

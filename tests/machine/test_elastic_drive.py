@@ -483,7 +483,7 @@ cli.main()
 @of_unix
 @pytest.mark.slow
 def test_interrupt_ends_a_long_elastic_run_within_seconds(tmp_path):
-    scene = str(Path(__file__).parents[2] / "studies/scenes/loveikin-2015.toml")
+    scene = str(Path(__file__).parents[2] / "compact/data/scenes/loveikin-2015.toml")
     code, seconds, message = interrupted(LONG.format(scene=scene, out=str(tmp_path / "out")))
     assert code == 130
     assert message.startswith("compact: interrupted; every file already written is whole; ")

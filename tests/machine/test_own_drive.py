@@ -9,7 +9,7 @@ import compact
 from compact.machine.drives import DRIVES
 from compact.scene.loader import scene_schema
 
-SMALL = "studies/scenes/small.toml"
+SMALL = "compact/data/scenes/small.toml"
 PACKAGE = '''
 """Cart pulled by a rope: its pulleys take a tenth of the force, whatever the speed."""
 

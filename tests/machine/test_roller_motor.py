@@ -39,7 +39,7 @@ from compact.scene.loader import load_scene
 R, LOAD, FRICTION, ROLLERS = 0.11, 9740.0, 0.35, 2
 FREE_CREEP, CREEP_SLOPE = -0.02, 0.09  # creepage of a free roller, and its slope over `carter_parameter`
 RESISTANCE = dry_resistance(3486.0)
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 
 
 def cart(**changes):

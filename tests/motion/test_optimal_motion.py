@@ -26,7 +26,7 @@ from compact.motion.optimisation_problem import (
 from compact.motion.profile import law
 from compact.scene.loader import load_scene
 
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 TWO_THIRDS = Limits(run_up=1 / 6, run_down=1 / 6)
 FAST_SEEDS = (4, 9)  # of 60 random problems; the others are slow
 ROLLER = CamLimits(0.9, profile_radius=0.24, roller_radius=0.03)

@@ -1,6 +1,6 @@
 """Regression of seven scenes: their numbers in `summary.json`, `ranking.csv` and the contact tables.
 
-Each scene is a variant of `studies/scenes/small.toml`. The expected numbers are kept in `tests/regression/*.json`;
+Each scene is a variant of `compact/data/scenes/small.toml`. The expected numbers are kept in `tests/regression/*.json`;
 `python tests/regression/test_regression.py` writes them anew, `--exact` compares them bit for bit.
 """
 
@@ -18,7 +18,7 @@ from compact.report import writer as report
 from compact.scene.loader import load_scene
 
 HERE = Path(__file__).parent
-SMALL = HERE.parents[1] / "studies" / "scenes" / "small.toml"
+SMALL = HERE.parents[1] / "compact" / "data" / "scenes" / "small.toml"
 RELATIVE = 1e-6  # [-]; between machines, whose libraries round differently
 ESTIMATE = 1e-4  # [-], of an error or residual, a difference of nearly equal numbers that is told to two digits
 ABSOLUTE = 1e-9  # of quantities that are zero but for rounding

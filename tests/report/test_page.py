@@ -31,7 +31,7 @@ from compact.report.text import say
 from compact.rolling_contact import Contact
 from compact.scene.loader import load_scene, parse_scene, starter_scene
 
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 LARGEST = 5_000_000  # bytes of a page
 SECTIONS = ["ranking", "contact", "uncertainty", "motion", "drive", "checks", "inputs"]

@@ -11,7 +11,7 @@ import pytest
 from compact.cli import program as cli
 from compact.report.progress import spinning, tracked
 
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 
 
 class Terminal(io.StringIO):

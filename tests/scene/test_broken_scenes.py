@@ -20,7 +20,7 @@ from compact.scene import plausible_ranges
 from compact.scene.loader import load_scene, read_change, starter_scene
 
 resource = pytest.importorskip("resource", reason="limits of Unix")
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 SECONDS = 10  # of processor time for one case
 ENGINES = ("formula", "formula", "column", "column", "column", "spectral", "spectral", "fem")
 TARGETS = {"contact.load": (50.0, 1e5), "contact.peak_pressure": (1e3, 2e6), "contact.indentation": (1e-4, 0.1)}

@@ -17,7 +17,7 @@ from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roll
 from compact.scene.constraints import adapt
 from compact.scene.loader import load_scene, parse_scene, starter_scene
 
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 SPEED = 0.1
 OPEN = {"machine.roller_condition": "free", "machine.gap_geometry": "deformed"}  # defaults that a scene may leave open
 

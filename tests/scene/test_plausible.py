@@ -12,7 +12,7 @@ from compact.scene import plausible_ranges
 from compact.scene.loader import load_scene
 from compact.scene.schema import Overrides
 
-SMALL = Path(__file__).parents[2] / "studies" / "scenes" / "small.toml"
+SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 
 
 def test_every_key_of_the_mix_is_checked_against_the_spread_of_the_prior():

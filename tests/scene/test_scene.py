@@ -21,7 +21,7 @@ from compact.scene.errors import key_places
 from compact.scene.loader import Scene, SceneError, load_scene, parse_scene, starter_scene
 from compact.scene.schema import Objective, declared_keys
 
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 PUBLISHED = (SCENES / "loveikin-2015.toml").read_text("utf-8")
 FILE = "loveikin.toml"
 

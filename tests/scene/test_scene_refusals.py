@@ -11,7 +11,7 @@ from extreme_scenes import toml
 from compact.scene.errors import key_places
 from compact.scene.loader import SceneError, load_scene, parse_scene
 
-SCENES = Path(__file__).parents[2] / "studies" / "scenes"
+SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 FILE = "scene.toml"
 HEADER, KEY = re.compile(r"\[\[?([\w.]+)\]"), re.compile(r"([\w-]+) *=")
 ALL = ("BOUNDS", "NAMES", "RULES", "ENGINES", "UNITS", "PROCESS")

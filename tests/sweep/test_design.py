@@ -9,7 +9,7 @@ from compact.material import mix
 from compact.scene.loader import load_scene
 from compact.sweep import design as vary
 
-SCENE = load_scene(Path(__file__).parents[2] / "studies" / "scenes" / "loveikin-2015.toml")
+SCENE = load_scene(Path(__file__).parents[2] / "compact" / "data" / "scenes" / "loveikin-2015.toml")
 PRIOR = SCENE.replaced(**{"mix.overrides.effective_modulus": None})
 
 

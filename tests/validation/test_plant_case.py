@@ -8,7 +8,7 @@ from compact.analysis.contact_cases import roll_scene, scene_mix
 from compact.scene.loader import load_scene
 from compact.validation.plant_case import read_plant_case, select_cases
 
-SCENE = (Path(__file__).parents[2] / "studies" / "scenes" / "small.toml").read_text("utf-8")
+SCENE = (Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml").read_text("utf-8")
 CASE = """
 [case]
 title = "Slab of line 2"
