@@ -3,7 +3,6 @@
 Nothing is fetched from the network. Equations become MathML, which browsers draw without a script.
 """
 
-import ast
 import re
 import sys
 from pathlib import Path
@@ -11,7 +10,6 @@ from pathlib import Path
 from docutils import nodes
 from docutils.utils.math import MathError, latex2mathml
 from sphinx.application import Sphinx
-from sphinx.environment import BuildEnvironment
 from sphinx.util import logging
 
 ROOT = Path(__file__).parents[1]
@@ -50,9 +48,8 @@ myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
 myst_fence_as_directive = {"math"}
 
-# Reference of the package: one page for each module
+# Reference of the package: one page for each public name
 autosummary_generate = True
-autosummary_ignore_module_all = True
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
@@ -87,25 +84,13 @@ def prepare_docstring(_app: Sphinx, _what: str, _name: str, _obj: object, _optio
     lines[:] = prepared
 
 
-def require_public_names(_app: Sphinx, env: BuildEnvironment) -> None:
-    """Warn of each public class or function of the package that has no entry in the reference."""
-    documented = set(env.get_domain("py").objects)
-    for path in sorted((ROOT / "compact").rglob("*.py")):
-        module = ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-        for node in ast.parse(path.read_text("utf-8")).body:
-            public = isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_")
-            if public and "__main__" not in module and f"{module}.{node.name}" not in documented:
-                logging.getLogger(__name__).warning("%s.%s has no entry in the reference", module, node.name)
-
-
 def write_tables(_app: Sphinx, _page: str, source: list[str]) -> None:
     """Write the tables of a page in place of their marks."""
     source[0] = insert_tables(source[0])
 
 
 def setup(app: Sphinx) -> None:
-    """Register tables, equations, docstrings, which are written for a terminal, and the check of the reference."""
+    """Register tables, equations, and docstrings, which are written for a terminal."""
     app.connect("source-read", write_tables)
-    app.connect("env-check-consistency", require_public_names)
     app.connect("autodoc-process-docstring", prepare_docstring, priority=400)  # before numpydoc
     app.add_html_math_renderer("mathml", (write_math, None), (write_math, None))
