@@ -38,7 +38,7 @@ def test_targets_are_met(target):
 
 
 def random_lift(seed):
-    """Layer, roller, mix and options of a random lift: `docs/theory/strength.md`."""
+    """Layer, roller, mix and options of a random lift with a shear line."""
     draw = np.random.default_rng([17, seed])
     depth = height = 0.0
     while not 0.01 * height <= depth <= 0.06 * height or not height:
