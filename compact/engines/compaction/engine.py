@@ -144,7 +144,8 @@ def build_result(
     pressure, shear = (np.pad(each[first:end], 1) for each in (solution.surface_pressure, solution.surface_shear))
     exit_state, length_ratio = frame.exit_layer(solution.state)
     solid, lower = frame.solid.material, exit_state.lower
-    lifts = ((exit_state, frame.fed_layer), (lower, frame.fed_layer.lower))
+    given = frame.inflow or frame.fed_layer
+    lifts = ((exit_state, given), (lower, given.lower))
     # one more step without strain corrects the stresses beyond the yield surface
     still = np.zeros((len(points.stress), 3))
     rest, _ = cap_plasticity.integrate_points(solid, points, still, frame.solid.rate_factor, tangent=False)

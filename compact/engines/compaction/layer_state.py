@@ -81,9 +81,7 @@ class LayerState:
         material : Compaction
             Constitutive law.
         """
-        bulk_modulus = material.unloading_modulus / (3 - 6 * material.poisson)
-        elastic = np.exp(-self.points.stress[:, :3].mean(axis=1) / bulk_modulus)
-        return float(self.heights @ (self.points.density_ratio * elastic))
+        return float(self.heights @ _solid_ratio(self.points, material))
 
     def with_lift(self, lift_thickness: float, material: Compaction) -> "LayerState":
         """Return the layer with a lift of fresh mix on top.
@@ -104,12 +102,14 @@ class LayerState:
         """Heights [m] and density ratios [-] of all rows, those of the lower lift first, shape (2, n)."""
         return np.stack([self.stacked.heights, self.stacked.points.density_ratio])
 
-    def resampled(self, heights: FloatArray) -> "LayerState":
-        """Return the layer by rows of other heights [m]; the sums over the height are conserved."""
+    def resampled(self, heights: FloatArray, material: Compaction) -> "LayerState":
+        """Return the layer by rows of other heights [m]; sums over the height are conserved, of solids, not of k."""
         points = self.points.map(lambda values: _conservative_means(values, self.heights, heights))
+        solids = _conservative_means(_solid_ratio(self.points, material), self.heights, heights)
+        ratio = points.density_ratio * solids / _solid_ratio(points, material)
         # the preconsolidation density ratio is at least the density ratio
-        densest = np.maximum(points.max_density_ratio, points.density_ratio)
-        return LayerState(heights, replace(points, max_density_ratio=densest), self.lower)
+        densest = np.maximum(points.max_density_ratio, ratio)
+        return LayerState(heights, replace(points, density_ratio=ratio, max_density_ratio=densest), self.lower)
 
 
 def fresh_layer(material: Compaction, heights: FloatArray) -> LayerState:
@@ -145,6 +145,11 @@ def compacted_lift(lift: LowerLift, material: Compaction, rate_factor: float = 1
         material, lift.density_ratio, rate_factor, residual_stress=lift.residual_stress
     )
     return LayerState(np.array([lift.thickness]), points)
+
+
+def _solid_ratio(points, material):
+    """Share of the volume under load that solids and water fill, k exp(p/K) [-]."""
+    return points.density_ratio * np.exp(-points.stress[:, :3].mean(axis=1) / material.bulk_modulus)
 
 
 def _conservative_means(values, old, new):
@@ -228,8 +233,9 @@ def relax_rows(
             material, points, strain, solid.rate_factor, tangent=iteration >= ELASTIC_ITERATIONS
         )
         if np.abs(rest.stress[:, [1, 3]]).max() < STRESS_TOLERANCE * material.unloading_modulus:
+            released = rest.stress[:, 1] / 3 / material.bulk_modulus  # volume strain of the stress that is left
             rest.stress[:, [1, 3]] = 0.0
-            return rest, np.exp(strain[:, 0] + strain[:, 1])
+            return rest, np.exp(strain[:, 0] + strain[:, 1] - released)
         stiffness = elastic if tangent is None else tangent[:, 1:, 1:] + ELASTIC_SHARE * elastic
         strain[:, 1:] -= np.linalg.solve(stiffness, rest.stress[:, [1, 3], None])[..., 0]
     raise RuntimeError(

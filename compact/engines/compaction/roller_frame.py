@@ -168,9 +168,9 @@ class RollerFrame:
         self.lower_height = 0.0 if lower is None else lower.height
         self.lower_rows = int(np.sum(self.row_y < self.lower_height))
         heights = self.row_heights[self.lower_rows :]
-        layer = fresh_layer(material, heights) if fed_layer is None else fed_layer.resampled(heights)
+        layer = fresh_layer(material, heights) if fed_layer is None else fed_layer.resampled(heights, material)
         if lower is not None:
-            layer = replace(layer, lower=lower.resampled(self.row_heights[: self.lower_rows]))
+            layer = replace(layer, lower=lower.resampled(self.row_heights[: self.lower_rows], material))
         self.fed_layer = layer
         self._fed_points = layer.stacked.points
 

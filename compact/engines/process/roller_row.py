@@ -377,14 +377,10 @@ class RollerRow:
         Forces are means over the roller length, the indentation is the mean bite, the edges are weighted by the load
         of the strokes, the exit is the product.
         """
-        history, length, peak = (
-            self.history,
-            self.problem.machine.roller_length,
-            float(self.history.peak_pressure.max()),
-        )
-        weights = history.load * self.lengths
+        history, length = self.history, self.problem.machine.roller_length
+        weights, peak = history.load * self.lengths, float(history.peak_pressure.max())
         weights = weights / weights.sum() if weights.any() else np.full(len(weights), 1 / len(weights))
-        columns, residual, estimates = history.states[-1].columns, history.work_residual, {}
+        columns, residual = history.states[-1].columns, history.work_residual
         if self.lifts is not None:
             columns = tuple(Column(*each) for each in self.thinnest.profile_at(self.product_density_ratio).T.tolist())
             ratio, peaks = self.thinnest.values("density_ratio"), self.thinnest.values("peak_pressure")
