@@ -168,6 +168,11 @@ class SectionHistory:
         return len(self.load)
 
     @property
+    def surface(self) -> Array:
+        """Height of the surface after each stroke [m]."""
+        return np.array([state.height for state in self.states[1:]])
+
+    @property
     def density_ratio(self) -> Array:
         """Mean density ratio after each stroke [-]."""
         return np.array([state.density_ratio for state in self.states[1:]])
