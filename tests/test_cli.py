@@ -25,7 +25,8 @@ from compact.analysis.sizing.durations import read_durations
 from compact.cli import INTERRUPTED, options
 from compact.cli import program as cli
 from compact.files import default_directory, write_json
-from compact.scene.loader import SceneError, parse_scene, scene_schema, starter_scene, summary_schema
+from compact.scene.loader import SceneError, parse_scene, scene_schema, summary_schema
+from compact.scene.new_scene import starter_scene
 
 ROOT = Path(__file__).parent.parent
 SMALL = ROOT / "compact" / "data" / "scenes" / "small.toml"

@@ -9,7 +9,8 @@ import pytest
 
 import compact
 from compact.material.mix import PARAMETER_NAMES
-from compact.scene.loader import SceneError, parse_scene, starter_scene
+from compact.scene.loader import SceneError, parse_scene
+from compact.scene.new_scene import starter_scene
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -141,13 +141,54 @@ class EngineJob(OwningJob):
     """Options of a command that computes contacts."""
 
     engine: Annotated[
-        Literal["formula", "column", "spectral", "fem", "compaction", "process"] | None,
+        Literal["auto", "formula", "column", "spectral", "fem", "compaction", "process"] | None,
         Parameter(help="contact engine that replaces the engine of the scene"),
     ] = None
 
     def read(self, path: Path, **replacements: object) -> "Scene":
         """Load a scene file with the engine of the option, as `Job.read`."""
         return super().read(path, **{"accuracy.engine": self.engine} | replacements)
+
+
+@dataclass(frozen=True)
+class NewMachine:
+    """Machine of `compact new`.
+
+    Parameters
+    ----------
+    rollers
+        number of rollers side by side
+    diameter
+        of a roller, m
+    plate
+        WIDTHxLENGTHxHEIGHT of the product in m, along the travel, along the rollers, and up
+    stroke
+        from end to end, m
+    duration
+        of one stroke, s
+    mass
+        of the cart, kg
+    moisture
+        water mass / dry mass, 0.10 for 10 %
+    density_ratio
+        density of the product / density without air
+    """
+
+    rollers: int | None = None
+    diameter: float | None = None
+    plate: str | None = None
+    stroke: float | None = None
+    duration: float | None = None
+    mass: float | None = None
+    moisture: float | None = None
+    density_ratio: float | None = None
+
+    def given(self) -> dict[str, Any]:
+        """Return the options that are given, the plate as three lengths [m]."""
+        from compact.scene.new_scene import read_plate
+
+        found = {name: value for name, value in vars(self).items() if value is not None}
+        return found | ({"plate": read_plate(self.plate)} if self.plate is not None else {})
 
 
 CONSOLE, JOB, OWNING_JOB, ENGINE_JOB = Console(), Job(), OwningJob(), EngineJob()  # without options

@@ -56,12 +56,12 @@ def _exit_code(arguments: Sequence[str]) -> int:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", RuntimeWarning)  # a result with a numerical warning is not a result
-            command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=True)
+            command, bound, _ = app.parse_args(arguments, exit_on_error=False, print_error=False)
             given = (each for each in bound.arguments.values() if isinstance(each, Console))
             with next(given, cli.CONSOLE).recorded():
                 return command(*bound.args, **bound.kwargs) or SUCCESS
-    except CycloptsError:  # printed by cyclopts, with the nearest option
-        return cli.INVALID_INPUT
+    except CycloptsError as error:
+        return cli.print_error(_with_remedy(error, arguments), cli.INVALID_INPUT)
     except BrokenPipeError:
         raise
     except (KeyboardInterrupt, Exception) as error:
@@ -76,30 +76,54 @@ def _exit_code(arguments: Sequence[str]) -> int:
         return cli.print_error(f"{sentence_of(error)} (COMPACT_TRACEBACK=1 prints the traceback)", cli.NO_RESULT)
 
 
+def _with_remedy(error: CycloptsError, arguments: Sequence[str]) -> str:
+    """Return the sentence of cyclopts on the options, with a remedy where it has none."""
+    said = " ".join(str(error).split()).rstrip(".")
+    if "into float" in said or "into int" in said:
+        return f"{said}; give a plain number in SI units, with a decimal point and without a unit"
+    named = [name for name in arguments[:1] if name in app]
+    has_remedy = any(words in said for words in ("Did you mean", "Choose from"))
+    return said if has_remedy else f"{said}; `{' '.join(['compact', *named, '--help'])}` lists what it takes"
+
+
 if logging.lastResort:  # the handler of warnings to a logger that nobody has configured
     logging.lastResort.setFormatter(logging.Formatter("compact: %(message)s"))
 warnings.formatwarning = lambda message, *_, **__: f"compact: warning: {message}\n"
 
 
 @app.command
-def new(directory: Path, /) -> None:
+def new(
+    directory: Path,
+    /,
+    *,
+    source: Annotated[str | None, Parameter(name="--from")] = None,
+    machine: Annotated[cli.NewMachine, Parameter(name="*")] = cli.NewMachine(),  # noqa: B008
+) -> None:
     """Write a commented scene that runs as it is, and the schema by which editors complete its keys.
 
     Parameters
     ----------
     directory
         folder for scene.toml; created if absent, and an existing scene is never overwritten
+    source
+        name of a published scene to copy, such as loveikin-2015
+    machine
+        the machine: what follows from it is derived, and printed; the rest is assumed, and nothing is fitted
     """
     from compact.files import atomic_file
-    from compact.scene.loader import SCENE_SCHEMA_FILE, scene_schema, starter_scene
+    from compact.scene import new_scene
+    from compact.scene.loader import SCENE_SCHEMA_FILE, scene_schema
 
-    path = directory / "scene.toml"
+    path, given = directory / "scene.toml", machine.given()
     if path.exists():
         raise ResultsError(f"{path}: exists already; give another directory")
+    if source is not None and given:
+        raise ValueError("--from copies a published scene as it is; leave the other options out, or edit the copy")
+    text, derived = (new_scene.published_scene(source), []) if source else new_scene.new_scene(given, str(path))
     with atomic_file(path) as stream:
-        stream.write(starter_scene())
+        stream.write(text)
     write_json(directory / SCENE_SCHEMA_FILE, scene_schema())
-    print(f"{path} written; next: compact run {path}")
+    print("\n".join([*derived, f"{path} written; next: compact run {path}"]))
 
 
 @app.command

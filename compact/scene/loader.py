@@ -20,6 +20,7 @@ import json
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from hashlib import sha256
 from importlib.resources import files
 from operator import attrgetter
@@ -36,10 +37,11 @@ from compact.files import checksum, scene_file
 from compact.machine.drives import DRIVES
 from compact.scene import errors, plausible_ranges
 from compact.scene.constraints import ADVICE, RULES, Rule, adapt, files_exist, replaced, sentences
+from compact.scene.engine_choice import AUTO, choose_engine
 from compact.scene.errors import Mistake, SceneError, Source
 from compact.scene.schema import LAW_NAMES, SceneTables, extra_of
 
-__all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change", "starter_scene"]
+__all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "read_change"]
 
 
 FILE_KEYS = ("drive.catalogue.file",)  # whose values are names of files
@@ -174,6 +176,8 @@ class Scene(SceneTables):
             left_out = [replaced(name, limit, limit.value_in(self)) for limit in neglected]
             fits = scene.mix.fit_remark
             told = fits and (name == own or fits != self.mix.fit_remark)
+            chosen = self._source.remark(("accuracy", "engine")) if name == own else ""
+            left_out += [f"{name}: {chosen}"] if chosen.startswith(f"{AUTO}: ") else []
             found[name] = (*left_out, *adapt(scene, name)[1], *([f"{name}: {fits}"] if told else []))
         return found
 
@@ -312,11 +316,6 @@ def read_value(text: str) -> Any:
         return text or None
 
 
-def starter_scene() -> str:
-    """Return the text of the commented scene that `compact new` writes."""
-    return (files("compact") / "data" / "new.toml").read_text("utf-8")
-
-
 def _bytes(path: str | Path) -> bytes:
     try:
         return Path(path).read_bytes()
@@ -392,6 +391,10 @@ def _validated(
             else:
                 table[last] = dict(value) if isinstance(value, dict) else value  # a later change may go into it
     _drop_fits(data, changes)
+    accuracy = data.get("accuracy")
+    if isinstance(accuracy, dict) and accuracy.get("engine") == AUTO:
+        accuracy["engine"], why = choose_engine(data)
+        source = replace(source, remarks={**source.remarks, ("accuracy", "engine"): f"{AUTO}: {why}"})
     try:
         return kind.model_validate(data), source, mistakes
     except ValidationError as error:
@@ -445,7 +448,7 @@ def scene_schema() -> dict[str, Any]:
     definitions = schema.pop("$defs")
     for table in definitions.values():
         table.pop("title", None)
-    definitions["Accuracy"]["properties"]["engine"]["enum"] = list(ENGINES)  # with those of other packages
+    definitions["Accuracy"]["properties"]["engine"]["enum"] = [AUTO, *ENGINES]  # with those of other packages
     definitions["Drive"]["properties"]["kind"]["enum"] = list(DRIVES)
     return {"$schema": DIALECT, **schema, "title": "Scene of compact", "definitions": definitions}
 

@@ -98,7 +98,8 @@ class Range:
         return ""
 
 
-MEAN_SPEED = Range(1e-3, 5.0, "m/s", "mean speeds of forming machines, motion.stroke over motion.duration")
+MEAN_SPEED = Range(1e-3, 2.5, "m/s", "mean speeds of forming machines, motion.stroke over motion.duration")
+SWAPPED = "a stroke of {0:g} m in {1:g} s; are motion.stroke and motion.duration swapped? Give {1:g} m and {0:g} s"
 COMPARED_KEYS = tuple(key for key in declared_keys() if "plausible" in extra_of(key) or key.startswith(OF_MIX))
 
 
@@ -129,6 +130,13 @@ def _of_key(say: Say, key: str, value: Any, unusual: Any) -> str | None:
 def _of_mean_speed(say: Say, duration: float, stroke: float, unusual: Any) -> str | None:
     if {"motion.duration", "motion.stroke"} & {*(unusual or ())}:
         return None
+    given = {"motion.stroke": stroke, "motion.duration": duration}
+    if any(range_of(key).excludes(value, REFUSED) for key, value in given.items()):
+        return None  # said there
+    refuses = say is Range.refusal
+    if MEAN_SPEED.excludes(stroke / duration) and stroke > duration and not MEAN_SPEED.excludes(duration / stroke):
+        words = f'{SWAPPED.format(stroke, duration)}, or unusual = ["motion.duration"] at the top of the scene'
+        return words if refuses else None
     return say(MEAN_SPEED, "motion.duration", stroke / duration)
 
 

@@ -29,7 +29,8 @@ from compact.report.tables import (
 )
 from compact.report.text import say
 from compact.rolling_contact import Contact
-from compact.scene.loader import load_scene, parse_scene, starter_scene
+from compact.scene.loader import load_scene, parse_scene
+from compact.scene.new_scene import starter_scene
 
 SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)

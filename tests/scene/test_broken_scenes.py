@@ -17,7 +17,8 @@ from extreme_scenes import DRIVES, Case, at, choices, ended, keys, toml
 
 from compact.cli import program as cli
 from compact.scene import plausible_ranges
-from compact.scene.loader import load_scene, read_change, starter_scene
+from compact.scene.loader import load_scene, read_change
+from compact.scene.new_scene import starter_scene
 
 resource = pytest.importorskip("resource", reason="limits of Unix")
 SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"

@@ -15,7 +15,8 @@ from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
 from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
 from compact.scene.constraints import adapt
-from compact.scene.loader import load_scene, parse_scene, starter_scene
+from compact.scene.loader import load_scene, parse_scene
+from compact.scene.new_scene import starter_scene
 
 SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 SPEED = 0.1
@@ -122,9 +123,12 @@ def new_scene(tmp_path, monkeypatch):
     return "mine/scene.toml"
 
 
+HIGH = ("--set", "layer.lift_thickness=")  # the whole product, on which the formulas are valid
+
+
 @pytest.mark.parametrize("engine", ["formula", "column", "spectral", pytest.param("fem", marks=pytest.mark.slow)])
 def test_the_new_scene_is_rolled_by_every_engine(engine, tmp_path, monkeypatch, capsys):
-    assert cli._exit_code(["roll", new_scene(tmp_path, monkeypatch), "--engine", engine, "--out", "out"]) == 0
+    assert cli._exit_code(["roll", new_scene(tmp_path, monkeypatch), "--engine", engine, *HIGH, "--out", "out"]) == 0
     told = capsys.readouterr().out
     contact = json.loads(Path("out/contact.json").read_text())
     assert all(sentence in told for sentence in contact["replaced"])

@@ -18,7 +18,8 @@ from compact.analysis.robust.law import ROBUST_OBJECTIVES
 from compact.motion.optimisation_problem import OBJECTIVES
 from compact.scene import plausible_ranges
 from compact.scene.errors import key_places
-from compact.scene.loader import Scene, SceneError, load_scene, parse_scene, starter_scene
+from compact.scene.loader import Scene, SceneError, load_scene, parse_scene
+from compact.scene.new_scene import starter_scene
 from compact.scene.schema import Objective, declared_keys
 
 SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
@@ -45,6 +46,7 @@ def leaves(table, path=()):
             yield ".".join((*path, key)), value
 
 
+COLUMNS = load_scene("loveikin-2015-engines").with_engine("column")
 LEAVES = dict(leaves(tomllib.loads(PUBLISHED)))
 
 
@@ -91,6 +93,11 @@ def test_every_value_of_a_study_scene_states_its_origin(name):
     lines = (SCENES / f"{name}.toml").read_text("utf-8").splitlines()
     values = [line for line in lines if re.match(r"\w+ = ", line) and not line.startswith("title")]
     assert [line for line in values if not re.search(r"# .*(published|assumed|calibrated)", line)] == []
+
+
+def test_the_starter_has_no_fit():
+    scene = parse_scene(starter_scene())
+    assert (scene.mix.values, scene.mix.fitted_at) == ({}, None)
 
 
 def test_the_starter_shows_every_key_there_is():
@@ -208,19 +215,19 @@ def test_objectives_of_scenes_are_those_of_the_modules():
 
 @pytest.mark.parametrize(("moisture", "factor"), [(0.08, 0.55), (0.09, 0.78), (0.10, 1.0), (0.12, 1.45)])
 def test_a_fitted_heckel_slope_follows_the_prior_over_the_moisture(moisture, factor):
-    scene = parse_scene(starter_scene()).replaced(**{"mix.moisture": moisture})
+    scene = COLUMNS.replaced(**{"mix.moisture": moisture})
     assert scene.mix.values["heckel_slope"] == pytest.approx(15.228e-6 * factor, rel=1e-12)
     assert scene.mix.overrides.heckel_slope == 15.228e-6
     remark = (
         "column: fits hold at moisture 0.1 and density ratio 0.98; scaled by the prior: effective_modulus, "
-        "heckel_slope; not scaled, as the prior lacks them: fed_density_ratio"
+        "heckel_slope; not scaled, as the prior lacks them: roller_friction, fed_density_ratio"
     )
     stated = [sentence for engine in scene.replacements.values() for sentence in engine if "fits hold" in sentence]
     assert stated == ([remark] if factor != 1.0 else [])
 
 
 def test_a_value_that_the_caller_gives_is_no_fit():
-    wetter = parse_scene(starter_scene()).replaced(**{"mix.moisture": 0.12})
+    wetter = COLUMNS.replaced(**{"mix.moisture": 0.12})
     given = wetter.replaced(**{"mix.overrides.heckel_slope": 2e-5})
     assert given.mix.values["heckel_slope"] == 2e-5
     assert given.mix.values["effective_modulus"] == wetter.mix.values["effective_modulus"]

@@ -29,8 +29,10 @@ from compact.analysis.study import Study
 from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerError, run_tasks
 from compact.cli import program as cli
 from compact.files import ResultsError
+from compact.material.mix import prior
 from compact.report import sweep as sweep_report
-from compact.scene.loader import load_scene, parse_scene, starter_scene
+from compact.scene.loader import load_scene, parse_scene
+from compact.scene.new_scene import starter_scene
 from compact.sweep import run as sweep
 from compact.sweep import sobol_indices
 
@@ -39,17 +41,21 @@ PAIR = ("mix.moisture=0.1,0.11",)
 
 
 def test_the_load_of_the_starter_falls_with_water_as_that_of_the_prior(tmp_path):
-    starter = parse_scene(starter_scene()).replaced(**{"output.items": []})
-    prior = starter.replaced(**{"mix.overrides": {}})
+    fitted = load_scene("loveikin-2015-engines").with_engine("column")
+    fitted = fitted.replaced(**{"motion.duration": 3.0, "motion.other_durations": ()})  # of the fit
+    starter = parse_scene(starter_scene()).replaced(**{"output.items": [], "accuracy.engine": "column"})
     loads = {}
-    for name, scene in (("fitted", starter), ("prior", prior)):
+    for name, scene in (("fitted", fitted), ("prior", starter)):
         table, _ = swept(tmp_path / name, scene, ["mix.moisture=0.08:0.12:5", "mix.density_ratio=0.95:0.98:2"])
         loads[name] = table["load"].sel(density_ratio=0.98).values
-    assert (np.diff(loads["fitted"]) < 0).all()
+        assert (np.diff(table["load"].values, axis=0) < 0).all()
+        assert (np.diff(table["load"].values, axis=1) > 0).all()
     ratios = {name: values / values[2] for name, values in loads.items()}
     assert ratios["fitted"] == pytest.approx(ratios["prior"], rel=0.05)
     assert loads["fitted"][2] == pytest.approx(9740, rel=1e-3)
-    remarks = set(swept(tmp_path / "again", starter, ["mix.moisture=0.09,0.10"])[0]["replaced"].values)
+    slopes = [prior(moisture, 0.98).heckel_slope for moisture in np.linspace(0.08, 0.12, 5)]
+    assert ratios["prior"] == pytest.approx(slopes[2] / np.array(slopes), rel=0.05)
+    remarks = set(swept(tmp_path / "again", fitted, ["mix.moisture=0.09,0.10"])[0]["replaced"].values)
     assert sum("scaled by the prior: effective_modulus, heckel_slope" in remark for remark in remarks) == 1
 
 
