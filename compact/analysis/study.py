@@ -39,6 +39,7 @@ from compact.analysis.stages.verdict import (
     Verdict,
     answer_of,
     governing,
+    governing_pair,
     model_answer,
     verdict,
 )
@@ -171,7 +172,8 @@ class Study:
         """Pass over fresh mix and forming process at the duration and drive of the scene, the larger of which sizes."""
         own = self.scene.motion.duration, self.scene.drive.kind
         verdicts = [each for key, each in self.verdicts.items() if key[:2] == own]
-        return governing(self.models, verdicts, self.scene.motion.duration)
+        found = governing(governing_pair(self.models), verdicts, self.scene.motion.duration)
+        return [*found, *self.machine_sizing.compared.values()]
 
     @cached_property
     def first_laws(self) -> FirstLaws | None:
@@ -183,10 +185,14 @@ class Study:
 
     @cached_property
     def machine_sizing(self) -> MachineSizing:
-        """Motor of every law, and guide wheels and bearings under the recommended law by the first criterion."""
+        """Motor of every law, and guide wheels and bearings under the recommended law by the first criterion.
+
+        Where a pass over fresh mix and the forming process both size the machine, each is that of the larger one.
+        """
         motion, kind = self.scene.motion, self.scene.drive.kind
         recommended = [self.verdicts.get((motion.duration, kind, by)) for by in self._sizing_peaks[:1]]
-        return machine_sizing(self.stages, next((each.law for each in recommended if each), None))
+        law = next((each.law for each in recommended if each), None)
+        return machine_sizing(self.stages, law, governing_pair(self.models))
 
     @cached_property
     def work_balance(self) -> WorkBalance:

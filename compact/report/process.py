@@ -129,9 +129,7 @@ def process_digest(study: ProcessStudy) -> str:
     for part in study.parts:
         force = "not computed" if part.force is None else format_quantity(part.force, "N")
         work = "" if part.work is None else f"{part.work / 1e3:8.3g} kJ/m³"
-        ends = [
-            format_quantity(each, "N") for each in (part.low, part.high) if each is not None and part.low != part.high
-        ]
+        ends = [format_quantity(e, "N") for e in (part.low, part.high) if e is not None and part.low != part.high]
         words = f" ({' to '.join(ends)})" if ends else ""
         lines.append(f"{_line(part.cause, force)}{work}  {part.origin}{words}; {part.test}")
     return "\n".join([*lines, "", *(f"note: {remark}" for remark in study.remarks)]).rstrip()

@@ -44,7 +44,7 @@ SIZING = (
     "rms_torque_Nm=requirement.rms_torque peak_torque_Nm=requirement.peak_torque "
     "peak_braking_torque_Nm=requirement.peak_braking driving_share=requirement.driving_share "
     "braking_share=requirement.braking_share largest_inertia_kgm2=requirement.largest_inertia "
-    "excess_energy_J=requirement.excess_energy required_power_W motor=choice.chosen.motor.name"
+    "excess_energy_J=requirement.excess_energy required_power_W motor=choice.chosen.motor.name engine"
 )
 WORK_BALANCE = (
     "pass_work_J/m3 confined_work_J/m3 work_ratio loose_work_J/m3 cycle_work_J pressed_volume_m3 carried_volume_m3 "
@@ -250,8 +250,8 @@ def sizing_tables(sizing: MachineSizing) -> Iterator[File]:
     if first is not None and first.choice is not None:
         reason = {"reason": lambda fit: "; ".join(fit.failures)}
         yield TableSpec.of("motor-catalogue", first.choice.fits, CATALOGUE, **reason)
-    cycles = [(wheel.name, each, sizing.per_hour(each.count)) for wheel in sizing.wheels for each in wheel.cycles]
-    names = "load=0 range_N=1.range mean_N=1.mean count_per_cycle=1.count count_per_hour=2"
+    cycles = [(wheel, each, sizing.per_hour(each.count)) for wheel in sizing.wheels for each in wheel.cycles]
+    names = "load=0.name range_N=1.range mean_N=1.mean count_per_cycle=1.count count_per_hour=2 engine=0.engine"
     yield TableSpec.of("wheel-loads", cycles, names)
     if sizing.lives:
         names = "bearing=0 equivalent_load_N=1.equivalent_load life_million_revolutions=1.million_revolutions "

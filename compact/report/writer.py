@@ -100,7 +100,7 @@ def write_study(
         files += kept
         for name, other in study.comparison.items():
             if other.records:  # contacts and map of a compared engine, for the next run
-                found: tuple[Any, ...] = (other.records, other.held, other.second_pass, other.steady)
+                found: Any = other.records, other.held, other.second_pass, other.steady, None, None, other.lifts
                 files += write_results(place / "comparison" / name, KeptResults(*found), other.key)
         summary = study_summary(study, [str(Path(file).relative_to(place)) for file in files])
         write_json(place / "summary.json", summary)
@@ -444,6 +444,7 @@ def sizing_numbers(sizing: MachineSizing) -> dict[str, Any]:
         "wheels": {
             wheel.name: json_numbers(wheel, "least_N largest_N")
             | {"cycles": [json_values(each, "range mean count") for each in wheel.cycles]}
+            | ({"engine": wheel.engine} if sizing.compared else {})
             for wheel in sizing.wheels
         },
         "bearings": {

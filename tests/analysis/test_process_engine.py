@@ -1,5 +1,6 @@
 """Engine "process": resistance of all strokes to the drives, its map, durations, return stroke, and kept results."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from lift_sequences import sequence
 from compact import drive
 from compact.analysis import machine_models, process
 from compact.analysis.process import ProcessStudy
+from compact.analysis.sizing.machine_sizing import machine_sizing
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.uncertainty import mix_spread
 from compact.analysis.stages.verdict import reason_against
@@ -153,10 +155,11 @@ def test_lumped_lifts_are_kept_with_the_results(monkeypatch, tmp_path):
     )
 
 
-def beside(monkeypatch, detail):
+def beside(monkeypatch, detail, **changes):
     """Study of one pass by columns, with the forming process beside it."""
     monkeypatch.setattr(process, "simulate_lifts", lifts)
-    return Study(scene(**{"accuracy.engine": "column", "layer.lift_thickness": 0.06, "process.detail": detail}))
+    own = {"accuracy.engine": "column", "layer.lift_thickness": 0.06, "process.detail": detail}
+    return Study(scene(**own | changes))
 
 
 def test_the_process_stands_beside_a_pass_and_the_larger_one_sizes(monkeypatch):
@@ -176,6 +179,51 @@ def test_the_process_stands_beside_a_pass_and_the_larger_one_sizes(monkeypatch):
     forming = other.mean_resistance[found.scene.motion.duration] - drag
     assert share(1.0) == pytest.approx(1)
     assert share(0.0) == pytest.approx((drag + 0.02 * forming) / (drag + forming), rel=1e-3)
+
+
+BEARINGS = {
+    "machine.guide_bearing": {"dynamic_rating": 20e3, "kind": "ball", "count": 2},
+    "machine.roller_bearing": {"dynamic_rating": 40e3, "kind": "roller", "count": 2},
+}  # fmt: skip
+
+
+def test_motor_and_bearings_are_those_of_the_engine_that_requires_more(monkeypatch):
+    """As by each engine alone, with its own cart and resistance."""
+    found = beside(monkeypatch, "deep", **BEARINGS)
+    law = found.machine_sizing.first_law
+    alone = {"column": machine_sizing(found.stages, law)}
+    alone["process"] = machine_sizing(build_stages(found.scene.with_engine("process")), law)
+    powers = {engine: each.laws[law].required_power for engine, each in alone.items()}
+    assert powers["process"] > 1.2 * powers["column"]
+    assert found.machine_sizing.first.required_power == pytest.approx(powers["process"], rel=1e-6)
+    assert found.machine_sizing.first.engine == "process"
+    for wheel, *both in zip(found.machine_sizing.wheels, *(each.wheels for each in alone.values()), strict=True):
+        sizes = {each.engine: max(abs(each.least), abs(each.largest)) for each in both}
+        assert wheel.engine == max(sizes, key=sizes.get)
+    for name, life in found.machine_sizing.lives.items():
+        assert life.hours == pytest.approx(min(each.lives[name].hours for each in alone.values()), rel=1e-6)
+    rows = {each.quantity: each for each in found.governing}
+    assert rows[f"rated power of a motor with {law}"].values == pytest.approx(powers, rel=1e-6)
+    assert {"load on a bearing of a roller", "load on a bearing of a front guide wheel"} <= rows.keys()
+    (motor,), (lives,) = (text.sentences(name, found) for name in ("motor", "bearings"))
+    assert re.match(rf"motor with {law} \(the larger of [\d.]+ k?W by column and [\d.]+ k?W by process\):", motor)
+    assert re.search(r"roller [\d.× ⁰-⁹]+ h \(the larger of [\d.]+ k?N by column and [\d.]+ k?N by process\)", lives)
+    assert not machine_sizing(found.stages, law).compared
+
+
+def test_lifts_beside_a_pass_are_kept_for_the_next_run(monkeypatch, tmp_path):
+    """A run that asks for two dimensions keeps them; the next one takes them, though it asks for columns."""
+    first = beside(monkeypatch, "deep")
+    writer.write_study(first, tmp_path)
+    monkeypatch.setattr(process, "simulate_lifts", None)
+    again = Study(first.scene.replaced(**{"process.detail": "columns"}), directory=tmp_path)
+    assert again.comparison["process"].lifts == first.comparison["process"].lifts != None  # noqa: E711
+    assert again.comparison["process"].roller_load == pytest.approx(first.comparison["process"].roller_load, rel=1e-12)
+    assert {each.quantity: each.values for each in again.governing} == {
+        each.quantity: pytest.approx(each.values, rel=1e-9) for each in first.governing
+    }
+    other = Study(again.scene.replaced(**{"product.height": 0.21}), directory=tmp_path)  # another section
+    assert other.comparison["process"].invalid == "confined floor"
 
 
 def test_columns_of_the_process_beside_a_pass_size_nothing(monkeypatch):

@@ -8,15 +8,21 @@ of the first law under the drive of the scene:
     roller        sqrt(R^2 + (W/n)^2), lift and its share of the resistance
 
 A guide wheel of diameter D and a roller of radius r turn by 2 s/(pi D) and s/(pi r) in a cycle of the stroke s.
+
+Where a pass over fresh mix and the forming process are both valid for sizing, the drive runs with the resistance and
+load of each. The motor of a law, a wheel and a bearing are those of the model that requires more of them.
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from compact.analysis.machine_models import catalogue
-from compact.analysis.stages.drives import Stages
+from compact.analysis.machine_models import cart, catalogue
+from compact.analysis.stages.drives import Runs, Stages, simulate_laws
+from compact.analysis.stages.verdict import Governing, ModelAnswer, larger
 from compact.machine.component_sizing import (
     SECONDS_PER_HOUR,
     Bearing,
@@ -47,12 +53,15 @@ class LawSizing:
         Rated power with the margin [W]; infinite for such a law.
     choice : MotorChoice or None
         Motors of the catalogue; None without a catalogue or a requirement.
+    engine : str
+        Engine whose resistance requires it.
     """
 
     law: str
     requirement: ShaftRequirement | None
     required_power: float
     choice: MotorChoice | None
+    engine: str
 
 
 @dataclass(frozen=True)
@@ -67,12 +76,15 @@ class WheelLoads:
         Extremes of the load [N].
     cycles : tuple of LoadCycle
         Load cycles in one cycle of the machine, largest range first.
+    engine : str
+        Engine whose load and resistance cause them.
     """
 
     name: str
     least: float
     largest: float
     cycles: tuple[LoadCycle, ...]
+    engine: str
 
 
 @dataclass(frozen=True)
@@ -93,6 +105,9 @@ class MachineSizing:
         Life of the bearings by wheel; those with a rating in the scene.
     period : float
         Time of a cycle [s].
+    compared : dict
+        Requirement of the motor under "motor", and of bearings by wheel, by a pass over fresh mix and by the forming
+        process; empty with one of them.
     """
 
     first_law: str
@@ -101,6 +116,7 @@ class MachineSizing:
     wheels: tuple[WheelLoads, ...]
     lives: dict[str, BearingLife]
     period: float
+    compared: dict[str, Governing] = field(default_factory=dict)
 
     @property
     def first(self) -> LawSizing | None:
@@ -112,34 +128,49 @@ class MachineSizing:
         return count * SECONDS_PER_HOUR / self.period
 
 
-def machine_sizing(stages: Stages, law: str | None = None) -> MachineSizing:
+def machine_sizing(stages: Stages, law: str | None = None, models: Sequence[ModelAnswer] = ()) -> MachineSizing:
     """Size motor, guides and bearings of a scene.
 
     Parameters
     ----------
     law : str, optional
         Law whose loads are counted; the first law by the first criterion by default.
+    models : sequence of ModelAnswer
+        Models the larger of which sizes the machine; the engine of the scene alone by default.
 
     Raises
     ------
     SceneError
         If the catalogue cannot be read.
     """
-    scene, first_law = stages.drive.scene, law or stages.drive.best_law
-    machine, run, table = scene.machine, stages.drive.runs[first_law], scene.drive.catalogue
+    found = [_sized(stages, law or stages.drive.best_law, model) for model in models or (None,)]
+    return found[0] if len(found) == 1 else _largest(dict(zip((each.engine for each in models), found, strict=True)))
+
+
+def _sized(stages: Stages, law: str, model: ModelAnswer | None) -> MachineSizing:
+    """Size motor, guides and bearings by the runs under the load and resistance of a model, of the scene by default."""
+    scene, resistance, runs = stages.drive.scene, stages.resistance.resistance, stages.drive.runs
+    engine, machine, table = scene.accuracy.engine, scene.machine, scene.drive.catalogue
+    if model is not None and model.engine != engine:
+        engine, resistance = model.engine, model.resistance
+        loaded = cart(scene, model.roller_load, model.return_load_ratio)
+        runs = dict(simulate_laws(scene, loaded, stages.drive.cycles, resistance))
     rule = SizingRule() if table is None else SizingRule(**table.model_dump(exclude={"file"}))
-    laws = _law_sizings(stages, rule) if stages.drive.model.has_shaft else {}
-    forces, cart, velocity, share = run.state.forces, run.cart, run.state.velocity, run.state.load_share
+    laws = _law_sizings(stages, rule, engine, resistance, runs) if stages.drive.model.has_shaft else {}
+    run, lives = runs[law], {}
+    forces, velocity, reactions = run.state.forces, run.state.velocity, run.cart.roller_reactions
+    direction = np.where(velocity < 0, run.cart.return_load_ratio, 1.0)
     loads = {
         "front guide wheel": forces.front_reaction,
         "rear guide wheel": forces.rear_reaction,
-        "roller, lift": max(cart.roller_reactions) * share * np.where(velocity < 0, cart.return_load_ratio, 1.0),
-        "roller, along the travel": run.state.resistance / len(cart.roller_reactions),
+        "roller, lift": max(reactions) * run.state.load_share * direction,
+        "roller, along the travel": run.state.resistance / len(reactions),
     }
-    wheels = (WheelLoads(name, float(f.min()), float(f.max()), tuple(count_cycles(f))) for name, f in loads.items())
+    wheels = [
+        WheelLoads(name, float(f.min()), float(f.max()), tuple(count_cycles(f)), engine) for name, f in loads.items()
+    ]
     radial = {name: loads[name] for name in ("front guide wheel", "rear guide wheel")}
     radial["roller"] = np.hypot(loads["roller, lift"], loads["roller, along the travel"])
-    lives = {}
     for name, load in radial.items():
         bearing, radius = machine.guide_bearing, machine.guide_wheel_diameter / 2
         if name == "roller":
@@ -147,20 +178,37 @@ def machine_sizing(stages: Stages, law: str | None = None) -> MachineSizing:
         if bearing is not None:
             travelled = run.weights * np.abs(velocity)
             lives[name] = bearing_life(Bearing(**bearing.model_dump()), load, travelled, radius, run.period)
-    return MachineSizing(first_law, rule, laws, tuple(wheels), lives, float(run.period))
+    return MachineSizing(law, rule, laws, tuple(wheels), lives, float(run.period))
 
 
-def _law_sizings(stages: Stages, rule: SizingRule) -> dict[str, LawSizing]:
+def _largest(found: Mapping[str, MachineSizing]) -> MachineSizing:
+    """Return motors, wheels and bearings of the engine that requires more of each, and the requirements compared."""
+    every, compared = [*found.values()], {}
+    first, law = every[0], every[0].first_law
+    laws = {name: max((each.laws[name] for each in every), key=lambda one: one.required_power) for name in first.laws}
+    same = zip(*(each.wheels for each in every), strict=True)
+    wheels = tuple(max(each, key=lambda one: max(abs(one.least), abs(one.largest))) for each in same)
+    if laws:
+        powers = {engine: each.laws[law].required_power for engine, each in found.items()}
+        compared["motor"] = larger(f"rated power of a motor with {law}", "W", powers)
+    for name in first.lives:
+        loads = {engine: each.lives[name].equivalent_load for engine, each in found.items()}
+        compared[name] = larger(f"load on a bearing of a {name}", "N", loads)
+    lives = {name: found[compared[name].engine].lives[name] for name in first.lives}
+    return replace(first, laws=laws, wheels=wheels, lives=lives, compared=compared)
+
+
+def _law_sizings(stages: Stages, rule: SizingRule, engine: str, resistance: Any, runs: Runs) -> dict[str, LawSizing]:
     """Compute the torque of the shaft under every law and choose its motor."""
-    scene, cart, resistance = stages.drive.scene, stages.resistance.cart, stages.resistance.resistance
+    scene, loaded = stages.drive.scene, next(iter(runs.values())).cart
     model, motors, angles, found = stages.drive.model, catalogue(scene), angles_of(scene), {}
     for name, cycle in stages.drive.cycles.items():
         needed = None
         if model.driven_end:
-            needed = requirement_of_run(stages.drive.runs[name], angles)
+            needed = requirement_of_run(runs[name], angles)
         elif not any(join.order == 1 for join in cycle.discontinuities()):
-            needed = shaft_requirement(CartsOnShaft(cart, cycle, resistance, angles, model.linkage(scene, cycle)))
+            needed = shaft_requirement(CartsOnShaft(loaded, cycle, resistance, angles, model.linkage(scene, cycle)))
         power = math.inf if needed is None else rule.required_power(needed)
         choice = choose_motor(motors, needed, rule) if motors and needed else None
-        found[name] = LawSizing(name, needed, power, choice)
+        found[name] = LawSizing(name, needed, power, choice, engine)
     return found

@@ -123,7 +123,7 @@ def first_laws(scene: Scene, models: Sequence[ModelAnswer], cycles: Mapping[str,
     rigid, pooled = RigidLaws(cycles), PooledLaws(cycles)
     cases = []
     for model in models:
-        cart = machine_models.cart(scene, model.roller_load, (model.second_pass or (1.0,))[0])
+        cart = machine_models.cart(scene, model.roller_load, model.return_load_ratio)
         for turn, resistance in _turns(scene, model):
             found = {RIGID: rigid.peaks(cart, resistance)} | pooled.peaks(cart, resistance, springs)
             peaks = {by: {drive: each[by] for drive, each in found.items()} for by in SIZING_PEAKS}
@@ -133,7 +133,7 @@ def first_laws(scene: Scene, models: Sequence[ModelAnswer], cycles: Mapping[str,
 
 def _springs(scene: Scene, models: Sequence[ModelAnswer]) -> Springs:
     """Return stiffness and damping of the elastic drives of the scene by label; none where `DrivePool` has no model."""
-    mirrored = all(each.second_pass is None and is_mirrored(each.steady) for each in models)
+    mirrored = all(each.return_load_ratio == 1 and is_mirrored(each.steady) for each in models)
     cart = machine_models.cart(scene, models[0].roller_load)
     if not mirrored or missing_for_pool(scene, cart):
         return {}

@@ -72,6 +72,10 @@ class ModelAnswer:
         Its part far from a turn, and the shares after a turn over the distance to fresh mix, see `ResistanceStage`.
     records, held, second_pass, key
         Contacts, held quantity, ratios of a second pass where the return stroke requires them, and key of the contacts.
+    return_load_ratio : float
+        Load on the return stroke over that on the forward stroke [-].
+    lifts : KnownLifts or None
+        Lumped lifts of a forming process, without their fields.
     counts : Counter
         Number of runs of each stage in another process.
     warned : tuple of str
@@ -95,6 +99,8 @@ class ModelAnswer:
     held: HeldQuantity | None = None
     second_pass: tuple[float, float] | None = None
     key: str = ""
+    return_load_ratio: float = 1.0
+    lifts: Any = None
     counts: Counter[str] = field(default_factory=Counter)
     warned: tuple[str, ...] = ()
 
@@ -212,6 +218,7 @@ def model_answer(stages: Stages, spread: tuple[float, float] | None = None) -> M
         fitted_inputs(scene), contacts.roller_load,
         records, contacts.held,
         contacts.second_pass if scene.layer.return_stroke == "compacted" else None, contacts.key,
+        contacts.return_ratios[0], contacts.process and contacts.process.lifts and contacts.process.lifts.bare,
     )  # fmt: skip
 
 
@@ -234,13 +241,31 @@ class Governing(NamedTuple):
     engine: str
 
 
-def governing(models: Sequence[ModelAnswer], verdicts: Iterable[Verdict], duration: float) -> list[Governing]:
-    """Compare a pass over fresh mix with the forming process next to it, quantity by quantity.
+def governing_pair(models: Sequence[ModelAnswer]) -> tuple[ModelAnswer, ...]:
+    """Return the first pass over fresh mix and the forming process; empty unless both are valid for sizing.
 
     Parameters
     ----------
     models : sequence of ModelAnswer
         Answers, that of the engine of the scene first.
+    """
+    passes = [each for each in models if each.engine != PROCESS and each.valid]
+    processes = [each for each in models if each.engine == PROCESS and each.valid]
+    return (passes[0], processes[0]) if passes and processes else ()
+
+
+def larger(quantity: str, unit: str, values: dict[str, float]) -> Governing:
+    """Return the values of a quantity by engine with the engine of the larger one."""
+    return Governing(quantity, unit, values, max(values, key=values.__getitem__))
+
+
+def governing(pair: Sequence[ModelAnswer], verdicts: Iterable[Verdict], duration: float) -> list[Governing]:
+    """Compare a pass over fresh mix with the forming process next to it, quantity by quantity.
+
+    Parameters
+    ----------
+    pair : sequence of ModelAnswer
+        Both answers, or none.
     verdicts : iterable of Verdict
         Recommended laws, whose peaks are compared.
     duration : float
@@ -249,21 +274,17 @@ def governing(models: Sequence[ModelAnswer], verdicts: Iterable[Verdict], durati
     Returns
     -------
     list of Governing
-        Empty unless both are valid for sizing.
     """
-    passes = [each for each in models if each.engine != PROCESS and each.valid]
-    processes = [each for each in models if each.engine == PROCESS and each.valid]
-    if not (passes and processes):
+    if not pair:
         return []
-    pair = passes[0], processes[0]
     found = [
-        ("load on a roller", "N", {each.engine: each.roller_load for each in pair}),
-        ("resistance of a cart", "N", {each.engine: each.mean_resistance[duration] for each in pair}),
+        larger("load on a roller", "N", {each.engine: each.roller_load for each in pair}),
+        larger("resistance of a cart", "N", {each.engine: each.mean_resistance[duration] for each in pair}),
     ]
     for each in verdicts:
         values = {model.engine: each.values.get(model.engine, math.nan) for model in pair}
-        found.append((f"{CRITERIA[each.by].quantity.term} of {each.law}", CRITERIA[each.by].unit, values))
-    return [Governing(*each, max(each[2], key=each[2].__getitem__)) for each in found]
+        found.append(larger(f"{CRITERIA[each.by].quantity.term} of {each.law}", CRITERIA[each.by].unit, values))
+    return found
 
 
 Answer = ModelAnswer | HeapingError | UnsteadyError | EquilibriumError

@@ -225,10 +225,15 @@ class KnownLifts(NamedTuple):
     rate_factor: float
     cart_speed: float
 
+    @property
+    def bare(self) -> "KnownLifts":
+        """The lifts without their fields under the roller."""
+        bare = (replace(each, lifts=tuple(replace(lift, mesh=None) for lift in each.lifts)) for each in self.sequences)
+        return self._replace(sequences=tuple(bare))
+
     def to_json(self) -> dict[str, Any]:
         """Return the content of a JSON file, without the fields under the roller."""
-        bare = (replace(each, lifts=tuple(replace(lift, mesh=None) for lift in each.lifts)) for each in self.sequences)
-        return {**self._asdict(), "sequences": [asdict(each) for each in bare]}
+        return {**self._asdict(), "sequences": [asdict(each) for each in self.bare.sequences]}
 
 
 def simulate_lifts(
@@ -280,7 +285,7 @@ def simulate_lifts(
             slope = problem.material.heckel_slope * float(problem.kneading.slope_factor(kneaded + gained / 2))
             material = replace(material, heckel_slope=slope)
         try:
-            passed = _passed(problem.machine, material, raised, friction, rate_factor, accuracy)
+            passed = _passed(problem.machine, material, raised, friction, rate_factor, **accuracy)
         except (RuntimeError, ValueError) as error:  # no steady state, or more mix than fits
             if not lifts:
                 raise
@@ -300,18 +305,13 @@ def simulate_lifts(
 
 
 def _passed(
-    machine: FormingMachine,
-    material: Compaction,
-    raised: LayerState,
-    friction: float,
-    rate_factor: float,
-    accuracy: dict[str, Any],
+    machine: FormingMachine, material: Compaction, raised: LayerState, friction: float, factor: float, **accuracy: Any
 ) -> CompactionContactResult:
     """Return the pass of the roller over a raised section, at the speed at which its yield has the rate factor."""
     bite, speed, m = raised.height - machine.height, machine.cart_speed, material.rate_sensitivity
-    if m and rate_factor >= 1 + RATE_ROUNDING:
-        factor = rate_factor_at(material, machine.roller_radius, raised.height, bite, speed, raised)
-        speed *= float(np.expm1((rate_factor - 1) / m) / np.expm1((factor - 1) / m))
+    if m and factor >= 1 + RATE_ROUNDING:
+        own = rate_factor_at(material, machine.roller_radius, raised.height, bite, speed, raised)
+        speed *= float(np.expm1((factor - 1) / m) / np.expm1((own - 1) / m))
     roller = Roller(machine.roller_radius, indentation=bite, friction=friction, rolling="free", profile="deformed")
     with threadpool_limits(1):  # threads of a factorisation wait for one another
         return _with_closed_energy(roll(Layer(raised.height), roller, material, speed, fed_layer=raised, **accuracy))
