@@ -130,20 +130,21 @@ def scene_file(path: str | Path) -> Path:
     return published if published and not Path(path).exists() else Path(path)
 
 
-def default_directory(scene_path: str | Path, suffix: str = "") -> Path:
+def default_directory(scene_path: str | Path, suffix: str = "", changes: str = "") -> Path:
     """Return the default directory for the results of a scene file.
 
     Returns
     -------
     Path
-        `out/NAME` or `out/NAME-SUFFIX`. NAME is the stem of the file, or the name of its folder for a file
-        `scene.toml`, so that `a/scene.toml` and `b/scene.toml` have separate results.
+        `out/NAME-CHANGES-SUFFIX` without empty parts. NAME is the stem of the file, or the name of its folder for a
+        file `scene.toml`, so that `a/scene.toml` and `b/scene.toml` have separate results; CHANGES are the changed
+        values of the scene.
     """
     path = Path(scene_path)
     name = path.stem
     if name == GENERIC_STEM:
         name = path.resolve().parent.name or name  # the root of the file system has no name
-    return Path("out") / (f"{name}-{suffix}" if suffix else name)
+    return Path("out") / "-".join(filter(None, (name, changes, suffix)))
 
 
 def read_table(path: Path | Traversable, columns: Sequence[str] = ()) -> list[tuple[int, dict[str, str]]]:

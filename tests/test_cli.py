@@ -25,7 +25,7 @@ from compact.analysis.sizing.durations import read_durations
 from compact.cli import INTERRUPTED, options
 from compact.cli import program as cli
 from compact.files import default_directory, write_json
-from compact.scene.loader import SceneError, parse_scene, scene_schema, summary_schema
+from compact.scene.loader import SceneError, load_scene, parse_scene, scene_schema, summary_schema
 from compact.scene.new_scene import starter_scene
 
 ROOT = Path(__file__).parent.parent
@@ -239,6 +239,22 @@ def test_a_refusal_from_a_worker_process_is_told_from_an_error_of_a_library(work
 )
 def test_default_directory_has_the_name_of_the_scene_or_of_its_folder(path, suffix, directory):
     assert default_directory(path, suffix) == Path(directory)
+
+
+def test_only_a_changed_value_decides_the_folder_of_the_results(compact, tmp_path):
+    changes = {
+        "small-roll": ("mix.moisture=0.10", 'title="another"', "machine.rollers=2"),
+        "small-moisture=0.12-roll": ("mix.moisture=0.12",),
+        "small-engine=column-speeds=06a6535c-roll": ("accuracy.engine=column", "contact.speeds=[0.1]"),
+    }
+    for name, given in changes.items():
+        for _ in range(2):
+            done = compact("roll", SMALL, *(word for each in given for word in ("--set", each)), cwd=tmp_path)
+            assert done.returncode == 0, done.stderr
+        folders = {path.name for path in (tmp_path / "out").iterdir()}
+        assert name in folders, folders
+    assert folders == changes.keys()
+    assert len(load_scene(SMALL, **{"motion.laws": ["cubic"] * 1, "mix.overrides.poisson": 0.2}).changed_values) < 60
 
 
 def test_cam_of_a_tabulated_law(compact, tmp_path):

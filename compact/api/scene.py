@@ -218,7 +218,7 @@ class Scene(loader.Scene):
         Parameters
         ----------
         out : str or Path, optional
-            Directory of the results; out/NAME by default, with the name of the scene file.
+            Directory of the results; out/NAME by default, with the name of the scene file and its changed values.
         force : bool
             True to overwrite results of another scene.
 
@@ -229,7 +229,7 @@ class Scene(loader.Scene):
         from compact.api.results import Study
         from compact.files import default_directory
 
-        directory = Path(out) if out is not None else default_directory(self.file)
+        directory = Path(out) if out is not None else default_directory(self.file, "", self.changed_values)
         study = Study(self, directory=directory)
         study.write(directory, force)
         return study

@@ -86,7 +86,7 @@ class Job(Console):
 
     out: Annotated[
         Path | None,
-        Parameter(help="folder of the results; default out/NAME-COMMAND, NAME of the scene file or its folder"),
+        Parameter(help="folder of the results; default out/NAME-CHANGES-COMMAND, NAME of the scene file or its folder"),
     ] = None
     changes: Annotated[
         tuple[str, ...],
@@ -97,9 +97,9 @@ class Job(Console):
         ),
     ] = ()
 
-    def place(self, scene: Path, suffix: str = "") -> Path:
-        """Return the folder or file of the results."""
-        return self.out or default_directory(scene, suffix)
+    def place(self, path: Path, scene: "Scene", suffix: str = "") -> Path:
+        """Return the folder or file of the results; a changed value of the scene enters the name."""
+        return self.out or default_directory(path, suffix, scene.changed_values)
 
     def read(self, path: Path, **replacements: object) -> "Scene":
         """Load a scene file with some of its keys replaced, and print the advice on it.
@@ -131,7 +131,7 @@ class OwningJob(Job):
     def writing(self, path: Path, suffix: str, scene: "Scene") -> Iterator[tuple[Path, "Progress"]]:
         """Claim the folder of the results of a scene file inside the block, and show the line of progress."""
         progress = self.progress()
-        with claimed_directory(self.place(path, suffix), scene.hash, self.force) as directory, progress:
+        with claimed_directory(self.place(path, scene, suffix), scene.hash, self.force) as directory, progress:
             yield directory, progress
 
 

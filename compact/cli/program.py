@@ -162,7 +162,7 @@ def run(
     from compact.report import writer as report
 
     progress = job.progress()
-    directory = job.place(scene)
+    directory = job.place(scene, given)
     study = Study(
         given, directory=directory, progress=progress.report, durations=() if over is None else read_durations(over),
         step=progress.begin,
@@ -199,7 +199,7 @@ def roll(
         given.require_fields(**{"contact.speeds": [speed]})
     speed = given.mean_speed if speed is None else speed
     name = given.accuracy.engine
-    with job.writing(scene, name, given) as (directory, progress):
+    with job.writing(scene, "roll", given) as (directory, progress):
         study = Study(given, progress=progress.report)
         contacts = study.stages.contacts
         if picture is not None:
@@ -255,7 +255,7 @@ def cam(
     study = Study(given)
     made = study.stages.laws.cam(law, follower)
     bore = given.cam.bore if given.cam else None
-    written = cam_files.write_cam_files(job.place(scene, "cams"), made, cutter, tolerance, bore)
+    written = cam_files.write_cam_files(job.place(scene, given, "cams"), made, cutter, tolerance, bore)
     files = "\n".join(f"  {path}" for path in written)
     job.show(lambda: f"{text.cam_digest(law, made)}\n{files}", files=written)
 
@@ -330,7 +330,7 @@ def sweep(
     given = job.read(scene, **{"accuracy.tolerance": tolerance})
     varied = [varying.read_design(text) for text in vary]
     many = create_sweep(given, varied, rank=rank, indices=sobol, direct=direct)
-    directory, failed = job.place(scene, "sweep"), 0
+    directory, failed = job.place(scene, given, "sweep"), 0
 
     def step(points: int, failures: int) -> None:
         nonlocal failed
@@ -392,7 +392,7 @@ def export(
 
     files, notes, numbers = [], [], {}
     with job.writing(scene, "export", given) as (directory, progress):
-        study = Study(given, progress.begin, default_directory(scene), progress.report)
+        study = Study(given, progress.begin, default_directory(scene, "", given.changed_values), progress.report)
         contacts = study.stages.contacts
         for name in dict.fromkeys(formats):
             if name == "csv":
@@ -464,7 +464,7 @@ def calibrate(
     readings = read_measurements(measured)
     options: dict[str, Any] = {} if increments is None else {"increments": increments}
     given = job.read(scene)
-    path = job.place(scene, "calibration.json")
+    path = job.place(scene, given, "calibration.json")
     summary: dict[str, Any] = {}
     told = []
     if readings.of_drive:

@@ -66,7 +66,7 @@ def sentences(rules: Iterable[Rule], data: Mapping[str, Any], refused: Iterable[
     """
     out = {mistake.key for mistake in refused}
     evaluated = [rule for rule in rules if not rule.involves(out)]
-    said = ((rule.paths[0], rule.broken(*(_value(data, path) for path in rule.paths))) for rule in evaluated)
+    said = ((rule.paths[0], rule.broken(*(value_at(data, path) for path in rule.paths))) for rule in evaluated)
     return [Mistake(key, sentence) for key, sentence in said if sentence]
 
 
@@ -561,12 +561,12 @@ def _is_file(path):
         return False
 
 
-def _value(data, parts):
-    """Return the value at a key path, of a list of tables a tuple of values."""
+def value_at(data: Any, parts: Key) -> Any:
+    """Return the value at a key path of nested tables, numbers as floats, None if absent; of a list a tuple."""
     for number, part in enumerate(parts):
         if isinstance(data, list | tuple):
-            return tuple(_value(entry, parts[number:]) for entry in data)
-        data = data.get(part) if data is not None else None
+            return tuple(value_at(entry, parts[number:]) for entry in data)
+        data = data.get(part) if isinstance(data, Mapping) else None
     return _as_floats(data)
 
 

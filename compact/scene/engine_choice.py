@@ -15,23 +15,24 @@ from typing import Any
 
 from compact.engines import BUILT_IN
 from compact.engines.interface import Engine
+from compact.scene.constraints import value_at
 
 AUTO = "auto"
-FED, SLOPE = "layer.fed_density_ratio", "heckel_slope"
+SIZES = ("machine.roller_radius", "mix.density_ratio", "layer.fed_density_ratio")
+FED, SLOPE = SIZES[-1], "heckel_slope"
 
 
 def choose_engine(data: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the name of the engine of a scene, given as nested tables, and the reason as a clause."""
+    """Return the name of the engine of a scene, given as nested tables, and the reason as a clause.
+
+    Where no engine may size the drive, it is the last of them.
+    """
 
     def value(key: str) -> Any:
-        found: Any = data
-        for part in key.split("."):
-            found = found.get(part) if isinstance(found, dict) else None
-        return found
+        return value_at(data, tuple(key.split(".")))
 
-    ratio = _height_ratio(*map(value, ("machine.roller_radius", "mix.density_ratio", FED, "layer.lift_thickness")))
-    if ratio is None:
-        ratio = _height_ratio(*map(value, ("machine.roller_radius", "mix.density_ratio", FED, "product.height")))
+    radius, density_ratio, fed = map(value, SIZES)
+    ratio = _height_ratio(radius, density_ratio, fed, value("layer.lift_thickness") or value("product.height"))
     fitted = SLOPE in (value("mix.fitted_at.parameters") or ())
     able = sorted((each for each in BUILT_IN.values() if each.reads(FED)), key=lambda each: each.cost)
     against = {each.name: _reason_against(each, value, ratio, fitted) for each in able}
@@ -55,7 +56,7 @@ def _reason_against(engine: Engine, value: Any, ratio: float | None, fitted: boo
 
 def _height_ratio(radius: Any, density_ratio: Any, fed: Any, height: Any) -> float | None:
     """Estimate the height of the layer over the contact length; None without these numbers."""
-    if not all(type(each) in (int, float) and each > 0 for each in (radius, density_ratio, fed, height)):
+    if not all(isinstance(each, float) and each > 0 for each in (radius, density_ratio, fed, height)):
         return None
     strain = density_ratio / fed - 1
     return math.sqrt(height / (2 * radius * strain)) if strain > 0 else None

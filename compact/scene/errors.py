@@ -69,12 +69,15 @@ class Source:
     ----------
     changes : frozenset
         Key paths that the caller has replaced.
+    given : mapping
+        Tables of the file.
     """
 
     file: str = field(default="<text>", compare=False)
     lines: Mapping[Key, int] = field(default_factory=dict, compare=False)
     changes: frozenset[Key] = field(default=frozenset(), compare=False)
     remarks: Mapping[Key, str] = field(default_factory=dict, compare=False)
+    given: Mapping[str, Any] = field(default_factory=dict, compare=False)
 
     @property
     def folder(self) -> Path:

@@ -20,6 +20,7 @@ import json
 import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
+from copy import deepcopy
 from dataclasses import replace
 from hashlib import sha256
 from importlib.resources import files
@@ -36,7 +37,7 @@ from compact.engines.interface import Limit
 from compact.files import checksum, scene_file
 from compact.machine.drives import DRIVES
 from compact.scene import errors, plausible_ranges
-from compact.scene.constraints import ADVICE, RULES, Rule, adapt, files_exist, replaced, sentences
+from compact.scene.constraints import ADVICE, RULES, Rule, adapt, files_exist, replaced, sentences, value_at
 from compact.scene.engine_choice import AUTO, choose_engine
 from compact.scene.errors import Mistake, SceneError, Source
 from compact.scene.schema import LAW_NAMES, SceneTables, extra_of
@@ -45,6 +46,8 @@ __all__ = ["LAW_NAMES", "Scene", "SceneError", "load_scene", "parse_scene", "rea
 
 
 FILE_KEYS = ("drive.catalogue.file",)  # whose values are names of files
+UNHASHED = {"title", "unusual", "output"}  # keys and tables on which no number depends
+LONGEST_NAME = 100  # [characters], of changed values in the name of a folder
 KNOWN_ORIGINS = ("measured", "given", "published")  # first words of the comment on a value that is not assumed
 SPREAD = re.compile(r"(?:±|\+/?-) *(\d[\d.]*(?:[eE][+-]?\d+)?) *(%|[\w/]*)")  # of a value, in its comment
 
@@ -233,11 +236,24 @@ class Scene(SceneTables):
     @property
     def hash(self) -> str:
         """Hash of every key but `title`, `unusual` and `[output]`, and of the contents of the files that it names."""
-        content = self.model_dump(exclude_none=True, exclude={"title", "unusual", "output"})
+        content = self.model_dump(exclude_none=True, exclude=UNHASHED)
         digest = sha256(json.dumps(content, sort_keys=True).encode())
         for found in self.checksums.values():
             digest.update(bytes.fromhex("".join(found)))
         return digest.hexdigest()
+
+    @property
+    def changed_values(self) -> str:
+        """Keys to which the caller gives another value than the file, such as "moisture=0.12", for names of folders."""
+        now, before, found = self._given(), self._source.given, []
+        for key in sorted(self._source.changes):
+            value = value_at(now, key)
+            if key[0] not in UNHASHED and value != value_at(before, key):
+                text = f"{value:g}" if isinstance(value, float) else json.dumps(value)
+                text = text.strip('"') if isinstance(value, float | str) else checksum(text.encode())[:8]
+                found.append(re.sub(r"[^\w.=+-]+", "_", f"{key[-1]}={text}"))
+        name = "-".join(found)
+        return name if len(name) <= LONGEST_NAME else checksum(name.encode())[:8]
 
     @property
     def checksums(self) -> dict[str, tuple[str, ...]]:
@@ -329,7 +345,7 @@ def _parsed(kind: type[AnyScene], text: str, file: str, changes: Mapping[str, ob
     except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
         raise SceneError([f"{file}:{errors.syntax_sentence(error, text)}"]) from None
     lines, remarks = errors.key_places(text)
-    source = Source(file, lines, remarks=remarks)
+    source = Source(file, lines, remarks=remarks, given=deepcopy(data))
     return _checked(kind, data, source, changes, _rules(source))
 
 
