@@ -28,8 +28,10 @@ from compact.material import mix
 from compact.material.laws import Compaction
 from compact.numerics.space_mapping import SpaceMappingFit, fit_parameters
 from compact.rolling_contact import ContactResult
+from compact.scene.constraints import STATIC_SLOPES
 from compact.scene.loader import Scene, SceneError
-from compact.scene.plant_data import Deflection, Measured
+from compact.scene.plant_data import Compression, Deflection, KeyValue, Measured
+from compact.scene.schema import unit_of
 
 UNKNOWNS = ("heckel_slope", "fed_density_ratio")
 CONFIDENCE = 0.95  # [-], of the ± of a stiffness and a damping, by Student's t
@@ -203,7 +205,12 @@ def calibrate(
     try:
         fit = fit_parameters(model.columns, model.values, start, fine, **mapping)
     except ValueError as error:
-        raise SceneError([str(error)]) from error
+        words = (
+            f"no slope and initial density ratio give these data by {engine} on a lift of {scene.lift_thickness:g} m"
+        )
+        remedy = "use --engine compaction, a higher layer.lift_thickness, or fewer --parameters"
+        of_trial = isinstance(error, SceneError) or "density_ratio" in str(error)
+        raise SceneError([f"{words}; {remedy}" if of_trial else str(error)]) from error
     found = model.scene_at(fit.unknowns)
     rolled = (elements.rolled[each] if elements else _column(found, each) for each in measured.measurements)
     return Calibration(found, model, fit, tuple(rolled), elements, coarse)
@@ -468,6 +475,59 @@ def drive_summary(found: DriveCalibration) -> dict[str, Any]:
     """Convert a calibration of the drive to plain numbers for JSON, SI."""
     named = {name: getattr(found, name) for name in ("stiffness", "damping", "backlash", "tapped_stiffness")}
     return {name: vars(each) | {"spread": each.spread} for name, each in named.items() if each is not None}
+
+
+@dataclass(frozen=True)
+class SlopeFit:
+    """Heckel slope of confined compression [1/Pa], and moisture and density ratio of the scene, where it holds [-]."""
+
+    slope: Estimate
+    moisture: float
+    density_ratio: float
+
+
+def fit_slope(scene: Scene, readings: Sequence[Compression]) -> SlopeFit:
+    """Fit the curve of the mix, K_H p = ln[(1 - k0)/(1 - k)] from loose mix k0, to readings of confined compression.
+
+    Raises
+    ------
+    SceneError
+        If a reading is no denser than loose mix.
+    """
+    loosest = min(each.density_ratio for each in readings)
+    if loosest <= LOOSE:
+        raise SceneError([f"compression: density_ratio must be above that of loose mix, {LOOSE:g}, got {loosest:g}"])
+    slopes = [np.log((1 - LOOSE) / (1 - each.density_ratio)) / each.pressure for each in readings]
+    found = _mean(slopes)
+    assert found is not None  # of at least one reading
+    return SlopeFit(found, scene.mix.moisture, scene.mix.density_ratio)
+
+
+def slope_digest(found: SlopeFit) -> str:
+    """Describe a fit of the Heckel slope in text, with the lines for the scene."""
+    slope, spread = found.slope.value, found.slope.spread
+    told = "measured" if np.isnan(spread) else f"measured ± {100 * spread:.2g} %"
+    lines = [f"Heckel slope {slope * 1e6:.3g} per MPa by {found.slope.freedom + 1} readings of confined compression"]
+    if slope <= STATIC_SLOPES[2]:
+        lines.append(
+            "a slope as of unkneaded mix, for process.kneading; a pass over kneaded mix has about three times it"
+        )
+    return "\n".join([
+        *lines, "", "for the scene:", "[mix.overrides]", f"heckel_slope = {slope:.4g}  # 1/Pa; {told}",
+        "[mix.fitted_at]", f"moisture = {found.moisture:g}", f"density_ratio = {found.density_ratio:g}",
+        'parameters = ["heckel_slope"]',
+    ])  # fmt: skip
+
+
+def value_lines(scene: Scene, values: Sequence[KeyValue]) -> str:
+    """Return the lines for the scene of measured values, after validation of each; SceneError for a mistake."""
+    scene.require_fields(**{each.key: each.value for each in values})
+    lines = ["for the scene:"]
+    for each in values:
+        table, _, name = each.key.rpartition(".")
+        unit = unit_of(each.key)
+        lines += [f"[{table}]", f"{name} = {each.value:g}  #{unit}; measured ± {each.error:g}{unit}"]
+    return "\n".join(lines)
 
 
 def kneading_digest(found: KneadingFit) -> str:

@@ -97,6 +97,7 @@ def new(
     /,
     *,
     source: Annotated[str | None, Parameter(name="--from")] = None,
+    measurements: Annotated[bool, Parameter(negative="")] = False,
     machine: Annotated[cli.NewMachine, Parameter(name="*")] = cli.NewMachine(),  # noqa: B008
 ) -> None:
     """Write a commented scene that runs as it is, and the schema by which editors complete its keys.
@@ -107,6 +108,8 @@ def new(
         folder for scene.toml; created if absent, and an existing scene is never overwritten
     source
         name of a published scene to copy, such as loveikin-2015
+    measurements
+        write measured.toml as well: an empty sheet of what to measure, how, and what to expect
     machine
         the machine: what follows from it is derived, and printed; the rest is assumed, and nothing is fitted
     """
@@ -123,6 +126,8 @@ def new(
     with atomic_file(path) as stream:
         stream.write(text)
     write_json(directory / SCENE_SCHEMA_FILE, scene_schema())
+    if measurements:
+        derived.append(f"{new_scene.write_sheet(directory)} written; fill it in, then: compact calibrate {path} SHEET")
     print("\n".join([*derived, f"{path} written; next: compact run {path}"]))
 
 
@@ -475,6 +480,13 @@ def calibrate(
         kneaded = fit_kneading(readings.kneading, mix.LOOSE_DENSITY_RATIO)
         summary["kneading"] = {**vars(kneaded.kneading), "static_slopes": kneaded.static_slopes, "rms": kneaded.rms}
         told.append(calibration.kneading_digest(kneaded))
+    if readings.compressions:
+        pressed = calibration.fit_slope(given, readings.compressions)
+        summary["heckel_slope"] = pressed.slope.value
+        told.append(calibration.slope_digest(pressed))
+    if readings.values:
+        told.append(calibration.value_lines(given, readings.values))
+        summary["values"] = [each._asdict() for each in readings.values]
     if readings.strokes:
         window = operating_window.calibrate_window(given, readings.strokes)
         summary["window"] = window.values

@@ -5,8 +5,8 @@ of the layer over the contact length is estimated without a contact:
 
     H/L,    L = sqrt(2 R depth),    depth = H (k/k_fed - 1)
 
-The model that another engine corrects, columns, needs a fit of the Heckel slope besides: without one it has 0.3 to 0.7
-of the resistance by finite elements on lifts of 0.5 to 1.7 contact lengths (R 0.09 m, k_fed 0.85 and 0.94).
+The model that another engine corrects, columns, needs a fit to forces of a roller besides: without one it has 0.3 to
+0.7 of the resistance by finite elements on lifts of 0.5 to 1.7 contact lengths (R 0.09 m, k_fed 0.85 and 0.94).
 """
 
 import math
@@ -33,7 +33,7 @@ def choose_engine(data: Mapping[str, Any]) -> tuple[str, str]:
 
     radius, density_ratio, fed = map(value, SIZES)
     ratio = _height_ratio(radius, density_ratio, fed, value("layer.lift_thickness") or value("product.height"))
-    fitted = SLOPE in (value("mix.fitted_at.parameters") or ())
+    fitted = {SLOPE, FED.rpartition(".")[2]} <= {*(value("mix.fitted_at.parameters") or ())}
     able = sorted((each for each in BUILT_IN.values() if each.reads(FED)), key=lambda each: each.cost)
     against = {each.name: _reason_against(each, value, ratio, fitted) for each in able}
     chosen = next((each.name for each in able if not against[each.name]), able[-1].name)
@@ -46,7 +46,7 @@ def _reason_against(engine: Engine, value: Any, ratio: float | None, fitted: boo
     if found := engine.valid(ratio):
         return found
     if not fitted and any(each.low_fidelity == engine.name for each in BUILT_IN.values()):
-        return f"no fit of {SLOPE}, without which its resistance is too small"
+        return "no fit to forces of a roller, without which its resistance is too small"
     for limit in engine.limits:
         given = value(limit.key)
         if not (given is None or limit.fixed or limit.takes(given, value("mix.overrides.steel_friction"))):

@@ -9,9 +9,10 @@ Nothing is fitted: what is not given or derived is a guess, the mix is that of t
 
 from collections.abc import Mapping
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
-from compact.files import published_scenes
+from compact.files import ResultsError, published_scenes, write_bytes
 from compact.scene.errors import SceneError, key_places
 from compact.scene.loader import parse_scene
 from compact.scene.schema import unit_of
@@ -35,6 +36,14 @@ Values = dict[str, tuple[Any, str]]  # value and origin by key
 def starter_scene() -> str:
     """Return the text of the commented template."""
     return (files("compact") / "data" / "new.toml").read_text("utf-8")
+
+
+def write_sheet(directory: Path) -> Path:
+    """Write the empty sheet of measurements; ResultsError if it exists."""
+    path = directory / "measured.toml"
+    if path.exists():
+        raise ResultsError(f"{path}: exists already; give another directory")
+    return write_bytes(path, (files("compact") / "data" / "measurements.toml").read_bytes())
 
 
 def published_scene(name: str) -> str:

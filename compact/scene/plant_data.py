@@ -22,6 +22,15 @@
     density_ratio = 0.93
     specimen = "A"                                                    # optional; each has its static slope
 
+    [[compression]]                                                   # confined compression of the mix
+    pressure = 100e3                                                  # Pa
+    density_ratio = 0.95
+
+    [[value]]                                                         # of a key of the scene
+    key = "machine.sleeve_distance"
+    value = 0.11
+    error = 0.005                                                     # in the unit of the key
+
     [[stroke]]                                                        # of a forming process with a moving mould
     mould_speed = 0.0175                                              # m/s
     strokes_per_minute = 67.5
@@ -50,6 +59,8 @@ TESTS = {
     "tap": "frequency",
     "kneading": "cycles",
     "stroke": "strokes_per_minute",
+    "compression": "pressure",
+    "value": "key",
 }  # table of a test -> column by which a CSV file has it
 
 
@@ -150,6 +161,21 @@ class StrokeRow(NamedTuple):
         return {"process.mould_speed": self.mould_speed, "motion.duration": MINUTE / self.strokes_per_minute - dwell}
 
 
+class Compression(NamedTuple):
+    """Reading of a confined compression test: pressure [Pa] and density ratio [-]."""
+
+    pressure: float
+    density_ratio: float
+
+
+class KeyValue(NamedTuple):
+    """Measured value of a key of the scene with its half-width, in the unit of the key."""
+
+    key: str
+    value: float
+    error: float
+
+
 @dataclass(frozen=True)
 class Measured:
     """All measurements of a plant.
@@ -166,6 +192,10 @@ class Measured:
         Density over cycles of kneading.
     strokes : tuple of StrokeRow
         Density and force of a forming process.
+    compressions : tuple of Compression
+        Pressure and density of confined compression.
+    values : tuple of KeyValue
+        Values of keys.
     """
 
     measurements: tuple[Measurement, ...]
@@ -174,6 +204,8 @@ class Measured:
     taps: tuple[Tap, ...] = ()
     kneading: tuple[Reading, ...] = ()
     strokes: tuple[StrokeRow, ...] = ()
+    compressions: tuple[Compression, ...] = ()
+    values: tuple[KeyValue, ...] = ()
 
     @property
     def of_drive(self) -> bool:
@@ -207,7 +239,8 @@ def read_measurements(path: str | Path) -> Measured:
             data: dict[str, Any] = {kind: cells}
         else:
             data = tomllib.loads(path.read_text(encoding="utf-8"))
-        kinds = dict(zip(("measurement", *TESTS), (_measurement, _deflection, _tap, _kneading, _stroke), strict=True))
+        readers = (_measurement, _deflection, _tap, _kneading, _stroke, _compression, _value)
+        kinds = dict(zip(("measurement", *TESTS), readers, strict=True))
         tables, assumptions = {kind: data.pop(kind, []) for kind in kinds}, data.pop("assumptions", {})
         if data:
             raise ValueError(f"the file has no key `{next(iter(data))}`; it takes {', '.join(kinds)}, assumptions")
@@ -243,11 +276,32 @@ def positive(value: Any, where: str) -> float:
     return number(value, where, 0.0, "a positive number")
 
 
-def _deflection(table: dict[str, Any], where: str) -> Deflection:
-    names = ("force", "deflection")
+def _require_keys(table: dict[str, Any], where: str, *names: str) -> None:
     if table.keys() != {*names}:
-        raise ValueError(f"{where} must have `force` and `deflection`, got {', '.join(table) or 'nothing'}")
-    return Deflection(*(number(table[name], f"{where}, `{name}`") for name in names))
+        raise ValueError(f"{where} must have {', '.join(names)}, got {', '.join(table) or 'nothing'}")
+
+
+def _deflection(table: dict[str, Any], where: str) -> Deflection:
+    _require_keys(table, where, "force", "deflection")
+    return Deflection(*(number(table[name], f"{where}, `{name}`") for name in ("force", "deflection")))
+
+
+def _compression(table: dict[str, Any], where: str) -> Compression:
+    _require_keys(table, where, *Compression._fields)
+    return Compression(positive(table["pressure"], f"{where}, `pressure`"), _density(table, where))
+
+
+def _value(table: dict[str, Any], where: str) -> KeyValue:
+    _require_keys(table, where, *KeyValue._fields)
+    sizes = (number(table[name], f"{where}, `{name}`") for name in ("value", "error"))
+    return KeyValue(str(table["key"]), *sizes)
+
+
+def _density(table: dict[str, Any], where: str) -> float:
+    found = positive(table["density_ratio"], f"{where}, `density_ratio`")
+    if found >= 1:
+        raise ValueError(f"{where}, `density_ratio` must be below 1, got {found:g}")
+    return found
 
 
 def _tap(table: dict[str, Any], where: str) -> Tap:
@@ -263,14 +317,11 @@ def _tap(table: dict[str, Any], where: str) -> Tap:
 
 
 def _kneading(table: dict[str, Any], where: str) -> Reading:
-    names, given = ("cycles", "pressure", "density_ratio"), {name: each for name, each in table.items() if each != ""}
-    if given.keys() - {"specimen"} != {*names}:
-        raise ValueError(f"{where} must have {', '.join(names)}, got {', '.join(given) or 'nothing'}")
-    least = dict(zip(names, (-1e-9, 0.0, 0.0), strict=True))
-    values = [number(given[name], f"{where}, `{name}`", least[name], "a number in range") for name in names]
-    if values[-1] >= 1:
-        raise ValueError(f"{where}, `density_ratio` must be below 1, got {values[-1]:g}")
-    return Reading(values[0], values[1], values[2], str(given.get("specimen", "")))
+    given = {name: each for name, each in table.items() if each != ""}
+    specimen = str(given.pop("specimen", ""))
+    _require_keys(given, where, "cycles", "pressure", "density_ratio")
+    cycles = number(given["cycles"], f"{where}, `cycles`", -1e-9, "a number in range")
+    return Reading(cycles, positive(given["pressure"], f"{where}, `pressure`"), _density(given, where), specimen)
 
 
 def _stroke(table: dict[str, Any], where: str) -> StrokeRow:

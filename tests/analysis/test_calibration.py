@@ -1,6 +1,7 @@
 """Calibration: measurements, fitted parameters, digest and refusals."""
 
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -9,13 +10,30 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from compact.analysis.calibration import calibrate, calibrate_drive, calibration_digest, drive_digest
+from compact.analysis.calibration import (
+    calibrate,
+    calibrate_drive,
+    calibration_digest,
+    drive_digest,
+    fit_slope,
+    slope_digest,
+    value_lines,
+)
 from compact.analysis.contact_cases import compaction_material, contact_inputs, roll_scene, scene_mix
 from compact.cli import program as cli
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
 from compact.scene.loader import SceneError, load_scene, read_change
-from compact.scene.plant_data import Band, Deflection, Measured, Measurement, Tap, read_measurements
+from compact.scene.plant_data import (
+    Band,
+    Compression,
+    Deflection,
+    KeyValue,
+    Measured,
+    Measurement,
+    Tap,
+    read_measurements,
+)
 
 SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 PUBLISHED = SCENES / "loveikin-2015.toml"
@@ -269,7 +287,7 @@ ONE = "[[measurement]]\n"
         ("toml", f"[assumptions]\na = 3\n{ONE}load = 1", r"assumptions, `a` must be \[low, high\], got 3"),
         ("csv", "load\nx\n", "`load` must be a positive number, got 'x'"),
         ("csv", "force,deflection\n1,x\n", "deflection 1, `deflection` must be a number, got 'x'"),
-        ("toml", "[[deflection]]\nforce = 3.0", "deflection 1 must have `force` and `deflection`, got force"),
+        ("toml", "[[deflection]]\nforce = 3.0", "deflection 1 must have force, deflection, got force"),
         ("toml", "[[tap]]\nfrequency = 3.0", "tap 1 must have `frequency` and one of damping_ratio, decay, decrement"),
         ("toml", "[[tap]]\nfrequency = 3.0\ndamping_ratio = 1.2", r"`damping_ratio` must be in \[0, 1\) for a cart"),
         ("toml", "[[tap]]\nfrequency = 3.0\ndecay = -1.2", r"`damping_ratio` must be in \[0, 1\) for a cart"),
@@ -422,3 +440,49 @@ def test_a_fit_at_another_moisture_takes_earlier_fits_along():
     found = calibrate(scene, read_measurements(MEASURED)).scene_changes
     assert found["mix.overrides.effective_modulus"] == scene.mix.values["effective_modulus"] != 1364535.2
     assert found["mix.fitted_at"] == {"moisture": 0.09, "density_ratio": 0.98, "parameters": list(FITTED)}
+
+
+# the sheet of `compact new --measurements`
+
+
+def filled(text):
+    """Return the sheet with its tables uncommented, but for the forces of a roller."""
+    rows = re.sub(r"(?m)^# (?=\[\[|\w+ = )", "", text)
+    return re.sub(r"(?s)\[\[measurement\]\].*?\n\n", "", rows)
+
+
+def test_the_empty_sheet_says_so_and_the_filled_one_gives_lines_of_a_scene(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert cli._exit_code(["new", "mine", "--measurements", "--moisture", "0.09"]) == 0
+    sheet, scene = Path("mine/measured.toml"), Path("mine/scene.toml")
+    assert cli._exit_code(["calibrate", str(scene), str(sheet)]) == 2
+    assert "contains no measurement" in capsys.readouterr().err
+    sheet.write_text(filled(sheet.read_text()).partition("[[stroke]]")[0])
+    assert cli._exit_code(["calibrate", str(scene), str(sheet)]) == 0
+    told = capsys.readouterr().out
+    slope = math.log(0.28 / 0.05) / 100e3
+    assert f"heckel_slope = {slope:.4g}  # 1/Pa; measured\n[mix.fitted_at]\nmoisture = 0.09" in told
+    assert "sleeve_distance = 0.11  # m; measured ± 0.005 m" in told
+    assert "stiffness = 952381" in told
+
+
+def test_compression_gives_the_curve_of_the_mix_and_its_spread():
+    scene = load_scene("small")
+    known = [Compression(p, 1 - 0.28 * math.exp(-13e-6 * p)) for p in (5e4, 1e5, 2e5)]
+    assert fit_slope(scene, known).slope.value == pytest.approx(13e-6, rel=1e-12)
+    off = [known[0], Compression(1e5, known[1].density_ratio + 0.002), known[2]]
+    assert 0 < fit_slope(scene, off).slope.spread < 0.5
+    assert "unkneaded" in slope_digest(fit_slope(scene, [Compression(1e5, 0.8)]))
+    with pytest.raises(SceneError, match=r"above that of loose mix, 0\.72, got 0\.7"):
+        fit_slope(scene, [Compression(1e5, 0.7)])
+
+
+def test_a_measured_value_is_a_value_of_the_scene():
+    with pytest.raises(SceneError, match=r"was 110 mm = 0\.11 m meant"):
+        value_lines(load_scene("small"), [KeyValue("machine.sleeve_distance", 110.0, 5.0)])
+
+
+def test_columns_that_cannot_have_the_measured_coefficient_name_the_remedy():
+    scene = load_scene("small", **{"layer.lift_thickness": 0.03})
+    with pytest.raises(SceneError, match=r"by column on a lift of 0\.03 m; use --engine compaction"):
+        calibrate(scene, read_measurements(MEASURED))

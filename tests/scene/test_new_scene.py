@@ -99,13 +99,13 @@ def test_published_scenes_are_read_and_copied_by_name(name):
 
 # the engine of "auto"
 
-FIT = {"moisture": 0.09, "density_ratio": 0.98, "parameters": ["heckel_slope"]}
+FIT = {"moisture": 0.09, "density_ratio": 0.98, "parameters": ["heckel_slope", "fed_density_ratio"]}
 
 
 @pytest.mark.parametrize(
     ("changes", "engine", "words"),
     [
-        ({}, "compaction", "column has no fit of heckel_slope"),
+        ({}, "compaction", "column has no fit to forces of a roller"),
         ({"layer.lift_thickness": 0.1}, "compaction", "column has no bow wave, layer 3.6 contact lengths high"),
         ({"mix.overrides.heckel_slope": 1e-5, "mix.fitted_at": FIT}, "column", "the cheapest engine for this scene"),
         ({"mix.overrides.heckel_slope": 1e-5, "mix.fitted_at": FIT, "layer.base": "slip"}, "compaction", "layer.base"),
