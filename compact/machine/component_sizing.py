@@ -42,6 +42,7 @@ from compact.numerics import Array, BoolArray
 from compact.numerics.piecewise import find_maximum, interior_grid
 from compact.numerics.validation import require_fields, require_integers, require_known, require_positive
 
+POWER_DIGITS = 6  # [-], of a rated power in W; its torque times its speed is rounded
 DEFAULT_MARGIN = 1.25  # [-], over rms and peak torque; customary service factor of moderate shocks in one shift
 ROUNDING_SHARE = 1e-12  # [-], of the peak torque; smaller torques are rounding
 LIFE_EXPONENTS = {"ball": 3.0, "roller": 10 / 3}  # kind of bearing -> p [-]
@@ -317,11 +318,14 @@ class MotorChoice:
 
 
 def choose_motor(motors: Sequence[CatalogueMotor], requirement: ShaftRequirement, rule: SizingRule) -> MotorChoice:
-    """Choose the smallest motor that holds by a rule: by price if every motor has one, else by rated power."""
+    """Choose the smallest motor that holds by a rule: by price if every motor has one, else by rated power.
+
+    Of equal ones the first of the catalogue is the smallest.
+    """
     priced = all(each.price is not None for each in motors)
 
-    def size(motor: CatalogueMotor) -> tuple[float, float, str]:
-        return (motor.price or 0.0) if priced else 0.0, motor.rated_power, motor.name
+    def size(motor: CatalogueMotor) -> tuple[float, float]:
+        return (motor.price or 0.0) if priced else 0.0, round(motor.rated_power, POWER_DIGITS)
 
     fits = tuple(check_motor(each, requirement, rule) for each in sorted(motors, key=size))
     return MotorChoice("price" if priced else "rated power", fits)

@@ -69,9 +69,9 @@ class Scene(SceneTables):
 
     @property
     def catalogue_path(self) -> Path | None:
-        """Path of the motors of `[drive.catalogue]`; None without the table."""
+        """Path of the motors of `[drive.catalogue]`; None without the table or its file."""
         table = self.drive.catalogue
-        return None if table is None else self._source.folder / table.file
+        return None if table is None or table.file is None else self._source.folder / table.file
 
     @property
     def lift_thickness(self) -> float:

@@ -408,7 +408,7 @@ class EndSpringTable(Table):
 class CatalogueTable(Table):
     """The motors from which the smallest that holds is chosen, and the rule by which it holds."""
 
-    file: str = key("the CSV file of the motors, relative to the scene file")
+    file: str | None = key("the CSV file of the motors; default motors by standard", default=None)
     margin: float = key("the factor of rms and peak torque that a motor must hold, 1 for none", ge=1, le=10)
     efficiency: float = positive("the efficiency of the gear between motor and shaft", 0.1, 1, DRIVES, le=1)
     gear_ratio: Maybe = optional("the speed of the motor over that of the shaft", 0.01, 1e4, DRIVES)

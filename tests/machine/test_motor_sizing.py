@@ -7,6 +7,7 @@ import pytest
 from machine_cases import friction
 from published import CART_OF_C
 
+from compact.analysis.machine_models import standard_motors
 from compact.drive import Crank, Rigid, simulate
 from compact.machine.component_sizing import CatalogueMotor, SizingRule, check_motor, choose_motor, shaft_requirement
 from compact.machine.crankshaft import simulate_crankshaft
@@ -135,3 +136,30 @@ def test_given_gear_ratio_and_inertia_ratio_are_limits():
     assert fast.failures[0].startswith("turns at 188.5 rad/s, above the rated 150")
     light = check_motor(MOTORS[2], found, SizingRule(inertia_ratio=0.1))
     assert light.failures == ("has an inertia ratio of 0.877, above 0.1",)
+
+
+# motors by standard
+
+
+def test_standard_motors_are_those_of_the_standard():
+    motors = standard_motors()
+    by_poles = {poles: [each for each in motors if f"{poles} poles" in each.name] for poles in (2, 4, 6, 8)}
+    assert [len(each) for each in by_poles.values()] == [26, 27, 20, 19]
+    assert len({each.name for each in motors}) == len(motors)
+    for poles, each in by_poles.items():
+        powers = [motor.rated_power for motor in each]
+        assert powers == sorted(powers)
+        assert all(0.9 <= motor.speed / (4 * math.pi * 50 / poles) < 1 for motor in each)
+        assert all(motor.peak_torque == 1.6 * motor.rated_torque for motor in each)
+    assert (min(each.rated_power for each in motors), max(each.rated_power for each in motors)) == pytest.approx(
+        (60, 132e3)
+    )
+    known = {each.name: each.inertia for each in motors}  # common motors: 0.0065, 0.03, 0.16 and 2.9 kg m2
+    for name, inertia in (("2.2 kW, 4 poles, frame 100L", 0.0075), ("22 kW, 4 poles, frame 180L", 0.16)):
+        assert 1 / 1.6 < known[name] / inertia < 1.6
+
+
+def test_of_equal_motors_the_first_of_the_catalogue_is_chosen():
+    choice = choose_motor(standard_motors(), requirement(cart=MASSLESS, force=FORCE), SizingRule())
+    assert "4 poles" in choice.chosen.motor.name
+    assert choice.chosen.gear_ratio * requirement(cart=MASSLESS, force=FORCE).speed == choice.chosen.motor.speed
