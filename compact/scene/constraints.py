@@ -177,7 +177,8 @@ HOLDS: dict[str, Callable[[float, float], bool]] = {
 }
 LIMITS = (  # key, relation, limit as a formula of other keys, remedy
     ("machine.journal_diameter", "below", "machine.guide_wheel_diameter", "give the journal inside it"),
-    ("machine.roller_radius", "at most", "(motion.stroke - machine.feeder_sleeve) / 2", "see eqs 1.2 and 1.3"),
+    ("machine.roller_radius", "at most", "(motion.stroke - machine.feeder_sleeve) / 2",
+     "give a smaller roller or sleeve, or a longer stroke (eqs 1.2, 1.3)"),
     ("layer.fed_density_ratio", "below", "mix.density_ratio", "give the looser state before the first pass"),
     ("layer.lower_lift.density_ratio", "above", "layer.fed_density_ratio", "give that behind the earlier pass"),
     ("layer.lift_thickness", "at most", "product.height", "without it the product is one lift"),
@@ -508,6 +509,12 @@ def _radius_suits_the_product(radius, height):
     low, high = 0.40 * height, 0.55 * height
     if not low <= radius * GUARD <= high * GUARD**2:
         return f"eq 1.1 advises 0.40 to 0.55 of product.height, {low:g} to {high:g} m, got {radius:g}"
+
+
+@rule("machine.weight", "machine.mass", "unusual")
+def _weight_is_of_the_mass(weight, mass, unusual):
+    if not 5 <= weight / mass <= 20 and not {"machine.weight", "machine.mass"} & {*(unusual or ())}:
+        return f"weight / mass is {weight / mass:g} m/s2, must be about 9.81; give {9.81 * mass:g} N for {mass:g} kg"
 
 
 @rule("machine.weight", "machine.mass", into=ADVICE)

@@ -51,11 +51,14 @@ class Mistake:
         Rule, given value and remedy.
     entry : str
         Position in a list, `[2]`, or in a list of tables, `[2].name`.
+    silent : bool
+        True if another mistake says it.
     """
 
     key: Key
     sentence: str
     entry: str = ""
+    silent: bool = False
 
     def __str__(self) -> str:
         return f"{'.'.join(self.key)}{self.entry}: {self.sentence}"
@@ -114,7 +117,7 @@ class Source:
 
     def report(self, mistakes: Iterable[Mistake]) -> list[str]:
         """Sort mistakes by line and prefix each with its place."""
-        ordered = sorted(mistakes, key=lambda mistake: self.line(mistake.key))
+        ordered = sorted((each for each in mistakes if not each.silent), key=lambda mistake: self.line(mistake.key))
         return [f"{self.place(mistake.key)}: {mistake}" for mistake in ordered]
 
 
@@ -139,7 +142,16 @@ def field_mistakes(error: ValidationError, scene: type[Table]) -> list[Mistake]:
     # pydantic also reports a list as too short if one of its entries is refused; the entry suffices
     outer = {part["loc"][:length] for part in errors for length in range(len(part["loc"]))}
     tables = dict(declared_tables(scene))
-    return [_field_mistake(part, tables) for part in errors if part["loc"] not in outer]
+    unknown = [part["loc"] for part in errors if part["type"] == "extra_forbidden"]
+    meant = {(*loc[:-1], near) for loc in unknown for near in _near(loc, tables)}  # misspelt, so not missing
+    found = [(part, _field_mistake(part, tables)) for part in errors if part["loc"] not in outer]
+    return [replace(each, silent=part["type"] == "missing" and part["loc"] in meant) for part, each in found]
+
+
+def _near(place: tuple[Any, ...], tables: Mapping[Key, type[Table]]) -> list[str]:
+    """Return the key that an unknown one at a place resembles, if any."""
+    table = tables.get(tuple(part for part in place[:-1] if isinstance(part, str)))
+    return [] if table is None else get_close_matches(str(place[-1]), table.model_fields, n=1)
 
 
 def _field_mistake(error: Mapping[str, Any], tables: Mapping[Key, type[Table]]) -> Mistake:
@@ -243,6 +255,16 @@ def _path(dotted: str) -> Key:
     return tuple(part.strip(" \"'") for part in dotted.split("."))
 
 
+SLIPS = {  # pattern in the error of tomllib and its line -> remedy
+    r"=\s*-?\d+,\d": "write a decimal point in place of the comma",
+    r"=\s*-?[\d.e+-]+ *[^\W\d_]": "write the number alone, in SI units, the unit in a comment after #",
+    r"=\s*(True|False)$": "write true or false",
+    r"Cannot overwrite": "give each key once",
+    r"=\s*[a-z][\w-]*$": "write the word in quotes",
+    r"Unclosed array": "close the bracket of the list before",
+}
+
+
 def syntax_sentence(error: Exception, text: str) -> str:
     """Return `line: not valid TOML: …` for an error of tomllib, with the offending line where it states one."""
     remedy = "write `key = value`, texts in quotes, units in comments after #; close every quote and bracket"
@@ -250,6 +272,7 @@ def syntax_sentence(error: Exception, text: str) -> str:
     if at is None:
         return f" not valid TOML: {error}; {remedy}"
     line = text.split("\n")[int(at[1]) - 1].split(" #")[0].strip()
+    remedy = next((words for slip, words in SLIPS.items() if re.search(slip, f"{error} {line}")), remedy)
     return f"{at[1]}: not valid TOML at column {at[2]}: {str(error)[: at.start()]}, got {shown(line)}; {remedy}"
 
 

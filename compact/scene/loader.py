@@ -19,7 +19,7 @@ summary.json is the data file `summary.schema.json`.
 import json
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from hashlib import sha256
@@ -288,7 +288,7 @@ class Scene(SceneTables):
 
             scene.replaced(**{"mix.moisture": 0.11, "mix.overrides.effective_modulus": None})
         """
-        rules = _involving(changes, _rules(self._source))  # the others hold as they did
+        rules = [_involving(changes, group) for group in _rules(self._source)]  # the others hold as they did
         return _checked(type(self), self._given(), self._source, changes, rules)
 
     def require_fields(self, **changes: object) -> None:
@@ -344,6 +344,8 @@ def _parsed(kind: type[AnyScene], text: str, file: str, changes: Mapping[str, ob
         data = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # ValueError: also an integer of thousands of digits
         raise SceneError([f"{file}:{errors.syntax_sentence(error, text)}"]) from None
+    if not data:
+        raise SceneError([f"{file}: holds no key; `compact new DIR` writes a commented scene"])
     lines, remarks = errors.key_places(text)
     source = Source(file, lines, remarks=remarks, given=deepcopy(data))
     return _checked(kind, data, source, changes, _rules(source))
@@ -358,8 +360,8 @@ def _flat(keys: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, objec
             yield f"{above}{key}", value
 
 
-def _rules(source: Source) -> tuple[Rule, ...]:
-    return (*RULES, *plausible_ranges.REFUSALS, *files_exist(source))
+def _rules(source: Source) -> tuple[Sequence[Rule], ...]:
+    return plausible_ranges.REFUSALS, (*RULES, *files_exist(source))
 
 
 def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:
@@ -369,11 +371,16 @@ def _involving(changes: Iterable[str], rules: Iterable[Rule]) -> list[Rule]:
 
 
 def _checked(
-    kind: type[AnyScene], data: dict[str, Any], source: Source, changes: Mapping[str, object], rules: Iterable[Rule]
+    kind: type[AnyScene],
+    data: dict[str, Any],
+    source: Source,
+    changes: Mapping[str, object],
+    rules: Iterable[Iterable[Rule]],
 ) -> AnyScene:
     """Return the scene of the changed data, whose fields, rules and compared engines are valid."""
     scene, source, mistakes = _validated(kind, data, source, changes)
-    mistakes += sentences(rules, data, refused=mistakes)
+    for group in rules:  # first a value in other units, which breaks rules as well
+        mistakes += sentences(group, data, refused=mistakes)
     if not mistakes:
         scene._source = source
         for engine in scene.compared_engines if scene.compare else ():

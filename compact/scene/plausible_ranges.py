@@ -127,7 +127,7 @@ def _of_key(say: Say, key: str, value: Any, unusual: Any) -> str | None:
     return next(filter(None, said), None)
 
 
-def _of_mean_speed(say: Say, duration: float, stroke: float, unusual: Any) -> str | None:
+def _of_mean_speed(say: Say, stroke: float, duration: float, unusual: Any) -> str | None:
     if {"motion.duration", "motion.stroke"} & {*(unusual or ())}:
         return None
     given = {"motion.stroke": stroke, "motion.duration": duration}
@@ -152,7 +152,7 @@ def _unusual_names_keys(unusual: Any) -> str | None:
 def _rules(say: Say) -> Iterator[Rule]:
     for key in COMPARED_KEYS:
         yield Rule((key, "unusual"), partial(_of_key, say, key))
-    yield Rule(("motion.duration", "motion.stroke", "unusual"), partial(_of_mean_speed, say))
+    yield Rule(("motion.stroke", "motion.duration", "unusual"), partial(_of_mean_speed, say))
 
 
 REFUSALS: tuple[Rule, ...] = (*_rules(Range.refusal), Rule(("unusual",), _unusual_names_keys))

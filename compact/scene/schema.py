@@ -266,7 +266,7 @@ class Mix(Table):
     """The mix behind the last pass; the bounds are those of the table of the prior."""
 
     moisture: float = _moisture()
-    density_ratio: float = key("the required density ratio k of the product", ge=0.90, le=0.99)
+    density_ratio: float = key("the required density ratio k of the product, 0.98 for 98 %", ge=0.90, le=0.99)
     law: MixLaw = key("the yield surface: an elliptic cap, or a cap with a shear line", default="ellipse")
     pore_air: PoreAirModel = key("the pore air: none, at drained deformation, or coupled", default="drained")
     overrides: Overrides = Overrides()

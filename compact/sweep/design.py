@@ -72,7 +72,7 @@ class Sampled:
 def read_design(text: str) -> Axis | Sampled:
     """Parse KEY=VALUES."""
     key, equals, values = (part.strip() for part in text.partition("="))
-    if not (key and equals and values):
+    if not (key and equals and values) or values.count(":") == 1:
         forms = "KEY=LOW:HIGH:N, KEY=A,B,C or KEY=~N, such as mix.moisture=0.08:0.12:5"
         raise ValueError(f"--vary takes {forms}, got {text!r}")
 
