@@ -249,8 +249,8 @@ class Scene(SceneTables):
         for key in sorted(self._source.changes):
             value = value_at(now, key)
             if key[0] not in UNHASHED and value != value_at(before, key):
-                text = f"{value:g}" if isinstance(value, float) else json.dumps(value)
-                text = text.strip('"') if isinstance(value, float | str) else checksum(text.encode())[:8]
+                short = "none" if value is None else f"{value:g}" if isinstance(value, float) else value
+                text = short if isinstance(short, str) else checksum(json.dumps(value).encode())[:8]
                 found.append(re.sub(r"[^\w.=+-]+", "_", f"{key[-1]}={text}"))
         name = "-".join(found)
         return name if len(name) <= LONGEST_NAME else checksum(name.encode())[:8]

@@ -59,6 +59,16 @@ def test_the_load_of_the_starter_falls_with_water_as_that_of_the_prior(tmp_path)
     assert sum("scaled by the prior: effective_modulus, heckel_slope" in remark for remark in remarks) == 1
 
 
+def test_points_that_a_pass_does_not_reach_have_a_reason(tmp_path):
+    starter = parse_scene(starter_scene()).replaced(**{"output.items": [], "accuracy.engine": "column"})
+    table, _ = swept(tmp_path, starter, ["mix.moisture=0.08,0.12", "mix.density_ratio=0.93,0.98,0.99"])
+    refused, kept, beyond = (table.sel(density_ratio=ratio) for ratio in (0.93, 0.98, 0.99))
+    assert all("layer.fed_density_ratio: must be below mix.density_ratio = 0.93" in each for each in refused["reason"].values)
+    assert np.isnan(refused["load"].values).all()
+    assert [*kept["reason"].values, *kept["not_reachable"].values, *beyond["reason"].values] == [""] * 6
+    assert ["the saturation of" in each for each in beyond["not_reachable"].values] == [False, True]
+
+
 @pytest.fixture
 def small_tasks(monkeypatch):
     """Three points per task, so that several tasks can be interrupted."""
