@@ -63,7 +63,9 @@ def test_points_that_a_pass_does_not_reach_have_a_reason(tmp_path):
     starter = parse_scene(starter_scene()).replaced(**{"output.items": [], "accuracy.engine": "column"})
     table, _ = swept(tmp_path, starter, ["mix.moisture=0.08,0.12", "mix.density_ratio=0.93,0.98,0.99"])
     refused, kept, beyond = (table.sel(density_ratio=ratio) for ratio in (0.93, 0.98, 0.99))
-    assert all("layer.fed_density_ratio: must be below mix.density_ratio = 0.93" in each for each in refused["reason"].values)
+    assert all(
+        "layer.fed_density_ratio: must be below mix.density_ratio = 0.93" in each for each in refused["reason"].values
+    )
     assert np.isnan(refused["load"].values).all()
     assert [*kept["reason"].values, *kept["not_reachable"].values, *beyond["reason"].values] == [""] * 6
     assert ["the saturation of" in each for each in beyond["not_reachable"].values] == [False, True]
