@@ -275,7 +275,7 @@ def write_figure(path: Path, figure: "Figure") -> Path:
 def render_png(figure: "Figure") -> bytes:
     """Render a matplotlib figure as PNG."""
     buffer = BytesIO()
-    figure.savefig(buffer, format="png", dpi=FIGURE_DPI)
+    figure.savefig(buffer, format="png", dpi=max(FIGURE_DPI, figure.dpi))
     return buffer.getvalue()
 
 

@@ -290,7 +290,7 @@ STROKE = _table("""
     surface       | m   | mm   |   | height behind the roller
     density_ratio | 1   |      | k | mean density ratio behind the roller
 """)
-# Inputs that sweeps and sensitivities vary
+# Inputs that sweeps vary
 INPUT = _table("""
     moisture                 | 1  |  | W | moisture content
     density_ratio            | 1  |  | k | target density ratio

@@ -1,1 +1,1 @@
-"""Analyses of a scene: contacts, resistance map, drives, comparison of engines, calibration, sensitivity."""
+"""Analyses of a scene: contacts, resistance map, drives, comparison of engines, calibration, uncertainty."""

@@ -20,15 +20,21 @@ from compact.analysis.contact_cases import Progress
 from compact.analysis.pore_air import AirAnswer, air_answer
 from compact.analysis.ranking_uncertainty import Agreement, Places, agreements
 from compact.analysis.sizing.balances import BalanceCheck, WorkBalance, balance_checks, work_balance
+from compact.analysis.sizing.decision import Choice, Decision, candidates, choose, decide
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
 from compact.analysis.sizing.machine_sizing import MachineSizing, machine_sizing
 from compact.analysis.stages.contacts import Count, contact_stage, no_count
 from compact.analysis.stages.drives import build_stages
-from compact.analysis.stages.first_laws import FirstLaws, first_laws
 from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.stages.laws import CamDrawing
-from compact.analysis.stages.model_spread import ModelSpread, contact_by_law, scenes_of_laws, spread_of
-from compact.analysis.stages.sensitivity import Shift, sensitivities
+from compact.analysis.stages.model_spread import (
+    ModelSpread,
+    contact_by_law,
+    prior_forces,
+    scenes_of_laws,
+    spread_of,
+    unfitted,
+)
 from compact.analysis.stages.uncertainty import RankingUncertainty, ranking_uncertainty
 from compact.analysis.stages.verdict import (
     DIRECTORY,
@@ -113,6 +119,7 @@ class Study:
                 self.__dict__.get("model_spread", contacts.kept.model_spread if contacts.kept else None),
                 None if contacts.process is None else contacts.process.lifts,
                 tuple(names),
+                self.__dict__.get("_prior", contacts.kept.prior if contacts.kept else None),
             )
             yield from write_results(directory, results, contacts.key)
 
@@ -121,11 +128,6 @@ class Study:
         """Numbers on the pore air; None for a linear layer, and for mix that is occluded as fed."""
         curve = self.stages.contacts.air_curve
         return None if curve is None else air_answer(curve, self.stages.contacts.mix, self.scene.mean_speed)
-
-    @cached_property
-    def sensitivities(self) -> list[Shift]:
-        """Sensitivity of the least peaks to each input, with a rigid drive."""
-        return sensitivities(self.stages)
 
     @property
     def _sizing_peaks(self) -> list[str]:
@@ -136,7 +138,18 @@ class Study:
     def models(self) -> list[ModelAnswer]:
         """Answers of the engine of the scene, first, and of the engines of the comparison."""
         spread = self.model_spread
-        return [model_answer(self.stages, spread.resistance if spread else None), *self.comparison.values()]
+        own = model_answer(self.stages, spread.resistance if spread else None, self._prior)
+        return [own, *self.comparison.values()]
+
+    @cached_property
+    def _prior(self) -> tuple[float, float] | None:
+        """Load on a roller and resistance of a cart with nothing fitted [N]; None without a fit."""
+        kept = self.stages.contacts.kept
+        return kept.prior if kept else self._prior_job.result()
+
+    @cached_property
+    def _prior_job(self) -> Job:
+        return self.submit(prior_forces, unfitted(self.scene, self.scene.accuracy.engine))
 
     @cached_property
     def uncertainty(self) -> RankingUncertainty | None:
@@ -151,7 +164,28 @@ class Study:
         if not known:
             return None
         self.count("uncertainty")
-        return ranking_uncertainty(self.stages, self.models, known, self.models[0].spread, self._executor)
+        spread = self.models[0].spread
+        return ranking_uncertainty(self.stages, self.models, known, spread, self._executor, self._candidates)
+
+    @cached_property
+    def _candidates(self) -> tuple[str, ...]:
+        """Laws of which one is decided."""
+        case, peaks = (self.scene.motion.duration, self.scene.drive.kind), self._sizing_peaks
+        firsts = [each.law for by in peaks if (each := verdict(self.models, *case, by))]
+        named = [*firsts, *self.stages.laws.robust]
+        return candidates(self.models, case, peaks, self.stages.laws.cycles, named) if peaks else ()
+
+    @cached_property
+    def choice(self) -> Choice | None:
+        """Decided law and alternative; None where no law has finite peaks."""
+        case = self.scene.motion.duration, self.scene.drive.kind
+        return choose(self.models, case, self._candidates, self._sizing_peaks, self.uncertainty)
+
+    @cached_property
+    def decision(self) -> Decision | None:
+        """Decided law with the sizes of its machine, and one alternative; None where no law has finite peaks."""
+        found = (self.models, self.uncertainty, self.model_spread, self.machine_sizing, self._sizing_peaks)
+        return None if self.choice is None else decide(self.choice, self.stages, *found)
 
     @cached_property
     def verdicts(self) -> dict[tuple[float, str, str], Verdict]:
@@ -176,23 +210,12 @@ class Study:
         return [*found, *self.machine_sizing.compared.values()]
 
     @cached_property
-    def first_laws(self) -> FirstLaws | None:
-        """First laws over drive, distance to fresh mix and model; None without `uncertainty`."""
-        if self.uncertainty is None:
-            return None
-        self.count("first laws")
-        return first_laws(self.scene, self.models, self.stages.laws.cycles)
-
-    @cached_property
     def machine_sizing(self) -> MachineSizing:
-        """Motor of every law, and guide wheels and bearings under the recommended law by the first criterion.
+        """Motor of every law, and guide wheels and bearings under the decided law.
 
         Where a pass over fresh mix and the forming process both size the machine, each is that of the larger one.
         """
-        motion, kind = self.scene.motion, self.scene.drive.kind
-        recommended = [self.verdicts.get((motion.duration, kind, by)) for by in self._sizing_peaks[:1]]
-        law = next((each.law for each in recommended if each), None)
-        return machine_sizing(self.stages, law, governing_pair(self.models))
+        return machine_sizing(self.stages, self.choice and self.choice.law, governing_pair(self.models))
 
     @cached_property
     def work_balance(self) -> WorkBalance:
@@ -206,12 +229,10 @@ class Study:
 
     @property
     def best_laws(self) -> list[str]:
-        """Three laws: the recommended ones at the duration and drive of the scene, their ties, and the next."""
-        case = self.scene.motion.duration, self.scene.drive.kind
-        own = [each for key, each in self.verdicts.items() if key[:2] == case]
-        ties = [law for each in own for law in each.contenders[1:]]
+        """Three laws: the decided one, the alternative, and the next candidate or the next in the ranking."""
         ranked = [place.run.name for ranks in self.stages.drive.rankings.values() for place in ranks[:3]]
-        return list(dict.fromkeys([*(each.law for each in own), *ties, *ranked]))[:3]
+        own = [self.choice.law, self.choice.alternative, *self.choice.candidates] if self.choice else []
+        return list(dict.fromkeys([law for law in (*own, *ranked) if law]))[:3]
 
     @cached_property
     def checks(self) -> list[BalanceCheck]:
@@ -246,7 +267,10 @@ class Study:
         laws = self.stages.laws.prescribed, self.stages.laws.cycles
         directory = self._directory and self._directory / DIRECTORY
         return {
-            name: self.submit(partial(answer_of, self.scene.with_engine(name), laws), directory and directory / name)
+            name: self.submit(
+                partial(answer_of, self.scene.with_engine(name), laws, prior=unfitted(self.scene, name)),
+                directory and directory / name,
+            )
             for name in self.scene.compared_engines
         }
 
@@ -263,6 +287,8 @@ class Study:
         contacts.begin_second_pass(self.submit)
         if contacts.requires_model_spread and not (contacts.kept and contacts.kept.model_spread):
             _ = self._answers_by_law
+        if "report" in self.scene.output.items and not contacts.kept:
+            _ = self._prior_job
 
     @cached_property
     def model_spread(self) -> ModelSpread | None:

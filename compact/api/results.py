@@ -13,6 +13,7 @@ from compact.analysis.contact_cases import contact_inputs, contact_record, conta
 from compact.analysis.material_tests import LaboratoryProgramme, MaterialTest, programme_of
 from compact.analysis.pore_air import has_air
 from compact.analysis.ranking_uncertainty import Place, places
+from compact.analysis.sizing import decision
 from compact.analysis.stages.contacts import ContactStage, contact_stage
 from compact.analysis.stages.drives import Stages, build_stages
 from compact.analysis.stages.resistance import ResistanceLaw
@@ -26,7 +27,8 @@ from compact.motion.tabulated import from_function, from_table
 from compact.numerics import Array
 from compact.numerics.validation import as_numbers, require_instance, require_known
 from compact.quantities import CONTACT, MOTION, SPEED, STROKE, Quantity
-from compact.report.tables import TableSpec, Tabular
+from compact.report.progress import Progress
+from compact.report.tables import OF_ROW, TableSpec, Tabular
 from compact.resistance import ResistanceMap
 from compact.rolling_contact import Contact
 from compact.scene.loader import Scene
@@ -421,6 +423,42 @@ def own_laws(scene: Scene, laws: Mapping[str, OwnLaw]) -> tuple[MotionProfile, .
                 )
         found.append(law)
     return tuple(found)
+
+
+class Decision(Tabular, decision.Decision):
+    """One law with the sizes of its machine, as `analysis.sizing.decision.Decision`, and a table of them.
+
+    The table has value, range (low, high) and margin of each size by its key; `other_sizes` has the alternative.
+
+    Examples
+    --------
+    >>> from compact.api.scene import load_scene
+    >>> found = load_scene("studies/scenes/small.toml").decide()
+    >>> found.law, found.alternative, round(found.sizes["peak_force"].value), round(found.sizes["peak_force"].high)
+    ('reversal-3', 'cubic', 3562, 5089)
+    """
+
+    _index = "quantity"
+    _quantities: ClassVar = dict.fromkeys((*OF_ROW, "margin"), Quantity("", "1"))
+
+    @classmethod
+    def of(cls, scene: Scene, line: Progress) -> Self:
+        """Decide for a law of a scene while a line shows the progress, see `Scene.decide`."""
+        items = dict.fromkeys((*scene.output.items, "report"))  # with the sources of uncertainty
+        wanted = scene.replaced(**{"output.items": list(items)})
+        found = study.Study(wanted, line.begin, progress=line.report).decision
+        if found is None:
+            raise RuntimeError("no law has finite peaks by every model; give one without velocity jumps in motion.laws")
+        return cls(**vars(found))
+
+    def columns(self) -> dict[str, list[Any]]:
+        """Return the sizes, a row each."""
+        names = "unit", "value", "low", "high", "margin"
+        found = {name: [getattr(size, name) for size in self.sizes.values()] for name in names}
+        return {"quantity": list(self.sizes)} | found
+
+    def __repr__(self) -> str:
+        return f"<decision for {self.law} by {self.engine}{', or ' + self.alternative if self.alternative else ''}>"
 
 
 class Study(Tabular, study.Study):

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from compact.api.results import (
         CartResistance,
         Contacts,
+        Decision,
         LaboratoryTests,
         OwnLaw,
         Process,
@@ -119,6 +120,29 @@ class Scene(loader.Scene):
         from compact.api.results import Ranking
 
         return Ranking.of(self._by(engine), self.drive.rank_by[0] if by is None else by, laws or {}, resistance)
+
+    def decide(self, *, engine: str | None = None) -> "Decision":
+        """Decide for one law, with the sizes of its machine, their ranges and margins, and one alternative.
+
+        Parameters
+        ----------
+        engine : str, optional
+            As of `roll`.
+
+        Returns
+        -------
+        Decision
+
+        Raises
+        ------
+        RuntimeError
+            If no law has finite peaks by every model.
+        """
+        from compact.api.results import Decision
+        from compact.report.progress import Progress
+
+        with Progress() as line:
+            return Decision.of(self._by(engine), line)
 
     def sweep(
         self,
@@ -228,10 +252,12 @@ class Scene(loader.Scene):
         """
         from compact.api.results import Study
         from compact.files import default_directory
+        from compact.report.progress import Progress
 
         directory = Path(out) if out is not None else default_directory(self.file, "", self.changed_values)
-        study = Study(self, directory=directory)
-        study.write(directory, force)
+        with Progress() as line:
+            study = Study(self, line.begin, directory, line.report)
+            study.write(directory, force)
         return study
 
     def _by(self, engine: str | None) -> "Scene":

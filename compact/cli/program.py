@@ -181,6 +181,22 @@ def run(
 
 
 @app.command
+def explain(results: Path, key: str, /) -> None:
+    """Explain a number of finished results: value, range, chain of models, inputs with origin, fits, sources, theory.
+
+    Parameters
+    ----------
+    results
+        folder of results, with summary.json
+    key
+        name in summary.json, as peak_force, or a path, as work_balance.feed_ratio
+    """
+    from compact.report.explain import explanation
+
+    print("\n".join(explanation(read_json(results / "summary.json"), key)))
+
+
+@app.command
 def roll(
     scene: ScenePath, /, *, speed: float | None = None, picture: Path | None = None, job: EngineJob = ENGINE_JOB
 ) -> None:

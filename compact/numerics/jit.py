@@ -50,7 +50,8 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         sources = sorted(source_files(function.__module__))
         stamp = tuple(sha256(Path(path).read_bytes()).hexdigest() for path in sources)
         files._cache_file = _KeptFile(files._cache_path, files._impl.filename_base, stamp)
-        dispatcher.compile = _once(dispatcher.compile, Path(files._cache_file._index_path).with_suffix(".lock"))
+        path = Path(files._cache_file._index_path).with_suffix(".lock")
+        dispatcher.compile = _once(dispatcher.compile, path, lambda: is_compiled(dispatcher))
     return dispatcher
 
 
@@ -69,7 +70,7 @@ def is_compiled(function: Any) -> bool:
     return bool(function.signatures) or (file is not None and bool(file._load_index()))
 
 
-def _once(compile_types: Callable[[Any], Any], path: Path) -> Callable[[Any], Any]:
+def _once(compile_types: Callable[[Any], Any], path: Path, known: Callable[[], bool]) -> Callable[[Any], Any]:
     """Let one process at a time compile or load a function.
 
     Functions that it calls are compiled inside; a callee never waits for its caller, so that no two processes wait in
@@ -84,6 +85,8 @@ def _once(compile_types: Callable[[Any], Any], path: Path) -> Callable[[Any], An
                 path.parent.mkdir(parents=True, exist_ok=True)
                 lock.acquire()
             try:
+                if not known():
+                    _LOG.info("compiling %s, once on this machine", path.name.partition("-")[0])
                 return compile_types(types)
             finally:
                 lock.release()

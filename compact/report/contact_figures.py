@@ -14,7 +14,17 @@ from matplotlib.patches import Circle
 from compact.analysis.stages.verdict import ModelAnswer
 from compact.engines.halfplane import LineContact
 from compact.quantities import CONTACT, FIELD, MOTION, SPEED, Quantity
-from compact.report.figures import DASHES, PALETTE, ZERO, curve, engine_style, label_decades, panels
+from compact.report.figures import (
+    DASHES,
+    PALETTE,
+    PHONE_DPI,
+    PHONE_TEXT,
+    ZERO,
+    curve,
+    engine_style,
+    label_decades,
+    panels,
+)
 from compact.resistance import ResistanceMap
 from compact.rolling_contact import Contact
 
@@ -145,27 +155,28 @@ def draw_models(models: Sequence[ModelAnswer], speeds: Mapping[str, float]) -> F
     speeds : mapping of str to float
         Largest speed of each law that is marked [m/s].
     """
-    figure, ((ax,),) = panels(1, 1, (5.0, 3.2), top=0.3)
+    figure, ((ax,),) = panels(1, 1, (2.9, 2.3), left=0.6, right=0.1, top=0.75, bottom=0.45)
+    figure.set_dpi(PHONE_DPI)
     resistance, fastest, largest = MOTION["cart_resistance"], 1.08 * max(speeds.values()), 0.0
     for number, model in enumerate(models):
         force, (color, _, dash) = model.steady, engine_style(model.engine)
         speed = np.linspace(0, min(fastest, float(getattr(force, "speeds", [fastest])[-1])), 401)[1:]
         values = np.asarray(force(speed, np.zeros_like(speed))) * resistance.plot_factor
-        label, width = model.engine if model.valid else f"{model.engine}, not for sizing", 1.7 if number else 3.0
+        label, width = model.engine if model.valid else f"{model.engine}*", 1.7 if number else 3.0
         ax.plot(speed, values, linestyle=dash, color=color, label=label, linewidth=width, zorder=2.5 + bool(number))
         low, high = model.spread or (1 - (model.error or 0.0), 1 + (model.error or 0.0))
         if max(1 - low, high - 1) > LEAST_BAND:
-            words = "laws of the mix" if model.spread else f"error, {model.engine}"
-            ax.fill_between(speed, low * values, high * values, color=color, alpha=0.18, linewidth=0, label=words)
+            ax.fill_between(speed, low * values, high * values, color=color, alpha=0.18, linewidth=0)
         largest = max(largest, float(max(high, 1.0) * values.max()))
-    for row, (name, each) in enumerate(sorted(speeds.items(), key=lambda item: item[1])):
-        height = 1.5 * largest * (0.36 - 0.07 * row)
-        ax.vlines(each, 0, height, color="0.45", linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
-        ax.text(each, height, f"{name} ", ha="right", va="center", fontsize=7.5, color="0.2")
-    ax.set(xlim=(0, fastest), ylim=(0, 1.5 * largest), xlabel=SPEED.axis_label, ylabel=resistance.axis_label)
+    for each in speeds.values():
+        ax.axvline(each, color="0.45", linewidth=0.8, linestyle=(0, (2, 2)), zorder=1)
+    ax.set(xlim=(0, fastest), ylim=(0, 1.05 * largest))
+    ax.set_xlabel(SPEED.axis_label, fontsize=PHONE_TEXT)
+    ax.set_ylabel(resistance.axis_label, fontsize=PHONE_TEXT)
+    ax.tick_params(labelsize=PHONE_TEXT)
     ax.spines[["top", "right"]].set_visible(False)
-    ax.set_title("Resistance of one cart by all models", fontsize=10, loc="left", fontweight="bold")
-    ax.legend(frameon=False, fontsize=8, ncols=2, handlelength=3.2, loc="upper left", labelspacing=0.3)
+    figure.legend(*ax.get_legend_handles_labels(), frameon=False, fontsize=PHONE_TEXT, ncols=2, handlelength=2.8,
+                  loc="upper left", labelspacing=0.2, borderpad=0.1, columnspacing=1.0)  # fmt: skip
     return figure
 
 

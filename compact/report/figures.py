@@ -6,12 +6,11 @@ blindness: two laws differ by 16 or more in CIELAB (1976 distance) for normal vi
 figures can be read in grey.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import islice, pairwise
+from collections.abc import Iterable, Mapping
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
@@ -22,11 +21,8 @@ from numpy.typing import NDArray
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import LawSizing
-from compact.cams.profile import Cam
 from compact.machine.component_sizing import SizingRule
-from compact.machine.crankshaft import CrankshaftRevolution
 from compact.machine.ranking import CRITERIA
-from compact.motion.profile import Cycle
 from compact.quantities import MOTION, TIME, Quantity
 
 if TYPE_CHECKING:
@@ -68,12 +64,12 @@ CONTOUR_MARGIN = 0.05  # [-], of a panel, without labels of contour lines
 READABLE_ANGLE = 180.0  # [degrees], above which text is upside down
 POINTS_OF_A_LAW = 400  # [-]
 FIRST_LINE_WIDTH, LINE_RATIO = 2.4, 0.87  # [points, -]; each line is narrower, so that none hides another
-CAM_COLUMNS, CAM_SIZE = 7, 1.8  # [-, inch], cams in a row, and width and height of each
 RANKING_PANELS = 2  # [-], number of criteria of the rankings, the first of the scene
 LETTER_WIDTH = 0.061  # [inch], of a letter of 8 points
 ROW_HEIGHT, PANEL_WIDTH = 0.24, 2.8  # [inch]; a panel and its labels fit a narrow screen
 MARK_SPREAD = 0.6  # [-], of a row, over which the marks of engines are spread so that none hides another
-CYCLE_SIZE = (5.0, 1.5)  # [inch]; two such figures lie side by side on a screen
+CYCLE_SIZE = (2.9, 1.35)  # [inch]; two such figures lie side by side on a screen, one fills a phone
+PHONE_DPI, PHONE_TEXT = 220, 8.5  # [1/inch, points], of these figures; 8.5 points are 11 px on a screen of 400 px
 BEST_STYLES: tuple[tuple[Any, float], ...] = (("-", 2.4), ((0, (6, 2)), 1.9), ((0, (1, 1.4)), 2.2))  # dash, points
 LEVELS: Mapping[str, tuple[str, Any]] = {  # of the torque of a shaft: colour and dash
     "rms": (PALETTE[0], "--"), "mean": ("0.45", ":"), "rated": (PALETTE[1], "-."), "peak": (PALETTE[1], (0, (8, 2))),
@@ -191,61 +187,6 @@ def _families(names: Iterable[str]) -> dict[str, list[str]]:
     return {family: members for family, members in groups.items() if members}
 
 
-def draw_kinematics(cycles: Mapping[str, Cycle]) -> Figure:
-    """Draw velocity, acceleration and jerk of every law over the forward stroke, a row for each family of laws.
-
-    Both sides of every join are sampled, so that discontinuities are drawn upright.
-    """
-    families, shown = _families(cycles), ("velocity", "acceleration", "jerk")
-    figure, axes = panels(len(families), len(shown), (3.6, 2.0), right=2.6, top=0.35, sharex=True, sharey="col")
-    for row, (family, members) in zip(axes, families.items(), strict=True):
-        for number, name in enumerate(members):
-            forward: Any = cycles[name].forward
-            joined = forward.curve.x
-            count = max(3, POINTS_OF_A_LAW // (len(joined) - 1))
-            pieces = [(np.nextafter(low, 2.0), np.nextafter(high, -1.0)) for low, high in pairwise(joined)]
-            phase = np.concatenate([np.linspace(low, high, count) for low, high in pieces])
-            jumps = any(join.order == 1 for join in forward.discontinuities())
-            style = law_style(name) | {"linewidth": FIRST_LINE_WIDTH * LINE_RATIO**number}
-            style["label"] = f"{name} (velocity jumps)" if jumps else name
-            for order, (ax, field) in enumerate(zip(row, shown, strict=True), start=1):
-                values = forward.at_phase(phase, order) * MOTION[field].plot_factor
-                ax.plot(phase * forward.duration, values, **style)
-        row[0].set_ylabel(family, fontsize=10)
-        row[-1].legend(fontsize=8, loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False, handlelength=3.2)
-    for ax, field in zip(axes[0], shown, strict=True):
-        ax.set_title(MOTION[field].axis_label, fontsize=11, y=TITLE_HEIGHT)
-        ax.margins(x=0)
-        ax.locator_params(axis="y", nbins=4)  # labels take most of the time of a figure
-    for ax in axes[-1]:
-        ax.set_xlabel(TIME.axis_label)
-    for ax in axes.ravel():
-        ax.axhline(0, **ZERO)
-    return figure
-
-
-def draw_cams(cams: Mapping[tuple[str, str], Cam], names: Sequence[str], follower: str) -> Figure:
-    """Draw the cam profiles for one follower to one scale, with the path of the roller centre; undercut ones shaded."""
-    phi, columns = np.linspace(0, 2 * np.pi, 721), min(CAM_COLUMNS, len(names))
-    rows = -(-len(names) // columns)
-    paths = [cams[name, follower].radius(phi) * np.array([np.cos(phi), np.sin(phi)]) for name in names]
-    pitch = 1.03 * max(float(np.ptp(path, axis=1).max()) for path in paths)  # [m], from cam to cam
-    figure, ((ax,),) = panels(1, 1, (CAM_SIZE * columns, CAM_SIZE * rows), left=0.1, right=0.1, bottom=0.1, top=0.1)
-    for place, (name, path) in enumerate(zip(names, paths, strict=True)):
-        cam, middle = cams[name, follower], (path.min(axis=1) + path.max(axis=1)) / 2
-        x, y = pitch * np.array([place % columns, -(place // columns)]) - middle  # of the shaft
-        across, along = cam.profile(phi)
-        style = {"edgecolor": law_style(name)["color"], "facecolor": "0.9" if cam.undercut else "none"}
-        ax.fill(x + across, y + along, linewidth=1.6, **style)
-        ax.plot(x + path[0], y + path[1], color="0.6", linewidth=0.7, linestyle="--")
-        ax.plot(x, y, "k+", markersize=6)
-        words = name + "\nUNDERCUT" * cam.undercut
-        ax.text(x + middle[0], y - 0.1 * pitch, words, fontsize=7, ha="center", va="top")
-    ax.set(xlim=(-0.5 * pitch, (columns - 0.5) * pitch), ylim=((0.5 - rows) * pitch, 0.5 * pitch))
-    ax.axis("off")
-    return figure
-
-
 # drives
 
 
@@ -257,7 +198,8 @@ def draw_best_cycles(runs: Mapping[str, Any]) -> Figure:
     runs : mapping
         Run of each law, as many as BEST_STYLES at most.
     """
-    figure, axes = panels(2, 1, CYCLE_SIZE, top=0.3, gaps=(0.0, 0.2), sharex=True)
+    figure, axes = panels(2, 1, CYCLE_SIZE, left=0.6, right=0.1, top=0.75, bottom=0.45, gaps=(0.0, 0.2), sharex=True)
+    figure.set_dpi(PHONE_DPI)
     force, power = axes[:, 0]
     for (name, run), (dash, width) in zip(runs.items(), BEST_STYLES, strict=False):
         style = {"color": law_style(name)["color"], "linestyle": dash, "linewidth": width, "label": name}
@@ -267,12 +209,11 @@ def draw_best_cycles(runs: Mapping[str, Any]) -> Figure:
         ax.axhline(0, **ZERO)
         ax.margins(x=0)
         ax.spines[["top", "right"]].set_visible(False)
-        ax.set_ylabel(label, fontsize=9)
-    power.set_xlabel(TIME.axis_label)
-    force.set_title("Force and power over a cycle, best laws", fontsize=10, loc="left", fontweight="bold")
-    low, high = force.get_ylim()
-    force.set_ylim(low, high + 0.3 * (high - low))
-    force.legend(frameon=False, fontsize=8, ncols=len(BEST_STYLES), loc="upper center", handlelength=3.4)
+        ax.set_ylabel(label, fontsize=PHONE_TEXT)
+        ax.tick_params(labelsize=PHONE_TEXT)
+    power.set_xlabel(TIME.axis_label, fontsize=PHONE_TEXT)
+    figure.legend(*force.get_legend_handles_labels(), frameon=False, fontsize=PHONE_TEXT, loc="upper left",
+                  handlelength=3.2, labelspacing=0.2, borderpad=0.1)  # fmt: skip
     return figure
 
 
@@ -295,41 +236,6 @@ def draw_stroke(
     ax.axhline(0, **ZERO)
     ax.set_title(f"Resistance over one cycle of position, {law}", fontsize=10, loc="left", fontweight="bold")
     ax.legend(frameon=False, fontsize=8)
-    return figure
-
-
-def draw_reactions(runs: Mapping[str, Any], names: Sequence[str]) -> Figure:
-    """Draw the guide-wheel reactions over a cycle; below zero a wheel runs on the lower rail."""
-    figure, (axes,) = panels(1, len(names), (5.2, 2.5), bottom=0.85, top=0.3, gaps=(0.3, 0.0), sharey=True)
-    reaction = MOTION["guide_reaction"]
-    for ax, name in zip(axes, names, strict=True):
-        forces, time = runs[name].state.forces, runs[name].time
-        curve(ax, TIME, reaction, time, forces.front_reaction, color=PALETTE[0], label="front wheel N₁")
-        curve(ax, TIME, reaction, time, forces.rear_reaction, "--", color=PALETTE[1], label="rear wheel N₂")
-        lowest = min(forces.front_reaction.min(), forces.rear_reaction.min()) * reaction.plot_factor
-        if lowest < 0:
-            ax.axhspan(lowest, 0, color="0.92", zorder=0, label="lifted off: on the lower rail")
-        ax.axhline(0, color="0.6", linewidth=0.8)
-        ax.set_title(name, y=TITLE_HEIGHT)
-        ax.set_ylabel(reaction.axis_label if ax is axes[0] else "")
-        ax.margins(x=0)
-    _legend_below(figure, axes[-1], columns=3)
-    return figure
-
-
-def draw_crank_turns(turns: Mapping[str, CrankshaftRevolution]) -> Figure:
-    """Draw torque and power of the shaft over a turn for 1 to 4 carts, with thin lines of the means."""
-    figure, (both,) = panels(1, 2, (4.4, 2.9), bottom=0.85)
-    shafts = [key for key in turns if key.isdigit()]
-    for key, color, dash in zip(shafts, colormaps["viridis"](np.linspace(0, 0.85, len(shafts))), DASHES, strict=False):
-        turn, style = turns[key], {"color": color, "linestyle": dash}
-        label = f"{key} cart{'s' if key != '1' else ''}"
-        for ax, name, values in zip(both, ("shaft_torque", "shaft_power"), (turn.torque, turn.power), strict=True):
-            curve(ax, MOTION["crank_angle"], MOTION[name], turn.angle, values, label=label, **style)
-            ax.axhline(turn.mean(values) * MOTION[name].plot_factor, linewidth=0.7, **style)
-            ax.set_xticks(range(0, 361, 45))
-            ax.margins(x=0)
-    _legend_below(figure, both[0], columns=4)
     return figure
 
 

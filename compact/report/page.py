@@ -18,13 +18,13 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from compact.analysis.stages.sensitivity import PRIOR
-from compact.analysis.stages.uncertainty import DRIVE
+from compact.analysis.sizing.decision import same_motions
 from compact.analysis.study import Study
 from compact.files import atomic_file
 from compact.machine.ranking import CRITERIA
 from compact.report import results, text
-from compact.report.tables import Mark, TableSpec, format_column, format_percent, format_quantity
+from compact.report.explain import decision_numbers, explanation, input_numbers
+from compact.report.tables import Mark, TableSpec, format_column, format_percent
 from compact.scene.loader import Scene
 
 UNIT_SPACE = re.compile(r"(?<=\d) (?=(?:%|[GMkmµ]?(?:N|W|J|Pa|m|s|g|rad|Nm))(?:[/²³<,.;: )\n]|$))")
@@ -127,8 +127,8 @@ def answer(study: Study, pictures: Mapping[str, bytes]) -> dict[str, Any]:
     """Collect the answer: the variables of the template other than title and sections."""
     return {
         "question": text.say("question", study),
-        "recommendations": text.recommendations(study),
-        "models": text.model_table(study) if study.verdicts else None,
+        "recommended": text.say("recommended", study),
+        "tables": [text.decision_table(study), text.model_table(study)] if study.decision else [],
         "pictures": figures_of(("models", "best_cycles"), pictures),
         "sentences": text.answer_sentences(study),
     }
@@ -154,14 +154,14 @@ def sections(study: Study, pictures: Mapping[str, bytes]) -> list[Section]:
 
 def _ranking(study: Study) -> Iterator[Block]:
     """Tabulate the laws by the criteria of the answer, with their ranks and the margins to the next law."""
-    if study.first_laws:
-        yield text.first_laws_table(study)
     kind = study.scene.drive.kind
     orders = dict(islice(study.stages.drive.places[kind].items(), text.ANSWER_CRITERIA))
-    laws = [place.law for place in next(iter(orders.values()))]
-    columns: dict[str, list[str]] = {"law": laws}
+    same = same_motions(study.stages.laws.cycles)
+    laws = [place.law for place in next(iter(orders.values())) if same[place.law] == place.law]
+    names = {law: " = ".join(each for each in same if same[each] == law) for law in laws}
+    columns: dict[str, list[str]] = {"law": [names[law] for law in laws]}
     for by, order in orders.items():
-        places = sorted(order, key=lambda place: laws.index(place.law))
+        places = sorted((each for each in order if each.law in names), key=lambda place: laws.index(place.law))
         values = format_column([place.value for place in places], CRITERIA[by].unit)
         head = CRITERIA[by].quantity.term
         columns[f"{head} (rank)"] = [f"{value} ({place.rank})" for value, place in zip(values, places, strict=True)]
@@ -185,35 +185,10 @@ def _contacts(study: Study) -> Iterator[Block]:
 
 
 def _uncertainty(study: Study) -> Iterator[Block]:
-    """Tabulate the sources of uncertainty, and the change of the least peaks at the ends of each input."""
+    """Tabulate what to measure first, and the sources of uncertainty."""
     if study.uncertainty and study.uncertainty.sources:
+        yield text.measurement_table(study)
         yield text.uncertainty_table(study)
-    shifts = study.sensitivities
-    cells: dict[str, list[Any]] = {"input": [each.name.split(".")[-1].replace("_", " ") for each in shifts]}
-    cells["ends"] = [" to ".join(format_quantity(end, each.unit, 3) for end in each.ends) for each in shifts]
-    cells["range"] = [Mark("assumed", each.how) if each.how == PRIOR else each.how for each in shifts]
-    for by in shifts[0].base.least if shifts else ():
-        changes = [
-            [end and end.least[by] / each.base.least[by] - 1 for end in (each.low, each.high)] for each in shifts
-        ]
-        cells[CRITERIA[by].quantity.term] = [text.say("changes", each) for each in changes]
-    if shifts and study.uncertainty and (source := study.uncertainty.source(DRIVE)):
-        for name in source.quantities:
-            ends = source.alone(name)
-            cells["input"].append(name)
-            cells["ends"].append(" to ".join(dict.fromkeys((ends[0].words, ends[-1].words))))
-            cells["range"].append(f"what is known, {study.scene.drive.kind} drive")
-            for by in shifts[0].base.least:
-                found = [end.least.get(by) for end in ends]
-                cells[CRITERIA[by].quantity.term].append(text.say("changes", [*_range(found)]))
-    title = "Change of the least peaks between the ends of one input at a time, with a rigid drive where none is named"
-    yield TableSpec.of_columns(title, cells)
-
-
-def _range(changes: Sequence[float | None]) -> tuple[float | None, float | None]:
-    """Return the least and the largest change; None where one is unknown."""
-    known = [each for each in changes if each is not None]
-    return (min(known), max(known)) if len(known) == len(changes) else (None, None)
 
 
 def _motion(study: Study) -> Iterator[Block]:
@@ -228,6 +203,13 @@ def _checks(study: Study) -> Iterator[Block]:
     nearest = sorted(study.checks, key=lambda each: -abs(each.residual) / (each.limit or 1e-300))[:SHOWN_CHECKS]
     marks = [Mark("good", "passes") if each.passed else Mark("bad", "fails") for each in nearest]
     yield TableSpec.of("", nearest, "check=name residual limit").shown("Checks", result=marks)
+
+
+def _explained(study: Study) -> Iterator[Block]:
+    """Explain every size of the decision, as `compact explain` does."""
+    summary = {"decision": decision_numbers(study), "inputs": input_numbers(study.scene), "engine": ""}
+    for key in study.decision.sizes if study.decision else ():
+        yield ". ".join(explanation(summary, key))
 
 
 def _inputs(study: Study) -> Iterator[Block]:
@@ -269,14 +251,14 @@ def remark(scene: Scene, table: str, key: str) -> str | Mark:
 
 Tables = Callable[[Study], Iterable[Block]] | None
 SECTIONS: Mapping[str, tuple[str, str, str, Tables]] = {  # title, sentences, figures, tables
-    "ranking": ("Ranking", "", "ranking", _ranking),
+    "ranking": ("Ranking", "other_cases robust", "ranking", _ranking),
     "contact": (
-        "Contact and resistance", "no_speed guides printed_guides return_stroke air work",
+        "Contact and resistance", "held turn no_speed guides sleeves return_stroke air work",
         "pressure section contact resistance stroke fields", _contacts,
     ),
-    "uncertainty": ("Uncertainty, and what to measure first", "uncertainty", "", _uncertainty),
-    "motion": ("Motion laws and cams", "compliant no_cam", "kinematics cams", _motion),
-    "drive": ("Shaft, guides and duration", "", "shaft reactions crank duration", None),
+    "uncertainty": ("Uncertainty, and what to measure first", "uncertainty spread", "", _uncertainty),
+    "drive": ("Shaft, cam and duration", "motor bearings compliant no_cam", "shaft duration", _motion),
     "checks": ("Built-in checks", "checks", "", _checks),
+    "explained": ("Where each number comes from", "", "", _explained),
     "inputs": ("Inputs and their origin", "replaced advice", "", _inputs),
 }  # fmt: skip

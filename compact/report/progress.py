@@ -8,8 +8,8 @@
     for case in tracked(cases, "case"):
         ...
 
-The line is refreshed by its own thread, and is erased at the end. Nothing is written where standard error is no
-terminal or a dumb one, or where `quiet` is set.
+The line is refreshed by its own thread, and is erased at the end. In a notebook it is plain text. It names a function
+that is being compiled. Nothing is written where standard error is no terminal or a dumb one, or where `quiet` is set.
 
 Loggers are those of the standard library below "compact": `compact.stages` has the stages of a job (INFO) and the
 iterations of its solvers (DEBUG), `compact.files` every file that is complete (INFO), `compact.analysis.worker_pool`
@@ -31,13 +31,26 @@ if TYPE_CHECKING:
     from rich.progress import Progress as Line
 
 REFRESH_RATE = 4  # [1/s]
+PLAIN_WIDTH = 100  # characters of the line in a notebook
 STAGES = "compact.stages"  # logger of the stages, INFO, and of the lines of text on them, DEBUG
 PACKAGE = "compact"  # parent of all loggers
 BEFORE = "start"  # stage before the first one: imports and the scene
 ROW = "{:<{}}{:>15}{:>15}{:>15}{:>15}"  # of the profile
 
-_LOG = logging.getLogger(STAGES)
+_LOG, _COMPILER = logging.getLogger(STAGES), logging.getLogger(f"{PACKAGE}.numerics.jit")
 Item = TypeVar("Item")
+
+
+class _Notice(logging.Handler):
+    """Handler that shows what is being compiled."""
+
+    def __init__(self, show: Callable[[str], None]) -> None:
+        super().__init__(logging.INFO)
+        self._show = show
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show a record."""
+        self._show(record.getMessage())
 
 
 class Progress:
@@ -57,6 +70,7 @@ class Progress:
     def __init__(self, *, total: int | None = None, quiet: bool = False, stream: TextIO | None = None) -> None:
         self._stream, self._quiet = sys.stderr if stream is None else stream, quiet
         self._line: Line | None = None
+        self._plain = not quiet and stream is None and "ipykernel" in sys.modules  # a notebook
         self.stage, self.detail, self._total, self._runs = "", "", total, 0
 
     def begin(self, stage: str) -> None:
@@ -76,11 +90,19 @@ class Progress:
         self.detail = detail
         if detail:
             _LOG.debug("%s", detail)
+        stage = f"{self.stage} {self._runs}" if self._runs > 1 else self.stage
+        self._show(", ".join(filter(None, (stage, detail))))
+
+    def _show(self, words: str) -> None:
         if self._line is not None:
-            stage = f"{self.stage} {self._runs}" if self._runs > 1 else self.stage
-            self._line.update(self._line.task_ids[0], description=", ".join(filter(None, (stage, detail))))
+            self._line.update(self._line.task_ids[0], description=words)
+        elif self._plain:
+            print(f"\r{words:<{PLAIN_WIDTH}.{PLAIN_WIDTH}}", end="", file=self._stream, flush=True)
 
     def __enter__(self) -> Self:
+        self._notice = _Notice(self.report)
+        _COMPILER.addHandler(self._notice)
+        _COMPILER.setLevel(logging.INFO)
         if not self._quiet and self._stream.isatty():
             from rich import progress
             from rich.console import Console
@@ -94,6 +116,8 @@ class Progress:
         return self
 
     def __exit__(self, *error: object) -> None:
+        _COMPILER.removeHandler(self._notice)
+        self._show("")
         if self._line is not None:
             self._line.stop()
 

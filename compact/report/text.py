@@ -7,7 +7,6 @@ Numbers are in SI units with three digits and the unit in the text. Sentences ha
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 from itertools import islice
 from textwrap import wrap
@@ -17,29 +16,39 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.ranking_uncertainty import Place
-from compact.analysis.stages.first_laws import RIGID
-from compact.analysis.stages.uncertainty import AIR, DRIVE, FED, LAW, MARGIN_SOURCES, MIX
-from compact.analysis.stages.verdict import SIZING_PEAKS, Verdict, sizing_model
+from compact.analysis.stages.uncertainty import AIR, DRIVE, FED, LAW, MAP, MARGIN_SOURCES, MESH, MIX, MODELS
+from compact.analysis.stages.verdict import SIZING_PEAKS, Verdict
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
 from compact.machine.drives import INSTRUMENTS
-from compact.machine.ranking import CRITERIA, first_of
+from compact.machine.ranking import CRITERIA
 from compact.material.laws import MEASURED_DENSITY_RATIO
 from compact.report.tables import TableSpec, format_column, format_percent
 from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.schema import Overrides
 
 TEXT_WIDTH = 118  # characters of a line, without its indent
-DIGEST_LINES = 36  # [-], of a digest; recommendations and models are never left out
+DIGEST_LINES = 20  # [-], of a digest
 ANSWER = (  # sentences of the answer, of terminal and page, the most important first
-    "measurement", "stiffness", "process", "other_cases", "first_laws", "turn", "held", "limits", "spread", "motor",
-    "motor_margin", "heaping", "infinite", "not_made", "reachable", "sleeves", "durations", "bearings",
-    "valid_formulas",
+    "cam_fit", "unknown_drive", "other_models", "fitted", "feed", "measure", "infinite", "heaping", "process",
+    "not_made", "reachable", "durations", "valid_formulas",
 )  # fmt: skip
 FAILURES: dict[type[Exception], str] = {
     HeapingError: "heaps up", UnsteadyError: "not steady", EquilibriumError: "no equilibrium",
 }  # fmt: skip
-WORTH = 0.05  # [-], of a margin that a measurement of the drive must be worth to be named
+WORTH = 0.01  # [-], of the margins that a measurement must be worth to be named
+SIZED = "peak_force", "peak_power", "shaft_torque", "motor_rating", "roller_load"  # columns of the decision
+FORCE_SOURCES = MESH, MAP, MIX, LAW, AIR, MODELS  # of the margin, which a measured force on the cart replaces
+MIX_INSTRUMENTS = {  # parameter of the mix -> how it is measured
+    "heckel_slope": "oedometer to the pressure of the roller",
+    FED: "mass of a known volume behind the sleeve",
+    "cohesion_loose": "direct shear of loose mix at three loads",
+    "friction_angle": "direct shear at three loads",
+    "steel_friction": "inclined steel plate",
+    "poisson": "oedometer with lateral load cells",
+    "unloading_modulus": "oedometer, unloading",
+    "rate_sensitivity": "oedometer at three rates",
+}
 ANSWER_CRITERIA = 2  # [-], number of criteria in the answer; the tables have the others
 SPACE = re.compile(r"\s+(?=[;,:)])|(?<=\()\s+|(?<=\s)\s+")  # before marks, and more than one
 
@@ -59,10 +68,10 @@ def _macros() -> Any:
     }
     environment.tests["finite"] = math.isfinite
     functions = (
-        changed_firsts, coverage, drive_measurements, first_measurement, fitted_inputs, infinite_laws, other_verdicts,
+        coverage, fitted_inputs, infinite_laws, measurements, other_verdicts,
     )  # fmt: skip
     environment.globals |= {each.__name__: each for each in functions}
-    environment.globals |= {"CRITERIA": CRITERIA, "AIR": AIR, "DRIVE": DRIVE, "FULL": MEASURED_DENSITY_RATIO}
+    environment.globals |= {"CRITERIA": CRITERIA, "DRIVE": DRIVE, "FULL": MEASURED_DENSITY_RATIO}
     return environment.get_template("sentences.j2").module
 
 
@@ -100,12 +109,6 @@ def answer_sentences(study: Study) -> list[str]:
 # numbers of the sentences
 
 
-def own_verdicts(study: Study) -> dict[str, Verdict]:
-    """Return the verdicts at the duration and with the drive of the scene, by criterion."""
-    own = study.scene.motion.duration, study.scene.drive.kind
-    return {by: each for (*case, by), each in study.verdicts.items() if tuple(case) == own}
-
-
 def other_verdicts(study: Study) -> dict[tuple[float, str], list[Verdict]]:
     """Return the verdicts at the other durations of a pass, and with a rigid drive, by duration and drive."""
     found: dict[tuple[float, str], list[Verdict]] = {}
@@ -115,60 +118,42 @@ def other_verdicts(study: Study) -> dict[tuple[float, str], list[Verdict]]:
     return found
 
 
-def fitted_inputs(study: Study) -> dict[str, list[str]]:
-    """Return the engines of each fitted input, with the words of its comment in the scene."""
-    engines: dict[str, list[str]] = {}
-    for model in study.models:
-        own = study.scene if model is study.models[0] else study.scene.with_engine(model.engine)
-        for key in model.fitted:
-            table, _, name = key.rpartition(".")
-            point = own.remark(table, name).partition("calibrated")[2].lstrip(":, ")
-            engines.setdefault(f"{name}, {point}" if point else name, []).append(model.engine)
-    return engines
+def fitted_inputs(study: Study) -> list[str]:
+    """Return the fitted inputs of all models by name."""
+    return list(dict.fromkeys(key.rpartition(".")[2] for model in study.models for key in model.fitted))
 
 
-def first_measurement(study: Study) -> dict[str, Any] | None:
-    """Return the parameter that should be measured first: its share of the variance, and its effect on the peak."""
-    known = study.uncertainty
-    if known is None or known.mix is None or not known.peaks:
-        return None
-    by = next(iter(known.peaks))
-    shares, law, remaining = known.mix.shares[by], known.laws[by], known.margin(by, (MIX,))
-    name = list(shares)[first_of([-share for share in shares.values()], floor=1.0)]
-    words = (Overrides.model_fields[name].description or name) if name != FED else ""
-    rest = {each.name: each.changes(law, by)[1] for each in known.sources if each.name in set(MARGIN_SOURCES) - {MIX}}
-    largest, source = max(rest, key=rest.__getitem__, default=""), known.source(LAW)
-    return {
-        "what": f"{words.rsplit(' in ', 1)[0]} (`{name}`)" if words else "the density ratio of the fed mix",
-        "share": shares[name], "term": CRITERIA[by].quantity.term, "margin": remaining,
-        "ends": sorted(known.peak_change(by, ratio) for ratio in known.mix.alone[name]),
-        "rest": largest if largest and rest[largest] > 0.8 * remaining > 0.01 else "",
-        "law": (0.0, 0.0) if source is None else source.changes(law, by),
-    }  # fmt: skip
+def measurements(study: Study) -> list[dict[str, Any]]:
+    """Return what may be measured: quantity, instrument, and margins before and after; the largest gain first.
 
-
-def drive_measurements(study: Study) -> list[dict[str, Any]]:
-    """Return the quantities of drive and cart that are worth a measurement, the largest gain of margin first.
-
-    A quantity is if at its ends another law is first, or if without its spread a margin is lower by `WORTH`.
+    A quantity of the mix removes its share of the variance of the peak; the force of a slow pass removes mesh, map,
+    mix, its laws, pore air and the other models; a quantity of the drive no longer varies.
     """
-    known = study.uncertainty
-    source = known.source(DRIVE) if known else None
-    if known is None or source is None:
+    known, choice = study.uncertainty, study.choice
+    if known is None or choice is None:
         return []
-    found = []
-    for name in source.quantities:
-        alone = replace(source, ends=source.alone(name))
-        margins = {by: (known.margin(by), known.margin(by, known=name)) for by in known.laws}
-        margins = {by: each for by, each in margins.items() if each[0] - each[1] > WORTH}
-        firsts = dict.fromkeys(law for by in known.laws for law in alone.other_firsts(by, known.laws[by]))
-        if margins or firsts:
-            found.append(
-                {"what": name, "how": INSTRUMENTS.get(name, "by its maker"), "margins": margins, "firsts": [*firsts]}
-            )
-    return sorted(
-        found, key=lambda each: min((after - before for before, after in each["margins"].values()), default=0)
-    )
+    margins = {by: known.margin(by, law=choice.law) for by in known.laws}
+
+    def entry(what: str, how: str, after: dict[str, float]) -> dict[str, Any]:
+        return {"what": what, "how": how, "before": margins, "after": after}
+
+    drive, mix, found = known.source(DRIVE), known.source(MIX), []
+    for name in drive.quantities if drive else ():
+        after = {by: known.margin(by, law=choice.law, known=name) for by in known.laws}
+        found.append(entry(name, INSTRUMENTS.get(name, "by its maker"), after))
+    after = {by: known.margin(by, FORCE_SOURCES, choice.law) for by in known.laws}
+    found.append(entry("force on the cart", "load cell in its rod, slow pass over fresh mix", after))
+    shares = known.mix.shares if known.mix and mix else {}
+    rises = {by: mix.changes(choice.law, by)[1] if mix else 0.0 for by in known.laws}
+    for name in next(iter(shares.values()), ()):
+        parts = {by: shares[by][name] * max(0.0, rises[by]) ** 2 for by in known.laws}
+        left = {by: math.sqrt(max(0.0, margins[by] ** 2 - part)) for by, part in parts.items()}
+        words = (Overrides.model_fields[name].description or name) if name != FED else "density ratio of the fed mix"
+        words = words.rsplit(" in ", 1)[0].removeprefix("the ")
+        found.append(entry(words, MIX_INSTRUMENTS.get(name, "laboratory test"), left))
+    gains = [sum(margins[by] - each["after"][by] for by in margins if margins[by] < math.inf) for each in found]
+    order = sorted(range(len(found)), key=lambda i: -gains[i])
+    return [found[i] for i in order if gains[i] > WORTH]
 
 
 def infinite_laws(orders: Mapping[str, list[Place]]) -> dict[str, list[str]]:
@@ -179,95 +164,69 @@ def infinite_laws(orders: Mapping[str, list[Place]]) -> dict[str, list[str]]:
     return {reason: list(laws) for reason, laws in reasons.items()}
 
 
-def changed_firsts(study: Study) -> dict[str, set[str]]:
-    """Return the first laws at the ends of the inputs that are others, by input."""
-    changed: dict[str, set[str]] = {}
-    for shift in study.sensitivities:
-        for by in shift.base.law:
-            for end in shift.changed_ends(by):
-                changed.setdefault(shift.name, set()).add(f"{end.law[by]} by {CRITERIA[by].quantity.term}")
-    return changed
-
-
 # the answer
 
 
-def recommendations(study: Study) -> list[list[str]]:
-    """State the recommended law, its peak and the margin of the drive by each criterion of the verdict.
-
-    Returns
-    -------
-    list of list of str
-        Clauses by criterion, with marks of strong words: law and peaks, what the drive must deliver, agreement of the
-        models, and the drives by which the peak changes.
-    """
-    case, known = (study.scene.motion.duration, study.scene.drive.kind), study.uncertainty
-    sizing, own, found = sizing_model(study.models), own_verdicts(study), []
-    for by, verdict in own.items():
-        order = (by, *(other for other in own if other != by))
-        values = {each: sizing.values(*case, each).get(verdict.law) for each in order}
-        peaks = {each: value for each, value in values.items() if value is not None}
-        margins = {} if known is None else {each: known.margin(each, law=verdict.law) for each in peaks}
-        found.append(sentences("recommendation", study, verdict, peaks, margins, sizing))
-    return found
+def decision_table(study: Study) -> TableSpec:
+    """Tabulate the sizes with the decided law: value, range and margin, and the upper end by the alternative."""
+    found = study.decision
+    assert found is not None  # of a study with a decision
+    columns = {"law": [found.law, "range", "margin", *([f"or {found.alternative}"] if found.alternative else [])]}
+    for key in (key for key in SIZED if key in found.sizes):
+        size, other = found.sizes[key], found.other_sizes.get(key)
+        more = f"{say('top', other)} {say('change', other.high / size.high - 1)}" if other else ""
+        cells = [say("size", size), say("band", size), format_percent(size.margin), more]
+        columns[key.replace("_", " ")] = cells[: len(columns["law"])]
+    return TableSpec.of_columns(say("decision", study), columns)
 
 
 def model_table(study: Study) -> TableSpec:
     """Tabulate the models at the duration and with the drive of the scene; engines without a steady state are last."""
     models, duration, kind = study.models, study.scene.motion.duration, study.scene.drive.kind
+    forces = [format_column([each.mean_resistance[duration]], "N", 3)[0] for each in models]
+    priors = [format_column([each.prior and each.prior[1]], "N", 3)[0] for each in models]
+    fits = [bool(each.fitted) for each in models]
     columns: dict[str, list[str]] = {"model": [each.engine for each in models]}
-    for by in own_verdicts(study):
+    if any(fits):
+        columns["fitted"] = [force if fit else "–" for force, fit in zip(forces, fits, strict=True)]
+    columns["prior"] = [prior if fit else force for force, prior, fit in zip(forces, priors, fits, strict=True)]
+    for by in (by for by in SIZING_PEAKS if by in study.scene.drive.rank_by):
         firsts = [each.first(duration, kind, by) for each in models]
-        columns[f"least {by.replace('_', ' ')}"] = [say("least", each, CRITERIA[by].unit) for each in firsts]
-    columns["resistance"] = format_column([each.mean_resistance[duration] for each in models], "N", 3)
-    columns["error"] = [say("model_error", each) for each in models]
-    columns["laws of the mix"] = [say("model_spread", each) for each in models]
-    columns["for sizing?"] = [say("sizing", each.invalid, each.fitted) for each in models]
+        columns[f"first by {by.rpartition('_')[2]}"] = [say("least", each, CRITERIA[by].unit) for each in firsts]
+    sizing = [say("sizing", each) for each in models]
+    columns = dict([*columns.items()][:-1]) | {"for sizing?": sizing} | dict([*columns.items()][-1:])
     for name, failure in study.failures.items():
-        told = {"model": name, "resistance": FAILURES[type(failure)]}
+        told = {"model": name, "for sizing?": f"no, {FAILURES[type(failure)]}"}
         for head, cells in columns.items():
             cells.append(told.get(head, "–"))
     return TableSpec.of_columns(say("models", study), columns)
 
 
-def first_laws_table(study: Study) -> TableSpec:
-    """Tabulate the first laws by model and resistance after a turn, with a rigid and over the elastic drives."""
-    found = study.first_laws
-    assert found is not None  # of a page with an uncertainty
-    springs = len(found.drives) - 1
-    columns: dict[str, list[str]] = {
-        "model": [each.engine if each.valid else f"{each.engine}, not for sizing" for each in found.cases],
-        "fresh mix from the axle": [each.turn for each in found.cases],
-    }
-    for by in SIZING_PEAKS:
-        unit, word = CRITERIA[by].unit, by.rpartition("_")[2]
-        columns[f"{word}, rigid"] = [say("first_rigid", *each.first(by, RIGID), unit) for each in found.cases]
-        if springs:
-            columns[f"{word}, {springs} springs"] = [
-                say("first_elastic", *each.elastic(by), unit) for each in found.cases
-            ]
-    title = "First laws over drive, fresh mix behind the roller, and model; in brackets the number of springs"
-    return TableSpec.of_columns(title, columns)
+def measurement_table(study: Study) -> TableSpec:
+    """Tabulate what may be measured, how, and the margins that remain."""
+    found = measurements(study)
+    columns = {"quantity": [each["what"] for each in found], "instrument": [each["how"] for each in found]}
+    for by, before in found[0]["before"].items() if found else ():
+        head = f"margin of {by.rpartition('_')[2]}, {format_percent(before)} today"
+        columns[head] = [format_percent(each["after"][by]) for each in found]
+    return TableSpec.of_columns("What to measure first, and the margin that remains", columns)
 
 
 def uncertainty_table(study: Study) -> TableSpec:
-    """Tabulate the sources of uncertainty: change of the peaks of the recommended laws, and first laws at the ends."""
-    sources = study.uncertainty.sources if study.uncertainty else ()
+    """Tabulate the sources of uncertainty: change of the peaks of the decided law, and first laws at the ends."""
+    sources, law = study.uncertainty.sources if study.uncertainty else (), study.choice.law if study.choice else ""
     columns = {"source": [each.name for each in sources], "variation": [each.variation for each in sources]}
-    for by, verdict in own_verdicts(study).items():
-        law, term = verdict.law, CRITERIA[by].quantity.term
-        columns[term] = [say("changes", each.changes(law, by)) for each in sources]
-        others = [each.other_firsts(by, law) for each in sources]
-        columns[f"first by {term}"] = [", ".join(each) or "the same" for each in others]
+    for by in study.uncertainty.laws if study.uncertainty else ():
+        columns[CRITERIA[by].quantity.term] = [say("changes", each.changes(law, by)) for each in sources]
     columns["in the margin?"] = ["yes" if each.name in MARGIN_SOURCES else "no" for each in sources]
-    return TableSpec.of_columns("Sources of uncertainty: change of the peaks of the recommended laws", columns)
+    return TableSpec.of_columns(f"Sources of uncertainty: change of the peaks of {law}", columns)
 
 
 # the terminal
 
 
 def study_digest(study: Study) -> str:
-    """Summarise a study: recommended laws, models, and the sentences of the answer.
+    """Summarise a study: the decision, the models, and the sentences of the answer.
 
     Returns
     -------
@@ -275,22 +234,25 @@ def study_digest(study: Study) -> str:
         At most DIGEST_LINES lines of TEXT_WIDTH characters; the last one counts the sentences that do not fit.
     """
     found = [study.scene.title or "untitled scene"]
-    for clauses in recommendations(study):
-        found += _wrapped(plain("; ".join(clauses)))
-    found.append("")
-    if study.verdicts:
-        cells = model_table(study).cells()
-        cells["for sizing?"] = [each.partition(":")[0] for each in cells["for sizing?"]]  # the page has the reasons
-        columns = [
-            [cell.ljust(max(map(len, column))) for cell in column] for column in ([k, *v] for k, v in cells.items())
+    if study.decision:
+        found += [
+            *_wrapped(plain(say("recommended", study))),
+            *_rows(decision_table(study)),
+            *_rows(model_table(study)),
         ]
-        found += [*(f"  {'  '.join(row).rstrip()}" for row in zip(*columns, strict=True)), ""]
-    if not study.stages.contacts.speeds:
-        found += _wrapped(say("formula_force", study.stages.contacts.numbers["roller_force"]))
     waiting = [_wrapped(plain(each)) for each in answer_sentences(study)]
-    while waiting and len(found) + len(waiting[0]) < DIGEST_LINES:
+    while waiting and len(found) + len(waiting[0]) + (len(waiting) > 1) <= DIGEST_LINES:
         found += waiting.pop(0)
     return "\n".join([*found, *(_wrapped(say("more", len(waiting))) if waiting else ())])
+
+
+def _rows(table: TableSpec) -> list[str]:
+    """Return the rows of a table in columns of text; the last columns are left out where a line is too long."""
+    columns = [[cell.ljust(max(map(len, column))) for cell in column]
+               for column in ([head, *cells] for head, cells in table.cells().items())]  # fmt: skip
+    while len("  ".join(column[0] for column in columns)) > TEXT_WIDTH:
+        columns.pop()
+    return [f"  {'  '.join(row).rstrip()}" for row in zip(*columns, strict=True)]
 
 
 def _wrapped(text: str) -> list[str]:

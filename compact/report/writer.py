@@ -1,7 +1,7 @@
 """Results of a study in a directory: the files that the scene requires, and summary.json last."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,6 @@ from compact.analysis.contact_cases import HeldQuantity, contact_record
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.sizing.durations import DurationStudy
 from compact.analysis.sizing.machine_sizing import MachineSizing
-from compact.analysis.stages.first_laws import FirstLaws
 from compact.analysis.stages.kept_results import KeptResults, write_results
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import Executor, SerialExecutor
@@ -27,6 +26,7 @@ from compact.files import (
 )
 from compact.machine.ranking import CRITERIA, value_of
 from compact.report import results
+from compact.report.explain import decision_numbers, input_numbers
 from compact.report.tables import json_number, json_numbers, json_values, write_arrays
 from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
 from compact.scene.loader import Scene
@@ -34,7 +34,7 @@ from compact.scene.loader import Scene
 if TYPE_CHECKING:
     from compact.analysis.robust.law import RobustLaw, WorstDrive
 
-SCHEMA = 3  # of summary.json; raised when a key in it changes its meaning
+SCHEMA = 4  # of summary.json; raised when a key in it changes its meaning
 SHAFT = (
     "speed_rad/s=requirement.speed mean_torque_Nm=requirement.mean_torque rms_torque_Nm=requirement.rms_torque "
     "peak_torque_Nm=requirement.peak_torque driving_share=requirement.driving_share "
@@ -101,7 +101,8 @@ def write_study(
         for name, other in study.comparison.items():
             if other.records:  # contacts and map of a compared engine, for the next run
                 found: Any = other.records, other.held, other.second_pass, other.steady, None, None, other.lifts
-                files += write_results(place / "comparison" / name, KeptResults(*found), other.key)
+                kept_results = replace(KeptResults(*found), prior=other.prior)
+                files += write_results(place / "comparison" / name, kept_results, other.key)
         summary = study_summary(study, [str(Path(file).relative_to(place)) for file in files])
         write_json(place / "summary.json", summary)
     return summary
@@ -189,16 +190,9 @@ def study_figures(study: Study) -> dict[str, tuple[Any, ...]]:
     """List the figures of a study: function and results by name."""
     from compact.report import contact_figures, figures
 
-    items, drive, cycles = study.scene.output.items, study.stages.drive, study.stages.laws.cycles
+    drive, cycles = study.stages.drive, study.stages.laws.cycles
     places, first = drive.places[study.scene.drive.kind], study.machine_sizing.first
-    found: dict[str, tuple[Any, ...]] = {"kinematics": (figures.draw_kinematics, cycles)}
-    if "reactions" in items:
-        by_rod = (name for name, run in drive.runs.items() if run.state.rod_tangent.any())
-        found["reactions"] = figures.draw_reactions, drive.runs, list(dict.fromkeys([drive.best_law, *by_rod]))
-    if "cams" in items:
-        found["cams"] = (figures.draw_cams, study.stages.laws.cams, list(cycles), "roller")
-    if "crank" in items:
-        found["crank"] = (figures.draw_crank_turns, drive.turns)
+    found: dict[str, tuple[Any, ...]] = {}
     if study.stages.contacts.speeds:
         peaks = [cycle.forward.peaks().acceleration for cycle in cycles.values()]
         found["contact"] = (contact_figures.draw_loads, study.stages.contacts.records)
@@ -243,8 +237,9 @@ def study_summary(study: Study, files: list[str]) -> dict[str, Any]:
         "machine_sizing": sizing_numbers(study.machine_sizing),
         "work_balance": {"law": study.work_balance.law} | json_numbers(study.work_balance, results.WORK_BALANCE),
         "verdict": _verdict(study),
-        "first_laws": _first_laws(study.first_laws),
         "robust_laws": {name: _robust_law(scene, found) for name, found in stages.laws.robust.items()} or None,
+        "decision": decision_numbers(study),
+        "inputs": input_numbers(scene),
         "advice": list(scene.advice),
         "replaced": {engine: list(sentences) for engine, sentences in scene.replacements.items() if sentences},
         "reachable": {"density_achievable": not unreachable, "reason": unreachable},
@@ -359,22 +354,6 @@ def _verdict(study: Study) -> dict[str, Any] | None:
         "sources": [asdict(each) for each in known.sources],
         "mix": known.mix and asdict(known.mix),
     }
-
-
-def _first_laws(found: FirstLaws | None) -> dict[str, Any] | None:
-    """Convert the first laws over drive, fresh mix and model; None without the output "report"."""
-    if found is None:
-        return None
-    excess = {by: {"law": law, "excess": each} for by, (law, each) in found.least_excess.items()}
-    cases = []
-    for each in found.cases:
-        first = {
-            by: [{"drive": drive, "law": law} | json_number(value, CRITERIA[by].unit)
-                 for drive in drives for law, value in (each.first(by, drive),)]
-            for by, drives in each.peaks.items()
-        }  # fmt: skip
-        cases.append({"engine": each.engine, "sizing": each.valid, "turn": each.turn, "first": first})
-    return {"least_excess": excess, "cases": cases}
 
 
 def _robust_law(scene: Scene, found: "RobustLaw") -> dict[str, Any]:

@@ -132,7 +132,7 @@ def test_every_engine_reuses_stored_contacts(written):
     drawn = {path.name: path.read_bytes() for path in directory.glob("*.png")}
     again = Study(scene(), directory=directory)
     kept = report.write_study(again, directory)
-    assert {"ranking.png", "kinematics.png"} < set(drawn)
+    assert {"ranking.png", "stroke.png"} < set(drawn)
     assert drawn == {path.name: path.read_bytes() for path in directory.glob("*.png")}
     for stages in (kept["evaluation_counts"], kept["comparison"]["column"]["evaluation_counts"]):
         assert stages["kept"] == 1

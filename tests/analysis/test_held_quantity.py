@@ -161,7 +161,6 @@ def test_drive_uses_the_guide_friction_of_the_scene_and_not_eq_1_9():
         case.stages.contacts.engineering.guide_coefficient * net_force
     )
     assert "guide_friction 0.008" in text.say("guides", case)
-    assert "the drives do not use it" in text.say("printed_guides", case)
 
 
 def test_second_pass_of_columns_is_elastic():

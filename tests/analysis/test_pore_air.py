@@ -123,13 +123,6 @@ def test_drives_contain_the_air(drained, one_way):
     assert first[1] > 1.02 * first[0]
 
 
-@pytest.mark.slow
-def test_sensitivities_contain_the_air(drained, one_way):
-    names = [shift.name for shift in one_way.sensitivities]
-    assert "mix.overrides.air_permeability" in names
-    assert "mix.overrides.air_permeability" not in [shift.name for shift in drained.sensitivities]
-
-
 def test_point_of_a_sweep_contains_the_air(drained, one_way):
     without = headline(False, lift(), Change("own"))
     found = headline(False, lift(**{"mix.pore_air": "one-way", "mix.overrides.air_permeability": 1e-13}), Change("air"))

@@ -212,7 +212,7 @@ def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
     assert len(distances) == 3
     assert distances == sorted(distances)
     assert stages.drive.runs["robust-peak-force"].peak_force < found.worst.peak
-    sentence = sentences("turn", study)[-1]
+    sentence = sentences("robust", study)[-1]
     assert sentence.startswith("robust-peak-force: at most 1")
     assert "3.3e+05 to 3e+06 N/m, damping ratios of 0.02 to 0.2 and 3 resistances" in sentence
     assert "best published law over the same: quintic" in sentence

@@ -9,7 +9,7 @@ import pytest
 from matplotlib.colors import LogNorm, to_rgb
 
 from compact.analysis.ranking_uncertainty import Place
-from compact.motion.profile import LAWS, law
+from compact.motion.profile import LAWS
 from compact.report import contact_figures, figures
 from compact.report.figures import law_style
 from compact.rolling_contact import Layer, Roller
@@ -64,27 +64,6 @@ def test_laws_of_a_family_differ_in_lightness(family):
 def test_colours_of_engines_are_distinct_with_colour_blindness(sight):
     shades = [lab(shade, sight) for shade, _, _ in figures.ENGINE_STYLES.values()]
     assert min(np.linalg.norm(one - other) for one, other in combinations(shades, 2)) > 16
-
-
-# laws
-
-
-def test_kinematics_are_those_of_the_laws():
-    cycles = {name: law(name, 0.4, 3.0).cycle() for name in ("quintic", "reversal-2", "gear-sector")}
-    figure = figures.draw_kinematics(cycles)
-    for ax_row, name in zip(np.reshape(figure.axes, (3, 3)), ("quintic", "reversal-2", "gear-sector"), strict=True):
-        for order, ax in enumerate(ax_row, start=1):
-            line = next(line for line in ax.lines if line.get_label().startswith(name))
-            time, value = line.get_data()
-            there = cycles[name].forward
-            inside = np.abs(time[:, None] / 3.0 - there.curve.x).min(axis=1) > 1e-9  # at a join either side will do
-            assert np.count_nonzero(inside) > 200
-            assert value[inside] == pytest.approx(there.at_phase(time / 3.0, order)[inside], abs=1e-12)
-    labels = [line.get_label() for line in figure.axes[-1].lines]
-    assert "gear-sector (velocity jumps)" in labels
-    time, acceleration = next(line for line in figure.axes[4].lines if line.get_label() == "reversal-2").get_data()
-    upright = np.diff(time) < 1e-9
-    assert np.abs(np.diff(acceleration)[upright]).max() == pytest.approx(0.32, rel=1e-9)  # 36/5 stroke/duration^2
 
 
 # fields

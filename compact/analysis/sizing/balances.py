@@ -81,11 +81,6 @@ class WorkBalance:
         return self.pass_work / self.confined_work if self.confined_work > 0 else None
 
     @property
-    def recovers(self) -> bool:
-        """True if a pass requires less work than the confined compression of its mix."""
-        return self.work_ratio is not None and self.work_ratio < 1 - WORK_TOLERANCE
-
-    @property
     def throughput_work(self) -> float | None:
         """Work of a cycle over the product that the mould carries away in it [J/m3]; None without its speed."""
         return None if self.carried_volume is None else self.cycle_work / (2 * self.carried_volume)

@@ -1,1 +1,1 @@
-"""Stages of a study: contacts, resistance, laws, drives, comparison of engines, sensitivity; each is entered once."""
+"""Stages of a study: contacts, resistance, laws, drives, comparison of engines, uncertainty; each is entered once."""

@@ -43,6 +43,7 @@ RECORDS: dict[str, Callable[[], Any]] = {  # types of the results in JSON
     "second_pass": lambda: tuple[float, float],
     "air_curve": lambda: AirCurve,
     "model_spread": lambda: ModelSpread,
+    "prior": lambda: tuple[float, float],
     "lifts": lambda: import_module("compact.engines.process.lifts").KnownLifts,  # with the finite elements
 }
 _LOG = logging.getLogger(__name__)
@@ -62,6 +63,8 @@ class KeptResults:
         Contacts by the other laws of the mix.
     lifts : KnownLifts or None
         Lumped lifts of a forming process in two dimensions.
+    prior : tuple of float or None
+        Load on a roller and resistance of a cart with nothing fitted [N].
     """
 
     contacts: list[Contact]
@@ -72,6 +75,7 @@ class KeptResults:
     model_spread: ModelSpread | None = None
     lifts: "KnownLifts | None" = None
     files: tuple[str, ...] = ()
+    prior: tuple[float, float] | None = None
 
 
 def contacts_key(scene: Scene, mix: Mix) -> str:

@@ -9,11 +9,13 @@ law of the scene on the same mesh contain little discretisation error, so that a
 A law by which the mix heaps up in front of the roller has no ratio, but the height of the wave and the travel.
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from compact.analysis.contact_cases import HeldQuantity, scene_mix
+from compact.analysis.contact_cases import HeldQuantity, case_of, scene_mix, solve
+from compact.engines import ENGINES
 from compact.engines.interface import Case
 from compact.material.mix import Mix
 from compact.rolling_contact import Contact, Heaping
@@ -160,6 +162,49 @@ def spread_of(contacts: Sequence[LawVariant]) -> ModelSpread:
         else replace(each, load=each.load / own.load, resistance=each.resistance / own.resistance)
         for each in others
     ))  # fmt: skip
+
+
+def unfitted(scene: Scene, engine: str) -> Scene | None:
+    """Return the scene of an engine on the layer of a scene, with the prior in place of the fitted mix.
+
+    Friction of the roller and density as fed, which have no prior, remain those of the scene.
+
+    Returns
+    -------
+    Scene or None
+        None where no fitted value is set, and for strokes of a forming process.
+    """
+    given = scene if engine == scene.accuracy.engine else scene.with_engine(engine)
+    fitted = given.mix.fitted_at.parameters if given.mix.fitted_at else ()
+    keys = [key for key in (f"mix.overrides.{name}" for name in fitted) if given.is_set(key)]
+    if not keys or ENGINES[engine].reads("process"):
+        return None
+    layer = {f"layer.{name}": getattr(scene.layer, name) for name in ("lift_thickness", "fed_density_ratio")}
+    try:
+        return given.replaced(**{"compare": None, "mix.fitted_at": None, **layer, **dict.fromkeys(keys)})
+    except ValueError:
+        return None
+
+
+def prior_forces(scene: Scene | None) -> tuple[float, float] | None:
+    """Return the load on a roller and the resistance of a cart [N] of a scene at the mean speed, on a coarse mesh.
+
+    Returns
+    -------
+    tuple of float or None
+        None without a scene or a steady state.
+    """
+    if scene is None:
+        return None
+    engine, mix = ENGINES[scene.accuracy.engine], scene_mix(scene)
+    try:
+        case = case_of(scene, mix, scene.mean_speed, engine.name, None, None)
+        with warnings.catch_warnings(action="ignore"):  # of the range of a prior that nobody asked for
+            found = solve(engine, scene, case if engine.affordable else replace(case, **COARSE))
+    except (ValueError, RuntimeError):
+        return None
+    length = scene.machine.roller_length
+    return found.load * length, found.resistance * length * scene.machine.rollers
 
 
 def _roll(stage: Any, held: HeldQuantity) -> Contact:

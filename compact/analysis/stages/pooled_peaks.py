@@ -1,15 +1,13 @@
-"""Peaks of all laws at once, within 1e-3 of their runs: with a rigid drive, and on many elastic drives.
+"""Peaks of all laws on many elastic drives at once, within 1e-3 of their runs.
 
-The motion of the laws is sampled once, and serves every cart, resistance and drive. The table of the first laws and the
-sensitivities consist of these peaks; elsewhere they tell which laws may be first, which alone are then run.
+They tell which laws may be first, which alone are then run.
 """
 
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from functools import cached_property, partial
-from itertools import chain
+from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -21,50 +19,16 @@ from compact.analysis.stages.resistance import ResistanceLaw
 from compact.analysis.stages.robust_range import missing_for_pool
 from compact.analysis.stages.verdict import SIZING_PEAKS
 from compact.machine.cart import Cart
-from compact.machine.rigid_drive import InverseDynamics, Rigid, solve_state
 from compact.motion.profile import Cycle
-from compact.numerics.piecewise import interior_grid
 from compact.scene.loader import Scene
 
 if TYPE_CHECKING:
     from compact.analysis.robust.drive_pool import PassTable
 
 Springs = Mapping[str, tuple[float, float]]  # stiffness [N/m] and damping [N s/m] of drives by label
-PHASES = 768  # [-], of a piece of a law; peaks with a rigid drive are within 1e-3
 POOL_ERROR = 1e-3  # [-], of a peak on an elastic drive
 POOL_KEYS = "machine.mass", "machine.weight", "drive.stiffness", "drive.damping"
 DECIDED = 10 * POOL_ERROR  # [-], of the least peak, beyond which a law is not first
-
-
-class RigidLaws:
-    """Laws of one stroke and duration, imposed on the cart."""
-
-    def __init__(self, cycles: Mapping[str, Cycle]) -> None:
-        self.cycles = cycles
-        legs = [each.legs() for each in cycles.values()]
-        sampled = [[(leg, interior_grid(leg.breakpoints(), PHASES)) for leg in each] for each in legs]
-        self.legs = list(chain(*sampled))
-        derivatives = [[leg.at_phase(phases, order).ravel() for leg, phases in self.legs] for order in range(4)]
-        position, velocity, acceleration, jerk = map(np.concatenate, derivatives)
-        self.motion = position, velocity, acceleration, jerk
-        self.direction = np.concatenate([np.full(phases.size, leg.direction) for leg, phases in self.legs])
-        sizes = [sum(phases.size for _, phases in each) for each in sampled]
-        self.starts = np.cumsum([0, *sizes[:-1]])  # of the samples of each law
-
-    def peaks(self, cart: Cart, resistance: ResistanceLaw) -> Peaks:
-        """Return the peaks by criterion and law [N] or [W]; infinite where the velocity jumps."""
-        required = InverseDynamics(cart, Rigid(), next(iter(self.cycles.values())), resistance)
-        side, springs = None, cart.end_springs
-        if springs is not None:
-            zones = [springs.zones(partial(leg.at_phase, order=0), leg.breakpoints()) for leg, _ in self.legs]
-            side = np.concatenate([each.side_at(at).ravel() for each, (_, at) in zip(zones, self.legs, strict=True)])
-        state = solve_state(required, self.motion, self.direction, np.zeros(len(self.direction)), side)
-        found = {}
-        for by, values in zip(SIZING_PEAKS, (state.forces.drive_force, state.drive_power), strict=True):
-            largest = np.maximum.reduceat(np.abs(values), self.starts).tolist()
-            laws = zip(self.cycles.items(), largest, strict=True)
-            found[by] = {name: math.inf if jumps(cycle) else peak for (name, cycle), peak in laws}
-        return found
 
 
 class PooledLaws:

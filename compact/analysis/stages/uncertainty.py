@@ -143,14 +143,6 @@ class Source:
         """Return the ends in words of drive and cart behind which a recommended law has no periodic cycle."""
         return [end.words for end in self.ends if end.of and math.isinf(end.change[law][by])]
 
-    def other_firsts(self, by: str, law: str, known: str = "") -> dict[str, list[str]]:
-        """Return the ends in words by the first law by a criterion there, where it is not the given one."""
-        found: dict[str, list[str]] = {}
-        for end in self.ends:
-            if end.first[by] != law and known not in end.of:
-                found.setdefault(end.first[by], []).append(end.words)
-        return found
-
 
 @dataclass(frozen=True)
 class MixSpread:
@@ -174,6 +166,8 @@ class MixSpread:
         Resistance of a mix with half the Heckel slope over that of the scene [-].
     coefficients : tuple of float
         Quadratic fit of the logarithm of the resistance over the positions in the ranges, from -1 to 1.
+    load : tuple of float or None
+        Quantiles of the load over that of the scene [-]; None for a forming process.
     """
 
     low: float
@@ -185,6 +179,7 @@ class MixSpread:
     shares: dict[str, dict[str, float]]
     twice_as_stiff: float
     coefficients: tuple[float, ...]
+    load: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -232,24 +227,6 @@ class RankingUncertainty:
         counted = [each for each in self.sources if each.name in MARGIN_SOURCES and each.name not in leave_out]
         return math.sqrt(sum(max(0.0, each.changes(law, by, known)[1]) ** 2 for each in counted))
 
-    def peak_change(self, by: str, scale: float) -> float:
-        """Return the change of the peak of the recommended law under a scaled resistance [-].
-
-        Parameters
-        ----------
-        by : str
-            Criterion.
-        scale : float
-            Resistance over that of the scene [-].
-
-        Returns
-        -------
-        float
-            Relative change [-].
-        """
-        scales, values = self.peaks[by]
-        return float(np.interp(scale, scales, values) / np.interp(1.0, scales, values) - 1)
-
 
 MESH, MAP, MIX, LAW, MODELS = "mesh", "resistance map", "parameters of the mix", "law of the mix", "other valid models"
 AIR, DRIVE, SHARES = "pore air", "drive and cart", "shares after a turn"
@@ -263,6 +240,7 @@ def ranking_uncertainty(
     verdicts: Mapping[str, Verdict],
     spread: tuple[float, float] | None,
     executor: Executor | None = None,
+    candidates: Sequence[str] = (),
 ) -> RankingUncertainty:
     """Vary every source of uncertainty of the answer.
 
@@ -276,6 +254,8 @@ def ranking_uncertainty(
         Least and largest resistance over the laws of the mix [-].
     executor : Executor, optional
         Executor of the runs; this process by default.
+    candidates : sequence of str
+        Other laws whose peaks are followed through every source.
 
     Returns
     -------
@@ -284,6 +264,7 @@ def ranking_uncertainty(
     scene, contacts, model = stages.contacts.scene, stages.contacts, sizing_model(models)
     leads, case, met = models[0].valid, (scene.motion.duration, scene.drive.kind), model.resistance
     laws, cycles = {by: each.law for by, each in verdicts.items()}, stages.laws.cycles
+    followed_laws = dict.fromkeys((*laws.values(), *candidates))
     base = {by: model.values(*case, by) for by in laws}
     mix = mix_spread(scene, contacts.process, executor)
     sources: list[tuple[str, str, Mapping[str, Change | Peaks]]] = []  # name, variation, changes or known peaks
@@ -297,7 +278,7 @@ def ranking_uncertainty(
     }
     ratios |= {MIX: (mix.low, mix.high) if mix else None, LAW: spread if leads else None}
     if model.engine == scene.accuracy.engine:
-        ratios |= {AIR: _air_ratios(stages), HELD: _held_ratios(stages)}
+        ratios |= {AIR: air_ratios(stages), HELD: _held_ratios(stages)}
     for name, pair in ratios.items():
         if pair and max(abs(ratio - 1) for ratio in pair) >= LEAST_EFFECT:
             words = f"{pair[0]:.2f} to {pair[1]:.2f} times the resistance"
@@ -336,14 +317,14 @@ def ranking_uncertainty(
     def near(share: float) -> dict[str, Cycle]:
         """Return the recommended laws, and those within a share of the least peak by any criterion."""
         close = {law for each in base.values() for law, value in each.items() if value <= share * min(each.values())}
-        return {law: cycle for law, cycle in cycles.items() if law in {*close, *laws.values()}}
+        return {law: cycle for law, cycle in cycles.items() if law in {*close, *followed_laws}}
 
     changes = [each for *_, ends in sources for each in ends.values() if isinstance(each, Change)]
     followed = {"": near(CONTENDER_SHARE)} | {str(scale): near(0.0) for scale in scales}
     followed |= dict.fromkeys(by_drive, near(OIL_SHARE) if DRIVES[case[1]].realises else cycles)
     pooled = PooledLaws(cycles, near(FAR_SHARE))
     for label, firsts in pooled.likely_firsts(scene, stages.resistance.cart, met, changes).items():
-        followed[label] = {law: cycle for law, cycle in cycles.items() if law in {*firsts, *laws.values()}}
+        followed[label] = {law: cycle for law, cycle in cycles.items() if law in {*firsts, *followed_laws}}
     changes += [Change(str(scale), resistance=met.scaled(scale)) for scale in scales]
     run = partial(_peaks, stages.resistance.cart, followed, met, tuple(laws))
     solved = ensemble(scene, changes, run, executor)
@@ -351,7 +332,7 @@ def ranking_uncertainty(
     known = tuple(
         Source(name, words, tuple(
             replace(
-                _end(label, next(answers) if isinstance(each, Change) else each, base, laws),
+                _end(label, next(answers) if isinstance(each, Change) else each, base, laws, followed_laws),
                 of=variants[label].of if name == DRIVE else (),
             )
             for label, each in ends.items()
@@ -388,12 +369,12 @@ def _peaks(
     return {by: {law: peaks[by] for law, peaks in made.items() if by in peaks} for by in criteria}
 
 
-def _end(words: str, values: Peaks, base: Peaks, laws: Mapping[str, str]) -> SourceEnd:
+def _end(words: str, values: Peaks, base: Peaks, laws: Mapping[str, str], followed: Iterable[str]) -> SourceEnd:
     """Return the answer with the given peaks; a recommended law that is as good but for rounding stays first."""
     found = {by: values.get(by, {}) for by in laws}
     change = {
         law: {by: found[by].get(law, math.inf) / base[by][law] - 1 for by in laws if law in base[by]}
-        for law in laws.values()
+        for law in followed
     }
     least = {by: min(each.values(), default=math.inf) for by, each in found.items()}
     first = {}
@@ -403,8 +384,8 @@ def _end(words: str, values: Peaks, base: Peaks, laws: Mapping[str, str]) -> Sou
     return SourceEnd(words, change, first, {by: least[by] / min(base[by].values()) - 1 for by in laws})
 
 
-def _air_ratios(stages: Stages) -> tuple[float, float] | None:
-    """Return the resistance with the air of a drained answer, one-way and undrained, over that of the answer.
+def air_ratios(stages: Stages, of: str = "resistance") -> tuple[float, float] | None:
+    """Return the resistance or the load with the air of a drained answer, one-way and undrained, over the answer's.
 
     Both are at the deformation without air; mix that yields to its air resists more where a bow wave exists.
     """
@@ -414,7 +395,8 @@ def _air_ratios(stages: Stages) -> tuple[float, float] | None:
         return None
     permeability = contacts.mix.parameter("air_permeability").value
     one_way, undrained = (
-        1 + curve.at(speed, each).resistance / curve.skeleton_resistance for each in (permeability, speed / RATIOS[-1])
+        1 + getattr(curve.at(speed, each), of) / getattr(curve, f"skeleton_{of}")
+        for each in (permeability, speed / RATIOS[-1])
     )
     return (one_way, undrained) if model == "drained" else (1.0, undrained / one_way)
 
@@ -519,9 +501,13 @@ def mix_spread(
     changes = [Change("scene"), Change("stiff", {"mix.overrides.heckel_slope": given.heckel_slope / 2})]
     changes += [at(f"point {i}", shares) for i, shares in enumerate((*ends, *sampled))]
     rolled = ensemble(columns, changes, partial(_mix_resistance, process), None if process else executor)
-    forces = np.array([rolled[number].get("resistance", np.nan) for number in range(len(changes))])
+    forces, loads = (
+        np.array([rolled[number].get(name, np.nan) for number in range(len(changes))])
+        for name in ("resistance", "load")
+    )
     if not forces[0] > 0:
         return None
+    loads = loads[-SAMPLES:] / loads[0]
     twice, alone, found = np.split(forces[1:] / forces[0], [1, 1 + len(ends)])
     known = found > 0  # nan without a solution
     terms, logs = polynomial_terms(2 * sampled[known] - 1, 2), np.log(found[known])
@@ -533,15 +519,16 @@ def mix_spread(
         float(low), float(high), 1 - float(np.var(logs - terms @ coefficients) / np.var(logs)), names, ranges,
         dict(zip(names, map(tuple, alone.reshape(-1, 2).tolist()), strict=True)), {}, float(twice[0]),
         tuple(coefficients.tolist()),
+        None if process else tuple(map(float, np.nanquantile(loads, BAND))),  # type: ignore[arg-type]
     )  # fmt: skip
 
 
 def _mix_resistance(process: "ProcessStudy | None", scene: Scene, _: Change) -> dict[str, float]:
-    """Return the resistance to a roller of a scene [N/m], or to a cart of a process with its mix [N]."""
+    """Return resistance and load of a roller of a scene [N/m], or the resistance of a cart of a process [N]."""
     if process is not None:
         return {"resistance": process.resistance_with(scene)}
     rolled = roll_scene(scene, scene_mix(scene), scene.mean_speed)
-    return {"resistance": float(rolled.resistance)}
+    return {"resistance": float(rolled.resistance), "load": float(rolled.load)}
 
 
 def parameter_ranges(scene: Scene, described: Scene) -> dict[str, tuple[float, float]]:

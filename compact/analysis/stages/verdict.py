@@ -30,6 +30,7 @@ import numpy as np
 from compact.analysis.contact_cases import HeldQuantity, process_detail
 from compact.analysis.ranking_uncertainty import Place, Places
 from compact.analysis.stages.drives import KnownLaws, Stages, build_stages
+from compact.analysis.stages.model_spread import prior_forces
 from compact.engines import ENGINES
 from compact.machine.ranking import BUILD_TOLERANCE, CRITERIA, ROUNDING_TIE, group_equal
 from compact.rolling_contact import Contact, EquilibriumError, HeapingError, UnsteadyError
@@ -68,6 +69,8 @@ class ModelAnswer:
         Inputs of the model that `[mix.fitted_at]` lists.
     roller_load : float
         Load of one roller [N].
+    prior : tuple of float or None
+        Load on a roller and resistance of a cart with nothing fitted, on the layer of the scene [N]; or None.
     steady, turning : optional
         Its part far from a turn, and the shares after a turn over the distance to fresh mix, see `ResistanceStage`.
     records, held, second_pass, key
@@ -95,6 +98,7 @@ class ModelAnswer:
     height_ratio: float | None = None
     fitted: tuple[str, ...] = ()
     roller_load: float = math.nan
+    prior: tuple[float, float] | None = None
     records: Sequence[Contact] = ()
     held: HeldQuantity | None = None
     second_pass: tuple[float, float] | None = None
@@ -184,13 +188,17 @@ def sizing_model(models: Sequence[ModelAnswer]) -> ModelAnswer:
     return next((model for model in models if model.valid), models[0])
 
 
-def model_answer(stages: Stages, spread: tuple[float, float] | None = None) -> ModelAnswer:
+def model_answer(
+    stages: Stages, spread: tuple[float, float] | None = None, prior: tuple[float, float] | None = None
+) -> ModelAnswer:
     """Collect the answer of the engine of a scene.
 
     Parameters
     ----------
     spread : tuple of float, optional
         Least and largest resistance over the laws of the mix [-].
+    prior : tuple of float, optional
+        Load on a roller and resistance of a cart with nothing fitted [N].
     """
     contacts, scene, records = stages.contacts, stages.contacts.scene, stages.contacts.records
     motion, machine = scene.motion, scene.machine
@@ -215,8 +223,7 @@ def model_answer(stages: Stages, spread: tuple[float, float] | None = None) -> M
         scene.accuracy.engine, reason_against(scene, ratio),
         {duration: drive.places for duration, drive in drives.items()}, forces, coefficients, stages.resistance.error,
         spread, stages.resistance.resistance, stages.resistance.steady_law, stages.resistance.turning, ratio,
-        fitted_inputs(scene), contacts.roller_load,
-        records, contacts.held,
+        fitted_inputs(scene), contacts.roller_load, prior, records, contacts.held,
         contacts.second_pass if scene.layer.return_stroke == "compacted" else None, contacts.key,
         contacts.return_ratios[0], contacts.process and contacts.process.lifts and contacts.process.lifts.bare,
     )  # fmt: skip
@@ -290,8 +297,13 @@ def governing(pair: Sequence[ModelAnswer], verdicts: Iterable[Verdict], duration
 Answer = ModelAnswer | HeapingError | UnsteadyError | EquilibriumError
 
 
-def answer_of(scene: Scene, laws: KnownLaws, directory: Path | None) -> Answer:
+def answer_of(scene: Scene, laws: KnownLaws, directory: Path | None, prior: Scene | None = None) -> Answer:
     """Compute the answer of the engine of a scene, in another process, with kept results of a directory.
+
+    Parameters
+    ----------
+    prior : Scene, optional
+        Scene with nothing fitted, see `unfitted`.
 
     Returns
     -------
@@ -308,7 +320,8 @@ def answer_of(scene: Scene, laws: KnownLaws, directory: Path | None) -> Answer:
         warnings.simplefilter("always")
         warnings.simplefilter("error", RuntimeWarning)  # an invalid operation of numpy yields no valid result
         try:
-            found = model_answer(stages)
+            kept = stages.contacts.kept
+            found = model_answer(stages, prior=kept.prior if kept else prior_forces(prior))
         except (HeapingError, UnsteadyError, EquilibriumError) as error:
             return error
     return replace(found, counts=counts, warned=tuple(dict.fromkeys(str(each.message) for each in warned)))

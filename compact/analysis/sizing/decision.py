@@ -1,0 +1,325 @@
+"""Decision of a study: one law with the sizes of its machine, and one alternative.
+
+Candidates are the distinct motions of least regret over the valid models by force and power, the recommended law of
+each criterion, and robust laws. Of them the decided law is the one whose force and power with their margins exceed the
+least ones of the candidates least; the alternative is the next.
+
+    size for = value (1 + margin),   margin = sqrt(sum of (increase_i)^2) over the sources of the margin
+
+Shaft and motor take the changes of the peak power, as the shaft turns uniformly. The load on a roller changes with
+mesh, mix, laws of the mix, pore air and model.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from compact.analysis.machine_models import catalogue
+from compact.analysis.sizing.machine_sizing import MachineSizing
+from compact.analysis.stages.drives import Stages
+from compact.analysis.stages.model_spread import ModelSpread
+from compact.analysis.stages.uncertainty import (
+    AIR,
+    DRIVE,
+    LAW,
+    MARGIN_SOURCES,
+    MESH,
+    MIX,
+    MODELS,
+    RankingUncertainty,
+    air_ratios,
+)
+from compact.analysis.stages.verdict import ModelAnswer, sizing_model
+from compact.machine.component_sizing import choose_motor
+from compact.machine.ranking import CRITERIA
+from compact.motion.profile import Cycle
+
+CANDIDATES = 4  # [-], laws of least regret that are followed through every source, besides those of the verdicts
+SAMPLES = 65  # [-], times over a cycle at which motions are compared
+SAME_TRAVEL = 1e-9  # [-], of the stroke; closer motions are the same but for rounding
+CAM_FOLLOWER = "roller"
+
+Changes = dict[str, tuple[float, float]]
+Case = tuple[float, str]
+
+
+@dataclass(frozen=True)
+class Size:
+    """Quantity that sizes a machine.
+
+    Parameters
+    ----------
+    term, unit : str
+        Words and SI unit.
+    value : float
+        Value by the model that sizes.
+    changes : dict
+        Least and largest relative change [-] by source of the margin.
+    """
+
+    term: str
+    unit: str
+    value: float
+    changes: Changes = field(default_factory=dict)
+
+    @property
+    def margin(self) -> float | None:
+        """Root of the sum of squares of the increases [-]; None where no source was varied."""
+        return math.hypot(*(max(0.0, high) for _, high in self.changes.values())) if self.changes else None
+
+    @property
+    def low(self) -> float | None:
+        """Lower end of the range, by the decreases."""
+        fall = math.hypot(*(min(0.0, low) for low, _ in self.changes.values()))
+        return self.value * max(0.0, 1 - fall) if self.changes else None
+
+    @property
+    def high(self) -> float:
+        """Value to size for, the upper end of the range."""
+        return self.value * (1 + (self.margin or 0.0))
+
+    @property
+    def shares(self) -> dict[str, float]:
+        """Share of each source in the square of the margin [-], the largest first."""
+        squares = {name: max(0.0, high) ** 2 for name, (_, high) in self.changes.items()}
+        total = sum(squares.values())
+        found = {name: each / total for name, each in squares.items() if each > 0} if 0 < total < math.inf else {}
+        return dict(sorted(found.items(), key=lambda each: -each[1]))
+
+
+class Choice(NamedTuple):
+    """Decided law, the alternative if any, the candidates, and the excess of the law over their least sizes [-]."""
+
+    law: str
+    alternative: str | None
+    candidates: tuple[str, ...]
+    excess: float
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One law, the sizes of its machine, and one alternative.
+
+    Parameters
+    ----------
+    choice : Choice
+        Law and alternative.
+    engine, invalid : str
+        Model that sizes, and the reason why it may not; empty if it may.
+    sizes, other_sizes : dict of str to Size
+        Sizes by key of the decided law and of the alternative: peak_force, peak_power, shaft_torque, motor_rating,
+        roller_load, peak_jerk, pressure_angle; those of the alternative are peaks and shaft alone.
+    motor : str or None
+        Smallest motor of the catalogue that holds with the margin, empty if none does; None without a catalogue.
+    cam : str
+        Reason why the cam cannot be cut; empty if it can, or without a table [cam].
+    regrets : dict
+        Excess of the law over the first one [-] by valid model and criterion.
+    drive : dict
+        By criterion: ends of the drive at which another law is first, their number, and the largest excess there [-].
+    """
+
+    choice: Choice
+    engine: str
+    invalid: str
+    sizes: dict[str, Size]
+    other_sizes: dict[str, Size]
+    motor: str | None
+    cam: str
+    regrets: dict[str, dict[str, float]]
+    drive: dict[str, tuple[int, int, float]]
+
+    @property
+    def law(self) -> str:
+        """Decided law."""
+        return self.choice.law
+
+    @property
+    def alternative(self) -> str | None:
+        """The next law; None with one law alone."""
+        return self.choice.alternative
+
+
+def same_motions(cycles: Mapping[str, Cycle]) -> dict[str, str]:
+    """Return the first law of the same motion by law; that of a motion of its own is itself."""
+    known: dict[str, np.ndarray] = {}
+    found = {}
+    for law, cycle in cycles.items():
+        times = np.linspace(0.0, cycle.period, SAMPLES)
+        travel = np.asarray(cycle.position(times))
+        near = SAME_TRAVEL * max(np.ptp(travel), np.finfo(float).tiny)
+        found[law] = next((name for name, other in known.items() if np.abs(travel - other).max() <= near), law)
+        known.setdefault(found[law], travel)
+    return found
+
+
+def candidates(
+    models: Sequence[ModelAnswer], case: Case, criteria: Iterable[str], cycles: Mapping[str, Cycle],
+    named: Iterable[str] = (),
+) -> tuple[str, ...]:  # fmt: skip
+    """Return the laws that are followed through every source of uncertainty.
+
+    Parameters
+    ----------
+    case : tuple
+        Duration of a pass [s] and kind of drive.
+    named : iterable of str
+        Laws that are candidates in any case.
+
+    Returns
+    -------
+    tuple of str
+        Distinct motions; the named laws first, then those of least regret.
+    """
+    excess: dict[str, list[float]] = {}
+    valid = [each for each in models if each.valid] or models[:1]
+    tables = [(by, each.values(*case, by)) for by in criteria for each in valid]
+    for by, values in tables:
+        for law, value in values.items():
+            excess.setdefault(law, []).append(value / CRITERIA[by].scale(min(values.values())) - 1)
+    same = same_motions({law: cycles[law] for law in cycles if len(excess.get(law, ())) == len(tables)})
+    regret = {law: max(excess[law]) for law in same if same[law] == law}
+    ordered = sorted(regret, key=lambda law: round(regret[law], 9))
+    return tuple(dict.fromkeys([*(same.get(law, law) for law in named if law in same), *ordered[:CANDIDATES]]))
+
+
+def choose(
+    models: Sequence[ModelAnswer], case: Case, laws: Sequence[str], criteria: Iterable[str],
+    known: RankingUncertainty | None,
+) -> Choice | None:  # fmt: skip
+    """Choose the law whose peaks with their margins exceed the least ones of the candidates least.
+
+    Returns
+    -------
+    Choice or None
+        None without a candidate.
+    """
+    model, criteria = sizing_model(models), tuple(criteria)
+    sizes = {law: [_peak(model, case, by, law, known) for by in criteria] for law in laws}
+
+    def excess_of(law: str, measure: str) -> float:
+        pairs = [(getattr(own, measure), min(getattr(each[i], measure) for each in sizes.values()))
+                 for i, own in enumerate(sizes[law])]  # fmt: skip
+        return max((one / least - 1 if math.isfinite(least) else 0.0 for one, least in pairs), default=0.0)
+
+    excess = [excess_of(law, "high") for law in laws]
+    if not laws:
+        return None
+    order = sorted(range(len(laws)), key=lambda i: (round(excess[i], 9), round(excess_of(laws[i], "value"), 9)))
+    return Choice(laws[order[0]], laws[order[1]] if len(order) > 1 else None, tuple(laws), excess[order[0]])
+
+
+def decide(
+    choice: Choice, stages: Stages, models: Sequence[ModelAnswer], known: RankingUncertainty | None,
+    spread: ModelSpread | None, sizing: MachineSizing, criteria: Sequence[str],
+) -> Decision:  # fmt: skip
+    """Collect the sizes of the decided law and of the alternative.
+
+    Parameters
+    ----------
+    sizing : MachineSizing
+        Shaft and motor of every law.
+    criteria : sequence of str
+        Criteria of the verdict that the scene ranks by.
+    """
+    scene, model = stages.contacts.scene, sizing_model(models)
+    case = scene.motion.duration, scene.drive.kind
+    own, other = (
+        {by: _peak(model, case, by, law, known) for by in criteria} if law else {}
+        for law in (choice.law, choice.alternative)
+    )
+    for law, sizes in ((choice.law, own), (choice.alternative, other)):
+        sizes |= _shaft_sizes(stages, sizing, law, sizes.get("peak_power"))
+    own["roller_load"] = Size("load on a roller", "N", model.roller_load, _load_changes(stages, models, known, spread))
+    own["peak_jerk"] = Size("peak jerk", "m/s3", stages.laws.cycles[choice.law].forward.peaks().jerk)
+    cam = ""
+    if scene.cam is not None:
+        try:
+            made = stages.laws.cam(choice.law, CAM_FOLLOWER)
+            own["pressure_angle"] = Size("pressure angle", "rad", made.largest_pressure_angle)
+            cam = "undercut" if made.undercut else ""
+        except ValueError as error:
+            cam = str(error)
+    valid = [each for each in models if each.valid] or [model]
+    regrets = {each.engine: {by: _excess(each.values(*case, by), choice.law) for by in criteria} for each in valid}
+    return Decision(
+        choice, model.engine, model.invalid, own, other, _motor(stages, sizing, choice.law, own.get("peak_power")), cam,
+        regrets, _drive(known, model, case, choice.law),
+    )  # fmt: skip
+
+
+def _excess(values: Mapping[str, float], law: str) -> float:
+    return values.get(law, math.inf) / min(values.values()) - 1
+
+
+def _peak(model: ModelAnswer, case: Case, by: str, law: str, known: RankingUncertainty | None) -> Size:
+    """Return a peak of a law by the model that sizes, with its changes by the sources of the margin."""
+    sources = [each for each in known.sources if each.name in MARGIN_SOURCES] if known else []
+    changes = {each.name: each.changes(law, by) for each in sources}
+    quantity = CRITERIA[by].quantity
+    return Size(quantity.term, quantity.unit, model.values(*case, by).get(law, math.inf), changes)
+
+
+def _shaft_sizes(stages: Stages, sizing: MachineSizing, law: str | None, power: Size | None) -> dict[str, Size]:
+    """Return torque of the shaft and rated power of a motor, at the peak power of the model that sizes."""
+    found = sizing.laws.get(law or "")
+    if found is None or found.requirement is None:
+        return {}
+    own = stages.drive.runs[found.law].peak_power
+    factor = power.value / own if power and own else 1.0
+    changes = power.changes if power else {}
+    return {
+        "shaft_torque": Size("shaft torque", "Nm", factor * found.requirement.peak_torque, changes),
+        "motor_rating": Size("motor rating", "W", factor * found.required_power / sizing.rule.margin, changes),
+    }
+
+
+def _motor(stages: Stages, sizing: MachineSizing, law: str, power: Size | None) -> str | None:
+    """Name the smallest motor of the catalogue that holds with the margin of the decision."""
+    motors, found = catalogue(stages.contacts.scene), sizing.laws.get(law)
+    if not motors or found is None or found.requirement is None:
+        return None
+    margin = max(sizing.rule.margin, 1 + (power.margin or 0.0) if power else 0.0)
+    chosen = choose_motor(motors, found.requirement, replace(sizing.rule, margin=margin)).chosen
+    return chosen.motor.name if chosen else ""
+
+
+def _load_changes(
+    stages: Stages, models: Sequence[ModelAnswer], known: RankingUncertainty | None, spread: ModelSpread | None
+) -> Changes:
+    """Return the relative changes of the load on a roller by source."""
+    if known is None:
+        return {}
+    model = sizing_model(models)
+    load, found, leads = model.roller_load, Changes(), model is models[0]
+    error = max((each.load_error or 0.0 for each in model.records), default=0.0)
+    if error:
+        found[MESH] = -error, error
+    if known.mix and known.mix.load:
+        found[MIX] = known.mix.load[0] - 1, known.mix.load[1] - 1
+    for name, ratios in ((LAW, spread and spread.load), (AIR, air_ratios(stages, "load"))):
+        if ratios and leads:
+            found[name] = ratios[0] - 1, ratios[1] - 1
+    others = [each.roller_load / load - 1 for each in models if each.valid and each is not model]
+    if others:
+        found[MODELS] = min(0.0, *others), max(0.0, *others)
+    return found
+
+
+def _drive(
+    known: RankingUncertainty | None, model: ModelAnswer, case: Case, law: str
+) -> dict[str, tuple[int, int, float]]:
+    """Return where another law is first over what is known of the drive, by criterion."""
+    source = known.source(DRIVE) if known else None
+    if source is None or known is None:
+        return {}
+    found = {}
+    for by in known.laws:
+        values = model.values(*case, by)
+        ratio = values[law] / min(values.values())
+        excess = [ratio * (1 + end.change[law][by]) / (1 + end.least[by]) - 1 for end in source.ends]
+        found[by] = sum(each > SAME_TRAVEL for each in excess), len(excess), max(excess)
+    return found

@@ -1,0 +1,200 @@
+"""Explanation of a number of summary.json: value, range, chain of models, inputs with origin, fits, sources, theory.
+
+All of it is read from the summary, so that `compact explain` computes nothing. A key is a name, such as "peak_force",
+the first of which counts, the decision before all others; or a path, "work_balance.feed_ratio".
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from compact.files import ResultsError
+from compact.report.tables import format_number, format_percent, format_quantity, json_number, json_values
+
+if TYPE_CHECKING:
+    from compact.analysis.study import Study
+    from compact.scene.loader import Scene
+
+SHOWN = 6  # [-], entries of a list or of a mapping that are shown
+NEAREST = 3  # [-], keys named where one is unknown
+ORIGINS = (
+    "published",
+    "measured",
+    "calibrated",
+    "given",
+    "assumed",
+    "default",
+    "changed by the caller",
+)  # of a comment
+
+
+class Link(NamedTuple):
+    """Model in a chain: words, inputs by table of the scene, and page of the theory."""
+
+    words: str
+    inputs: str
+    page: str
+
+
+LINKS = {
+    "mix": Link("prior of the mix with the values of the scene", "mix:moisture,density_ratio mix.overrides:*",
+                "theory/strength.md"),
+    "contact": Link("contact of one roller by {engine}", "machine:roller_radius,roller_length "
+                    "layer:lift_thickness,fed_density_ratio,passes", "theory/compaction.md"),
+    "resistance": Link("resistance of a cart over speed and stroke",
+                       "machine:rollers,roller_friction,guide_friction,sleeve_distance", "theory/resistance.md"),
+    "law": Link("motion law", "motion:stroke,duration,dwell,run_up,run_down", "theory/laws.md"),
+    "drive": Link("{drive} drive over a cycle", "machine:mass,weight drive:kind,stiffness,damping,bulk_modulus",
+                  "theory/drives.md"),
+    "shaft": Link("shaft that turns uniformly", "drive:carts", "how_to/motor.md"),
+    "cam": Link("cam of constant breadth", "cam:breadth,roller_follower_radius", "how_to/cams.md"),
+    "air": Link("pore air", "mix:pore_air", "theory/pore_air.md"),
+    "balance": Link("balance of mix and work", "product:width,height,mould_speed", "theory/process.md"),
+    "sources": Link("sources of uncertainty", "", "how_to/answer.md"),
+}  # fmt: skip
+FORCE = "mix contact resistance"
+CHAINS = {  # key, or table of the summary -> links; of a key that has none its table counts
+    "peak_force": f"{FORCE} law drive", "peak_power": f"{FORCE} law drive", "shaft_torque": f"{FORCE} law drive shaft",
+    "motor_rating": f"{FORCE} law drive shaft", "roller_load": "mix contact", "peak_jerk": "law",
+    "pressure_angle": "law cam", "drive_resistance": FORCE, "held": "mix contact", "return_stroke": FORCE,
+    "pore_air": "mix contact air", "model_spread": "mix contact", "steady_forces": FORCE,
+    "machine_sizing": f"{FORCE} law drive shaft", "work_balance": f"{FORCE} balance", "numbers": "mix contact",
+    "contacts": "mix contact", "laws": f"{FORCE} law drive", "comparison": FORCE, "roller_motors": f"{FORCE} law",
+    "cam": "law cam", "prior_resistance": FORCE, "fitted_resistance": FORCE, "decision": f"{FORCE} law drive sources",
+    "verdict": f"{FORCE} law drive sources", "rankings": f"{FORCE} law drive",
+    "robust_laws": f"{FORCE} law drive",
+}  # fmt: skip
+
+
+def explanation(summary: Mapping[str, Any], key: str) -> list[str]:
+    """Explain a number of a summary in lines of text.
+
+    Parameters
+    ----------
+    summary : mapping
+        Content of summary.json.
+    key : str
+        Name or path, its parts joined by dots.
+
+    Raises
+    ------
+    ResultsError
+        If the summary has no such key; the nearest ones are named.
+    """
+    path = next((each for each in _paths(summary) if key in (each[-1], ".".join(each))), None)
+    if path is None:
+        names = {each[-1] for each in _paths(summary)}
+        near = get_close_matches(key, sorted(names), NEAREST) or list(summary["decision"]["sizes"])[:NEAREST]
+        raise ResultsError(f"summary.json has no key {key!r}; the nearest are {', '.join(near)}")
+    value: Any = summary
+    for name in path:
+        value = value[name]
+    links = [LINKS[name] for name in chain_of(path)]
+    told = {"engine": summary["decision"]["engine"] if summary.get("decision") else summary["engine"]}
+    told["drive"] = summary["inputs"]["drive"]["kind"]["value"]
+    found = [f"{key}: {worded(value)}", f"from: {' → '.join(link.words.format(**told) for link in links)}"]
+    wanted = " ".join(link.inputs for link in links).split()
+    found += [f"{origin}: {', '.join(each)}" for origin, each in _origins(summary["inputs"], wanted).items()]
+    fitted = summary["decision"]["fitted"] if summary.get("decision") and LINKS["mix"] in links else []
+    found += [f"fitted: {', '.join(fitted) or 'nothing'}"]
+    if isinstance(value, Mapping) and value.get("shares"):
+        shares = (f"{name} {format_percent(share)}" for name, share in value["shares"].items())
+        found += [f"margin of {format_percent(value['margin'])}, of its square: {', '.join(shares)}"]
+    return [*found, f"theory: {', '.join(dict.fromkeys(f'docs/{link.page}' for link in links))}"]
+
+
+def chain_of(path: Sequence[str]) -> list[str]:
+    """Return the links of a key by its path: of its last part that has a chain."""
+    words = next((CHAINS[name] for name in reversed(path) if name in CHAINS), "sources")
+    return words.split()
+
+
+def worded(value: Any) -> str:
+    """Return a value of a summary as text, a quantity with its unit and range."""
+    if isinstance(value, Mapping) and "unit" in value:
+        known = value["value"]
+        words = format_quantity(known, value["unit"], 3) if _numeric(known) else known or "unknown"
+        ends = [format_quantity(value[name], value["unit"], 3) for name in ("low", "high") if _numeric(value.get(name))]
+        return f"{words}, {' to '.join(ends)}" if len(ends) > 1 else words
+    if isinstance(value, Mapping):
+        found = [f"{name} {worded(each)}" for name, each in list(value.items())[:SHOWN]]
+    elif isinstance(value, list):
+        found = [worded(each) for each in value[:SHOWN]]
+    else:
+        return format_number(value, 3) if _numeric(value) else str(value)
+    more = len(value) - len(found)
+    return "; ".join([*found, *([f"{more} more"] if more > 0 else [])]) or "none"
+
+
+def _numeric(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _paths(summary: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Yield the paths of all keys, those of the decision first, then by depth."""
+    level: list[tuple[tuple[str, ...], Any]] = [((), summary)]
+    while level:
+        below = []
+        for path, value in level:
+            items = [*value.items()] if isinstance(value, Mapping) and "unit" not in value else []
+            for name, each in sorted(items, key=lambda item: item[0] != "decision") if not path else items:
+                yield (*path, name)
+                if (*path, name) == ("decision",) and each:
+                    yield from (("decision", "sizes", size) for size in each["sizes"])
+                below.append(((*path, name), each))
+        level = below
+
+
+def _origins(inputs: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, list[str]]:
+    """Return inputs with their values by the origin that their comments state first."""
+    found: dict[str, dict[str, None]] = {}
+    for table, _, names in (each.partition(":") for each in wanted):
+        given = inputs.get(table, {})
+        for name in given if names == "*" else (each for each in names.split(",") if each in given):
+            words = given[name]["origin"]
+            stated = [origin for origin in ORIGINS if origin in words]
+            origin = min(stated, key=words.index, default="without origin")
+            found.setdefault(origin, {})[f"{name} {worded(given[name]['value'])}"] = None
+    return {origin: [*names] for origin, names in found.items()}
+
+
+# what the summary has for it
+
+
+def decision_numbers(study: "Study") -> dict[str, Any] | None:
+    """Convert the decision; None where no law has finite peaks."""
+    from compact.report import text  # heavy, of a study alone
+
+    found, duration = study.decision, study.scene.motion.duration
+    if found is None:
+        return None
+    sizes, other = (
+        {key: json_values(each, "value unit low high margin shares") for key, each in table.items()}
+        for table in (found.sizes, found.other_sizes)
+    )
+    forces = {each.engine: json_number(each.mean_resistance[duration], "N") for each in study.models}
+    priors = {each.engine: json_number(each.prior[1], "N") for each in study.models if each.prior}
+    return {
+        **json_values(found, "law alternative engine invalid motor cam"),
+        "candidates": list(found.choice.candidates), "excess": found.choice.excess,
+        "sizes": sizes, "alternative_sizes": other, "above_first_law": found.regrets,
+        "drive": {by: {"ends_with_another_first": count, "ends": number, "excess": excess}
+                  for by, (count, number, excess) in found.drive.items()},
+        "fitted": text.fitted_inputs(study), "fitted_resistance": forces, "prior_resistance": priors,
+        "not_for_sizing": {each.engine: each.invalid for each in study.models if each.invalid},
+        "measurements": text.measurements(study),
+    }  # fmt: skip
+
+
+def input_numbers(scene: "Scene") -> dict[str, dict[str, Any]]:
+    """Convert the inputs of the scene by table and key, each with the comment on its origin."""
+    tables = {name: table for name in type(scene).model_fields if hasattr(table := getattr(scene, name), "model_dump")}
+    tables["mix.overrides"] = scene.mix.overrides
+    return {
+        name: {
+            key: {"value": value, "origin": scene.remark(name, key)}
+            for key, value in table.model_dump(mode="json", exclude_none=True).items()
+            if not isinstance(value, dict)
+        }
+        for name, table in tables.items()
+    }
