@@ -433,7 +433,7 @@ class Decision(Tabular, decision.Decision):
     Examples
     --------
     >>> from compact.api.scene import load_scene
-    >>> found = load_scene("studies/scenes/small.toml").decide()
+    >>> found = load_scene("small").decide()
     >>> found.law, found.alternative, round(found.sizes["peak_force"].value), round(found.sizes["peak_force"].high)
     ('reversal-3', 'cubic', 3562, 5089)
     """

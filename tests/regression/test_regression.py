@@ -22,7 +22,7 @@ SMALL = HERE.parents[1] / "compact" / "data" / "scenes" / "small.toml"
 RELATIVE = 1e-6  # [-]; between machines, whose libraries round differently
 ESTIMATE = 1e-4  # [-], of an error or residual, a difference of nearly equal numbers that is told to two digits
 ABSOLUTE = 1e-9  # of quantities that are zero but for rounding
-UNSTABLE = {"versions", "scene_hash", "files", "counts", "warnings", "advice"}  # advice names the path of the scene
+UNSTABLE = {"versions", "scene_hash", "files", "counts", "warnings", "advice", "inputs"}  # advice names the path
 TABLES = ("ranking.csv", "contact.csv")
 
 CONTACT = {"contact.speeds": [0.05, 0.2], "contact.indentation": 0.002, "output.items": ["tables"]}
