@@ -269,7 +269,8 @@ def _shaft_sizes(stages: Stages, sizing: MachineSizing, law: str | None, power: 
     if found is None or found.requirement is None:
         return {}
     own = stages.drive.runs[found.law].peak_power
-    factor = power.value / own if power and own else 1.0
+    leads = found.engine == stages.contacts.scene.accuracy.engine  # else of the larger model, as it is
+    factor = power.value / own if power and own and leads else 1.0
     changes = power.changes if power else {}
     return {
         "shaft_torque": Size("shaft torque", "Nm", factor * found.requirement.peak_torque, changes),
