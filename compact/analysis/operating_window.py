@@ -10,6 +10,7 @@ density. A point then costs its columns.
     heaping         the product is denser than the last lift without a growing wave, in two dimensions alone
     full density    the product is denser than the end of the measured curve
     drive           the mean power at the mean speed, or the force, exceeds what motor or cylinder can deliver
+    rows            advance of the mould a stroke, or strokes a minute, are beyond those of the rows of the plant
 
 Up to some five rows of a plant, each with a density or a force, calibrate the window. They have no more than four
 unknowns: Heckel slope, pressure of extrusion, thickness that the sleeves offer where the scene has one, and their drag,
@@ -17,7 +18,9 @@ unknowns: Heckel slope, pressure of extrusion, thickness that the sleeves offer 
     min sum ((k - k_row)/0.005)^2 + sum (ln(F/F_row)/0.05)^2 + sum (ln(x/x_0)/spread)^2
 
 with the values x_0 of the scene and the spreads of the prior, which decide what the rows leave open. Columns have less
-resistance than the lifts, so that the values hold for the detail with which they were fitted.
+resistance than the lifts, so that the values hold for the detail with which they were fitted. The advance of the mould
+a stroke is the mix that a stroke has to press. Rows tell nothing of a limit that is met by a larger one only, such as
+the thickness that the sleeves offer: the scene keeps the ranges of both, and points beyond are told.
 """
 
 from collections.abc import Collection, Sequence
@@ -26,7 +29,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from compact.analysis.process import ProcessStudy
+from compact.analysis.process import MET, MINUTE, ProcessStudy
 from compact.engines.process.lifts import KnownLifts
 from compact.engines.process.strokes import SEARCH_LAYERS
 from compact.material.laws import MEASURED_DENSITY_RATIO
@@ -35,11 +38,9 @@ from compact.scene.loader import Scene
 from compact.scene.plant_data import StrokeRow
 
 WINDOW_KEYS = frozenset({"process.mould_speed", "motion.duration"})  # on which lumped lifts do not depend
-MINUTE = 60.0  # [s]
 SLOPE = "mix.overrides.heckel_slope"
 DIFFERENCE, TOLERANCE = 1e-2, 1e-3  # [-], of the logarithms for derivatives; of the sum, at which the fit ends
 STEPS_MAX = 10  # [-], of the fit; the prior bounds what the rows leave open
-MET = 1e-6  # [-], relative distance from a limit that is rounding
 DENSITY_ERROR, FORCE_ERROR = 0.005, 0.05  # [-], of a row; a core's density, and a load cell in service
 PRESSURE_SPREAD, DRAG_SPREAD = 1.1, 1.0  # [-], of the logarithm; the wedge's 24 to 223 kPa, sleeves of .2 to 2.7 kN
 FEED_SPREAD = 0.3  # [-], of the logarithm of the thickness that the sleeves offer in a stroke; a judgement
@@ -75,6 +76,7 @@ def limits_met(study: ProcessStudy) -> str:
         "feed": loose and not narrow,
         "heaping": row.lifts is not None and row.product_density_ratio > steady,
         "full density": row.product_density_ratio > MEASURED_DENSITY_RATIO,
+        "rows": bool(study.beyond_rows),
         "drive": needed > force or carts * needed * study.scene.mean_speed > power,
     }
     return ", ".join(name for name, reached in met.items() if reached)
@@ -158,7 +160,15 @@ def calibrate_window(scene: Scene, rows: Sequence[StrokeRow]) -> WindowFit:
     ).x
     fitted = dict(zip(before, (first * np.exp(shifts)).tolist(), strict=True))
     told = tuple((row, *reached_by(at(shifts, row))) for row in rows)
-    return WindowFit(scene.replaced(**closed, **fitted), fitted, before, told)
+    return WindowFit(scene.replaced(**closed, **fitted, **measured_ranges(rows)), fitted, before, told)
+
+
+def measured_ranges(rows: Sequence[StrokeRow]) -> dict[str, list[float]]:
+    """Return the ranges of advances of the mould [m] and of strokes a minute [1/min] of rows, by key of the scene."""
+    strokes = [row.strokes_per_minute for row in rows]
+    advances = [MINUTE * row.mould_speed / row.strokes_per_minute for row in rows]
+    ranges = {"process.measured_advances": advances, "process.measured_strokes": strokes}
+    return {key: [min(values), max(values)] for key, values in ranges.items()}
 
 
 def reached_by(study: ProcessStudy) -> tuple[float, float]:
@@ -170,10 +180,7 @@ def window_digest(found: WindowFit) -> str:
     """Describe a calibrated window in text: rows, values, and the lines for the scene."""
     lines = [f"{'mould, m/min':>12}{'strokes/min':>13}{'density ratio':>15}{'found':>8}{'force, N':>10}{'found':>8}"]
     for row, ratio, force in found.rows:
-        told = (
-            "" if row.density_ratio is None else f"{row.density_ratio:.4g}",
-            "" if row.force is None else f"{row.force:.4g}",
-        )
+        told = ["" if each is None else f"{each:.4g}" for each in (row.density_ratio, row.force)]
         speed = MINUTE * row.mould_speed
         lines.append(
             f"{speed:>12.3g}{row.strokes_per_minute:>13.4g}{told[0]:>15}{ratio:>8.4f}{told[1]:>10}{force:>8.0f}"
@@ -182,4 +189,6 @@ def window_digest(found: WindowFit) -> str:
     for key, value in found.values.items():
         table, _, name = key.rpartition(".")
         lines += [f"[{table}]", f"{name} = {value:.5g}  # measured; before {found.before[key]:.4g}"]
+    ranges = measured_ranges([row for row, *_ in found.rows])
+    lines += ["[process]", *(f"{key.rpartition('.')[2]} = {ends}  # of the rows" for key, ends in ranges.items())]
     return "\n".join(lines)

@@ -31,7 +31,9 @@ from compact.material.pore_air import PoreAir
 from compact.scene.loader import Scene, SceneError
 
 PRESSURE_FACTOR = 2.0  # [-], spread of an assumed pressure on the smoothing plate
-WORK_LIMIT = 2e-2  # [-], residual of the energy balance of a pass
+MINUTE = 60.0  # [s]
+MET = 1e-6  # [-], relative distance from a limit that is rounding
+WORK_LIMIT = 1e-2  # [-], residual of the energy balance of a lift that is told
 UNFED_SHARE = 1e-6  # [-], of the product; less missing or surplus mix is rounding
 
 
@@ -206,11 +208,9 @@ class ProcessStudy:
         if not self.counts_air:
             return None
         row, machine = self.row, self.problem.machine
-        share, behind = abs(speed) / machine.cart_speed, row.numbers_by_lifts["air_excess_behind"]
-        load, resistance = (
-            row.estimate(f"air_{name}").value / machine.roller_length for name in ("load", "resistance")
-        )
-        return AirForces(share * load, share * resistance, share * behind)
+        share, length = abs(speed) / machine.cart_speed, machine.roller_length
+        load, resistance = (share * row.estimate(f"air_{name}").value / length for name in ("load", "resistance"))
+        return AirForces(load, resistance, share * row.numbers_by_lifts["air_excess_behind"])
 
     @property
     def load(self) -> float:
@@ -319,10 +319,9 @@ class ProcessStudy:
         if given:
             return given, given, given
         angle, cohesion = (self.mix.parameter(name) for name in ("friction_angle", "cohesion_loose"))
+        height, density = self.scene.product.height, self._loose_density
         low, value, high = (
-            extrusion_pressure(
-                self.scene.product.height, self._loose_density, getattr(angle, end), getattr(cohesion, end)
-            )
+            extrusion_pressure(height, density, getattr(angle, end), getattr(cohesion, end))
             for end in ("low", "value", "high")
         )
         return value, low, high
@@ -386,15 +385,26 @@ class ProcessStudy:
         )
 
     @property
+    def beyond_rows(self) -> str:
+        """Words on strokes beyond the rows of a plant to which the scene is calibrated; empty within them."""
+        table, machine, found = self.scene.process, self.problem.machine, []
+        rate = MINUTE / machine.stroke_period
+        places = [("advance of the mould a stroke", " m", machine.advance, table and table.measured_advances)]
+        places.append(("number of strokes a minute", "", rate, table and table.measured_strokes))
+        for words, unit, at, ends in places:
+            if ends and not ends[0] * (1 - MET) <= at <= ends[1] * (1 + MET):
+                found.append(f"{words} {at:.3g}{unit} in place of {ends[0]:.3g} to {ends[1]:.3g}{unit}")
+        return f"beyond the rows of the plant, so extrapolated: {' and '.join(found)}" if found else ""
+
+    @property
     def _evasion(self) -> str:
         """Sentence on a pressure of extrusion by the wedge, with the density ratios at its bounds."""
         pressure, *bounds = self.extrusion_pressures
         if self.closure.kind != "extrusion_pressure" or pressure in bounds:
             return ""
-        few, found = replace(self.problem, layers=SEARCH_LAYERS), []
-        for bound in bounds:
-            history = solve_closure(few, replace(self.closure, value=bound))
-            found.append(f"{bound / 1e3:.3g} kPa, density ratio {history.of_product('density_ratio'):.3f}")
+        few = replace(self.problem, layers=SEARCH_LAYERS)
+        ends = [(bound, solve_closure(few, replace(self.closure, value=bound))) for bound in bounds]
+        found = [f"{bound / 1e3:.3g} kPa, density ratio {at.of_product('density_ratio'):.3f}" for bound, at in ends]
         return (
             f"mix evades along the axis at {pressure / 1e3:.3g} kPa, estimated by the wedge of the free slope; between "
             f"{' and '.join(found)}"
@@ -421,6 +431,7 @@ class ProcessStudy:
             "give less, and [process] kneading needs a static one",
             self.problem.kneading and "columns press without kneading, by the static Heckel slope: no floor",
             self._evasion,
+            self.beyond_rows,
         ]  # fmt: skip
         if self.lifts is not None:
             found, tension = row.numbers_by_lifts, self.mix.cohesion / np.tan(np.radians(self.mix.friction_angle))

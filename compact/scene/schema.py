@@ -120,6 +120,7 @@ def key(meaning: str, low: float = 0.0, high: float = 0.0, why: str = "", *, def
 positive, nonnegative, share = partial(key, gt=0), partial(key, ge=0), partial(key, ge=0, le=1)
 optional, or_zero = partial(positive, default=None), partial(nonnegative, default=None)  # a number, or none
 Maybe = float | None
+TOUCHES = "(zero means no contact)"
 
 
 def _or_installed(registry: Registry[Any]) -> tuple[Any, ...]:
@@ -463,6 +464,8 @@ class Process(Table):
     plate_length: Maybe = optional("the length of the smoothing plate along the roller [m]", 1e-3, 5, PART_OF_PRODUCT)
     plate_pressure: Maybe = or_zero("the pressure of the mix on it [Pa]", 10, 1e6, PRESSURES)
     measured_force: Maybe = optional("the force that moves a cart, measured or printed [N]", 1, 1e6, CARTS)
+    measured_advances: Ends = key("advances a stroke in rows of a plant [m]", 1e-5, 1, CREEPING, default=None)
+    measured_strokes: Ends = key("their strokes a minute [1/min]", 1, 300, CARTS, default=None)
     detail: ProcessDetail | None = key('columns, or lumped lifts; default "deep" for "process"', default=None)
 
 
@@ -474,9 +477,6 @@ class Sleeve(Table):
     wall_friction: float = share("the friction coefficient of the mix on the wall")
     count: int = key("the number of sleeves of one cart", 1, 20, SLEEVES, ge=1, le=COUNT_LIMIT)
     measured_drag: Maybe = or_zero("their drag on a cart, of a pull test [N]", 1, 1e5, CARTS)
-
-
-TOUCHES = "(zero means no contact)"
 
 
 class Contact(Table):

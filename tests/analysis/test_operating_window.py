@@ -21,7 +21,8 @@ MOTOR = {
     "curve": "linear", "torque": 10.0, "speed": 100.0, "gear_ratio": 40.0, "inertia": 0.01, "flywheel_inertia": 5.0,
 }  # fmt: skip
 ROWS = (0.0175, 67.5), (0.013, 67.5), (0.0175, 50.0), (0.03, 90.0), (0.022, 60.0)
-HELD_OUT = (0.015, 60.0), (0.02, 80.0), (0.025, 90.0), (0.012, 45.0)
+HELD_OUT = (0.015, 60.0), (0.02, 80.0), (0.025, 90.0), (0.0118, 60.0), (0.033, 90.0)  # the last faster than all rows
+BEYOND = (0.027, 60.0), (0.0105, 45.0)  # 27 mm a stroke, where the sleeves of the plant limit; fewer strokes a minute
 
 
 def plants_row(scene, place):
@@ -41,7 +42,19 @@ def test_five_rows_of_a_plant_calibrate_the_window():
         assert density == pytest.approx(row.density_ratio, abs=0.01)
         assert force == pytest.approx(row.force, rel=0.15)
         assert abs(before[0] - row.density_ratio) > 0.01
-    assert "extrusion_pressure" in window_digest(found)
+        assert limits_met(ProcessStudy(found.scene.replaced(**row.changes(0.0)))) == ""
+    digest = window_digest(found)
+    assert "extrusion_pressure" in digest
+    assert "measured_strokes = [50.0, 90.0]  # of the rows" in digest
+    for place, words in zip(
+        BEYOND, ("stroke 0.027 m in place of 0.0116 to 0.022 m", "minute 45 in place of 50 to 90"), strict=True
+    ):
+        study = ProcessStudy(found.scene.replaced(**StrokeRow(*place).changes(0.0)))
+        assert "rows" in limits_met(study)
+        assert any(words in remark for remark in study.remarks)
+    fast = plants_row(plant, BEYOND[0])  # told, and wrong: no row meets the limit of the sleeves
+    error = reached_by(ProcessStudy(found.scene.replaced(**fast.changes(0.0))))[0] - fast.density_ratio
+    assert abs(error) > 0.02
 
 
 @pytest.mark.slow
