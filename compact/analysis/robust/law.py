@@ -17,6 +17,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import qmc
 
 from compact.analysis.robust.drive_pool import DrivePool, PassTable, PoolForces, pass_table, travel_table
 from compact.analysis.robust.program import LawSpace, ProgramStep, Row
@@ -39,9 +41,10 @@ DIFFERENCE = 2e-3  # [-], of the largest unknown
 FIRST_RADIUS = 0.05  # [-], of the largest unknown: trust region
 SHRINKS = 4  # [-], of the trust region in one step
 LEAST_GAIN = 1e-3  # [-], of the worst peak, below which the trust region ends
-FRESH_DRIVES, FRESH_SEED = 200, 1  # [-]
+FRESH_DRIVES, FRESH_SEED = 1000, 1  # [-]
 FRESH_TOLERANCE = 0.01  # [-], by which a fresh drive may exceed the pool; half of what is promised
-FRESH_ROUNDS = 3  # [-], in which fresh drives join the pool
+FRESH_ROUNDS = 6  # [-], in which fresh drives join the pool
+INNER = 64  # [-], points inside a range of resistances, with which fresh drives judge
 BOUNDING = 20  # [-], one drive of so many bounds the worst peak of a published law from below
 GAIN = 0.97  # [-], of the worst peak of the best published law; a law above gains nothing
 
@@ -60,7 +63,7 @@ class PlantRange:
         Force of the mix [N]: samples of what is unknown, such as the corners and the centre of force and distance of
         fresh mix. Each is a `StrokeResistance` of equal headings, or a resistance as of `simulate_elastic`.
     inner : sequence of callable
-        Resistances between the samples, which judge the law.
+        Resistances between the samples, with which fresh drives judge the law; see `between`.
     """
 
     stiffness: tuple[float, float]
@@ -228,7 +231,7 @@ def robust_law(
     if objective == "robust_peak_power":
         search.turn_to_power()
     search.polish(effort.polish)
-    judges = DrivePool.of(cart.mass, plants.grid(effort.counts), tables, range(len(tables)))
+    judges = DrivePool.of(cart.mass, plants.grid(effort.counts), tables, range(samples))
     judges, peaks = _face_fresh_drives(search, plants, judges, effort.polish)
     name, rivals = _best_published(search, judges, effort.published)
     motion = space.motion(search.best, objective.replace("_", "-"))
@@ -236,19 +239,34 @@ def robust_law(
     return RobustLaw(motion, objective, worst, float(peaks.mean()), plants, search.gap, name, rival, len(peaks))
 
 
+def between(low: ArrayLike, high: ArrayLike, count: int = INNER) -> Array:
+    """Return points that fill a box evenly, shape (count, dimensions), always the same ones.
+
+    Examples
+    --------
+    >>> between([0.9, 0.10], [1.1, 0.12], 2).round(4).tolist()
+    [[1.0, 0.1067], [0.95, 0.1133]]
+    """
+    ends = np.asarray(low, float), np.asarray(high, float)
+    shares = qmc.Halton(len(ends[0]), scramble=False).fast_forward(1).random(count)
+    return np.asarray(ends[0] + shares * (ends[1] - ends[0]))
+
+
 def _face_fresh_drives(
     search: "_Search", plants: PlantRange, judges: DrivePool, polish: int
 ) -> tuple[DrivePool, Array]:
     """Let drives that are not in the pool judge the law; the worst of them join it. All judges and their peaks."""
-    random = np.random.default_rng(FRESH_SEED)
+    random, peaks, states = np.random.default_rng(FRESH_SEED), np.empty(0), None
     for _ in range(FRESH_ROUNDS):
-        judges = judges.joined(_random_drives(plants, judges, random))
-        peaks = search.judge(search.space.table(search.best), judges)
+        fresh, table = _random_drives(plants, judges, random), search.space.table(search.best)
+        known, states = search.judge(table, judges, states)
+        found, others = search.judge(table, fresh)
+        judges, states, peaks = judges.joined(fresh), np.concatenate([states, others]), np.concatenate([known, found])
         if peaks.max() <= search.value * (1 + FRESH_TOLERANCE):
             return judges, peaks
         search.drives = search.drives.joined(judges.take(np.argsort(-peaks)[:FIRST_DRIVES]))
         search.polish(polish)
-    return judges, search.judge(search.space.table(search.best), judges)
+    return judges, search.judge(search.space.table(search.best), judges, states)[0]
 
 
 def _random_drives(plants: PlantRange, pool: DrivePool, random: np.random.Generator) -> DrivePool:
@@ -287,9 +305,10 @@ class _Search:
         forces = drives.simulate(table, states)
         return forces.powers(table) if self.power else forces.forces, forces
 
-    def judge(self, table: PassTable, drives: DrivePool) -> Array:
-        """Peak of a law on each of some drives."""
-        return np.asarray(np.abs(self.histories(drives, table)[0]).max(axis=1))
+    def judge(self, table: PassTable, drives: DrivePool, states: Array | None = None) -> tuple[Array, Array]:
+        """Peak of a law on each of some drives, and the states of the drives, a start for a similar law."""
+        histories, forces = self.histories(drives, table, states)
+        return np.abs(histories).max(axis=1), forces.states
 
     def evaluate(self, unknowns: Array) -> tuple[Array, PoolForces]:
         """Histories of the pool and their simulation; the best law is kept."""
@@ -375,7 +394,7 @@ def _best_published(search: _Search, drives: DrivePool, names: Sequence[str]) ->
     laws = [law(name, search.space.stroke, search.space.duration) for name in names]
     tables = {each.name: pass_table(each) for each in laws if each.smoothness() >= 1}
     part = drives.take(np.arange(0, len(drives.drives), BOUNDING))
-    bounds = {name: search.judge(table, part).max() for name, table in tables.items()}
+    bounds = {name: search.judge(table, part)[0].max() for name, table in tables.items()}
     best, peaks, order = "", np.array([np.inf]), np.arange(len(drives.drives))
     for name in sorted(bounds, key=lambda name: bounds[name]):
         if bounds[name] < peaks.max() and (found := _peaks_below(search, tables[name], drives, order, peaks.max())):
@@ -390,7 +409,7 @@ def _peaks_below(
     """Tuple of the peaks of a law, the drives taken in an order; empty as soon as one reaches the limit."""
     peaks = np.zeros(len(order))
     for part in np.array_split(order, BOUNDING):
-        peaks[part] = search.judge(table, drives.take(part))
+        peaks[part] = search.judge(table, drives.take(part))[0]
         if peaks[part].max(initial=0.0) >= limit:
             return ()
     return (peaks,)

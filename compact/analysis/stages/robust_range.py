@@ -10,6 +10,8 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise, product
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from compact.analysis.stages.resistance import ResistanceStage, along_stroke
 from compact.machine.cart import Cart, Resistance
 from compact.machine.drives import DRIVES, levels
@@ -22,8 +24,7 @@ if TYPE_CHECKING:
 SLEEVE = "machine.sleeve_distance"
 OPEN_SHARE = 0.24  # [-], of the radius; contact length of the published lift, where an open sleeve leaves fresh mix
 MIDWAY_SHARE = 1.6  # [-], of the radius; a sleeve midway between two rollers of the published machine
-SHARES = (0.0, 0.5, 1.0)  # [-], of the range of the distance to fresh mix: samples of a search
-INNER_SHARES = (0.25, 0.5, 0.75)  # [-], likewise of judges
+SHARES = (0.0, 0.5, 1.0)  # [-], of the range of the distance to fresh mix: samples of a search; judges lie inside
 
 
 def sleeve_ends(scene: Scene) -> Mapping[str, tuple[float, float]]:
@@ -64,23 +65,31 @@ def plant_range(scene: Scene, stage: ResistanceStage, resistances: Sequence[Resi
     stiffness = [k for k, _ in values]
     ratios = [c / (2 * math.sqrt(k * mass)) for k, c in values]
     steady = [each.resistance if isinstance(each, StrokeResistance) else each for each in resistances]
-    samples, inner = _sleeve_samples(scene, SHARES), _sleeve_samples(scene, INNER_SHARES)
-    if not stage.turning or len(samples) == 1:
-        samples, inner = samples[:1], []
-
-    def at(distances: Sequence[tuple[float, float]]) -> list[Resistance]:
-        return [along_stroke(law, stage.turning, each) for law, each in product(steady, distances)]
-
-    return PlantRange((min(stiffness), max(stiffness)), (min(ratios), max(ratios)), at(samples), at(inner))
+    places = _sleeve_samples(scene) if stage.turning else [scene.sleeve_distances]
+    samples = [along_stroke(law, stage.turning, each) for law, each in product(steady, places)]
+    inner = list(_inside(steady, stage.turning, places, scene.mean_speed)) if len(samples) > 1 else []
+    return PlantRange((min(stiffness), max(stiffness)), (min(ratios), max(ratios)), samples, inner)
 
 
-def _sleeve_samples(scene, shares):
+def _inside(steady, turning, places, speed):
+    """Resistances inside the range of forces at a speed [m/s] and places of fresh mix at both ends [m]."""
+    from compact.analysis.robust.law import between  # compiled code, imported when required
+
+    forces = np.array([float(law(speed, 0.0)) for law in steady])
+    sides = 1 if all(near == far for near, far in places) else 2
+    ends = [[end(forces) / forces[0], *end(places, axis=0)[:sides]] for end in (np.min, np.max)]
+    for by, *place in between(*ends).tolist():
+        law = steady[0] if len(steady) == 1 else steady[0].scaled(by)
+        yield along_stroke(law, turning, (place[0], place[-1]))
+
+
+def _sleeve_samples(scene):
     """Distances to fresh mix at both ends [m], at shares of their ranges; equal where given equal."""
     given = scene.sleeve_distances
     ranges = [(min(side), max(side)) for side in zip(given, *sleeve_ends(scene).values(), strict=True)]
-    pairs = [(share, share) for share in shares]
+    pairs = [(share, share) for share in SHARES]
     if given[0] != given[1]:  # corners and centre
-        pairs = [pair for pair in product(shares, repeat=2) if pair.count(shares[1]) != 1]
+        pairs = [pair for pair in product(SHARES, repeat=2) if pair.count(SHARES[1]) != 1]
     return sorted(
         {tuple(low + by * (high - low) for by, (low, high) in zip(pair, ranges, strict=True)) for pair in pairs}
     )
