@@ -6,9 +6,11 @@ finite elements that move with the mix, are compared with `compact.turning`, who
 cases. x = (s - d)/a are contact lengths beyond the place d at which fresh mix is met. Limits: one mix, friction 0.35.
 """
 
+import math
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from types import SimpleNamespace
+from unittest.mock import patch
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -28,10 +30,10 @@ MIX = Compaction(
 )  # fmt: skip
 RELEASED, SPACING = 0.1, 0.1  # [-], contact lengths that are not compared after the turn, and between compared places
 SHOWN = (-0.5, 0.1, 0.25, 0.5, 1.0, 2.0, 4.0)  # [-], x of the printed shares
-CONSTANTS = {
-    "climb": turning.CLIMB, "length": turning.WAVE_LENGTH, "exponent": turning.WAVE_EXPONENT, "track": turning.TRACK,
-    "load_length": turning.LOAD_WAVE_LENGTH, "load_track": turning.LOAD_TRACK,
-}  # fmt: skip
+CONSTANTS = (
+    "CLIMB", "WAVE_LENGTH", "WAVE_EXPONENT", "TRACK", "LOAD_WAVE_LENGTH", "LOAD_TRACK",
+    "FILM", "FILM_CLIMB", "FILM_POWER", "FILM_LOAD_POWER",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,10 @@ CASES = {
     "deeper": Case(0.06284, 0.0033, 10.0, fitted=False),
     "shallow": Case(0.06284, 0.0015, 6.0, fitted=False),
     "thin layer": Case(0.02, 0.0005, 4.0, fitted=True),
-    "make-up": Case(0.06284, 0.0008, 6.0, fitted=False, make_up=(0.001, 0.75, 0.002)),
+    "make-up": Case(0.06284, 0.0008, 6.0, fitted=True, make_up=(0.001, 0.75, 0.002)),
+    "of 4 mm": Case(0.06284, 0.0024, 6.0, fitted=True, make_up=(0.004, 0.75, 0.002)),
+    "of 2 mm": Case(0.06284, 0.0016, 6.0, fitted=False, make_up=(0.002, 0.75, 0.002)),
+    "denser": Case(0.06284, 0.0006, 6.0, fitted=False, make_up=(0.001, 0.85, 0.002)),
     "wide": Case(0.045, 0.0020, 5.0, fitted=True, radius=0.2),
 }
 EDGES = 2.0, 13 / 3  # [-], D over the contact length
@@ -92,36 +97,40 @@ def run(name, places, edge, increments):
 
 
 def history(name, edge, increments=6):
-    """Return x and the shares of force and load after a turn, the wave over the depth, and D over a."""
+    """Return x and the shares of force and load after a turn, wave over depth, and D and make-up over a."""
     done = run(name, (0, STEADY, STEADY - (edge - 1) - CASES[name].extent), edge, increments)
     back = (done.stroke == 2) & (done.x < STEADY)
     x = STEADY - done.x[back] - (edge - 1)
-    return SimpleNamespace(x=x, force=-done.force[back], load=done.load[back], wave=done.wave, edge=edge)
+    case = CASES[name]
+    thickness = case.make_up[0] / math.sqrt(2 * case.radius * case.depth) if case.make_up else None
+    return SimpleNamespace(
+        x=x, force=-done.force[back], load=done.load[back], wave=done.wave, edge=edge, thickness=thickness
+    )
 
 
-def shares(x, wave, *, climb, length, exponent, track, load_length, load_track):
-    """Return the shares of force and load by the formulas of `turning`, with any constants."""
-    beyond, build_up = np.maximum(x - 1 / climb, 0), length * wave**exponent
-    force = 1 - wave / (1 + wave) * np.exp(-beyond / build_up)
-    load = 1 - (1 - (1 + wave) ** -0.5) * np.exp(-beyond / (load_length * build_up))
-    rise = np.clip(climb * x, 0, 1)
-    return np.maximum(track, rise * force), np.maximum(load_track, rise * load)
+def shares(found, values):
+    """Return the shares of force and load by the formulas of `turning` with values of `CONSTANTS`."""
+    contact = 1.0, 1.0, found.wave, found.edge, found.thickness
+    with patch.multiple(turning, **dict(zip(CONSTANTS, values, strict=True))):
+        return [share(*contact)(found.x + found.edge - 1) for share in (turning.wave_share, turning.wave_load_share)]
 
 
-def residuals(found, constants):
+def residuals(found, values):
     """Return the differences of the shares of force and load after the release, at places of equal distance."""
-    places, formula = np.arange(found.x[0] + RELEASED, found.x[-1], SPACING), shares(found.x, found.wave, **constants)
-    pairs = zip((found.force, found.load), formula, strict=True)
+    places = np.arange(found.x[0] + RELEASED, found.x[-1], SPACING)
+    pairs = zip((found.force, found.load), shares(found, values), strict=True)
     return [np.interp(places, found.x, shown - computed) for shown, computed in pairs]
 
 
 def fit(histories):
-    """Return the constants of the least squares of the differences over some histories."""
+    """Return the values of the constants of the least squares of the differences over some histories."""
+    found = least_squares(lambda values: np.hstack([np.hstack(residuals(each, values)) for each in histories]), told())
+    return found.x.tolist()
 
-    def differences(values):
-        return np.ravel(np.hstack([residuals(each, dict(zip(CONSTANTS, values, strict=True))) for each in histories]))
 
-    return dict(zip(CONSTANTS, least_squares(differences, list(CONSTANTS.values())).x.tolist(), strict=True))
+def told():
+    """Return the values of the program."""
+    return [getattr(turning, name) for name in CONSTANTS]
 
 
 def release(found):
@@ -133,10 +142,10 @@ def main(names=tuple(CASES), edges=EDGES, increments=6):
     """Return histories by case and edge, and the constants that fit those of the fitted cases."""
     histories = {(name, edge): history(name, edge, increments) for name in names for edge in edges}
     fitted = [found for (name, _), found in histories.items() if CASES[name].fitted]
-    return {"histories": histories, "constants": fit(fitted) if fitted else CONSTANTS}
+    return {"histories": histories, "values": fit(fitted) if fitted else told()}
 
 
-def show(histories, constants):
+def show(histories, values):
     """Print shares of the force as found/by formula, rms and largest differences of the shares of force/load, r/a."""
     print(
         f"{'case':<13}D/a   w/depth" + "".join(f"{f'x {x:g}':>11}" for x in SHOWN),
@@ -144,13 +153,14 @@ def show(histories, constants):
         sep="  ",
     )
     for (name, edge), each in histories.items():
-        formula = shares(each.x, each.wave, **CONSTANTS)[0]
-        told, refitted = (np.array(residuals(each, values)) for values in (CONSTANTS, constants))
-        ends = np.sqrt(np.mean(told**2, axis=1)), np.abs(told).max(axis=1), np.sqrt(np.mean(refitted**2, axis=1))
+        formula = shares(each, told())[0]
+        differences, refitted = (np.array(residuals(each, constants)) for constants in (told(), values))
+        rms, others = (np.sqrt(np.mean(found**2, axis=1)) for found in (differences, refitted))
         line = [f"{name + ' *'[2 * CASES[name].fitted :]:<13}{edge:.2f}{each.wave:8.2f}"]
         line += [f"{np.interp(x, each.x, each.force):6.2f}/{np.interp(x, each.x, formula):.2f}" for x in SHOWN]
+        ends = rms, np.abs(differences).max(axis=1), others
         print("".join(line), *("{:.3f}/{:.3f}".format(*end) for end in ends), f"{release(each):.4f}", sep=" ")
-    print("* held out; refitted to the others:", *(f"{name} {value:.3g}" for name, value in constants.items()))
+    print("* held out; refitted to the others:", *(f"{n} {v:.3g}" for n, v in zip(CONSTANTS, values, strict=True)))
 
 
 if __name__ == "__main__":

@@ -96,7 +96,7 @@ def test_resistance_after_a_turn_is_a_share_of_the_steady_one(capsys):
     middle = (each.force[1:] + each.force[:-1]) / 2  # of the steps between which the mesh alternates
     assert np.abs(middle[(each.x[1:] > -0.7) & (each.x[1:] < -0.1)]).max() < 0.05
     assert middle[-2:] == pytest.approx(1, abs=0.05)
-    assert found["constants"]["climb"] == pytest.approx(2.0, rel=0.3)
+    assert found["values"][module.CONSTANTS.index("CLIMB")] == pytest.approx(2.0, rel=0.3)
 
 
 @pytest.mark.slow

@@ -37,24 +37,32 @@ def length_of(reversal, name):
     return float(np.sqrt(2 * case.radius * case.depth))
 
 
-def test_study_has_the_formula_of_the_program(reversal):
-    depth, length, edge = 2e-3, 0.021, 0.11
-    travel = np.linspace(0, 0.4, 2001)
-    for wave in (0.1, 0.7, 2.5):
-        contact = length, depth, wave * depth, edge
-        force, load = reversal.shares((travel - (edge - length)) / length, wave, **reversal.CONSTANTS)
-        assert turning.wave_share(*contact)(travel) == pytest.approx(force, abs=1e-11)
-        assert turning.wave_load_share(*contact)(travel) == pytest.approx(load, abs=1e-11)
-
-
 @pytest.mark.slow
 def test_shares_of_a_case_that_is_held_out_are_met(reversal, shallow):
     """With 6 elements: force 0.014 rms, load 0.048; at most 0.05 and 0.18 in the climb of 2 per contact length."""
-    force, load = reversal.residuals(shallow, reversal.CONSTANTS)
+    force, load = reversal.residuals(shallow, reversal.told())
     assert np.sqrt(np.mean(force**2)) < 0.02
     assert np.abs(force).max() < 0.08
     assert np.sqrt(np.mean(load**2)) < 0.06
     assert np.abs(load).max() < 0.24
+
+
+@pytest.fixture(scope="module")
+def film(reversal):
+    """A make-up of 2 mm on a dense lift, which no constant is fitted to."""
+    return reversal.history("of 2 mm", 2.0)
+
+
+@pytest.mark.slow
+def test_shares_of_a_make_up_that_is_held_out_are_met(reversal, film):
+    """With 6 elements: force 0.040 rms, load 0.029; a layer of the same wave climbs earlier, 0.063 rms."""
+    force, load = reversal.residuals(film, reversal.told())
+    assert np.sqrt(np.mean(force**2)) < 0.045
+    assert np.sqrt(np.mean(load**2)) < 0.04
+    film.thickness, thickness = None, film.thickness
+    layer, _ = reversal.residuals(film, reversal.told())
+    film.thickness = thickness
+    assert np.sqrt(np.mean(layer**2)) > 0.05
 
 
 @pytest.mark.slow
@@ -84,31 +92,33 @@ def test_old_front_is_met_where_it_was_left(reversal):
 
 
 @pytest.mark.slow
-def test_elastic_drives_see_the_peaks_of_the_history_itself(reversal, shallow):
-    """Six laws behind 1 and 3 MN/m: force 2.4 %, power 3.4 %; a step is 70 and 42 % off."""
-    length, depth = length_of(reversal, "shallow"), reversal.CASES["shallow"].depth
-    contact = length, depth, shallow.wave * depth, shallow.edge * length
+@pytest.mark.parametrize(("fixture", "name", "error"), [("shallow", "shallow", 0.06), ("film", "of 2 mm", 0.07)])
+def test_elastic_drives_see_the_peaks_of_the_history_itself(request, reversal, fixture, name, error):
+    """Six laws behind 1 and 3 MN/m: force 3.3 %, power 2.4 %, of the make-up 6.5 and 6 %; a step is 70 and 42 % off."""
+    found, length, depth = request.getfixturevalue(fixture), length_of(reversal, name), reversal.CASES[name].depth
+    thickness = found.thickness and found.thickness * length
+    contact = length, depth, found.wave * depth, found.edge * length, thickness
     formula = turning.wave_share(*contact), turning.wave_load_share(*contact)
-    travel = (shallow.x + shallow.edge - 1) * length
+    travel = (found.x + found.edge - 1) * length
     middle, table = (travel[1:] + travel[:-1]) / 2, []  # of neighbouring steps, between which the mesh alternates
     inside = middle > JOIN * length
-    for values, share in zip((shallow.force, shallow.load), formula, strict=True):
+    for values, share in zip((found.force, found.load), formula, strict=True):
         means = ((values[1:] + values[:-1]) / 2)[inside].clip(0, 1)
         later = np.linspace(middle[-1], STROKE + 0.1, 40)[1:]
         rest = 1 - (1 - share(later)) * (1 - means[-1]) / (1 - share(middle[-1]))  # beyond the run
         places, shares = np.concatenate([[0.0], middle[inside], later]), np.concatenate([means[:1], means, rest])
-        release = reversal.release(shallow) * length
+        release = reversal.release(found) * length
         table.append(turning.table_share(places, shares, track=share.track, distance=share.distance, release=release))
     cart = replace(CART, mass=1000.0)
     for stiffness in (1e6, 3e6):
         drive = ElasticDrive(stiffness, 2 * 0.05 * np.sqrt(stiffness * cart.mass))
-        for name in SIX:
-            motion = published_law(name, duration=DURATION)
+        for law in SIX:
+            motion = published_law(law, duration=DURATION)
             runs = [
                 simulate_elastic(
                     cart, drive, motion, turning.StrokeResistance(dry_resistance(FORCE), force, force, load, load)
                 )
                 for force, load in (formula, table)
             ]
-            assert runs[0].peak_force == pytest.approx(runs[1].peak_force, rel=0.06)
+            assert runs[0].peak_force == pytest.approx(runs[1].peak_force, rel=error)
             assert runs[0].peak_power == pytest.approx(runs[1].peak_power, rel=0.10)

@@ -16,7 +16,7 @@ SAME_LAYER = 5e-5  # [-], of the height before the pass; its change with speed, 
 
 # [-], largest differences of peaks behind 1 and 3 MN/m by the shares after a turn and by the run's own history, of nine
 # histories of lifts and of a loose make-up on a pressed one (docs/theory/resistance.md)
-LIFT_PEAK_ERROR, MAKE_UP_PEAK_ERROR = 0.06, 0.09
+LIFT_PEAK_ERROR, MAKE_UP_PEAK_ERROR = 0.06, 0.07
 
 
 class CompactionEngine(RateEngine):
@@ -76,7 +76,8 @@ class CompactionEngine(RateEngine):
         from compact.turning import wave_load_share, wave_share
 
         shape = math.sqrt(2 * radius * contact.indentation), contact.indentation, contact.bow_wave
-        return partial(wave_share, *shape), partial(wave_load_share, *shape)
+        lift = {"thickness": contact.layer.height if contact.layer.lower_lift else None}
+        return partial(wave_share, *shape, **lift), partial(wave_load_share, *shape, **lift)
 
     def turning_error(self, lower_lift: bool) -> float | None:
         """Return the largest difference of peaks behind a spring by the shares and by the own history."""

@@ -39,12 +39,13 @@ class ProcessEngine(RateEngine):
         return case.process.row_at(abs(case.speed)).contact(case.speed)
 
     def turning(self, contact: Contact, radius: float) -> "Turning | None":
-        """Return the shares of a roller that climbs from its own track onto the make-up, without a wave."""
+        """Return the shares of a roller that climbs from its own track onto the make-up, a film, without a wave."""
         from compact.turning import wave_load_share, wave_share
 
         depth = contact.indentation
         shape = math.sqrt(2 * radius * depth), depth, 0.0
-        return (partial(wave_share, *shape), partial(wave_load_share, *shape)) if depth else None
+        make_up = {"thickness": depth}
+        return (partial(wave_share, *shape, **make_up), partial(wave_load_share, *shape, **make_up)) if depth else None
 
     def turning_error(self, lower_lift: bool) -> float | None:
         """Return that of a thin make-up on a dense lift."""
