@@ -76,8 +76,11 @@ class CompactionEngine(RateEngine):
         from compact.turning import wave_load_share, wave_share
 
         shape = math.sqrt(2 * radius * contact.indentation), contact.indentation, contact.bow_wave
-        lift = {"thickness": contact.layer.height if contact.layer.lower_lift else None}
-        return partial(wave_share, *shape, **lift), partial(wave_load_share, *shape, **lift)
+        thickness = contact.layer.height if contact.layer.lower_lift else None
+        return (
+            partial(wave_share, *shape, thickness=thickness),
+            partial(wave_load_share, *shape, thickness=thickness),
+        )
 
     def turning_error(self, lower_lift: bool) -> float | None:
         """Return the largest difference of peaks behind a spring by the shares and by the own history."""

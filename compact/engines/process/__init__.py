@@ -44,8 +44,9 @@ class ProcessEngine(RateEngine):
 
         depth = contact.indentation
         shape = math.sqrt(2 * radius * depth), depth, 0.0
-        make_up = {"thickness": depth}
-        return (partial(wave_share, *shape, **make_up), partial(wave_load_share, *shape, **make_up)) if depth else None
+        if not depth:
+            return None
+        return partial(wave_share, *shape, thickness=depth), partial(wave_load_share, *shape, thickness=depth)
 
     def turning_error(self, lower_lift: bool) -> float | None:
         """Return that of a thin make-up on a dense lift."""
