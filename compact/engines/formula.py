@@ -348,7 +348,7 @@ class FormulaEngine(Engine):
         """Evaluate the formulas."""
         return roll(case.layer, case.roller, case.material, case.speed, **case.factors)
 
-    def turning(self, contact: Contact, radius: float) -> "Turning | None":
+    def turning(self, contact: Contact, radius: float, film: float | None = None) -> "Turning | None":
         """Return the shares of a contact that grows into fresh mix as its own imprint, of the exponent of (1.4)."""
         from compact.turning import imprint_load_share, imprint_share
 

@@ -105,7 +105,11 @@ class ResistanceStage:
             near = (
                 records[nearest_speed([each.speed for each in records], mean)] if records else self.contacts.typical[1]
             )
-        found, drag = self.contacts.engine.turning(near, self.scene.machine.roller_radius), self.contacts.sleeve_drag
+        scene = self.scene
+        loose = scene.lift_thickness * scene.mix.density_ratio / scene.layer.fed_density_ratio
+        film = loose if scene.layer.lower_lift else None
+        found = self.contacts.engine.turning(near, scene.machine.roller_radius, film)
+        drag = self.contacts.sleeve_drag
         if found is None or not drag:
             return found
         return partial(with_standing_drag, found[0], drag / float(self.map(mean))), found[1]

@@ -46,7 +46,7 @@ class ColumnEngine(Engine):
             return roll(case.layer, case.roller, case.material, case.speed, **options)
         return roll_over(state.layer, case.roller, case.material, case.speed, lower=state.lower, **options)
 
-    def turning(self, contact: Contact, radius: float) -> "Turning | None":
+    def turning(self, contact: Contact, radius: float, film: float | None = None) -> "Turning | None":
         """Return the shares of a contact that grows into fresh mix as its own imprint.
 
         The exponent n of the pressure over the depth is that of the force: F = p0 depth/(n + 1).

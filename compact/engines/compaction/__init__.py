@@ -71,16 +71,12 @@ class CompactionEngine(RateEngine):
         """Return the contact."""
         return contact
 
-    def turning(self, contact: Contact, radius: float) -> "Turning | None":
+    def turning(self, contact: Contact, radius: float, film: float | None = None) -> "Turning | None":
         """Return the shares of a contact that climbs onto fresh mix and builds up its bow wave."""
         from compact.turning import wave_load_share, wave_share
 
         shape = math.sqrt(2 * radius * contact.indentation), contact.indentation, contact.bow_wave
-        thickness = contact.layer.height if contact.layer.lower_lift else None
-        return (
-            partial(wave_share, *shape, thickness=thickness),
-            partial(wave_load_share, *shape, thickness=thickness),
-        )
+        return partial(wave_share, *shape, thickness=film), partial(wave_load_share, *shape, thickness=film)
 
     def turning_error(self, lower_lift: bool) -> float | None:
         """Return the largest difference of peaks behind a spring by the shares and by the own history."""

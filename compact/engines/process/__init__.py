@@ -38,7 +38,7 @@ class ProcessEngine(RateEngine):
         """Compute the means over the strokes under a roller at a speed of the cart."""
         return case.process.row_at(abs(case.speed)).contact(case.speed)
 
-    def turning(self, contact: Contact, radius: float) -> "Turning | None":
+    def turning(self, contact: Contact, radius: float, film: float | None = None) -> "Turning | None":
         """Return the shares of a roller that climbs from its own track onto the make-up, a film, without a wave."""
         from compact.turning import wave_load_share, wave_share
 
