@@ -155,7 +155,7 @@ def draw_models(models: Sequence[ModelAnswer], speeds: Mapping[str, float]) -> F
     speeds : mapping of str to float
         Largest speed of each law that is marked [m/s].
     """
-    figure, ((ax,),) = panels(1, 1, (2.9, 2.3), left=0.6, right=0.1, top=0.75, bottom=0.45)
+    figure, ((ax,),) = panels(1, 1, (2.9, 2.3), left=0.6, right=0.1, top=0.62, bottom=0.45)
     figure.set_dpi(PHONE_DPI)
     resistance, fastest, largest = MOTION["cart_resistance"], 1.08 * max(speeds.values()), 0.0
     for number, model in enumerate(models):

@@ -198,14 +198,14 @@ def draw_best_cycles(runs: Mapping[str, Any]) -> Figure:
     runs : mapping
         Run of each law, as many as BEST_STYLES at most.
     """
-    figure, axes = panels(2, 1, CYCLE_SIZE, left=0.6, right=0.1, top=0.75, bottom=0.45, gaps=(0.0, 0.2), sharex=True)
+    figure, axes = panels(2, 1, CYCLE_SIZE, left=0.6, right=0.1, top=0.62, bottom=0.45, gaps=(0.0, 0.2), sharex=True)
     figure.set_dpi(PHONE_DPI)
     force, power = axes[:, 0]
     for (name, run), (dash, width) in zip(runs.items(), BEST_STYLES, strict=False):
         style = {"color": law_style(name)["color"], "linestyle": dash, "linewidth": width, "label": name}
         force.plot(run.time, run.direction * run.drive_force / 1e3, **style)
-        power.plot(run.time, run.drive_power, **style)
-    for ax, label in ((force, "force [kN]"), (power, "power [W]")):
+        power.plot(run.time, run.drive_power / 1e3, **style)
+    for ax, label in ((force, "force [kN]"), (power, "power [kW]")):
         ax.axhline(0, **ZERO)
         ax.margins(x=0)
         ax.spines[["top", "right"]].set_visible(False)

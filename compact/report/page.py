@@ -29,7 +29,9 @@ from compact.scene.loader import Scene
 
 UNIT_SPACE = re.compile(r"(?<=\d) (?=(?:%|[GMkmµ]?(?:N|W|J|Pa|m|s|g|rad|Nm))(?:[/²³<,.;: )\n]|$))")
 NUMERIC = re.compile(r"[−+<]?\s?\d.{,24}$|–|infinite|tie$|closed form|no estimate|out of|$")  # or in its place
-WIDE_PICTURE = 880  # [px], width above which a picture scrolls sideways on a narrow screen
+PHONE_WIDTH = 400  # [px], of a narrow screen
+SVG_WIDTH = 700  # [px], of the drawing of a cam
+READABLE = 99.0  # [1/inch], pixels of a screen at which text of 8 points has 11 px
 PNG_WIDTH = slice(16, 20)  # bytes of the header of a PNG file
 SVG = "image/svg+xml"
 SHOWN_CHECKS = 5  # [-], checks of the table, those nearest to their limits
@@ -63,9 +65,18 @@ class Picture:
         return f"data:{self.media_type};base64,{b64encode(self.data).decode('ascii')}"
 
     @property
+    def least_width(self) -> int:
+        """Width on a screen at which text of 8 points has 11 px [px]; it scrolls sideways on a narrower one."""
+        if self.media_type != "image/png":
+            return SVG_WIDTH
+        density = self.data.partition(b"pHYs")[2][:4]  # [1/m]
+        per_inch = int.from_bytes(density, "big") * 0.0254 or 100.0
+        return round(int.from_bytes(self.data[PNG_WIDTH], "big") / per_inch * READABLE)
+
+    @property
     def wide(self) -> bool:
         """True if the picture scrolls sideways on a narrow screen."""
-        return self.media_type != "image/png" or int.from_bytes(self.data[PNG_WIDTH], "big") > WIDE_PICTURE
+        return self.least_width > PHONE_WIDTH
 
 
 Block = str | TableSpec | Picture
@@ -162,7 +173,7 @@ def _ranking(study: Study) -> Iterator[Block]:
     columns: dict[str, list[str]] = {"law": [names[law] for law in laws]}
     for by, order in orders.items():
         places = sorted((each for each in order if each.law in names), key=lambda place: laws.index(place.law))
-        values = format_column([place.value for place in places], CRITERIA[by].unit)
+        values = [format_column([place.value], CRITERIA[by].unit, 3)[0] for place in places]
         head = CRITERIA[by].quantity.term
         columns[f"{head} (rank)"] = [f"{value} ({place.rank})" for value, place in zip(values, places, strict=True)]
         columns["to the next" if len(columns) < 3 else "to its next"] = [
@@ -251,10 +262,10 @@ def remark(scene: Scene, table: str, key: str) -> str | Mark:
 
 Tables = Callable[[Study], Iterable[Block]] | None
 SECTIONS: Mapping[str, tuple[str, str, str, Tables]] = {  # title, sentences, figures, tables
-    "ranking": ("Ranking", "other_cases robust", "ranking", _ranking),
+    "ranking": ("Ranking", "other_cases robust", "", _ranking),
     "contact": (
         "Contact and resistance", "held turn no_speed guides sleeves return_stroke air work",
-        "pressure section contact resistance stroke fields", _contacts,
+        "pressure section resistance stroke fields", _contacts,
     ),
     "uncertainty": ("Uncertainty, and what to measure first", "uncertainty spread", "", _uncertainty),
     "drive": ("Shaft, cam and duration", "motor bearings compliant no_cam", "shaft duration", _motion),

@@ -40,7 +40,7 @@ from compact.motion.profile import Cycle
 CANDIDATES = 4  # [-], laws of least regret that are followed through every source, besides those of the verdicts
 SAMPLES = 65  # [-], times over a cycle at which motions are compared
 SAME_TRAVEL = 1e-9  # [-], of the stroke; closer motions are the same but for rounding
-CAM_FOLLOWER = "roller"
+CAM_FOLLOWER, CAM_ITEMS = "roller", {"cams", "report"}  # outputs that state whether the cam can be cut
 
 Changes = dict[str, tuple[float, float]]
 Case = tuple[float, str]
@@ -236,7 +236,7 @@ def decide(
     own["roller_load"] = Size("load on a roller", "N", model.roller_load, _load_changes(stages, models, known, spread))
     own["peak_jerk"] = Size("peak jerk", "m/s3", stages.laws.cycles[choice.law].forward.peaks().jerk)
     cam = ""
-    if scene.cam is not None:
+    if scene.cam is not None and CAM_ITEMS & {*scene.output.items}:
         try:
             made = stages.laws.cam(choice.law, CAM_FOLLOWER)
             own["pressure_angle"] = Size("pressure angle", "rad", made.largest_pressure_angle)
