@@ -269,6 +269,7 @@ PROCESS_LIFTS = _table("""
     load_centre           | m    |       |   | centre of the load from the empty mould
     skew_moment           | Nm   |       |   | skew moment of the load about the middle of the roller
     specific_work         | J/m3 | kJ/m³ |   | work per volume of the product
+    middle_density_ratio  | 1    |       | k | density ratio of the middle quarter
     bottom_density_ratio  | 1    |       | k | density ratio of the bottom quarter
     top_density_ratio     | 1    |       | k | density ratio of the top quarter
     saturated_height      | m    | mm    |   | height with a density ratio above 0.99

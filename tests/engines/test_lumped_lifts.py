@@ -126,6 +126,7 @@ def test_profile_is_that_of_the_product(row):
     found = lifted(row, pair()).numbers_by_lifts
     assert found["bottom_density_ratio"] == pytest.approx(0.93 - 0.07, abs=1e-6)
     assert found["top_density_ratio"] == pytest.approx(0.93 + 0.09, abs=1e-6)
+    assert found["middle_density_ratio"] == pytest.approx(0.93, abs=1e-3)
 
 
 def test_mould_at_rest_has_no_work_of_the_throughput(row):

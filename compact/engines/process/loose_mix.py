@@ -35,7 +35,7 @@ PLANES = np.radians(np.linspace(0.0, 45.0, 91))  # [rad], of the wedge; the boun
 
 
 def bed_stress(
-    width: float, length: float, head: float, wall_friction: float, bulk_density: float, lateral_ratio: float
+    width: float, length: float, head: float, wall_friction: float, density: float, lateral_ratio: float
 ) -> float:
     """Compute the vertical stress on the bed below a sleeve full of loose mix [Pa].
 
@@ -49,7 +49,7 @@ def bed_stress(
         Height H of the mix above the bed [m].
     wall_friction : float
         Friction coefficient mu of mix on the wall [-]; 0 for a smooth wall, which carries no weight.
-    bulk_density : float
+    density : float
         Bulk density of the loose mix [kg/m3].
     lateral_ratio : float
         Lateral over vertical stress K [-].
@@ -61,33 +61,26 @@ def bed_stress(
     """
     diameter = 2 * width * length / (width + length)
     decay = 4 * wall_friction * lateral_ratio * head / diameter
-    return float(GRAVITY * bulk_density * head * (-np.expm1(-decay) / decay if decay else 1.0))
+    return float(GRAVITY * density * head * (-np.expm1(-decay) / decay if decay else 1.0))
 
 
 def sleeve_drag(
-    width: float,
-    length: float,
-    head: float,
-    wall_friction: float,
-    bulk_density: float,
-    friction_angle: float,
-    flowing: bool = False,
+    width: float, length: float, head: float, wall_friction: float, density: float, angle: float, flowing: bool = False
 ) -> float:
     """Compute the shear force of the bed on the mix of one sleeve [N].
 
     Parameters
     ----------
-    width, length, head, wall_friction, bulk_density
+    width, length, head, wall_friction, density
         See `bed_stress`.
-    friction_angle : float
+    angle : float
         Angle of internal friction [deg], between 0 and 90.
     flowing : bool
         True for mix that flows to a moving opening, the lower end; False for mix at rest.
     """
-    angle = np.radians(friction_angle)
-    ratio = passive_ratio(friction_angle) if flowing else float(1 - np.sin(angle))
-    stress = bed_stress(width, length, head, wall_friction, bulk_density, ratio)
-    return float(stress * width * length * np.tan(angle))
+    ratio = passive_ratio(angle) if flowing else float(1 - np.sin(np.radians(angle)))
+    stress = bed_stress(width, length, head, wall_friction, density, ratio)
+    return float(stress * width * length * np.tan(np.radians(angle)))
 
 
 def passive_ratio(friction_angle: float) -> float:

@@ -66,7 +66,13 @@ import numpy as np
 
 from compact.engines.column.column_pass import Column, Columns
 from compact.engines.process.lifts import KnownLifts, LiftSequence
-from compact.engines.process.strokes import FormingProblem, SectionHistory, SectionState, confined_work
+from compact.engines.process.strokes import (
+    FormingProblem,
+    SectionHistory,
+    SectionState,
+    confined_work,
+    mean_over_height,
+)
 from compact.numerics import Array
 from compact.rolling_contact import Contact
 
@@ -74,6 +80,7 @@ if TYPE_CHECKING:
     import meshio
 
 COLUMNS_ERROR = 1e-6  # [-], of the forces; difference of 3, 20 and 80 merged layers
+MIDDLE = 0.375, 0.625  # [-], shares of the height over which the density of the middle is averaged
 FRAMES_MAX = 60  # [-], frames of a series; later strokes are shown at equal intervals
 FILL_SHARE = 0.15  # [-], length of the fill shown in front of the roller over that of the roller
 
@@ -265,15 +272,15 @@ class RollerRow:
         machine, load, ratio = self.problem.machine, self.estimate("load").value, self.thinnest.values("density_ratio")
         centre, swept = self.centre_of(self.at_strokes("load")), machine.advance * self.product_height
         product = ("bottom_density_ratio", "top_density_ratio", "saturated_height", "surface", "gyrations")
+        at = self.product_density_ratio
+        heights, ratios, _ = self.thinnest.profile_at(at)
         return {
             "air_excess_behind": float(self.thinnest.values("air_excess_behind").max()) * self.air_scale,
             "load_centre": centre,
             "skew_moment": load * (centre - machine.roller_length / 2),
             "specific_work": self.estimate("resistance").value / swept if swept else float("nan"),
-            **{
-                name: float(np.interp(self.product_density_ratio, ratio, self.thinnest.values(name)))
-                for name in product
-            },
+            "middle_density_ratio": mean_over_height(heights, ratios, *MIDDLE),
+            **{name: float(np.interp(at, ratio, self.thinnest.values(name))) for name in product},
             "largest_work_residual": max(each.largest_work_residual for each in self.lifts.sequences),
         }
 
