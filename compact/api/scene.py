@@ -69,8 +69,10 @@ class Scene(loader.Scene):
             If a contact does not converge.
         """
         from compact.api.results import Contacts
+        from compact.report.progress import spinning
 
-        return Contacts.of(self._by(engine), speeds, material)
+        with spinning("contacts"):
+            return Contacts.of(self._by(engine), speeds, material)
 
     def resistance(self, *, engine: str | None = None) -> "CartResistance":
         """Compute the resistance of the mix to one cart over the speeds of the motion laws.
@@ -86,8 +88,10 @@ class Scene(loader.Scene):
             A function of velocity [m/s] and acceleration [m/s2].
         """
         from compact.api.results import CartResistance
+        from compact.report.progress import spinning
 
-        return CartResistance.of(self._by(engine))
+        with spinning("resistance"):
+            return CartResistance.of(self._by(engine))
 
     def rank(
         self,
@@ -118,8 +122,10 @@ class Scene(loader.Scene):
         Ranking
         """
         from compact.api.results import Ranking
+        from compact.report.progress import spinning
 
-        return Ranking.of(self._by(engine), self.drive.rank_by[0] if by is None else by, laws or {}, resistance)
+        with spinning("drives"):
+            return Ranking.of(self._by(engine), self.drive.rank_by[0] if by is None else by, laws or {}, resistance)
 
     def decide(self, *, engine: str | None = None) -> "Decision":
         """Decide for one law, with the sizes of its machine, their ranges and margins, and one alternative.
@@ -179,6 +185,7 @@ class Scene(loader.Scene):
         """
         from compact.analysis.worker_pool import choose_executor
         from compact.numerics.validation import require_instance
+        from compact.report.progress import Progress
         from compact.sweep.corrected import create_sweep
         from compact.sweep.design import Axis, read_design
 
@@ -188,9 +195,12 @@ class Scene(loader.Scene):
             for key, values in vary.items()
         ]
         many = create_sweep(self._by(engine), varied, rank=rank, direct=direct)
-        with TemporaryDirectory() as temporary:
-            place = temporary if out is None else out
-            return many.run(place, executor=choose_executor(workers), resume=out is not None).load()
+        with TemporaryDirectory() as temporary, Progress(total=many.steps) as line:
+            line.begin("points")
+            given = {"executor": choose_executor(workers), "resume": out is not None}
+            return many.run(
+                temporary if out is None else out, step=lambda parts, _: line.advance(parts), **given
+            ).load()
 
     def forming_process(self, detail: Literal["columns", "deep"] = "columns") -> "Process":
         """Compute the forming process of the table [process].

@@ -38,6 +38,7 @@ BEFORE = "start"  # stage before the first one: imports and the scene
 ROW = "{:<{}}{:>15}{:>15}{:>15}{:>15}"  # of the profile
 
 _LOG, _COMPILER = logging.getLogger(STAGES), logging.getLogger(f"{PACKAGE}.numerics.jit")
+_RUNNING: list[Any] = []  # lines, the outer one first
 Item = TypeVar("Item")
 
 
@@ -68,6 +69,7 @@ class Progress:
     """
 
     def __init__(self, *, total: int | None = None, quiet: bool = False, stream: TextIO | None = None) -> None:
+        quiet = quiet or bool(_RUNNING)  # the outer line shows
         self._stream, self._quiet = sys.stderr if stream is None else stream, quiet
         self._line: Line | None = None
         self._plain = not quiet and stream is None and "ipykernel" in sys.modules  # a notebook
@@ -103,6 +105,7 @@ class Progress:
         self._notice = _Notice(self.report)
         _COMPILER.addHandler(self._notice)
         _COMPILER.setLevel(logging.INFO)
+        _RUNNING.append(self)
         if not self._quiet and self._stream.isatty():
             from rich import progress
             from rich.console import Console
@@ -117,6 +120,7 @@ class Progress:
 
     def __exit__(self, *error: object) -> None:
         _COMPILER.removeHandler(self._notice)
+        _RUNNING.remove(self)
         self._show("")
         if self._line is not None:
             self._line.stop()
