@@ -197,10 +197,11 @@ class Scene(loader.Scene):
         many = create_sweep(self._by(engine), varied, rank=rank, direct=direct)
         with TemporaryDirectory() as temporary, Progress(total=many.steps) as line:
             line.begin("points")
-            given = {"executor": choose_executor(workers), "resume": out is not None}
-            return many.run(
-                temporary if out is None else out, step=lambda parts, _: line.advance(parts), **given
-            ).load()
+            place, executor = temporary if out is None else out, choose_executor(workers)
+            found = many.run(
+                place, executor=executor, resume=out is not None, step=lambda parts, _: line.advance(parts)
+            )
+            return found.load()
 
     def forming_process(self, detail: Literal["columns", "deep"] = "columns") -> "Process":
         """Compute the forming process of the table [process].
