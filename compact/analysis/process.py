@@ -9,7 +9,7 @@ states its one-way part alone. Every force on a cart has its origin, its spread 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,8 +33,6 @@ from compact.scene.loader import Scene, SceneError
 PRESSURE_FACTOR = 2.0  # [-], spread of an assumed pressure on the smoothing plate
 MINUTE = 60.0  # [s]
 MET = 1e-6  # [-], relative distance from a limit that is rounding
-WORK_LIMIT = 1e-2  # [-], residual of the energy balance of a lift that is told
-UNFED_SHARE = 1e-6  # [-], of the product; less missing or surplus mix is rounding
 
 
 def _pressed(press: Callable[..., LiftSequence], case: tuple[float, int]) -> LiftSequence:
@@ -385,72 +383,32 @@ class ProcessStudy:
         )
 
     @property
-    def beyond_rows(self) -> str:
-        """Words on strokes beyond the rows of a plant to which the scene is calibrated; empty within them."""
-        table, machine, found = self.scene.process, self.problem.machine, []
-        rate = MINUTE / machine.stroke_period
-        places = [("advance of the mould a stroke", " m", machine.advance, table and table.measured_advances)]
-        places.append(("number of strokes a minute", "", rate, table and table.measured_strokes))
-        for words, unit, at, ends in places:
-            if ends and not ends[0] * (1 - MET) <= at <= ends[1] * (1 + MET):
-                found.append(f"{words} {at:.3g}{unit} in place of {ends[0]:.3g} to {ends[1]:.3g}{unit}")
-        return f"beyond the rows of the plant, so extrapolated: {' and '.join(found)}" if found else ""
+    def beyond_rows(self) -> list[tuple[str, str, float, tuple[float, ...]]]:
+        """Quantity, unit, value and range of what is beyond the rows of a plant to which the scene is calibrated."""
+        table, machine = self.scene.process, self.problem.machine
+        ends = (table.measured_advances, table.measured_strokes) if table else (None, None)
+        words = ("advance of the mould a stroke", " m"), ("number of strokes a minute", "")
+        values = machine.advance, MINUTE / machine.stroke_period
+        found = [(*each, at, span) for each, at, span in zip(words, values, ends, strict=True) if span]
+        return [each for each in found if not each[3][0] * (1 - MET) <= each[2] <= each[3][1] * (1 + MET)]
 
     @property
-    def _evasion(self) -> str:
-        """Sentence on a pressure of extrusion by the wedge, with the density ratios at its bounds."""
+    def evasion_ends(self) -> list[tuple[float, float]]:
+        """Bounds of a pressure of extrusion by the wedge [Pa] with their density ratios [-]; empty of a given one."""
         pressure, *bounds = self.extrusion_pressures
         if self.closure.kind != "extrusion_pressure" or pressure in bounds:
-            return ""
+            return []
         few = replace(self.problem, layers=SEARCH_LAYERS)
-        ends = [(bound, solve_closure(few, replace(self.closure, value=bound))) for bound in bounds]
-        found = [f"{bound / 1e3:.3g} kPa, density ratio {at.of_product('density_ratio'):.3f}" for bound, at in ends]
-        return (
-            f"mix evades along the axis at {pressure / 1e3:.3g} kPa, estimated by the wedge of the free slope; between "
-            f"{' and '.join(found)}"
-        )
+        ends = (solve_closure(few, replace(self.closure, value=bound)) for bound in bounds)
+        return [(bound, each.of_product("density_ratio")) for bound, each in zip(bounds, ends, strict=True)]
 
     @property
-    def remarks(self) -> tuple[str, ...]:
-        """Sentences on results that need attention."""
-        row, flow, fed = self.row, self.row.flow, self.history.make_up
-        grain = (self.scene.process and self.scene.process.largest_grain) or 0.0
-        count = int(np.sum((fed > 0) & (fed < grain)))
-        lack = self.scene.mix.density_ratio - row.product_density_ratio
-        sentences: list[Any] = [
-            count and f"in {count} of {self.history.count} strokes the make-up is thinner than the largest grain: the "
-            "feed is a standing heap there, not a lift",
-            flow.missing > UNFED_SHARE * flow.product and lack > 0
-            and f"under-feed: the product has a density ratio of {row.product_density_ratio:.4f} in place of "
-            f"{self.scene.mix.density_ratio:g}; {flow.missing / flow.product:.2%} of its mix are missing",
-            flow.extruded > UNFED_SHARE * flow.product
-            and f"over-feed: {flow.extruded / flow.product:.2%} of the product's mix are extruded towards the empty "
-            f"mould, and {flow.retained / flow.product:.2%} stay in the sleeves",
-            self.problem.kneading is None and self.mix.parameter("heckel_slope").flag != "given"
-            and "the Heckel slope is that of kneaded mix, from required pressures of roller machines; static tests "
-            "give less, and [process] kneading needs a static one",
-            self.problem.kneading and "columns press without kneading, by the static Heckel slope: no floor",
-            self._evasion,
-            self.beyond_rows,
-        ]  # fmt: skip
-        if self.lifts is not None:
-            found, tension = row.numbers_by_lifts, self.mix.cohesion / np.tan(np.radians(self.mix.friction_angle))
-            beyond, residual = row.estimate("load").extrapolated_share, found["largest_work_residual"]
-            stopped = next((each.stopped for each in self.lifts.sequences if each.stopped), "")
-            sentences += [
-                found["saturated_height"]
-                and f"the top {found['saturated_height'] * 1e3:.0f} mm of the product are denser than 0.99: water and "
-                "the last air carry the load there, up to the saturation limit",
-                beyond and f"{beyond:.0%} of the load are extrapolated beyond the densest lift",
-                residual > WORK_LIMIT and f"the energy balance of a lift closes within {residual:.1%} only",
-                stopped and f"a sequence of lifts ends early: {stopped}",
-                self.scene.mix.pore_air == "one-way" and self.counts_air
-                and "pore air enters one-way; where a bow wave exists, that is a lower bound",
-                self.pore_air is None
-                and "no pore air: it is occluded at layer.fed_density_ratio already, so that a permeability does not "
-                "apply",
-                self.counts_air and found["air_excess_behind"] > tension
-                and f"an excess pressure of {found['air_excess_behind'] / 1e3:.0f} kPa behind the roller exceeds the "
-                "tensile strength of the mix: lifts may crack",
-            ]  # fmt: skip
-        return tuple(str(sentence) for sentence in sentences if sentence)
+    def thin_strokes(self) -> int:
+        """Number of strokes whose make-up is thinner than the largest grain."""
+        fed, grain = self.history.make_up, (self.scene.process and self.scene.process.largest_grain) or 0.0
+        return int(np.sum((fed > 0) & (fed < grain)))
+
+    @property
+    def has_kneaded_prior(self) -> bool:
+        """True if the Heckel slope is that of the prior, of kneaded mix."""
+        return self.problem.kneading is None and self.mix.parameter("heckel_slope").flag != "given"

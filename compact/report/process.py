@@ -21,7 +21,7 @@ from compact.files import write_figure, write_json, write_vtu_series
 from compact.quantities import PROCESS, PROCESS_LIFTS, STROKE, Quantity, column_names
 from compact.report.figures import PALETTE, panels
 from compact.report.tables import TableSpec, format_percent, format_quantity, json_number, json_numbers, write_arrays
-from compact.report.text import say
+from compact.report.text import say, sentences
 
 if TYPE_CHECKING:
     import meshio
@@ -102,7 +102,7 @@ def process_summary(study: ProcessStudy) -> dict[str, Any]:
             for part in study.parts
         ],
         "two_dimensions": by_lifts or None,
-        "remarks": list(study.remarks),
+        "remarks": sentences("process_remarks", study),
     }
 
 
@@ -132,7 +132,7 @@ def process_digest(study: ProcessStudy) -> str:
         ends = [format_quantity(e, "N") for e in (part.low, part.high) if e is not None and part.low != part.high]
         words = f" ({' to '.join(ends)})" if ends else ""
         lines.append(f"{_line(part.cause, force)}{work}  {part.origin}{words}; {part.test}")
-    return "\n".join([*lines, "", *(f"note: {remark}" for remark in study.remarks)]).rstrip()
+    return "\n".join([*lines, "", *(f"note: {remark}" for remark in sentences("process_remarks", study))]).rstrip()
 
 
 def _line(words: str, text: str) -> str:

@@ -6,6 +6,7 @@ import pytest
 
 from compact.analysis.operating_window import calibrate_window, deliverable, limits_met, reached_by, window_digest
 from compact.analysis.process import ProcessStudy
+from compact.report.text import sentences
 from compact.scene.loader import load_scene
 from compact.scene.plant_data import StrokeRow, read_measurements
 
@@ -51,7 +52,7 @@ def test_five_rows_of_a_plant_calibrate_the_window():
     ):
         study = ProcessStudy(found.scene.replaced(**StrokeRow(*place).changes(0.0)))
         assert "rows" in limits_met(study)
-        assert any(words in remark for remark in study.remarks)
+        assert any(words in remark for remark in sentences("process_remarks", study))
     fast = plants_row(plant, BEYOND[0])  # told, and wrong: no row meets the limit of the sleeves
     error = reached_by(ProcessStudy(found.scene.replaced(**fast.changes(0.0))))[0] - fast.density_ratio
     assert abs(error) > 0.02

@@ -11,6 +11,7 @@ from compact.analysis import process, worker_pool
 from compact.analysis.process import ProcessStudy
 from compact.cli import program as cli
 from compact.engines.process.forming import Closure
+from compact.report.text import sentences
 from compact.scene.loader import load_scene
 from compact.verification.formulas import MOVING_FORCE, ROLLER_REACTION
 
@@ -80,7 +81,7 @@ def test_pressure_of_extrusion_is_that_of_the_wedge_by_default():
     assert low < 0.5 * value < value < 203e3 < high  # the required pressure that is published lies within
     assert study.closure == Closure("extrusion_pressure", value)
     assert study.row.numbers["peak_pressure"] == pytest.approx(value, rel=1e-6)
-    assert any(remark.startswith("mix evades along the axis at 9") for remark in study.remarks)
+    assert any(remark.startswith("mix evades along the axis at 9") for remark in sentences("process_remarks", study))
     assert study.parts[4].force > 0
     given = ProcessStudy(load_scene(SCENE, **SHORT, **OFFERED))
     assert given.extrusion_pressures == (1e5, 1e5, 1e5)
@@ -133,9 +134,10 @@ def test_lumped_lifts_enter_forces_files_and_words(monkeypatch, tmp_path, capsys
     assert [increments for _, increments in calls] == [4, 4]
     assert [thickness / found.problem.machine.max_bite for thickness, _ in calls] == pytest.approx([0.7, 0.9])
     assert found.load == found.row.estimate("load").value
-    assert any(remark.startswith("the top 10 mm of the product are denser") for remark in found.remarks)
-    assert any(remark.endswith("extrapolated beyond the densest lift") for remark in found.remarks)
-    assert found.remarks[-1] == "a sequence of lifts ends early: not steady"
+    remarks = sentences("process_remarks", found)
+    assert any(remark.startswith("the top 10 mm of the product are denser") for remark in remarks)
+    assert any(remark.endswith("extrapolated beyond the densest lift") for remark in remarks)
+    assert remarks[-1] == "a sequence of lifts ends early: not steady"
     options = [part for key, value in SHORT.items() for part in ("--set", f"{key}={value}")]
     assert cli._exit_code(["process", str(SCENE), "--deep", "--out", str(tmp_path / "out"), *options]) == 0
     assert "one roller, two dimensions" in capsys.readouterr().out
