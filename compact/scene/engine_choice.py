@@ -5,7 +5,7 @@ of the layer over the contact length is estimated without a contact:
 
     H/L,    L = sqrt(2 R depth),    depth = H (k/k_fed - 1)
 
-The model that another engine corrects, columns, needs a fit to forces of a roller besides: without one it has 0.3 to
+The model that another engine corrects, columns, needs a fit to forces of a roller as well: without one it has 0.3 to
 0.7 of the resistance by finite elements on lifts of 0.5 to 1.7 contact lengths (R 0.09 m, k_fed 0.85 and 0.94).
 """
 
