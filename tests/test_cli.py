@@ -85,7 +85,7 @@ def test_new_scene_runs_as_it_is(compact, tmp_path):
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "mine" / "out" / "mine" / "summary.json").exists()
     assert (tmp_path / "mine" / "out" / "mine" / "report.html").exists()
-    assert "least peak drive force:" in done.stdout
+    assert "compaction: auto: the cheapest that may size this scene" in done.stdout
 
 
 def test_cam_command_writes_what_the_workshop_needs(compact, tmp_path):

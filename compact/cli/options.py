@@ -174,7 +174,7 @@ class NewMachine:
         density of the product / density without air
     """
 
-    rollers: int | None = None
+    rollers: float | None = None  # cyclopts would cut 2.5 to a whole number
     diameter: float | None = None
     plate: str | None = None
     stroke: float | None = None
@@ -188,6 +188,8 @@ class NewMachine:
         from compact.scene.new_scene import read_plate
 
         found = {name: value for name, value in vars(self).items() if value is not None}
+        if self.rollers is not None and self.rollers.is_integer():
+            found["rollers"] = int(self.rollers)
         return found | ({"plate": read_plate(self.plate)} if self.plate is not None else {})
 
 

@@ -38,7 +38,7 @@ def choose_engine(data: Mapping[str, Any]) -> tuple[str, str]:
     against = {each.name: _reason_against(each, value, ratio, fitted) for each in able}
     chosen = next((each.name for each in able if not against[each.name]), able[-1].name)
     passed = [f"{name} has {words}" for name, words in against.items() if words and name != chosen]
-    return chosen, f"the cheapest engine for this scene{', as ' if passed else ''}{'; '.join(passed)}"
+    return chosen, "; ".join(["the cheapest that may size this scene", *passed])
 
 
 def _reason_against(engine: Engine, value: Any, ratio: float | None, fitted: bool) -> str:
@@ -46,7 +46,7 @@ def _reason_against(engine: Engine, value: Any, ratio: float | None, fitted: boo
     if found := engine.valid(ratio):
         return found
     if not fitted and any(each.low_fidelity == engine.name for each in BUILT_IN.values()):
-        return "no fit to forces of a roller, without which its resistance is too small"
+        return "no fit to forces of a roller"
     for limit in engine.limits:
         given = value(limit.key)
         if not (given is None or limit.fixed or limit.takes(given, value("mix.overrides.steel_friction"))):

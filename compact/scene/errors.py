@@ -132,6 +132,7 @@ def _innermost(entries: Mapping[Key, Any], key: Key) -> Any:
 
 PLAIN = {  # words of pydantic in the messages
     "greater than 0$": "positive", "a valid tuple": "a list", "a valid dictionary": "a table",
+    "a valid integer": "a whole number",
     "a valid boolean": "true or false", "valid ": "", " after validation": "", "match pattern .*": "be a text",
 }  # fmt: skip
 

@@ -170,6 +170,12 @@ class Scene(SceneTables):
         return True
 
     @property
+    def engine_reason(self) -> str:
+        """Sentence on the engine that "auto" has chosen; empty for a stated one."""
+        said = self._source.remark(("accuracy", "engine"))
+        return f"{self.accuracy.engine}: {said}" if said.startswith(f"{AUTO}: ") else ""
+
+    @property
     def replacements(self) -> dict[str, tuple[str, ...]]:
         """Sentences on the values that each engine replaces, by engine."""
         own, found = self.accuracy.engine, {}
@@ -179,8 +185,7 @@ class Scene(SceneTables):
             left_out = [replaced(name, limit, limit.value_in(self)) for limit in neglected]
             fits = scene.mix.fit_remark
             told = fits and (name == own or fits != self.mix.fit_remark)
-            chosen = self._source.remark(("accuracy", "engine")) if name == own else ""
-            left_out += [f"{name}: {chosen}"] if chosen.startswith(f"{AUTO}: ") else []
+            left_out += [self.engine_reason] if name == own and self.engine_reason else []
             found[name] = (*left_out, *adapt(scene, name)[1], *([f"{name}: {fits}"] if told else []))
         return found
 

@@ -68,6 +68,10 @@ WRONG = {
     "short stroke": (("--stroke", "0.1"), "shorter than a roller of 0.18 m (eq 1.2); give a longer --stroke"),
     "too many rollers": (("--rollers", "9"), "9 rollers of 0.18 m do not fit side by side on 0.9 m; give --rollers 5"),
     "too few rollers": (("--rollers", "1"), "give --stroke 0.9 to 1.8 or another --rollers"),
+    "half a roller": (
+        ("--rollers", "2.5"),
+        "machine.rollers: must be a whole number, got 2.5; give the number of rollers",
+    ),
     "no roller": (("--rollers", "0"), "machine.rollers: must be greater than or equal to 1, got 0"),
     "tonnes": (("--mass", "0.65"), "was 0.65 t = 650 kg meant?"),
     "milliseconds": (("--duration", "12000"), "12000 ms = 12 s meant?"),
@@ -107,7 +111,7 @@ FIT = {"moisture": 0.09, "density_ratio": 0.98, "parameters": ["heckel_slope", "
     [
         ({}, "compaction", "column has no fit to forces of a roller"),
         ({"layer.lift_thickness": 0.1}, "compaction", "column has no bow wave, layer 3.6 contact lengths high"),
-        ({"mix.overrides.heckel_slope": 1e-5, "mix.fitted_at": FIT}, "column", "the cheapest engine for this scene"),
+        ({"mix.overrides.heckel_slope": 1e-5, "mix.fitted_at": FIT}, "column", "the cheapest that may size this scene"),
         ({"mix.overrides.heckel_slope": 1e-5, "mix.fitted_at": FIT, "layer.base": "slip"}, "compaction", "layer.base"),
     ],
 )
