@@ -10,6 +10,7 @@ from lift_sequences import sequence
 
 from compact.analysis.multipass import Pass, passes
 from compact.engines.column.column_pass import Column
+from compact.engines.compaction.engine import roll
 from compact.engines.process import lifts as lumped_lifts
 from compact.engines.process.forming import Closure, Feed, FormingMachine
 from compact.engines.process.kneading import Kneading
@@ -18,6 +19,7 @@ from compact.engines.process.roller_row import RollerRow
 from compact.engines.process.strokes import FormingProblem, grain_height, solve_closure
 from compact.material.pore_air import PoreAir
 from compact.rolling_contact import Layer, Roller
+from compact.turning import LOAD_TRACK, TRACK
 
 MIX = mix(unloading_modulus=60e6, fed_density_ratio=0.75, dry_side="flat")
 MACHINE = FormingMachine(0.11, 0.4, 0.22, 0.45, 0.4 / 0.45, 1.05 / 60, 20.0)
@@ -263,6 +265,30 @@ def test_lifts_are_passes_of_finite_elements_and_close_their_balances():
     # `passes` starts with fresh mix of one row, which the mesh resamples likewise
     assert [lift.load for lift in found.lifts[:2]] == pytest.approx([each.load for each in results], rel=1e-2)
     assert [lift.resistance for lift in found.lifts[:2]] == pytest.approx([e.resistance for e in results], rel=2e-2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("thickness", [0.003, 0.0015])
+def test_share_on_the_own_track_of_a_make_up(thickness, monkeypatch):
+    """A second pass without feed has the share of a lift or less; behind a thin make-up the surface has settled."""
+    passed, press = [], lumped_lifts._passed
+
+    def keep(*args, **options):
+        passed.append(press(*args, **options))
+        return passed[-1]
+
+    monkeypatch.setattr(lumped_lifts, "_passed", keep)
+    machine, stiff = replace(MACHINE, height=0.05), replace(MIX, unloading_modulus=120e6)
+    problem = FormingProblem(machine, stiff, Column(0.05, 0.75), Feed(0.75))
+    simulate_lifts(problem, 0.35, 1.0, 0.85, thickness=thickness, increments=4)
+    state = passed[-1].exit
+    if thickness < 0.002:
+        assert state.height < machine.height
+        return
+    roller = Roller(0.11, indentation=state.height - 0.05, friction=0.35, rolling="free", profile="deformed")
+    again = roll(Layer(state.height), roller, stiff, 0.45, fed_layer=state, increments=4, steady_tolerance=1e-2)
+    assert 0.5 * LOAD_TRACK < again.load / passed[-1].load < LOAD_TRACK
+    assert 0.5 * TRACK < again.resistance / passed[-1].resistance < 1.35 * TRACK
 
 
 @pytest.mark.slow
