@@ -477,16 +477,7 @@ def drive_summary(found: DriveCalibration) -> dict[str, Any]:
     return {name: vars(each) | {"spread": each.spread} for name, each in named.items() if each is not None}
 
 
-@dataclass(frozen=True)
-class SlopeFit:
-    """Heckel slope of confined compression [1/Pa], and moisture and density ratio of the scene, where it holds [-]."""
-
-    slope: Estimate
-    moisture: float
-    density_ratio: float
-
-
-def fit_slope(scene: Scene, readings: Sequence[Compression]) -> SlopeFit:
+def fit_slope(readings: Sequence[Compression]) -> Estimate:
     """Fit the curve of the mix, K_H p = ln[(1 - k0)/(1 - k)] from loose mix k0, to readings of confined compression.
 
     Raises
@@ -497,24 +488,22 @@ def fit_slope(scene: Scene, readings: Sequence[Compression]) -> SlopeFit:
     loosest = min(each.density_ratio for each in readings)
     if loosest <= LOOSE:
         raise SceneError([f"compression: density_ratio must be above that of loose mix, {LOOSE:g}, got {loosest:g}"])
-    slopes = [np.log((1 - LOOSE) / (1 - each.density_ratio)) / each.pressure for each in readings]
-    found = _mean(slopes)
+    found = _mean([np.log((1 - LOOSE) / (1 - each.density_ratio)) / each.pressure for each in readings])
     assert found is not None  # of at least one reading
-    return SlopeFit(found, scene.mix.moisture, scene.mix.density_ratio)
+    return found
 
 
-def slope_digest(found: SlopeFit) -> str:
-    """Describe a fit of the Heckel slope in text, with the lines for the scene."""
-    slope, spread = found.slope.value, found.slope.spread
-    told = "measured" if np.isnan(spread) else f"measured ± {100 * spread:.2g} %"
-    lines = [f"Heckel slope {slope * 1e6:.3g} per MPa by {found.slope.freedom + 1} readings of confined compression"]
-    if slope <= STATIC_SLOPES[2]:
+def slope_digest(scene: Scene, found: Estimate) -> str:
+    """Describe a fit of the Heckel slope at the moisture of a scene in text, with the lines for it."""
+    told = "measured" if np.isnan(found.spread) else f"measured ± {100 * found.spread:.2g} %"
+    lines = [f"Heckel slope {found.value * 1e6:.3g} per MPa by {found.freedom + 1} readings of confined compression"]
+    if found.value <= STATIC_SLOPES[2]:
         lines.append(
             "a slope as of unkneaded mix, for process.kneading; a pass over kneaded mix has about three times it"
         )
     return "\n".join([
-        *lines, "", "for the scene:", "[mix.overrides]", f"heckel_slope = {slope:.4g}  # 1/Pa; {told}",
-        "[mix.fitted_at]", f"moisture = {found.moisture:g}", f"density_ratio = {found.density_ratio:g}",
+        *lines, "", "for the scene:", "[mix.overrides]", f"heckel_slope = {found.value:.4g}  # 1/Pa; {told}",
+        "[mix.fitted_at]", f"moisture = {scene.mix.moisture:g}", f"density_ratio = {scene.mix.density_ratio:g}",
         'parameters = ["heckel_slope"]',
     ])  # fmt: skip
 

@@ -497,9 +497,9 @@ def calibrate(
         summary["kneading"] = {**vars(kneaded.kneading), "static_slopes": kneaded.static_slopes, "rms": kneaded.rms}
         told.append(calibration.kneading_digest(kneaded))
     if readings.compressions:
-        pressed = calibration.fit_slope(given, readings.compressions)
-        summary["heckel_slope"] = pressed.slope.value
-        told.append(calibration.slope_digest(pressed))
+        pressed = calibration.fit_slope(readings.compressions)
+        summary["heckel_slope"] = pressed.value
+        told.append(calibration.slope_digest(given, pressed))
     if readings.values:
         told.append(calibration.value_lines(given, readings.values))
         summary["values"] = [each._asdict() for each in readings.values]

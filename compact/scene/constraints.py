@@ -364,10 +364,16 @@ def _plies_fill_the_layer(plies, height, lift):
         return f"must be as thick together as the layer, {required:g} m, got {total:.9g}; change one thickness"
 
 
-@rule("contact.indentation", "contact.load", "contact.peak_pressure")
-def _one_target(*targets: float | None):
-    if (given := sum(target is not None for target in targets)) > 1:
-        return f"only one of indentation, load and peak_pressure can be prescribed, got {given}; take the others out"
+def _at_most_one(names, *values: Any):
+    if (given := len(values) - values.count(None)) > 1:
+        return f"only one of {names} can be prescribed, got {given}; take the others out"
+
+
+for _key, _names in (
+    ("contact", ("indentation", "load", "peak_pressure")),
+    ("process", ("gap", "product_density_ratio", "extrusion_pressure")),
+):
+    rule(*(f"{_key}.{name}" for name in _names))(partial(_at_most_one, f"{', '.join(_names[:-1])} and {_names[-1]}"))
 
 
 @rule("machine.roller_torque", "machine.roller_condition", "accuracy.engine")
@@ -461,13 +467,6 @@ def _engine_has_a_process(engine, process):
 def _mould_has_one_speed(speed, of_product):
     if None not in (speed, of_product) and speed != of_product:
         return f"must be product.mould_speed = {of_product:g} m/s, got {speed:g}; take product.mould_speed out"
-
-
-@rule("process.gap", "process.product_density_ratio", "process.extrusion_pressure")
-def _one_closure(*closures: Any):
-    given = len(closures) - closures.count(None)
-    if given > 1:
-        return f"at most one of gap, product_density_ratio and extrusion_pressure must be given, got {given}"
 
 
 @rule("process.offered_thickness", "process.gap", "process.product_density_ratio")

@@ -469,12 +469,12 @@ def test_the_empty_sheet_says_so_and_the_filled_one_gives_lines_of_a_scene(tmp_p
 def test_compression_gives_the_curve_of_the_mix_and_its_spread():
     scene = load_scene("small")
     known = [Compression(p, 1 - 0.28 * math.exp(-13e-6 * p)) for p in (5e4, 1e5, 2e5)]
-    assert fit_slope(scene, known).slope.value == pytest.approx(13e-6, rel=1e-12)
+    assert fit_slope(known).value == pytest.approx(13e-6, rel=1e-12)
     off = [known[0], Compression(1e5, known[1].density_ratio + 0.002), known[2]]
-    assert 0 < fit_slope(scene, off).slope.spread < 0.5
-    assert "unkneaded" in slope_digest(fit_slope(scene, [Compression(1e5, 0.8)]))
+    assert 0 < fit_slope(off).spread < 0.5
+    assert "unkneaded" in slope_digest(scene, fit_slope([Compression(1e5, 0.8)]))
     with pytest.raises(SceneError, match=r"above that of loose mix, 0\.72, got 0\.7"):
-        fit_slope(scene, [Compression(1e5, 0.7)])
+        fit_slope([Compression(1e5, 0.7)])
 
 
 def test_a_measured_value_is_a_value_of_the_scene():

@@ -211,7 +211,7 @@ PROCESS = [  # of the process scene
     ),
     (
         {"process.gap": 0.001},
-        "process.gap: at most one of gap, product_density_ratio and extrusion_pressure must be gi",
+        "process.gap: only one of gap, product_density_ratio and extrusion_pressure can be prescr",
     ),
     ({"process.mould_speed": 0.0}, "process.mould_speed: is 0, and process.strokes is missing; give the number"),
     ({"process.strokes": 4}, "process.mould_speed: is 0.0175 m/s, which determines the number of strokes, got process"),
