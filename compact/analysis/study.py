@@ -241,8 +241,9 @@ class Study:
 
     @cached_property
     def first_cam(self) -> CamDrawing | None:
-        """Drawing of the cam of the first law; None for a scene without the output "cams"."""
-        return self.stages.laws.drawing(self.stages.drive.best_law) if "cams" in self.scene.output.items else None
+        """Drawing of the cam of the decided law; None for a scene without the output "cams"."""
+        law = self.choice.law if self.choice else self.stages.drive.best_law
+        return self.stages.laws.drawing(law) if "cams" in self.scene.output.items else None
 
     # comparison
 

@@ -17,15 +17,8 @@ if TYPE_CHECKING:
 
 SHOWN = 6  # [-], entries of a list or of a mapping that are shown
 NEAREST = 3  # [-], keys named where one is unknown
-ORIGINS = (
-    "published",
-    "measured",
-    "calibrated",
-    "given",
-    "assumed",
-    "default",
-    "changed by the caller",
-)  # of a comment
+KNOWN = "published", "measured", "calibrated", "given"  # first words of a clause on the origin of an input
+ORIGINS = (*KNOWN, "assumed", "guess", "derived", "default", "changed by the caller")
 
 
 class Link(NamedTuple):
@@ -151,11 +144,18 @@ def _origins(inputs: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, list
     for table, _, names in (each.partition(":") for each in wanted):
         given = inputs.get(table, {})
         for name in given if names == "*" else (each for each in names.split(",") if each in given):
-            words = given[name]["origin"]
-            stated = [origin for origin in ORIGINS if origin in words]
-            origin = min(stated, key=words.index, default="without origin")
+            origin = origin_of(given[name]["origin"])[0] or "without origin"
             found.setdefault(origin, {})[f"{name} {worded(given[name]['value'])}"] = None
     return {origin: [*names] for origin, names in found.items()}
+
+
+def origin_of(comment: str) -> tuple[str, str]:
+    """Return the origin that a clause of a comment states, empty without one, and the rest of the comment."""
+    clauses = [clause.strip() for clause in comment.split(";")]
+    stated = ((clause, word) for clause in clauses for word in ORIGINS if clause.startswith(word))
+    clause, word = next(stated, ("", ""))
+    rest = [clause.removeprefix(word).strip(" :,"), *(each for each in clauses if each != clause)]
+    return word, "; ".join(filter(None, rest))
 
 
 # what the summary has for it

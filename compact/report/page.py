@@ -23,9 +23,8 @@ from compact.analysis.study import Study
 from compact.files import atomic_file
 from compact.machine.ranking import CRITERIA
 from compact.report import results, text
-from compact.report.explain import decision_numbers, explanation, input_numbers
+from compact.report.explain import KNOWN, decision_numbers, explanation, input_numbers, origin_of
 from compact.report.tables import Mark, TableSpec, format_column, format_percent
-from compact.scene.loader import Scene
 
 UNIT_SPACE = re.compile(r"(?<=\d) (?=(?:%|[GMkmµ]?(?:N|W|J|Pa|m|s|g|rad|Nm))(?:[/²³<,.;: )\n]|$))")
 NUMERIC = re.compile(r"[−+<]?\s?\d.{,24}$|–|infinite|tie$|closed form|no estimate|out of|$")  # or in its place
@@ -36,9 +35,6 @@ PNG_WIDTH = slice(16, 20)  # bytes of the header of a PNG file
 SVG = "image/svg+xml"
 SHOWN_CHECKS = 5  # [-], checks of the table, those nearest to their limits
 KNOWN_FLAGS = ("measured", "given", "derived")  # of parameters of the mix; all others are assumed
-SIGNS = (  # kind of mark and first words of a clause of a remark
-    ("assumed", ("assumed", "guess", "changed by the caller")), ("known", ("published", "measured", "calibrated")),
-)  # fmt: skip
 NOT_INPUTS = ("title", "unusual", "output")  # of a scene
 
 
@@ -203,7 +199,7 @@ def _uncertainty(study: Study) -> Iterator[Block]:
 
 
 def _motion(study: Study) -> Iterator[Block]:
-    """Show the drawing of the cam of the first law."""
+    """Show the drawing of the cam of the decided law."""
     if (first := study.first_cam) is not None and first.drawing is not None:
         caption = f"{first.law}, true to scale in the file; `compact cam` writes it as CSV, SVG and DXF."
         yield Picture(first.drawing.svg().encode(), first.drawing.description, caption, SVG)
@@ -225,39 +221,23 @@ def _explained(study: Study) -> Iterator[Block]:
 
 def _inputs(study: Study) -> Iterator[Block]:
     """List every input of the scene and every parameter of the mix with its origin; assumed ones are marked."""
-    scene = study.scene
-    for name in type(scene).model_fields:
-        part = getattr(scene, name)
-        if name not in NOT_INPUTS and part is not None:
-            keys = [key for key in type(part).model_fields if getattr(part, key) is not None]
+    for name, given in input_numbers(study.scene).items():
+        values = [each["value"] for each in given.values()]
+        if given and name not in NOT_INPUTS:
             yield TableSpec.of_columns(f"[{name}]", {
-                "key": [f"`{key}`" for key in keys], "value": [_input_value(getattr(part, key)) for key in keys],
-                "origin": [remark(scene, name, key) for key in keys],
+                "key": [f"`{key}`" for key in given],
+                "value": [f"{each:.10g}" if isinstance(each, float) else str(each).strip("[]") for each in values],
+                "origin": [remark(each["origin"]) for each in given.values()],
             })  # fmt: skip
     mix = results.mix_table(study)
     marks = [Mark("known" if flag in KNOWN_FLAGS else "assumed", flag) for flag in mix["flag"]]
     yield mix.shown("Parameters of the mix", "parameter", "value", "low", "high", flag=marks, origin=mix["origin"])
 
 
-def _input_value(value: Any) -> str:
-    if hasattr(value, "model_dump"):
-        given = value.model_dump(exclude_none=True)
-        return ", ".join(f"{key} = {item}" for key, item in given.items()) or "none"
-    if isinstance(value, tuple):
-        return ", ".join(_input_value(item) for item in value)
-    return f"{value:.10g}" if isinstance(value, float) else str(value)
-
-
-def remark(scene: Scene, table: str, key: str) -> str | Mark:
+def remark(comment: str) -> str | Mark:
     """Mark the clause of a comment that states the origin of a value."""
-    clauses = [clause.strip() for clause in scene.remark(table, key).split(";")]
-    for kind, signs in SIGNS:
-        for sign in signs:
-            origin = next((clause for clause in clauses if clause.startswith(sign)), None)
-            if origin is not None:
-                rest = [origin.removeprefix(sign).strip(" :,"), *(clause for clause in clauses if clause != origin)]
-                return Mark(kind, sign, "; ".join(filter(None, rest)))
-    return "; ".join(clauses)
+    origin, rest = origin_of(comment)
+    return Mark("known" if origin in KNOWN else "assumed", origin, rest) if origin else rest
 
 
 Tables = Callable[[Study], Iterable[Block]] | None

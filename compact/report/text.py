@@ -16,7 +16,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from compact.analysis.engineering_summary import coverage
 from compact.analysis.ranking_uncertainty import Place
-from compact.analysis.stages.uncertainty import AIR, DRIVE, FED, LAW, MAP, MARGIN_SOURCES, MESH, MIX, MODELS
+from compact.analysis.stages.uncertainty import AIR, DRIVE, FED, LAW, MAP, MESH, MIX, MODELS
 from compact.analysis.stages.verdict import SIZING_PEAKS, Verdict
 from compact.analysis.study import Study
 from compact.cams.profile import Cam
@@ -218,7 +218,6 @@ def uncertainty_table(study: Study) -> TableSpec:
     columns = {"source": [each.name for each in sources], "variation": [each.variation for each in sources]}
     for by in study.uncertainty.laws if study.uncertainty else ():
         columns[CRITERIA[by].quantity.term] = [say("changes", each.changes(law, by)) for each in sources]
-    columns["in the margin?"] = ["yes" if each.name in MARGIN_SOURCES else "no" for each in sources]
     return TableSpec.of_columns(f"Sources of uncertainty: change of the peaks of {law}", columns)
 
 

@@ -129,9 +129,9 @@ def test_origins_of_inputs_are_marked_by_the_first_word_of_a_clause(written):
         (mine, "machine", "roller_length", "assumed"), (mine, "machine", "roller_radius", "published"),
         (mine, "mix", "moisture", "changed by the caller"), (starter, "machine", "rib_factor", "guess"),
     ):  # fmt: skip
-        found = remark(read, table, key)
+        found = remark(read.remark(table, key))
         assert (found.kind, found.label) == ("known" if mark == "published" else "assumed", mark)
-    assert isinstance(remark(starter, "machine", "guide_positions"), str)  # measured in the same way
+    assert isinstance(remark(starter.remark("machine", "guide_positions")), str)  # measured in the same way
 
 
 def test_number_and_unit_stay_on_one_line():

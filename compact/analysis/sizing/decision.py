@@ -25,7 +25,6 @@ from compact.analysis.stages.uncertainty import (
     AIR,
     DRIVE,
     LAW,
-    MARGIN_SOURCES,
     MESH,
     MIX,
     MODELS,
@@ -257,8 +256,7 @@ def _excess(values: Mapping[str, float], law: str) -> float:
 
 def _peak(model: ModelAnswer, case: Case, by: str, law: str, known: RankingUncertainty | None) -> Size:
     """Return a peak of a law by the model that sizes, with its changes by the sources of the margin."""
-    sources = [each for each in known.sources if each.name in MARGIN_SOURCES] if known else []
-    changes = {each.name: each.changes(law, by) for each in sources}
+    changes = {each.name: each.changes(law, by) for each in known.sources} if known else {}
     quantity = CRITERIA[by].quantity
     return Size(quantity.term, quantity.unit, model.values(*case, by).get(law, math.inf), changes)
 

@@ -1,8 +1,8 @@
 """Ranking under uncertainty: every source of error of the answer, its effect on the peaks and on the first law.
 
 Sources are the discretisation (mesh and resistance map), the parameters of the mix, the laws of the mix, its pore air,
-the other valid models, the drive where its data are not measured, the quantity held over speed, the mix under the
-return stroke, and the duration of a pass. Each source scales or replaces the resistance of the model that sizes the
+the other valid models, and the drive where its data are not measured; held quantity, return stroke and duration are
+choices of the designer. Each source scales or replaces the resistance of the model that sizes the
 machine, or the drive; the laws are simulated again at all of its ends.
 
 Stiffness and damping of the drive, alone and together, and the mass of the cart vary against the known resistance,
@@ -21,7 +21,6 @@ Saltelli A. et al. (2010): Variance based sensitivity analysis of model output. 
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
@@ -31,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc, sobol_indices, uniform
 
-from compact.analysis.contact_cases import HeldQuantity, roll_scene, scene_mix
+from compact.analysis.contact_cases import roll_scene, scene_mix
 from compact.analysis.pore_air import RATIOS
 from compact.analysis.stages.drives import Stages, simulate_laws
 from compact.analysis.stages.ensemble import (
@@ -71,7 +70,6 @@ CONTENDER_SHARE = 1.5  # [-], of the least peak; laws beyond it are not first wh
 FAR_SHARE = 3.0  # [-], of the least peak; velocity jumps beyond it are not first at a third of the stiffness
 OIL_SHARE = 1.05  # [-], of the least peak; laws whose strokes with compressible oil are computed
 FED = "fed_density_ratio"
-HELD_FIELDS = (("height", "indentation"), ("load", "load"), ("peak_pressure", "peak_pressure"))
 LEAST_EFFECT = 1e-3  # [-], a smaller change of the resistance is not simulated
 
 
@@ -162,8 +160,6 @@ class MixSpread:
         Resistance at both ends of each parameter alone, over that of the scene [-].
     shares : dict
         Total Sobol index of each parameter in the peak, by criterion [-].
-    twice_as_stiff : float
-        Resistance of a mix with half the Heckel slope over that of the scene [-].
     coefficients : tuple of float
         Quadratic fit of the logarithm of the resistance over the positions in the ranges, from -1 to 1.
     load : tuple of float or None
@@ -177,7 +173,6 @@ class MixSpread:
     ranges: dict[str, tuple[float, float]]
     alone: dict[str, tuple[float, float]]
     shares: dict[str, dict[str, float]]
-    twice_as_stiff: float
     coefficients: tuple[float, ...]
     load: tuple[float, float] | None = None
 
@@ -207,7 +202,7 @@ class RankingUncertainty:
 
     def first_laws(self, by: str) -> set[str]:
         """Return the laws that are first by a criterion at an end of a source of the margin."""
-        return {end.first[by] for each in self.sources if each.name in MARGIN_SOURCES for end in each.ends}
+        return {end.first[by] for each in self.sources for end in each.ends}
 
     def margin(self, by: str, leave_out: Sequence[str] = (), law: str | None = None, known: str = "") -> float:
         """Return the margin of a motor over the peak of a recommended law [-], see `verdict`.
@@ -224,14 +219,12 @@ class RankingUncertainty:
             Quantity of drive and cart that does not vary.
         """
         law = law or self.laws[by]
-        counted = [each for each in self.sources if each.name in MARGIN_SOURCES and each.name not in leave_out]
+        counted = [each for each in self.sources if each.name not in leave_out]
         return math.sqrt(sum(max(0.0, each.changes(law, by, known)[1]) ** 2 for each in counted))
 
 
 MESH, MAP, MIX, LAW, MODELS = "mesh", "resistance map", "parameters of the mix", "law of the mix", "other valid models"
 AIR, DRIVE, SHARES = "pore air", "drive and cart", "shares after a turn"
-HELD, RETURN, DURATION = "held quantity", "return stroke", "duration of a pass"
-MARGIN_SOURCES = MESH, MAP, MIX, LAW, AIR, MODELS, DRIVE, SHARES  # of the margin; the rest is the designer's choice
 
 
 def ranking_uncertainty(
@@ -278,7 +271,7 @@ def ranking_uncertainty(
     }
     ratios |= {MIX: (mix.low, mix.high) if mix else None, LAW: spread if leads else None}
     if model.engine == scene.accuracy.engine:
-        ratios |= {AIR: air_ratios(stages), HELD: _held_ratios(stages)}
+        ratios[AIR] = air_ratios(stages)
     for name, pair in ratios.items():
         if pair and max(abs(ratio - 1) for ratio in pair) >= LEAST_EFFECT:
             words = f"{pair[0]:.2f} to {pair[1]:.2f} times the resistance"
@@ -304,13 +297,6 @@ def ranking_uncertainty(
         sources.append((SHARES, "against finite elements that follow the turn", scaled_peaks))
     alone = ", ".join(label for label, each in variants.items() if len(each.of) == 1)
     sources += [(MODELS, ", ".join(by_model), by_model), (DRIVE, alone, by_drive)]
-    if leads and contacts.second_pass is not None and scene.layer.return_stroke != "compacted":
-        returned = stages.resistance.along_stroke(replace(stages.resistance.map, return_ratio=contacts.second_pass[1]))
-        compacted = Change("compacted", resistance=returned)
-        sources.append((RETURN, "over fresh or compacted mix", {"compacted": compacted, "fresh": base}))
-    for other in (each for each in model.places if each != case[0]):
-        words = f"{other:.3g} s"
-        sources.append((DURATION, words, {words: {by: model.values(other, case[1], by) for by in laws}}))
     extremes = [1.0, *((mix.low, mix.high) if mix else ()), *(spread or ())]
     scales = np.linspace(SCALE_ENDS[0] * min(extremes), SCALE_ENDS[1] * max(extremes), SCALES).tolist()
 
@@ -401,25 +387,6 @@ def air_ratios(stages: Stages, of: str = "resistance") -> tuple[float, float] | 
     return (one_way, undrained) if model == "drained" else (1.0, undrained / one_way)
 
 
-def _held_ratios(stages: Stages) -> tuple[float, float] | None:
-    """Return the least and largest resistance at the largest speed of the laws under another held quantity, by columns.
-
-    The contacts agree at the mean speed.
-    """
-    scene, contacts = stages.contacts.scene, stages.contacts
-    if not contacts.compacts or contacts.process is not None or scene.contact is not None:
-        return None
-    with suppress(ValueError, RuntimeError):
-        columns = scene.with_engine("column")
-        mix = scene_mix(columns)
-        fastest = max(cycle.forward.peaks().velocity for cycle in stages.laws.cycles.values())
-        base = roll_scene(columns, mix, scene.mean_speed)
-        held = [HeldQuantity(name, float(getattr(base, key)), scene.mean_speed) for name, key in HELD_FIELDS]
-        found = np.array([roll_scene(columns, mix, fastest, held=each).resistance for each in held])
-        return float((found / found[0]).min()), float((found / found[0]).max())
-    return None
-
-
 # the drive
 
 
@@ -498,8 +465,7 @@ def mix_spread(
         centre.append(math.log(value / low) / math.log(high / low) if low > 0 else (value - low) / (high - low))
     sampled = qmc.Sobol(len(names), rng=SEED).random(SAMPLES)
     ends = [[*centre[:i], end, *centre[i + 1 :]] for i in range(len(names)) for end in (0.0, 1.0)]
-    changes = [Change("scene"), Change("stiff", {"mix.overrides.heckel_slope": given.heckel_slope / 2})]
-    changes += [at(f"point {i}", shares) for i, shares in enumerate((*ends, *sampled))]
+    changes = [Change("scene")] + [at(f"point {i}", shares) for i, shares in enumerate((*ends, *sampled))]
     rolled = ensemble(columns, changes, partial(_mix_resistance, process), None if process else executor)
     forces, loads = (
         np.array([rolled[number].get(name, np.nan) for number in range(len(changes))])
@@ -508,7 +474,7 @@ def mix_spread(
     if not forces[0] > 0:
         return None
     loads = loads[-SAMPLES:] / loads[0]
-    twice, alone, found = np.split(forces[1:] / forces[0], [1, 1 + len(ends)])
+    alone, found = np.split(forces[1:] / forces[0], [len(ends)])
     known = found > 0  # nan without a solution
     terms, logs = polynomial_terms(2 * sampled[known] - 1, 2), np.log(found[known])
     if known.sum() <= terms.shape[1]:
@@ -517,7 +483,7 @@ def mix_spread(
     low, high = np.quantile(found[known], BAND)
     return MixSpread(
         float(low), float(high), 1 - float(np.var(logs - terms @ coefficients) / np.var(logs)), names, ranges,
-        dict(zip(names, map(tuple, alone.reshape(-1, 2).tolist()), strict=True)), {}, float(twice[0]),
+        dict(zip(names, map(tuple, alone.reshape(-1, 2).tolist()), strict=True)), {},
         tuple(coefficients.tolist()),
         None if process else tuple(map(float, np.nanquantile(loads, BAND))),  # type: ignore[arg-type]
     )  # fmt: skip
