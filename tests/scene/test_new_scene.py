@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from compact.api.scene import Scene
 from compact.cli import program as cli
 from compact.files import published_scenes
 from compact.scene.loader import load_scene, parse_scene
@@ -121,3 +122,13 @@ def test_auto_takes_the_cheapest_valid_engine_and_names_the_reason(changes, engi
     assert words in scene.replacements[engine][0]
     assert scene.replaced(**{"mix.moisture": 0.1}).accuracy.engine == engine
     assert scene.hash == scene.replaced(**{"accuracy.engine": engine}).hash
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("lift", "fed", "share"), [(0.0075, 0.94, 0.63), (0.015, 0.94, 0.47), (0.0075, 0.85, 0.62)])
+def test_columns_without_a_fit_have_a_part_of_the_resistance(lift, fed, share):
+    changes = {"layer.lift_thickness": lift, "layer.fed_density_ratio": fed, "mix.moisture": 0.10, "output.items": []}
+    scene = Scene.parse(new_scene(PLATE)[0]).replaced(**changes)
+    columns, elements = (scene.roll(0.25, engine=engine)[0] for engine in ("column", "compaction"))
+    assert columns.resistance / elements.resistance == pytest.approx(share, abs=0.03)
+    assert lift / columns.contact_length < 1.3  # within the limit of columns with a fit, 2
