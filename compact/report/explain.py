@@ -45,6 +45,9 @@ LINKS = {
     "balance": Link("balance of mix and work", "product:width,height,mould_speed", "theory/process.md"),
     "sources": Link("sources of uncertainty", "", "how_to/answer.md"),
 }  # fmt: skip
+CONTACT_PAGES = {"formula": "theory/formulas.md", "process": "theory/process.md"} | dict.fromkeys(
+    ("spectral", "fem"), "theory/contact.md"
+)
 FORCE = "mix contact resistance"
 CHAINS = {  # key, or table of the summary -> links; of a key that has none its table counts
     "peak_force": f"{FORCE} law drive", "peak_power": f"{FORCE} law drive", "shaft_torque": f"{FORCE} law drive shaft",
@@ -90,10 +93,11 @@ def explanation(summary: Mapping[str, Any], key: str) -> list[str]:
     found += [f"{origin}: {', '.join(each)}" for origin, each in _origins(summary["inputs"], wanted).items()]
     fitted = summary["decision"]["fitted"] if summary.get("decision") and LINKS["mix"] in links else []
     found += [f"fitted: {', '.join(fitted) or 'nothing'}"]
-    if isinstance(value, Mapping) and value.get("shares"):
+    if isinstance(value, Mapping) and value.get("shares") and "margin" in value:
         shares = (f"{name} {format_percent(share)}" for name, share in value["shares"].items())
         found += [f"margin of {format_percent(value['margin'])}, of its square: {', '.join(shares)}"]
-    return [*found, f"theory: {', '.join(dict.fromkeys(f'docs/{link.page}' for link in links))}"]
+    pages = [CONTACT_PAGES.get(told["engine"], link.page) if "{engine}" in link.words else link.page for link in links]
+    return [*found, f"theory: {', '.join(f'docs/{page}' for page in dict.fromkeys(pages))}"]
 
 
 def chain_of(path: Sequence[str]) -> list[str]:
@@ -102,17 +106,19 @@ def chain_of(path: Sequence[str]) -> list[str]:
     return words.split()
 
 
-def worded(value: Any) -> str:
-    """Return a value of a summary as text, a quantity with its unit and range."""
+def worded(value: Any, depth: int = 0) -> str:
+    """Return a value of a summary as text, a quantity with its unit and range; deep tables by their length."""
     if isinstance(value, Mapping) and "unit" in value:
-        known = value["value"]
+        known = value.get("value", value.get("high"))
         words = format_quantity(known, value["unit"], 3) if _numeric(known) else known or "unknown"
         ends = [format_quantity(value[name], value["unit"], 3) for name in ("low", "high") if _numeric(value.get(name))]
         return f"{words}, {' to '.join(ends)}" if len(ends) > 1 else words
+    if depth > 1 and isinstance(value, Mapping | list):
+        return f"{len(value)} entries"
     if isinstance(value, Mapping):
-        found = [f"{name} {worded(each)}" for name, each in list(value.items())[:SHOWN]]
+        found = [f"{name} {worded(each, depth + 1)}" for name, each in list(value.items())[:SHOWN]]
     elif isinstance(value, list):
-        found = [worded(each) for each in value[:SHOWN]]
+        found = [worded(each, depth + 1) for each in value[:SHOWN]]
     else:
         return format_number(value, 3) if _numeric(value) else str(value)
     more = len(value) - len(found)

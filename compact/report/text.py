@@ -171,11 +171,13 @@ def decision_table(study: Study) -> TableSpec:
     """Tabulate the sizes with the decided law: value, range and margin, and the upper end by the alternative."""
     found = study.decision
     assert found is not None  # of a study with a decision
-    columns = {"law": [found.law, "range", "margin", *([f"or {found.alternative}"] if found.alternative else [])]}
+    known = ["range", "margin"] if any(size.changes for size in found.sizes.values()) else []
+    columns = {"law": [found.law, *known, *([f"or {found.alternative}"] if found.alternative else [])]}
     for key in (key for key in SIZED if key in found.sizes):
         size, other = found.sizes[key], found.other_sizes.get(key)
         more = f"{say('top', other)} {say('change', other.high / size.high - 1)}" if other else ""
-        cells = [say("size", size), say("band", size), format_percent(size.margin), more]
+        spread = [say("band", size), format_percent(size.margin)] if known else []
+        cells = [say("size", size), *spread, more]
         columns[key.replace("_", " ")] = cells[: len(columns["law"])]
     return TableSpec.of_columns(say("decision", study), columns)
 

@@ -13,7 +13,7 @@ from compact.analysis.study import Study
 from compact.files import ResultsError, json_text
 from compact.motion.profile import law
 from compact.report import text
-from compact.report.explain import decision_numbers, explanation, input_numbers
+from compact.report.explain import _paths, decision_numbers, explanation, input_numbers
 from compact.report.writer import study_summary
 from compact.scene.loader import load_scene
 
@@ -115,6 +115,12 @@ def test_each_number_of_the_first_screen_has_an_explanation():
     assert "of its square: drive and cart" in words
     assert "fitted: effective_modulus, roller_friction" in words
     assert "published: moisture 0.1" in words
+
+
+def test_every_key_of_the_summary_has_an_explanation_of_some_lines():
+    keys = {name for path in _paths(stored()) for name in (path[-1], ".".join(path))}
+    assert len(keys) > 500
+    assert max(len(line) for key in keys for line in explanation(stored(), key)) < 2500
 
 
 def test_key_that_is_unknown_is_told_with_the_nearest():

@@ -319,6 +319,7 @@ def _drive(
     for by in known.laws:
         values = model.values(*case, by)
         ratio = values[law] / min(values.values())
-        excess = [ratio * (1 + end.change[law][by]) / (1 + end.least[by]) - 1 for end in source.ends]
-        found[by] = sum(each > SAME_TRAVEL for each in excess), len(excess), max(excess)
+        ends = [end for end in source.ends if math.isfinite(end.change[law][by])]  # those with a periodic cycle
+        excess = [ratio * (1 + end.change[law][by]) / (1 + end.least[by]) - 1 for end in ends]
+        found[by] = sum(each > SAME_TRAVEL for each in excess), len(excess), max(excess, default=0.0)
     return found
