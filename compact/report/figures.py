@@ -69,7 +69,7 @@ LETTER_WIDTH = 0.061  # [inch], of a letter of 8 points
 ROW_HEIGHT, PANEL_WIDTH = 0.24, 2.8  # [inch]; a panel and its labels fit a narrow screen
 MARK_SPREAD = 0.6  # [-], of a row, over which the marks of engines are spread so that none hides another
 CYCLE_SIZE = (2.9, 1.35)  # [inch]; two such figures lie side by side on a screen, one fills a phone
-PHONE_DPI, PHONE_TEXT = 220, 8.5  # [1/inch, points], of these figures; 8.5 points are 11 px on a screen of 400 px
+PHONE_DPI, PHONE_TEXT = 220, 8.8  # [1/inch, points], of these figures; 8.8 points are 11 px on a screen of 400 px
 BEST_STYLES: tuple[tuple[Any, float], ...] = (("-", 2.4), ((0, (6, 2)), 1.9), ((0, (1, 1.4)), 2.2))  # dash, points
 LEVELS: Mapping[str, tuple[str, Any]] = {  # of the torque of a shaft: colour and dash
     "rms": (PALETTE[0], "--"), "mean": ("0.45", ":"), "rated": (PALETTE[1], "-."), "peak": (PALETTE[1], (0, (8, 2))),
