@@ -157,7 +157,7 @@ def test_linear_lead_has_peaks_and_margin_of_a_valid_model():
     decision = case.decision
     assert (decision.engine, decision.invalid) == ("formula", "")
     assert text.say("recommended", case).startswith(f"law: **{decision.law}**, by formula; with margins within ")
-    assert case.verdicts[0.4 / 0.45, "rigid", FORCE].law == "parabolic"
+    assert case.verdicts[case.scene.motion.duration, "rigid", FORCE].law == "parabolic"
     assert case.uncertainty.source(MIX).changes("parabolic", FORCE)[1] == pytest.approx(0.3, abs=0.05)
 
 
