@@ -43,7 +43,7 @@ SHRINKS = 4  # [-], of the trust region in one step
 LEAST_GAIN = 1e-3  # [-], of the worst peak, below which the trust region ends
 FRESH_DRIVES, FRESH_SEED = 1000, 1  # [-]
 FRESH_TOLERANCE = 0.01  # [-], by which a fresh drive may exceed the pool; half of what is promised
-FRESH_ROUNDS = 9  # [-], in which fresh drives join the pool
+FRESH_ROUNDS = 6  # [-], in which fresh drives join the pool
 INNER = 64  # [-], points inside a range of resistances, with which fresh drives judge
 BOUNDING = 20  # [-], one drive of so many bounds the worst peak of a published law from below
 GAIN = 0.97  # [-], of the worst peak of the best published law; a law above gains nothing
@@ -265,7 +265,7 @@ def _face_fresh_drives(
         if peaks.max() <= search.value * (1 + FRESH_TOLERANCE):
             return judges, peaks
         search.drives = search.drives.joined(judges.take(np.argsort(-peaks)[:FIRST_DRIVES]))
-        search.polish(polish // 2)
+        search.polish(polish)
     return judges, search.judge(search.space.table(search.best), judges, states)[0]
 
 
