@@ -107,7 +107,9 @@ def test_strokes_that_hardly_differ_have_the_histories_of_equal_ones():
     assert np.abs(nearly - equal).max() < 1e-4 * np.abs(equal).max()
 
 
-def test_robust_law_of_unequal_ends_is_that_of_the_mirrored_stroke():
+def test_robust_law_of_unequal_ends_is_that_of_the_mirrored_stroke(monkeypatch):
+    """Without fresh drives, of which others join either search where two peaks are equal but for rounding."""
+    monkeypatch.setattr("compact.analysis.robust.law.FRESH_ROUNDS", 0)
     one, other = (
         robust_law(
             CART, PlantRange((8e5, 2e6), (0.05, 0.1), (unequal(*ends),)), STROKE, DURATION, Limits(jerk=200.0),
@@ -115,7 +117,7 @@ def test_robust_law_of_unequal_ends_is_that_of_the_mirrored_stroke():
         )
         for ends in ((0.090, 0.130), (0.130, 0.090))
     )  # fmt: skip
-    assert one.worst.peak == pytest.approx(other.worst.peak, rel=1e-3)
+    assert one.worst.peak == pytest.approx(other.worst.peak, rel=1e-4)
     assert one.published_worst.peak == pytest.approx(other.published_worst.peak, rel=1e-4)
     assert (one.published, one.gains) == (other.published, True)
     z = np.linspace(0, 1, 41)
