@@ -108,8 +108,8 @@ def test_strokes_that_hardly_differ_have_the_histories_of_equal_ones():
 
 
 def test_robust_law_of_unequal_ends_is_that_of_the_mirrored_stroke(monkeypatch):
-    """Fresh drives judge alone: others of them would join either search where two peaks are equal but for rounding."""
-    monkeypatch.setattr("compact.analysis.robust.law.FRESH_TOLERANCE", np.inf)
+    """Without fresh drives, of which others would join either search where two peaks are equal but for rounding."""
+    monkeypatch.setattr("compact.analysis.robust.law.FRESH_ROUNDS", 0)
     one, other = (
         robust_law(
             CART, PlantRange((8e5, 2e6), (0.05, 0.1), (unequal(*ends),)), STROKE, DURATION, Limits(jerk=200.0),

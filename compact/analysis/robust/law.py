@@ -408,7 +408,7 @@ def _peaks_below(
 ) -> tuple[()] | tuple[Array]:
     """Tuple of the peaks of a law, the drives taken in an order; empty as soon as one reaches the limit."""
     peaks = np.zeros(len(order))
-    for part in np.array_split(order, BOUNDING):
+    for part in np.array_split(order, min(BOUNDING, len(order))):
         peaks[part] = search.judge(table, drives.take(part))[0]
         if peaks[part].max(initial=0.0) >= limit:
             return ()
