@@ -339,6 +339,11 @@ class FormulaEngine(Engine):
         *RECOVERS,
     )
 
+    def valid(self, height_ratio: float | None = None, detail: str | None = None) -> str:
+        """Refuse thin layers: they are no half-plane."""
+        thin = height_ratio is not None and 2 * MAX_HALF_WIDTH_RATIO * height_ratio < 1
+        return f"no half-plane, layer {height_ratio:.2g} contact lengths high" if thin else ""
+
     @property
     def fitted_keys(self) -> tuple[str, ...]:
         """Inputs of eqs 1.8 and 1.9 other than the mix."""

@@ -134,7 +134,7 @@ def test_fields_are_written_as_a_series_over_the_speeds(tmp_path):
     summary = report.write_study(case, tmp_path / "out")
     added = len(summary["drive_resistance"]["speeds"]) - 1  # no law is as fast as the other speed
     assert summary["evaluation_counts"] == {
-        "contact": 1, "rolled": 2, "fields": 2, "laws": 1, "runs": 2, "rankings": 1, "figures": 9, "comparison": 1,
+        "contact": 1, "rolled": 2, "fields": 2, "laws": 1, "runs": 2, "rankings": 1, "figures": 8, "comparison": 1,
         "resistance": added, "added mass": added + 1,
     }  # fmt: skip
     members = ElementTree.parse(tmp_path / "out" / "fields.pvd").getroot().iter("DataSet")

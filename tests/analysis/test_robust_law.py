@@ -280,7 +280,6 @@ TARGETS = {
         0.75, WAVE, [(0.9, 0.105), (0.9, 0.115), (1.0, 0.110), (1.1, 0.105), (1.1, 0.115)],
     ),
     "force over the spread of the mix": (0.78, WAVE, [(0.64, 0.110), (1.0, 0.110), (1.43, 0.110), (1.86, 0.110)]),
-    "nothing": (0.90, WAVE, [(force, edge) for force in (0.64, 1.2, 1.86) for edge in (0.026, 0.090, 0.154)]),
 }  # fmt: skip
 RAILS = replace(
     CART, mass=1000.0, weight=1600.0, guide_friction=0.05, guide_wheel_diameter=0.0, pin_height=-CART.roller_radius,

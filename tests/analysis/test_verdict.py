@@ -156,7 +156,9 @@ def test_linear_lead_has_peaks_and_margin_of_a_valid_model():
     }))  # fmt: skip
     decision = case.decision
     assert (decision.engine, decision.invalid) == ("formula", "")
-    assert text.say("recommended", case).startswith(f"law: **{decision.law}**, by formula; with margins within ")
+    assert text.say("recommended", case).startswith(
+        f"law: **{decision.law}**, by formula; with margins its force and power are "
+    )
     assert case.verdicts[case.scene.motion.duration, "rigid", FORCE].law == "parabolic"
     assert case.uncertainty.source(MIX).changes("parabolic", FORCE)[1] == pytest.approx(0.3, abs=0.05)
 
@@ -382,7 +384,7 @@ def test_first_laws_over_the_duration_are_those_of_every_valid_engine(changes, t
 # the reader's test: questions of a designer, each answered by one line of the terminal and of the first screen
 
 QUESTIONS = {
-    "Which law?": r"law: [\w-]+, by formula; with margins within [\d.]+ % of the least force and power of \d cand",
+    "Which law?": r"law: [\w-]+, by formula; with margins its force and power are [\d.]+ % above the least of \d cand",
     "How many newtons and watts?": r"peak force *peak power.*[\d.]+ kN *[\d.]+ kW",
     "In which range?": r"range *[\d.]+ to [\d.]+ kN *[\d.]+ to [\d.]+ kW",
     "With which margin?": r"margin *\d+ % *\d+ %",

@@ -49,20 +49,20 @@ def test_shares_of_a_case_that_is_held_out_are_met(reversal, shallow):
 
 @pytest.fixture(scope="module")
 def film(reversal):
-    """A make-up of 2 mm on a dense lift, which no constant is fitted to."""
-    return reversal.history("of 2 mm", 2.0)
+    """A make-up of 1 mm and 0.85 on a dense lift, which no constant is fitted to."""
+    return reversal.history("denser", 2.0)
 
 
 @pytest.mark.slow
 def test_shares_of_a_make_up_that_is_held_out_are_met(reversal, film):
-    """With 6 elements: force 0.040 rms, load 0.029; a layer of the same wave climbs earlier, 0.063 rms."""
+    """With 6 elements: force 0.029 rms, load 0.030; a layer of the same wave climbs earlier, 0.108 rms."""
     force, load = reversal.residuals(film, reversal.told())
-    assert np.sqrt(np.mean(force**2)) < 0.045
+    assert np.sqrt(np.mean(force**2)) < 0.035
     assert np.sqrt(np.mean(load**2)) < 0.04
     film.thickness, thickness = None, film.thickness
     layer, _ = reversal.residuals(film, reversal.told())
     film.thickness = thickness
-    assert np.sqrt(np.mean(layer**2)) > 0.05
+    assert np.sqrt(np.mean(layer**2)) > 0.09
 
 
 @pytest.mark.slow
@@ -92,9 +92,9 @@ def test_old_front_is_met_where_it_was_left(reversal):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("fixture", "name", "error"), [("shallow", "shallow", 0.06), ("film", "of 2 mm", 0.07)])
+@pytest.mark.parametrize(("fixture", "name", "error"), [("shallow", "shallow", 0.06), ("film", "denser", 0.07)])
 def test_elastic_drives_see_the_peaks_of_the_history_itself(request, reversal, fixture, name, error):
-    """Six laws behind 1 and 3 MN/m: force 3.3 %, power 2.4 %, of the make-up 6.5 and 6 %; a step is 70 and 42 % off."""
+    """Six laws behind 1 and 3 MN/m: force 3.3 %, power 2.4 %, of the make-up 5.8 and 5.8 %; a step is 70 and 42 % off."""
     found, length, depth = request.getfixturevalue(fixture), length_of(reversal, name), reversal.CASES[name].depth
     thickness = found.thickness and found.thickness * length
     contact = length, depth, found.wave * depth, found.edge * length, thickness

@@ -181,7 +181,9 @@ SPEEDS = (0.1, 0.2, 0.3)
 def by_fem():
     """Study of a heavy cart whose contacts are the samples of its resistance map."""
     changes = {"accuracy.engine": "fem", "motion.laws": ["septic"], "machine.gap_geometry": "circle"}
-    study = Study(load_scene(SCENES / "loveikin-2015.toml", **changes, **{"machine.mass": 4e3}))
+    study = Study(
+        load_scene(SCENES / "loveikin-2015.toml", **changes, **{"machine.mass": 4e3, "machine.weight": 39240.0})
+    )
     rolled = [
         fem.roll(*contact_inputs(study.scene, study.stages.contacts.mix, "fem", speed), speed, estimate=False)
         for speed in SPEEDS
