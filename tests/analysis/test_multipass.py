@@ -75,7 +75,7 @@ def test_top_of_a_thick_layer_yields_in_the_second_pass(thick):
     """Both strokes of 0.3 m by finite elements that move with the mix, without transfer of a state or a search.
 
     `simulate_reciprocating` has 8312 and 912.4, and 3918 and 69.7 N/m after 0.2 m of either stroke, on 12 elements. The
-    second contact is a third as long as the first one; its load over the first scatters with the mesh: 0.41 +- 0.02 on 8
+    second contact is a third as long as the first one; its share of the load scatters with the mesh: 0.41 +- 0.02 on 8
     elements, 0.456 +- 0.009 on 10, 0.451 +- 0.023 on 12, and 0.495 +- 0.002, too sure, on 14.
     """
     first, second = thick

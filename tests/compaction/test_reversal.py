@@ -94,7 +94,7 @@ def test_old_front_is_met_where_it_was_left(reversal):
 @pytest.mark.slow
 @pytest.mark.parametrize(("fixture", "name", "error"), [("shallow", "shallow", 0.06), ("film", "denser", 0.07)])
 def test_elastic_drives_see_the_peaks_of_the_history_itself(request, reversal, fixture, name, error):
-    """Six laws behind 1 and 3 MN/m: force 3.3 %, power 2.4 %, of the make-up 5.8 and 5.8 %; a step is 70 and 42 % off."""
+    """Six laws behind 1 and 3 MN/m: force 3.3 %, power 2.4 %, of the make-up 5.8 %; a step is 70 and 42 % off."""
     found, length, depth = request.getfixturevalue(fixture), length_of(reversal, name), reversal.CASES[name].depth
     thickness = found.thickness and found.thickness * length
     contact = length, depth, found.wave * depth, found.edge * length, thickness
