@@ -205,12 +205,11 @@ def calibrate(
     try:
         fit = fit_parameters(model.columns, model.values, start, fine, **mapping)
     except ValueError as error:
-        words = (
-            f"no slope and initial density ratio give these data by {engine} on a lift of {scene.lift_thickness:g} m"
-        )
-        remedy = "use --engine compaction, a higher layer.lift_thickness, or fewer --parameters"
         of_trial = isinstance(error, SceneError) or "density_ratio" in str(error)
-        raise SceneError([f"{words}; {remedy}" if of_trial else str(error)]) from error
+        words = "no slope and initial density ratio give these data" if of_trial else f"{error}; the fit is"
+        words += f" by {engine} on a lift of {scene.lift_thickness:g} m"
+        remedy = "use --engine compaction, a higher layer.lift_thickness, or fewer --parameters"
+        raise SceneError([f"{words}; {remedy}"]) from error
     found = model.scene_at(fit.unknowns)
     rolled = (elements.rolled[each] if elements else _column(found, each) for each in measured.measurements)
     return Calibration(found, model, fit, tuple(rolled), elements, coarse)
