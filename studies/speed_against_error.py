@@ -90,7 +90,7 @@ ENGINE_WORDS = {  # engine -> model, model error, valid for sizing
     "compaction": (
         "irreversible compaction by plane-strain finite elements in finite strain: bow wave, density over the height, "
         "passes",
-        "strength of loose mix some -40 to +10 % of the resistance of the published machine, pore air, plane strain, "
+        "strength of loose mix -37 to +25 % of the resistance of the published machine, pore air, plane strain, "
         "feed",
         "yes",
     ),
