@@ -270,9 +270,10 @@ def _face_fresh_drives(
 
 
 def _random_drives(plants: PlantRange, pool: DrivePool, random: np.random.Generator) -> DrivePool:
-    """Random drives of a range, with the resistances of a pool in turn."""
-    which = random.permutation(np.arange(FRESH_DRIVES) % len(pool.tables))
-    return pool._replace(drives=np.column_stack([plants.random(FRESH_DRIVES, random), which]))
+    """Random drives of a range, half of them least damped, with the resistances of a pool in turn."""
+    which, springs = random.permutation(np.arange(FRESH_DRIVES) % len(pool.tables)), plants.random(FRESH_DRIVES, random)
+    springs[::2, 1] = plants.damping_ratio[0]  # the least damped decide, and no random one is
+    return pool._replace(drives=np.column_stack([springs, which]))
 
 
 def _worst_of(pool: DrivePool, peaks: Array) -> WorstDrive:
