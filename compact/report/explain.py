@@ -37,7 +37,7 @@ LINKS = {
     "resistance": Link("resistance of a cart over speed and stroke",
                        "machine:rollers,roller_friction,guide_friction,sleeve_distance", "theory/resistance.md"),
     "law": Link("motion law", "motion:stroke,duration,dwell,run_up,run_down", "theory/laws.md"),
-    "drive": Link("{drive} drive over a cycle", "machine:mass,weight drive:kind,stiffness,damping,bulk_modulus",
+    "drive": Link("{drive} drive over a cycle", "machine:mass,weight drive:kind,stiffness,damping",
                   "theory/drives.md"),
     "shaft": Link("shaft that turns uniformly", "drive:carts", "how_to/motor.md"),
     "cam": Link("cam of constant breadth", "cam:breadth,roller_follower_radius", "how_to/cams.md"),

@@ -86,7 +86,7 @@ def test_limits_are_named(changes, met):
 def test_drives_deliver_what_their_curves_have():
     oil = {
         "piston_area": 2e-3, "supply_pressure": 1e7, "pump_flow": 1e-3, "valve_area": 1e-4, "oil_density": 870.0,
-        "discharge_coefficient": 0.6, "transition_drop": 1e4, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
+        "discharge_coefficient": 0.6, "transition_drop": 1e4,
     }  # fmt: skip
     assert deliverable(load_scene(SCENE, **{"drive.kind": "hydraulic", "drive.hydraulics": oil})) == pytest.approx(
         (2e4, 1e4)

@@ -177,7 +177,7 @@ def test_motor_drive_of_a_scene_is_summarised(tmp_path):
 
 HYDRAULICS = {
     "piston_area": 1e-3, "supply_pressure": 8e6, "pump_flow": 5e-4, "valve_area": 2e-5, "discharge_coefficient": 0.62,
-    "oil_density": 870.0, "transition_drop": 1e3, "bulk_modulus": 1.4e9, "dead_volume": 1e-4,
+    "oil_density": 870.0, "transition_drop": 1e3,
 }  # fmt: skip
 
 
@@ -212,8 +212,6 @@ def test_hydraulic_drive_of_a_scene_is_summarised(tmp_path):
         assert entry["energy_residual"] < 1e-6
     assert summary["laws"]["cubic"]["peak_pressure"] < rigid.stages.drive.runs["cubic"].peak_force / 1e-3 + 2e5
     best = study.stages.drive.rankings["peak_force"][0].run.name
-    passed = np.genfromtxt(tmp_path / "out" / f"passage-{best}.csv", delimiter=",", names=True)
-    assert np.abs(passed["position_m"] - passed["law_position_m"]).max() < 1e-3
     assert f"throttles/{best}.csv" in summary["files"]
 
 

@@ -32,9 +32,8 @@ from scipy.stats import qmc, sobol_indices, uniform
 
 from compact.analysis.contact_cases import roll_scene, scene_mix
 from compact.analysis.pore_air import RATIOS
-from compact.analysis.stages.drives import Stages, simulate_laws
+from compact.analysis.stages.drives import Stages
 from compact.analysis.stages.ensemble import (
-    UNFOLLOWED,
     Change,
     Peaks,
     drive_peaks,
@@ -68,7 +67,6 @@ SCALES = 7  # [-], of the resistance, at which the peaks of the recommended law 
 SCALE_ENDS = (0.8, 1.2)  # [-], first and last of them over the least and largest resistance of the sources
 CONTENDER_SHARE = 1.5  # [-], of the least peak; laws beyond it are not first where the resistance changes
 FAR_SHARE = 3.0  # [-], of the least peak; velocity jumps beyond it are not first at a third of the stiffness
-OIL_SHARE = 1.05  # [-], of the least peak; laws whose strokes with compressible oil are computed
 FED = "fed_density_ratio"
 LEAST_EFFECT = 1e-3  # [-], a smaller change of the resistance is not simulated
 
@@ -307,7 +305,7 @@ def ranking_uncertainty(
 
     changes = [each for *_, ends in sources for each in ends.values() if isinstance(each, Change)]
     followed = {"": near(CONTENDER_SHARE)} | {str(scale): near(0.0) for scale in scales}
-    followed |= dict.fromkeys(by_drive, near(OIL_SHARE) if DRIVES[case[1]].realises else cycles)
+    followed |= dict.fromkeys(by_drive, cycles)
     pooled = PooledLaws(cycles, near(FAR_SHARE))
     for label, firsts in pooled.likely_firsts(scene, stages.resistance.cart, met, changes).items():
         followed[label] = {law: cycle for law, cycle in cycles.items() if law in {*firsts, *followed_laws}}
@@ -346,13 +344,8 @@ def _peaks(
     change: Change,
 ) -> Peaks:
     """Return the peaks of the laws that belong to the label of a change, under the drive of the changed scene."""
-    followed, drive = cycles.get(change.label, cycles[""]), DRIVES[scene.drive.kind]
     cart = replace(cart, mass=scene.machine.mass, weight=scene.machine.weight)
-    if not (drive.realises and change.keys):
-        return drive_peaks(cart, followed, resistance, criteria, scene, change)
-    runs = simulate_laws(scene, cart, followed, change.resistance or resistance, UNFOLLOWED)
-    made = {law: drive.realised_peaks(scene, run) for law, run in runs}
-    return {by: {law: peaks[by] for law, peaks in made.items() if by in peaks} for by in criteria}
+    return drive_peaks(cart, cycles.get(change.label, cycles[""]), resistance, criteria, scene, change)
 
 
 def _end(words: str, values: Peaks, base: Peaks, laws: Mapping[str, str], followed: Iterable[str]) -> SourceEnd:
