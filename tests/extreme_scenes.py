@@ -1,7 +1,4 @@
-"""Scenes at the ends of what is allowed, and far beyond: complete tables, ends of the keys, random changes, outcomes.
-
-A scene with such changes has results or is refused in words of `compact`; `fault` says what else it ended with.
-"""
+"""Scenes at and beyond the ends of what is allowed: complete tables, ends of the keys, random changes, outcomes."""
 
 import json
 import math
@@ -10,20 +7,14 @@ import resource
 import signal
 import sys
 import time
-import traceback
 import warnings
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
 from pydantic.fields import FieldInfo
 
-from compact.analysis.failures import is_refusal
-from compact.analysis.study import Study
 from compact.cli import program as cli
-from compact.report import text, writer
-from compact.report.page import write_page
 from compact.scene import plausible_ranges
-from compact.scene.loader import load_scene
 from compact.scene.schema import Layer, declared_keys, table_of
 
 SCENES = Path(__file__).parents[1] / "compact" / "data" / "scenes"
@@ -72,7 +63,6 @@ TABLES: dict[str, dict[str, Any]] = DRIVES | {  # with the optional keys and tab
 }  # fmt: skip
 LISTS = {"layer.plies": Layer}  # keys whose values are lists of tables
 BOUNDS = ("gt", "ge", "lt", "le", "min_length", "max_length")
-SHORT = {"motion.laws": ["cubic"], "output.items": ["tables"]}  # changes of every scene, for speed
 
 
 def choices(field: FieldInfo) -> list[str]:
@@ -98,18 +88,6 @@ def keys() -> dict[str, FieldInfo]:
     return {key: field for key, field in declared_keys().items() if not key.startswith(others)} | {
         name: table.model_fields[name.rpartition(".")[2]] for name, table in LISTS.items()
     }
-
-
-def complete(key: str, scene: str = "small.toml") -> dict[str, Any]:
-    """Changes of a scene that give a key a value; none where no table does."""
-    for changes in TABLES.values():
-        try:
-            tables = load_scene(SCENES / scene, **changes).model_dump(exclude_none=True)
-        except ValueError:
-            continue
-        if at(tables, key) is not None:
-            return changes
-    return {}
 
 
 def ends(key: str, given: Any) -> list[Any]:
@@ -143,25 +121,6 @@ def bounds(field: FieldInfo) -> tuple[float, float]:
     low = limits.get("ge", math.nextafter(limits["gt"], math.inf) if "gt" in limits else -HUGE)
     high = limits.get("le", math.nextafter(limits["lt"], -math.inf) if "lt" in limits else HUGE)
     return low, high
-
-
-def fault(scene: str, changes: dict[str, Any], folder: Path) -> str:
-    """Traceback of a study that ends neither with results nor with a refusal; empty otherwise.
-
-    A RuntimeWarning is an error, as in the command. No figure is drawn.
-    """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        warnings.simplefilter("error", RuntimeWarning)
-        try:
-            study = Study(load_scene(SCENES / scene, **changes))
-            writer.write_study(study, folder, force=True)
-            text.study_digest(study)
-            pictures = dict.fromkeys([*writer.study_figures(study), "pressure"], b"")
-            write_page(folder / "report.html", study, pictures)
-        except Exception as error:
-            return "" if is_refusal(error) else traceback.format_exc()
-    return ""
 
 
 class Case(NamedTuple):

@@ -79,14 +79,6 @@ def test_engineering_contact_length_is_that_of_a_driven_roller():
 
 # published numbers
 
-GUIDE = {
-    "bearing_friction": 0.05,
-    "journal_diameter": 0.02,
-    "rolling_arm": 0.0005,
-    "wheel_diameter": 0.046,
-    "rib_factor": 1.5,
-}
-
 
 # theory.md section 2: the data of Loveikin and Pochka 2015, our reconstruction of the operators
 
@@ -153,43 +145,11 @@ def test_edges_and_load_are_consistent_at_huge_friction(friction):
     )
 
 
-def test_asymmetry_keeps_its_digits_at_tiny_friction():
-    c = contact.galin(radius=0.11, friction=1e-12, contact_length=1.0, **MIX)
-    assert c.centroid == pytest.approx(-4 / (3 * np.pi) * 1e-12 * 0.4 / 1.4, rel=1e-12)
-
-
 @pytest.mark.parametrize("poisson", [0.5 - 1e-12, 0.5])
 def test_incompressible_half_plane_is_independent_of_friction(poisson):
     assert contact.pressure_exponent(poisson, 0.8) == pytest.approx(0.5, abs=1e-12)
     c = contact.galin(radius=0.11, youngs_modulus=1e6, poisson=poisson, friction=0.8, load=8e3)
     assert c.centroid == pytest.approx(0, abs=1e-12)
-
-
-@pytest.mark.parametrize("pressure", [1e-290, 1e-8, 1.0])
-def test_capture_angle_keeps_its_digits_at_tiny_pressure(pressure):
-    with mpmath.workdps(30):
-        exact = mpmath.asin(mpmath.mpf(7.53) * (1 - mpmath.mpf(0.3) ** 2) / 4 * pressure / 1e6)
-        assert contact.capture_angle(pressure, 1e6, 0.3, 0.5) == pytest.approx(float(exact), rel=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("quotient", "rollers"),
-    [(2.9999999999999996, 3), (3.0, 3), (3.0000000000000004, 3), (1e-6, 1), (3.00001, 4), (2.00001, 3)],
-)
-def test_rollers_are_rounded_up_but_for_rounding(quotient, rollers):
-    assert contact.rollers_needed(quotient, 0.5, 0.0, 0.0) == rollers
-
-
-def test_formulas_broadcast():
-    friction, poisson = np.array([[0.1], [0.4]]), np.array([0.2, 0.3, 0.4])
-    alpha = contact.pressure_exponent(poisson, friction)
-    phi = contact.capture_angle(0.1e6, 1e6, poisson, alpha)
-    force = contact.roller_force(phi, 1e6, poisson, alpha, 0.11, 1.164)
-    cart = contact.cart_resistance(force, 0.1 * force, np.array([1, 2, 3]), 1e4, **GUIDE)
-    assert alpha.shape == phi.shape == force.shape == cart.shape == (2, 3)
-    one = contact.pressure_exponent(0.3, 0.4)
-    assert alpha[1, 1] == one
-    assert phi[1, 1] == pytest.approx(contact.capture_angle(0.1e6, 1e6, 0.3, one), rel=1e-14)
 
 
 # properties
@@ -210,14 +170,6 @@ def test_pressure_has_the_stated_peak(radius, modulus, poisson, friction, load):
     top = c.trailing + c.exponent * c.contact_length
     assert c.pressure(top) == pytest.approx(c.peak_pressure, rel=1e-10)
     assert np.all(c.pressure(np.linspace(c.trailing, c.leading, 201)) <= c.peak_pressure * (1 + 1e-12))
-
-
-@given(radii, moduli, poissons, frictions, loads)
-def test_every_target_gives_the_same_contact(radius, modulus, poisson, friction, load):
-    given_ = {"radius": radius, "youngs_modulus": modulus, "poisson": poisson, "friction": friction}
-    c = contact.galin(**given_, load=load)
-    assert contact.galin(**given_, contact_length=c.contact_length).load == pytest.approx(load, rel=1e-13)
-    assert contact.galin(**given_, peak_pressure=c.peak_pressure).load == pytest.approx(load, rel=1e-13)
 
 
 @given(poissons, frictions)
@@ -266,20 +218,12 @@ def test_engine_equals_the_formulas_in_every_roller_condition(rolling):
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: contact.radius_range(-0.22), "`height` must be positive and finite, got -0.22"),
         (lambda: contact.rollers_needed(1.164, 0.11, 0.18, 0.5), r"`overlap` must be less than 2 `radius` \+ `feeder"),
-        (lambda: contact.stroke_needed(1.164, 2.5, 0.012), "`rollers` must be a whole number >= 1, got 2.5"),
         (lambda: contact.stroke_needed(1.164, 3, 0.5), "`overlap` must be less than .* `width`/`rollers`, exceeds by"),
         (lambda: contact.pressure_exponent(0.6, 0.35), "`poisson` must be between 0 and 0.5, got 0.6"),
         (lambda: contact.capture_angle([1e5, 1e6], 1e6, 0.3, 0.47), r"sin phi would be .*1\.8.*"),
-        (lambda: contact.capture_angle(1e5, 1e6, 0.3, 1.0), "`exponent` must lie between 0 and 1, got 1.0"),
-        (lambda: contact.contact_length(1.6, 0.11, 0.47), "`capture_angle` must lie between 0 and pi/2, got 1.6"),
-        (lambda: contact.roller_force(0.3, 1e6, 0.3, 0.47, 0.11, np.nan), "`length` must be positive and finite, got"),
-        (lambda: contact.roller_resistance(1e4, 0.1, 0.11, 0.47, -0.1), "`friction` must be zero or positive, and"),
         (lambda: contact.hertz(radius=0.11, contact_modulus=1e6, poisson=0.3, load=1e3), "either `contact_modulus`"),
-        (lambda: contact.hertz(radius=0.11, load=1e3), "or `youngs_modulus` with `poisson`, must be set"),
         (lambda: contact.galin(radius=0.11, friction=0.3, **MIX), "exactly one of `load`, .* must be set, got none"),
-        (lambda: contact.galin(radius=0.11, friction=0.3, load=-1.0, **MIX), "`load` must be positive and finite"),
     ],
 )
 def test_impossible_values_are_refused(call, message):

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from compact.analysis.calibration import calibrate
-from compact.analysis.study import Study
 from compact.engines.compaction.engine import roll
 from compact.rolling_contact import Layer, Roller
-from compact.scene.loader import load_scene
 from compact.scene.plant_data import read_measurements
 
 MEASURED = "loveikin-2015-printed.toml"
@@ -59,18 +57,6 @@ def test_first_law_over_drive_and_turn_is_that_of_an_independent_integrator(caps
     for row, (law, force, frugal, power) in zip(rows, expected, strict=True):
         assert (row.law, row.frugal) == (law, frugal)
         assert (row.force, row.power) == (pytest.approx(force, rel=0.02), pytest.approx(power, rel=0.02))
-
-
-def test_peaks_of_the_drive_are_those_of_even_steps_without_events(capsys):
-    """Friction smoothed over 0.1 to 3 mm/s instead of sticking: peak force and power to 2 %."""
-    module = study("turning_and_drive")
-    rows = module.checked(cases={"rebuilt over 10 mm": ("parabolic",)}, steps=10000)
-    module.show_checked(rows)
-    assert "even steps" in capsys.readouterr().out
-    for _, law, *peaks in rows:
-        assert law == "parabolic"
-        assert peaks[1:4] == pytest.approx([peaks[0]] * 3, rel=0.02)
-        assert peaks[5:] == pytest.approx([peaks[4]] * 3, rel=0.02)
 
 
 @pytest.mark.slow
@@ -292,22 +278,6 @@ def test_lifts_share_the_resistance_of_one_pass(capsys, tmp_path):
 
 
 @pytest.mark.slow
-def test_passes_at_one_height_compact_the_layer_once(capsys, tmp_path):
-    module = study("density_after_passes")
-    thin = module.CALIBRATED | {"product.height": 0.1, "machine.roller_radius": 0.25, "motion.stroke": 0.8}
-    rows = module.profiles(changes=thin, indentation=0.003, count=2, increments=3)
-    module.show_profiles(rows)
-    module.draw_profiles(rows).savefig(tmp_path / "profiles.png")
-    resistance = {row[:2]: row[3] for row in rows}
-    assert resistance["column", 2] < 1e-6 * resistance["column", 1]
-    assert resistance["compaction", 2] < 0.1 * resistance["compaction", 1]
-    for done in resistance:
-        solid = sum((top - bottom) * k for *key, _, _, bottom, top, k in rows if tuple(key) == done)
-        assert solid == pytest.approx(0.1 * 0.98, rel=2e-3)  # except for the elastic strain of residual stresses
-    assert "top k" in capsys.readouterr().out
-
-
-@pytest.mark.slow
 def test_elastic_drive_has_an_impact_at_the_reversal_for_any_stiffness(capsys, tmp_path):
     options = {"laws": ("parabolic", "septic"), "stiffnesses": (1e7, 1e9), "ratio": 0.01, "turns": ("step", "build-up")}
     rows = ran("elastic_drive", capsys, tmp_path, "parabolic", **options)
@@ -460,20 +430,6 @@ def test_every_row_of_the_table_of_best_laws_is_that_of_the_study(engine):
     text = TABLE.read_text(encoding="utf-8")
     assert len(lines) == 3
     assert [line for line in lines if line not in text] == []
-
-
-@pytest.mark.slow
-def test_viscoelastic_layer_of_the_study_is_that_of_the_scene():
-    module = study("rank_laws")
-    rows, _ = module.main(engines=("fem",), drives=("elastic",), samples=2)
-    changes = {"accuracy.engine": "fem", "layer.lift_thickness": None, "motion.duration": 3.0}
-    changes |= {"compare": None, "motion.other_durations": None, "output.items": []}
-    scene = Study(load_scene(module.SCENES / "loveikin-2015-engines.toml", **changes))
-    for by in module.SHOWN:
-        found = {row[4]: row[5] for row in rows if row[2] == by}
-        assert found == {
-            place.run.name: pytest.approx(place.value, rel=1e-9) for place in scene.stages.drive.rankings[by]
-        }
 
 
 def test_resistance_over_speed_of_the_machine_meets_the_formula_at_the_mean_speed(capsys, tmp_path):

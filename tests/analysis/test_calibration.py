@@ -17,9 +17,8 @@ from compact.analysis.calibration import (
     drive_digest,
     fit_slope,
     slope_digest,
-    value_lines,
 )
-from compact.analysis.contact_cases import compaction_material, contact_inputs, roll_scene, scene_mix
+from compact.analysis.contact_cases import contact_inputs, roll_scene, scene_mix
 from compact.cli import program as cli
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
@@ -28,7 +27,6 @@ from compact.scene.plant_data import (
     Band,
     Compression,
     Deflection,
-    KeyValue,
     Measured,
     Measurement,
     Tap,
@@ -105,12 +103,6 @@ def test_sensitivity_is_the_slope_of_the_refit(published):
     assert published.sensitivity[:, 0] == pytest.approx([slope, density], rel=2e-3)
 
 
-def test_one_datum_fits_one_number():
-    found = calibrate(load_scene(PUBLISHED), reading(load=9740.0), unknowns=("heckel_slope",))
-    assert found.fed_density_ratio == 0.94
-    assert found.rolled[0].load * 1.164 == pytest.approx(9740, rel=1e-8)
-
-
 # finite elements
 
 
@@ -156,48 +148,6 @@ def test_fit_by_finite_elements_converges_in_few_runs(doubled):
     assert len(found.fit.history) < 4
     assert "runs of finite elements" in calibration_digest(found)
     assert f"on 4 increments K_H {found.coarse.heckel_slope * 1e6:.4f} /MPa" in calibration_digest(found)
-
-
-@pytest.mark.slow
-def test_calibrated_scene_reproduces_the_last_trial(doubled):
-    """Its first depth is that of columns for the required density."""
-    found, double = doubled
-    _, layer, roller = double.calls[-1]
-    material = compaction_material(found.scene, scene_mix(found.scene))
-    assert layer.height == pytest.approx(column.required_feed(0.22, 0.98, material, 0.13, radius=0.11).height, rel=1e-5)
-    fed = column.required_feed(layer.height, 0.98, material, 0.13, radius=0.11)
-    assert roller.indentation == pytest.approx(layer.height * fed.indentation / fed.height, rel=1e-3)
-    assert roller.radius == 0.11
-    assert found.rolled[0].indentation == roller.indentation
-
-
-@pytest.mark.slow
-def test_initial_guess_starts_the_next_fit(doubled, monkeypatch):
-    """The same measurements require no iteration; another coefficient gives the same fit with or without a guess."""
-    found, _ = doubled
-    double, moved = Double(), read_measurements(MEASURED).moved("resistance_coefficient", 0.2)
-    monkeypatch.setattr("compact.engines.compaction.engine.roll", double.roll)
-    again = calibrate(found.scene, read_measurements(MEASURED), "compaction", initial_guess=found, increments=6)
-    assert len(double.calls) <= 3
-    assert again.coarse is None
-    assert again.fit.history[0][0] == pytest.approx(found.fit.unknowns, abs=1e-12)
-    guessed, unguessed = (
-        calibrate(found.scene, moved, "compaction", initial_guess=known, increments=6) for known in (found, None)
-    )
-    assert len(guessed.fit.history) <= len(unguessed.coarse.fit.history)
-    assert guessed.heckel_slope == pytest.approx(unguessed.heckel_slope, rel=4e-3)
-    assert guessed.fed_density_ratio == pytest.approx(unguessed.fed_density_ratio, abs=2e-4)
-
-
-@pytest.mark.slow
-def test_first_trial_is_the_shallowest_and_refits_are_by_columns(doubled):
-    found, double = doubled
-    angles = [np.arccos(1 - roller.indentation / roller.radius) for _, _, roller in double.calls]
-    assert angles[0] < 0.25
-    assert np.argmin(angles) == 0
-    refits = {refit.name: refit for refit in found.refits}
-    assert "columns do not depend on it; calibrate with --set" in refits["mix.overrides.friction_angle"].reason
-    assert not refits["mix.overrides.unloading_modulus"].reason
 
 
 @pytest.mark.slow
@@ -257,41 +207,19 @@ def pressed(scene, depth, increments=4, **options):
 # measurements
 
 
-def test_toml_and_csv_are_equivalent(tmp_path):
-    toml, csv = tmp_path / "a.toml", tmp_path / "a.csv"
-    toml.write_text("[[measurement]]\nload = {value = 9740, low = 9000, high = 10000}\nspeed = 0.2\n")
-    csv.write_text("# of one roller\nload,load_low,load_high,speed,resistance\n9740,9000,10000,0.2,\n")
-    same = Measured((Measurement(load=Band(9740, 9000, 10000), speed=0.2),))
-    assert read_measurements(toml) == read_measurements(csv) == same
-
-
-def test_moved_datum_stays_within_its_band():
-    measured = read_measurements(MEASURED).moved("resistance_coefficient", 0.219)
-    assert measured.measurements[0].data[1] == ("resistance_coefficient", Band(0.219, 0.179, 0.219))
-    assert measured.moved("resistance", 3.0) == measured
-    assert measured.moved("load", 1e4).measurements[0].load == Band(1e4, 9740, 1e4)
-
-
 ONE = "[[measurement]]\n"
 
 
 @pytest.mark.parametrize(
     ("suffix", "text", "message"),
     [
-        ("toml", None, r"a\.toml: cannot be read: No such file"),
         ("toml", "", "contains no measurement; add a table"),
         ("toml", f"{ONE}lod = 3.0", "measurement 1 has no key `lod`; it takes load, resistance"),
-        ("toml", f"{ONE}speed = 3.0", "measurement 1: give `load`, and"),
-        ("toml", f"{ONE}load = -3.0", "measurement 1, `load` must be a positive number, got -3.0"),
         ("toml", f"{ONE}load = {{value = 3, low = 4}}", "low <= value <= high must hold, got 4, 3, 3"),
         ("toml", f"[assumptions]\na = 3\n{ONE}load = 1", r"assumptions, `a` must be \[low, high\], got 3"),
-        ("csv", "load\nx\n", "`load` must be a positive number, got 'x'"),
         ("csv", "force,deflection\n1,x\n", "deflection 1, `deflection` must be a number, got 'x'"),
-        ("toml", "[[deflection]]\nforce = 3.0", "deflection 1 must have force, deflection, got force"),
         ("toml", "[[tap]]\nfrequency = 3.0", "tap 1 must have `frequency` and one of damping_ratio, decay, decrement"),
         ("toml", "[[tap]]\nfrequency = 3.0\ndamping_ratio = 1.2", r"`damping_ratio` must be in \[0, 1\) for a cart"),
-        ("toml", "[[tap]]\nfrequency = 3.0\ndecay = -1.2", r"`damping_ratio` must be in \[0, 1\) for a cart"),
-        ("toml", "tap = 3", "contains no measurement; add a table"),
     ],
 )
 def test_invalid_measurements_are_refused(tmp_path, suffix, text, message):
@@ -365,12 +293,6 @@ def test_lines_for_the_scene_state_the_spread_that_the_scene_reads(tmp_path):
     assert "kg on this stiffness, the scene has 1000 kg" in drive_digest(found, 1000.0)
 
 
-def test_readings_without_slope_are_refused():
-    same = Measured((), deflections=(Deflection(1e3, 1e-3),) * 3)
-    with pytest.raises(SceneError, match="have no positive slope; read force and deflection at two loads"):
-        calibrate_drive(load_scene(PUBLISHED), same)
-
-
 # refusals
 
 LOAD, SLOPE = reading(load=9740.0), {"unknowns": ("heckel_slope",)}
@@ -389,12 +311,6 @@ BOTH = reading(load=9740.0, resistance_coefficient=0.179)
 def test_unfit_scenes_and_measurements_are_refused(changes, measured, options, message):
     with pytest.raises(SceneError, match=message):
         calibrate(load_scene(PUBLISHED, **changes), measured, **options)
-
-
-def test_initial_guess_is_by_finite_elements_with_the_same_data(published):
-    words = "must be a calibration of finite elements that has fitted heckel_slope, fed_density_ratio to 1 measurements"
-    with pytest.raises(ValueError, match=words):
-        calibrate(load_scene(PUBLISHED), BOTH, "compaction", initial_guess=published)
 
 
 # the command
@@ -422,24 +338,6 @@ def test_command_writes_and_prints_the_fit(published, tmp_path, monkeypatch, cap
     assert scene.mix.fitted_at.model_dump() == changes["mix.fitted_at"] | {"parameters": FITTED}
     wetter = scene.replaced(**{"mix.moisture": 0.11}).mix.values["heckel_slope"]
     assert wetter == pytest.approx(1.22 * written["heckel_slope"], rel=1e-5)  # the moisture factor of the prior
-
-
-def test_command_takes_tests_of_the_drive_alone(tmp_path, monkeypatch, capsys):
-    readings, out = tmp_path / "drive.csv", tmp_path / "c.json"
-    readings.write_text("force,deflection\n1000,0.001\n2000,0.00201\n3000,0.003\n")
-    monkeypatch.setattr("sys.argv", ["compact", "calibrate", str(PUBLISHED), str(readings), "--out", str(out)])
-    with pytest.raises(SystemExit) as exit_code:
-        cli.main()
-    assert exit_code.value.code == 0
-    assert list(json.loads(out.read_text())) == ["drive"]
-    assert "# N/m; measured ± " in capsys.readouterr().out
-
-
-def test_a_fit_at_another_moisture_takes_earlier_fits_along():
-    scene = load_scene(PUBLISHED, **{"mix.moisture": 0.09})
-    found = calibrate(scene, read_measurements(MEASURED)).scene_changes
-    assert found["mix.overrides.effective_modulus"] == scene.mix.values["effective_modulus"] != 1364535.2
-    assert found["mix.fitted_at"] == {"moisture": 0.09, "density_ratio": 0.98, "parameters": list(FITTED)}
 
 
 # the sheet of `compact new --measurements`
@@ -475,11 +373,6 @@ def test_compression_gives_the_curve_of_the_mix_and_its_spread():
     assert "unkneaded" in slope_digest(scene, fit_slope([Compression(1e5, 0.8)]))
     with pytest.raises(SceneError, match=r"above that of loose mix, 0\.72, got 0\.7"):
         fit_slope([Compression(1e5, 0.7)])
-
-
-def test_a_measured_value_is_a_value_of_the_scene():
-    with pytest.raises(SceneError, match=r"was 110 mm = 0\.11 m meant"):
-        value_lines(load_scene("small"), [KeyValue("machine.sleeve_distance", 110.0, 5.0)])
 
 
 def test_columns_that_cannot_have_the_measured_coefficient_name_the_remedy():

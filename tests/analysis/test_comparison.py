@@ -16,7 +16,7 @@ from interrupts import heed_interrupts, of_unix
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import ProcessExecutor
 from compact.report import writer as report
-from compact.scene.loader import SceneError, load_scene
+from compact.scene.loader import load_scene
 
 ROOT = Path(__file__).parents[2]
 SMALL = ROOT / "compact" / "data" / "scenes" / "small.toml"
@@ -24,7 +24,6 @@ ENGINES = ROOT / "compact" / "data" / "scenes" / "loveikin-2015-engines.toml"
 PLAIN = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless"}
 QUICK = {"contact.speeds": [0.05, 0.15], "contact.peak_pressure": 203e3, "accuracy.tolerance": 0.05}
 COMPARED = {"column": {"layer": {"fed_density_ratio": 0.95}, "contact": {"peak_pressure": 180e3}}}
-SPRING = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3}
 STUDY = {
     "accuracy.engine": "spectral", "compare": COMPARED, "output.items": ["tables", "figures"], "drive.turn": "step",
 }  # fmt: skip
@@ -67,32 +66,6 @@ def test_compared_engine_gives_the_results_of_its_own_scene(written, engine, giv
         assert found == [(place.rank, place.run.name, pytest.approx(place.value, rel=1e-12)) for place in ranked]
 
 
-def test_results_do_not_depend_on_the_number_of_processes(written):
-    study, _, _ = written
-    here = Study(scene())
-    found, known = (repr(each.comparison["column"].places) for each in (here, study))  # the last has no margin, nan
-    assert found == known
-    assert list(here.comparison) == ["formula", "column"]
-
-
-@pytest.mark.slow
-def test_ranking_table_lists_every_engine_and_drive(tmp_path):
-    study = Study(scene(**SPRING, **{"output.items": ["tables"]}))
-    summary = report.write_study(study, tmp_path / "out")
-    found = rows(tmp_path / "out" / "ranking.csv")
-    kinds = {(row["engine"], row["drive"]) for row in found}
-    assert kinds == {(engine, kind) for engine in ("spectral", "formula", "column") for kind in ("elastic", "rigid")}
-    ours = [row for row in found if row["engine"] == "spectral" and row["criterion"] == "peak_force"]
-    for kind in ("elastic", "rigid"):
-        tabulated = {row["law"]: float(row["value"]) for row in ours if row["drive"] == kind}
-        runs = [run if kind == "elastic" else run.rigid for run in study.stages.drive.runs.values()]
-        assert tabulated == {run.name: pytest.approx(run.peak_force, rel=1e-9) for run in runs}
-    places = summary["rigid_rankings"]["peak_power"]
-    assert [place["value"] for place in places] == sorted(
-        run.rigid.peak_power for run in study.stages.drive.runs.values()
-    )
-
-
 def test_error_of_a_criterion_follows_from_the_error_of_the_resistance(written):
     study, summary, directory = written
     share = study.stages.resistance.error
@@ -106,14 +79,6 @@ def test_error_of_a_criterion_follows_from_the_error_of_the_resistance(written):
         assert float(tabulated[name]["error"]) == pytest.approx(share * mix, rel=0.02)
         assert summary["laws"][name]["errors"]["energy"] == pytest.approx(float(tabulated[name]["error"]), rel=1e-9)
         assert (tabulated[name]["unit"], summary["units"]["energy"]) == ("J", "J")
-
-
-def test_rankings_by_engines_of_proportional_resistance_agree(written):
-    """The peak of m a + F is ranked as a for any constant F."""
-    study, _, directory = written
-    agreed = {(each.other_engine, each.by): each for each in study.agreements}
-    assert agreed["formula", "peak_force"].tau == pytest.approx(1.0)
-    assert {row["other_engine"] for row in rows(directory / "agreement.csv")} == {"formula", "column"}
 
 
 # files
@@ -185,20 +150,3 @@ def alive(pid):
 
 
 # refusals
-
-
-DEFORMED = {"accuracy.engine": "fem", "machine.gap_geometry": "deformed"}
-
-
-@pytest.mark.parametrize(
-    ("compared", "words", "changes"),
-    [
-        ({"spectral": {}}, 'compare: holds "spectral", which is accuracy.engine itself; take it out', {}),
-        ({"colum": {}}, r"compare\.colum: unknown table in \[compare\], got a table; did you mean `column`", {}),
-        ({"column": {"motion": {"stroke": 0.5}}}, r"compare\.column\.motion: unknown table", {}),
-        ({"spectral": {}}, r'compare\.spectral: with it machine\.gap_geometry: the engine .* takes no "d', DEFORMED),
-    ],
-)
-def test_keys_outside_the_range_of_a_compared_engine_are_refused(compared, words, changes):
-    with pytest.raises(SceneError, match=words):
-        scene(compare=compared, **changes)

@@ -1,7 +1,5 @@
 """Laws over the duration of a pass: closed forms of crossovers, agreement with scenes of that duration, refusals."""
 
-import csv
-import json
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +7,6 @@ import pytest
 
 from compact.analysis.sizing.durations import read_durations
 from compact.analysis.study import Study
-from compact.report import figures, writer
-from compact.report.page import sections
-from compact.report.text import say
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
@@ -88,22 +83,6 @@ def test_each_duration_is_a_scene_of_that_duration_at_the_same_height(engine):
             assert alone.stages.drive.runs[each.run.name].peak_force == pytest.approx(each.value, rel=rel)
 
 
-def test_contacts_of_one_map_serve_all_durations():
-    """The map covers the fastest law of the shortest pass; no contact is computed again for a duration."""
-    found = study("duration=0.5:3:3", **COLUMN)
-    _ = found.stages.drive.runs
-    before = dict(found.counts)
-    over = found.over_durations
-    changed = {name for name in found.counts if found.counts[name] != before.get(name, 0)}
-    assert changed == {"durations"}
-    own = {each.run.name: each.value for each in over.orders["peak_force"][-1]}
-    assert own == pytest.approx(
-        {each.run.name: each.value for each in found.stages.drive.rankings["peak_force"]}, rel=1e-12
-    )
-    fastest = max(cycle.forward.peaks().velocity for cycle in found.stages.laws.cycles.values()) * 3 / 0.5
-    assert found.stages.resistance.map.speeds[-1] >= fastest * (1 - 1e-9)
-
-
 def test_law_that_is_first_between_two_durations_is_found(published):
     """Two durations, cubic and reversal-4-free-acceleration at the ends, combined-2 between them."""
     given = ["cubic", "combined-2", "reversal-4-free-acceleration"]
@@ -114,52 +93,7 @@ def test_law_that_is_first_between_two_durations_is_found(published):
         assert coarse.duration == pytest.approx(dense.duration, rel=1e-5)
 
 
-def test_impulsive_laws_have_no_first_place():
-    jumps = study(**{"motion.laws": ["constant-velocity"]})
-    found = jumps.over_durations
-    assert found.segments("peak_force") == []
-    assert "no law with finite forces" in say("durations", jumps)
-    assert all(np.isinf(found.values("peak_force")["constant-velocity"]))
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("mass=1:2:3", "--over takes duration=LOW:HIGH:N"),
-        ("duration", "two numbers in s and a whole one, got ''"),
-        ("duration=1:2:2.5", "two numbers in s and a whole one"),
-        ("duration=2:1:3", "up to a larger HIGH in s, got 2:1"),
-        ("duration=0:1:3", "from LOW > 0"),
-        ("duration=1:2:1000", "takes 2 to 200 values, got 1000"),
-    ],
-)
-def test_option_is_validated(text, words):
-    with pytest.raises(ValueError, match=r"--over") as error:
-        read_durations(text)
-    assert words in str(error.value)
-
-
 def test_durations_are_in_equal_ratios_and_plausible():
     assert read_durations("motion.duration=0.3:3:3") == pytest.approx((0.3, np.sqrt(0.9), 3.0))
     with pytest.raises(ValueError, match=r"motion\.duration"):
         study("duration=1e-6:3:3")
-
-
-def test_results_reach_files_summary_and_page(tmp_path):
-    found = study("duration=0.5:3:3", **{"output.items": []})
-    summary = writer.write_study(found, tmp_path)
-    numbers = summary["over_durations"]["peak_power"]
-    assert [each["duration"] for each in numbers["first"]] == list(found.durations)
-    with (tmp_path / "duration.csv").open(newline="") as file:
-        table = list(csv.DictReader(file))
-    assert len(table) == 2 * 3 * 3
-    assert {"duration.csv", "duration-crossovers.csv"} <= set(summary["files"])
-    first, *_ = figures.draw_durations(found.over_durations, 1.0).axes
-    assert first.get_xlabel() == "duration of a pass T [s]"
-    drive = next(each for each in sections(found, {"duration": b"0" * 30}) if each.name == "drive")
-    assert [type(block).__name__ for block in drive.blocks][-1] == "Picture"
-    assert "cubic up to 1.32 s, reversal-3 beyond" in say("durations", found)
-    assert json.loads((tmp_path / "summary.json").read_text("utf-8"))["over_durations"]["peak_force"]["unit"] == "N"
-    bare = Study(load_scene(SMALL, **STEP | {"output.items": []}))
-    assert bare.over_durations is None
-    assert writer.write_study(bare, tmp_path / "bare")["over_durations"] is None

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact import drive
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.ensemble import Change, drive_peaks, ensemble, first_law
 from compact.analysis.worker_pool import ProcessExecutor
@@ -41,18 +40,3 @@ def test_held_resistance_scales_the_peak_here_and_in_a_worker():
     assert [here[number]["peak_force"]["parabolic"] for number in (0, 1)] == [100.0, 150.0]
     with ProcessExecutor(1) as executor:
         assert ensemble(LAWS, changes, run, executor) == here
-
-
-def test_laws_of_one_motion_behind_a_spring_are_simulated_once(monkeypatch):
-    spring = {"drive.kind": "elastic", "drive.stiffness": 1e6, "drive.damping": 3e3}
-    names = ["reversal-4", "reversal-4-free-jerk", "cubic"]
-    stages = build_stages(SMALL.replaced(**spring, **{"motion.laws": names}))
-    simulate, simulated = drive.simulate, []
-    monkeypatch.setattr(drive, "simulate", lambda *a, **k: simulated.append(a[2]) or simulate(*a, **k))
-    runs = stages.drive.runs
-    assert [cycle.forward.name for cycle in simulated] == ["reversal-4", "cubic"]
-    assert [run.name for run in runs.values()] == names
-    alone = simulate(
-        stages.resistance.cart, drive.ElasticDrive(1e6, 3e3), runs[names[1]].cycle, stages.resistance.resistance
-    )
-    assert runs[names[1]].peak_force == alone.peak_force

@@ -1,15 +1,12 @@
 """Mix that heaps up in front of the roller as an answer: of an engine of the comparison, and of that of the scene."""
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from compact.analysis.study import Study
-from compact.cli import program as cli
-from compact.cli.options import NO_RESULT
 from compact.engines.compaction import engine as compaction
 from compact.report import text
 from compact.report import writer as report
@@ -62,15 +59,3 @@ def test_an_engine_of_the_comparison_that_ends_with_an_error_is_an_answer(
     assert {name: stored[key]["compaction"][name]["value"] for name in numbers} == numbers
     assert words in " ".join(text.study_digest(case).split())
     assert text.model_table(case)["model"][-1] == "compaction"
-
-
-def test_a_scene_led_by_an_engine_that_heaps_up_has_no_result(tmp_path, monkeypatch, capsys):
-    out = tmp_path / "out"
-    monkeypatch.setattr(sys, "argv", ["compact", "run", str(SMALL), "--engine", "compaction", "--out", str(out)])
-    with pytest.raises(SystemExit) as code:
-        cli.main()
-    assert code.value.code == NO_RESULT
-    message = capsys.readouterr().err
-    assert "heaps up in front of the roller (an estimate)" in message
-    assert "in lifts (`layer.lift_thickness`)" in message
-    assert not (out / "summary.json").exists()

@@ -114,16 +114,6 @@ def test_stated_height_is_that_of_every_contact_map_and_added_mass(engine, tmp_p
         assert len(case.stages.resistance.map.contacts) == 2
 
 
-def test_every_engine_of_the_comparison_holds_a_height_of_its_own():
-    case = study(**PLAIN, **{"compare": {"column": {}}, "motion.laws": ["cubic"], "output.items": []})
-    compared = case.comparison["column"]
-    alone = study(**{"accuracy.engine": "column"})
-    assert compared.held == alone.stages.contacts.held
-    assert compared.held.value != pytest.approx(case.stages.contacts.held.value, rel=1e-2)
-    depths = np.array([contact.indentation for contact in compared.records])
-    assert depths == pytest.approx(compared.held.value, rel=1e-9)
-
-
 # one contact by formula
 
 
@@ -141,12 +131,6 @@ def test_contact_by_formula_equals_the_engineering_summary(prescribed):
         assert rolled.peak_pressure == formulas.pressure == 1.5e5
 
 
-def test_contact_outside_the_range_of_the_formulas_is_compared_at_the_required_pressure():
-    case = study(**PLAIN, **{"contact.peak_pressure": 2e6})
-    with pytest.warns(UserWarning, match="formulas do not reach the prescribed contact.*203 kPa"):
-        assert case.stages.contacts.engineering.pressure == case.stages.contacts.mix.required_pressure
-
-
 # guide friction and return stroke
 
 
@@ -161,12 +145,6 @@ def test_drive_uses_the_guide_friction_of_the_scene_and_not_eq_1_9():
         case.stages.contacts.engineering.guide_coefficient * net_force
     )
     assert "guide_friction 0.008" in text.say("guides", case)
-
-
-def test_second_pass_of_columns_is_elastic():
-    load, resistance = study(**{"accuracy.engine": "column"}).stages.contacts.second_pass
-    assert 0.1 < load < 0.5
-    assert resistance < 1e-9
 
 
 def test_return_stroke_over_compacted_mix_halves_the_work_of_compaction():
@@ -186,17 +164,6 @@ def test_return_stroke_over_compacted_mix_halves_the_work_of_compaction():
     assert compacted.stages.drive.cycle_energies["fresh"] == pytest.approx(
         fresh.stages.drive.runs["cubic"].energy, rel=1e-9
     )
-
-
-@pytest.mark.parametrize("kind", ["elastic", "motor"])
-def test_every_drive_uses_the_resistance_of_the_return_stroke(kind):
-    spring = {"drive.stiffness": 1e9, "drive.damping": 1e5} if kind == "elastic" else {}
-    motor = {"curve": "linear", "torque": 5000.0, "speed": 157.0, "inertia": 0.1, "gear_ratio": 150.0,
-             "flywheel_inertia": 100.0}  # fmt: skip
-    more = {"drive.motor": motor} if kind == "motor" else spring
-    compacted = {"accuracy.engine": "column", "layer.return_stroke": "compacted", "motion.laws": ["cubic"]}
-    driven, rigid = study(**compacted, **{"drive.kind": kind}, **more), study(**compacted)
-    assert driven.stages.drive.runs["cubic"].energy == pytest.approx(rigid.stages.drive.runs["cubic"].energy, rel=2e-3)
 
 
 def test_moments_balance_on_both_strokes():

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from compact.analysis.machine_models import catalogue
-from compact.analysis.sizing.machine_sizing import machine_sizing
 from compact.analysis.study import Study
 from compact.report import writer as report
 from compact.report.text import say
@@ -62,13 +61,6 @@ def test_smallest_motor_of_the_example_holds_for_the_first_law():
     assert "the next smaller, M-2.2, has" in words
 
 
-def test_recommended_law_is_that_of_the_first_screen():
-    study = study_of(**{"motion.duration": 0.889})
-    assert study.machine_sizing.first_law == study.verdicts[0.889, "rigid", "peak_force"].law
-    other = machine_sizing(study.stages, "reversal-3")
-    assert other.first.required_power == study.machine_sizing.laws["reversal-3"].required_power
-
-
 def test_shorter_passes_never_have_a_smaller_motor():
     powers, motors = [], []
     for duration in (3.0, 1.5, 0.889, 0.6):
@@ -97,16 +89,6 @@ def test_spring_adds_its_oscillation_to_the_torque():
     assert found.peak_torque > 1.02 * sizing(**{"motion.duration": 0.889}).laws["cubic"].requirement.peak_torque
     jump = elastic(**{"motion.laws": ["constant-velocity"]}).requirement
     assert np.isfinite(jump.peak_torque)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("carts", [1, 2])
-def test_carts_behind_stiff_springs_are_those_of_rigid_drives(carts):
-    two = elastic(**{"drive.carts": carts}).requirement
-    rigid = sizing(**{"drive.carts": carts, "motion.laws": ["cubic"]}).first.requirement
-    assert two.largest_inertia == pytest.approx(rigid.largest_inertia, rel=1e-3)
-    assert two.mean_torque == pytest.approx(rigid.mean_torque, rel=0.01)
-    assert two.rms_torque == pytest.approx(rigid.rms_torque, rel=0.01)
 
 
 def test_drive_without_a_shaft_or_a_torque_has_no_motor():
@@ -154,14 +136,6 @@ def test_results_reach_files_and_summary(small, tmp_path):
     assert held[0] == "M-3"
 
 
-def test_hash_depends_on_the_motors_of_the_catalogue(small):
-    before = load_scene(small, **RULE).hash
-    assert before != load_scene(small, **{"motion.duration": 0.889}).hash
-    motors = small.parent / "motors.csv"
-    motors.write_text(motors.read_text().replace("M-3,19.8", "M-3,19.9"))
-    assert load_scene(small, **RULE).hash != before
-
-
 # the catalogue file
 
 
@@ -178,8 +152,6 @@ HEADER = "name,rated_torque_Nm,peak_torque_Nm,speed_rpm,inertia_kgm2"
     [
         ("name,torque\na,1\n", "lacks the columns rated_torque_Nm, peak_torque_Nm, speed_rpm, inertia_kgm2"),
         (HEADER, "has no motors; give one line each"),
-        (f"#\n{HEADER}\na,10,x,1500,0.01\n", "motors.csv:3: could not convert string to float: 'x'"),
-        (f"{HEADER}\na,10,5,1500,0.01\n", "`peak_torque` must be at least `rated_torque` 10.0 N m, got 5.0"),
         (f"{HEADER}\na,10,30,1500,0.01\na,20,60,1500,0.01\n", "repeats the name a"),
     ],
 )

@@ -2,7 +2,6 @@
 
 import csv
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,21 +76,6 @@ def test_strength_of_the_flat_side_depends_on_the_density():
         a = (float(material.yield_pressure(ratio)) + material.tensile_strength) / 2
         expected = 2 * material.critical_slope * a / np.sqrt(3)
         assert lab.test("unconfined", specimen).strength == pytest.approx(expected, rel=1e-6)
-
-
-def test_lateral_stress_is_held_and_volume_is_constant_in_shear(programme):
-    for test in programme.tests:
-        if test.name in ("biaxial", "unconfined"):
-            assert test.lateral_stress == pytest.approx(test.lateral_pressure, abs=1e-6 * PRESSURE)
-        if test.name == "pure shear":
-            assert np.abs(test.volume_strain).max() < 1e-14
-
-
-def test_density_ratio_of_the_compacted_specimen_is_checked(programme):
-    with pytest.raises(ValueError, match="`density_ratio` of the compacted specimen"):
-        replace(programme, density_ratio=0.8)
-    with pytest.raises(KeyError, match="no test 'torsion'"):
-        programme.test("torsion")
 
 
 @pytest.mark.parametrize("law", LAWS)

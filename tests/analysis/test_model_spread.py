@@ -6,7 +6,7 @@ import pytest
 
 from compact.analysis.stages import model_spread as stage
 from compact.analysis.stages.contacts import contact_stage
-from compact.analysis.stages.model_spread import LawVariant, ModelSpread, contact_by_law, scenes_of_laws, spread_of
+from compact.analysis.stages.model_spread import contact_by_law, scenes_of_laws, spread_of
 from compact.analysis.study import Study
 from compact.report.text import say
 from compact.report.writer import study_summary
@@ -35,13 +35,6 @@ def test_laws_of_columns_differ_by_elastic_strain_alone():
     assert spread.resistance == pytest.approx((1.0, 1.0), abs=0.02)
 
 
-def test_law_of_the_scene_is_not_among_the_others():
-    study = Study(scene(**{"mix.law": "drucker-prager-cap"}))
-    laws = [(each.law, each.cohesion_loose) for each in study.model_spread.variants]
-    assert [law for law, _ in laws] == ["ellipse", *["drucker-prager-cap"] * 4]
-    assert study.stages.contacts.mix.cohesion_loose not in [cohesion for _, cohesion in laws[:3]]
-
-
 def test_mix_that_heaps_up_by_a_law_is_an_answer(monkeypatch):
     study, roll = Study(scene(**{"mix.overrides.saturation_limit": 0.998})), stage._roll
 
@@ -57,19 +50,6 @@ def test_mix_that_heaps_up_by_a_law_is_an_answer(monkeypatch):
     assert numbers["variants"][0]["heaping"]["wave_height"] == 0.0072
     assert numbers["variants"][0]["load"] == {"value": None, "unit": "1"}
     assert numbers["load"]["high"] >= 1
-
-
-def test_band_of_the_spread_is_around_the_law_of_the_scene():
-    heaped = LawVariant("drucker-prager-cap", 5e3, 0.998, heaping=HEAPED)
-    spread = ModelSpread((LawVariant("ellipse", None, 0.998, 1.1, 0.9), heaped))
-    assert spread.load == (1.0, 1.1)
-    assert spread.resistance == (0.9, 1.0)
-
-
-def test_spread_is_computed_where_it_is_required():
-    study = Study(scene(**{"output.items": []}))
-    assert study.model_spread is None
-    assert "not computed" in say("spread", study)
 
 
 @pytest.mark.slow

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from compact.analysis.operating_window import calibrate_window, deliverable, limits_met, reached_by, window_digest
+from compact.analysis.operating_window import calibrate_window, limits_met, reached_by, window_digest
 from compact.analysis.process import ProcessStudy
 from compact.report.text import sentences
 from compact.scene.loader import load_scene
-from compact.scene.plant_data import StrokeRow, read_measurements
+from compact.scene.plant_data import StrokeRow
 
 SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "process.toml"
 SHORT = {"machine.roller_length": 0.3, "process.layers": 1, "process.product_density_ratio": None}
@@ -58,17 +58,6 @@ def test_five_rows_of_a_plant_calibrate_the_window():
     assert abs(error) > 0.02
 
 
-@pytest.mark.slow
-def test_rows_leave_open_what_they_do_not_tell():
-    """A density alone moves slope and pressure, never the drag."""
-    scene = load_scene(SCENE, **SHORT)
-    density, force = reached_by(ProcessStudy(scene))
-    found = calibrate_window(scene, [StrokeRow(0.0175, 67.5, density + 0.01)])
-    assert reached_by(ProcessStudy(found.scene))[0] == pytest.approx(density + 0.01, abs=1e-3)
-    assert found.values["sleeve.measured_drag"] == pytest.approx(found.before["sleeve.measured_drag"], rel=1e-3)
-    assert force > 0
-
-
 @pytest.mark.parametrize(
     ("changes", "met"),
     [
@@ -81,23 +70,3 @@ def test_rows_leave_open_what_they_do_not_tell():
 )  # fmt: skip
 def test_limits_are_named(changes, met):
     assert limits_met(ProcessStudy(load_scene(SCENE, **SHORT | changes))) == met
-
-
-def test_drives_deliver_what_their_curves_have():
-    oil = {
-        "piston_area": 2e-3, "supply_pressure": 1e7, "pump_flow": 1e-3, "valve_area": 1e-4, "oil_density": 870.0,
-        "discharge_coefficient": 0.6, "transition_drop": 1e4,
-    }  # fmt: skip
-    assert deliverable(load_scene(SCENE, **{"drive.kind": "hydraulic", "drive.hydraulics": oil})) == pytest.approx(
-        (2e4, 1e4)
-    )
-    assert deliverable(load_scene(SCENE))[0] == float("inf")
-
-
-def test_rows_are_read(tmp_path):
-    path = tmp_path / "rows.csv"
-    path.write_text("mould_speed,strokes_per_minute,density_ratio,force\n0.0175,67.5,0.97,\n0.02,60,,3500\n")
-    assert read_measurements(path).strokes == (StrokeRow(0.0175, 67.5, 0.97), StrokeRow(0.02, 60.0, None, 3500.0))
-    path.write_text("mould_speed,strokes_per_minute\n0.0175,67.5\n")
-    with pytest.raises(ValueError, match="density_ratio or force"):
-        read_measurements(path)

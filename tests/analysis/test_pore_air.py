@@ -85,16 +85,6 @@ def test_drained_mix_has_no_air_in_its_forces_but_a_deaeration_speed(drained):
     assert f"undrained {format_percent(shares['undrained_load'])}" in said
 
 
-def test_digest_of_a_drained_contact_has_the_band_of_the_air(drained):
-    speed, first = drained.stages.contacts.first_passes[4]
-    one_way, undrained = drained.stages.contacts.air_band_of(first, speed)
-    curve = drained.stages.contacts.air_curve
-    permeability = drained.stages.contacts.mix.air_permeability
-    assert one_way.load == pytest.approx(curve.at(speed, permeability).load, rel=5e-3)
-    assert undrained.load == pytest.approx(curve.undrained.load, rel=5e-3)
-    assert "without pore air" in text.contact_digest(drained, speed, (first,))
-
-
 def test_air_increases_load_and_resistance_with_the_speed(drained, one_way):
     for without, with_air in zip(drained.stages.contacts.records, one_way.stages.contacts.records, strict=True):
         assert with_air.load == pytest.approx(without.load + with_air.air_load)
@@ -113,16 +103,6 @@ def test_map_has_the_resistance_of_the_contacts(one_way):
     )
 
 
-def test_map_costs_no_contact_more(drained, one_way):
-    assert drained.stages.resistance.map.engine_error == one_way.stages.resistance.map.engine_error
-    assert drained.counts["resistance"] == one_way.counts["resistance"]
-
-
-def test_drives_contain_the_air(drained, one_way):
-    first = [study.stages.drive.places["rigid"]["peak_force"][0].value for study in (drained, one_way)]
-    assert first[1] > 1.02 * first[0]
-
-
 def test_point_of_a_sweep_contains_the_air(drained, one_way):
     without = headline(False, lift(), Change("own"))
     found = headline(False, lift(**{"mix.pore_air": "one-way", "mix.overrides.air_permeability": 1e-13}), Change("air"))
@@ -130,16 +110,6 @@ def test_point_of_a_sweep_contains_the_air(drained, one_way):
     at_mean = one_way.stages.contacts.records[4]
     assert found["load"] == pytest.approx(machine.roller_length * at_mean.load, rel=2e-3)
     assert without["load"] == pytest.approx(machine.roller_length * drained.stages.contacts.records[4].load, rel=1e-6)
-
-
-def test_results_of_an_earlier_run_contain_the_curve(tmp_path):
-    scene = lift(**{"mix.pore_air": "one-way"})
-    first = Study(scene, directory=tmp_path)
-    list(first.keep(tmp_path, []))
-    again = Study(scene, directory=tmp_path)
-    assert again.stages.contacts.kept is not None
-    assert again.stages.contacts.air_curve == first.stages.contacts.air_curve
-    assert again.counts["rolled"] == 0
 
 
 def test_mix_that_is_occluded_as_fed_is_refused_with_the_bound():

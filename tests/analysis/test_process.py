@@ -1,7 +1,6 @@
 """Forming process of a scene: printed forces for comparison, balances, remarks, and the files of the command."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ from compact.analysis import process, worker_pool
 from compact.analysis.process import ProcessStudy
 from compact.cli import program as cli
 from compact.engines.process.forming import Closure
-from compact.engines.process.lifts import KnownLifts
 from compact.report.text import sentences
 from compact.scene.loader import load_scene
 from compact.verification.formulas import MOVING_FORCE, ROLLER_REACTION
@@ -112,16 +110,6 @@ def test_command_writes_results_of_a_mould_at_rest(tmp_path, capsys):
     rows = np.loadtxt(tmp_path / "out" / "strokes.csv", delimiter=",", skiprows=1)
     assert rows.shape == (3, 10)
     assert len(list((tmp_path / "out" / "fields").glob("strokes=*.vtu"))) == 3
-
-
-@pytest.mark.parametrize(("residual", "told"), [(0.0092, False), (0.0116, True)])
-def test_energy_balance_that_is_open_by_more_than_a_percent_is_told(residual, told):
-    found = [sequence(thickness) for thickness in (0.004, 0.005)]
-    found = [replace(each, lifts=tuple(replace(one, work_residual=residual) for one in each.lifts)) for each in found]
-    lifts = KnownLifts(tuple(found), 1.1, 0.45)
-    remarks = sentences("process_remarks", ProcessStudy(load_scene(SCENE, **SHORT), "deep", known=lifts))
-    assert ("the energy balance of a lift closes within 1.2% only" in remarks) == told
-    assert any(remark.endswith("of the load are extrapolated beyond the densest lift") for remark in remarks)
 
 
 @pytest.mark.slow

@@ -1,34 +1,23 @@
 """Engine "process": resistance of all strokes to the drives, its map, durations, return stroke, and kept results."""
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from lift_sequences import sequence
 
-from compact import drive
-from compact.analysis import machine_models, process
+from compact.analysis import process
 from compact.analysis.process import ProcessStudy
 from compact.analysis.sizing.machine_sizing import machine_sizing
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.uncertainty import mix_spread
-from compact.analysis.stages.verdict import reason_against
 from compact.analysis.study import Study
 from compact.engines.process.lifts import simulate_lifts
-from compact.report import text, writer
-from compact.resistance import ResistanceMap
+from compact.report import text
 from compact.scene.loader import load_scene
 
 SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "process.toml"
-MOTOR = {
-    "curve": "linear", "torque": 150.0, "speed": 157.0, "gear_ratio": 40.0, "inertia": 0.01, "flywheel_inertia": 5.0,
-}  # fmt: skip
-DRIVES = {
-    "rigid": {},
-    "motor": {"drive.motor": MOTOR},
-}
 SMALL = {
     "accuracy.engine": "process", "process.detail": "columns", "process.layers": 1, "machine.roller_length": 0.2,
     "process.product_density_ratio": 0.9, "mix.density_ratio": 0.9, "layer.fed_density_ratio": 0.8,
@@ -62,29 +51,6 @@ def test_resistance_is_that_of_rollers_and_sleeves(study):
     assert without.stages.resistance.map(study.scene.mean_speed) == pytest.approx(
         2 * found.resistance + plate, rel=1e-6
     )
-
-
-@pytest.mark.parametrize("kind", DRIVES)
-def test_ranking_is_that_of_a_table_of_the_same_numbers(kind, study):
-    given = scene(**{"drive.kind": kind}, **DRIVES[kind])
-    contacts, stages = study.stages.contacts, build_stages(given)
-    stages.contacts.__dict__ |= {
-        "process": contacts.process,
-        "records": contacts.records,
-        "reference": contacts.reference,
-    }
-    sampled = stages.resistance.map
-    table = stages.resistance.along_stroke(ResistanceMap(sampled.speeds, sampled.forces, sampled.error))
-    cart = machine_models.cart(given, contacts.process.load)
-    working = (given.motion.run_up, 1 - given.motion.run_down)
-    runs = [
-        drive.simulate(cart, stages.drive.model.make(given, cycle), cycle, table, working=working)
-        for cycle in stages.laws.cycles.values()
-    ]
-    for by, ranked in stages.drive.rankings.items():
-        by_hand = drive.rank(runs, by)
-        assert [each.run.name for each in ranked] == [each.run.name for each in by_hand]
-        assert [each.value for each in ranked] == pytest.approx([each.value for each in by_hand], rel=1e-9)
 
 
 def test_map_holds_at_speeds_without_a_contact(study):
@@ -129,28 +95,6 @@ def test_feed_before_forward_strokes_alone_loads_them(study):
 def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, air):
     return sequence(
         thickness, increments, load=lambda k: 2e3 * np.exp(8 * (k - 0.75)), work=lambda k: 1e5 * np.exp(10 * (k - 0.75))
-    )
-
-
-@pytest.mark.slow
-def test_lumped_lifts_are_kept_with_the_results(monkeypatch, tmp_path):
-    monkeypatch.setattr(process, "simulate_lifts", lifts)
-    given = scene(**{"process.detail": None, "motion.other_durations": [1.0], "output.items": []})
-    first = Study(given)
-    writer.write_study(first, tmp_path / "out")
-    monkeypatch.setattr(process, "simulate_lifts", None)
-    again = Study(given, directory=tmp_path / "out")
-    assert again.stages.contacts.kept is not None
-    assert again.stages.contacts.process.lifts == first.stages.contacts.process.lifts
-    assert again.stages.drive.rankings["peak_force"][0].value == first.stages.drive.rankings["peak_force"][0].value
-    model = again.models[0]
-    assert model.valid
-    assert model.mean_resistance[1.0] == pytest.approx(first.models[0].mean_resistance[1.0], rel=1e-9)
-    assert model.mean_resistance[1.0] != pytest.approx(model.mean_resistance[given.motion.duration], rel=1e-2)
-    force = 2 * first.stages.contacts.process.resistance
-    drag = first.stages.contacts.process.standing_drag
-    assert first.stages.resistance.map.engine_error == pytest.approx(
-        first.stages.contacts.process.row.estimate("resistance").error * force / (force + drag), rel=0.02
     )
 
 
@@ -212,47 +156,6 @@ def test_motor_and_bearings_are_those_of_the_engine_that_requires_more(monkeypat
     assert re.match(rf"motor with {law} \(the larger of [\d.]+ k?W by column and [\d.]+ k?W by process\):", motor)
     assert re.search(r"roller [\d.× ⁰-⁹]+ h \(the larger of [\d.]+ k?N by column and [\d.]+ k?N by process\)", lives)
     assert not machine_sizing(found.stages, law).compared
-
-
-def test_lifts_beside_a_pass_are_kept_for_the_next_run(monkeypatch, tmp_path):
-    """A run that asks for two dimensions keeps them; the next one takes them, though it asks for columns."""
-    first = beside(monkeypatch, "deep")
-    writer.write_study(first, tmp_path)
-    monkeypatch.setattr(process, "simulate_lifts", None)
-    again = Study(first.scene.replaced(**{"process.detail": "columns"}), directory=tmp_path)
-    assert again.comparison["process"].lifts == first.comparison["process"].lifts != None  # noqa: E711
-    assert again.comparison["process"].roller_load == pytest.approx(first.comparison["process"].roller_load, rel=1e-12)
-    assert {each.quantity: each.values for each in again.governing} == {
-        each.quantity: pytest.approx(each.values, rel=1e-9) for each in first.governing
-    }
-    other = Study(again.scene.replaced(**{"product.height": 0.21}), directory=tmp_path)  # another section
-    assert other.comparison["process"].invalid == "confined floor"
-
-
-def test_columns_of_the_process_beside_a_pass_size_nothing(monkeypatch):
-    found = beside(monkeypatch, None)
-    assert found.comparison["process"].invalid == "confined floor"
-    assert found.governing == []
-    (sentence,) = text.sentences("process", found)
-    assert "sizes nothing" in sentence
-    assert "process" not in Study(scene(**{"process.mould_speed": 0.0, "process.strokes": 3,
-                                           "accuracy.engine": "column"})).scene.compared_engines  # fmt: skip
-
-
-def test_columns_are_not_for_sizing():
-    assert reason_against(scene(), None) == "confined floor"
-    assert reason_against(scene(**{"process.detail": None}), None) == ""
-    linear = {"accuracy.engine": "spectral", "machine.roller_condition": "frictionless"}
-    assert reason_against(scene(**linear), None) == "viscoelastic part only"
-
-
-def test_another_speed_keeps_the_feed(study):
-    found = study.stages.contacts.process
-    row = found.row_at(found.problem.machine.cart_speed * 0.5)
-    assert row.history.amount == found.row.history.amount
-    assert row.history.rate_factor < found.row.history.rate_factor
-    assert found.row_at(found.problem.machine.cart_speed) is found.row
-    assert replace(found, known=None).row_at(0.2).load == pytest.approx(found.row_at(0.2).load, rel=1e-9)
 
 
 def test_spread_over_the_mix_is_that_of_feed_work_and_sleeves(study):

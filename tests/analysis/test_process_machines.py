@@ -52,14 +52,6 @@ def test_ten_thousand_strokes_close_their_balances():
     assert numbers["strokes"] == pytest.approx(9999, abs=1)
 
 
-def test_one_stroke_for_a_density_is_refused_with_a_remedy():
-    study = ProcessStudy(load_scene(SCENE, **FEW | AT_REST | {"process.strokes": 1}))
-    with pytest.raises(
-        ValueError, match=r"in 1 strokes .* more strokes on a section are needed: a slower mould, a faster"
-    ):
-        study.history  # noqa: B018
-
-
 def machine(seed):
     rng = np.random.default_rng((2028, seed))
     density = float(rng.uniform(0.945, 0.985))

@@ -15,7 +15,7 @@ from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
 from compact.engines.interface import RateEngine
 from compact.engines.rate_law import LAW_CONTACTS, fit_rate_law, sample_rate_law
-from compact.resistance import ForceSample, load_resistance_map
+from compact.resistance import ForceSample
 from compact.rolling_contact import Layer, Roller, compaction_rate
 from compact.scene.loader import load_scene
 
@@ -82,14 +82,6 @@ def test_wide_range_of_the_rate_factor_needs_a_contact_in_the_middle():
     assert len(contacts.computed) == 3
     assert sorted(contacts.computed)[1] == pytest.approx(0.02, rel=0.3)
     assert found.error < 0.01
-
-
-def test_contacts_of_the_scene_are_samples():
-    known = [Contacts(power_law)(speed) for speed in (0.0025, 0.02, 0.18)]
-    contacts = Contacts(power_law)
-    found = sampled(contacts, known=known)
-    assert contacts.computed == []
-    assert found.contacts == tuple(known)
 
 
 def test_faster_motion_extends_the_law():
@@ -163,13 +155,6 @@ def test_force_of_a_driven_roller_may_change_its_sign():
 # (c) files
 
 
-def test_contacts_of_the_law_are_read_as_written(tmp_path):
-    found = sampled(Contacts(power_law, noise=2e-3))
-    found = replace(found, contacts=(found.contacts[0]._replace(error=None), *found.contacts[1:]))
-    found.save(tmp_path / "map.nc", "key")
-    assert load_resistance_map(tmp_path / "map.nc", "key").contacts == found.contacts
-
-
 # (d) stage
 
 
@@ -189,15 +174,6 @@ def columns_study(directory=None, **changes):
     return study
 
 
-def test_stage_without_rate_effect_computes_no_further_contact():
-    study = columns_study(**{"mix.overrides.rate_sensitivity": 0.0})
-    first = (
-        study.stages.contacts.records[0].resistance * study.scene.machine.rollers * study.scene.machine.roller_length
-    )
-    assert study.stages.resistance.map(0.01) == study.stages.resistance.map(0.05) == pytest.approx(first, rel=1e-12)
-    assert (study.stages.resistance.map.error, study.counts["resistance"]) == (0.0, 0)
-
-
 def test_stage_maps_and_extends_by_the_law():
     study = columns_study()
     before, fastest = study.stages.resistance.map, study.stages.resistance.largest_speed
@@ -213,17 +189,6 @@ def test_stage_maps_and_extends_by_the_law():
             study.scene, study.stages.contacts.mix, speed, held=study.stages.contacts.held
         )
         assert after(speed) == pytest.approx(length * held_out.resistance, rel=5e-3)
-
-
-def test_stored_law_is_extended_by_its_contacts(tmp_path):
-    first = columns_study()
-    before = first.stages.resistance.map
-    list(first.keep(tmp_path, []))
-    again = columns_study(tmp_path)
-    assert again.stages.resistance.map.contacts == before.contacts
-    again.stages.resistance.extend(1.3 * again.stages.resistance.largest_speed)
-    assert again.stages.resistance.map.contacts == before.contacts
-    assert not {"rolled", "resistance"} & set(again.counts)
 
 
 # (e) irreversible compaction by finite elements

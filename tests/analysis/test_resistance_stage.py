@@ -6,10 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact import files
 from compact.analysis.stages import kept_results
 from compact.analysis.study import Study
-from compact.files import ResultsError
 from compact.report import writer as report
 from compact.resistance import UNSTEADINESS_LIMIT
 from compact.scene.loader import load_scene
@@ -116,13 +114,6 @@ def test_faster_law_extends_the_map(written):
 
 
 @pytest.mark.parametrize("name", [kept_results.MAP_FILE, kept_results.CONTACTS_FILE])
-@pytest.mark.parametrize("content", [b"", b"{}", None], ids=["empty", "other", "gone"])
-def test_damaged_files_are_not_reused(left, name, content):
-    (left / name).unlink() if content is None else (left / name).write_bytes(content)
-    assert of_scene(left).stages.contacts.kept is None
-
-
-@pytest.mark.parametrize("name", [kept_results.MAP_FILE, kept_results.CONTACTS_FILE])
 def test_flipped_digit_is_told_and_computed_again(left, caplog, name):
     path = left / name
     content = path.read_bytes()
@@ -130,44 +121,3 @@ def test_flipped_digit_is_told_and_computed_again(left, caplog, name):
     path.write_bytes(content[:at] + bytes([content[at] ^ 1]) + content[at + 1 :])  # another digit
     assert of_scene(left).stages.contacts.kept is None
     assert [record.getMessage().endswith("computed again") for record in caplog.records] == [True]
-
-
-def test_results_of_an_edited_program_are_computed_again(left, caplog, monkeypatch):
-    assert of_scene(left).stages.contacts.kept
-    other = files.versions() | {"source": "edited"}
-    monkeypatch.setattr(files, "versions", lambda: other)
-    assert of_scene(left).stages.contacts.kept is None
-    assert [record.getMessage() for record in caplog.records] == [
-        f"{left / 'contacts.json'}: of another program, table or input; its contacts are computed again"
-    ]
-
-
-def test_changed_file_is_written_again(tmp_path, caplog):
-    out = tmp_path / "out"
-    changes = {"accuracy.engine": "column"}
-    report.write_study(of_scene(**changes), out)
-    before = (out / "density.csv").read_bytes()
-    (out / "density.csv").write_bytes(before.replace(b"1", b"2", 1))
-    report.write_study(of_scene(out, **changes), out)
-    assert (out / "density.csv").read_bytes() == before
-    assert [record.getMessage() for record in caplog.records] == [
-        f"{out / 'density.csv'}: changed since it was written; it is computed again"
-    ]
-
-
-def test_results_of_another_scene_are_not_overwritten(left):
-    with pytest.raises(ResultsError, match="holds results of another scene"):
-        report.write_study(of_scene(left, **{"machine.mass": 900.0}), left)
-
-
-def test_kept_compaction_is_not_solved_again(tmp_path):
-    first, again = (of_scene(tmp_path / "out", **{"accuracy.engine": "column"}) for _ in range(2))
-    report.write_study(first, tmp_path / "out")
-    before = (tmp_path / "out" / "density.csv").read_bytes()
-    assert {"passes.csv", "density.csv"} < set(report.write_study(again, tmp_path / "out")["files"])
-    assert "rolled" not in again.counts
-    (tmp_path / "out" / "density.csv").unlink()
-    once_more = of_scene(tmp_path / "out", **{"accuracy.engine": "column"})
-    report.write_study(once_more, tmp_path / "out")
-    assert once_more.counts["rolled"] == 6
-    assert (tmp_path / "out" / "density.csv").read_bytes() == before

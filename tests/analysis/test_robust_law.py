@@ -9,17 +9,15 @@ import pytest
 from machine_cases import CART, dry, free, published_law
 from published import CART_OF_C
 
-from compact.analysis.robust.drive_pool import DrivePool, from_the_middle, pass_table, travel_table
+from compact.analysis.robust.drive_pool import DrivePool, pass_table, travel_table
 from compact.analysis.robust.law import INNER, Effort, PlantRange, between, robust_law
 from compact.analysis.robust.program import LawSpace
 from compact.analysis.stages.robust_range import plant_range
 from compact.analysis.study import Study
-from compact.machine.cart import EndSprings
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.motion.limits import Limits, violations
 from compact.report.text import sentences
 from compact.report.writer import study_summary
-from compact.resistance import ResistanceMap
 from compact.scene.loader import load_scene
 from compact.turning import StrokeResistance, table_share, wave_load_share, wave_share
 
@@ -98,32 +96,6 @@ def test_mirror_of_the_stroke_mirrors_the_histories():
     assert np.abs(one[:, 0] - one[:, 1]).max() > 0.02 * np.abs(one).max()
 
 
-def test_strokes_that_hardly_differ_have_the_histories_of_equal_ones():
-    equal = histories(along_stroke(0.110))
-    assert equal.shape[1] == 1
-    assert histories(unequal(0.110, 0.110)) == pytest.approx(equal, rel=1e-9, abs=1e-9)
-    nearly = histories(unequal(0.110, 0.110 + 1e-8))
-    assert nearly.shape[1] == 2
-    assert np.abs(nearly - equal).max() < 1e-4 * np.abs(equal).max()
-
-
-def test_robust_law_of_unequal_ends_is_that_of_the_mirrored_stroke(monkeypatch):
-    """Without fresh drives, of which others would join either search where two peaks are equal but for rounding."""
-    monkeypatch.setattr("compact.analysis.robust.law.FRESH_ROUNDS", 0)
-    one, other = (
-        robust_law(
-            CART, PlantRange((8e5, 2e6), (0.05, 0.1), (unequal(*ends),)), STROKE, DURATION, Limits(jerk=200.0),
-            effort=Effort((4, 2), 3, 1, PUBLISHED),
-        )
-        for ends in ((0.090, 0.130), (0.130, 0.090))
-    )  # fmt: skip
-    assert one.worst.peak == pytest.approx(other.worst.peak, rel=1e-4)
-    assert one.published_worst.peak == pytest.approx(other.published_worst.peak, rel=1e-4)
-    assert (one.published, one.gains) == (other.published, True)
-    z = np.linspace(0, 1, 41)
-    assert np.abs(one.motion.at_phase(z, 0) - other.motion.at_phase(z, 0)).max() < 1e-3 * STROKE
-
-
 @pytest.mark.parametrize("ratio", [0.02, 0.2, 1.5])
 def test_response_is_the_drive_force_of_a_cart_without_resistance(ratio):
     space = LawSpace(Limits(jerk=200.0), STROKE, DURATION, 1000.0)
@@ -173,27 +145,6 @@ def test_robust_law_halves_the_worst_peak_of_a_narrow_range(objective):
     assert peak == pytest.approx(found.worst.peak, rel=2e-3)
 
 
-def test_pass_from_the_middle_is_opposite_on_the_return_stroke():
-    values = np.arange(5.0)
-    assert from_the_middle(values).tolist() == [2.0, 3.0, 4.0, -1.0, -2.0]
-
-
-SPRINGS = EndSprings(stiffness=1e4, preload=100.0, length=0.05, stroke=STROKE)
-
-
-@pytest.mark.parametrize(
-    ("cart", "resistance", "objective", "words"),
-    [
-        (replace(CART, end_springs=SPRINGS), dry, "robust_peak_force", "`cart` must have no end springs"),
-        (CART, dry, "peak_force", "no objective 'peak_force'"),
-    ],
-)
-def test_refusals_of_robust_laws(cart, resistance, objective, words):
-    plants = PlantRange((1e6, 2e6), (0.05, 0.1), (resistance,))
-    with pytest.raises(ValueError, match=words):
-        robust_law(cart, plants, STROKE, DURATION, Limits(jerk=200.0), objective=objective)
-
-
 SCENE = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "loveikin-2015-engines.toml"
 FORMULA = {
     "accuracy.engine": "formula", "compare": None, "output.items": [], "motion.other_durations": None,
@@ -223,13 +174,6 @@ def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
     assert stored["worst"]["own_tracks"]["value"] == [found.worst_resistance.forward.distance] * 2
     assert stored["worst"]["force_at_mean_speed"]["value"] == pytest.approx(3486, rel=1e-3)
     assert stored["best_published"]["peak"]["value"] == found.published_worst.peak
-
-
-def test_force_beyond_the_speeds_of_a_map_is_held():
-    known = ResistanceMap(np.array([0.1, 1.0]), np.array([3000.0, 3600.0]), error=0.0)
-    table = travel_table(CART, known, 0.4, 0.9)
-    assert table.forces[-1] == pytest.approx(3600.0)
-    assert table.numbers[0][0] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(

@@ -1,22 +1,17 @@
 """Resistance along the stroke of a scene: shares by engine, table, figure, and the spread of the sleeve."""
 
 import pickle
-import re
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-import compact
 from compact.analysis.stages.drives import build_stages
 from compact.analysis.stages.resistance import along_stroke, sampled_shares
 from compact.analysis.stages.uncertainty import SLEEVE, drive_variants
-from compact.analysis.study import Study
 from compact.engines import ENGINES
 from compact.machine.drives import EDGE
-from compact.report import figures
-from compact.report.writer import write_study
 from compact.resistance import ResistanceMap
 from compact.scene.loader import load_scene
 from compact.turning import StrokeResistance
@@ -78,13 +73,6 @@ def test_step_and_linear_layers_have_the_bare_resistance(changes):
     assert found.mean_share == 1.0
 
 
-def test_rows_of_a_table_are_the_share_whatever_the_sleeve():
-    rows = [[0.0, 0.0], [0.11, 0.0], [0.136, 1.0]]
-    found = stage(**{"drive.turn": rows, SLEEVE: 0.03}).resistance
-    assert found.backward([0.1, 0.123, 0.2]) == pytest.approx([0.0, 0.5, 1.0])
-    assert found.forward.release == 0.0
-
-
 def test_each_end_of_the_stroke_has_its_own_distance():
     found = build_up(**{SLEEVE: [0.05, 0.15]}).resistance
     assert (found.forward([0.05, 0.15]) == 1).all()
@@ -106,17 +94,6 @@ def test_table_covers_both_sides_and_the_release_of_the_old_force():
     assert build_up().mean_share == pytest.approx(np.mean([np.trapezoid(f, t) / 0.4 for _, t, f, _ in rows]))
 
 
-def test_figure_has_the_resistance_along_the_stroke_and_the_step_dashed():
-    found = build_up()
-    profile = build_stages(load_scene(ENGINES_SCENE, **FORMULA)).laws.cycles["cubic"].forward
-    position, along, steady = found.over_cycle(profile)
-    assert (position.min(), position.max()) == pytest.approx((0.0, 0.4))
-    middle = np.abs(position - 0.2) < 0.05
-    assert along[middle] == pytest.approx(steady[middle], rel=1e-9)
-    figure = figures.draw_stroke(position, along, steady, "cubic")
-    assert [line.get_linestyle() for line in figure.axes[0].lines[:2]] == ["--", "-"]
-
-
 def test_scaled_resistance_keeps_its_shares_and_crosses_processes():
     found = build_up(COLUMN)
     heavier = found.along_stroke(found.map.scaled(1.2))
@@ -125,29 +102,6 @@ def test_scaled_resistance_keeps_its_shares_and_crosses_processes():
     assert again(0.3, 0.0, 0.1) == heavier(0.3, 0.0, 0.1)
     flat = ResistanceMap(np.array([0.1, 1.0]), np.array([1.0, 1.0]), 0.0)
     assert along_stroke(flat, None, (0.1, 0.1)) is flat
-
-
-def test_files_of_a_study_have_the_shares_of_every_engine_and_the_map_of_a_compared_one(tmp_path):
-    small = ENGINES_SCENE.with_name("small.toml")
-    changes = {
-        "compare": {"column": {}},
-        "output.items": ["tables"],
-        "drive.turn": "build-up",
-        "motion.laws": ["cubic"],
-    }
-    write_study(Study(load_scene(small, **changes)), tmp_path / "out")
-    table = np.genfromtxt(tmp_path / "out" / "resistance-along-stroke.csv", delimiter=",", names=True, dtype=None)
-    assert {*table["engine"].tolist()} == {"formula", "column"}
-    assert {*table["side"].tolist()} == {"forward", "return"}
-    assert table["force_share"].min() == pytest.approx(-1.0, abs=1e-6)
-    assert (tmp_path / "out" / "comparison" / "column" / "resistance.nc").is_file()
-
-
-def test_api_ranks_with_the_shares_of_its_resistance():
-    scene = compact.load_scene(ENGINES_SCENE.with_name("small.toml"), **{"drive.turn": "build-up"})
-    found = scene.resistance()
-    assert [each.value for each in scene.rank(resistance=found)] == [each.value for each in scene.rank()]
-    assert float(found(0.1)) == -float(found(-0.1)) > 0
 
 
 # the sleeve as an unknown
@@ -161,12 +115,3 @@ def test_assumed_sleeve_varies_from_open_to_midway_with_each_of_the_drive():
     assert alone["midway sleeve"] == pytest.approx((0.18, 0.18))  # half of 0.54 m less the sleeve
     assert sum(EDGE in each.of for each in found) == 2 + 2 * 6
     assert not any(EDGE in each.of for each in drive_variants(scene))
-
-
-def test_measured_sleeve_varies_by_its_comment(tmp_path):
-    text = ENGINES_SCENE.read_text("utf-8")
-    text = re.sub(r"(?m)^sleeve_distance = .*$", "sleeve_distance = [0.1, 0.12]  # m; measured ± 5 mm", text)
-    (tmp_path / "scene.toml").write_text(text)
-    found = drive_variants(load_scene(tmp_path / "scene.toml", **FORMULA), edges=True)
-    alone = {each.label: each.keys[SLEEVE] for each in found if each.of == (EDGE,)}
-    assert alone["sleeve distance − 5 %"] == pytest.approx((0.095, 0.115))

@@ -13,7 +13,7 @@ from pages import answer_words
 from compact.analysis.ranking_uncertainty import Place
 from compact.analysis.stages import uncertainty as stage
 from compact.analysis.stages.uncertainty import DRIVE, MIX, SHARES, drive_variants, mix_spread
-from compact.analysis.stages.verdict import ModelAnswer, contenders, fitted_inputs, reason_against, verdict
+from compact.analysis.stages.verdict import ModelAnswer, fitted_inputs, reason_against, verdict
 from compact.analysis.study import Study
 from compact.engines import ENGINES as ENGINE_CLASSES
 from compact.machine.drives import DAMPING, EDGE, STIFFNESS
@@ -89,21 +89,6 @@ def test_law_that_is_first_at_an_end_alone_ties_but_is_not_recommended():
     assert found.law == judged(*models).law
 
 
-def test_laws_with_the_same_motion_are_named_once():
-    assert judged(model("formula", a=100.0, twin=100.0, b=110.0)).contenders == ("a",)
-    assert judged(model("formula", a=100.0, twin=100.0, b=110.0), firsts=("a",)).resolved
-
-
-def test_law_as_good_here_that_is_first_at_an_end_is_a_contender():
-    found = judged(model("formula", a=100.0, other=100.0, b=110.0), firsts=iter(("a", "other")))
-    assert (set(found.contenders), found.resolved) == ({"a", "other"}, False)
-
-
-def test_no_contender_without_a_finite_value():
-    place = Place(1, "a", math.inf, math.nan, None, None, "the velocity jumps")
-    assert contenders([place], FORCE) == []
-
-
 # uncertainty
 
 
@@ -145,22 +130,6 @@ def test_margin_is_the_root_of_the_sum_of_squares_and_falls_with_a_known_mix():
     assert known.margin(FORCE, (MIX,), known=STIFFNESS) == pytest.approx(
         known.source(DRIVE).changes(law, FORCE, STIFFNESS)[1], rel=0.02
     )
-
-
-@pytest.mark.slow
-def test_linear_lead_has_peaks_and_margin_of_a_valid_model():
-    case = Study(study().scene.replaced(**{
-        "accuracy.engine": "spectral", "compare": None, "machine.roller_condition": "frictionless",
-        "machine.gap_geometry": "circle", "motion.laws": ["cubic", "parabolic"], "drive.kind": "rigid",
-        "drive.stiffness": None, "drive.damping": None, "motion.other_durations": None, "drive.turn": "step",
-    }))  # fmt: skip
-    decision = case.decision
-    assert (decision.engine, decision.invalid) == ("formula", "")
-    assert text.say("recommended", case).startswith(
-        f"law: **{decision.law}**, by formula; with margins its force and power are "
-    )
-    assert case.verdicts[case.scene.motion.duration, "rigid", FORCE].law == "parabolic"
-    assert case.uncertainty.source(MIX).changes("parabolic", FORCE)[1] == pytest.approx(0.3, abs=0.05)
 
 
 # the drive, which nobody has measured
@@ -242,18 +211,6 @@ def test_measured_drive_and_cart_vary_by_what_their_comments_state(tmp_path):
     assert found["damping + 10 %"] == pytest.approx({"drive.stiffness": 1e6, "drive.damping": 1.1 * 3162.0})
     assert found["mass × 1.1"] == pytest.approx({"machine.mass": 1100.0, "machine.weight": 11000.0})
     assert len(found) == 6
-
-
-@pytest.mark.parametrize(
-    ("comment", "spread"),
-    [
-        ("assumed ± 5 %", None), ("measured", 0.0), ("given ± 5 %", 0.05), ("measured ± 0.02", 0.05),
-        ("measured +- 20 mm; tape", 0.05), ("published; +/- 1 cm", 0.025), ("taken over ± 5 %", None),
-    ],
-)  # fmt: skip
-def test_comment_states_the_spread_of_a_known_value(tmp_path, comment, spread):
-    found = edited(tmp_path, stroke=comment).stated_spread("motion.stroke")
-    assert found == (spread if spread is None else pytest.approx(spread))
 
 
 @pytest.mark.parametrize(
@@ -401,11 +358,3 @@ QUESTIONS = {
 def test_question_of_a_designer_is_answered_by_terminal_and_first_screen(question):
     for words in (" ".join(text.study_digest(study()).split()), answer_words(study())):
         assert re.search(QUESTIONS[question], words, re.IGNORECASE)
-
-
-def test_laws_without_a_finite_peak_leave_no_verdict_and_no_uncertainty():
-    study = Study(
-        load_scene(SCENES / "small.toml", **{"motion.laws": ["constant-velocity"], "output.items": ["report"]})
-    )
-    assert study.uncertainty is None
-    assert study.verdicts == {}

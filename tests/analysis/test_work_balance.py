@@ -10,15 +10,10 @@ from compact.analysis.sizing.balances import heckel_work
 from compact.analysis.study import Study
 from compact.material.laws import Compaction
 from compact.report.text import say
-from compact.report.writer import study_summary
 from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 PRINTED = {"motion.duration": 0.4 / 0.45, "product.mould_speed": 1.1 / 60}  # .45 m/s, 1 to 1.15 m/min
-LINEAR = {
-    "accuracy.engine": "spectral", "machine.roller_condition": "frictionless", "machine.gap_geometry": "circle",
-    "contact.speeds": [0.05, 0.3], "accuracy.tolerance": 0.05,
-}  # fmt: skip
 
 
 def study(**changes):
@@ -100,18 +95,3 @@ def test_return_over_compacted_mix_presses_half_the_mix():
     )
     assert compacted.feed_ratio == pytest.approx(fresh.feed_ratio / 2)
     assert compacted.cycle_work < 0.6 * fresh.cycle_work
-
-
-def test_linear_layer_is_reported_as_not_for_sizing():
-    linear = study(**LINEAR)
-    assert linear.work_balance.work_ratio < 0.3
-    assert "takes 5.87 kJ/m³" in say("work", linear)
-
-
-def test_warnings_and_numbers_reach_the_summary():
-    written = study_summary(study(**PRINTED), [])["work_balance"]
-    assert written["pass_work"] == {"value": pytest.approx(6807, abs=1), "unit": "J/m3"}
-    assert written["feed_ratio"]["value"] == pytest.approx(49.1, abs=0.1)
-    without = study_summary(study(), [])["work_balance"]
-    assert without["throughput_work"] == {"value": None, "unit": "J/m3"}
-    assert "product.mould_speed" in say("work", study())

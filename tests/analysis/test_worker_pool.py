@@ -2,13 +2,11 @@
 
 import os
 import signal
-import sys
 from contextlib import suppress
 
 import pytest
 
-from compact.analysis import worker_pool
-from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerError, run_tasks
+from compact.analysis.worker_pool import ProcessExecutor, SerialExecutor, WorkerError, run_tasks
 
 EXECUTORS = pytest.mark.parametrize("create", [SerialExecutor, lambda: ProcessExecutor(2)], ids=["here", "processes"])
 
@@ -85,24 +83,3 @@ def test_workers_are_killed_when_the_caller_stops():
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
-
-
-def test_processes_that_cannot_begin_raise(monkeypatch):
-    monkeypatch.setattr(worker_pool, "_begin_worker", sys.exit)
-    with pytest.raises(RuntimeError, match="3 worker processes ended before they could begin"):
-        collected(square, [1], ProcessExecutor(1))
-
-
-@pytest.mark.parametrize(
-    ("module", "words"),
-    [
-        (None, r"a cluster needs dask; install it with `pip install 'compact\[cluster\]'`"),
-        ("", "no dask scheduler"),
-    ],
-)
-def test_cluster_requires_dask_and_a_scheduler(monkeypatch, module, words):
-    if module is None:
-        monkeypatch.setitem(sys.modules, "distributed", None)
-    monkeypatch.setattr(worker_pool, "SCHEDULER_TIMEOUT", 0.2)
-    with pytest.raises(RuntimeError, match=words):
-        collected(square, [1], DaskExecutor("tcp://127.0.0.1:1"))

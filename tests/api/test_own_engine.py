@@ -6,7 +6,6 @@ import pytest
 
 import compact
 from compact.engines import ENGINES
-from compact.scene.loader import scene_schema
 
 SMALL = "compact/data/scenes/small.toml"
 PACKAGE = '''
@@ -54,20 +53,6 @@ def test_engine_of_another_package_rolls(installed):
     assert scene.hash != scene.replaced(**{"accuracy.engine": "column"}).hash
 
 
-@pytest.mark.slow
-def test_engine_of_another_package_ranks_and_reports(installed, tmp_path):
-    assert "winkler" in scene_schema()["definitions"]["Accuracy"]["properties"]["engine"]["enum"]
-    scene = compact.load_scene(SMALL, **{"accuracy.engine": "winkler", "output.items": ["tables", "report"]})
-    study = scene.run(tmp_path / "out")
-    assert [*study.places_by_engine] == ["winkler", "formula"]
-    assert "engine winkler" in (tmp_path / "out" / "report.html").read_text("utf-8")
-    assert study.stages.contacts.second_pass is None
-    assert [place.law for place in scene.rank()] == [
-        place.run.name for place in study.stages.drive.rankings["peak_force"]
-    ]
-    assert (tmp_path / "out" / "report.html").exists()
-
-
 def test_engine_of_another_package_is_compared(installed, tmp_path):
     scene = compact.load_scene(
         SMALL, **{"accuracy.engine": "column", "compare": {"winkler": {}}, "output.items": ["tables"]}
@@ -78,17 +63,3 @@ def test_engine_of_another_package_is_compared(installed, tmp_path):
         scene.replaced(compare={"winkler": {"layer": {"base": "slip"}}})
     with pytest.raises(compact.SceneError, match=r"compare\.spring: unknown"):
         scene.replaced(compare={"spring": {}})
-
-
-def test_faulty_entry_point_is_named(installed):
-    with pytest.raises(
-        ValueError, match=r"the entry point broken of the group compact.engines must be of class Engine"
-    ):
-        compact.load_scene(SMALL).roll(0.2, engine="broken")
-
-
-def test_engine_that_is_not_installed_is_refused():
-    with pytest.raises(compact.SceneError, match=r"accuracy.engine: must be 'formula', .* got 'winkler'"):
-        compact.load_scene(SMALL, **{"accuracy.engine": "winkler"})
-    with pytest.raises(KeyError):
-        ENGINES["winkler"]

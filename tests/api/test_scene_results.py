@@ -1,10 +1,8 @@
 """Python interface: results of a scene as tables, datasets, figures and meshes, equal to those of a study."""
 
 import ast
-import pickle
 from pathlib import Path
 
-import meshio
 import numpy as np
 import pytest
 import xarray
@@ -27,28 +25,6 @@ def contacts(scene):
     return scene.roll(SPEEDS)
 
 
-@pytest.fixture(scope="module")
-def fields():
-    points = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.1, 0.1, 0.0], [0.0, 0.1, 0.0]])
-    lowered = {"displacement": np.tile([0.0, -0.01, 0.0], (4, 1))}
-    cells = [("quad", np.array([[0, 1, 2, 3]]))]
-    frames = tuple(
-        (speed, meshio.Mesh(points, cells, lowered, {"density_ratio": [np.array([0.9 + speed])]}))
-        for speed in (0.01, 0.02)
-    )
-    return compact.Fields(frames, "speed")
-
-
-def test_scene_keeps_its_class_and_is_short_in_text(scene):
-    changed = scene.replaced(**{"mix.moisture": 0.11})
-    assert type(changed) is type(scene) is compact.Scene
-    assert changed.with_engine("formula").accuracy.engine == "formula"
-    assert repr(scene) == f"<scene Small: the published machine, three laws, {SCENES / 'small.toml'}, engine column>"
-    assert "roller_radius" in scene._repr_html_()
-    assert pickle.loads(pickle.dumps(scene)) == scene
-    assert compact.parse_scene((SCENES / "small.toml").read_text("utf-8")).mix == scene.mix
-
-
 def test_contacts_equal_those_of_a_study_and_have_units(scene, contacts):
     study = compact.Study(scene)
     first = study.stages.contacts.passes_at(SPEEDS[-1])[0]
@@ -63,13 +39,6 @@ def test_contacts_equal_those_of_a_study_and_have_units(scene, contacts):
     assert isinstance(contacts.plot(), Figure)
     assert repr(contacts) == "<3 contacts by column, 0.05 to 0.2 m/s, Small: the published machine, three laws>"
     assert " kN/m<" in contacts._repr_html_()
-
-
-def test_contacts_of_another_engine_and_of_the_formulas(scene):
-    assert scene.roll(0.2, engine="formula").to_dataframe()["load"].tolist() == pytest.approx(
-        [compact.Study(scene).stages.contacts.engineering.roller_force / scene.machine.roller_length]
-    )
-    assert len(scene.roll(engine="spectral")) == 6
 
 
 def test_resistance_is_a_function_and_a_table(scene):
@@ -123,14 +92,6 @@ def test_sweep_is_a_dataset_whose_points_are_contacts(scene):
     assert float(table["load"].sel(moisture=0.1, duration=2)) == pytest.approx(point.load * scene.machine.roller_length)
 
 
-@pytest.mark.slow
-def test_process_has_numbers_and_a_figure():
-    process = compact.load_scene(SCENES / "process.toml").forming_process()
-    assert len(process.to_dataframe()) == process.row.history.count
-    assert isinstance(process.plot(), Figure)
-    assert "density ratio" in process._repr_html_()
-
-
 def test_study_writes_what_the_command_writes(tmp_path):
     formula = compact.load_scene(SCENES / "small.toml", **{"output.items": ["tables"]})
     study = formula.run(tmp_path / "out")
@@ -138,16 +99,6 @@ def test_study_writes_what_the_command_writes(tmp_path):
     assert study.to_dataframe().index[0] == study.stages.drive.rankings["peak_force"][0].run.name
     assert "cubic" in study._repr_html_()
     assert "cubic" not in formula.study()._repr_html_()  # a view starts no computation
-
-
-def test_fields_survive_writing_and_reading(fields, tmp_path):
-    again = compact.read_fields(fields.to_vtk(tmp_path))
-    assert again.parameter == "speed"
-    assert [value for value, _ in again.frames] == [0.01, 0.02]
-    assert again.to_dataframe().equals(fields.to_dataframe())
-    single = compact.read_fields(next((tmp_path / "fields").iterdir()))
-    assert single.names == ("density_ratio",)
-    assert repr(again) == "<fields density_ratio on 1 elements, 2 frames>"
 
 
 def test_type_checkers_see_every_public_name():

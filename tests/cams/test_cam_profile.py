@@ -70,12 +70,6 @@ def test_breadth_error_of_a_crank_is_that_of_the_finite_rod():
     assert made("crank", Pointed()).breadth_error == pytest.approx(error, rel=1e-12)
 
 
-def test_pointed_follower_is_a_roller_of_zero_radius():
-    small, point = made("septic", RollerFollower(1e-12)), made("septic", Pointed())
-    assert small.profile(TURN) == pytest.approx(point.profile(TURN), abs=2e-12)
-    assert small.least_breadth().breadth == pytest.approx(STROKE, rel=1e-10)
-
-
 # (c) published least breadths over the stroke, reference/errata.md "Cams"; the others need b > stroke
 
 LEAST = dict.fromkeys(sorted(set(SMOOTH) - {"reversal-4-free-jerk", "reversal-4-free-both"}), (1.0, 1e-12, AXIS)) | {
@@ -218,17 +212,6 @@ def test_upward_jump_of_velocity_is_a_straight_part_of_the_cam():
 # (d) hard cases
 
 
-@pytest.mark.slow
-def test_thin_lobe_requires_more_breadth_than_its_curvature():
-    """A lobe of a sixth of the turn. `test_roller_touches_its_cam_without_overlap` is the independent check."""
-    follower, motion = FOLLOWERS[1], cycle("quintic", near_dwell=30.0)
-    least = least_breadth(motion, follower)
-    narrow = Cam(motion, least.breadth * (1 - 1e-4), follower)
-    assert (least.rule, narrow.undercut) == ("the flanks of the lobe must not cross", True)
-    assert not Cam(motion, least.breadth * (1 + 1e-6), follower).undercut
-    assert narrow.least_radius_of_curvature > 0
-
-
 # (e) properties
 
 shapes = st.fixed_dictionaries(
@@ -254,34 +237,4 @@ def test_profile_above_the_least_breadth_does_not_run_backwards(shape, follower)
         assert narrow.least_radius_of_curvature < 0
 
 
-@examples(4, slow=12)
-@given(shapes, st.floats(1e-3, 1e3), st.floats(0.01, 1.0))
-def test_least_breadth_scales_with_the_lengths(shape, scale, radius):
-    one = least_breadth(cycle(**shape), RollerFollower(radius)).breadth
-    other = least_breadth(cycle(**shape, stroke=scale * STROKE), RollerFollower(scale * radius)).breadth
-    assert other == pytest.approx(scale * one, rel=1e-9)
-
-
-def test_table_is_the_cam_along_a_closed_turn():
-    cam = made("reversal-4", FOLLOWERS[1], far_dwell=1.0)
-    table = cam.table(91)
-    angle = table["angle_rad"]
-    assert angle == pytest.approx(np.linspace(0, 2 * np.pi, 91), abs=1e-15)
-    assert table["radius_m"] == pytest.approx(cam.radius(angle - 20 * np.pi), abs=1e-13)
-    assert np.array([table["x_m"], table["y_m"]]) == pytest.approx(cam.profile(angle), rel=1e-15)
-    assert np.all(np.isfinite(list(table.values())))
-
-
 # (g) refusals
-
-
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: made("quintic", Pointed(), 0.3), "`breadth` must be greater than the stroke, got 0.3 m for 0.4 m; "),
-        (lambda: made("quintic", Pointed()).radius(np.nan), "`angle` must be finite, got nan"),
-    ],
-)
-def test_invalid_input_is_refused(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()

@@ -1,6 +1,5 @@
 """Engine "compaction" against columns, balances and itself: passes, targets, neighbours, both directions."""
 
-import re
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -8,11 +7,10 @@ import numpy as np
 import pytest
 from mixes import THIN
 
-from compact import fem
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import field_mesh, roll
 from compact.engines.compaction.layer_state import relax_rows
-from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
+from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh
 from compact.material import cap_plasticity
 from compact.material.laws import Compaction
 from compact.rolling_contact import Layer, Roller, compaction_rate
@@ -81,11 +79,6 @@ def test_thin_layer_in_finite_strain_tends_to_logarithmic_columns(thin_finite):
     assert thin_finite.resistance / columns.resistance == pytest.approx(COLUMN_LIMIT[2][2], rel=3e-3)
     assert thin_finite.exit_height == pytest.approx(columns.exit.layer[0].height, rel=1e-4)
     assert thin_finite.exit_density_ratio == pytest.approx(columns.exit_density_ratio, abs=1e-4)
-
-
-def test_door_fem_uses_the_engine_for_compacting_mix(thin_finite):
-    rolled = fem.roll(Layer(HEIGHT), wide_roller(20), THIN, 0.2)
-    assert (rolled.load, rolled.exit_density_ratio) == (thin_finite.load, thin_finite.exit_density_ratio)
 
 
 def test_second_pass_over_a_thin_layer_is_elastic(thin):
@@ -226,16 +219,6 @@ def test_uniform_zone_is_convected_by_whole_elements(mix):
     assert convected.displacement[inside, 0] == pytest.approx(shifted, abs=1e-9)
 
 
-def test_interpolation_is_that_of_scikit_fem(mix):
-    frame = RollerFrame(rolling_mesh(0.1, 0.02, 0.005), mix, "bonded", 0.02)
-    x, y = np.random.default_rng(0).uniform(size=(2, 200))
-    inside = np.array([np.ptp(frame.mesh.x) * x + frame.mesh.x.min(), frame.mesh.height * y])
-    corners = np.array([frame.mesh.x[0, [0, -1]], frame.mesh.y[[0, -1]]])
-    points = np.hstack([inside, corners])
-    expected = frame.solid.basis.probes(points)
-    assert abs(frame.interpolation_matrix(points) - expected).max() < 1e-12
-
-
 def test_rear_is_uniform_and_in_equilibrium(coarse):
     frame, state = coarse.solution.frame, coarse.solution.state
     uniform = frame.with_uniform_rear(state)
@@ -246,16 +229,6 @@ def test_rear_is_uniform_and_in_equilibrium(coarse):
     assert np.abs(stress[:, 0] - stress[:, 2]).max() == 0
     assert np.abs(stress[:, 0, [1, 3]]).max() == 0
     assert np.abs(moved[rear]).max() < 1e-12
-
-
-def test_transfer_to_a_finer_mesh_is_exact_for_a_linear_state(mix):
-    old, new = coarse_frame(mix, 0.005), coarse_frame(mix, 0.003)
-    state = old.initial_state()
-    state.displacement[:, 1] = -0.01 * old.nodes[:, 1]
-    transferred = transfer_state(state, old, new)
-    inside = np.abs(new.nodes[:, 0]) < 0.1
-    assert transferred.displacement[inside, 1] == pytest.approx(-0.01 * new.nodes[inside, 1], abs=1e-12)
-    assert transferred.points.density_ratio == pytest.approx(0.94)
 
 
 def test_yielding_exit_column_is_relaxed(mix):
@@ -327,19 +300,6 @@ def test_target_is_reached(increments, name, value):
 # (g) cost
 
 
-def test_progress_is_reported_and_can_interrupt():
-    lines = []
-
-    def interrupt(line):
-        lines.append(line)
-        if "step 3" in line:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        roll(Layer(HEIGHT), wide_roller(10), THIN, 0.2, strain="small", increments=4, progress=interrupt)
-    assert re.match(r"4 elements per contact length, step 3: travel \S+ m, bow wave \S+ mm, residual ", lines[-1])
-
-
 # (h) refusals
 
 
@@ -368,9 +328,3 @@ def test_convection_keeps_a_stress_that_is_uniform_along_the_travel(mix):
     state.points.stress[:] = stress
     behind = frame.solid.point_coordinates[:, 0] < 0.05
     assert frame.convect(state).points.stress[behind] == pytest.approx(stress[behind], abs=1e-9)
-
-
-def test_pressure_integrates_to_the_load(rolled):
-    frame = rolled.solution.frame
-    tolerance = 0.36 * frame.step / frame.contact_length  # of the edges, half an element each
-    assert np.trapezoid(rolled.pressure, rolled.x) == pytest.approx(rolled.load, rel=tolerance)

@@ -1,8 +1,6 @@
 """Estimate of the largest depth in fresh mix: confined compression, scaling, and remedies that satisfy it."""
 
-import pickle
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +10,8 @@ from compact.engines.column.engine import required_feed
 from compact.engines.compaction.engine import HeapingError, roll
 from compact.engines.compaction.heaping import HeapingEstimate, bearing_factor
 from compact.engines.compaction.layer_state import fresh_layer
-from compact.engines.compaction.rolling import IncrementalRolling, RollingStep
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
-from compact.engines.compaction.steady_search import SteadySearch
-from compact.engines.compaction.steady_state import WaveDrift
-from compact.rolling_contact import EquilibriumError, Layer, Roller
+from compact.rolling_contact import Layer, Roller
 
 # of the default scene
 MIX = replace(STIFF, heckel_slope=14.75e-6, critical_slope=0.99345, tensile_strength=14281.0, dry_side="flat")
@@ -125,41 +120,3 @@ def test_estimate_is_omitted_where_it_does_not_apply(no_solution, changes):
 
 
 # (e) growing bow waves
-
-
-def search_with(bow_wave):
-    """Search whose last step has a bow wave [m], 22 mm of which are allowed, and whose wave grows as at first."""
-    step = RollingStep(0.05, 0.09, 1e4, 3e3, 0.0, 0.95, 2e5, 1, 1e-4, bow_wave, 1e-4, 0.0)
-    rolling = IncrementalRolling.__new__(IncrementalRolling)
-    rolling.steps, rolling.max_wave_height = (step,), 0.032
-    rolling.surface = SimpleNamespace(radius=0.11)
-    rolling.frame = SimpleNamespace(contact_length=0.05, step=0.05, mesh=SimpleNamespace(height=0.1))
-    search = SteadySearch.__new__(SteadySearch)
-    search.rolling, search.depth = rolling, 0.01
-    nothing = np.zeros(4)
-    areas = (1e-4, 2e-4, 3e-4)
-    search._waves = tuple(WaveDrift(0.05, area, 2e-3, 1e-6, 1e-3, nothing, nothing, nothing) for area in areas)
-    return search
-
-
-def test_wave_that_grows_without_slowing_down_until_a_step_fails_heaps_up():
-    def fail():
-        raise EquilibriumError("no equilibrium")
-
-    search = search_with(0.021)
-    search._search = fail
-    with pytest.raises(
-        HeapingError, match=r"bow wave grows .* until a step fails, and takes up 1 % of the feed"
-    ) as raised:
-        search.run()
-    heaping = raised.value.heaping
-    assert (heaping.depth, heaping.wave_height, heaping.travel) == pytest.approx((0.01, 0.021, 0.05))
-    assert heaping.contact_angle == pytest.approx(np.arccos(1 - 0.031 / 0.11))
-    copy = pickle.loads(pickle.dumps(raised.value))
-    assert (str(copy), copy.heaping) == (str(raised.value), heaping)
-
-
-def test_wave_of_the_largest_contact_angle_ends_the_search():
-    search_with(0.0219)._require_slowing()
-    with pytest.raises(EquilibriumError, match="the bow wave exceeds 22 mm"):
-        search_with(0.023)._require_slowing()

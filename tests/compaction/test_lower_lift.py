@@ -10,8 +10,7 @@ from mixes import LIFT_MIX as MIX
 from compact.analysis.multipass import Pass, density, passes
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
-from compact.engines.compaction.layer_state import compacted_lift, fresh_layer
-from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh, transfer_state
+from compact.engines.compaction.layer_state import fresh_layer
 from compact.material.cap_plasticity import compacted_state
 from compact.rolling_contact import Layer, LowerLift, Roller
 
@@ -45,17 +44,6 @@ def test_residual_stress_is_that_of_a_column_after_its_pass(ratio):
     assert point.density_ratio[0] == pytest.approx(ratio, abs=1e-12)
     assert -point.stress[0, [0, 2]] == pytest.approx(expected.lateral_stress, rel=1e-4)
     assert point.max_density_ratio[0] == pytest.approx(expected.max_density_ratio, abs=1e-9)
-
-
-def test_transfer_between_meshes_keeps_the_jump_of_density_at_the_interface():
-    lower = compacted_lift(LOWER, MIX)
-    old, new = (
-        RollerFrame(rolling_mesh(0.06, 0.02, step, 0.06), MIX, "bonded", 0.02, lower=lower) for step in (0.01, 0.004)
-    )
-    ratios = new.to_rows(transfer_state(old.initial_state(), old, new).points.density_ratio)
-    assert ratios[: new.lower_rows] == pytest.approx(0.98, rel=1e-12)
-    assert ratios[new.lower_rows :] == pytest.approx(MIX.fed_density_ratio, rel=1e-12)
-    assert new.row_heights[: new.lower_rows].sum() == pytest.approx(0.06, rel=1e-12)
 
 
 # columns in series
@@ -123,15 +111,6 @@ def test_exit_density_refers_to_the_fed_lift(on_lift):
     rolled = roll(ON_LIFT, ROLLER, MIX, 0.13, increments=4, exit_density_ratio=0.98, start=on_lift)
     assert rolled.exit_density_ratio == pytest.approx(0.98, rel=1e-3)
     assert rolled.indentation > on_lift.indentation
-
-
-@pytest.mark.slow
-def test_neighbour_on_a_lower_lift_equals_a_solution_from_scratch(on_lift):
-    layer = replace(ON_LIFT, height=1.03 * LIFT.height)
-    deeper = replace(ROLLER, indentation=0.00312)
-    found = [roll(layer, deeper, MIX, 0.13, increments=4, start=start) for start in (on_lift, None)]
-    assert found[0].load == pytest.approx(found[1].load, rel=3e-3)
-    assert found[0].resistance == pytest.approx(found[1].resistance, rel=3e-3)
 
 
 # chain of passes

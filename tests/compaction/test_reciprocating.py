@@ -210,12 +210,6 @@ def test_input_work_is_stored_and_frames_are_kept(thin):
     assert densities == sorted(densities)
 
 
-def test_error_is_the_change_from_steps_twice_as_long():
-    run = simulate_thin(law("quintic", WIDE_LENGTH / 2, 1.0), estimate=True)
-    assert 0 < run.error < 0.1
-    assert run.steps > 1.4 * len(run.time)
-
-
 # (c) hard cases
 
 
@@ -262,16 +256,6 @@ def test_friction_of_a_sliding_roller_changes_sign_at_rest():
     assert jump == pytest.approx(0.3 * (run.load[before] + run.load[after]), rel=1e-2)
     assert run.load[after] == pytest.approx(run.load[before], rel=0.05)
     assert run.work_residual < 0.02
-
-
-def test_thin_lift_on_a_pressed_layer_runs_and_shut_pores_are_warned_of():
-    """The layer below has room for the second stroke; a third of twice the depth would shut it."""
-    lift = {"lift_thickness": DEPTH / 2, "increments": 4}
-    run = simulate_thin(two_strokes(WIDE_LENGTH / 2), **lift)
-    assert run.density_ratio[1] > run.density_ratio[0]
-    deep = replace(WIDE, indentation=0.6 * (1 - THIN.fed_density_ratio) * HEIGHT)
-    with pytest.warns(UserWarning, match="stroke 2: the pores of the layer and its lift are shut at"):
-        simulate_thin(two_strokes(WIDE_LENGTH / 8), roller=deep, **lift)
 
 
 def test_mix_laid_behind_the_roller_is_met_after_its_own_track():
@@ -357,10 +341,3 @@ def test_strokes_with_lifts_repeat(roller, mix):
     peaks = [np.abs(run.resistance[run.stroke == k]).max() for k in (1, 2, 3, 4)]
     assert np.abs(np.diff(peaks)).max() < 0.01 * peaks[0]
     assert run.work_residual < 0.02
-
-
-def test_vanishing_friction_has_no_effect():
-    motion = law("quintic", WIDE_LENGTH / 2, 2.0)
-    slight, none = simulate_thin(motion, roller=free_roller(1e-7)), simulate_thin(motion)
-    assert slight.load == pytest.approx(none.load, rel=1e-5)
-    assert slight.resistance == pytest.approx(none.resistance, abs=1e-5 * none.resistance.max())

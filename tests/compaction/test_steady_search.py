@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from mixes import LIFT, LIFT_MIX, free_roller
 
-from compact.engines.compaction.engine import refinements, roll
+from compact.engines.compaction.engine import roll
 from compact.engines.compaction.rolling import RollingStep
 from compact.engines.compaction.rolling_case import STEADY_TOLERANCE
-from compact.engines.compaction.steady_search import SteadySearch
 from compact.engines.compaction.steady_state import QUANTITIES, WaveDrift
 
 PUBLISHED = LIFT, free_roller(), LIFT_MIX
@@ -36,43 +35,6 @@ def test_drift_is_the_slope_of_wave_and_load():
     assert drift.wave_slope == pytest.approx(1e-4 / 0.24 * np.exp(-0.1055 / 0.24), rel=1e-3)
     assert drift.slopes[QUANTITIES.index("load")] == pytest.approx(2e7 * drift.wave_slope, rel=1e-9)
     assert drift.wave_error < 1e-2 * drift.wave_slope
-
-
-def search_with(drifts):
-    """Search after some settled states, without finite elements."""
-    search = SteadySearch.__new__(SteadySearch)
-    search._waves, search._is_low = tuple(drifts), lambda drift: False
-    return search
-
-
-def test_wave_that_takes_up_mix_at_an_unchanged_rate_is_endless():
-    drifts = [
-        WaveDrift.of_steps(
-            [step(s, 1e-4 + 5e-4 * s, stored_area=4e-4 * s) for s in np.linspace(0.1 * k, 0.1 * k + 0.02, 8)]
-        )
-        for k in range(1, 16)
-    ]
-    assert drifts[0].growth == pytest.approx(4e-4)
-    assert not search_with(drifts[:2])._is_unslowed(1.0)
-    assert search_with(drifts[:3])._is_unslowed(1.0)
-    assert not search_with(drifts[:3])._is_unslowed(4.0)
-    assert search_with(drifts)._is_unslowed(4.0)
-
-
-def test_wave_that_relaxes_is_not():
-    drifts = [
-        WaveDrift.of_steps([replace(each, stored_area=each.wave_area) for each in decay(start)])
-        for start in (0.02, 0.06, 0.1, 0.2)
-    ]
-    assert not search_with(drifts)._is_unslowed(1.0)
-
-
-@pytest.mark.parametrize(
-    ("elements", "coarser"),
-    [(5, [(5, 1)]), (7, [(4, 2)]), (14, [(4, 1), (7, 2)]), (28, [(4, 1), (7, 1), (14, 2)])],
-)
-def test_last_two_refinements_have_one_mesh_and_halve_the_increments(elements, coarser):
-    assert refinements(elements) == [*coarser, (elements, 2), (elements, 4)]
 
 
 def test_rolled_state_is_steady(coarse):

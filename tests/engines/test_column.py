@@ -1,17 +1,14 @@
 """Engine "column": closed forms, reference solutions, hard cases, cost, failures of the integration."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from column_cases import DEPTH, FED, FED_HEIGHT, HEIGHT, MIX, SPEED, R, circle, mix, random_scenes, rolled, stepped
+from column_cases import DEPTH, FED, FED_HEIGHT, HEIGHT, MIX, SPEED, R, circle, mix, rolled, stepped
 from mixes import shear_line
 from scipy.integrate import quad
 from scipy.optimize import brentq, root
 
 from compact.analysis.multipass import Pass, passes
-from compact.engines.column import column_ode
-from compact.engines.column.column_pass import Column, ColumnLayer
+from compact.engines.column.column_pass import Column
 from compact.engines.column.engine import required_feed, roll, roll_over, simulate_oedometer
 from compact.rolling_contact import Layer, Roller
 
@@ -342,40 +339,6 @@ def test_release_of_saturated_mix_slides_on_the_line():
 
 
 # cost
-
-
-def test_evaluations_of_a_pass_are_bounded():
-    """2000 evaluations take 0.5 ms."""
-    assert rolled().own["evaluations"] < 1600
-
-
-@pytest.mark.parametrize("target", ["load", "peak_pressure", "exit_density_ratio"])
-def test_search_for_a_target_takes_few_passes(target, monkeypatch):
-    spent, compute = [], ColumnLayer.compute_pass
-    monkeypatch.setattr(ColumnLayer, "compute_pass", lambda *given: spent.append(1) or compute(*given))
-    for layer, roller, material in random_scenes(40, seed=1):
-        contact = roll(layer, roller, material, SPEED)
-        value = {target: getattr(contact, target)}
-        if target != "exit_density_ratio":
-            roller, value = replace(roller, indentation=None, **value), {}
-        found = roll(layer, roller, material, SPEED, **value)
-        assert found.indentation == pytest.approx(contact.indentation, rel=1e-8)
-    assert len(spent) / 40 < 13  # two of them by the indentation, two with the error estimate
-
-
-def test_integration_in_several_calls_agrees(monkeypatch):
-    """A keyboard interrupt is raised between two calls."""
-    whole, statuses, integrate_path = rolled(rtol=1e-11), [], column_ode.integrate_path
-
-    def recorded(*args):
-        statuses.append(integrate_path(*args))
-        return statuses[-1]
-
-    monkeypatch.setattr("compact.engines.column.column_pass.STEPS_PER_CALL", 7)
-    monkeypatch.setattr(column_ode, "integrate_path", recorded)
-    paused = rolled(rtol=1e-11)
-    assert statuses.count(column_ode.PAUSED) > 10
-    assert (paused.load, paused.resistance) == pytest.approx((whole.load, whole.resistance), rel=1e-10)
 
 
 # rate equations of the full ellipse over ln(h_in/h) by DOP853 at 1e-12, to a strain of .03 and back to s_v = 0:

@@ -2,10 +2,9 @@
 
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from column_cases import FED_HEIGHT, HEIGHT, MIX, R, circle, mix, mix_of, rolled
-from engine_calls import ROLL, expand_resistance
+from engine_calls import ROLL
 
 from compact import mesh
 from compact.engines.column.column_pass import Column
@@ -33,39 +32,27 @@ CASE = {  # accepted case of each engine
 }
 REFUSED = [
     *((engine, {"speed": 0}, "`speed` must not be 0, got 0: the resistance at rest is set-valued") for engine in CASE),
-    *((engine, {"speed": np.nan}, "`speed` must be finite, got nan") for engine in CASE),
     *((engine, {"rolling": "stuck"}, "no rolling 'stuck'; choose from frictionless, sliding") for engine in CASE),
-    *((engine, {"profile": "cone"}, "no profile 'cone'; choose") for engine in CASE),
-    *((engine, {"layer": Layer(0.22, base="glued")}, "no base 'glued'; choose") for engine in CASE),
     *((engine, {"material": "clay"}, "`material` .*, got ('clay'|str)") for engine in CASE),
-    *((engine, {"rtol": 0.0}, "`rtol` must be positive and finite, got 0.0") for engine in ("column", "spectral")),
     ("formula", {"layer": PLIES}, r"the engine formula takes no `plies` \(Ply.*, as it has one modulus for"),
-    ("formula", {"indentation": 0.003}, "takes no `indentation` 0.003, as the depth of a contact on a half-plane"),
-    ("formula", {"profile": "circle"}, "'parabola', got 'circle'; use fem"),
-    ("formula", {"load": 1e6}, "no capture angle"),
     ("column", {"layer": Layer(0.22, base="slip")}, "takes no `base` 'slip', as mix on a slipping base moves sideways"),
-    ("column", {"layer": PLIES}, r"takes no `plies` \(Ply.*, as its layer is of one mix"),
     ("column", {"material": SOFT}, "needs a `material` Compaction or StateUpdate, got Elastic; use"),
     *(
         ("column", {"friction": 0.3, "rolling": rolling}, f"no `rolling` '{rolling}' with `friction` 0.3, as columns")
         for rolling in ("sliding", "driven")
     ),
     ("column", {"layer": Layer(0.22), "indentation": 0.0132}, "must be less than 0.0132 m, where grains and water"),
-    ("column", {"layer": Layer(0.22), "load": 1e6}, "`load` must be less than .*, where grains and water alone fill"),
-    ("column", {"layer": Layer(0.22), "peak_pressure": 1e6}, "`peak_pressure` must be less than .*, where grains"),
     ("column", {"layer": Layer(9.0), "indentation": 0.2}, "less than 0.11 m, where the circle is buried to its"),
     ("column", {"strain": "engineering"}, "no strain 'engineering'; choose from logarithmic, small"),
     ("column", {"exit_density_ratio": 0.93}, "must lie between 0.94, before the pass, and 0.99.*got 0.93"),
     ("spectral", {"profile": "deformed"}, "takes no `profile` 'deformed', as its gap is measured on the undeformed"),
     ("spectral", {"rolling": "free", "friction": 0.3}, "no `rolling` 'free' with `friction` 0.3, as its rollers have"),
     ("spectral", {"layer": ON_LIFT}, "takes no `lower_lift` LowerLift.*, as its layer does not compact"),
-    ("fem", {"tolerance": -1}, "`tolerance` must be positive and finite, got -1"),
     ("fem", {"layer": Layer(0.3), "mesh": ROWS}, "`mesh` must be as high as the layer, 0.3 m, got 0.22 m"),
     ("fem", {"layer": PLIES, "mesh": ROWS}, "a line of nodes at every interface of plies, got none at y = 0.12 m"),
     ("fem", {"rolling": "driven", "friction": 0.2}, "`torque` must be given for a 'driven' roller"),
     ("fem", {"rolling": "sliding", "friction": 0.2, "torque": 3.0}, "`torque` needs a roller that"),
     ("fem", {"rolling": "free", "torque": 3.0}, "got 3.0 for 'free' with 0.0"),
-    ("fem", {"rolling": "free", "friction": 0.2, "torque": np.inf}, "`torque` must be finite"),
 ]
 TARGETS = ("indentation", "load", "peak_pressure")
 
@@ -87,24 +74,13 @@ def test_case_is_refused(engine, change, words):
 
 VALUES = [
     (lambda: required_feed(HEIGHT, 1.0, MIX, 0.2), "must lie between 0.94, before the pass, and 0.99.*got 1"),
-    (lambda: required_feed(HEIGHT, 0.93, MIX, 0.2), "must lie between 0.94, before the pass, and .*got 0.93"),
-    (lambda: required_feed(-1.0, 0.98, MIX, 0.2), "`height` must be positive and finite, got -1.0"),
     (lambda: required_feed(HEIGHT, 0.98, replace(MIX, rate_sensitivity=0.03), 0.2), "`radius` must be given for a mix"),
-    (lambda: simulate_oedometer(MIX, -1.0), "`pressure` must be zero or positive, and finite, got .*-1.0"),
     (lambda: simulate_oedometer(MIX, [1e5, 1e7]), "less than the stress that closes all pores, got 10000000.0 Pa"),
     (lambda: roll_over((Column(0.2, 1.0),), circle(1e-3), MIX, 0.2), r"`density_ratio` must be below 1, got \[1.0\]"),
-    (lambda: roll_over((Column(0.0, 0.9),), circle(1e-3), MIX, 0.2), "`height` must be positive and finite, got"),
-    (lambda: roll_over((Column(0.2, 0.9, np.inf),), circle(1e-3), MIX, 0.2), "`lateral_stress` must be finite"),
     (lambda: rolled(*BURIED, exit_density_ratio=0.95), "must lie .* where the circle is buried to its axis"),
     (lambda: rolled(*CLOSING, exit_density_ratio=0.971368), r"between 0\.965641, before the pass, and 0.9656"),
-    (lambda: Ply(thickness=0.0, stiffness=1.0), "`thickness` must be positive and finite, got 0.0"),
-    (lambda: Ply(thickness=0.1, stiffness=-1.0), "`stiffness` must be positive and finite, got -1.0"),
     (lambda: Layer(0.2, plies=PLIES.plies), "must add up to the layer height, 0.2 m, got 0.22"),
     (lambda: mesh.graded_mesh(0.22, 0.02, 4, interfaces=(0.2, 0.1)), r"`interfaces` must ascend between 0 and the he"),
-    (lambda: expand_resistance(**changed("spectral", {"speed": 0.0})), "`speed` must not be 0, got 0"),
-    (lambda: expand_resistance(**changed("spectral", {"rtol": -1.0})), "`rtol` must be positive and finite, got -1.0"),
-    (lambda: expand_by_elements(**changed("fem", {"speed": np.inf})), "`speed` must be finite, got inf"),
-    (lambda: expand_by_elements(**changed("fem", {"tolerance": 0.0})), "`tolerance` must be positive and finite"),
     (lambda: expand_by_elements(**changed("fem", {"rolling": "free", "friction": 0.3})), "without stick and slip only"),
 ]
 

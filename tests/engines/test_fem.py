@@ -1,7 +1,6 @@
 """Engine "fem": closed forms, published tables, the engine "spectral", convergence, energy balance and refusals."""
 
 import re
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -11,7 +10,6 @@ from rolling_scenes import roll_elements as roll
 
 from compact import fem, mesh
 from compact.engines.fem import compliance
-from compact.engines.fem import engine as fem_engine
 from compact.engines.halfplane import galin
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Elastic, Viscoelastic
@@ -259,13 +257,6 @@ STIFF = Viscoelastic(
 )  # instantaneous modulus 50 times the relaxed one
 
 
-def test_unreachable_tolerance_raises_with_the_error_and_the_remedy(monkeypatch):
-    monkeypatch.setattr(fem_engine, "MAX_UNKNOWNS", 9000)
-    words = r"`tolerance` 0.007 is not reached: .* \d\.\de-0\d for the load .* 9000 unknowns; raise .*or use spectral"
-    with pytest.raises(RuntimeError, match=words):
-        fem.roll(LAYER, Roller(0.11, indentation=0.003), STIFF, 0.001, tolerance=7e-3)
-
-
 @pytest.mark.parametrize(
     "number",
     [
@@ -289,20 +280,6 @@ def test_random_scene_of_stiff_mix_reaches_the_tolerance_or_raises(number):
 
 
 # (f) cost
-
-
-def test_number_of_iterations_and_unknowns():
-    rolled = roll(LAYER, Roller(0.11, indentation=0.006), SLS, 0.03)
-    assert len(rolled.history) < 25
-    assert rolled.mesh.dofs < 25_000
-
-
-def test_speeds_share_one_factorisation():
-    compliance.layer_stiffness.cache_clear()
-    for speed in (0.03, -0.3):
-        fem.roll(LAYER, Roller(0.11, indentation=0.006), SLS, speed, mesh=SMALL)
-    fem.roll(LAYER, Roller(0.11, indentation=0.006), replace(SLS, youngs_modulus=3e6), 0.1, mesh=SMALL)
-    assert compliance.layer_stiffness.cache_info().misses <= 2  # the mesh and the refined one of the error estimate
 
 
 # fields

@@ -15,9 +15,7 @@ from compact.engines.process.roller_row import RollerRow
 from compact.engines.process.strokes import (
     FeedError,
     FormingProblem,
-    SectionState,
     confined_work,
-    mean_over_height,
     solve_closure,
 )
 from compact.rolling_contact import Layer, Roller
@@ -113,28 +111,11 @@ def test_one_stroke_is_a_pass(material):
     assert found.density_ratio[-1] == pytest.approx(once.exit_density_ratio, rel=1e-10)
 
 
-def test_strokes_are_passes_with_lifts_between():
-    found = row_of(problem(at_rest(4), feed=FEEDS["even"], layers=80), Closure("product_density_ratio", 0.80)).history
-    stages = [Pass(lift=lift, height=0.22) for lift in found.make_up.tolist()]
-    results = passes(Layer(0.22), Roller(0.11, indentation=0.001, profile="circle"), MIX, 0.45, stages)
-    assert found.load == pytest.approx([each.load for each in results], rel=1e-7)
-    assert found.resistance == pytest.approx([each.resistance for each in results], rel=1e-6)
-
-
 def test_merged_layers_do_not_change_the_load():
     fill = Column(0.22, 0.80)  # of another density than the feed
     loads = [problem(fill=fill, layers=layers).with_amount(0.0008).load for layers in (3, 20, 80)]
     assert loads[0] == pytest.approx(loads[2], rel=1e-6)
     assert loads[1] == pytest.approx(loads[2], rel=1e-6)
-
-
-def test_merging_keeps_height_and_grains():
-    columns = (Column(0.1, 0.9, 3e4, 0.91), Column(0.002, 0.8, 1e4, 0.8), Column(0.003, 0.85, 2e4, 0.86))
-    whole = SectionState(columns, 50e6)
-    merged = whole.merged(2)
-    assert [column.height for column in merged.columns] == pytest.approx([0.1, 0.005])
-    assert merged.grain_height == pytest.approx(whole.grain_height, rel=1e-14)
-    assert mean_over_height(np.array([0.1, 0.002, 0.003]), np.array([0.9, 0.8, 0.85]), 0, 0.25) == pytest.approx(0.9)
 
 
 # --- row, closures
@@ -155,13 +136,6 @@ def test_row_integrates_strokes_along_the_roller():
     assert 0.5 < numbers["load_centre"] / 0.4 < 0.8
     ratios = [column.density_ratio for column in history.states[-1].columns]
     assert np.ptp(ratios) < 1e-6  # over the height
-
-
-def test_gap_and_density_are_inverse():
-    found = row_of(problem(material=RATED))
-    again = row_of(problem(material=RATED), Closure("gap", found.history.amount))
-    assert again.product_density_ratio == pytest.approx(0.98, abs=1e-8)
-    assert again.load == pytest.approx(found.load, rel=1e-7)
 
 
 def test_gap_is_ill_conditioned():

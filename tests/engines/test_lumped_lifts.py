@@ -89,21 +89,6 @@ def test_exponential_forces_are_interpolated_and_extrapolated_exactly(row):
     assert row.centre_of(load(row.history.density_ratio)) > 0.2
 
 
-def test_fields_show_the_rows_of_the_lifts_at_the_density_of_the_strokes(row):
-    lifts = sequence()
-    heights, ratios, stresses = lifts.profile_at(0.9)
-    assert heights.sum() == pytest.approx(0.22)
-    assert ratios[[0, -1]] == pytest.approx([0.85, 0.95])
-    assert stresses[[0, -1]] == pytest.approx([1e4, 3e4])
-    assert lifts.profile_at(0.75)[1] == pytest.approx(0.75)
-    count, mesh = next(lifted(row, (lifts,)).frames())
-    x, y = mesh.points[mesh.cells[0].data[:, 2], :2].T
-    assert y.max() == pytest.approx(0.22)
-    assert x.max() == pytest.approx(row.edges[1])
-    pressed = mesh.cell_data["density_ratio"][0][mesh.cell_data["strokes"][0] == count]
-    assert pressed.mean() == pytest.approx(row.history.density_ratio[0], abs=2e-3)
-
-
 def test_few_strokes_are_not_lumped():
     """One stroke is one lift of its make-up; many strokes are at least ten lifts within the nip angle."""
     assert lift_thickness(MACHINE, np.array([0.004]), 0.75) == pytest.approx(0.004)
@@ -122,23 +107,6 @@ def test_thickness_is_extrapolated_in_a_line(row):
     line = float(found.at_strokes("resistance") @ made_up) / float(made_up.sum())
     assert found.estimate("resistance").lumping_error == pytest.approx(abs(power / line - 1), rel=0.05)
     assert found.estimate("resistance").mesh_error == pytest.approx(0.05)
-
-
-def test_profile_is_that_of_the_product(row):
-    found = lifted(row, pair()).numbers_by_lifts
-    assert found["bottom_density_ratio"] == pytest.approx(0.93 - 0.07, abs=1e-6)
-    assert found["top_density_ratio"] == pytest.approx(0.93 + 0.09, abs=1e-6)
-    assert found["middle_density_ratio"] == pytest.approx(0.93, abs=1e-3)
-
-
-def test_mould_at_rest_has_no_work_of_the_throughput(row):
-    machine = replace(MACHINE, mould_speed=0.0, strokes=5)
-    problem = replace(row.problem, machine=machine)
-    still = RollerRow(solve_closure(problem, Closure("gap", 0.001)), 0.98)
-    found = lifted(still, pair())
-    assert found.estimate("resistance").value == 0
-    assert np.isnan(found.numbers_by_lifts["specific_work"])
-    assert found.estimate("load").value == pytest.approx(1e3 * 0.4)
 
 
 @pytest.fixture
@@ -219,29 +187,6 @@ def test_fill_above_the_generatrix_is_pressed_alone(fake_roll, row):
     assert [lift.thickness for lift in found.lifts[:3]] == [0.0, 0.005, 0.005]
     both = lifted(row, (found, replace(found, thickness=0.004)))
     assert np.isfinite(both.estimate("resistance").value)
-
-
-def test_sequence_ends_where_nothing_becomes_denser(fake_roll, monkeypatch):
-    monkeypatch.setattr(
-        lumped_lifts,
-        "roll",
-        lambda *a, fed_layer, **k: SimpleNamespace(exit=fed_layer, indentation=0.005, bow_wave=0.0),
-    )
-    assert len(lifts_of(Column(0.22, 0.75)).lifts) == lumped_lifts.LIFTS_MAX
-
-
-def test_lift_without_a_steady_state_ends_the_sequence_or_is_refused(fake_roll, monkeypatch):
-    def fail(*args, **options):
-        if fake_roll:
-            raise RuntimeError("the mix heaps up; last step")
-        return press(*args, **options)
-
-    press = lumped_lifts.roll
-    monkeypatch.setattr(lumped_lifts, "roll", fail)
-    found = lifts_of(Column(0.22, 0.75))
-    assert (len(found.lifts), found.stopped) == (1, "the mix heaps up")
-    with pytest.raises(RuntimeError, match="heaps up"):
-        lifts_of(Column(0.22, 0.75))
 
 
 @pytest.mark.slow

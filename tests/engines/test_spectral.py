@@ -10,7 +10,6 @@ from compact.engines.halfplane import galin, hertz
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral.engine import build_rolling_problem, solve_contact
 from compact.engines.spectral.galerkin_system import (
-    assemble_system,
     build_jacobi_basis,
     creep_branch_matrices,
     creep_compliance,
@@ -237,27 +236,7 @@ def test_error_estimate_covers_the_true_error(scenes):
 # cost
 
 
-def test_number_of_assembled_systems_is_bounded(monkeypatch):
-    calls = []
-    monkeypatch.setattr(spectral, "assemble_system", lambda *args: calls.append(args[1]) or assemble_system(*args))
-    spectral.roll(LAYER, pressed(), SOLID, 0.3)
-    assert len(calls) <= 9
-    assert max(calls) <= 24
-
-
 # refused arguments and failures
-
-
-def test_insufficient_modes_raise_with_the_history(monkeypatch):
-    monkeypatch.setattr(spectral, "MODE_COUNTS", (4, 6, 8))
-    mix = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((30.0, 0.01),))
-    with pytest.raises(RuntimeError, match=r"6 modes reach a relative error of .*; before them 4 modes "):
-        spectral.roll(LAYER, pressed(), mix, 0.03)
-
-
-def test_contact_wider_than_the_circle_raises():
-    with pytest.raises(RuntimeError, match=r"half-width not found|wider than the circle"):
-        spectral.roll(LAYER, pressed(0.3, profile="circle"), MIX, 1.0)
 
 
 @pytest.mark.parametrize("exponent", [0.35, 0.5, 0.62])

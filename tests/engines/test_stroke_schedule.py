@@ -37,23 +37,8 @@ def test_steps_end_at_fractions_of_elements():
     assert motion.position(times) == pytest.approx(places, abs=1e-9)
 
 
-def test_every_second_step_is_a_step():
-    way = stroke_schedule(law("quintic", 0.1, 1.0).cycle())
-    for stroke in (0, 1):
-        (_, fine), (_, coarse) = (way.steps(stroke, 0.01, every) for every in (1, 2))
-        assert coarse == pytest.approx(fine[::2])
-
-
 def test_stroke_starts_at_the_end_of_a_dwell():
     way = stroke_schedule(law("quintic", 0.1, 1.0).cycle(far_dwell=0.5))
     times, _ = way.steps(1, 0.01)
     assert times[0] == pytest.approx(1.5, abs=2e-3)
     assert way.steps(0, 0.01)[0][-1] == pytest.approx(1.0, abs=1e-3)
-
-
-def test_instant_belongs_to_one_stroke():
-    way = stroke_schedule(law("constant-velocity", 0.1, 1.0).cycle())
-    times, _ = way.steps(0, 0.01)
-    assert way.nearest(0, times, (0.0, 0.501, 1.5)) == {0, int(np.abs(times - 0.5).argmin())}
-    assert way.nearest(0, times, (1.0,)) == {len(times) - 1}
-    assert way.nearest(1, 1 + times, (0.0, 1.0)) == set()

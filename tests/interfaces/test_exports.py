@@ -17,7 +17,7 @@ from compact.analysis.study import Study
 from compact.cli import program as cli
 from compact.contact import dry_resistance
 from compact.drive import Rigid, simulate
-from compact.interfaces.force_tables import CartModel, force_table, write_force_csv
+from compact.interfaces.force_tables import CartModel, force_table
 from compact.interfaces.functional_mockup import VARIABLES, has_binary, write_fmu
 from compact.motion import law
 from compact.resistance import ResistanceMap
@@ -88,18 +88,6 @@ def value(unit, name):
 
 
 @pytest.mark.slow
-def test_unit_has_the_forces_of_the_rigid_drive(study, model, unit):
-    cart, state = unit(model), study.stages.drive.runs["reversal-4"].state
-    moving = np.flatnonzero(np.abs(state.velocity) > 1e-6)[::5]
-    assert moving.size > 50
-    for k in moving:
-        set_values(cart, velocity=state.velocity[k], acceleration=state.acceleration[k])
-        assert value(cart, "resistance") == pytest.approx(state.resistance[k], rel=1e-13)
-        assert value(cart, "guide_friction") == pytest.approx(state.forces.guide_friction[k], rel=1e-13)
-        assert value(cart, "drive_force") == pytest.approx(state.forces.drive_force[k], rel=1e-13)
-
-
-@pytest.mark.slow
 def test_unit_has_memory_and_return_stroke(model_with_memory, unit):
     cart = unit(model_with_memory)
     for velocity in (-0.5, -0.1, -0.003, 0.003, 0.02, 0.49):  # below and above the slowest sample
@@ -108,21 +96,6 @@ def test_unit_has_memory_and_return_stroke(model_with_memory, unit):
             forces = model_with_memory.forces(velocity, acceleration)
             for name in ("resistance", "guide_friction"):
                 assert value(cart, name) == pytest.approx(float(forces[name]), rel=1e-12)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("memory", [False, True])
-def test_force_of_a_law_moves_the_cart_of_the_unit_by_that_law(model, model_with_memory, unit, memory):
-    used, motion, steps = model_with_memory if memory else model, law("reversal-4", 0.4, 3.0), 1000
-    cart, step = unit(used), 3.0 / steps
-    velocity, acceleration = (motion.at_phase((np.arange(steps) + 0.5) / steps, order) for order in (1, 2))
-    position = []
-    for force in used.cart.mass * acceleration + used.forces(velocity, acceleration)["opposing_force"]:
-        set_values(cart, applied_force=force)
-        cart.doStep(len(position) * step, step)
-        position.append(value(cart, "cart_position"))
-    exact = motion.at_phase(np.arange(1, steps + 1) / steps, 0)
-    assert np.max(np.abs(np.array(position) - exact)) < 2e-4 * 0.4
 
 
 @pytest.mark.slow
@@ -243,14 +216,6 @@ def test_table_meets_its_tolerance_against_the_drive(study, model, model_with_me
     assert np.max(np.abs(table(velocity, acceleration) - exact)) <= tolerance * np.max(np.abs(exact))
 
 
-def test_table_is_the_same_when_read_back(model, tmp_path):
-    table = force_table(model, 1e-2)
-    columns = np.loadtxt(write_force_csv(table, tmp_path / "force.csv"), delimiter=",", skiprows=1).T
-    grid = np.meshgrid(table.velocity, table.acceleration, indexing="ij")
-    for column, values in zip(columns, (*grid, *table.forces.values()), strict=True):
-        np.testing.assert_allclose(column, np.ravel(values), rtol=1e-11, atol=1e-12)
-
-
 # command
 
 
@@ -261,39 +226,3 @@ def test_command_writes_table_and_unit(request, tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert {path.rpartition("/")[2] for path in found["files"]} == {"force.csv", "cart.fmu"}
     assert found["mass"] == 1000
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--format", "vtu"), 'needs fields, which the engine "formula" does not have; use --engine fem or compaction'),
-        (("--format", "fmu", "--set", "drive.end_springs={stiffness=1e3, preload=0, length=0.1}"), "drive.end_springs"),
-        (("--format", "csv", "--tolerance=-1"), "`tolerance` must be"),
-        (("--format", "stl"), "stl"),
-    ],
-)
-def test_command_refuses_in_a_sentence(request, tmp_path, capsys, arguments, words):
-    scene = str(request.config.rootpath / SMALL)
-    assert cli._exit_code(["export", scene, *arguments, "--out", str(tmp_path / "out")]) == 2
-    assert words in " ".join(capsys.readouterr().err.replace("│", " ").split())
-
-
-@pytest.mark.slow
-def test_unit_refuses_a_speed_beyond_the_samples(model, unit):
-    cart = unit(model)
-    set_values(cart, velocity=2 * model.largest_speed)
-    with pytest.raises(Exception, match="fmi2GetReal failed with status 3"):
-        value(cart, "drive_force")
-
-
-@pytest.mark.slow
-def test_unit_without_a_compiler_has_sources(model, tmp_path, monkeypatch):
-    from fmpy.validation import validate_fmu
-
-    monkeypatch.setattr("compact.interfaces.functional_mockup.shutil.which", lambda _: None)
-    monkeypatch.delenv("CC", raising=False)
-    path = write_fmu(model, tmp_path / "cart.fmu")
-    assert not has_binary(path)
-    with ZipFile(path) as archive:
-        assert {"sources/cart_fmu.c", "sources/cart_data.h"} <= set(archive.namelist())
-    assert validate_fmu(str(path)) == []

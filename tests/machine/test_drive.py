@@ -16,10 +16,8 @@ from sampling import examples
 from compact.drive import CRITERIA, Crank, Rigid, rank, simulate
 from compact.machine.crankshaft import simulate_crankshaft
 from compact.machine.elastic_drive import ElasticDrive
-from compact.machine.ranking import ROUNDING_TIE
 from compact.machine.rigid_drive import SAMPLES_PER_PIECE
 from compact.motion.profile import LAWS, Cycle, law
-from compact.resistance import ResistanceMap
 
 CART = CART_OF_C
 GUIDE = 0.008 * (2 * 9740.0 - 10e3)  # friction of the published_law guides while both wheels press
@@ -122,12 +120,6 @@ def test_dynamic_factor_is_the_peak_over_the_steady_force():
     assert run.dynamic_factor == pytest.approx(1 + 1000 * 6 * 0.4 / 9 / (3562 + GUIDE), rel=1e-12)
 
 
-def test_rod_of_the_crank_is_a_triangle():
-    crank, psi = Crank(0.2, 0.8), np.linspace(0, 2 * np.pi, 50)
-    assert 0.8 * np.sin(crank.rod_angle(psi)) == pytest.approx(0.2 * np.sin(psi), abs=1e-16)
-    assert crank.rod_tangent(0.75, 3.0) == pytest.approx(0.25 / math.sqrt(1 - 0.25**2), rel=1e-14)
-
-
 # hard cases
 
 
@@ -210,19 +202,6 @@ def test_work_balances_for_any_cart_and_resistance(name, mass, size, coefficient
 # cost
 
 
-def test_resistance_is_evaluated_once_per_leg():
-    """One more evaluation for the steady force, and one for the sign of the resistance."""
-    sizes = []
-
-    def resistance(velocity, acceleration):
-        sizes.append(np.size(velocity))
-        return 100 * np.sign(velocity)
-
-    run = simulate(CART, Rigid(), published_law("reversal-4"), resistance)
-    assert run.steady_force > 0
-    assert sorted(sizes) == [1, 8, 3 * SAMPLES_PER_PIECE, 3 * SAMPLES_PER_PIECE]
-
-
 # ranking
 
 
@@ -253,15 +232,6 @@ def test_rank_counts_the_smaller_values(values, order, ranks, margins):
     assert [place.margin for place in found] == pytest.approx(margins, rel=1e-9, nan_ok=True)
     reasons = ["the velocity jumps: impulsive force" if not math.isfinite(each.value) else "" for each in found]
     assert [place.reason for place in found] == reasons
-
-
-def test_equal_laws_share_a_rank():
-    """D 4.3 is D 3.3, and the gear sector is the constant velocity."""
-    names = ("reversal-4", "reversal-4-free-jerk", "septic", "gear-sector", "constant-velocity")
-    every = rank(simulate(CART, Rigid(), published_law(name), friction(3562.0)) for name in names)
-    found = {place.run.name: place.rank for place in every}
-    assert found["reversal-4"] == found["reversal-4-free-jerk"]
-    assert found["gear-sector"] == found["constant-velocity"] == 5  # the last
 
 
 JUMP = {2: "the velocity of the law jumps", 3: "velocity or acceleration of the law jumps"}
@@ -300,16 +270,6 @@ def test_a_dwell_adds_impulses_to_the_criteria():
 
 @pytest.mark.sampled(4)
 @pytest.mark.parametrize("criterion", CRITERIA)
-def test_every_criterion_ranks_real_runs(criterion):
-    found = rank([simulate(CART, Rigid(), published_law(name), friction(3562.0)) for name in LAWS], criterion)
-    values = [place.value for place in found]
-    assert len(found) == len(LAWS)
-    assert values == pytest.approx(sorted(values), rel=ROUNDING_TIE)
-    assert all((place.reason != "") == (place.value == math.inf) for place in found)
-
-
-@pytest.mark.sampled(4)
-@pytest.mark.parametrize("criterion", CRITERIA)
 def test_margins_are_not_rounding(criterion):
     """A free cart requires no energy and many laws have a steady part; the rest is rounding."""
     every = [simulate(replace(UNIT, mass=1000.0), Rigid(), published_law(name), free) for name in LAWS]
@@ -333,12 +293,6 @@ def test_ranking_does_not_depend_on_the_order_of_the_runs(data, values):
 
 
 # errors
-
-
-def test_map_of_a_driven_roller_is_accepted_with_either_sign():
-    pulling = ResistanceMap(np.array([0.1, 0.2, 0.3]), np.array([-90.0, -80.0, -70.0]), 1e-3)
-    run = simulate(CART, Rigid(), published_law("cubic"), pulling)
-    assert run.mean_power < 0.8 / 6 * GUIDE
 
 
 @pytest.mark.parametrize("name", WITHOUT_IMPULSE)

@@ -17,10 +17,9 @@ from compact.machine.elastic_motion import CartMotion
 from compact.machine.hydraulic_drive import Hydraulic
 from compact.machine.motor_drive import Motor, simulate_acceleration_phase, simulate_motor
 from compact.machine.rigid_drive import InverseDynamics
-from compact.machine.roller_motors import CreepFreeRoller, DrivenRoller, pull_range, roller_rotation
+from compact.machine.roller_motors import DrivenRoller, pull_range
 from compact.machine.shaft import Belt, Kloss, LinearTorqueCurve, solve_shaft_speed
 from compact.machine.spring_forces import CartState
-from compact.motion.profile import law
 from compact.resistance import ResistanceMap
 
 BELT = Belt(pulley_radius=0.1, stiffness=50e3, preload=500.0, friction=0.4, wrap=3.0)
@@ -82,74 +81,32 @@ def bad(value):
 
 VALUES = [
     (lambda: replace(CART, mass=-1.0), "`mass` must be zero or positive, and finite, got -1.0"),
-    (lambda: replace(CART, weight=np.inf), "`weight` must be zero or positive, and finite, got inf"),
-    (lambda: replace(CART, roller_reactions=(1.0, -2.0)), "`roller_reactions` must be zero or positive, and finite"),
-    (lambda: replace(CART, roller_radius=0.0), "`roller_radius` must be positive and finite, got 0.0"),
-    (lambda: replace(CART, guide_positions=(np.inf, 0.0)), "`guide_positions` must be finite"),
-    (lambda: replace(CART, roller_positions=0.3), "`roller_positions` must be a list of numbers, got 0.3"),
-    (
-        lambda: replace(CART, roller_positions=(0.0,)),
-        "`roller_reactions` must be one per roller, got 2 for 1 positions",
-    ),
+    (lambda: replace(CART, roller_positions=(0.0,)), "`roller_reactions` must be one per roller, got 2 for 1 positi"),
     (lambda: replace(CART, guide_positions=(0.1, 0.1)), r"`guide_positions` must be \(front, rear\) with front > rear"),
-    (lambda: replace(BELT, wrap=math.nan), "`wrap` must be positive and finite"),
     (lambda: replace(BELT, stiffness=5e3), r"`stiffness` 5000 N is too low for .* creep by 0.11 before"),
-    (lambda: EndSprings(-1.0, 0.0, 0.1, stroke=0.4), "`stiffness` must be zero or positive"),
     (lambda: EndSprings(1.0, 0.0, 0.3, stroke=0.4), r"`length` must be at most half the stroke, 0\.2 m, got 0\.3"),
-    (lambda: Crank(0.2, np.inf), "`rod_length` must be positive and finite, got inf"),
     (lambda: Crank(0.2, 0.2), r"`rod_length` must exceed the crank radius 0\.2 m, got 0\.2"),
-    (lambda: crankshaft(angular_speed=np.nan), "`angular_speed` must be positive and finite, got nan"),
-    (lambda: crankshaft(angles=(0.0, np.nan)), r"`angles` must be finite, got \[0\.0, nan\]"),
-    (lambda: ElasticDrive(0.0, 1.0), "`stiffness` must be positive and finite, got 0.0"),
-    (lambda: ElasticDrive(1e6, 1.0, math.nan), "`backlash` must be zero or positive, and finite, got nan"),
     (lambda: elastic(cart=replace(CART, mass=0.0)), "`mass` must be positive"),
     (lambda: elastic(regime="rset"), r"no regime 'rset'; did you mean 'rest'\? choose from periodic, rest"),
-    (lambda: Kloss(0.0, 0.1, 157.0), "`breakdown_torque` must be positive"),
-    (lambda: LinearTorqueCurve(1.0, math.nan), "`no_load_speed` must be positive"),
-    (lambda: Motor(KLOSS, 0.0, 0.0, 1.0), "`gear_ratio` must be positive"),
     (lambda: Motor(KLOSS, 1.0, 1.0, 1.0, ()), "`angles` must hold one angle per cart, got none"),
     (lambda: replace(HYDRAULIC, piston_area=0.0), "`piston_area` must be positive"),
-    (lambda: replace(MOTOR, price=0.0), "`price` must be positive"),
     (lambda: replace(MOTOR, peak_torque=1.0), "`peak_torque` must be at least `rated_torque` 5.0 N m, got 1.0"),
-    (lambda: Bearing(0.0, "ball", 1), "`dynamic_rating` must be positive"),
-    (lambda: Bearing(1e3, "plain", 1), "no kind 'plain'"),
     (lambda: Bearing(1e3, "ball", 1.5), "`count` must be a whole number >= 1"),
-    (lambda: CreepFreeRoller(0.11, 0.0, 0.35), "`load` must be positive and finite, got 0.0"),
     (lambda: driven_roller(creeps=np.zeros(9)), "`creeps` must increase with the torque at every speed"),
-    (
-        lambda: roller_rotation(published_law("quintic").cycle(), -1.0, 0.0),
-        "`roller_radius` must be positive and finite",
-    ),
     (lambda: rigid(working=(0.5, 0.5)), "`working` must be two fractions, 0 <= first < second <= 1, got"),
-    (
-        lambda: rank([], "peak_forse"),
-        "no criterion 'peak_forse'; did you mean 'peak_force'[?] choose from peak_force, ",
-    ),
+    (lambda: rank([], "peak_forse"), "no criterion 'peak_forse'; did you mean 'peak_force'[?] choose from peak_forc"),
     # laws and drives
-    (
-        lambda: on_crank(published_law("cubic")),
-        r"a crank imposes its own law only, got 'cubic', .*use Rigid\(\), .*=0\.8\)",
-    ),
-    (lambda: on_crank(law("crank", 0.4, 3.0, rod_length=0.9)), "a crank imposes its own law only, got 'crank'"),
-    (
-        lambda: on_crank(published_law("crank").cycle(far_dwell=0.1)),
-        r"a crank cannot dwell, got dwells of 0\.1 s in all",
-    ),
+    (lambda: on_crank(published_law("cubic")), r"a crank imposes its own law only, got 'cubic', .*use Rigid\(\), .*="),
+    (lambda: on_crank(published_law("crank").cycle(far_dwell=0.1)), r"a crank cannot dwell, got dwells of 0\.1 s in"),
     (lambda: on_motor(KLOSS, 150.0, 0.0, 1.0, name="gear-sector"), "'gear-sector' jumps, which requires an infinite"),
     (
         lambda: balance(replace(CART_OF_C, guide_friction=0.5), 0.0, 1.0, 1.0, rod_tangent=np.array([0.0, 2.0])),
         r"the rod is too steep: `guide_friction` 0\.5 locks the cart",
     ),
     # resistances
-    (
-        lambda: rigid(bad(math.nan)),
-        r"`resistance` must be finite, got nan at velocity 0\.15\d* m/s and acceleration -?\d",
-    ),
-    (lambda: crankshaft(resistance=bad(math.inf)), "`resistance` must be finite"),
+    (lambda: rigid(bad(math.nan)), r"`resistance` must be finite, got nan at velocity 0\.15\d* m/s and acceleration"),
     (lambda: rigid(lambda v, a: 3500.0 + 0 * v), r"got 3500 N at velocity -0\.133333 m/s: .*`compact.dry_resistance\("),
     (lambda: rigid(lambda v, a: 2e4 * np.abs(v)), r"must oppose the motion, got 2666\.67 N at velocity -0\.133333 m/s"),
-    (lambda: rigid(lambda v, a: -dry(v)), r"must oppose the motion, got -3486 N at velocity 0\.133333 m/s"),
-    (lambda: rigid(lambda v, a: np.sign(v) * (np.abs(v) - 0.01)), r"must oppose .* N at velocity 0\.00133333 m/s"),
     *(
         (
             lambda made=made: simulate(CART, made, published_law("quintic"), lambda v, a: 3500.0),
@@ -167,10 +124,7 @@ VALUES = [
         lambda: elastic(replace(DAMPED, include_added_mass=True), lambda v, a: np.sign(v) - 1500 * a),
         r"`mass` must exceed the negative added mass of the resistance, 1500 kg, got 1000 kg",
     ),
-    (
-        lambda: elastic(ElasticDrive(1e15, 0.0), name="gear-sector"),
-        r"`stiffness` 1e\+15 N/m with `damping` 0 N s/m: the cart oscillates 9.5e\+05 times per cycle .*rigid",
-    ),
+    (lambda: elastic(ElasticDrive(1e15, 0.0), name="gear-sector"), r"`stiffness` 1e\+15 N/m with `damping` 0 N s/m:"),
     *(  # k <= m (1e9/T)^2, whatever the damping
         (
             lambda k=k: elastic(ElasticDrive(k, 0.1 * math.sqrt(k * 1e3)), dry, "septic"),

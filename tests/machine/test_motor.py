@@ -126,27 +126,6 @@ def test_added_mass_adds_to_the_mass_of_the_cart():
     assert resisting.period == pytest.approx(heavy.period, rel=1e-12)
 
 
-@pytest.mark.parametrize("name", ["cubic", "parabolic"])
-def test_steep_motor_on_a_bare_shaft_is_resolved(name):
-    run = simulate_motor(CART_OF_C, Motor(KLOSS, 150.0, 0.0, 1.0), published_law(name), friction(SIZE))
-    assert run.energy_residual < 1e-8
-    assert run.energy == pytest.approx(0.8 * (SIZE + 0.008 * 9480), rel=1e-6)
-
-
-def test_flywheel_and_more_carts_reduce_the_fluctuation():
-    soft = Kloss(40.0, 0.6, 157.0)
-    runs = {
-        (inertia, carts): simulate_motor(
-            CART, Motor(soft, 100.0 * carts, 0.0, inertia, CRANK_ANGLES[carts]), published_law("cubic"), friction(SIZE)
-        )
-        for inertia in (10.0, 3e5)
-        for carts in (1, 2)
-    }
-    fluctuation = {key: run.fluctuation for key, run in runs.items()}
-    assert fluctuation[3e5, 1] < fluctuation[10.0, 1] / 2
-    assert fluctuation[10.0, 2] < fluctuation[10.0, 1]
-
-
 # properties
 
 
@@ -163,28 +142,7 @@ def test_energy_balance_of_any_motor(name, power, size, slip):
 # cost
 
 
-@pytest.mark.parametrize("name", KINDS)
-def test_revolution_costs_few_newton_steps(name):
-    run = simulate_motor(CART_OF_C, Motor(KLOSS, 150.0, 0.0, 20.0), published_law(name), friction(SIZE))
-    assert run.revolution.iterations <= 60
-    assert len(run.revolution.angle) <= 80
-
-
 # errors
-
-
-def test_noisy_torque_raises():
-    """Elements are bisected until they resolve the torque; noise is never resolved."""
-    rng = np.random.default_rng(2)
-
-    class Noisy(ConstantTorque):
-        def torque(self, speed):
-            return self.size * (1 + 1e-3 * rng.standard_normal(np.shape(speed)))
-
-    with pytest.raises(RuntimeError, match=r"did not converge|not resolved by \d{1,5} elements; use a torque curve"):
-        simulate_motor(
-            CART, Motor(Noisy(90.0), 2.0, 0.5, 7.0), published_law("cubic"), friction(300.0), start_speed=5.0
-        )
 
 
 @pytest.mark.parametrize("name", ["cubic", "parabolic", "crank"])

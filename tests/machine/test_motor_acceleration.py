@@ -41,11 +41,3 @@ def test_acceleration_phase_ends_in_the_periodic_regime(angles):
     last = run.angle >= 2 * np.pi * (run.revolutions - 1)
     at = np.interp(np.mod(run.angle[last], 2 * np.pi), periodic.angle, periodic.speed)
     assert run.speed[last] == pytest.approx(at, rel=0.05)
-
-
-def test_duration_grows_with_the_flywheel():
-    times = [
-        accelerate(CART_OF_C, Motor(KLOSS, 150.0, 0.0, size), published_law("cubic"), dry)[1].time[-1]
-        for size in (1e3, 1e5)
-    ]
-    assert times[1] > 5 * times[0] > 0

@@ -1,7 +1,6 @@
 """Motors inside the rollers: rolling without creepage, Carter's cylinder, the finite-element engine, balances."""
 
 import math
-from copy import copy
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +13,9 @@ from scipy.integrate import quad
 from compact import fem
 from compact.analysis import contact_cases
 from compact.analysis.contact_cases import contact_inputs
-from compact.analysis.stages.drives import torque_response
 from compact.analysis.study import Study
 from compact.contact import dry_resistance
 from compact.drive import Rigid, simulate
-from compact.engines.fem import engine as fem_engine
 from compact.machine.cart import Cart, EndSprings, balance
 from compact.machine.rigid_drive import InverseDynamics
 from compact.machine.roller_motors import (
@@ -235,23 +232,6 @@ def slides(*_, **__):
     raise RuntimeError("the roller slides")
 
 
-@pytest.mark.slow
-def test_samples_end_at_the_coulomb_limit_or_have_no_creep(by_fem, monkeypatch):
-    contacts = copy(by_fem.stages.contacts)
-    contacts.records = by_fem.stages.contacts.records[:1]
-    roller = torque_response(contacts, (-1e9, 1e9))
-    shares = roller.torques[0] / (by_fem.stages.contacts.mix.steel_friction * R * roller.loads[0])
-    assert shares[[0, -1]] == pytest.approx([-FULL_SLIP_SHARE, FULL_SLIP_SHARE], abs=5e-3)
-    assert np.diff(carter_parameter(shares)) == pytest.approx(0.3, abs=0.02)
-    beyond = roller(np.array([0.1]), np.array([1.2 * roller.pulls[0, -1]]))
-    assert np.isnan(beyond.creep).all()
-    assert beyond.share == pytest.approx(1.2 * FULL_SLIP_SHARE, rel=0.01)
-    monkeypatch.setattr(fem_engine, "roll", slides)
-    with pytest.warns(UserWarning, match="creep of the driven rollers is left out: the roller slides"):
-        result = torque_response(contacts, (-100.0, 900.0))
-    assert result == CreepFreeRoller(R, contacts.roller_load, by_fem.stages.contacts.mix.steel_friction)
-
-
 # beyond the Coulomb limit
 
 
@@ -271,19 +251,6 @@ def test_pull_beyond_friction_is_reported_with_its_share():
     first = np.argmax(np.isnan(angle))
     assert first > 0
     assert np.isnan(angle[first:]).all()
-
-
-@pytest.mark.parametrize(
-    ("law_name", "friction", "words"),
-    [
-        ("quintic", 0.18, "friction: 1.07 of the Coulomb limit"),
-        ("quintic", 0.0, "friction: inf of the Coulomb limit"),
-        ("gear-sector", FRICTION, "force: the velocity jumps"),
-    ],
-)
-def test_law_beyond_the_limits_of_the_drive_states_what_is_insufficient(law_name, friction, words):
-    motors = motor(law_name, CreepFreeRoller(R, LOAD, friction))
-    assert (motors.lack, motors.peak_torque) == (words, math.inf)
 
 
 def test_rotation_is_the_travel_over_the_radius():

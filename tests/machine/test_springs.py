@@ -12,7 +12,6 @@ from sampling import examples
 from compact.drive import Crank, Rigid, simulate
 from compact.machine.cart import EndSprings
 from compact.machine.crankshaft import CRANK_ANGLES, simulate_crankshaft
-from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.elastic_motion import integrate
 from compact.machine.motor_drive import Motor
 from compact.machine.shaft import Kloss
@@ -123,14 +122,6 @@ def test_driven_cart_comes_to_rest_at_the_plate_of_its_spring():
     assert trajectory.begin[-1] == pytest.approx(time, rel=3e-5)
     assert trajectory.at(trajectory.begin[-1:]).position == pytest.approx([0.08], abs=1e-9)
     assert len(trajectory.rows) < 400
-
-
-@pytest.mark.parametrize("stiffness", [1e5, 1e9])
-def test_tuned_springs_require_no_force_of_an_elastic_drive(stiffness):
-    tuned = CART.mass * (np.pi / 3.0) ** 2
-    drive = ElasticDrive(stiffness, 0.1 * np.sqrt(stiffness * CART.mass))
-    run = simulate_elastic(cart_with_springs(tuned, 0.0, 0.2), drive, published_law("harmonic"), lambda v, a: 0.0 * v)
-    assert run.peak_force < 1e-7 * CART.mass * 0.2 * (np.pi / 3) ** 2
 
 
 # properties

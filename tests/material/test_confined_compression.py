@@ -1,13 +1,10 @@
 """Stress path of confined compression: equation of flow, rigid limit, order, Heckel's curve by return mapping."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from mixes import oedometer, shear_line
 from scipy.integrate import solve_ivp
 
-from compact.material import confined_compression
 from compact.material.confined_compression import stress_angle
 from compact.material.laws import Compaction
 
@@ -58,10 +55,6 @@ def test_factor_is_of_second_order_in_the_elastic_strain():
     assert law.elastic_polynomial[0] == pytest.approx(S / (1 + S) * d * d / 2, rel=2e-3)
 
 
-def test_isotropic_curve_has_no_factor():
-    assert replace(ellipse(35), heckel_test="isotropic").elastic_polynomial == (0.0, 0.0, 0.0, 0.0)
-
-
 @pytest.mark.parametrize("modulus", [60e6, 120e6])
 @pytest.mark.parametrize("friction_angle", [28, 35, 38])
 @pytest.mark.parametrize(("law", "error"), [("ellipse", 3e-7), ("shear line", 1e-7)])
@@ -74,9 +67,3 @@ def test_oedometer_follows_heckel_and_the_earth_pressure(law, error, friction_an
         assert path[-1, 1] == pytest.approx(1 - np.sin(np.radians(friction_angle)), abs=0.005)
     stress, _, k = path[path[:, 2] > 0.91].T
     assert stress == pytest.approx(np.log(0.28 / (1 - k)) / HECKEL_SLOPE, rel=error)
-
-
-def test_path_that_does_not_converge_names_the_modulus(monkeypatch):
-    monkeypatch.setattr(confined_compression, "MAX_ITERATIONS", 1)
-    with pytest.raises(RuntimeError, match="`unloading_modulus` may be too small for the stresses of the Heckel curve"):
-        stress_angle(ellipse(28, 1e6), 0.99)

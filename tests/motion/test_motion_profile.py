@@ -6,7 +6,7 @@ from dataclasses import astuple
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.polynomial import legendre
 from published import CHAPTER_5, COMPLEX_LAW, CRITERIA, LAWS_OF_D, RUN_UP_TRAVEL, VDI_2143
@@ -174,15 +174,6 @@ def test_crank_law_is_the_slider_crank_mechanism(ratio, order):
     )
 
 
-def test_crank_law_is_the_geometry_of_the_mechanism():
-    r, rod, z = 0.2, 0.8, np.linspace(0, 1, 17)
-    motion, hinge = law("crank", 2 * r, 3.0, rod_length=rod), r * np.exp(1j * np.pi * z)
-    slider = hinge.real + np.sqrt(rod**2 - hinge.imag**2)
-    assert motion.position(3 * z) == pytest.approx(r + rod - slider, abs=1e-15)
-    exact = [sign * r * (np.pi / 3) ** 2 * (1 + sign * r / rod) for sign in (1, -1)]  # at the dead centres
-    assert motion.acceleration([0.0, 3.0]) == pytest.approx(exact, rel=1e-14)
-
-
 # ---- joins and cycles ------------------------------------------------------------------------------------------------
 
 K = 6480 / 13  # jerk of combined-3 at its ends
@@ -243,13 +234,6 @@ def test_return_stroke_is_the_mirror_image_and_that_of_a_crank_is_reversed_in_ti
             expected = (-1) ** order * cycle.derivative(3.0 - t, order)
         assert cycle.derivative(3.5 + t, order) == pytest.approx(expected, rel=1e-9, abs=1e-9 * np.abs(expected).max())
         assert cycle.derivative([3.25, 6.6], order) == pytest.approx([standing, 0.0], abs=0)
-
-
-def test_period_includes_both_dwells():
-    cycle = cycle_of("quintic")
-    legs = [(leg.start, leg.duration, leg.direction) for leg in cycle.legs()]
-    assert (cycle.period, legs) == (6.75, [(0, 3, 1), (3, 0.5, 0), (3.5, 3, -1), (6.5, 0.25, 0)])
-    assert [leg.direction for leg in law("reversal-2", 0.4, 3.0).cycle(0.0, 0.0).legs()] == [1, -1]
 
 
 @pytest.mark.parametrize(("name", "far", "near"), CYCLES)
@@ -325,16 +309,6 @@ def test_peaks_are_the_largest_values(motion):
     assert peaks[:3] == pytest.approx(sampled[:3], rel=1e-2, abs=1e-12 * max(peaks))
 
 
-@examples(15, slow=60)
-@given(motions(), st.floats(0, 5), st.floats(0, 5))
-@example(law("cubic", 0.4, 3.0), 1e-310, 5e-324)
-def test_cycle_stays_within_the_stroke(motion, far, near):
-    cycle = motion.cycle(far, near)
-    x = cycle.derivative(np.linspace(-cycle.period, 2 * cycle.period, 301), 0) / motion.stroke
-    assert x.min() >= -1e-12
-    assert x.max() <= 1 + 1e-12
-
-
 # ---- (d) hard cases --------------------------------------------------------------------------------------------------
 
 
@@ -354,23 +328,6 @@ def test_short_acceleration_phase(name, run):
     assert (gone.peaks().velocity, float(gone.position(0.5))) == pytest.approx((1.0, 0.5), rel=1e-12)
 
 
-@pytest.mark.parametrize("run", [0.5 - 4e-13, 0.5 - 1e-15, 0.5 + 1e-13])
-def test_acceleration_and_deceleration_that_fill_the_time_leave_no_constant_velocity(run):
-    motion = unit("reversal-3", run_up=run, run_down=run)
-    assert motion.peaks().velocity == pytest.approx(2.0, rel=1e-11)
-    assert motion.smoothness() == 2
-
-
-@pytest.mark.parametrize("d2", [1e-3, 1e-5, 1e-9, 1e-15, 1e-300])
-def test_peak_velocity_next_to_thin_boundary_layers(d2):
-    assert 1.0 <= unit("complex", energy_weight=1 - d2, acceleration_weight=d2).peaks().velocity < 1.1
-
-
-@pytest.mark.parametrize("weights", [(0.0, 1 - 1e-16), (1e-300, 1 - 1e-16), (0.3, 0.7 - 2.0**-50), (1 - 2.0**-40, 0.0)])
-def test_thin_boundary_layers_are_smooth(weights):
-    assert law("complex", 1.0, 1.0, 0.1, 0.1, *weights).smoothness() == 2
-
-
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize(
     ("stroke", "duration"),
@@ -382,22 +339,6 @@ def test_extreme_strokes_and_durations_only_scale(name, stroke, duration):
     assert astuple(motion.peaks()) == pytest.approx(exact, rel=1e-11, abs=0)
     assert (motion.smoothness(), motion.smoothness("dwell")) == SMOOTHNESS[name]
     assert motion.position(duration) == pytest.approx(stroke, rel=1e-14)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_time_may_have_any_shape(name):
-    motion = law(name, 0.4, 3.0, rod_length=0.5)
-    for shape in [(), (0,), (7,), (2, 3), (2, 0, 3)]:
-        time = np.full(shape, 0.7)
-        for moving in (motion, motion.return_stroke(), motion.cycle(0.2)):
-            assert {np.shape(moving.derivative(time, k)) for k in range(5)} == {shape}
-
-
-def test_named_derivatives_are_the_derivatives():
-    motion = law("septic", 0.4, 3.0)
-    named = [motion.position, motion.velocity, motion.acceleration, motion.jerk, motion.snap]
-    assert [f(0.7) for f in named] == [motion.derivative(0.7, k) for k in range(5)]
-    assert motion.position([-1e-13, 3.0 * (1 + 2e-16)]) == pytest.approx([0.0, 0.4], abs=0)  # outside by rounding
 
 
 # ---- (g) refusals ----------------------------------------------------------------------------------------------------
@@ -414,15 +355,8 @@ def made(**changes):
     [
         (lambda: made(name="sinus"), "no motion law 'sinus'; choose from constant-velocity, cubic, quintic, "),
         (lambda: made(name="crank"), "the law 'crank' requires `rod_length`, got None; set the length"),
-        (
-            lambda: made(name="crank", rod_length=0.2),
-            r"over rod length must lie in \[0, 1\), got 1.0",
-        ),
         (lambda: made(run_up=0.6, run_down=0.5), r"`run_up` \+ `run_down` must not exceed 1, got 0.6 \+ 0.5"),
         (lambda: MOTION.position([1.0, 3.1]), r"`time` must lie in \[0, 3\] s, got 1 to 3.1"),
-        (lambda: MOTION.position([0.0, math.nan]), r"`time` must lie in \[0, 3\] s, got nan"),
-        (lambda: MOTION.derivative(0.0, 21), "`order` of a derivative must be a whole number from 0 to 20, got 21"),
-        (lambda: MOTION.smoothness("stop"), "no end condition 'stop'"),
     ],
 )
 def test_values_out_of_range_are_refused(call, message):

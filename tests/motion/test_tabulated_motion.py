@@ -41,13 +41,6 @@ def test_table_without_noise_reproduces_its_polynomial(name, rows):
     )
 
 
-@pytest.mark.parametrize("name", ["septic", "cycloidal"])
-@pytest.mark.parametrize(("rows", "tolerance"), [(31, 1e-2), (61, 1e-3), (200, 1e-4)])
-def test_table_without_noise_reproduces_the_jerk_of_a_smooth_law(name, rows, tolerance):
-    exact, got = law(name, STROKE, DURATION), from_table(*table_of(name, rows))
-    assert got.jerk(INSIDE) == pytest.approx(exact.jerk(INSIDE), abs=tolerance * exact.peaks().jerk)
-
-
 def test_error_without_noise_has_the_order_of_the_quintic_spline():
     rows, exact = np.array([31, 61, 121]), law("cycloidal", STROKE, DURATION).position(INSIDE)
     error = [np.abs(from_table(*table_of("cycloidal", n)).position(INSIDE) - exact).max() for n in rows]
@@ -59,16 +52,6 @@ def test_scatter_is_the_noise():
 
 
 # ---- (d) hard cases --------------------------------------------------------------------------------------------------
-
-
-def test_table_may_start_anywhere_and_have_any_scale():
-    time, position = table_of("quintic")
-    moved, plain = from_table(1e3 + time, 5.0 + position), from_table(time, position).jerk(INSIDE)
-    assert (moved.stroke, moved.duration) == pytest.approx((STROKE, DURATION), rel=1e-12)
-    assert moved.jerk(INSIDE) == pytest.approx(QUINTIC.jerk(INSIDE), abs=1e-5)
-    for scale in (1e-6, 1e6):
-        scaled = from_table(scale * time, position / scale).jerk(scale * INSIDE)
-        assert scaled * scale**4 == pytest.approx(plain, abs=1e-6)
 
 
 def test_rounded_table_reproduces_its_velocity():

@@ -43,16 +43,6 @@ def test_projection_keeps_the_energy_of_a_linear_volumetric_strain(bases):
     assert displacement @ K @ displacement == pytest.approx(displacement @ exact @ displacement, rel=1e-12)
 
 
-def test_moduli_of_each_element_scale_its_matrix(bases):
-    scalar, _ = bases
-    factors = np.linspace(1, 3, scalar.nelems)
-    B = strain_matrix(scalar)
-    whole, parts = (element_matrices(scalar, B, B, moduli) for moduli in (
-        unit_moduli(POISSON), factors[:, None] * unit_moduli(POISSON)
-    ))  # fmt: skip
-    assert parts == pytest.approx(factors[:, None, None] * whole, rel=1e-13)
-
-
 def test_rigid_motions_have_no_energy(bases):
     scalar, _ = bases
     x, y = scalar.doflocs

@@ -1,6 +1,5 @@
 """Cache of compiled functions: it follows changes of functions and constants in other modules."""
 
-import errno
 import importlib
 import os
 import subprocess
@@ -11,10 +10,9 @@ from pathlib import Path
 import numba
 import pytest
 from filelock import FileLock
-from numba.core import caching
 
 from compact.numerics import jit
-from compact.numerics.jit import is_compiled, source_files
+from compact.numerics.jit import source_files
 
 ROOT = Path(__file__).parents[2]
 CALLER = """\
@@ -89,18 +87,6 @@ def test_a_change_in_another_module_recompiles_the_caller(sample, change):
     assert compiled_result(module) == (expected, 0)
 
 
-def test_function_counts_as_compiled_while_its_cache_is_up_to_date(sample):
-    folder, module = sample
-    function = imported(module)
-    assert not is_compiled(function)
-    function()
-    assert is_compiled(function)
-    assert is_compiled(imported(module))
-    middle = folder / "middle.py"
-    middle.write_text(middle.read_text().replace("OFFSET = 5", "OFFSET = 60"))
-    assert not is_compiled(imported(module))
-
-
 def test_a_process_waits_while_another_one_compiles(sample):
     _, module = sample
     function, found = imported(module), []
@@ -125,12 +111,6 @@ def told(caplog):
     return lambda: [record.getMessage() for record in caplog.records]
 
 
-def test_function_is_compiled_where_no_folder_can_be_written(sample, told, monkeypatch):
-    monkeypatch.setattr(caching.CacheImpl, "_locator_classes", [])
-    assert imported(sample[1])() == 1060
-    assert told() == ["no folder for compiled code can be written: each run compiles; NUMBA_CACHE_DIR may name one"]
-
-
 DAMAGES = {
     "empty": lambda content: b"",
     "truncated": lambda content: content[:-40],
@@ -147,15 +127,6 @@ def test_damaged_cache_is_compiled_again(sample, told, suffix, damage):
     assert compiled_result(module) == (1060, 0)
     assert told() == ["compiled code on disk is damaged, or of another version; it is compiled again"]
     assert compiled_result(module) == (1060, 1)
-
-
-def test_function_is_compiled_though_the_disk_is_full(sample, told, monkeypatch):
-    def full(*_):
-        raise OSError(errno.ENOSPC, "No space left on device")
-
-    monkeypatch.setattr(caching.IndexDataCacheFile, "_save_index", full)
-    assert compiled_result(sample[1]) == (1060, 0)
-    assert told() == ["compiled code cannot be kept: No space left on device; the next run compiles again"]
 
 
 # without the locks of Unix

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from compact.numerics.piecewise import (
-    ZOOM_CELLS,
     clenshaw_curtis,
     find_maximum,
     find_roots,
@@ -25,11 +24,6 @@ def test_quadrature_is_exact_for_polynomials(count):
     assert np.all(weights > 0)
     assert weights.sum() == pytest.approx(1, rel=1e-14)
     assert [nodes[0], nodes[-1]] == [0, 1]
-
-
-@pytest.mark.parametrize("degree", [0, 1, 7, 23])
-def test_integral_is_exact_for_polynomials(degree):
-    assert integrate(lambda z: z**degree, BREAKS) == pytest.approx(1 / (degree + 1), rel=1e-14)
 
 
 @pytest.mark.parametrize("thickness", [1e-2, 1e-5, 1e-9])
@@ -54,29 +48,12 @@ def test_larger_of_two_close_maxima_is_found():
     assert value == pytest.approx(1 + 0.925e-6, rel=1e-12)
 
 
-def test_plateau_is_refined_at_its_edges_only():
-    evaluated = []
-
-    def plateau(z):
-        evaluated.append(z.size)
-        return np.minimum(np.sin(np.pi * z), 0.5)
-
-    grid = interior_grid(np.array([0.0, 1.0]))
-    assert find_maximum(plateau, grid)[0] == 0.5
-    assert max(evaluated[1:]) == 2 * (ZOOM_CELLS + 1)
-
-
 def test_both_limits_at_a_jump_count():
     def jumps(z):
         return np.where(z < 0.3, z, -z)
 
     assert find_maximum(jumps, interior_grid(BREAKS))[0] == pytest.approx(0.3, rel=1e-14)
     assert find_maximum(lambda z: -jumps(z), interior_grid(BREAKS))[0] == pytest.approx(1, rel=1e-14)
-
-
-def test_undefined_values_are_ignored():
-    value, place = find_maximum(lambda z: np.where(z < 0.5, -np.inf, -((z - 0.7) ** 2)), interior_grid(BREAKS))
-    assert (value, place) == pytest.approx((0, 0.7), abs=1e-6)
 
 
 def test_roots_are_found_to_rounding():

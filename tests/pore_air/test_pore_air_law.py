@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from compact.material.mix import saturation
-from compact.material.pore_air import MIN_VOID_RATIO, PoreAir, water_volume
+from compact.material.pore_air import PoreAir, water_volume
 
 FED = 0.936
 
@@ -30,10 +30,6 @@ def test_permeability_is_that_given_at_the_fed_density_and_vanishes_at_occlusion
     assert np.all(np.diff(air.permeability_at(voids)) > 0)
 
 
-def test_permeability_is_constant_without_occlusion():
-    assert pore_air(None).permeability_at([0.1, 0.01]).tolist() == [1e-13, 1e-13]
-
-
 @pytest.mark.parametrize("occlusion", [None, 0.85, 0.90])
 def test_voids_are_bounded_with_a_continuous_slope(occlusion):
     air = pore_air(occlusion)
@@ -44,12 +40,6 @@ def test_voids_are_bounded_with_a_continuous_slope(occlusion):
     slopes = np.diff(bounded) / np.diff(voids)
     assert np.abs(np.diff(slopes)).max() < 2e-3
     assert slopes.min() >= -1e-9
-
-
-def test_least_voids_are_those_of_occlusion_or_of_the_measured_curve():
-    assert pore_air(None).min_void_ratio == MIN_VOID_RATIO
-    air = pore_air()
-    assert air.saturation(air.min_void_ratio) == pytest.approx(0.90)
 
 
 @pytest.mark.parametrize(("changes", "message"), [

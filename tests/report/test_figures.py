@@ -40,10 +40,6 @@ def lab(shade, sight="all cones"):
     return np.array([116 * y - 16, 500 * (x - y), 200 * (y - z)])
 
 
-def words(figure):
-    return [text.get_text() for ax in figure.axes for text in ax.texts]
-
-
 # colours
 
 
@@ -52,12 +48,6 @@ def test_colours_of_laws_are_distinct_with_colour_blindness(sight):
     seen = {name: lab(shade, sight) for name, shade in COLOURS.items()}
     nearest = min(np.linalg.norm(seen[one] - seen[other]) for one, other in combinations(seen, 2))
     assert nearest > 16
-
-
-@pytest.mark.parametrize("family", figures.FAMILIES)
-def test_laws_of_a_family_differ_in_lightness(family):
-    lightness = [lab(COLOURS[name])[0] for name in figures.FAMILIES[family]]
-    assert np.diff(lightness).min() > 14
 
 
 @pytest.mark.parametrize("sight", SIGHT)
@@ -98,20 +88,6 @@ def test_field_has_one_colour_scale_for_all_speeds():
     assert [ax.get_xlabel() for ax in scales] == ["mean pressure [kPa]", "dissipation [kW/m³], black: below the scale"]
 
 
-def test_field_figure_shows_the_base_or_states_its_depth():
-    ax = contact_figures.draw_fields([layer_of([0.0, 1e3], [0.0, 0.0], base="slip")]).axes
-    low, high = ax[0].get_ylim()
-    assert low < 0 < 220 < high
-    assert any(np.allclose(line.get_ydata(), 0.0) for line in ax[0].lines)
-    assert "rigid base, frictionless" in [text.get_text() for text in ax[0].texts]
-    norm = ax[1].collections[0].norm
-    assert (norm.vmin, norm.vmax) == (0.0, 1.0)  # without dissipation
-    deep = contact_figures.draw_fields([layer_of([0.0, 1e3], [0.0, 1.0], height=2.0)])
-    low = deep.axes[0].get_ylim()[0]
-    assert low == pytest.approx(2000 - 2.5 * 2.5 * 50)
-    assert f"rigid base, bonded, {low:.0f} mm below" in words(deep)
-
-
 @pytest.fixture
 def layer():
     """Layer of 0.4 m by 0.1 m that a uniform displacement lowers by 10 mm, denser on the right."""
@@ -134,26 +110,6 @@ def test_picture_has_the_displaced_elements_with_their_density_and_the_roller(la
     assert (middles[:, 1].min(), middles[:, 1].max()) == pytest.approx((15.0, 65.0))  # 25 and 75 mm, lowered by 10
     assert roller.center[1] - roller.radius == pytest.approx(90.0)
     assert scale.get_xlabel() == "density ratio k [-]"
-
-
-def test_mix_at_the_saturation_limit_is_hatched_and_the_scale_says_so(layer):
-    rolled = layer_of([0.0, 0.0], [0.0, 0.0], height=0.1, contact=0.06)[1]
-    rolled.material = SimpleNamespace(saturation_limit=RIGHT)
-    ax, scale = contact_figures.draw_picture(layer, rolled).axes
-    hatched = next(each for each in ax.collections if each.get_hatch())
-    middles = np.array([path.vertices[:4].mean(axis=0) for path in hatched.get_paths()])
-    assert len(middles) == 8
-    assert middles[:, 0].min() > 0
-    assert scale.get_xlabel() == f"density ratio k [-], hatched: at the limit {RIGHT:g}"
-    rolled.material = SimpleNamespace(saturation_limit=RIGHT + 1e-3)
-    assert contact_figures.draw_picture(layer, rolled).axes[1].get_xlabel() == "density ratio k [-]"
-
-
-def test_picture_of_a_file_shows_the_whole_mesh_and_an_unknown_field_is_refused_with_the_known_ones(layer):
-    low, high = contact_figures.draw_picture(layer).axes[0].get_ylim()
-    assert (low, high) == pytest.approx((-10.0, 90.0))
-    with pytest.raises(ValueError, match="the layer has the fields density_ratio, got 'heat'"):
-        contact_figures.draw_picture(layer, field="heat")
 
 
 # order of the laws

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from jinja2 import UndefinedError
 from pages import PageReader, page_html
 
@@ -19,7 +17,6 @@ from compact.analysis.study import Study
 from compact.report import writer as report
 from compact.report.page import Picture, Section, remark, render_page
 from compact.report.tables import (
-    PREFIX_FACTORS,
     TableSpec,
     format_column,
     format_number,
@@ -82,16 +79,6 @@ def test_number_has_its_digits_and_the_shortest_prefix(form, given, text):
     assert form(*given) == text
 
 
-@given(st.floats(1e-12, 1e12), st.sampled_from(["N", "Pa", "W", "m", "s", "1"]), st.sampled_from([-1, 1]))
-def test_quantity_is_its_number_times_its_prefix(size, unit, sign):
-    said, *rest = format_quantity(sign * size, unit, 6).replace("−", "-").split(" ", 1)
-    words = rest[0] if rest else ""
-    power = re.match(r"× 10(\S+)", words)
-    exponent = int(power[1].translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))) if power else 0
-    prefix = words.split(" ")[-1].removesuffix(unit) if unit != "1" else ""
-    assert float(said) * 10.0**exponent * PREFIX_FACTORS[prefix] == pytest.approx(sign * size, rel=1e-5)
-
-
 def test_text_is_escaped():
     table = TableSpec.of_columns("<script>", {"<script>": ["<script>"]})
     sections = [Section("name", "<script>", ["<script>", table, Picture(b"", "<script>", "<script>")])]
@@ -132,17 +119,6 @@ def test_origins_of_inputs_are_marked_by_the_first_word_of_a_clause(written):
         found = remark(read.remark(table, key))
         assert (found.kind, found.label) == ("known" if mark == "published" else "assumed", mark)
     assert isinstance(remark(starter.remark("machine", "guide_positions")), str)  # measured in the same way
-
-
-def test_number_and_unit_stay_on_one_line():
-    words = "takes 1.1 % more, 3.74 kN, 0.6 m/s², 7 laws, 10 % moisture"
-    shown = render_page("", content=words)
-    assert "1.1\u00a0% more, 3.74\u00a0kN, 0.6\u00a0m/s², 7 laws, 10\u00a0% moisture" in shown
-
-
-def test_law_without_a_finite_force_is_named_once():
-    study = Study(scene(**{"output.items": [], "motion.laws": ["cubic", "constant-velocity"]}))
-    assert page_html(study).count("No machine can follow constant-velocity") == 1
 
 
 # checks

@@ -1,7 +1,6 @@
 """Progress: stage, counts and elapsed time; no output without a terminal."""
 
 import io
-import logging
 import re
 import sys
 import time
@@ -79,13 +78,3 @@ def test_commands_show_their_progress(command, quiet, tmp_path, monkeypatch):
     code = cli._exit_code([name, scene, *options, "--out", out, *["--quiet"] * quiet])
     assert code == 0, stream.getvalue()
     assert ("elapsed" in stream.getvalue()) != quiet
-
-
-def test_line_names_what_is_compiled_and_shows_in_a_notebook(monkeypatch):
-    stream = io.StringIO()
-    monkeypatch.setattr(sys, "stderr", stream)
-    monkeypatch.setitem(sys.modules, "ipykernel", sys)
-    with spinning("contact by column"):
-        logging.getLogger("compact.numerics.jit").info("compiling march, once on this machine")
-    seen = [line.strip() for line in stream.getvalue().split("\r")]
-    assert seen == ["", "contact by column", "contact by column, compiling march, once on this machine", ""]

@@ -88,33 +88,6 @@ def test_full_disk_is_told_and_leaves_nothing(tmp_path, monkeypatch, failing):
     assert path.read_text() == "old"
 
 
-def folder(directory):
-    (directory / "result.csv").mkdir()
-    return directory / "result.csv"
-
-
-def below_a_file(directory):
-    (directory / "file").write_text("")
-    return directory / "file" / "result.csv"
-
-
-@pytest.mark.parametrize(
-    ("path_in", "words"),
-    [
-        (folder, r"result\.csv: not a regular file; use another name"),
-        (below_a_file, "could not be written"),
-        (lambda directory: directory / ("x" * 300), "could not be written"),
-    ],
-    ids=["folder", "below a file", "long name"],
-)
-def test_file_that_cannot_be_written_is_told(tmp_path, path_in, words):
-    path = path_in(tmp_path)
-    before = names(tmp_path)
-    with pytest.raises(ResultsError, match=words):
-        write_csv(path, ("a",), [])
-    assert names(tmp_path) == before
-
-
 # tables and JSON
 
 
@@ -194,8 +167,6 @@ def test_free_or_own_directory_is_claimed(tmp_path, found):
 FOREIGN = {  # files of a directory, and words of the refusal
     "another scene": ({OWNER_FILE: b"xyz\n"}, "holds results of another scene; use another --out, or --force"),
     "other programs": ({"thesis.tex": b"work"}, "contains files of other programs; use another --out, or --force"),
-    "empty mark": ({OWNER_FILE: b""}, "another scene"),
-    "unreadable mark": ({OWNER_FILE: b"\xff\xfe"}, "another scene"),
 }
 
 
@@ -212,16 +183,6 @@ def test_directory_of_others_is_refused_and_kept_under_force(tmp_path, case):
     assert set(files) <= set(names(tmp_path))
 
 
-@pytest.mark.parametrize("call", ["open", "mkdir", "iterdir"])
-def test_forbidden_directory_is_told(tmp_path, monkeypatch, call):
-    def forbidden(*_, **__):
-        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-
-    monkeypatch.setattr(Path, call, forbidden)
-    with pytest.raises(ResultsError, match="Permission denied"):
-        claim_directory(tmp_path, "abc") if call == "iterdir" else write_csv(tmp_path / "result.csv", ("a",), [])
-
-
 @pytest.mark.parametrize("result", [None, "laws.csv"])
 def test_claim_of_a_failed_run_is_given_back_unless_it_wrote_something(tmp_path, result):
     def fail():
@@ -234,9 +195,3 @@ def test_claim_of_a_failed_run_is_given_back_unless_it_wrote_something(tmp_path,
         fail()
     with pytest.raises(ResultsError, match="another scene") if result else nullcontext():
         claim_directory(tmp_path, "xyz")
-
-
-def test_directory_that_another_command_overwrites_is_told(tmp_path):
-    with pytest.raises(ResultsError, match="overwritten by another command"), claimed_directory(tmp_path, "abc"):
-        claim_directory(tmp_path, "xyz", force=True)
-    assert (tmp_path / OWNER_FILE).read_text() == "xyz\n"

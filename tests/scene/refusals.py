@@ -3,7 +3,6 @@
 A new bound or rule is one row here. "…" stands for words left out.
 """
 
-import datetime
 import math
 from typing import Any
 
@@ -47,53 +46,20 @@ BOUNDS = [  # of the published scene: types and bounds of single keys
     ({"machine.roller_radius": -0.11}, "machine.roller_radius: must be positive, got -0.11; give the radius in"),
     ({"machine.weight": math.nan}, "machine.weight: must be a finite number, got nan; give the weight G of the cart i"),
     ({"product.height": "0.22"}, "product.height: must be a number, got '0.22'; …, without quotes, decimal comma or"),
-    ({"machine.mass": True}, "machine.mass: must be a number, got true; give the mass"),
-    ({"machine.mass": datetime.date(2015, 1, 1)}, "machine.mass: must be a number, got the time 2015-01-01; give"),
-    ({"machine.mass": HUGE}, "machine.mass: must be a number, got 100000000000000000000000000000000000000000000000000"),
     ({"machine.mass": None}, "machine.mass: is missing; give the mass m of the cart in kg"),
-    ({"machine.rollers": 0}, "machine.rollers: must be greater than or equal to 1, got 0; give the number of rollers"),
     ({"drive.carts": 5}, "drive.carts: must be less than or equal to 4, got 5; give the number of carts on one shaft"),
-    (
-        {"machine.sleeve_distance": "a"},
-        "machine.sleeve_distance: must be a list, got 'a'; give the distance D from the",
-    ),
-    (
-        {"machine.sleeve_distance": [0.1, -0.1]},
-        "machine.sleeve_distance[1]: must be greater than or equal to 0, got -0",
-    ),
-    (
-        {"machine.sleeve_distance": [0.1] * 3},
-        "machine.sleeve_distance: must have at most 2 items, not 3, got [0.1, 0.1,",
-    ),
+    ({"machine.sleeve_distance": [0.1, -0.1]}, "machine.sleeve_distance[1]: must be greater than or equal to 0, got"),
     ({"drive.turn": "stp"}, 'drive.turn: must be "build-up", "step" or rows of an ascending travel and a share from'),
-    ({"drive.turn": [[0.1, 0], [0, 1]]}, 'drive.turn: must be "build-up", "step" or rows of an ascending travel and a'),
-    ({"drive.turn": [[0, True]]}, 'drive.turn: must be "build-up", "step" or rows of an ascending travel and a share'),
-    ({"drive.turn": [[0, 2]]}, 'drive.turn: must be "build-up", "step" or rows of an ascending travel and a share'),
     ({"machine.one_sided": 0}, "machine.one_sided: must be true or false, got 0; give true for contact on the front"),
     ({"machine.guide_friction": 8}, "machine.guide_friction: must be less than or equal to 1, got 8; give the Coulomb"),
-    ({"machine.rolling_arm": -1e-09}, "machine.rolling_arm: must be greater than or equal to 0, got -1e-09; give the"),
-    ({"machine.rib_factor": 0.9}, "machine.rib_factor: must be greater than or equal to 1, got 0.9; give the factor f"),
     ({"mix.moisture": 10}, "mix.moisture: must be less than or equal to 0.12, got 10; give the moisture W as water ma"),
-    ({"mix.density_ratio": 0.995}, "mix.density_ratio: must be less than or equal to 0.99, got 0.995; give the requir"),
     ({"mix.overrides.poisson": 0.5}, "mix.overrides.poisson: must be less than 0.5, got 0.5; give Poisson's ratio"),
-    ({"mix.overrides.saturation_limit": 1.0}, "mix.overrides.saturation_limit: must be less than 1, got 1.0; give the"),
     ({"mix.fitted_at.parameters": ["heckel_slop"]}, "mix.fitted_at.parameters[0]: …did you mean 'heckel_slope'?"),
-    ({"mix.fitted_at.parameters": []}, "mix.fitted_at.parameters: must have at least 1 item, not 0, got []; give the"),
-    ({"layer.fed_density_ratio": 0.72}, "layer.fed_density_ratio: must be greater than 0.72, got 0.72; give the densi"),
-    ({"motion.run_up": 0.6}, "motion.run_up: must be less than or equal to 0.5, got 0.6; give the share of the pass f"),
-    ({"accuracy.tolerance": 0.5}, "accuracy.tolerance: must be less than 0.5, got 0.5; give the relative error tolera"),
     ({"layer.base": "bonder"}, "layer.base: must be 'bonded' or 'slip', got 'bonder'; did you mean 'bonded'?"),
-    ({"accuracy.engine": "x"}, "accuracy.engine: must be 'formula', 'column', 'spectral', 'fem', 'compaction' or 'pro"),
     ({"motion.laws": ["cubic", "cubik"]}, "motion.laws[1]: must be 'constant-velocity', 'cubic', 'quintic', 'septic',"),
     ({"motion.laws": "all"}, "motion.laws: must be a list, got 'all'; give the laws to compare…in square brackets"),
-    ({"machine.guide_positions": [0.37]}, "machine.guide_positions: must have at least 2 items, not 1, got [0.37]; gi"),
-    ({"machine.guide_positions": [0.37, "x"]}, "machine.guide_positions[1]: must be a number, got 'x'; give the"),
-    (plies(-0.06), "layer.plies[1].thickness: must be positive, got -0.06; give the thickness in m"),
     (plies(modulus="hard"), "layer.plies[0].relative_modulus: must be a number, got 'hard'; give the moduli"),
-    (plies(name="E"), "layer.plies[1].relative_modulus: is missing; give the moduli of the ply"),
     (plies(name="relative_modulu"), "layer.plies[1].relative_modulu: unknown key in [layer.plies], got 1.0; did you"),
-    ({"layer.plies": [0.22]}, "layer.plies[0]: must be a table, got 0.22; write { thickness = …, relative_modulus ="),
-    ({"layer.plies": 0.22}, "layer.plies: must be a list, got 0.22; give the plies from the base upwards"),
     (lift(density_ratio=None), "layer.lower_lift.density_ratio: is missing; give"),
 ]
 NAMES = [  # unknown and missing tables and keys
@@ -107,11 +73,8 @@ NAMES = [  # unknown and missing tables and keys
 ]
 CALLS = [  # changes that no line of a file makes
     ({"product": 3}, "product: must be a table, got 3; write [product] on a line of its own"),
-    ({"product": [{"height": 0.22}]}, "product: must be a table, got [{'height': 0.22}]; write [product] on a line"),
     ({"machine": {1: 2.0}}, "machine: must have texts as keys, got 1"),
-    ({"": 1}, ": unknown key at the top of the file, before any table, got 1"),
     ({"title.line": "x"}, "title.line: `title` is no table, so it has no key `line`"),
-    ({"machine.roller_positions.0": 0.2}, "machine.roller_positions.0: `machine.roller_positions` is no table, so it"),
 ]
 RULES = [  # between the keys
     ({"machine.roller_positions": [0.5, 0.0, -0.5]}, "machine.roller_positions: needs one entry for each of machine.r"),
@@ -120,7 +83,6 @@ RULES = [  # between the keys
     ({"machine.guide_positions": [-0.37, 0.37]}, "machine.guide_positions: front must be greater than rear, got [-"),
     ({"machine.journal_diameter": 0.046}, "machine.journal_diameter: must be below machine.guide_wheel_diameter ="),
     ({"layer.fed_density_ratio": 0.98}, "layer.fed_density_ratio: must be below mix.density_ratio = 0.98, got 0.98"),
-    ({"mix.overrides.saturation_limit": 0.93}, "layer.fed_density_ratio: must be below mix.overrides.saturation_limit"),
     ({"mix.overrides.saturation_limit": 0.98}, "mix.density_ratio: must be below mix.overrides.saturation_limit = 0.9"),
     ({"motion.energy_weight": 0.8}, "motion.energy_weight: must be at most 1 - motion.acceleration_weight = 0.7, got"),
     ({"motion.rod_length": 0.2}, "motion.rod_length: must be above motion.stroke / 2 = 0.2 m, got 0.2; give a longer"),
@@ -136,50 +98,25 @@ RULES = [  # between the keys
     ({"drive.angles": [0, 1.57]}, "drive.angles: needs one entry for each of drive.carts = 1, got 2; make the two agr"),
     ({"cam": None}, 'cam: the table [cam] is missing, and output.items holds "cams"; give it, or take "cams" out'),
     ({"cam.breadth": 0.4}, "cam.breadth: must be above motion.stroke = 0.4 m, got 0.4; give a broader cam"),
-    (
-        {"cam": None, "motion.optimise": OPTIMISE | {"pressure_angle": 0.7}},
-        "motion.optimise.pressure_angle: needs cam, wh",
-    ),
+    ({"cam": None, "motion.optimise": OPTIMISE | {"pressure_angle": 0.7}}, "motion.optimise.pressure_angle: needs c"),
     ({"machine.roller_torque": 5.0, "machine.roller_condition": "sliding"}, "machine.roller_torque: is for machine."),
     ({"machine.roller_torque": 5.0}, "machine.roller_torque: must not be positive for a …, which bearings only brake"),
     (FEM | {"machine.roller_condition": "driven"}, "machine.roller_torque: is missing, and the engine … rolls a"),
     ({"contact.indentation": 0.22}, "contact.indentation: must be below (layer.lift_thickness or product.height) = 0."),
     ({"layer.lift_thickness": 0.3}, "layer.lift_thickness: must be at most product.height = 0.22 m, got 0.3; without"),
-    ({"layer.lift_thickness": 0.06, "contact.indentation": 0.07}, "contact.indentation: must be below (layer.lift_thi"),
     ({"output.items": ["fields"]}, 'output.items: holds "fields", which … does not compute; take it out, or choose'),
     ({"motion.laws": ["cubic", "crank", "cubic"]}, "motion.laws: must not repeat an entry, got 'cubic' more than"),
-    (
-        {"motion.laws": ["all", "cubic"]},
-        'motion.laws: "all" already holds every law, got it with others; write ["all"]',
-    ),
+    ({"motion.laws": ["all", "cubic"]}, 'motion.laws: "all" already holds every law, got it with others; write ["al'),
     ({"motion.tables": ["no.csv"]}, "motion.tables: no such file: 'no.csv' under …; give CSV files relative to"),
-    ({"motion.tables": ["x" * 5000]}, "motion.tables: no such file: 'xxxx"),
     (plies(0.05), "layer.plies: must be as thick together as the layer, 0.22 m, got 0.21; change one thickness"),
-    (lift(density_ratio=0.9), "layer.lower_lift.density_ratio: must be above layer.fed_density_ratio = 0.94, got 0.9"),
-    (
-        CAP | {"mix.overrides.friction_angle": 46.0},
-        "mix.overrides.earth_pressure_coefficient: … must be between 0.2… 46 ",
-    ),
-    (
-        CAP | {"mix.overrides.earth_pressure_coefficient": 0.3},
-        "mix.overrides.earth_pressure_coefficient: … must be between",
-    ),
-    (CAP | {"mix.overrides.dilatancy_angle": 36.0}, "mix.overrides.earth_pressure_coefficient: `dilatancy_angle` must"),
+    (CAP | {"mix.overrides.friction_angle": 46.0}, "mix.overrides.earth_pressure_coefficient: … must be between 0.2"),
+    (CAP | {"mix.overrides.earth_pressure_coefficient": 0.3}, "mix.overrides.earth_pressure_coefficient: … must be"),
 ]
 ENGINES = [  # values that the engine of a scene does not accept
-    (
-        {"layer.passes": 2},
-        'layer.passes: the engine "formula" takes no passes of 2, as an elastic layer keeps no trace of',
-    ),
-    (
-        FEM | {"layer.passes": 2},
-        'layer.passes: the engine "fem" takes no passes of 2, as an elastic layer keeps no trace o',
-    ),
+    ({"layer.passes": 2}, 'layer.passes: the engine "formula" takes no passes of 2, as an elastic layer keeps no tr'),
     (plies(engine="formula"), 'layer.plies: the engine "formula" takes no 2 plies, as it has one modulus for the'),
-    (lift(engine="fem"), 'layer.lower_lift: the engine "fem" takes no lower lift, as its layer does not compac'),
     (lift(engine="formula"), 'layer.lower_lift: … take the key out, or choose accuracy.engine = "column" or "comp'),
     (SPECTRAL | {"machine.gap_geometry": "deformed"}, 'machine.gap_geometry: the engine "spectral" takes no "def'),
-    (SPECTRAL | {"machine.roller_condition": "free"}, 'machine.roller_condition: the engine "spectral" takes no'),
     (COLUMN | {"machine.roller_condition": "sliding"}, 'machine.roller_condition: the engine "column" takes no "'),
     (COLUMN | {"layer.base": "slip"}, 'layer.base: the engine "column" takes no "slip", as mix on a slipping bas'),
 ]
@@ -187,41 +124,24 @@ UNITS = [  # values in other units; a guess states the unit
     ({"mix.overrides.required_pressure": 203}, "mix.overrides.required_pressure: 203 Pa is far outside … was 203 kPa"),
     ({"mix.overrides.heckel_slope": 13.0}, "mix.overrides.heckel_slope: … was 13 1/MPa = 1.3e-05 1/Pa meant?"),
     ({"mix.overrides.friction_angle": 0.61}, "mix.overrides.friction_angle: … was 0.61 rad = 34.9504 deg meant?"),
-    ({"product.height": 1e-12}, "product.height: … give the value in m"),
     ({"product.height": 220.0}, "product.height: … was 220 mm = 0.22 m meant?"),
-    ({"machine.roller_length": 1164.0}, "machine.roller_length: … was 1164 mm = 1.164 m meant?"),
     ({"machine.mass": 0.5}, "machine.mass: … was 0.5 t = 500 kg meant?"),
-    ({"accuracy.tolerance": 1e-30}, "accuracy.tolerance: … give a plain number"),
     ({"contact.speeds": [130.0]}, "contact.speeds: … was 130 mm/s = 0.13 m/s meant?"),
     (COLUMN | {"layer.passes": 130_400, "unusual": ["layer.passes"]}, "layer.passes: must be less than or equal to 10"),
     (plies(0.02, 1e6), "layer.plies.relative_modulus: 1e+06 is far outside the plausible 0.001 to 1000"),
     ({"unusual": ["mix.overrides.heckel_slop"]}, "unusual: holds … did you mean 'mix.overrides.heckel_slope'?"),
-    ({"unusual": ["everything"]}, "unusual: holds 'everything', … give key paths such as"),
     ({"unusual": ["mix.moisture"]}, "unusual: holds 'mix.moisture', which is no key with a plausible range"),
     ({"compare.column.mix.overrides.heckel_slope": 13.0}, "compare.column: with it mix.overrides.heckel_slope: 13 1/"),
 ]
 PROCESS = [  # of the process scene
-    (
-        {"process.kneading": [0.5, 0.7]},
-        "process.kneading: needs a static mix.overrides.heckel_slope: that of the prior is",
-    ),
-    (
-        {"process.plate_pressure": None},
-        "process.plate_length: needs process.plate_pressure, which is missing; give it, or",
-    ),
-    (
-        {"process.gap": 0.001},
-        "process.gap: only one of gap, product_density_ratio and extrusion_pressure can be prescr",
-    ),
+    ({"process.kneading": [0.5, 0.7]}, "process.kneading: needs a static mix.overrides.heckel_slope: that of the pr"),
+    ({"process.plate_pressure": None}, "process.plate_length: needs process.plate_pressure, which is missing; give"),
+    ({"process.gap": 0.001}, "process.gap: only one of gap, product_density_ratio and extrusion_pressure can be pre"),
     ({"process.mould_speed": 0.0}, "process.mould_speed: is 0, and process.strokes is missing; give the number"),
     ({"process.strokes": 4}, "process.mould_speed: is 0.0175 m/s, which determines the number of strokes, got process"),
     ({"process.mould_speed": 1.5}, "process.mould_speed: must be at most machine.roller_length / (motion.duration + m"),
-    (
-        {"process.mould_speed": 1e-05, "unusual": ["process.mould_speed"]},
-        "process.mould_speed: must be at least machine",
-    ),
+    ({"process.mould_speed": 1e-05, "unusual": ["process.mould_speed"]}, "process.mould_speed: must be at least mac"),
     ({"product.mould_speed": 0.02}, "process.mould_speed: must be product.mould_speed = 0.02 m/s, got 0.0175"),
-    ({"process.mould_speed": 17.5}, "process.mould_speed: … was 17.5 mm/s = 0.0175 m/s meant?"),
     ({"process.fill_height": 0.2}, "process.fill_height: needs process.fill_density_ratio, which is missing; give it,"),
     ({"process.fill_height": 0.23, "process.fill_density_ratio": 0.75}, "process.fill_height: must be at most prod"),
     (NO_CLOSURE | {"process.gap": 0.007}, "process.gap: must be at most machine.roller_radius * (1 - cos(process.nip_"),
@@ -230,7 +150,5 @@ PROCESS = [  # of the process scene
     ({"process.feed": "first"}, 'process.feed_count: is missing, and process.feed is "first"; give the number of f'),
     ({"process.feed_count": 3}, 'process.feed_count: is for process.feed = "first", got it with "room"; take it out,'),
     ({"process.offered_thickness": 0.001}, "process.offered_thickness: is for a pressure of extrusion; take it out"),
-    ({"process.feed": "all"}, "process.feed: must be 'room', 'even' or 'first', got 'all'; give the distribu"),
-    ({"process.nip_angle": 0.0}, "process.nip_angle: must be positive, got 0.0; give the largest angle of entry"),
     ({"process": None}, "sleeve: needs process, which is missing; give it, or take the key out"),
 ]

@@ -15,8 +15,7 @@ from compact.engines.compaction import engine as compaction
 from compact.engines.fem import engine as fem_engine
 from compact.rolling_contact import BaseCondition, GapGeometry, Layer, Ply, Roller, RollerCondition
 from compact.scene.constraints import adapt
-from compact.scene.loader import load_scene, parse_scene
-from compact.scene.new_scene import starter_scene
+from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 SPEED = 0.1
@@ -61,19 +60,6 @@ def test_table_and_engines_accept_the_same_values(engine, friction):
         except ValueError:
             by_engine = False
         assert by_table == by_engine, (rolling, profile, base, stack)
-
-
-@pytest.mark.parametrize("name", ["loveikin-2015", "loveikin-2015-crank", "loveikin-2015-engines", "small", "starter"])
-@pytest.mark.parametrize("engine", [engine for engine in BUILT_IN if engine != "process"])
-def test_scenes_leave_open_what_an_engine_may_replace(name, engine):
-    scene = parse_scene(starter_scene()) if name == "starter" else load_scene(SMALL.with_name(f"{name}.toml"))
-    beside = None if engine == scene.accuracy.engine or scene.compare is None else {"compare": None, "output.items": []}
-    scene = scene.replaced(**{"accuracy.engine": engine} | (beside or {}))
-    given, _ = adapt(scene, engine)
-    for limit in BUILT_IN[engine].limits:
-        if not limit.late:
-            table, key = limit.key.split(".")
-            assert limit.takes(getattr(getattr(given, table), key), None), limit.key
 
 
 def test_spectral_replaces_roller_and_gap_and_states_it():

@@ -1,10 +1,7 @@
 """The scene: what is accepted, what is refused and in which words."""
 
 import math
-import pickle
 import re
-import subprocess
-import sys
 import tomllib
 from pathlib import Path
 from typing import get_args
@@ -17,7 +14,6 @@ from sampling import examples
 from compact.analysis.robust.law import ROBUST_OBJECTIVES
 from compact.motion.optimisation_problem import OBJECTIVES
 from compact.scene import plausible_ranges
-from compact.scene.errors import key_places
 from compact.scene.loader import Scene, SceneError, load_scene, parse_scene
 from compact.scene.new_scene import starter_scene
 from compact.scene.schema import Objective, declared_keys
@@ -50,54 +46,12 @@ COLUMNS = load_scene("loveikin-2015-engines").with_engine("column")
 LEAVES = dict(leaves(tomllib.loads(PUBLISHED)))
 
 
-def another(value):
-    """A neighbour of a valid value; what this makes of a text is not a valid name, so texts are changed apart."""
-    match value:
-        case bool():
-            return not value
-        case int():
-            return value + 1
-        case float():
-            return value * 0.999 if value else 0.001
-        case list() if isinstance(value[0], float):
-            return [entry * 1.001 for entry in value]
-
-
-OTHER_TEXTS = {
-    "layer.base": "slip",
-    "mix.fitted_at.parameters": ["effective_modulus"],
-    "motion.laws": ["cubic", "crank"],
-    "drive.kind": "crank",
-    "drive.rank_by": ["energy"],
-    "accuracy.engine": "fem",
-}
-# changes that the rules between the keys tie to another key
-TIED = {
-    "machine.rollers": {"machine.rollers": 1, "machine.roller_positions": [0.0]},
-    "layer.passes": {"layer.passes": 2, "accuracy.engine": "column"},
-    "motion.stroke": {"motion.stroke": 0.41},
-    "motion.rod_length": {"motion.rod_length": 0.9},
-}
-
-
 # (a) what is read
 
 
 @pytest.mark.parametrize("name", ["loveikin-2015", "loveikin-2015-crank", "loveikin-2015-engines", "small"])
 def test_the_scenes_of_the_studies_are_valid_and_within_the_rules_of_thumb(name):
     assert load_scene(SCENES / f"{name}.toml").advice == ()
-
-
-@pytest.mark.parametrize("name", ["loveikin-2015", "loveikin-2015-crank", "loveikin-2015-engines", "small"])
-def test_every_value_of_a_study_scene_states_its_origin(name):
-    lines = (SCENES / f"{name}.toml").read_text("utf-8").splitlines()
-    values = [line for line in lines if re.match(r"\w+ = ", line) and not line.startswith("title")]
-    assert [line for line in values if not re.search(r"# .*(published|assumed|calibrated)", line)] == []
-
-
-def test_the_starter_has_no_fit():
-    scene = parse_scene(starter_scene())
-    assert (scene.mix.values, scene.mix.fitted_at) == ({}, None)
 
 
 def test_the_starter_shows_every_key_there_is():
@@ -147,22 +101,7 @@ def test_the_calibrated_values_give_the_published_force_and_coefficient(publishe
     )
 
 
-def test_a_table_may_be_written_in_any_toml_style():
-    text = "mix.moisture = 0.10\nmix.density_ratio = 0.98\nmix.overrides = {effective_modulus = 1364535.2}\n"
-    fit = "moisture = 0.10, density_ratio = 0.98, parameters = ['effective_modulus', 'roller_friction']"
-    text += f"mix.fitted_at = {{{fit}}}\n"
-    start, end = PUBLISHED.index("[mix]"), PUBLISHED.index("[layer]")
-    assert parse_scene(text + PUBLISHED[:start] + PUBLISHED[end:]) == parse_scene(PUBLISHED)
-
-
 # (b) values, equality, hash
-
-
-def test_a_scene_can_be_pickled(published):
-    twin = pickle.loads(pickle.dumps(published))
-    assert (twin, twin.hash) == (published, published.hash)
-    error = pickle.loads(pickle.dumps(SceneError(["one", "two"])))
-    assert (error.mistakes, str(error)) == (("one", "two"), "one\ntwo")
 
 
 @given(st.randoms())
@@ -179,10 +118,17 @@ def test_the_hash_is_independent_of_order_comments_and_title(random):
     assert parse_scene(text).hash == parse_scene(PUBLISHED).hash
 
 
-@pytest.mark.parametrize("path", sorted(LEAVES.keys() - {"title", "output.items"}))
-def test_the_hash_depends_on_every_other_key(published, path):
-    value = OTHER_TEXTS[path] if path in OTHER_TEXTS else another(LEAVES[path])
-    changed = published.replaced(**TIED.get(path, {path: value}))
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"machine.mass": 1001.0}, {"layer.base": "slip"}, {"motion.laws": ["cubic", "crank"]},
+        {"machine.guide_positions": [0.37, -0.36]}, {"mix.overrides.effective_modulus": 1.4e6}, {"mix.fitted_at": None},
+        {"machine.rollers": 1, "machine.roller_positions": [0.0]}, {"drive.rank_by": ["energy"]},
+    ],
+    ids=lambda changes: next(iter(changes)),
+)  # fmt: skip
+def test_the_hash_depends_on_every_kind_of_value(published, changes):
+    changed = published.replaced(**changes)
     assert changed.hash != published.hash
     assert changed != published
 
@@ -201,12 +147,6 @@ def test_the_hash_depends_on_the_contents_of_the_tables(tmp_path):
 
 
 # (c) changes
-
-
-def test_a_changed_scene_is_new_and_the_old_one_stays(published):
-    wetter = published.replaced(**{"mix.moisture": 0.11})
-    assert (published.mix.moisture, wetter.mix.moisture) == (0.10, 0.11)
-    assert wetter.replaced(**{"mix.moisture": 0.10}) == published
 
 
 def test_objectives_of_scenes_are_those_of_the_modules():
@@ -238,12 +178,6 @@ def test_a_value_that_the_caller_gives_is_no_fit():
     assert refitted.mix.values["heckel_slope"] == pytest.approx(2e-5 * 1.45 / 0.78, rel=1e-12)
 
 
-def test_fits_of_a_compared_engine_are_scaled_too():
-    scene = load_scene(SCENES / "loveikin-2015-engines.toml", **{"mix.moisture": 0.09})
-    assert scene.with_engine("column").mix.values["heckel_slope"] == pytest.approx(15.228e-6 * 0.78, rel=1e-12)
-    assert scene.mix.values["heckel_slope"] == pytest.approx(16.9549e-6 * 0.78, rel=1e-12)
-
-
 # (d) advice
 
 
@@ -255,23 +189,6 @@ def test_the_unusual_is_advised_against_but_not_refused(published):
 
 
 # (e) positions in the file
-
-
-PLIES = "plies = [ { thickness = 0.16, relative_modulus = 2.0 }, { thickness = 0.06, relative_modulus = 1.0 } ]"
-
-
-def with_plies(plies=PLIES, engine="fem"):
-    text = PUBLISHED.replace('engine = "formula"', f'engine = "{engine}"')
-    return text.replace('base = "bonded"', f'base = "bonded"\n{plies}', 1)
-
-
-def test_plies_are_read_from_either_form_of_table():
-    tables = "".join(
-        f"[[layer.plies]]\nthickness = {d}\nrelative_modulus = {c}\n" for d, c in ((0.16, 2.0), (0.06, 1.0))
-    )
-    scene = parse_scene(with_plies())
-    assert [(ply.thickness, ply.relative_modulus) for ply in scene.layer.plies] == [(0.16, 2.0), (0.06, 1.0)]
-    assert parse_scene(with_plies("") + tables) == scene
 
 
 def mistakes_of(text, file=FILE):
@@ -286,21 +203,6 @@ def test_a_line_is_right_after_comments_and_strings_that_look_like_toml():
     text = edited("carts = 1", "'carts' = 0", text)
     line = text[: text.index("'carts'")].count("\n") + 1
     assert mistakes_of(text)[0].startswith(f"{FILE}:{line}: drive.carts: must be greater than or equal to 1, got 0")
-
-
-LONG = 300_000  # characters; a scanner of cubic or quadratic time would not end
-
-
-@pytest.mark.parametrize(
-    "filling",
-    [" " * LONG, "# remark\n" * (LONG // 3), f"x = [{' ' * LONG}]\n[drive]\n"],
-    ids=["blanks before a key", "many comments", "blanks in a list"],
-)
-def test_lines_and_remarks_of_long_texts_are_found_in_linear_time(filling):
-    text = f"[drive]\n{filling}carts = 1 # one\n"
-    key, line = ("drive", "carts"), text[: text.index("carts")].count("\n") + 1
-    lines, remarks = key_places(text)
-    assert (lines[key], remarks[key]) == (line, "one")
 
 
 TEN = {
@@ -328,13 +230,6 @@ def test_ten_mistakes_are_reported_together_in_the_order_of_the_file():
     assert blamed == {re.sub(r"^\[.*", "guide_positions = [-0.37, 0.37]", new) for new in TEN.values()}
     assert len(mistakes) == len(TEN)  # the misspelt key is not missing as well
     assert mistakes_of(text) == tuple(str(SceneError(mistakes)).split("\n"))
-
-
-def test_a_rule_between_keys_is_skipped_for_a_refused_key():
-    mistakes = mistakes_of(edited("stroke = 0.4 ", "stroke = -0.4 "))
-    assert mistakes == (
-        f"{FILE}:54: motion.stroke: must be positive, got -0.4; give the travel between the two ends in m",
-    )
 
 
 # (h) files
@@ -393,12 +288,3 @@ def test_any_change_makes_a_scene_or_is_refused(published, changes):
 
 
 # (j) neighbours
-
-
-def test_reading_a_scene_loads_no_heavy_library():
-    """Start-up: 0.3 s for the whole command; scipy and matplotlib cost more than that each."""
-    code = (
-        "import sys, compact.scene.loader; print(sorted({'scipy', 'matplotlib', 'skfem', 'pandas'} & set(sys.modules)))"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout.strip() == "[]"

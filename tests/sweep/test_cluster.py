@@ -14,7 +14,6 @@ import xarray
 from interrupts import of_unix
 from sweeps import COLUMNS
 
-from compact.analysis import worker_pool
 from compact.analysis.store import LOCK, open_store
 from compact.analysis.worker_pool import DaskExecutor, SerialExecutor
 from compact.files import ResultsError
@@ -124,19 +123,6 @@ class Client:
 
     def nthreads(self):
         return dict.fromkeys(range(next(self.threads)), 1)
-
-
-def test_cluster_without_workers_ends_after_its_limit(monkeypatch, caplog):
-    monkeypatch.setattr(worker_pool, "WORKERLESS_LIMIT", 2 * worker_pool.CLUSTER_POLL)
-    executor = DaskExecutor("tcp://host:8786")
-    executor._client = Client([0, 1, 0, 0, 0])
-    for _ in range(4):  # a worker comes in time
-        executor._require_workers()
-    with pytest.raises(RuntimeError, match=r"no worker was connected to tcp://host:8786 .* --resume"):
-        executor._require_workers()
-    assert [record.getMessage() for record in caplog.records] == 2 * [
-        "no worker is connected to tcp://host:8786; waiting for workers"
-    ]
 
 
 # lock

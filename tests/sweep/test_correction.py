@@ -11,7 +11,7 @@ from sweeps import SCENES
 from compact.analysis.worker_pool import ProcessExecutor
 from compact.report import sweep as sweep_report
 from compact.scene.loader import load_scene
-from compact.sweep import corrected, sobol_indices
+from compact.sweep import corrected
 from compact.sweep import design as vary
 from compact.sweep import run as sweep
 from compact.sweep.corrected import (
@@ -19,10 +19,8 @@ from compact.sweep.corrected import (
     choose_points,
     connected_parts,
     create_sweep,
-    default_count,
     fit_surface,
     inside_hull,
-    refinement_weights,
 )
 from compact.sweep.run import Sweep
 
@@ -50,22 +48,6 @@ def test_chosen_points_include_the_corners_and_fill_the_square():
     assert len(choose_points(PLACES, 100, chosen)) == 18
 
 
-def test_chosen_values_of_one_parameter_include_the_ends():
-    places = np.linspace(0, 1, 41)[:, None]
-    assert choose_points(places, 3) == [0, 40, 20]
-    assert default_count(1) == 9
-
-
-def test_parts_are_connected_and_in_an_order_of_neighbours():
-    chosen = choose_points(PLACES, 18)
-    parts = connected_parts(PLACES, chosen)
-    assert sorted(number for part in parts for number in part) == sorted(chosen)
-    assert [len(part) for part in parts] == [5, 4, 5, 4]
-    for part in parts:
-        steps = [min(np.hypot(*(PLACES[i] - PLACES[j])) for j in part[:n]) for n, i in enumerate(part) if n]
-        assert max(steps) < 0.6
-
-
 # (b) surfaces
 
 
@@ -84,15 +66,6 @@ def test_surface_is_that_of_the_least_leave_one_out_error(function, kind):
     surface = fit_surface(PLACES[chosen], values[chosen])
     assert kind in surface.kind
     assert np.abs(surface(PLACES) - values).max() < 3 * surface.error
-
-
-def test_further_points_are_where_the_error_is_largest():
-    chosen = choose_points(PLACES, 12)
-    surface = fit_surface(PLACES[chosen], np.exp(4 * PLACES[chosen].sum(axis=1)))
-    weights = refinement_weights(PLACES, PLACES[chosen], surface.residuals)
-    further = choose_points(PLACES, 6, chosen, weights)
-    assert len({*further, *chosen}) == 18
-    assert PLACES[further[:2]].sum(axis=1).min() > 1.5
 
 
 def test_hull_excludes_a_corner_without_a_solution():
@@ -179,15 +152,6 @@ def test_columns_are_corrected_where_finite_elements_are_not_computed(solved, tm
     assert many.store.computed == len(many.store.used) == 36 + len(solved)
 
 
-def test_each_point_starts_from_the_nearest_contact_of_its_part(solved, tmp_path):
-    swept(tmp_path, varied=("mix.moisture=0.08:0.1:5", "mix.density_ratio=0.95:0.96:5"))
-    assert sum(guess is None for _, guess in solved) == 3  # parts
-    for (moisture, density), guess in solved:
-        if guess is not None:
-            assert abs(guess[0] - moisture) <= 0.011
-            assert abs(guess[1] - density) <= 0.0051
-
-
 def test_sweep_is_resumed_after_an_interruption(solved, tmp_path):
     whole, _ = swept(tmp_path / "whole")
     count = len(solved)
@@ -204,24 +168,6 @@ def test_sweep_is_resumed_after_an_interruption(solved, tmp_path):
     assert many.store.computed == count - 6
     xarray.testing.assert_identical(table, whole)
     assert swept(tmp_path / "out", resume=True)[1].store.computed == 0
-
-
-def test_samples_have_sobol_indices_by_the_corrected_resistance(solved, tmp_path):
-    scene = SCENE.replaced(**{"mix.moisture": 0.09})
-    table, _ = swept(tmp_path, scene, ["mix.overrides.heckel_slope=~64"], indices=True, direct=9)
-    assert (table.two_dimensions == "solved").values.sum() == 9
-    found = sobol_indices.of_table(table)["resistance"]
-    assert list(found) == ["heckel_slope"]
-    assert found["heckel_slope"].total == pytest.approx(1, abs=0.1)
-    assert len(solved) == 9
-
-
-def test_words_have_one_surface_each(solved, tmp_path):
-    table, many = swept(tmp_path, varied=("layer.base=bonded,slip", "mix.moisture=0.08:0.1:21"))
-    assert len(many.groups) == 2
-    assert (table.two_dimensions == "solved").sum(dim="moisture").values.tolist() == [9, 9]
-    assert (table.reason == "").all()
-    assert len(table.attrs["correction"].splitlines()) == 2
 
 
 # (d) choice of the sweep
@@ -242,15 +188,6 @@ def test_correction_is_for_engines_with_one_of_low_fidelity():
     ):
         with pytest.raises(ValueError, match=words):
             create_sweep(scene, varied, **options)
-
-
-def test_columns_replace_what_they_do_not_take():
-    scene = SCENE.replaced(
-        **{"machine.roller_condition": "driven", "machine.roller_torque": 10.0, "layer.base": "slip"}
-    )
-    many = CorrectedSweep(scene, [vary.read_design(text) for text in GRID])
-    there = scene.replaced(**many._accepted({}))
-    assert (there.machine.roller_condition, there.layer.base) == ("frictionless", "bonded")
 
 
 # (e) finite elements

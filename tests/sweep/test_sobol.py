@@ -67,14 +67,3 @@ def test_estimates_are_those_of_scipy():
     found = estimated(f_A, f_B, f_AB)
     assert found.first == pytest.approx(library.first_order, abs=1e-12)
     assert found.total == pytest.approx(library.total_order, abs=1e-12)
-
-
-def test_constant_function_has_zero_indices():
-    found = estimated(np.full(64, 0.1), np.full(64, 0.1), np.full((2, 64), 0.1))
-    assert found.first.tolist() == found.total.tolist() == [0.0, 0.0]
-
-
-@pytest.mark.parametrize(("n", "value", "words"), [(8, 1.0, "16 rows without a failure, got 8"), (32, np.nan, "fini")])
-def test_insufficient_or_infinite_rows_are_refused(n, value, words):
-    with pytest.raises(ValueError, match=words):
-        indices(np.full(n, value), np.arange(n), np.ones((2, n)))

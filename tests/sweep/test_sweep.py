@@ -1,32 +1,25 @@
 """Sweeps: results independent of the executor, resumption, failed points, bands, maps and the command."""
 
-import gc
 import json
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
 import time
 from functools import partial
-from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray
 from interrupts import heed_interrupts, of_unix
-from lift_sequences import sequence
 from sweeps import COLUMNS, FORMULA, SCENES, swept
 
 from compact import files
-from compact.analysis import process
 from compact.analysis.stages import ensemble
 from compact.analysis.stages.ensemble import Change, Task, compute
-from compact.analysis.store import open_store
 from compact.analysis.study import Study
-from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor, WorkerError, run_tasks
+from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor, SerialExecutor
 from compact.cli import program as cli
 from compact.files import ResultsError
 from compact.material.mix import prior
@@ -57,18 +50,6 @@ def test_the_load_of_the_starter_falls_with_water_as_that_of_the_prior(tmp_path)
     assert ratios["prior"] == pytest.approx(slopes[2] / np.array(slopes), rel=0.05)
     remarks = set(swept(tmp_path / "again", fitted, ["mix.moisture=0.09,0.10"])[0]["replaced"].values)
     assert sum("scaled by the prior: effective_modulus, heckel_slope" in remark for remark in remarks) == 1
-
-
-def test_points_that_a_pass_does_not_reach_have_a_reason(tmp_path):
-    starter = parse_scene(starter_scene()).replaced(**{"output.items": [], "accuracy.engine": "column"})
-    table, _ = swept(tmp_path, starter, ["mix.moisture=0.08,0.12", "mix.density_ratio=0.93,0.98,0.99"])
-    refused, kept, beyond = (table.sel(density_ratio=ratio) for ratio in (0.93, 0.98, 0.99))
-    assert all(
-        "layer.fed_density_ratio: must be below mix.density_ratio = 0.93" in each for each in refused["reason"].values
-    )
-    assert np.isnan(refused["load"].values).all()
-    assert [*kept["reason"].values, *kept["not_reachable"].values, *beyond["reason"].values] == [""] * 6
-    assert ["the saturation of" in each for each in beyond["not_reachable"].values] == [False, True]
 
 
 @pytest.fixture
@@ -216,42 +197,6 @@ def test_new_points_and_those_of_other_versions_are_computed(monkeypatch, tmp_pa
     assert (again.computed, len(again.known.keys() - again.used)) == (2, 3)
 
 
-def test_points_of_a_changed_table_are_recomputed(tmp_path):
-    shutil.copy(SCENES / "motors.csv", tmp_path / "other.csv")
-    shutil.copy(SCENES / "loveikin-2015.toml", tmp_path / "scene.toml")
-    catalogue = {"file": str(SCENES / "motors.csv"), "margin": 1.25, "efficiency": 0.9}
-    scene = load_scene(tmp_path / "scene.toml", **{"drive.catalogue": catalogue})
-    change, calls = Change("", {"drive.catalogue.file": "other.csv"}), []
-    counts = []
-
-    def run(*_):
-        calls.append(len(calls))
-        return {"load": 1.0}
-
-    for text in ("", "", "# edited\n"):
-        with (tmp_path / "other.csv").open("a") as table:
-            table.write(text)
-        with open_store(tmp_path / "points", resume=True) as store:
-            ensemble.ensemble(scene, [change], run, store=store)
-        counts.append(len(calls))
-    assert counts == [1, 1, 2]
-
-
-def test_point_of_dead_workers_is_recomputed_by_the_next_run(tmp_path):
-    class Deadly(SerialExecutor):
-        def submit(self, work, task):
-            return super().submit(dies, task)
-
-    def dies(_):
-        raise WorkerError("its worker process died 3 times")
-
-    table, _ = swept(tmp_path, COLUMNS, PAIR, Deadly())
-    assert set(table.reason.values) == {"its worker process died 3 times"}
-    table, many = swept(tmp_path, COLUMNS, PAIR, resume=True)
-    assert many.store.computed == 2
-    assert (table.reason == "").all()
-
-
 def test_existing_points_require_resume_or_force(tmp_path):
     swept(tmp_path, COLUMNS, PAIR)
     with pytest.raises(ResultsError, match="holds 2 points of this scene; --resume uses them, --force"):
@@ -313,29 +258,6 @@ def test_continuation_by_finite_elements_agrees_with_a_start_from_scratch(tmp_pa
 # (f) cost
 
 
-def held(task):
-    """Memory [MB] that a worker holds after a task, without the garbage that Python has not collected yet."""
-    compute(task)
-    gc.collect()
-    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
-
-
-@pytest.mark.parametrize(
-    "engine",
-    [pytest.param("column", marks=pytest.mark.slow), pytest.param("spectral", marks=pytest.mark.nightly)],
-)
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="no such file states the memory here")
-def test_memory_of_a_worker_is_flat_over_a_thousand_points(engine):
-    scene, names = FORMULA.replaced(**{"accuracy.engine": engine}), ("mix.moisture", "mix.density_ratio")
-    grid = product(np.linspace(0.08, 0.12, 25).tolist(), np.linspace(0.94, 0.98, 40).tolist())
-    points, size = [dict(zip(names, values, strict=True)) for values in grid], sweep.ENGINES[engine].points_per_task
-    tasks = [task(scene, points[start : start + size], files.versions()) for start in range(0, 1000, size)]
-    with ProcessExecutor(1) as executor:
-        memory = {number: job.result() for number, job in run_tasks(held, tasks, executor)}
-    last = len(memory) - 1  # the first tasks load what all need
-    assert memory[last] - memory[last // 2] < 0.5
-
-
 # (g) uncertainty
 
 
@@ -384,27 +306,6 @@ def test_a_map_of_mould_and_stroke_is_the_window_of_the_machine(tmp_path):
     assert not (tmp_path / "maps.png").exists()
 
 
-def test_a_window_shares_the_lifts_of_its_scene(monkeypatch, tmp_path):
-    """At the point of the scene load and density are those of its own lifts; speeds of the mould need no others."""
-    computed = []
-
-    def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, air):
-        computed.append(thickness)
-        return sequence(thickness, increments, load=lambda k: 2e3 * np.exp(8 * (k - 0.75)), to=0.9)
-
-    monkeypatch.setattr(process, "simulate_lifts", lifts)
-    few = {"accuracy.engine": "process", "process.layers": 1, "machine.roller_length": 0.2, "motion.duration": 0.8}
-    scene = load_scene(SCENES / "process.toml", **few, **{"process.product_density_ratio": 0.92})
-    table, _ = swept(tmp_path, scene, ["process.mould_speed=0.0175,0.02", "motion.duration=0.7,0.8"])
-    assert len(computed) == 2
-    own = Study(scene).stages.contacts
-    assert float(table["load"].sel(mould_speed=0.0175, duration=0.8)) == pytest.approx(own.process.load, rel=1e-12)
-    force = 2 * own.process.resistance + own.process.standing_drag
-    assert float(table["resistance"].sel(mould_speed=0.0175, duration=0.8)) == pytest.approx(force, rel=1e-12)
-    swept(tmp_path / "other", scene, ["product.height=0.2,0.22"])
-    assert len(computed) == 2 + 2 + 4
-
-
 # (h) the command
 
 
@@ -439,25 +340,3 @@ def test_interrupted_command_keeps_complete_points_and_resumes_the_rest(tmp_path
     assert code == 0
     assert f"{600 - kept} of 600 computed now" in said
     assert (tmp_path / "out" / "maps.png").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "code", "words"),
-    [
-        (("--vary", "mix.moistur=0.1"), 2, "did you mean `moisture`?"),
-        (("--vary", "mix.moisture=0.1", "--workers", "2", "--scheduler", "tcp://x:1"), 2, "got both"),
-        (("--vary", "mix.moisture=0.1", "--workers", "0"), 2, "--workers must be at least 1, got 0"),
-        pytest.param(
-            ("--vary", "machine.gap_geometry=deformed", "--engine", "spectral", "--workers", "1"),
-            1,
-            "no point has a result",
-            marks=pytest.mark.slow,
-        ),
-    ],
-)
-def test_invalid_sweeps_end_with_a_message(arguments, code, words, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    ended, said = called(capsys, SCENES / "loveikin-2015.toml", *arguments)
-    assert ended == code
-    assert words in said
-    assert code == 1 or not (tmp_path / "out").exists()

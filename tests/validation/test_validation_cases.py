@@ -10,7 +10,6 @@ from compact.cli.program import validate
 from compact.validation import compaction, plant_case
 from compact.validation.case import CASES, Comparison, read_rows
 from compact.validation.compaction import MIX, arc_forces, chord_forces, shear_strength
-from compact.validation.plant_case import select_cases
 
 CHEAP, LONG = 0.5, 60.0  # [s], of processor time; longer cases are slow tests, or those of the night
 
@@ -48,24 +47,6 @@ def test_a_verdict_is_earned_by_the_distance():
     assert comparison(ours=1.2, why="shown by another number", explained=True).verdict == "explained"
     assert comparison(relative=None, absolute=0.04).verdict == "not met"
     assert comparison(ours=float("nan")).verdict == "not met"
-
-
-def test_a_value_moves_beyond_its_tolerance():
-    assert not comparison().moved
-    assert not comparison(recorded=1.05 + 1e-8).moved
-    assert comparison(recorded=1.05 + 1e-5).moved
-    assert comparison(ours=float("nan"), recorded=1.05).moved
-
-
-def test_a_value_without_a_row_is_an_error():
-    case = dataclasses.replace(CASES["cam-clay"], compute=lambda rows: (dict.fromkeys(rows, 1.0) | {"K0_3": 0.1}, ()))
-    with pytest.raises(KeyError, match="cam-clay: rows and values differ in K0_3"):
-        case.evaluated()
-
-
-def test_an_unknown_case_is_refused_with_the_names():
-    with pytest.raises(ValueError, match="contact-pa6"):
-        select_cases(["contact"])
 
 
 def test_the_command_prints_a_case_and_fails_if_a_value_moves(monkeypatch, capsys, tmp_path):
