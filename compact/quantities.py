@@ -291,15 +291,3 @@ STROKE = _table("""
     surface       | m   | mm   |   | height behind the roller
     density_ratio | 1   |      | k | mean density ratio behind the roller
 """)
-# Inputs that sweeps vary
-INPUT = _table("""
-    moisture                 | 1  |  | W | moisture content
-    density_ratio            | 1  |  | k | target density ratio
-    machine.roller_length    | m  |  |   | roller length
-    machine.roller_friction  | 1  |  |   | roller friction
-    machine.bearing_friction | 1  |  |   | bearing friction
-    machine.guide_friction   | 1  |  |   | guide friction
-    machine.mass             | kg |  |   | cart mass
-    motion.duration          | s  |  |   | duration of a stroke
-    layer.fed_density_ratio  | 1  |  |   | initial density ratio
-""")

@@ -18,7 +18,7 @@ def test_terms_and_units_are_complete_and_one_term_has_one_unit_of_plots(table):
         assert quantity.term[0].islower() or not quantity.term[0].isalpha(), name
         assert quantity.plot_factor > 0
         assert units.setdefault(quantity.term, quantity.shown_unit) == quantity.shown_unit
-    assert len(TABLES) == 13
+    assert len(TABLES) == 12
 
 
 def test_labels_and_columns_have_term_symbol_and_unit():

@@ -18,7 +18,7 @@ from typing import Any
 from compact.analysis import machine_models
 from compact.analysis.contact_cases import Progress
 from compact.analysis.pore_air import AirAnswer, air_answer
-from compact.analysis.ranking_uncertainty import Agreement, Places, agreements
+from compact.analysis.ranking_uncertainty import Places
 from compact.analysis.sizing.balances import BalanceCheck, WorkBalance, balance_checks, work_balance
 from compact.analysis.sizing.decision import Choice, Decision, candidates, choose, decide
 from compact.analysis.sizing.durations import DurationStudy, over_durations, require_durations
@@ -329,8 +329,3 @@ class Study:
         return {self.scene.accuracy.engine: self.stages.drive.places} | {
             name: each.places[self.scene.motion.duration] for name, each in self.comparison.items()
         }
-
-    @cached_property
-    def agreements(self) -> list[Agreement]:
-        """Agreement of the ranking of the scene with those of the other engines and of its other drive."""
-        return agreements(self.places_by_engine)

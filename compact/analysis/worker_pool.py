@@ -34,7 +34,6 @@ ATTEMPTS = 3  # deaths of a worker process after which its task is abandoned
 TASKS_PER_THREAD = 2  # of a cluster, so that no thread waits for its next task
 SCHEDULER_TIMEOUT = 20.0  # [s], to connect to a dask scheduler
 CLUSTER_POLL = 5.0  # [s], between two looks at the workers of a cluster
-WORKERLESS_LIMIT = 6 * 3600.0  # [s], without any worker, such as jobs that wait in the queue of a batch system
 CLIENT_LOG = "distributed.client"  # logger of the tracebacks of a lost connection, which `DaskExecutor` states itself
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -219,7 +218,7 @@ class DaskExecutor(SerialExecutor):
         super().__init__()
         self.address = address
         self._client: Any = None
-        self._log_level, self._workerless = logging.NOTSET, 0.0
+        self._log_level, self._workerless = logging.NOTSET, False
 
     def __enter__(self) -> Self:
         try:
@@ -265,23 +264,16 @@ class DaskExecutor(SerialExecutor):
             try:
                 done = distributed.wait(list(self._running), CLUSTER_POLL, return_when="FIRST_COMPLETED").done
             except TimeoutError:
-                self._require_workers()
+                self._note_lack_of_workers()
                 return
             for future in done:
                 self._running.pop(future).settle(partial(outcome, future))
 
-    def _require_workers(self) -> None:
-        if self._client.nthreads():
-            self._workerless = 0.0
-            return
-        if not self._workerless:
+    def _note_lack_of_workers(self) -> None:
+        """Warn once that no worker is connected; they may wait in the queue of a batch system."""
+        before, self._workerless = self._workerless, not self._client.nthreads()
+        if self._workerless and not before:
             _LOG.warning("no worker is connected to %s; waiting for workers", self.address)
-        if self._workerless >= WORKERLESS_LIMIT:
-            raise RuntimeError(
-                f"no worker was connected to {self.address} for {WORKERLESS_LIMIT / 3600:g} h; start workers and "
-                "repeat the command with --resume"
-            )
-        self._workerless += CLUSTER_POLL
 
     @contextmanager
     def _loss_explained(self) -> Iterator[None]:

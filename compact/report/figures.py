@@ -6,7 +6,7 @@ blindness: two laws differ by 16 or more in CIELAB (1976 distance) for normal vi
 figures can be read in grey.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -169,22 +169,6 @@ def label_contours(ax: Axes, lines: "QuadContourSet") -> None:
         if text.get_rotation() > READABLE_ANGLE:
             text.set_rotation(text.get_rotation() - 180)
         text.set_path_effects([withStroke(linewidth=2, foreground="white")])
-
-
-def _legend_below(figure: Figure, ax: Axes, columns: int) -> None:
-    figure.legend(*ax.get_legend_handles_labels(), loc="lower center", ncols=columns, frameon=False)
-
-
-# laws and cams
-
-
-def _families(names: Iterable[str]) -> dict[str, list[str]]:
-    """Group laws by family; laws outside FAMILIES join the machines and tables."""
-    names = list(names)
-    known = {name for members in FAMILIES.values() for name in members}
-    groups = {family: [n for n in members if n in names] for family, members in FAMILIES.items()}
-    groups["machines and tables"] += [name for name in names if name not in known]
-    return {family: members for family, members in groups.items() if members}
 
 
 # drives

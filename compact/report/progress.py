@@ -23,7 +23,6 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from time import monotonic, process_time
 from typing import TYPE_CHECKING, Any, Self, TextIO, TypeVar
 
@@ -40,18 +39,6 @@ ROW = "{:<{}}{:>15}{:>15}{:>15}{:>15}"  # of the profile
 _LOG, _COMPILER = logging.getLogger(STAGES), logging.getLogger(f"{PACKAGE}.numerics.jit")
 _RUNNING: list[Any] = []  # lines, the outer one first
 Item = TypeVar("Item")
-
-
-class _Notice(logging.Handler):
-    """Handler that shows what is being compiled."""
-
-    def __init__(self, show: Callable[[str], None]) -> None:
-        super().__init__(logging.INFO)
-        self._show = show
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Show a record."""
-        self._show(record.getMessage())
 
 
 class Progress:
@@ -102,7 +89,8 @@ class Progress:
             print(f"\r{words:<{PLAIN_WIDTH}.{PLAIN_WIDTH}}", end="", file=self._stream, flush=True)
 
     def __enter__(self) -> Self:
-        self._notice = _Notice(self.report)
+        self._notice = logging.Handler(logging.INFO)  # shows what is being compiled
+        self._notice.emit = lambda record: self.report(record.getMessage())  # type: ignore[method-assign]
         _COMPILER.addHandler(self._notice)
         _COMPILER.setLevel(logging.INFO)
         _RUNNING.append(self)
@@ -152,55 +140,44 @@ def spinning(stage: str, **options: Any) -> Iterator[Progress]:
         yield progress
 
 
-@dataclass
-class StageTime:
-    """Number of runs of one stage, and their wall time and processor time of this process [s]."""
-
-    runs: int = 0
-    wall: float = 0.0
-    processor: float = 0.0
-
-
 class StageProfile(logging.Handler):
     """Handler that measures the time between the records of stages.
 
     Attributes
     ----------
     stages : dict
-        `StageTime` by stage, in the order of their first runs.
+        Number of runs, wall time and processor time of this process [s] by stage.
     """
 
     def __init__(self) -> None:
         super().__init__(logging.INFO)
-        self._running, self._wall, self._processor = BEFORE, monotonic(), process_time()
-        self.stages = {BEFORE: StageTime(1, 0.0, self._processor)}  # of this process since its start
+        self.stages: dict[str, Any] = {BEFORE: [1, 0.0, process_time()]}  # of this process since its start
+        self._running, self._begun = BEFORE, (monotonic(), process_time())
         self._children = _children_time()
 
     def emit(self, record: logging.LogRecord) -> None:
         """Begin the stage of a record."""
         if record.levelno == logging.INFO:
-            self.stop()
+            self._stop()
             self._running = record.getMessage()
-            self.stages.setdefault(self._running, StageTime()).runs += 1
+            self.stages.setdefault(self._running, [0, 0.0, 0.0])[0] += 1
 
-    def stop(self) -> None:
+    def _stop(self) -> None:
         """Add the time since the last record to the running stage."""
-        wall, processor = monotonic(), process_time()
-        stage = self.stages[self._running]
-        stage.wall += wall - self._wall
-        stage.processor += processor - self._processor
-        self._wall, self._processor = wall, processor
+        now = monotonic(), process_time()
+        for place, (end, begin) in enumerate(zip(now, self._begun, strict=True), start=1):
+            self.stages[self._running][place] += end - begin
+        self._begun = now
 
     def table(self) -> str:
         """Return the stages as lines of text, the longest first, with their sum."""
-        self.stop()
-        wall, processor = (sum(getattr(each, name) for each in self.stages.values()) for name in ("wall", "processor"))
-        ordered = sorted(self.stages.items(), key=lambda item: -item[1].wall)
+        self._stop()
+        wall, processor = (sum(each[place] for each in self.stages.values()) for place in (1, 2))
         width = max(map(len, self.stages))
         lines = [ROW.format("stage", width, "runs", "wall [s]", "processor [s]", "share")]
-        for name, each in [*ordered, ("total", StageTime(0, wall, processor))]:
-            share = f"{each.wall / (wall or 1):.0%}"
-            lines.append(ROW.format(name, width, each.runs or "", f"{each.wall:.2f}", f"{each.processor:.2f}", share))
+        ordered: list[tuple[str, Any]] = sorted(self.stages.items(), key=lambda item: -item[1][1])
+        for name, (runs, *times) in [*ordered, ("total", ("", wall, processor))]:
+            lines.append(ROW.format(name, width, runs, *(f"{each:.2f}" for each in times), f"{times[0] / wall:.0%}"))
         children = _children_time() - self._children
         return "\n".join([*lines, *([f"worker processes: {children:.2f} s of processor time"] if children else [])])
 

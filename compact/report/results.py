@@ -12,7 +12,6 @@ from compact.analysis.sizing.machine_sizing import MachineSizing
 from compact.analysis.stages.resistance import sampled_shares
 from compact.analysis.study import Study
 from compact.machine.ranking import CRITERIA
-from compact.machine.ranking import value_of as criterion_of
 from compact.machine.roller_motors import roller_rotation
 from compact.motion.profile import EndCondition
 from compact.report.tables import Getter, TableSpec, write_arrays
@@ -54,10 +53,6 @@ CATALOGUE = (
     "motor=motor.name price=motor.price rated_power_W=motor.rated_power gear_ratio rms_torque_Nm "
     "rated_torque_Nm=motor.rated_torque peak_torque_needed_Nm=peak_torque peak_torque_Nm=motor.peak_torque "
     "inertia_ratio fluctuation holds"
-)
-AGREEMENT = (
-    "engine drive other_engine other_drive criterion=by kendall_tau=tau discordant_pairs "
-    "resolved_discordant_pairs pairs first other_first"
 )
 RANKING = "rank=0.rank law=2 value=0.value unit=1 margin=0.margin tie=0.tie"
 
@@ -151,8 +146,7 @@ def _drive_tables(study: Study) -> Iterator[File]:
 
 
 def _ranking_tables(study: Study) -> Iterator[File]:
-    """Tabulate rankings and criteria and, where engines are compared, their agreement and contacts."""
-    kind = study.scene.drive.kind
+    """Tabulate rankings and, where engines are compared, their contacts."""
     ranked = [
         (each, CRITERIA[by].unit, each.law, by, engine, moved_by)
         for engine, orders in study.places_by_engine.items() for moved_by, order in orders.items()
@@ -160,13 +154,6 @@ def _ranking_tables(study: Study) -> Iterator[File]:
     ]  # fmt: skip
     names = f"engine=4 drive=5 criterion=3 {RANKING} error=0.error resolved=0.resolved reason=0.reason"
     yield TableSpec.of("ranking", ranked, names)
-    values = [
-        (name, kind, by, criterion_of(run, by), criterion.unit, criterion_error(study, run, by))
-        for name, run in study.stages.drive.runs.items() for by, criterion in CRITERIA.items()
-    ]  # fmt: skip
-    yield TableSpec.of("criteria", values, "law=0 drive=1 criterion=2 value=3 unit=4 error=5")
-    if study.comparison:
-        yield TableSpec.of("agreement", study.agreements, AGREEMENT)
     for name, other in study.comparison.items():
         if other.records:
             yield TableSpec.of(f"comparison/{name}/contact", other.records, CONTACT)

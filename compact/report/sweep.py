@@ -21,7 +21,7 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
 
 from compact.files import write_csv, write_figure
-from compact.quantities import CRITERIA, INPUT, SWEEP_POINT, unit_symbol
+from compact.quantities import CRITERIA, SWEEP_POINT, unit_symbol
 from compact.report.figures import label_contours, law_style
 from compact.scene.schema import declared_keys, extra_of
 from compact.sweep.sobol_indices import Index, SobolTable
@@ -149,8 +149,6 @@ def band(table: "Dataset", quantity: str) -> "tuple[DataArray, DataArray, DataAr
 
 def _axis_label(table: "Dataset", name: str) -> str:
     """Return the label of a varied key with its unit."""
-    if name in INPUT:
-        return INPUT[name].axis_label
     key, words = table[name].attrs["key"], name.replace("_", " ")
     return f"{words} [{extra_of(key).get('unit', '-')}]" if key in declared_keys() else words
 

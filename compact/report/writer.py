@@ -44,7 +44,6 @@ MOTOR = (
     "by chosen=chosen.motor.name gear_ratio=chosen.gear_ratio inertia_ratio=chosen.inertia_ratio "
     "next_smaller=next_smaller.motor.name next_smaller_fails=next_smaller.failures"
 )
-AGREED = "drive criterion=by first other_first tau discordant_pairs resolved_discordant_pairs pairs"
 FAILURES: dict[str, tuple[type[Exception], str]] = {  # by kind: error, and its numbers
     "heaping": (HeapingError, "depth_m wave_height_m travel_m contact_angle_rad"),
     "unsteady": (UnsteadyError, "depth_m wave_height_m travel_m distance load_N/m resistance_N/m"),
@@ -445,7 +444,6 @@ def _run_numbers(study: Study, run: Any) -> dict[str, Any]:
 
 def _comparison(study: Study) -> dict[str, Any]:
     """Convert the results of each engine of the comparison."""
-    agreed = [(each.other_engine, each) for each in study.agreements] if study.comparison else []
     return {
         name: {
             "contacts": [contact.to_json() for contact in other.records],
@@ -453,7 +451,6 @@ def _comparison(study: Study) -> dict[str, Any]:
             "resistance_error": other.error,
             "roller_load": json_number(other.roller_load, "N"),
             "rankings": {kind: _rankings(order) for kind, order in study.places_by_engine[name].items()},
-            "agreement": [json_values(each, AGREED) for engine, each in agreed if engine == name],
             "evaluation_counts": dict(other.counts),
         }
         for name, other in study.comparison.items()

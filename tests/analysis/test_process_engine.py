@@ -169,7 +169,7 @@ def test_spread_over_the_mix_is_that_of_feed_work_and_sleeves(study):
     assert rollers == pytest.approx(2 * direct.resistance, rel=0.01)
     assert rollers / (2 * found.resistance) == pytest.approx(2, rel=0.1)
     spread = mix_spread(study.scene, found)
-    assert "fed_density_ratio" in spread.names
+    assert "fed_density_ratio" in spread.ranges
     assert spread.ranges["fed_density_ratio"] == pytest.approx((0.735, 0.765))
     assert spread.low < 1 < spread.high
     assert spread.fit > 0.98

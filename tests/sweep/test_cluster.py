@@ -115,16 +115,6 @@ def test_lost_scheduler_ends_the_sweep_in_a_sentence_and_the_rest_is_resumed(clu
     assert (table["reason"] == "").all()
 
 
-class Client:
-    """Substitute for the client of a cluster whose workers come and go."""
-
-    def __init__(self, threads):
-        self.threads = iter(threads)
-
-    def nthreads(self):
-        return dict.fromkeys(range(next(self.threads)), 1)
-
-
 # lock
 
 

@@ -117,10 +117,6 @@ class Source:
         """Quantities of drive and cart that vary, in the order of the ends."""
         return tuple(dict.fromkeys(name for end in self.ends for name in end.of))
 
-    def alone(self, quantity: str) -> tuple[SourceEnd, ...]:
-        """Return the ends at which one quantity of drive and cart alone is another."""
-        return tuple(end for end in self.ends if end.of == (quantity,))
-
     def changes(self, law: str, by: str, known: str = "") -> tuple[float, float]:
         """Return the least and the largest relative change of a peak of a recommended law [-], 0 without an end.
 
@@ -150,12 +146,8 @@ class MixSpread:
         Quantiles of the resistance over that of the scene [-].
     fit : float
         Coefficient of determination of the quadratic fit [-].
-    names : tuple of str
-        Parameters.
     ranges : dict
         Low and high value of each parameter, in its unit.
-    alone : dict
-        Resistance at both ends of each parameter alone, over that of the scene [-].
     shares : dict
         Total Sobol index of each parameter in the peak, by criterion [-].
     coefficients : tuple of float
@@ -167,9 +159,7 @@ class MixSpread:
     low: float
     high: float
     fit: float
-    names: tuple[str, ...]
     ranges: dict[str, tuple[float, float]]
-    alone: dict[str, tuple[float, float]]
     shares: dict[str, dict[str, float]]
     coefficients: tuple[float, ...]
     load: tuple[float, float] | None = None
@@ -440,25 +430,14 @@ def mix_spread(
         columns = scene.with_engine("column") if process is None else scene
     except ValueError:
         return None
-    ranges, (fed_key, fed) = parameter_ranges(columns, scene), _fed(columns)
-    names, given = tuple(ranges), scene_mix(columns)
-    keys = {name: fed_key if name == FED else f"mix.overrides.{name}" for name in names}
-
-    def at(label: str, shares: Iterable[float]) -> Change:
-        """Return the change to positions in the ranges, 0 at the low and 1 at the high ends; geometric above zero."""
-        pairs = zip(ranges.items(), map(float, shares), strict=True)
-        return Change(label, {
-            keys[name]: low * (high / low) ** share if low > 0 else low + share * (high - low)
-            for (name, (low, high)), share in pairs
-        })  # fmt: skip
-
-    centre = []
-    for name, (low, high) in ranges.items():
-        value = fed if name == FED else given.parameter(name).value
-        centre.append(math.log(value / low) / math.log(high / low) if low > 0 else (value - low) / (high - low))
-    sampled = qmc.Sobol(len(names), rng=SEED).random(SAMPLES)
-    ends = [[*centre[:i], end, *centre[i + 1 :]] for i in range(len(names)) for end in (0.0, 1.0)]
-    changes = [Change("scene")] + [at(f"point {i}", shares) for i, shares in enumerate((*ends, *sampled))]
+    ranges, (fed_key, _) = parameter_ranges(columns, scene), _fed(columns)
+    keys = {name: fed_key if name == FED else f"mix.overrides.{name}" for name in ranges}
+    low, high = np.array([*ranges.values()]).T
+    sampled = qmc.Sobol(len(ranges), rng=SEED).random(SAMPLES)
+    ratio = np.divide(high, low, out=np.ones(len(low)), where=low > 0)
+    values = np.where(low > 0, low * ratio**sampled, low + sampled * (high - low))  # geometric above zero
+    changes = [Change("scene")]
+    changes += [Change("point", dict(zip(keys.values(), row, strict=True))) for row in values.tolist()]
     rolled = ensemble(columns, changes, partial(_mix_resistance, process), None if process else executor)
     forces, loads = (
         np.array([rolled[number].get(name, np.nan) for number in range(len(changes))])
@@ -466,20 +445,17 @@ def mix_spread(
     )
     if not forces[0] > 0:
         return None
-    loads = loads[-SAMPLES:] / loads[0]
-    alone, found = np.split(forces[1:] / forces[0], [len(ends)])
+    found = forces[1:] / forces[0]
     known = found > 0  # nan without a solution
     terms, logs = polynomial_terms(2 * sampled[known] - 1, 2), np.log(found[known])
     if known.sum() <= terms.shape[1]:
         return None
     coefficients = np.linalg.lstsq(terms, logs, rcond=None)[0]
-    low, high = np.quantile(found[known], BAND)
-    return MixSpread(
-        float(low), float(high), 1 - float(np.var(logs - terms @ coefficients) / np.var(logs)), names, ranges,
-        dict(zip(names, map(tuple, alone.reshape(-1, 2).tolist()), strict=True)), {},
-        tuple(coefficients.tolist()),
-        None if process else tuple(map(float, np.nanquantile(loads, BAND))),  # type: ignore[arg-type]
-    )  # fmt: skip
+    fit = 1 - float(np.var(logs - terms @ coefficients) / np.var(logs))
+    (least, largest), band = np.quantile(found[known], BAND).tolist(), None
+    if process is None:
+        band = tuple(np.nanquantile(loads[1:] / loads[0], BAND).tolist())
+    return MixSpread(least, largest, fit, ranges, {}, tuple(coefficients.tolist()), band)
 
 
 def _mix_resistance(process: "ProcessStudy | None", scene: Scene, _: Change) -> dict[str, float]:
@@ -528,5 +504,5 @@ def _shares(mix: MixSpread, scales: Sequence[float], peaks: Sequence[float]) -> 
     def peak(shares: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.interp(np.exp(polynomial_terms(2 * shares.T - 1, 2) @ coefficients), scales, peaks)
 
-    found = sobol_indices(func=peak, n=SOBOL_SAMPLES, dists=[uniform()] * len(mix.names), rng=SEED)
-    return dict(zip(mix.names, map(float, found.total_order), strict=True))
+    found = sobol_indices(func=peak, n=SOBOL_SAMPLES, dists=[uniform()] * len(mix.ranges), rng=SEED)
+    return dict(zip(mix.ranges, map(float, found.total_order), strict=True))
