@@ -5,11 +5,8 @@ import logging
 import math
 import pickle
 import re
-import shutil
-import signal
 import subprocess
 import sys
-import time
 import tomllib
 from pathlib import Path
 from typing import NamedTuple
@@ -132,39 +129,6 @@ def test_bad_calls_end_in_a_sentence(compact, arguments, code, words, tmp_path):
     assert told.returncode == code, told.stderr
     assert words in " ".join((told.stdout + told.stderr).replace("│", " ").split())
     assert "Traceback" not in told.stdout + told.stderr
-
-
-def test_another_scenes_results_need_force_and_refused_ones_do_not(compact, tmp_path):
-    summary_only = ("--set", "output.items=[]")
-    assert compact("run", SMALL, "--engine", "compaction", "--out", tmp_path / "out").returncode == 1
-    assert list((tmp_path / "out").iterdir()) == []
-    assert compact("run", SMALL, "--out", tmp_path / "out", *summary_only).returncode == 0
-    (tmp_path / "slow.toml").write_text(SMALL.read_text().replace("duration = 3.0", "duration = 4.0"))
-    told = compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", *summary_only)
-    assert told.returncode == 1
-    assert "holds results of another scene" in told.stderr
-    assert compact("run", tmp_path / "slow.toml", "--out", tmp_path / "out", "--force", *summary_only).returncode == 0
-
-
-@of_unix
-@pytest.mark.slow
-def test_interrupt_leaves_whole_files_and_no_summary(tmp_path):
-    scene = tmp_path / "scene.toml"
-    shutil.copy(ROOT / "compact" / "data" / "scenes" / "loveikin-2015.toml", scene)
-    call = [sys.executable, "-m", "compact.cli", "run", str(scene), "--out", str(tmp_path / "out")]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "preexec_fn": heed_interrupts}
-    with subprocess.Popen(call, **pipes) as process:
-        while not list((tmp_path / "out" / "cycles").glob("*.csv")) and process.poll() is None:
-            time.sleep(0.01)
-        process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert "interrupted; every file already written is whole" in said
-    assert "Traceback" not in said
-    written = [path for path in (tmp_path / "out").rglob("*") if path.is_file()]
-    assert written
-    assert not [path for path in written if path.suffix == ".part" or path.name == "summary.json"]
-    assert all(path.read_text().endswith("\n") for path in written if path.suffix == ".csv")
 
 
 IMPORT_INTERRUPTED = """

@@ -460,7 +460,8 @@ def test_pore_air_adds_to_the_finite_elements_over_speed():
     assert with_air.high[1] / with_rate.forces[1] == pytest.approx(1.26, abs=0.05)
 
 
-def test_robust_law_gains_most_where_force_and_distance_are_known(capsys, tmp_path):
+def test_robust_law_gains_most_where_force_and_distance_are_known(capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr("compact.analysis.robust.law.FRESH_DRIVES", 50)
     module = study("robust_law")
     effort = module.Effort((4, 2), 9, 0, ("quintic",))
     cases = [module.EXACT[1], module.within("F within 30 %", 0.3, 0.0)]

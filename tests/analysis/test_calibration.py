@@ -5,7 +5,6 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,14 +12,11 @@ import pytest
 from compact.analysis.calibration import (
     calibrate,
     calibrate_drive,
-    calibration_digest,
-    drive_digest,
     fit_slope,
     slope_digest,
 )
 from compact.analysis.contact_cases import contact_inputs, roll_scene, scene_mix
 from compact.cli import program as cli
-from compact.engines.column import engine as column
 from compact.engines.compaction import engine as finite_elements
 from compact.scene.loader import SceneError, load_scene, read_change
 from compact.scene.plant_data import (
@@ -104,50 +100,6 @@ def test_sensitivity_is_the_slope_of_the_refit(published):
 
 
 # finite elements
-
-
-class Double:
-    """Substitute for finite elements: columns with a load that is twice as large or more."""
-
-    def __init__(self):
-        self.calls = []
-
-    def roll(self, layer, roller, material, speed, *, exit_density_ratio, steady_tolerance=None, increments=None):
-        self.calls.append((increments, layer, roller))
-        there = column.roll(layer, replace(roller, profile="circle"), material, speed)
-        load = (2.4 + 0.2 / (increments or 12)) * there.load * (there.indentation / layer.height / 0.02) ** 0.3
-        share = 1.7 * (there.indentation / layer.height / 0.02) ** -0.1
-        resistance = share * there.resistance / there.load * load
-        return SimpleNamespace(
-            load=load, resistance=resistance, indentation=there.indentation, exit_height=there.exit_height,
-            exit_density_ratio=exit_density_ratio,
-        )  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def doubled():
-    double, patch = Double(), pytest.MonkeyPatch()
-    patch.setattr("compact.engines.compaction.engine.roll", double.roll)
-    scene = load_scene(PUBLISHED, **{"machine.roller_condition": "frictionless"})
-    found = calibrate(scene, read_measurements(MEASURED), "compaction", increments=6)
-    patch.undo()
-    return found, double
-
-
-@pytest.mark.slow
-def test_fit_by_finite_elements_converges_in_few_runs(doubled):
-    found, double = doubled
-    rolled = found.rolled[0]
-    assert rolled.load * 1.164 == pytest.approx(9740, rel=1e-3)
-    assert rolled.resistance / rolled.load == pytest.approx(0.179, rel=1e-3)
-    assert rolled.exit_density_ratio == pytest.approx(0.98, abs=2e-5)
-    assert [increments for increments, *_ in double.calls] == [4] * len(found.coarse.fit.history) + [6] * len(
-        found.fit.history
-    )
-    assert len(double.calls) < 12
-    assert len(found.fit.history) < 4
-    assert "runs of finite elements" in calibration_digest(found)
-    assert f"on 4 increments K_H {found.coarse.heckel_slope * 1e6:.4f} /MPa" in calibration_digest(found)
 
 
 @pytest.mark.slow
@@ -269,48 +221,7 @@ def test_taps_give_stiffness_with_the_mass_of_the_cart_and_damping():
     assert found.damping.error == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("suffix", ["toml", "csv"])
-@pytest.mark.parametrize("name", ["damping_ratio", "decay", "decrement"])
-def test_decay_and_decrement_are_damping_ratios(tmp_path, suffix, name):
-    ratio, frequency = 0.3, 5.0
-    lag = 2 * np.pi * ratio / np.sqrt(1 - ratio**2)
-    value = {"damping_ratio": ratio, "decay": lag * frequency, "decrement": lag}[name]
-    path = tmp_path / f"taps.{suffix}"
-    rows = {"toml": f"[[tap]]\nfrequency = {frequency}\n{name} = {value}\n", "csv": f"frequency,{name}\n5,{value}\n"}
-    path.write_text(rows[suffix])
-    (tap,) = read_measurements(path).taps
-    assert (tap.frequency, tap.damping_ratio) == (5.0, pytest.approx(ratio, rel=1e-12))
-
-
-def test_lines_for_the_scene_state_the_spread_that_the_scene_reads(tmp_path):
-    deflections = bent(1e6, 0.0, np.array([1, -1, 1, -1, 1]) * 2e-5, np.linspace(500, 2500, 5))
-    found = calibrate_drive(load_scene(PUBLISHED), Measured((), deflections=deflections, taps=(Tap(5.2, 0.04),)))
-    text = PUBLISHED.read_text("utf-8").replace('kind = "rigid" ', 'kind = "elastic" ')
-    (tmp_path / "scene.toml").write_text(text.replace("[drive]\n", "[drive]\n" + "\n".join(found.scene_lines) + "\n"))
-    scene = load_scene(tmp_path / "scene.toml")
-    assert scene.stated_spread("drive.stiffness") == pytest.approx(found.stiffness.spread, rel=0.1)
-    assert scene.stated_spread("drive.damping") == 0.0  # one tap has no error
-    assert "kg on this stiffness, the scene has 1000 kg" in drive_digest(found, 1000.0)
-
-
 # refusals
-
-LOAD, SLOPE = reading(load=9740.0), {"unknowns": ("heckel_slope",)}
-BOTH = reading(load=9740.0, resistance_coefficient=0.179)
-
-
-@pytest.mark.parametrize(
-    ("changes", "measured", "options", "message"),
-    [
-        ({}, LOAD, {}, "2 unknowns cannot be determined from 1 data; measure more or fit fewer"),
-        ({"contact.load": 9740.0}, LOAD, SLOPE, r"contact\.load: a calibration .* to its density; delete 9740"),
-        ({"mix.pore_air": "one-way"}, LOAD, SLOPE, r"mix\.pore_air: a calibration has contacts without pore air"),
-        ({}, replace(BOTH, assumptions={"machine.size": (1.0, 2.0)}), {}, r"machine\.size"),
-    ],
-)
-def test_unfit_scenes_and_measurements_are_refused(changes, measured, options, message):
-    with pytest.raises(SceneError, match=message):
-        calibrate(load_scene(PUBLISHED, **changes), measured, **options)
 
 
 # the command

@@ -82,13 +82,6 @@ def test_error_of_a_criterion_follows_from_the_error_of_the_resistance(written):
 # files
 
 
-def test_summary_lists_every_file_and_counts_every_evaluation(written):
-    _, summary, directory = written
-    found = {str(path.relative_to(directory)) for path in directory.rglob("*") if path.is_file()}
-    assert found == {*summary["files"], "summary.json", "scene.hash"}
-    assert summary["comparison"]["column"]["evaluation_counts"]["rolled"] == 2
-
-
 @pytest.mark.slow
 def test_every_engine_reuses_stored_contacts(written):
     _, summary, directory = written

@@ -6,25 +6,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from test_verdict import COLUMNS, ENGINES, model
+from test_verdict import model, study
 
-from compact.analysis.sizing.decision import Size, candidates, choose, same_motions
-from compact.analysis.study import Study
-from compact.files import ResultsError, json_text
+from compact.analysis.sizing.decision import Size, candidates, choose
+from compact.files import json_text
 from compact.motion.profile import law
 from compact.report import text
 from compact.report.explain import explanation
 from compact.report.writer import study_summary
-from compact.scene.loader import load_scene
 
 CASE, FORCE = (1.0, "rigid"), "peak_force"
 CYCLES = {name: law(name, 0.4, 1.0).cycle() for name in ("cubic", "quintic", "septic", "parabolic")}
-
-
-@cache
-def study():
-    """The main scene by columns, formula and a linear layer."""
-    return Study(load_scene(ENGINES, **COLUMNS))
 
 
 @cache
@@ -33,14 +25,6 @@ def stored():
 
 
 # the rule
-
-
-def test_laws_of_one_motion_are_named_once_the_first_of_the_scene():
-    names = "reversal-4-free-both", "reversal-4-free-acceleration", "constant-velocity", "gear-sector", "cubic"
-    found = same_motions({name: law(name, 0.4, 1.0).cycle() for name in names})
-    assert found["gear-sector"] == "constant-velocity"
-    assert found["cubic"] == "cubic"
-    assert {found[names[0]], found[names[1]]} == {names[0]}
 
 
 def test_candidates_have_the_least_largest_excess_and_named_laws_come_first():
@@ -109,9 +93,3 @@ def test_each_number_of_the_first_screen_has_an_explanation():
     assert "of its square: drive and cart" in words
     assert "fitted: effective_modulus, roller_friction" in words
     assert "published: moisture 0.1" in words
-
-
-def test_key_that_is_unknown_is_told_with_the_nearest():
-    with pytest.raises(ResultsError, match="no key 'peak_forse'; the nearest are peak_force"):
-        explanation(stored(), "peak_forse")
-    assert explanation(stored(), "work_balance.feed_ratio")[0].startswith("work_balance.feed_ratio: ")

@@ -91,9 +91,3 @@ def test_law_that_is_first_between_two_durations_is_found(published):
     crossovers = [each for each in found.crossovers if each.by == "peak_power"]
     for coarse, dense in zip(crossovers, published.crossovers, strict=True):
         assert coarse.duration == pytest.approx(dense.duration, rel=1e-5)
-
-
-def test_durations_are_in_equal_ratios_and_plausible():
-    assert read_durations("motion.duration=0.3:3:3") == pytest.approx((0.3, np.sqrt(0.9), 3.0))
-    with pytest.raises(ValueError, match=r"motion\.duration"):
-        study("duration=1e-6:3:3")

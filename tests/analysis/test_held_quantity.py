@@ -5,12 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cart_moments import moment_residual
 
 from compact.analysis import contact_cases
 from compact.analysis.study import Study
 from compact.engines.interface import Case
-from compact.machine.cart import balance
 from compact.report import text
 from compact.report import writer as report
 from compact.report.tables import format_column
@@ -164,12 +162,3 @@ def test_return_stroke_over_compacted_mix_halves_the_work_of_compaction():
     assert compacted.stages.drive.cycle_energies["fresh"] == pytest.approx(
         fresh.stages.drive.runs["cubic"].energy, rel=1e-9
     )
-
-
-def test_moments_balance_on_both_strokes():
-    cart = study(**{"accuracy.engine": "column", "layer.return_stroke": "compacted"}).stages.resistance.cart
-    direction = np.array([1.0, -1.0])
-    forces = balance(cart, 0.3, direction * 2000.0, direction)
-    assert moment_residual(cart, forces, direction * 2000.0, direction) == pytest.approx(0, abs=1e-9)
-    net_force = forces.front_reaction + forces.rear_reaction + cart.weight
-    assert net_force[1] / net_force[0] == pytest.approx(cart.return_load_ratio, rel=1e-12)

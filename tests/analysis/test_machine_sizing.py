@@ -1,7 +1,5 @@
 """Motor, guide wheels and bearings of a scene: agreement with the runs, the catalogue file, and the results."""
 
-import csv
-import json
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,7 +9,6 @@ import pytest
 
 from compact.analysis.machine_models import catalogue
 from compact.analysis.study import Study
-from compact.report import writer as report
 from compact.report.text import say
 from compact.scene.errors import SceneError
 from compact.scene.loader import load_scene
@@ -101,17 +98,6 @@ def test_drive_without_a_shaft_or_a_torque_has_no_motor():
     assert (jump.requirement, jump.choice, jump.required_power) == (None, None, np.inf)
 
 
-def test_wheels_have_the_load_cycles_of_the_reactions():
-    """A dry resistance reverses once a cycle, and with it the moment on the guides; the lift is constant."""
-    study = study_of()
-    wheels = {each.name: each for each in study.machine_sizing.wheels}
-    front = study.stages.drive.runs["cubic"].state.forces.front_reaction
-    assert wheels["front guide wheel"].cycles[0].range == pytest.approx(np.ptp(front))
-    assert wheels["roller, lift"].cycles == ()
-    (cycle,) = wheels["roller, along the travel"].cycles
-    assert (cycle.range, cycle.count) == (pytest.approx(study.stages.contacts.engineering.roller_resistance * 2), 1.0)
-
-
 def test_life_of_the_roller_bearing_by_hand():
     """Load sqrt(9740^2 + 1743^2)/2 on one of two bearings; 0.8 m on a radius of 0.11 m in 6 s."""
     life = sizing(**BEARINGS).lives["roller"]
@@ -120,20 +106,6 @@ def test_life_of_the_roller_bearing_by_hand():
     assert life.million_revolutions == pytest.approx((40e3 / load) ** (10 / 3), rel=1e-4)
     assert life.valid
     assert life.hours == pytest.approx((40e3 / load) ** (10 / 3) * 1e6 * 2 * np.pi * 0.11 / 0.8 * 6 / 3600, rel=1e-4)
-
-
-def test_results_reach_files_and_summary(small, tmp_path):
-    study = Study(load_scene(small, **RULE | BEARINGS | {"output.items": ["tables"]}))
-    summary = report.write_study(study, tmp_path / "out")
-    numbers = json.loads((tmp_path / "out" / "summary.json").read_text("utf-8"))["machine_sizing"]
-    assert numbers["motor"]["chosen"] == "M-3"
-    assert numbers["motor"]["next_smaller_fails"]
-    assert numbers["bearings"]["roller"]["hours"]["unit"] == "h"
-    files = {"motor-sizing.csv", "motor-catalogue.csv", "wheel-loads.csv", "bearing-lives.csv"}
-    assert files <= set(summary["files"])
-    with (tmp_path / "out" / "motor-catalogue.csv").open(newline="") as file:
-        held = [row["motor"] for row in csv.DictReader(file) if row["holds"] == "True"]
-    assert held[0] == "M-3"
 
 
 # the catalogue file

@@ -40,14 +40,6 @@ def test_oedometer_is_that_of_the_columns(programme):
     assert test.lateral_stress[end] == pytest.approx(column.lateral_stress[0], rel=2e-3)
 
 
-def test_isotropic_compression_follows_the_yield_pressure(programme):
-    test = programme.test("isotropic")
-    assert test.axial_stress[-1] == pytest.approx(PRESSURE, rel=1e-9)
-    hardened = test.density_ratio > test.density_ratio[0]
-    expected = programme.material.yield_pressure(test.density_ratio[hardened])
-    assert test.axial_stress[hardened] == pytest.approx(expected, rel=1e-10)
-
-
 def test_strength_of_the_shear_line_is_that_of_mohr_coulomb():
     """Unconfined strength 2 c cos(phi)/(1 - sin(phi)), pure shear at constant pressure c cos(phi) + p sin(phi)."""
     scene = load_scene(SCENE, **{"mix.law": "drucker-prager-cap"})

@@ -5,9 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from lift_sequences import sequence
 
-from compact.analysis import process, worker_pool
 from compact.analysis.process import ProcessStudy
 from compact.cli import program as cli
 from compact.engines.process.forming import Closure
@@ -87,11 +85,6 @@ def test_pressure_of_extrusion_is_that_of_the_wedge_by_default():
     assert given.extrusion_pressures == (1e5, 1e5, 1e5)
 
 
-def test_masses_close(study):
-    masses = study.mix_balance
-    assert masses["product"] == pytest.approx(masses["fill"] + masses["fed"], rel=1e-9)
-
-
 def test_command_writes_results_of_a_mould_at_rest(tmp_path, capsys):
     changes = SHORT | {key: value for key, value in AT_REST.items() if value is not None}
     text = SCENE.read_text("utf-8").replace("product_density_ratio = 0.98          # -; published\nnip", "nip")
@@ -110,41 +103,3 @@ def test_command_writes_results_of_a_mould_at_rest(tmp_path, capsys):
     rows = np.loadtxt(tmp_path / "out" / "strokes.csv", delimiter=",", skiprows=1)
     assert rows.shape == (3, 10)
     assert len(list((tmp_path / "out" / "fields").glob("strokes=*.vtu"))) == 3
-
-
-@pytest.mark.slow
-def test_lumped_lifts_enter_forces_files_and_words(monkeypatch, tmp_path, capsys):
-    calls = []
-
-    def lifts(problem, friction, rate_factor, density_ratio, *, thickness, increments, air):
-        calls.append((thickness, increments))
-        load, work = (lambda k: 2e3 * np.exp(8 * (k - 0.75))), (lambda k: 1e5 * np.exp(10 * (k - 0.75)))
-        return sequence(thickness, increments, load=load, work=work, stopped="not steady")
-
-    monkeypatch.setattr(process, "simulate_lifts", lifts)
-    monkeypatch.setattr(worker_pool, "cores", lambda: 1)  # which a worker would not have
-    found = ProcessStudy(load_scene(SCENE, **SHORT), "deep")
-    shear = found.parts[1]
-    assert shear.force == pytest.approx(2 * (found.resistance - found.row.resistance))
-    with_air = ProcessStudy(load_scene(SCENE, **SHORT, **{"mix.pore_air": "one-way"}), "deep")
-    assert with_air.parts[2].cause == "pore air (two dimensions)"
-    assert with_air.parts[2].force == 2 * with_air.row.estimate("air_resistance").value
-    assert with_air.load == with_air.row.estimate("load").value + with_air.row.estimate("air_load").value
-    del calls[2:]
-    assert [increments for _, increments in calls] == [4, 4]
-    assert [thickness / found.problem.machine.max_bite for thickness, _ in calls] == pytest.approx([0.7, 0.9])
-    assert found.load == found.row.estimate("load").value
-    remarks = sentences("process_remarks", found)
-    assert any(remark.startswith("the top 10 mm of the product are denser") for remark in remarks)
-    assert any(remark.endswith("extrapolated beyond the densest lift") for remark in remarks)
-    assert remarks[-1] == "a sequence of lifts ends early: not steady"
-    options = [part for key, value in SHORT.items() for part in ("--set", f"{key}={value}")]
-    assert cli._exit_code(["process", str(SCENE), "--deep", "--out", str(tmp_path / "out"), *options]) == 0
-    assert "one roller, two dimensions" in capsys.readouterr().out
-    names = {path.name for path in (tmp_path / "out").iterdir()}
-    assert {"lifts.csv", "lifts.png"} <= names
-    summary = json.loads((tmp_path / "out" / "process.json").read_text())["two_dimensions"]
-    assert summary["load"]["error"] == pytest.approx(0.01, rel=1e-3)
-    assert summary["air_load"]["value"] > 0
-    assert not summary["air_is_counted"]
-    assert summary["sequences"][0]["lifts"] == 11

@@ -50,22 +50,6 @@ def test_equal_values_share_a_resolved_rank():
     ]  # fmt: skip
 
 
-def test_nonuniformity_is_resolved_to_a_hundredth_of_the_mean_speed():
-    def even(name, value):
-        return SimpleNamespace(name=name, nonuniformity=value, shocks=())
-
-    runs = [even("a", 3e-17), even("b", 2e-16), even("c", 0.008), even("d", 0.5)]
-    found = places(rank(runs, "nonuniformity"), "nonuniformity", {each.name: each for each in runs})
-    assert [(place.rank, place.value) for place in found] == [(1, 0.0), (1, 0.0), (3, 0.008), (4, 0.5)]
-    assert [place.margin for place in found] == pytest.approx([0.008, 0.008, 0.492, math.nan], nan_ok=True)
-    assert [(place.tie, place.resolved) for place in found] == [
-        (True, False),
-        (True, False),
-        (False, False),
-        (False, True),
-    ]
-
-
 # hard cases
 
 

@@ -14,7 +14,7 @@ from compact.engines.column import ColumnEngine
 from compact.engines.column import engine as column
 from compact.engines.compaction import engine as compaction
 from compact.engines.interface import RateEngine
-from compact.engines.rate_law import LAW_CONTACTS, fit_rate_law, sample_rate_law
+from compact.engines.rate_law import LAW_CONTACTS, sample_rate_law
 from compact.resistance import ForceSample
 from compact.rolling_contact import Layer, Roller, compaction_rate
 from compact.scene.loader import load_scene
@@ -76,14 +76,6 @@ def test_power_law_over_two_decades_needs_two_contacts():
     assert found.exponent == pytest.approx(slowest, rel=0.05)
 
 
-def test_wide_range_of_the_rate_factor_needs_a_contact_in_the_middle():
-    contacts = Contacts(lambda speed: 300 * rate_factor(0.06)(speed))
-    found = sampled(contacts, exponent=0.06)
-    assert len(contacts.computed) == 3
-    assert sorted(contacts.computed)[1] == pytest.approx(0.02, rel=0.3)
-    assert found.error < 0.01
-
-
 def test_faster_motion_extends_the_law():
     found, contacts = sampled(Contacts(power_law, noise=2e-3)), Contacts(power_law)
     extended = sampled(contacts, known=found.computed, fastest=0.3)
@@ -96,14 +88,6 @@ def test_faster_motion_extends_the_law():
 
 
 # (b) law and error
-
-
-@pytest.mark.parametrize("exponent", [0.0195, 0.06, 0.3])
-def test_map_reproduces_the_law_between_its_samples(exponent):
-    found = sampled(Contacts(lambda speed: 300 * rate_factor(exponent)(speed) ** 1.09), exponent=exponent)
-    law, _ = fit_rate_law(found.contacts, rate_factor(exponent))
-    speeds = np.geomspace(0.002, 0.2, 1001)
-    assert found(speeds) == pytest.approx(law(speeds), rel=1e-4)
 
 
 @pytest.mark.parametrize("target", [{"indentation": DEPTH}, {"load": 8.8e3}, {"peak_pressure": 2.2e5}], ids=list)
@@ -139,17 +123,6 @@ def test_held_out_contact_that_contradicts_the_law_adds_contacts():
         found = sampled(contacts, known=known)
     assert len(set(contacts.computed)) == LAW_CONTACTS
     assert found.error > 0.03
-
-
-def test_force_of_a_driven_roller_may_change_its_sign():
-    def force(speed):
-        return 300 * (rate_factor()(speed) - 1.05)
-
-    found = sampled(Contacts(force))
-    exact = np.array([force(speed) for speed in DECADES.tolist()])
-    assert exact.min() < 0 < exact.max()
-    assert np.abs(found(DECADES) - exact).max() < 0.01 * np.abs(exact).max()
-    assert found.contacts == ()
 
 
 # (c) files

@@ -46,14 +46,6 @@ def left(written, tmp_path):
     return copy
 
 
-def test_added_mass_of_a_cart_is_that_of_all_its_rollers():
-    study = of_scene()
-    resistance, machine = study.stages.resistance.resistance, study.scene.machine
-    mass, time = study.stages.contacts.added_mass(float(resistance.speeds[-1]))
-    assert resistance.added_masses[-1] == pytest.approx(machine.rollers * machine.roller_length * mass, rel=1e-12)
-    assert resistance.relaxation_time == time == pytest.approx(study.stages.contacts.mix.relaxation_time)
-
-
 def test_unsteady_share_of_a_law_has_its_closed_form(left):
     """cubic: v = 6 s/T z(1-z), a = 6 s/T^2 (1-2z): |a| tau > 0.1 v where 1-2z > (T/tau)/10 z(1-z)."""
     share = json.loads((left / "summary.json").read_text())["laws"]["cubic"]["unsteady_share"]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from machine_cases import CART, dry, free, published_law
 from published import CART_OF_C
+from sampling import sampled
 
 from compact.analysis.robust.drive_pool import DrivePool, pass_table, travel_table
 from compact.analysis.robust.law import INNER, Effort, PlantRange, between, robust_law
@@ -105,10 +106,11 @@ def test_response_is_the_drive_force_of_a_cart_without_resistance(ratio):
     assert np.abs(found.forces[0] - linear).max() < 1e-3 * np.abs(linear).max()
 
 
-def test_stiff_drives_without_mix_need_twice_the_mean_acceleration():
+def test_stiff_drives_without_mix_need_twice_the_mean_acceleration(monkeypatch):
+    monkeypatch.setattr("compact.analysis.robust.law.FRESH_DRIVES", 50)
     plants = PlantRange((1e9, 2e9), (0.1, 0.2), (free,))
     cart = replace(CART, mass=1000.0)
-    found = robust_law(cart, plants, STROKE, DURATION, Limits(), effort=Effort((2, 2), 3, 3, PUBLISHED))
+    found = robust_law(cart, plants, STROKE, DURATION, Limits(), effort=Effort((2, 2), 3, 2, PUBLISHED[:2]))
     least = 4 * 1000.0 * STROKE / DURATION**2
     assert least <= found.worst.peak < 1.1 * least  # of a law whose acceleration is continuous
     assert found.worst.peak < found.published_worst.peak
@@ -125,11 +127,11 @@ def test_program_bounds_the_law_from_below():
     assert 0 <= step.gap + 1e-9 < 1e-6
 
 
-@pytest.mark.parametrize("objective", ["robust_peak_force", "robust_peak_power"])
+@pytest.mark.parametrize("objective", sampled(["robust_peak_force", "robust_peak_power"], ["robust_peak_force"]))
 def test_robust_law_halves_the_worst_peak_of_a_narrow_range(objective):
     plants = PlantRange((8e5, 2e6), (0.05, 0.1), (along_stroke(),))
     limits = Limits(acceleration=8.0, jerk=200.0)
-    effort = Effort((6, 3), 15, 1, PUBLISHED)
+    effort = Effort((5, 3), 12, 1, PUBLISHED[:2])
     found = robust_law(CART, plants, STROKE, DURATION, limits, objective=objective, effort=effort)
     assert violations(limits, found.motion) == {}
     assert found.gains
@@ -155,6 +157,7 @@ FORMULA = {
 
 def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
     monkeypatch.setattr(Effort.__init__, "__defaults__", ((4, 2), 6, 0, ("quintic",)))
+    monkeypatch.setattr("compact.analysis.robust.law.FRESH_DRIVES", 50)
     study = Study(load_scene(SCENE, **FORMULA, **{"drive.turn": "build-up"}))
     stages = study.stages
     assert list(stages.laws.cycles) == ["parabolic", "quintic", "robust-peak-force"]
@@ -180,7 +183,6 @@ def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
     ("line", "places"),
     [
         ("0.110  # m; measured ± 5 mm", {(0.105, 0.105), (0.110, 0.110), (0.115, 0.115)}),
-        ("0.110  # m; measured", {(0.110, 0.110)}),
         (
             "[0.100, 0.150]  # m; measured ± 5 mm",
             {(0.095, 0.145), (0.095, 0.155), (0.1, 0.15), (0.105, 0.145), (0.105, 0.155)},
@@ -190,7 +192,7 @@ def test_robust_law_of_a_scene_spans_what_is_known_of_its_drive(monkeypatch):
             {(0.09, 0.135), (0.09, 0.165), (0.1, 0.15), (0.11, 0.135), (0.11, 0.165)},
         ),
     ],
-    ids=["both ends", "exact", "each end in mm", "each end in percent"],
+    ids=["both ends", "each end in mm", "each end in percent"],
 )
 def test_each_end_has_its_distance_to_fresh_mix_with_its_spread(tmp_path, line, places):
     words = re.sub(r"(?m)^sleeve_distance = .*$", f"sleeve_distance = {line}", SCENE.read_text("utf-8"))

@@ -1,7 +1,6 @@
 """Study from scene to summary: published operating point, energy balances, counts of evaluations."""
 
 import json
-import math
 from pathlib import Path
 from typing import get_args
 
@@ -69,14 +68,6 @@ def test_criteria_of_the_scene_are_those_of_the_drives():
     assert set(get_args(RankBy)) == set(CRITERIA)
 
 
-def test_mean_force_of_a_cart_without_mass_is_its_resistance():
-    light = {"machine.mass": 1e-9, "machine.weight": 1e-8, "unusual": ["machine.mass", "machine.weight"]}
-    study = Study(scene(**light, **{"machine.guide_friction": 0.0}, **STEP))
-    force = study.stages.resistance.resistance.force
-    assert study.stages.drive.runs["cubic"].mean_force == pytest.approx(force, rel=1e-9)
-    assert study.stages.drive.runs["gear-sector"].mean_force == math.inf
-
-
 def test_inertia_changes_the_ranking_of_the_crank_scene():
     slow, fast = (
         Study(scene(name)).stages.drive.rankings["peak_power"] for name in ("loveikin-2015", "loveikin-2015-crank")
@@ -84,14 +75,6 @@ def test_inertia_changes_the_ranking_of_the_crank_scene():
     assert slow[0].run.name == "reversal-4-free-acceleration"
     assert fast[0].run.name == "cubic"
     assert [p.run.name for p in slow] != [p.run.name for p in fast]
-
-
-def test_crank_law_is_driven_through_its_rod_in_a_crank_machine():
-    study = Study(scene("loveikin-2015-crank", **{"motion.laws": ["crank", "harmonic"]}))
-    assert np.abs(study.stages.drive.runs["crank"].state.rod_tangent).max() == pytest.approx(
-        0.25 / math.sqrt(1 - 0.0625), rel=1e-4
-    )
-    assert not study.stages.drive.runs["harmonic"].state.rod_tangent.any()
 
 
 @pytest.mark.sampled(1)
@@ -122,12 +105,6 @@ def test_added_mass_acts_on_the_elastic_drive_if_the_scene_includes_it(included)
 def test_spread_of_the_force_follows_the_square_of_the_pressure():
     force = Study(scene()).stages.contacts.numbers["roller_force"]
     assert (force.low / force.value, force.high / force.value) == pytest.approx((1.5**-2, 1.5**2), rel=1e-12)
-
-
-def test_spread_outside_the_range_of_the_formulas_is_omitted():
-    study = Study(scene(**{"mix.overrides.effective_modulus": 0.5e6}))  # sin phi > 1 at the high end
-    assert study.stages.contacts.numbers["roller_force"].high is None
-    assert study.stages.contacts.numbers["roller_force"].low < study.stages.contacts.engineering.roller_force
 
 
 def test_angle_of_a_stepper_in_the_roller_follows_the_travel(written):
@@ -180,13 +157,6 @@ def test_resistance_map_extends_to_the_speed_of_the_optimal_law(layer):
         == pytest.approx(study.stages.resistance.map.speeds[-1])
     )
     assert study.stages.drive.runs["least-peak-force"].peak_force == pytest.approx(there.value, rel=1e-3)
-
-
-def test_velocity_bound_of_the_scene_holds():
-    given = Study(scene(**COLUMN)).stages.resistance.largest_speed
-    held = Study(scene(**COLUMN, **{"motion.optimise": UNBOUNDED | {"velocity": given}}))
-    assert held.stages.laws.cycles["least-peak-force"].forward.peaks().velocity == pytest.approx(given)
-    assert held.stages.resistance.largest_speed == given  # nothing is computed beyond it
 
 
 def test_optimisation_without_convergence_omits_its_law_alone(monkeypatch):

@@ -1,6 +1,5 @@
 """Resistance along the stroke of a scene: shares by engine, table, figure, and the spread of the sleeve."""
 
-import pickle
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,11 +7,10 @@ import numpy as np
 import pytest
 
 from compact.analysis.stages.drives import build_stages
-from compact.analysis.stages.resistance import along_stroke, sampled_shares
+from compact.analysis.stages.resistance import sampled_shares
 from compact.analysis.stages.uncertainty import SLEEVE, drive_variants
 from compact.engines import ENGINES
 from compact.machine.drives import EDGE
-from compact.resistance import ResistanceMap
 from compact.scene.loader import load_scene
 from compact.turning import StrokeResistance
 
@@ -73,15 +71,6 @@ def test_step_and_linear_layers_have_the_bare_resistance(changes):
     assert found.mean_share == 1.0
 
 
-def test_each_end_of_the_stroke_has_its_own_distance():
-    found = build_up(**{SLEEVE: [0.05, 0.15]}).resistance
-    assert (found.forward([0.05, 0.15]) == 1).all()
-    assert found.backward(0.05) == 0.02
-    mirrored = build_up(**{SLEEVE: [0.15, 0.05]}).resistance
-    travel = np.linspace(0, 0.4, 101)
-    assert found.forward(travel) == pytest.approx(mirrored.backward(travel), abs=0)
-
-
 def test_table_covers_both_sides_and_the_release_of_the_old_force():
     found = build_up()
     rows = sampled_shares(found.resistance, found.cart, found.scene.motion)
@@ -92,16 +81,6 @@ def test_table_covers_both_sides_and_the_release_of_the_old_force():
         assert load[0] == pytest.approx(1.0, abs=1e-9)
         assert np.abs(np.diff(force)).max() < 0.25
     assert build_up().mean_share == pytest.approx(np.mean([np.trapezoid(f, t) / 0.4 for _, t, f, _ in rows]))
-
-
-def test_scaled_resistance_keeps_its_shares_and_crosses_processes():
-    found = build_up(COLUMN)
-    heavier = found.along_stroke(found.map.scaled(1.2))
-    assert heavier(0.3, 0.0, 0.1) == pytest.approx(1.2 * found.resistance(0.3, 0.0, 0.1), rel=1e-12)
-    again = pickle.loads(pickle.dumps(heavier))
-    assert again(0.3, 0.0, 0.1) == heavier(0.3, 0.0, 0.1)
-    flat = ResistanceMap(np.array([0.1, 1.0]), np.array([1.0, 1.0]), 0.0)
-    assert along_stroke(flat, None, (0.1, 0.1)) is flat
 
 
 # the sleeve as an unknown

@@ -67,14 +67,6 @@ def test_published_throughput_takes_fifty_times_the_work_of_a_pass():
     assert balance.fits is False
 
 
-def test_ratios_of_work_do_not_depend_on_the_roller_length():
-    """Mix pressed and resistance are in proportion to the length; columns keep their pressure."""
-    column = PRINTED | {"accuracy.engine": "column"}
-    long, short = (study(**column | {"machine.roller_length": each}).work_balance for each in (1.164, 0.5))
-    assert short.pass_work == pytest.approx(long.pass_work, rel=1e-9)
-    assert short.throughput_work == pytest.approx(long.throughput_work * 0.5 / 1.164, rel=1e-6)
-
-
 def test_speed_of_the_mould_at_which_mix_and_throughput_fit():
     """L/v strokes of T each over the strips n s/B of the product: at v = n s L/(B T) they press it once."""
     speed = 2 * 0.4 * 1.164 / (1.164 * 60.0)

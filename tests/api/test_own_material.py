@@ -114,12 +114,3 @@ def test_laboratory_tests_of_an_elastic_material_have_closed_forms(spring):
     assert len(tests.to_dataframe()) == sum(len(each.axial_strain) for each in tests)
     assert [len(panel.lines) for panel in tests.plot().axes] == [2, 2, 4, 5]
     assert "axial stress<" in tests._repr_html_()
-
-
-def test_target_out_of_reach_is_refused(spring):
-    with pytest.raises(ValueError, match=r"`load` must be less than .*, where the pores of spring close"):
-        roll(Layer(0.2), Roller(R, load=1e9), spring, 0.2)
-    with pytest.raises(ValueError, match=r"where the pores of spring close"):
-        roll(Layer(0.2), Roller(R, indentation=0.05), spring, 0.2)
-    with pytest.raises(RuntimeError, match=r"spring bears .* at a density ratio of 0.999"):
-        len(compact.laboratory_tests(spring, 1e8))

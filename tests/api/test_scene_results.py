@@ -92,15 +92,6 @@ def test_sweep_is_a_dataset_whose_points_are_contacts(scene):
     assert float(table["load"].sel(moisture=0.1, duration=2)) == pytest.approx(point.load * scene.machine.roller_length)
 
 
-def test_study_writes_what_the_command_writes(tmp_path):
-    formula = compact.load_scene(SCENES / "small.toml", **{"output.items": ["tables"]})
-    study = formula.run(tmp_path / "out")
-    assert (tmp_path / "out" / "summary.json").exists()
-    assert study.to_dataframe().index[0] == study.stages.drive.rankings["peak_force"][0].run.name
-    assert "cubic" in study._repr_html_()
-    assert "cubic" not in formula.study()._repr_html_()  # a view starts no computation
-
-
 def test_type_checkers_see_every_public_name():
     tree = ast.parse(Path(compact.__file__).read_text("utf-8"))
     block = next(node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")

@@ -8,7 +8,7 @@ import pytest
 from mixes import THIN
 
 from compact.engines.column import engine as column
-from compact.engines.compaction.engine import field_mesh, roll
+from compact.engines.compaction.engine import roll
 from compact.engines.compaction.layer_state import relax_rows
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh
 from compact.material import cap_plasticity
@@ -186,19 +186,6 @@ def test_sliding_roller_balances_its_work():
     assert rolled.shear_traction == pytest.approx(0.3 * rolled.pressure)
 
 
-def test_fields_agree_with_the_result(rolled):
-    content = field_mesh(rolled)
-    names = {"stress", "pressure", "density_ratio", "density_under_load", "saturation_pressure", "plastic_work"}
-    assert names == set(content.cell_data)
-    assert content.cell_data["density_ratio"][0].max() <= rolled.peak_density_ratio
-    assert content.cells[0].data.shape[1] == 8
-    surface = content.points[:, 1] > 0.1 - 1e-9
-    lowest = (content.points + content.point_data["displacement"])[surface, 1].min()
-    assert lowest == pytest.approx(0.1 - 0.002, abs=5e-5)
-    plastic_work = content.cell_data["plastic_work"][0]
-    assert plastic_work.min() >= -1e-15 * plastic_work.max()  # rounding of the interpolation between meshes
-
-
 # (e) convection and incremental rolling
 
 
@@ -319,12 +306,3 @@ def test_large_contact_angle_becomes_steady_and_balances():
     assert rolled.mass_residual < 2e-3
     assert rolled.work_residual < 0.02
     assert rolled.bow_wave > rolled.indentation
-
-
-def test_convection_keeps_a_stress_that_is_uniform_along_the_travel(mix):
-    frame = coarse_frame(mix, 0.004)
-    state = frame.initial_state()
-    stress = np.outer(1 + frame.solid.point_coordinates[:, 1], [-3e4, 0.0, -2e4, 0.0])
-    state.points.stress[:] = stress
-    behind = frame.solid.point_coordinates[:, 0] < 0.05
-    assert frame.convect(state).points.stress[behind] == pytest.approx(stress[behind], abs=1e-9)

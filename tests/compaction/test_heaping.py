@@ -9,7 +9,6 @@ from mixes import STIFF
 from compact.engines.column.engine import required_feed
 from compact.engines.compaction.engine import HeapingError, roll
 from compact.engines.compaction.heaping import HeapingEstimate, bearing_factor
-from compact.engines.compaction.layer_state import fresh_layer
 from compact.engines.compaction.rolling_case import RollingCase, RollingNumerics
 from compact.rolling_contact import Layer, Roller
 
@@ -96,27 +95,6 @@ LOOSER = replace(MIX, fed_density_ratio=0.9)
 def test_case_that_heaps_up_is_refused(layer, roller, mix, options, message):
     with pytest.raises(HeapingError, match=message):
         roll(Layer(layer), Roller(**{"radius": 0.11} | roller), mix, 0.13, **options)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"max_contact_angle": None},
-        {"strain": "small"},
-        {"layer": Layer(0.2294, base="slip")},
-        {"fed_layer": fresh_layer(MIX, np.full(20, 0.2294 / 20))},
-    ],
-    ids=["omitted", "small strain", "frictionless base", "compacted mix"],
-)
-def test_estimate_is_omitted_where_it_does_not_apply(no_solution, changes):
-    arguments = {
-        "layer": Layer(0.2294),
-        "roller": Roller(0.11, indentation=0.0097),
-        "material": MIX,
-        "speed": 0.13,
-    } | changes
-    with pytest.raises(no_solution):
-        roll(**arguments)
 
 
 # (e) growing bow waves

@@ -106,13 +106,6 @@ def test_mass_of_both_lifts_and_work_balance(on_lift):
     assert on_lift.work_residual < 0.02
 
 
-@pytest.mark.slow
-def test_exit_density_refers_to_the_fed_lift(on_lift):
-    rolled = roll(ON_LIFT, ROLLER, MIX, 0.13, increments=4, exit_density_ratio=0.98, start=on_lift)
-    assert rolled.exit_density_ratio == pytest.approx(0.98, rel=1e-3)
-    assert rolled.indentation > on_lift.indentation
-
-
 # chain of passes
 
 

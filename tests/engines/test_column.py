@@ -129,13 +129,6 @@ def test_oedometer_matches_the_reference_in_loading_and_unloading():
     assert test.density_ratio == pytest.approx(density_ratio, abs=4e-8)
 
 
-def test_subcritical_yield_matches_the_reference():
-    material = mix(critical_slope=1.0, poisson=0.2)
-    contact = roll(Layer(1.0), Roller(R, indentation=0.02), material, SPEED)
-    assert 1 - contact.exit_height == pytest.approx(0.018818, abs=6e-7)
-    assert contact.exit.layer[0].lateral_stress == pytest.approx(75939.5, abs=0.06)
-
-
 @pytest.mark.parametrize(
     ("modulus", "strain", "load", "resistance", "ratio", "front", "rear", "peak", "density_ratio"),
     [

@@ -240,20 +240,3 @@ def test_wedge_bounds_the_thrust_on_the_tongue():
     assert extrusion_pressure(0.22, 1700.0, 35.0, 0.0) <= 3.69 * sliding * (1 + 1e-3)
     pressures = [extrusion_pressure(0.22, 1700.0, angle, c) for angle, c in ((30, 5e3), (35, 1e4), (40, 2e4))]
     assert np.all(np.diff(pressures) > 0)
-
-
-def test_fields_hold_the_grains_of_the_sections():
-    found = row_of(problem(at_rest(6)), Closure("gap", 0.002))
-    frames = dict(found.frames())
-    assert list(frames) == [1, 2, 3, 4, 5, 6]
-    moving = row_of(problem(replace(MACHINE, roller_length=1.164), layers=1), Closure("gap", 0.001))
-    numbers = [number for number, _ in moving.frames()]
-    assert len(numbers) <= 60
-    assert numbers[-1] == 75
-    *_, (_, mesh) = moving.frames()
-    corners = mesh.points.reshape(-1, 4, 3)
-    areas = np.prod(corners[:, 2, :2] - corners[:, 0, :2], axis=1)
-    ratio, strokes = mesh.cell_data["density_ratio"][0], mesh.cell_data["strokes"][0]
-    states = moving.history.states[1:]
-    solid = sum(state.density_ratio * state.height * dz for state, dz in zip(states, moving.lengths, strict=True))
-    assert (ratio * areas)[strokes > 0].sum() == pytest.approx(solid, rel=1e-9)

@@ -144,19 +144,6 @@ def test_mould_that_is_not_full_takes_lifts_until_the_roller_touches(fake_roll):
     assert found.lifts[-1].density_ratio >= 0.9
 
 
-def test_sequence_ends_where_the_mix_heaps_up(fake_roll, monkeypatch):
-    press = lumped_lifts.roll
-
-    def roll(*args, **options):
-        wave = 0.0026 if len(fake_roll) == 3 else 0.0024  # of a bite of 5 mm
-        passed = press(*args, **options)
-        return SimpleNamespace(exit=passed.exit, indentation=0.005, bow_wave=wave)
-
-    monkeypatch.setattr(lumped_lifts, "roll", roll)
-    found = lifts_of(Column(0.22, 0.75))
-    assert (len(found.lifts), found.stopped) == (4, "from lift 4 on the mix heaps up, in a wave of 2.6 mm")
-
-
 @pytest.mark.parametrize("kneading", [None, Kneading(gain=0.5, exponent=0.5)])
 def test_kneaded_lifts_soften(fake_roll, kneading, monkeypatch):
     """Of one gyration a lift, shared by all grains; the slope is that at the middle of a pass."""

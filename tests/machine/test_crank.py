@@ -100,13 +100,6 @@ def test_peak_between_samples_is_found():
     assert shaft.power.max() == pytest.approx(peak, rel=2e-4)
 
 
-@pytest.mark.parametrize("ahead", [0.0, 1e-15, -1e-15, 1e-9, 2 * np.pi, -np.pi, 7.0, 1e3], ids=str)
-def test_mean_power_does_not_depend_on_the_initial_angle(ahead):
-    shaft = simulate_crankshaft(CART, CRANK, 10.5, friction(3562.0), (ahead,))
-    assert shaft.weights.sum() == pytest.approx(2 * np.pi, rel=1e-13)
-    assert shaft.mean(shaft.power) == pytest.approx(mean_power_of_one_cart(CART, 3562.0), rel=1e-11)
-
-
 def mean_power_of_one_cart(cart, resistance):
     shaft = simulate_crankshaft(cart, CRANK, 10.5, friction(resistance))
     return shaft.mean(shaft.power)

@@ -144,15 +144,6 @@ def test_velocity_jump_requires_an_infinite_force(name):
     assert run.mean_power == pytest.approx(0.8 / 6 * (3562 + GUIDE), rel=1e-12)
 
 
-@pytest.mark.parametrize("run_up", [1e-2, 1e-4, 1e-6])
-def test_short_acceleration_phase_keeps_peaks_and_energy(run_up):
-    motion = published_law("reversal-4", run_up=run_up, run_down=run_up)
-    run = simulate(replace(UNIT, mass=1000.0), Rigid(), motion, friction(3562.0))
-    assert run.peak_jerk == pytest.approx(motion.peaks().jerk, rel=1e-8)
-    assert run.peak_force == pytest.approx(1000 * motion.peaks().acceleration + 3562, rel=1e-8)
-    assert run.energy == pytest.approx(0.8 * 3562, rel=1e-9)
-
-
 # crank
 
 
@@ -259,13 +250,6 @@ def test_laws_rank_by_the_minimum_criteria_of_the_sources(by, case, spring):
     assert [place.value for place in found] == pytest.approx([unit * value for value in exact.values()], rel=1e-12)
     infinite = [place for place in found if place.value == math.inf]
     assert {(place.rank, place.reason) for place in infinite} <= {(len(found), JUMP.get(order))}
-
-
-def test_a_dwell_adds_impulses_to_the_criteria():
-    motion = law("cubic", 0.4, 3.0)
-    runs = [simulate(CART, Rigid(), cycle, friction(3562.0)) for cycle in (motion.cycle(), motion.cycle(far_dwell=0.5))]
-    assert [math.isfinite(run.squared_jerk) for run in runs] == [True, False]
-    assert runs[0].squared_acceleration == runs[1].squared_acceleration
 
 
 @pytest.mark.sampled(4)

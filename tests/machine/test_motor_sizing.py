@@ -120,16 +120,6 @@ def test_smallest_motor_that_holds_is_chosen_and_the_next_smaller_has_a_reason()
     )  # fmt: skip
 
 
-def test_catalogue_is_in_order_of_price_or_else_of_power():
-    found, rule = requirement(cart=MASSLESS, force=FORCE), SizingRule()
-    cheap = replace(MOTORS[2], price=100.0)
-    assert choose_motor((*MOTORS[:2], cheap), found, rule).chosen.motor.name == "large"
-    unpriced = [replace(each, price=None) for each in (*MOTORS[:2], cheap)]
-    assert choose_motor(unpriced, found, SizingRule(margin=1.0)).chosen.motor.name == "middle"
-    none = choose_motor(MOTORS, requirement(force=100 * FORCE), rule)
-    assert (none.by, none.chosen, none.next_smaller.motor.name) == ("price", None, "large")
-
-
 # motors by standard
 
 

@@ -65,9 +65,10 @@ def installed(tmp_path, monkeypatch):
     sys.modules.pop("winch_drive", None)
 
 
-def test_drive_of_another_package_is_run_compared_and_reported(installed, tmp_path):
+def test_drive_of_another_package_is_run_compared_and_reported(installed, monkeypatch, tmp_path):
+    monkeypatch.setattr("compact.analysis.stages.uncertainty.SAMPLES", 64)
     assert scene_schema()["definitions"]["Drive"]["properties"]["kind"]["enum"] == [*DRIVES]
-    scene = compact.load_scene(SMALL, **GIVEN, **{"accuracy.engine": "column", "compare": {"formula": {}}})
+    scene = compact.load_scene(SMALL, **GIVEN, **{"accuracy.engine": "formula", "compare": {"column": {}}})
     study, rigid = scene.run(tmp_path / "out"), scene.replaced(**{"drive.kind": "rigid", "drive.stiffness": None})
     assert [place.value for place in scene.rank()] == [place.value for place in rigid.rank()]
     rows = (tmp_path / "out" / "winch.csv").read_text().splitlines()
@@ -75,7 +76,7 @@ def test_drive_of_another_package_is_run_compared_and_reported(installed, tmp_pa
     forces = {law: float(force) for law, force, _ in (row.split(",") for row in rows[1:])}
     assert forces == pytest.approx({name: run.peak_force / 0.9 for name, run in study.stages.drive.runs.items()})
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert set(summary["comparison"]["formula"]["rankings"]) == {"winch"}
+    assert set(summary["comparison"]["column"]["rankings"]) == {"winch"}
     page = (tmp_path / "out" / "report.html").read_text("utf-8")
     assert "winch drive" in page
     assert "rope / 2" in page

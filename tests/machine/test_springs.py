@@ -13,8 +13,6 @@ from compact.drive import Crank, Rigid, simulate
 from compact.machine.cart import EndSprings
 from compact.machine.crankshaft import CRANK_ANGLES, simulate_crankshaft
 from compact.machine.elastic_motion import integrate
-from compact.machine.motor_drive import Motor
-from compact.machine.shaft import Kloss
 from compact.machine.spring_forces import AT_NEAR_PLATE, NEAR_SPRING, CartState, SpringCart
 from compact.motion.profile import LAWS
 from compact.numerics.piecewise import PiecewisePolynomial
@@ -58,15 +56,6 @@ def test_energy_of_a_spring_is_the_integral_of_its_force():
 
 
 # every drive
-
-
-def test_energy_balance_of_four_carts_with_springs_on_a_motor():
-    motor = Motor(Kloss(40.0, 0.15, 157.0), 150.0, 1e-3, 20.0, CRANK_ANGLES[4])
-    bare, run = (simulate(cart, motor, published_law("cubic"), dry) for cart in (CART, cart_with_springs()))
-    assert run.energy_residual < 1e-8
-    assert run.energy == pytest.approx(0.8 * SIZE, rel=1e-6)
-    near = run.state.position < 0.08
-    assert run.state.forces.drive_force[near].min() < bare.state.forces.drive_force[bare.state.position < 0.08].min()
 
 
 def test_springs_do_no_net_work_on_a_crankshaft():

@@ -266,16 +266,6 @@ def test_mirror_of_the_stroke_exchanges_the_sides(drive, name):
 # hard cases
 
 
-def test_cart_that_sticks_for_most_of_the_cycle():
-    """A table restarts with a jump, which holds the cart; without one the guides alone do."""
-    held, _ = CASES["sticks"]
-    law = published_law("complex")
-    run, free = (simulate_elastic(CART_OF_C, elastic(1.5e4, 0.3), law, each) for each in (held, CASES["wave"][0]))
-    assert 0.6 < run.stick_time / run.period < 0.9
-    assert free.stick_time < 0.1 * run.stick_time
-    assert run.energy_residual < 1e-6
-
-
 @pytest.mark.parametrize("harmonic", [1, 3, 5, 7])
 def test_undamped_drive_at_a_resonance_is_held_by_the_mix(harmonic):
     """The law excites odd harmonics of its cycle; mix and guides take what they supply."""

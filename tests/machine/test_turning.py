@@ -4,9 +4,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from compact.resistance import dry_resistance, tabulated_resistance
+from compact.resistance import dry_resistance
 from compact.turning import (
-    RELEASED,
     StrokeResistance,
     imprint_load_share,
     imprint_share,
@@ -126,29 +125,6 @@ def test_neither_force_nor_load_jumps_at_a_turn(shares, stroke):
     for one, other in ((forward, backward), (backward, forward)):
         assert float(other.force_share(0.0)) == pytest.approx(-float(one.force_share(stroke)), abs=1e-12)
         assert float(other.load_share(0.0)) == pytest.approx(float(one.load_share(stroke)), abs=1e-12)
-
-
-def test_old_force_lets_go_within_its_release():
-    shares = along_stroke(*wave_shares()).over(STROKE)[0]
-    last = 1 - 1.21 / 2.21 * np.exp(-((STROKE - shares.force.distance) / LENGTH - 0.5) / (5 * 1.21**0.75))
-    assert float(shares.force_share(0.0)) == pytest.approx(-last, rel=1e-12)
-    assert float(shares.force_share(RELEASED * 0.014 * LENGTH)) == pytest.approx(0.02, abs=1e-14)
-    assert float(shares.load_share(RELEASED * 0.014 * LENGTH)) == pytest.approx(0.25, abs=1e-14)
-
-
-def test_resistance_along_the_stroke_is_a_product_with_the_attributes_of_its_map():
-    sampled = tabulated_resistance((0.05, 0.1, 0.4), (2.9e3, 3.1e3, 3.5e3), (1.0, 2.0, 3.0), 0.1)
-    forward, load = wave_shares()
-    backward, _ = wave_shares(edge=0.154)
-    resistance = StrokeResistance(sampled, forward, backward, load, wave_shares(edge=0.154)[1])
-    velocity, acceleration, travel = np.array([-0.2, 0.2]), np.array([0.1, 0.1]), np.array([0.2, 0.2])
-    steady = sampled(velocity, acceleration)
-    assert np.array_equal(resistance(velocity, acceleration), steady)
-    assert resistance(velocity, acceleration, travel) == pytest.approx(steady * [backward(0.2), forward(0.2)])
-    assert resistance.scaled(2.0)(0.2) == pytest.approx(2 * sampled(0.2))
-    assert resistance.speeds is sampled.speeds
-    assert resistance.rate_limit == sampled.rate_limit
-    assert resistance.odd
 
 
 # refusals

@@ -341,22 +341,6 @@ def test_limits_relaxed_together_are_feasible():
             best("peak_force", limits=replace(limits, **(enough | {name: 0.1})), pieces=16)
 
 
-def test_infeasible_profile_radius_states_the_feasible_one():
-    limits = replace(TWO_THIRDS, cam=ROLLER)
-
-    def with_radius(radius):
-        cam = replace(ROLLER, profile_radius=radius)
-        return best("peak_force", limits=replace(limits, cam=cam), pieces=8)
-
-    with pytest.raises(InfeasibleError, match="smallest radius of curvature of the cam") as raised:
-        with_radius(0.4)
-    (conflict,) = raised.value.conflicts
-    assert (conflict.limit, raised.value.alone) == (0.4, True)
-    assert with_radius(conflict.required * (1 - 1e-4)).gap < 1e-5
-    with pytest.raises(InfeasibleError):
-        with_radius(conflict.required * (1 + 1e-3))
-
-
 def test_dwell_limits_the_profile_radius_to_that_of_the_base_circle():
     """Where the cart stands the profile is a circle about the axis: (breadth - stroke)/2 - r, here 0.22 m."""
     cam = CamLimits(0.9, dwell=0.5, profile_radius=0.23, roller_radius=0.03)

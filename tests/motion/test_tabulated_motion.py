@@ -54,13 +54,6 @@ def test_scatter_is_the_noise():
 # ---- (d) hard cases --------------------------------------------------------------------------------------------------
 
 
-def test_rounded_table_reproduces_its_velocity():
-    time, position = table_of("quintic", 301)
-    motion = from_table(time, position.round(4))
-    assert motion.scatter == pytest.approx(1e-4 / np.sqrt(12), rel=0.2)
-    assert motion.peaks().velocity == pytest.approx(0.25, rel=2e-3)
-
-
 # ---- (e) properties --------------------------------------------------------------------------------------------------
 
 

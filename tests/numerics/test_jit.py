@@ -1,20 +1,14 @@
 """Cache of compiled functions: it follows changes of functions and constants in other modules."""
 
 import importlib
-import os
-import subprocess
 import sys
-import threading
-from pathlib import Path
 
 import numba
 import pytest
-from filelock import FileLock
 
 from compact.numerics import jit
 from compact.numerics.jit import source_files
 
-ROOT = Path(__file__).parents[2]
 CALLER = """\
 from compact.numerics.jit import compiled
 {imports}
@@ -87,20 +81,6 @@ def test_a_change_in_another_module_recompiles_the_caller(sample, change):
     assert compiled_result(module) == (expected, 0)
 
 
-def test_a_process_waits_while_another_one_compiles(sample):
-    _, module = sample
-    function, found = imported(module), []
-    lock = Path(function._cache._cache_file._index_path).with_suffix(".lock")
-    lock.parent.mkdir(parents=True, exist_ok=True)
-    thread = threading.Thread(target=lambda: found.append(function()), daemon=True)
-    with FileLock(lock):
-        thread.start()
-        thread.join(0.2)
-        assert thread.is_alive()
-    thread.join()
-    assert found == [1060]
-
-
 # cache that cannot be written, or is damaged
 
 
@@ -130,22 +110,3 @@ def test_damaged_cache_is_compiled_again(sample, told, suffix, damage):
 
 
 # without the locks of Unix
-
-WITHOUT_FCNTL = """
-import sys, warnings
-
-warnings.simplefilter("ignore")  # of filelock, that its locks are soft
-sys.modules |= dict.fromkeys(("fcntl", "resource", "termios", "pwd", "grp"))
-import caller
-
-print(caller.result())
-"""
-
-
-def test_package_compiles_without_modules_of_unix(sample):
-    folder, module = sample
-    code = WITHOUT_FCNTL.replace("caller", module)
-    path = str(folder.parent if "." in module else folder)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([path, str(ROOT)])}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=False)
-    assert (done.stdout, done.stderr) == ("1060\n", "")

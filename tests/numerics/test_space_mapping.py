@@ -29,14 +29,6 @@ def test_corrected_coarse_model_reproduces_the_fine_one():
     assert again.unknowns == pytest.approx(found.unknowns, abs=2e-3)
 
 
-def test_slope_of_the_correction_converges():
-    """A constant correction of u by u^2.5 would overshoot more at each step."""
-    found = fit_parameters(np.exp, [6.0], [0.0], lambda u: np.exp(2.5 * u))
-    assert found.unknowns == pytest.approx([np.log(6.0) / 2.5], abs=1e-3)
-    assert found.correction.slope == pytest.approx(np.array([[1.5]]), rel=0.02)
-    assert found.sensitivity == pytest.approx(np.array([[1 / 2.5]]), rel=0.02)
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_noisy_fine_model_is_fitted_in_the_mean(seed):
     rng = np.random.default_rng(seed)

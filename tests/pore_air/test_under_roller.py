@@ -29,18 +29,6 @@ def test_without_drainage_boyles_law_holds_at_every_point(contact):
 
 
 @pytest.mark.parametrize("occlusion", [None, 0.90])
-def test_without_drainage_boyles_law_holds_at_the_surface_under_the_roller(contact, occlusion):
-    """The air under the roller is that of the last drained node ahead; outside the contact the surface has none."""
-    under = RollerAir(contact.solution, pore_air(1e-25, occlusion))
-    found, volume = under.pressure(1.0), under.flow.air_volume[:, -1]
-    (touched,) = np.nonzero(~under.flow.drained[:, -1])
-    boyle = under.air.ambient_pressure * volume[touched[-1] + 1] / volume[touched]
-    np.testing.assert_allclose(found.pressure[touched, -1], boyle, rtol=1e-6)
-    assert not found.excess[under.flow.drained].any()
-    assert boyle.max() > 2 * 101325
-
-
-@pytest.mark.parametrize("occlusion", [None, 0.90])
 def test_with_full_drainage_there_is_no_air(contact, occlusion):
     under = RollerAir(contact.solution, pore_air(1e-3, occlusion))
     found = under.pressure(1e-3)

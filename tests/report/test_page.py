@@ -15,7 +15,7 @@ from pages import PageReader, page_html
 
 from compact.analysis.study import Study
 from compact.report import writer as report
-from compact.report.page import Picture, Section, remark, render_page
+from compact.report.page import Picture, Section, render_page
 from compact.report.tables import (
     TableSpec,
     format_column,
@@ -23,14 +23,10 @@ from compact.report.tables import (
     format_percent,
     format_quantity,
 )
-from compact.report.text import say
-from compact.rolling_contact import Contact
-from compact.scene.loader import load_scene, parse_scene
-from compact.scene.new_scene import starter_scene
+from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-LARGEST = 5_000_000  # bytes of a page
 SECTIONS = ["ranking", "contact", "uncertainty", "drive", "checks", "explained", "inputs"]
 MOST_WORDS, MOST_VISIBLE = 6000, 1200  # of a page, and of its answer
 
@@ -110,17 +106,6 @@ def test_page_has_the_numbers_of_the_study_in_every_section_and_not_too_many_wor
     assert len(words.partition("Laws by engine and drive")[0].split()) < MOST_VISIBLE
 
 
-def test_origins_of_inputs_are_marked_by_the_first_word_of_a_clause(written):
-    mine, starter = written[0].scene, parse_scene(starter_scene())
-    for read, table, key, mark in (
-        (mine, "machine", "roller_length", "assumed"), (mine, "machine", "roller_radius", "published"),
-        (mine, "mix", "moisture", "changed by the caller"), (starter, "machine", "rib_factor", "guess"),
-    ):  # fmt: skip
-        found = remark(read.remark(table, key))
-        assert (found.kind, found.label) == ("known" if mark == "published" else "assumed", mark)
-    assert isinstance(remark(starter.remark("machine", "guide_positions")), str)  # measured in the same way
-
-
 # checks
 
 
@@ -184,16 +169,6 @@ def luminance(colour):
 # cost
 
 
-def test_page_is_small_and_repeats_no_run(written):
-    study, summary, path = written
-    assert path.stat().st_size < LARGEST
-    assert "report.html" in summary["files"]
-    assert summary["evaluation_counts"]["runs"] == 2 * len(
-        study.stages.laws.cycles
-    )  # against the resistance, and against it with its error
-    assert summary["evaluation_counts"]["report"] == 1
-
-
 # in a browser
 
 PROBE = """<script>
@@ -246,21 +221,3 @@ def test_browser_shows_the_page_whole_on_a_screen_and_a_phone(written, tmp_path)
         assert len(shown["images"]) == len(PageReader(text).all("img"))
         assert min(shown["images"]) > 0
         assert (shown["shut"], shown["still"]) == (len(SECTIONS), 0)  # on paper every section is open
-
-
-@pytest.mark.parametrize(
-    ("peak", "loaded", "share", "words"),
-    [
-        (0.9979, 0.9991, 0.0, None),
-        (0.9981, 0.9996, 0.0, "0.9996 under load"),
-        (0.9981, 1.0007, 0.04, "1.0007 under load, above 1 in 4 % of the section between the edges"),
-        (None, None, None, None),
-    ],
-    ids=["below", "reached", "beyond", "columns"],
-)
-def test_saturation_limit_is_told_where_the_mix_reaches_it(peak, loaded, share, words):
-    contact = Contact(
-        9e3, 2e3, 0.04, 0.0, peak_density_ratio=peak, peak_loaded_density_ratio=loaded, overfull_share=share
-    )
-    start = "the mix reaches the saturation limit 0.998: density ratio 0.9981 at most, "
-    assert say("saturation", contact, 0.998) == (start + words if words else "")

@@ -19,7 +19,6 @@ from compact.scene.loader import load_scene
 
 SMALL = Path(__file__).parents[2] / "compact" / "data" / "scenes" / "small.toml"
 SPEED = 0.1
-OPEN = {"machine.roller_condition": "free", "machine.gap_geometry": "deformed"}  # defaults that a scene may leave open
 
 
 def doors(engine, layer, roller, material):
@@ -75,18 +74,6 @@ def test_spectral_replaces_roller_and_gap_and_states_it():
     assert (scene.machine.roller_condition, scene.machine.gap_geometry) == ("free", "deformed")
 
 
-@pytest.mark.parametrize(("key", "default"), OPEN.items())
-def test_a_key_set_to_its_default_stays_set_through_changes(key, default):
-    scene = load_scene(SMALL)
-    assert not scene.is_set(key)
-    assert not scene.replaced(**{"mix.moisture": 0.11}).is_set(key)
-    held = scene.replaced(**{key: default})
-    assert held.is_set(key)
-    assert held.replaced(**{"mix.moisture": 0.11}).is_set(key)
-    assert not held.replaced(**{key: None}).is_set(key)
-    assert (held == scene, held.hash == scene.hash) == (True, True)
-
-
 def test_compared_formulas_neglect_keys_that_they_do_not_accept():
     plies = [{"thickness": 0.16, "relative_modulus": 2.0}, {"thickness": 0.06, "relative_modulus": 1.0}]
     scene = load_scene(SMALL, **{"accuracy.engine": "fem", "layer.plies": plies, "contact": {"indentation": 0.002}})
@@ -127,21 +114,3 @@ def test_formulas_meet_a_prescribed_load():
     assert study.stages.contacts.engineering.roller_force == pytest.approx(load, rel=1e-12)
     assert study.stages.contacts.numbers["roller_force"].low is None
     assert study.stages.contacts.numbers["pressure"].known_by.startswith("contact: as prescribed")
-
-
-def test_unusual_disables_the_estimate_of_heaping(monkeypatch):
-    asked = []
-
-    def rolled(*_, **options):
-        asked.append(options)
-        raise RuntimeError("reached the engine")
-
-    whole = {"accuracy.engine": "compaction", "layer.lift_thickness": None}
-    refused = Study(load_scene(SMALL, **whole))
-    with pytest.raises(RuntimeError, match=r'heaps up.*unusual = \["mix.density_ratio"\] computes it all the same'):
-        refused.stages.contacts.passes_at(refused.scene.mean_speed)
-    monkeypatch.setattr("compact.engines.compaction.engine.roll", rolled)
-    insisting = Study(load_scene(SMALL, **whole, unusual=["mix.density_ratio"]))
-    with pytest.raises(RuntimeError, match=r"reached the engine$"):
-        insisting.stages.contacts.passes_at(insisting.scene.mean_speed)
-    assert asked[-1]["max_contact_angle"] is None

@@ -126,17 +126,6 @@ def test_directory_of_a_running_sweep_is_refused(tmp_path):
     assert not (tmp_path / LOCK).exists()
 
 
-@pytest.mark.parametrize("content", [b"1\nanother-machine\n", b"\xff\xfe\x00", None])
-def test_lock_of_another_machine_or_program_is_kept(tmp_path, content):
-    if content is None:
-        (tmp_path / LOCK).mkdir()
-    else:
-        (tmp_path / LOCK).write_bytes(content)
-    with pytest.raises(ResultsError, match=r"sweep\.lock: .*give another --out"), open_store(tmp_path / "points"):
-        pass
-    assert content is None or (tmp_path / LOCK).read_bytes() == content
-
-
 @pytest.mark.skipif(os.name != "posix", reason="no process can be looked up")
 def test_lock_of_an_ended_process_is_taken_over(tmp_path):
     with subprocess.Popen([sys.executable, "-c", ""]) as ended:

@@ -12,17 +12,13 @@ from compact.analysis.worker_pool import ProcessExecutor
 from compact.report import sweep as sweep_report
 from compact.scene.loader import load_scene
 from compact.sweep import corrected
-from compact.sweep import design as vary
 from compact.sweep import run as sweep
 from compact.sweep.corrected import (
-    CorrectedSweep,
     choose_points,
     connected_parts,
-    create_sweep,
     fit_surface,
     inside_hull,
 )
-from compact.sweep.run import Sweep
 
 SCENE_FILE = SCENES / "loveikin-2015.toml"
 THIN = {"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "contact.indentation": 0.002}
@@ -171,23 +167,6 @@ def test_sweep_is_resumed_after_an_interruption(solved, tmp_path):
 
 
 # (d) choice of the sweep
-
-
-def test_correction_is_for_engines_with_one_of_low_fidelity():
-    varied = [vary.read_design(text) for text in GRID]
-    assert isinstance(create_sweep(SCENE, varied), CorrectedSweep)
-    assert type(create_sweep(SCENE, varied, direct="all")) is Sweep
-    assert type(create_sweep(SCENE, varied[:1])) is Sweep  # no more points than would be chosen
-    assert type(create_sweep(SCENE, varied[:1], direct=5)) is CorrectedSweep
-    assert type(create_sweep(SCENE.replaced(**{"accuracy.engine": "column"}), varied)) is Sweep
-    columns = SCENE.replaced(**{"accuracy.engine": "column"})
-    for scene, options, words in (
-        (columns, {"direct": 9}, "--direct is for sweeps by compaction alone, got column"),
-        (SCENE, {"direct": 0}, "--direct must be at least 1, or all, got 0"),
-        (SCENE, {"rank": True}, "--rank needs a resistance over speed, .* give --direct all, or --engine column"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            create_sweep(scene, varied, **options)
 
 
 # (e) finite elements
