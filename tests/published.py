@@ -24,25 +24,10 @@ LAWS_OF_D = {
     "reversal-2": ("3.1", (over(6, 5), over(36, 5), 0, 0), 1, 1),
     "reversal-3": ("3.2", (over(6, 5), over(54, 5), over(1296, 5), over(15552, 5)), 2, 2),
     "reversal-4": ("3.3", (over(6, 5), over(27, 2), 144 * sqrt(3), 15552), 3, 3),
-    "reversal-3-free-acceleration": (
-        "4.1",
-        (over(8, 7), over(72, 7), over(864, 7), over(5184, 7)),
-        2,
-        1,
-    ),
-    "reversal-4-free-acceleration": (
-        "4.2",
-        (over(48, 43), over(540, 43), 2880 * sqrt(3) / 43, over(155520, 43)),
-        3,
-        1,
-    ),
+    "reversal-3-free-acceleration": ("4.1", (over(8, 7), over(72, 7), over(864, 7), over(5184, 7)), 2, 1),
+    "reversal-4-free-acceleration": ("4.2", (over(48, 43), over(540, 43), 2880 * sqrt(3) / 43, over(155520, 43)), 3, 1),
     "reversal-4-free-jerk": ("4.3", (over(6, 5), over(27, 2), 144 * sqrt(3), 15552), 3, 3),
-    "reversal-4-free-both": (
-        "4.4",
-        (over(48, 43), over(540, 43), 2880 * sqrt(3) / 43, over(155520, 43)),
-        3,
-        1,
-    ),
+    "reversal-4-free-both": ("4.4", (over(48, 43), over(540, 43), 2880 * sqrt(3) / 43, over(155520, 43)), 3, 1),
 }
 
 # D 2.5 at d1 = 0.5, d2 = 0.3. Digits: `laws.csv`, from the closed form, not printed in D, which has a = 0.245 m/s^2

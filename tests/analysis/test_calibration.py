@@ -9,25 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from compact.analysis.calibration import (
-    calibrate,
-    calibrate_drive,
-    fit_slope,
-    slope_digest,
-)
+from compact.analysis.calibration import calibrate, calibrate_drive, fit_slope, slope_digest
 from compact.analysis.contact_cases import contact_inputs, roll_scene, scene_mix
 from compact.cli import program as cli
 from compact.engines.compaction import engine as finite_elements
 from compact.scene.loader import SceneError, load_scene, read_change
-from compact.scene.plant_data import (
-    Band,
-    Compression,
-    Deflection,
-    Measured,
-    Measurement,
-    Tap,
-    read_measurements,
-)
+from compact.scene.plant_data import Band, Compression, Deflection, Measured, Measurement, Tap, read_measurements
 
 SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 PUBLISHED = SCENES / "loveikin-2015.toml"

@@ -1,7 +1,5 @@
 """Comparison of engines: each gives the results of its own scene, in one process or several, or from stored files."""
 
-import csv
-import json
 import os
 import signal
 import subprocess
@@ -41,11 +39,6 @@ def written(tmp_path_factory):
     return study, report.write_study(study, directory, executor=ProcessExecutor(1)), directory
 
 
-def rows(path):
-    with path.open(newline="") as stream:
-        return list(csv.DictReader(stream))
-
-
 # results
 
 
@@ -80,24 +73,6 @@ def test_error_of_a_criterion_follows_from_the_error_of_the_resistance(written):
 
 
 # files
-
-
-@pytest.mark.slow
-def test_every_engine_reuses_stored_contacts(written):
-    _, summary, directory = written
-    drawn = {path.name: path.read_bytes() for path in directory.glob("*.png")}
-    again = Study(scene(), directory=directory)
-    kept = report.write_study(again, directory)
-    assert {"ranking.png", "stroke.png"} < set(drawn)
-    assert drawn == {path.name: path.read_bytes() for path in directory.glob("*.png")}
-    for stages in (kept["evaluation_counts"], kept["comparison"]["column"]["evaluation_counts"]):
-        assert stages["kept"] == 1
-        assert not {"rolled", "resistance", "added mass"} & set(stages)
-    for name in ("rankings", "comparison", "laws"):
-        mine, theirs = (json.loads(json.dumps(part[name], default=str)) for part in (kept, summary))
-        for part in (*mine.values(), *theirs.values()) if name == "comparison" else ():
-            part.pop("evaluation_counts")
-        assert repr(mine) == repr(theirs)
 
 
 @of_unix

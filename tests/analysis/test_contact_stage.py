@@ -49,15 +49,6 @@ def test_plies_of_a_scene_are_passed_to_the_engine():
         contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.3, "formula")
 
 
-@pytest.mark.slow
-def test_engine_satisfies_the_tolerance_of_the_scene():
-    coarse, fine = (study(**CASE_G, **{"accuracy.engine": "fem", "accuracy.tolerance": t}) for t in (1e-2, 1e-3))
-    rough, close = (contact_cases.roll_scene(case.scene, case.stages.contacts.mix, 0.3) for case in (coarse, fine))
-    assert close.forces.shape[1] > rough.forces.shape[1]  # more nodes on the surface
-    assert abs(close.resistance / 392.888 - 1) < 1e-3  # contact.md g, digits of the spectral engine
-    assert abs(rough.resistance / 392.888 - 1) < 1e-2
-
-
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("rolling", "torque", "speed"),

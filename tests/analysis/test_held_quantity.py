@@ -74,8 +74,7 @@ def test_columns_hold_the_height_that_gives_the_density_at_the_mean_speed():
 
 
 @pytest.mark.parametrize(
-    "engine",
-    ["column", "spectral", *(pytest.param(name, marks=pytest.mark.slow) for name in ("fem", "compaction"))],
+    "engine", ["column", "spectral", *(pytest.param(name, marks=pytest.mark.slow) for name in ("fem", "compaction"))]
 )
 def test_stated_height_is_that_of_every_contact_map_and_added_mass(engine, tmp_path):
     """Contacts, resistance map and added mass are those of rollers that prescribe the stated height themselves."""

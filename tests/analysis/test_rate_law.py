@@ -137,11 +137,7 @@ class ColumnsByLaw(ColumnEngine, RateEngine):
 
 def columns_study(directory=None, **changes):
     """Study by columns whose map is made by the law."""
-    keys = {
-        "accuracy.engine": "column",
-        "contact.speeds": [0.1],
-        "contact.indentation": 0.004,
-    }
+    keys = {"accuracy.engine": "column", "contact.speeds": [0.1], "contact.indentation": 0.004}
     study = Study(load_scene(SMALL, **keys | changes), directory=directory)
     study.stages.contacts.engine = ColumnsByLaw()
     return study

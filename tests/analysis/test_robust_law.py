@@ -247,8 +247,12 @@ def worst_peak(law, resistances):
     return pool.simulate(pass_table(law)).peaks.max()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", TARGETS)
+LONG = "force 10 %, distance 5 mm"  # two minutes
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.nightly if name == LONG else pytest.mark.slow) for name in TARGETS]
+)
 def test_robust_law_of_a_wide_range_of_drives(name):
     """F and D that judge are inside the range, neither samples nor judges of the search."""
     target, wave, samples = TARGETS[name]

@@ -205,11 +205,7 @@ def test_measured_drive_and_cart_vary_by_what_their_comments_state(tmp_path):
 
 @pytest.mark.parametrize(
     ("kind", "words", "values"),
-    [
-        ("motor", ["inertia ÷ 1.5", "inertia × 1.5"], [1 / 1.5, 1.5]),
-        ("hydraulic", [], []),
-        ("rigid", [], []),
-    ],
+    [("motor", ["inertia ÷ 1.5", "inertia × 1.5"], [1 / 1.5, 1.5]), ("hydraulic", [], []), ("rigid", [], [])],
 )
 def test_inertia_of_the_motor_varies(kind, words, values):
     found = drive_variants(load_scene(ENGINES, **NO_SPRING, **OTHER_DRIVES[kind]))
@@ -309,7 +305,7 @@ def kept_contacts(air):
         pytest.param(COLUMNS, id="column"),
         pytest.param(COLUMNS | AIR, id="column with air", marks=pytest.mark.slow),
         pytest.param({}, id="compaction", marks=pytest.mark.slow),
-        pytest.param(AIR, id="compaction with air", marks=pytest.mark.slow),
+        pytest.param(AIR, id="compaction with air", marks=pytest.mark.nightly),
     ],
 )
 @pytest.mark.parametrize("turn", FIRST)

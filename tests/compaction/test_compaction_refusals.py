@@ -24,10 +24,7 @@ DEPTH = {"indentation": 0.002, "friction": 0.3}
         ({"speed": 0.0}, "`speed` must not be 0, got 0"),
         ({"strain": "log"}, "no strain 'log'"),
         ({"roller": Roller(0.11, indentation=0.02)}, "than 0.006 m, got 0.02 m: it would press mix fed at 0.94"),
-        (
-            {"roller": Roller(0.001, indentation=0.002, profile="circle")},
-            "than 0.001 m, got 0.002 m: the axle",
-        ),
+        ({"roller": Roller(0.001, indentation=0.002, profile="circle")}, "than 0.001 m, got 0.002 m: the axle"),
         (
             {"roller": Roller(0.11, indentation=0.08), "layer": Layer(0.1, base="slip")},
             "than 0.07 m, got 0.08 m: mix on a frict",
@@ -37,14 +34,8 @@ DEPTH = {"indentation": 0.002, "friction": 0.3}
         ({"material": "mix"}, "`material` must be Compaction, got str; use the engine fem"),
         *(({"max_contact_angle": angle}, "`max_contact_angle` must be") for angle in (0.0, 2.0, np.nan)),
         ({"roller": Roller(0.11, rolling="driven", **DEPTH)}, "`torque` must be given for a 'driven' roller, got None"),
-        (
-            {"roller": free_roller(friction=0.0), "torque": 3.0},
-            "`torque` needs .* got 3.0 for 'free' with 0.0",
-        ),
-        (
-            {"roller": free_roller(rolling="sliding"), "torque": 3.0},
-            "`torque` needs .* for 'sliding' with 0.35",
-        ),
+        ({"roller": free_roller(friction=0.0), "torque": 3.0}, "`torque` needs .* got 3.0 for 'free' with 0.0"),
+        ({"roller": free_roller(rolling="sliding"), "torque": 3.0}, "`torque` needs .* for 'sliding' with 0.35"),
         ({"layer": LOOSE, "material": ON_LIFT}, "`density_ratio` must be above 0.93576 and below 1, got 0.9"),
         (
             {"layer": LIFTED, "material": ON_LIFT, "fed_layer": fresh_layer(ON_LIFT, np.array([LIFT.height]))},
@@ -52,10 +43,7 @@ DEPTH = {"indentation": 0.002, "friction": 0.3}
         ),
         (STROKE | {"roller": Roller(0.11, load=5e3)}, "`indentation` must be given .*, got its load"),
         (STROKE | {"layer": Layer(0.1, base="slip")}, "`base` must be 'bonded', got 'slip'"),
-        (
-            STROKE | {"layer": LIFTED, "material": ON_LIFT},
-            "a `lower_lift` is for steady rolling, got one",
-        ),
+        (STROKE | {"layer": LIFTED, "material": ON_LIFT}, "a `lower_lift` is for steady rolling, got one"),
         (STROKE | {"edge_distance": 0.01}, "`edge_distance` must be at least the contact length 0.02098 m .*"),
         (STROKE | {"edge_distance": 0.1, "lift_thickness": 0.02}, "and `lift_thickness` 0, got 0.1 m and 0.02 m"),
     ],

@@ -73,20 +73,8 @@ LOOSER = replace(MIX, fed_density_ratio=0.9)
 @pytest.mark.parametrize(
     ("layer", "roller", "mix", "options", "message"),
     [
-        (
-            FED.height,
-            {"indentation": FED.indentation},
-            MIX,
-            {},
-            r"`indentation` requires .* about 6.3\d mm: .* heaps",
-        ),
-        (
-            FED.height,
-            {"indentation": 0.001},
-            MIX,
-            {"exit_density_ratio": 0.98},
-            r"`exit_density_ratio` 0.98 requires",
-        ),
+        (FED.height, {"indentation": FED.indentation}, MIX, {}, r"`indentation` requires .* about 6.3\d mm: .* heaps"),
+        (FED.height, {"indentation": 0.001}, MIX, {"exit_density_ratio": 0.98}, r"`exit_density_ratio` 0.98 requires"),
         (0.2294, {"load": 1e6}, MIX, {}, r"`load` must be at most about 4\d{4} N/m, .* got 1000000 N/m; reduce"),
         (0.3, {"radius": 0.02, "indentation": 0.0081}, LOOSER, {}, r"angle exceeds 45 degrees .* stay below 5.86 mm"),
     ],

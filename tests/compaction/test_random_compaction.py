@@ -98,8 +98,9 @@ def test_some_products_of_the_prior_become_steady(seed):
     assert_balanced(roll(*random_scene(seed), 0.13, increments=4), work=0.07)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(seed, marks=pytest.mark.slow if seed % 2 else pytest.mark.nightly) for seed in range(40)]
+)
 def test_lifts_become_steady_with_default_options(seed):
     rolled = roll(*random_scene(seed, LIFT), 0.13)
     assert_balanced(rolled)

@@ -9,11 +9,7 @@ from mixes import THIN
 from compact.analysis.multipass import Pass, passes
 from compact.engines.column import engine as column
 from compact.engines.compaction.engine import roll
-from compact.engines.compaction.reciprocating import (
-    MULTIPLIER_TOLERANCE,
-    ReciprocatingRoller,
-    simulate_reciprocating,
-)
+from compact.engines.compaction.reciprocating import MULTIPLIER_TOLERANCE, ReciprocatingRoller, simulate_reciprocating
 from compact.engines.compaction.roller_frame import RollerFrame, rolling_mesh
 from compact.engines.stroke_schedule import stroke_schedule
 from compact.motion.profile import law

@@ -126,9 +126,7 @@ def creepage_difference(rolled, linear):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("profile", "share"),
-    [("deformed", 0.0), ("deformed", 0.5), ("parabola", -0.5)],
-    ids=["free", "driven", "braked"],
+    ("profile", "share"), [("deformed", 0.0), ("deformed", 0.5), ("parabola", -0.5)], ids=["free", "driven", "braked"]
 )
 def test_mix_that_does_not_yield_equals_the_linear_layer(profile, share):
     rolled, linear = roll_both(profile, share, 12)

@@ -120,11 +120,7 @@ def random_targets(count, seed):
 
 @pytest.mark.parametrize(
     ("count", "seed"),
-    [
-        (120, 120),
-        pytest.param(1500, 5000, marks=pytest.mark.slow),
-        pytest.param(5000, 5000, marks=pytest.mark.nightly),
-    ],
+    [(120, 120), pytest.param(1500, 5000, marks=pytest.mark.slow), pytest.param(5000, 5000, marks=pytest.mark.nightly)],
 )
 def test_any_target_is_reached_or_refused(count, seed):
     reached, wrong, refused = 0, [], "must be less than|must lie between|the rebound does not end|more steps are needed"

@@ -12,12 +12,7 @@ from compact.engines.column.column_pass import Column
 from compact.engines.process.forming import Closure, Feed, FormingMachine
 from compact.engines.process.loose_mix import bed_stress, extrusion_pressure, sleeve_drag
 from compact.engines.process.roller_row import RollerRow
-from compact.engines.process.strokes import (
-    FeedError,
-    FormingProblem,
-    confined_work,
-    solve_closure,
-)
+from compact.engines.process.strokes import FeedError, FormingProblem, confined_work, solve_closure
 from compact.rolling_contact import Layer, Roller
 
 MIX = mix(unloading_modulus=60e6, fed_density_ratio=0.75, dry_side="flat")

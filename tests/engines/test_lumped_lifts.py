@@ -132,18 +132,6 @@ def fake_roll(monkeypatch):
     return bites
 
 
-def lifts_of(fill, density_ratio=0.9):
-    problem = FormingProblem(MACHINE, MIX, fill, Feed(0.75))
-    return simulate_lifts(problem, 0.35, 1.0, density_ratio, thickness=0.005, increments=6)
-
-
-def test_mould_that_is_not_full_takes_lifts_until_the_roller_touches(fake_roll):
-    found = lifts_of(Column(0.208, 0.75))
-    assert fake_roll[0] == pytest.approx(0.208 + 3 * 0.005 - 0.22)
-    assert fake_roll[1:] == pytest.approx([0.005] * (len(fake_roll) - 1))
-    assert found.lifts[-1].density_ratio >= 0.9
-
-
 @pytest.mark.parametrize("kneading", [None, Kneading(gain=0.5, exponent=0.5)])
 def test_kneaded_lifts_soften(fake_roll, kneading, monkeypatch):
     """Of one gyration a lift, shared by all grains; the slope is that at the middle of a pass."""
@@ -165,15 +153,6 @@ def test_kneaded_lifts_soften(fake_roll, kneading, monkeypatch):
     assert slopes[0] == 1
     assert slopes[1] == pytest.approx(1 + 0.5 * np.sqrt(0.225 / 0.23 + 0.5))
     assert np.all(np.diff(slopes) > 0)
-
-
-def test_fill_above_the_generatrix_is_pressed_alone(fake_roll, row):
-    """Its lift and the fill together would be beyond the nip; its work belongs to no lift."""
-    found = lifts_of(Column(0.2255, 0.75))
-    assert fake_roll[0] == pytest.approx(0.0055)
-    assert [lift.thickness for lift in found.lifts[:3]] == [0.0, 0.005, 0.005]
-    both = lifted(row, (found, replace(found, thickness=0.004)))
-    assert np.isfinite(both.estimate("resistance").value)
 
 
 @pytest.mark.slow

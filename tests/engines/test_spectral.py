@@ -9,11 +9,7 @@ from rolling_scenes import LAYER, MIX, SPEED, R, assert_estimates
 from compact.engines.halfplane import galin, hertz
 from compact.engines.spectral import engine as spectral
 from compact.engines.spectral.engine import build_rolling_problem, solve_contact
-from compact.engines.spectral.galerkin_system import (
-    build_jacobi_basis,
-    creep_branch_matrices,
-    creep_compliance,
-)
+from compact.engines.spectral.galerkin_system import build_jacobi_basis, creep_branch_matrices, creep_compliance
 from compact.material.laws import Elastic, Viscoelastic
 from compact.rolling_contact import Layer, Roller
 

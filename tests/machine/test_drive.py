@@ -91,8 +91,7 @@ def test_viscous_loss_equals_the_integral_of_the_squared_speed(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "force", "power"),
-    [("cubic", math.sqrt(12), math.sqrt(216 / 35)), ("parabolic", 4.0, math.sqrt(64 / 3))],
+    ("name", "force", "power"), [("cubic", math.sqrt(12), math.sqrt(216 / 35)), ("parabolic", 4.0, math.sqrt(64 / 3))]
 )
 def test_root_mean_squares_of_a_free_cart(name, force, power):
     run = simulate(UNIT, Rigid(), unit_law(name), free)

@@ -14,10 +14,7 @@ from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
 from compact.machine.motor_drive import Motor, simulate_motor
 from compact.motion.profile import law
 
-CARTS = {
-    "bare": CART,
-    "end springs": replace(CART, end_springs=EndSprings(4e3, 0.0, 0.08, stroke=0.4)),
-}
+CARTS = {"bare": CART, "end springs": replace(CART, end_springs=EndSprings(4e3, 0.0, 0.08, stroke=0.4))}
 DRIVES = {
     "rigid": Rigid(),
     "crank": Crank(0.2, 0.8),

@@ -41,10 +41,7 @@ def test_imprint_carries_the_integrals_of_its_pressure(exponent, u):
     travel = force.distance + u * LENGTH
     exact = [
         mpmath.quad(density, [1 - u, 1]) / mpmath.quad(density, [0, 1])
-        for density in (
-            lambda x: (1 - x**2) ** exponent * 2 * x,
-            lambda x: (1 - x**2) ** exponent,
-        )
+        for density in (lambda x: (1 - x**2) ** exponent * 2 * x, lambda x: (1 - x**2) ** exponent)
     ]
     assert float(force(travel)) == pytest.approx(float(exact[0]), rel=1e-10)
     assert float(load(travel)) == pytest.approx(max(0.25, float(exact[1])), rel=1e-10)

@@ -5,16 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from material_points import (
-    SHEAR_TWICE,
-    admissible,
-    dissipated,
-    plastic_strain,
-    scattered,
-    split,
-    von_mises,
-    yielding,
-)
+from material_points import SHEAR_TWICE, admissible, dissipated, plastic_strain, scattered, split, von_mises, yielding
 from mixes import STIFF, shear_line
 
 from compact.material import cap_plasticity

@@ -17,12 +17,7 @@ from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower
 from compact.machine.cart import MotionResistance
 from compact.motion.limits import CamLimits, InfeasibleError, Limits, PitchCurve, violations
 from compact.motion.optimal_motion import optimise
-from compact.motion.optimisation_problem import (
-    SplineSpace,
-    bernstein_basis,
-    graded_breaks,
-    halve,
-)
+from compact.motion.optimisation_problem import SplineSpace, bernstein_basis, graded_breaks, halve
 from compact.motion.profile import law
 from compact.scene.loader import load_scene
 

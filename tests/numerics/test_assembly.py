@@ -5,13 +5,7 @@ import pytest
 from skfem import Basis, ElementQuad2, ElementVector, MeshQuad
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from compact.numerics.assembly import (
-    assemble_matrix,
-    assemble_stiffness,
-    element_matrices,
-    strain_matrix,
-    unit_moduli,
-)
+from compact.numerics.assembly import assemble_matrix, assemble_stiffness, element_matrices, strain_matrix, unit_moduli
 
 POISSON = 0.3
 

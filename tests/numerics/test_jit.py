@@ -91,10 +91,7 @@ def told(caplog):
     return lambda: [record.getMessage() for record in caplog.records]
 
 
-DAMAGES = {
-    "empty": lambda content: b"",
-    "truncated": lambda content: content[:-40],
-}
+DAMAGES = {"empty": lambda content: b"", "truncated": lambda content: content[:-40]}
 
 
 @pytest.mark.parametrize("suffix", ["nbi", "nbc"])

@@ -5,13 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from compact.numerics.piecewise import (
-    clenshaw_curtis,
-    find_maximum,
-    find_roots,
-    integrate,
-    interior_grid,
-)
+from compact.numerics.piecewise import clenshaw_curtis, find_maximum, find_roots, integrate, interior_grid
 
 BREAKS = np.array([0.0, 0.3, 1.0])
 

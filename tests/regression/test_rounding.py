@@ -103,11 +103,7 @@ def test_rounding_of_an_input_changes_no_decision(name, key, sign, unchanged, tm
 
 
 @pytest.mark.parametrize(
-    ("key", "sign"),
-    [
-        pytest.param("radius", 1, marks=pytest.mark.slow),
-        *(pytest.param(key, sign, marks=pytest.mark.nightly) for key in INPUTS for sign in (1, -1)),
-    ],
+    ("key", "sign"), [pytest.param(key, sign, marks=pytest.mark.nightly) for key in INPUTS for sign in (1, -1)]
 )
 def test_rounding_changes_no_decision_of_the_main_scene(key, sign, unchanged, tmp_path):
     """Contacts at a density are found to the tolerance of a search, whose path depends on rounding."""

@@ -16,13 +16,7 @@ from pages import PageReader, page_html
 from compact.analysis.study import Study
 from compact.report import writer as report
 from compact.report.page import Picture, Section, render_page
-from compact.report.tables import (
-    TableSpec,
-    format_column,
-    format_number,
-    format_percent,
-    format_quantity,
-)
+from compact.report.tables import TableSpec, format_column, format_number, format_percent, format_quantity
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"

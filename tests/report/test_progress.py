@@ -2,16 +2,11 @@
 
 import io
 import re
-import sys
 import time
-from pathlib import Path
 
 import pytest
 
-from compact.cli import program as cli
 from compact.report.progress import spinning, tracked
-
-SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 
 
 class Terminal(io.StringIO):
@@ -55,26 +50,3 @@ def test_no_line_without_a_terminal_or_if_quiet(stream, quiet):
     with spinning("contact", stream=stream, quiet=quiet):
         time.sleep(0.3)
     assert stream.getvalue() == ""
-
-
-CALLS = {
-    "roll": (
-        "roll", "--engine", "spectral", "--set", "machine.gap_geometry=circle",
-        "--set", "machine.roller_condition=frictionless",
-    ),
-    "run": ("run", "--set", "output.items=['tables','figures']"),
-    "sweep": ("sweep", "--vary", "mix.moisture=0.09:0.11:3", "--workers", "1", "--set", "output.items=[]"),
-}  # fmt: skip
-
-
-@pytest.mark.sampled(3)
-@pytest.mark.parametrize("quiet", [False, True], ids=["shown", "quiet"])
-@pytest.mark.parametrize("command", CALLS)
-def test_commands_show_their_progress(command, quiet, tmp_path, monkeypatch):
-    stream = Terminal()
-    monkeypatch.setattr(sys, "stderr", stream)
-    name, *options = CALLS[command]
-    scene, out = str(SCENES / "small.toml"), str(tmp_path / "out")
-    code = cli._exit_code([name, scene, *options, "--out", out, *["--quiet"] * quiet])
-    assert code == 0, stream.getvalue()
-    assert ("elapsed" in stream.getvalue()) != quiet

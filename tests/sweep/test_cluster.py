@@ -1,7 +1,6 @@
 """Sweeps on a cluster of separate processes that fail, and the lock of a directory on a shared disk."""
 
 import json
-import logging
 import os
 import platform
 import signal
@@ -92,27 +91,6 @@ def test_sweep_is_complete_though_a_worker_is_lost_with_its_tasks(cluster, tmp_p
     assert (table["reason"] == "").all()
     whole = sweep().run(tmp_path / "whole", executor=SerialExecutor())
     xarray.testing.assert_identical(table, whole)
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # of threads of the client, whose connection ends
-def test_lost_scheduler_ends_the_sweep_in_a_sentence_and_the_rest_is_resumed(cluster, tmp_path, caplog, monkeypatch):
-    log = logging.getLogger("distributed.client")
-    monkeypatch.setattr(log, "handlers", [*log.handlers, caplog.handler])
-
-    def lose(points, failed):
-        if points:
-            cluster.scheduler.kill()
-
-    first = sweep()
-    with pytest.raises(RuntimeError, match=r"scheduler at tcp://.* is lost .*; finished points are kept, .* --resume"):
-        first.run(tmp_path / "out", executor=DaskExecutor(cluster.address), step=lose)
-    rest = sweep()
-    table = rest.run(tmp_path / "out", executor=SerialExecutor(), resume=True)
-    assert not [record.getMessage() for record in caplog.records if record.exc_info]  # no traceback before the sentence
-    assert first.store.computed >= 100
-    assert first.store.computed + rest.store.computed == 600
-    assert (table["reason"] == "").all()
 
 
 # lock

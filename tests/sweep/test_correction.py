@@ -13,12 +13,7 @@ from compact.report import sweep as sweep_report
 from compact.scene.loader import load_scene
 from compact.sweep import corrected
 from compact.sweep import run as sweep
-from compact.sweep.corrected import (
-    choose_points,
-    connected_parts,
-    fit_surface,
-    inside_hull,
-)
+from compact.sweep.corrected import choose_points, connected_parts, fit_surface, inside_hull
 
 SCENE_FILE = SCENES / "loveikin-2015.toml"
 THIN = {"accuracy.engine": "compaction", "layer.lift_thickness": 0.06, "contact.indentation": 0.002}

@@ -2,17 +2,13 @@
 
 import json
 import os
-import re
 import signal
-import subprocess
-import sys
-import time
 from functools import partial
 
 import numpy as np
 import pytest
 import xarray
-from interrupts import heed_interrupts, of_unix
+from interrupts import of_unix
 from sweeps import COLUMNS, FORMULA, SCENES, swept
 
 from compact import files
@@ -20,7 +16,6 @@ from compact.analysis.stages import ensemble
 from compact.analysis.stages.ensemble import Change, Task
 from compact.analysis.study import Study
 from compact.analysis.worker_pool import DaskExecutor, ProcessExecutor
-from compact.cli import program as cli
 from compact.files import ResultsError
 from compact.material.mix import prior
 from compact.report import sweep as sweep_report
@@ -298,36 +293,3 @@ def test_a_map_of_mould_and_stroke_is_the_window_of_the_machine(tmp_path):
 
 
 # (h) the command
-
-
-def called(capsys, *arguments):
-    """Exit code and output of `compact sweep`, in this process."""
-    code = cli._exit_code(["sweep", *map(str, arguments)])
-    return code, "".join(capsys.readouterr())
-
-
-@of_unix
-@pytest.mark.slow
-def test_interrupted_command_keeps_complete_points_and_resumes_the_rest(tmp_path, capsys):
-    grid = ("--vary", "mix.moisture=0.08:0.12:12", "--vary", "mix.density_ratio=0.96:0.99:50")
-    given = (SCENES / "loveikin-2015.toml", "--engine", "column", "--out", tmp_path / "out", *grid)
-    call = [sys.executable, "-m", "compact.cli", "sweep", *map(str, given), "--workers", "2"]
-    points = tmp_path / "out" / "points"
-    alone = {"start_new_session": True, "preexec_fn": heed_interrupts}
-    with subprocess.Popen(call, stderr=subprocess.PIPE, text=True, **alone) as process:
-        while len(list(points.glob("*.points"))) < 2 and process.poll() is None:
-            time.sleep(0.01)
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to the command and to its workers
-        _, said = process.communicate(timeout=60)
-    assert process.returncode == 130, said
-    assert said.startswith("compact: interrupted; every file already written is whole; ")
-    assert re.search(r"\d+ points of this run are kept in .*/out; --resume computes the others\n$", said)
-    kept = sum(len(files.read_checked(path)) for path in points.glob("*.points"))
-    assert 100 <= kept < 600
-    code, said = called(capsys, *given)
-    assert code == 1
-    assert f"holds {kept} points of this scene; --resume uses them" in said
-    code, said = called(capsys, *given, "--resume", "--workers", "1")
-    assert code == 0
-    assert f"{600 - kept} of 600 computed now" in said
-    assert (tmp_path / "out" / "maps.png").exists()
