@@ -9,7 +9,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from compact.numerics import Array, IntArray
 from compact.numerics.validation import require_finite, require_positive, require_that
@@ -212,43 +211,6 @@ def elements_for(error: float) -> int:
     return int(np.clip(elements, MIN_ELEMENTS, MAX_ELEMENTS))
 
 
-def row_mesh(points: ArrayLike, quads: ArrayLike) -> RowMesh:
-    """Build a mesh from quadrilaterals in straight rows.
-
-    Parameters
-    ----------
-    points : array_like, shape (n, 2) or (n, 3)
-        Nodes [m]; z is ignored.
-    quads : array_like of int, shape (m, 4)
-        Indices of the corners of the elements, in any order and numbering.
-
-    Raises
-    ------
-    ValueError
-        If the rows are not straight or not complete.
-    """
-    points, quads = np.asarray(points, dtype=float), np.asarray(quads, dtype=int)
-    if quads.ndim != 2 or quads.shape[1] != 4 or len(quads) == 0:
-        raise ValueError(f"`quads` must be quadrilaterals of 4 corners, got shape {quads.shape}")
-    used, corners = np.unique(quads, return_inverse=True)
-    (x, y), corners = points[used, :2].T, corners.reshape(quads.shape)
-    order = np.argsort(y)  # heights counted from below
-    steps = np.diff(y[order], prepend=-np.inf) > HEIGHT_TOLERANCE * np.ptp(y)
-    level, heights = (np.cumsum(steps) - 1)[np.argsort(order)], y[order][steps]
-    numbering, counts = np.lexsort((x, level)), np.bincount(level)  # line by line
-    if np.ptp(counts):
-        counted = ", ".join(map(str, counts))
-        raise ValueError(f"every line of nodes must have equally many nodes, got {counted} from the base upwards")
-    mesh = RowMesh(x[numbering].reshape(len(heights), -1), heights)
-    found, expected = (np.sort(each, axis=1) for each in (np.argsort(numbering)[corners], mesh.quads))
-    if not np.array_equal(found[np.lexsort(found.T)], expected[np.lexsort(expected.T)]):
-        raise ValueError(
-            f"elements must fill every row without gap or overlap, {len(expected)} expected between nodes, "
-            f"got {len(found)}, or others"
-        )
-    return mesh
-
-
 def write_row_mesh(mesh: RowMesh, path: str | Path) -> None:
     """Write a mesh in the format of the suffix of `path`: .vtu, .msh, ..."""
     import meshio
@@ -257,14 +219,30 @@ def write_row_mesh(mesh: RowMesh, path: str | Path) -> None:
 
 
 def read_mesh(path: str | Path) -> RowMesh:
-    """Read a mesh of any format of meshio; raise ValueError if it is not in straight rows."""
+    """Read a mesh of any format of meshio, its nodes and elements in any order.
+
+    Raises
+    ------
+    ValueError
+        If the elements are no quadrilaterals, or do not fill straight rows.
+    """
     import meshio
 
     content = meshio.read(path)
-    kinds = {block.type for block in content.cells} - {"vertex", "line"}
-    if kinds != {"quad"}:
+    if kinds := {block.type for block in content.cells} - {"vertex", "line", "quad"}:
         raise ValueError(f"{path}: the elements must be quadrilaterals of 4 corners, got {', '.join(sorted(kinds))}")
-    return row_mesh(content.points, content.cells_dict["quad"])
+    used, corners = np.unique(content.cells_dict["quad"], return_inverse=True)
+    x, y = content.points[used, :2].T
+    upwards = np.argsort(y)
+    steps = np.diff(y[upwards], prepend=-np.inf) > HEIGHT_TOLERANCE * np.ptp(y)
+    level, heights = (np.cumsum(steps) - 1)[np.argsort(upwards)], y[upwards][steps]
+    order = np.lexsort((x, level))  # line by line
+    if not np.ptp(np.bincount(level)):
+        mesh = RowMesh(x[order].reshape(len(heights), -1), heights)
+        found, expected = (np.sort(each, axis=1) for each in (np.argsort(order)[corners.reshape(-1, 4)], mesh.quads))
+        if np.array_equal(found[np.lexsort(found.T)], expected[np.lexsort(expected.T)]):
+            return mesh
+    raise ValueError(f"{path}: the elements must fill straight rows without gap or overlap")
 
 
 def _heights(levels: Array, first: float, growth: float) -> Array:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from compact import mesh
-from compact.mesh import RowMesh, graded_mesh, row_mesh
+from compact.mesh import RowMesh, graded_mesh
 
 LAYER = graded_mesh(height=0.22, half_width=0.02, elements=10)
 SMALL = RowMesh(np.array([[0.0, 1.0, 2.5], [0.0, 1.2, 2.5], [0.1, 1.3, 2.4]]), np.array([0.0, 0.5, 0.8]))
@@ -78,6 +78,13 @@ def test_refinement_divides_every_element_into_four():
 # files and meshes of users
 
 
+def read(directory, points, quads):
+    """Mesh of points and quadrilaterals, read from a file."""
+    path = directory / "given.vtu"
+    meshio.Mesh(np.pad(points, ((0, 0), (0, 3 - np.shape(points)[1]))), [("quad", np.asarray(quads))]).write(path)
+    return mesh.read_mesh(path)
+
+
 @pytest.mark.parametrize("suffix", ["vtu", "msh", "vtk", "inp"])
 def test_mesh_is_read_as_written(tmp_path, suffix):
     mesh.write_row_mesh(SMALL, tmp_path / f"layer.{suffix}")
@@ -87,8 +94,8 @@ def test_mesh_is_read_as_written(tmp_path, suffix):
 
 
 @pytest.mark.parametrize("layer", [LAYER, SMALL], ids=["graded", "skewed"])
-def test_rows_are_found_in_any_numbering(layer):
-    assert row_mesh(*shuffled(layer, np.random.default_rng(1))) == layer
+def test_rows_are_found_in_any_numbering(layer, tmp_path):
+    assert read(tmp_path, *shuffled(layer, np.random.default_rng(1))) == layer
 
 
 # refusals
@@ -100,12 +107,6 @@ FINE, FLAT, CORNERS = SMALL.refined(), [[0, 1], [0, 1]], {"height": 0.2, "half_w
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: row_mesh(RAISED, SMALL.quads), "must have equally many nodes"),
-        (lambda: row_mesh(FINE.points, np.delete(FINE.quads, 5, axis=0)), "gap or overlap, 16 expected .*, got 15"),
-        (
-            lambda: row_mesh(SMALL.points, [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6]]),
-            "must have equally many nodes, got 3, 3, 2 from the base upwards",
-        ),
         (lambda: RowMesh(FLAT, [0.1, 1]), "the base must lie at `y` = 0, got 0.1"),
         (lambda: RowMesh([[0, 1], [1, 0]], [0, 1]), "`x` must increase along every line, got"),
     ],
@@ -113,3 +114,17 @@ FINE, FLAT, CORNERS = SMALL.refined(), [[0, 1], [0, 1]], {"height": 0.2, "half_w
 def test_nodes_off_the_rows_and_impossible_gradings_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize(
+    ("points", "quads"),
+    [
+        (RAISED, SMALL.quads),
+        (FINE.points, np.delete(FINE.quads, 5, axis=0)),
+        (SMALL.points, [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6]]),
+    ],
+    ids=["raised", "hole", "corner"],
+)
+def test_elements_that_do_not_fill_rows_are_refused(points, quads, tmp_path):
+    with pytest.raises(ValueError, match="must fill straight rows without gap or overlap"):
+        read(tmp_path, points, quads)
