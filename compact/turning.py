@@ -416,7 +416,6 @@ class StrokeResistance:
         return force * np.where(np.asarray(velocity) < 0, self.backward(travel), self.forward(travel))
 
     speeds = property(lambda self: getattr(self.resistance, "speeds", ()), doc="Sampled speeds [m/s].")
-    rate_limit = property(lambda self: getattr(self.resistance, "rate_limit", np.inf), doc="Limit of |a|/|v| [1/s].")
     odd = property(lambda self: getattr(self.resistance, "odd", False), doc="True if F is odd by construction.")
 
     def scaled(self, factor: float) -> "StrokeResistance":

@@ -146,7 +146,6 @@ class ElasticKind(Drive):
     name, overshoot, driven_end = "elastic", OVERSHOOT, True
     keys = MappingProxyType({
         "drive.stiffness": "it in N/m", "drive.damping": "it in N s/m, 0 for none", "drive.backlash": "",
-        "drive.include_added_mass": "",
     })  # fmt: skip
     table = (
         "dynamic-amplification",

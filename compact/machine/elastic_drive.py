@@ -4,8 +4,7 @@
 
 y is the law, x the cart, H the drive force, positive towards the driven end. With a backlash b the spring is engaged
 for e > b/2 (o = b/2) and e < -b/2 (o = -b/2), and slack between; the damper acts throughout. The resistance W is that
-of the steady speed, or depends on the acceleration to first order, F(v) + a M(v). A `StrokeResistance` depends on the
-travel s since the last turn too.
+of the steady speed; a `StrokeResistance` depends on the travel s since the last turn too.
 
 W and the guide friction jump at rest and hold the cart there, as does the plate of a preloaded end spring. A
 resistance that vanishes with a small power of the speed, such as v^0.02 of a compacting mix, acts like dry friction: a
@@ -48,14 +47,11 @@ class ElasticDrive:
     ----------
     stiffness, damping, backlash : float
         k [N/m], > 0; c [N s/m] and b [m], >= 0.
-    include_added_mass : bool
-        Use the resistance F(v) + a M(v) instead of the steady F(v).
     """
 
     stiffness: float
     damping: float
     backlash: float = 0.0
-    include_added_mass: bool = False
 
     def __post_init__(self) -> None:
         require_fields(self, positive="stiffness", nonnegative="damping backlash")
@@ -86,9 +82,8 @@ def simulate_elastic(
     motion : MotionProfile or Cycle
         Law of the driven end; a `MotionProfile` is repeated without dwells.
     resistance : callable
-        Force of the mix [N] of velocity [m/s] and acceleration [m/s^2], linear in the acceleration, with a jump at
-        speed 0 only. A `ResistanceMap` provides its sampled speeds and the limit of |a|/|v| of its linear range, a
-        `StrokeResistance` its shares along the stroke.
+        Force of the mix [N] of velocity [m/s] and acceleration [m/s^2], taken at no acceleration, with a jump at
+        speed 0 only. A `ResistanceMap` provides its sampled speeds, a `StrokeResistance` its shares along the stroke.
     regime : str
         "periodic", or "rest": the first cycle of a cart at rest at the near end, with its springs in balance.
     working : tuple of float
@@ -182,7 +177,7 @@ class ElasticRun(rigid_drive.Run):
         direction = np.where(slip != 0, slip, pulled)
         velocity = np.where(slip * motion.velocity > 0, motion.velocity, 0.0)  # rounding at the ends of a slip
         moving = direction * np.maximum(np.abs(velocity), slowest)  # limit from inside the motion
-        mix = evaluate_resistance(self.resistance, moving, self.drive.include_added_mass * acceleration)
+        mix = evaluate_resistance(self.resistance, moving, zero)
         mix, load = mix * motion.force_share, motion.load_share
         if not releases:
             limit = balance(self.cart, zero, mix, direction, load_share=load).drive_force

@@ -235,14 +235,12 @@ class CartMotion:
         self.strokes = resistance if isinstance(resistance, StrokeResistance) else None
         self.scale = max(inertia, np.abs(self.total(np.append(speeds, -speeds))).max())
         self.tolerance, self.table_tolerance = tolerance, max(TABLE_TOLERANCE * tolerance, TABLE_FLOOR) * self.scale
-        self.acceleration_scale = inertia / cart.mass
         ends = 0.0, 0.0, 0.0, cycle.forward.stroke
         if (springs := cart.end_springs) is not None:
             ends = springs.stiffness, springs.preload, springs.length, springs.stroke
-        limit = getattr(resistance, "rate_limit", np.inf) if drive.include_added_mass else 0.0
         spring = cart.mass, drive.stiffness, drive.damping, drive.backlash
         scales = self.scale, DEFECT_SHARE * tolerance * self.scale
-        numbers: list[Any] = [float(each) for each in (*spring, *ends, limit, *scales)]
+        numbers: list[Any] = [float(each) for each in (*spring, *ends, *scales)]
         self.cart = SpringCart(*numbers)
         self.shares: list[PiecewisePolynomial] = []
         if self.strokes is not None:
@@ -263,19 +261,16 @@ class CartMotion:
             wheels=guide_wheels(self._cart, self.scale),
         )  # fmt: skip
 
-    def total(self, velocity: Array, acceleration: Array | float = 0.0) -> Array:
-        """Resistance and guide friction [N] far from a turn, of velocities [m/s] except 0 and accelerations [m/s^2]."""
-        return balance(self._cart, 0.0, self._mix(velocity, acceleration), np.sign(velocity)).drive_force
+    def total(self, velocity: Array) -> Array:
+        """Resistance and guide friction [N] far from a turn, of velocities [m/s] except 0."""
+        mix = evaluate_resistance(self._resistance, velocity, np.zeros(velocity.shape))
+        return balance(self._cart, 0.0, mix, np.sign(velocity)).drive_force
 
-    def _mix(self, velocity, acceleration=0.0):
-        """Resistance of the mix far from a turn [N]."""
-        acceleration = np.broadcast_to(acceleration, np.shape(velocity))
-        return evaluate_resistance(self._resistance, velocity, acceleration)
-
-    @property
-    def _tabulated(self):
-        """Force in the tables: with shares along the stroke that of the mix alone."""
-        return self.total if self.strokes is None else self._mix
+    def _tabulated(self, velocity):
+        """Force in the tables [N]: with shares along the stroke that of the mix alone."""
+        if self.strokes is None:
+            return self.total(velocity)
+        return evaluate_resistance(self._resistance, velocity, np.zeros(velocity.shape))
 
     def _tabulate(self):
         """Tabulate the resistance up to the present speed range."""
@@ -289,9 +284,7 @@ class CartMotion:
         except ValueError as error:
             raise ValueError(f"`resistance` over speed [m/s] has {error}") from None
         self._set_rest(force)
-        added_mass = self._added_mass(breaks) if self.cart.rate_limit else force
-        knots = np.append(slowest, knots)
-        self.cart = self.cart._replace(knots=knots).with_tables(force, added_mass, *self.shares)
+        self.cart = self.cart._replace(knots=np.append(slowest, knots)).with_tables(force, *self.shares)
 
     def _set_rest(self, force):
         """Set the table of the resistance near rest, where it is constant.
@@ -319,24 +312,6 @@ class CartMotion:
                 f"`resistance` must not drive a cart at rest, got {highest:g} N at speed +0 and {lowest:g} N at -0; "
                 "use a resistance with the sign of the velocity"
             )
-
-    def _added_mass(self, breaks):
-        """Tabulate the added mass M over v, constant below the slowest sample."""
-        slowest = min(getattr(self._resistance, "speeds", ()), default=self.standstill_speed)
-
-        def added_mass(velocity: Array) -> Array:
-            velocity = _faster(velocity, slowest)
-            acceleration = np.minimum(self.acceleration_scale, self.cart.rate_limit * np.abs(velocity)) / 2
-            return (self._tabulated(velocity, acceleration) - self._tabulated(velocity)) / acceleration
-
-        masses = fit_piecewise(added_mass, breaks, self.table_tolerance / self.acceleration_scale)
-        least = min(masses.coefficients[:, 0].min(), float(masses(masses.breaks[-1])))
-        if self.cart.mass + least <= 0:
-            raise ValueError(
-                f"`mass` must exceed the negative added mass of the resistance, {-least:g} kg, got "
-                f"{self.cart.mass:g} kg; use `include_added_mass=False`"
-            )
-        return masses
 
     @property
     def rest_state(self) -> CartState:

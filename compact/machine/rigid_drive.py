@@ -136,7 +136,43 @@ class InverseDynamics:
         position, velocity, acceleration, jerk = (leg.at_phase(phase, order) for order in range(4))
         tangent = self.drive.rod_tangent(leg.start + leg.duration * phase, self.cycle.period)
         side = None if self.cart.end_springs is None else self._zones[leg.start].side_at(phase)
-        return solve_state(self, (position, velocity, acceleration, jerk), leg.direction, tangent, side)
+        return self.solve((position, velocity, acceleration, jerk), leg.direction, tangent, side)
+
+    def solve(
+        self, motion: tuple[Array, Array, Array, Array], direction: Any, tangent: Array, side: Array | None
+    ) -> DriveState:
+        """Solve the forces on the cart in motion; at rest the limit from inside the motion applies.
+
+        Parameters
+        ----------
+        motion : tuple of ndarray
+            Position, velocity, acceleration and jerk [m], [m/s], [m/s^2], [m/s^3].
+        direction : int or ndarray
+            Sign of the velocity inside the motion, 0 in a dwell.
+        tangent : ndarray
+            tan(beta) of the rod [-].
+        side : ndarray, optional
+            Side of the end springs of `SpringZones`; without them by default.
+        """
+        position, velocity, acceleration, _ = motion
+        stroke = self.cycle.forward.stroke
+        slowest = STANDSTILL_SPEED_RATIO * stroke / self.cycle.forward.duration
+        moving = np.where(np.abs(velocity) < slowest, direction * slowest, velocity)
+        share = load = np.ones(position.shape)
+        heading = np.sign(moving)
+        if self.shares is not None:
+            ahead, back = self.shares
+            forward = np.where(moving != 0, moving > 0, position > stroke / 2)
+            travel = np.maximum(np.where(forward, position, stroke - position), 0.0)
+            share = np.where(forward, ahead.force_share(travel), back.force_share(travel))
+            load = np.where(forward, ahead.load_share(travel), back.load_share(travel))
+            if ahead.force.release and back.force.release:  # in a dwell the mix still pushes
+                moving = np.where(moving != 0, moving, np.where(forward, slowest, -slowest))
+        force = share * evaluate_resistance(self.resistance, moving, acceleration)
+        springs = self.cart.end_springs
+        end_force = 0.0 if springs is None or side is None else springs.force(position, side)
+        forces = balance(self.cart, acceleration, force, heading, tangent, end_force, load)
+        return DriveState(*motion, force, tangent, load, forces)
 
     def breaks(self, leg: Leg) -> Array:
         """Phases of a leg between which all forces are smooth, ends included."""
@@ -187,34 +223,6 @@ class InverseDynamics:
         }
 
 
-def solve_state(
-    carts: Any, motion: tuple[Array, Array, Array, Array], direction: ArrayLike, tangent: Array, side: Array | None
-) -> DriveState:
-    """Solve the forces on a cart in motion; at rest the limit from inside the motion applies.
-
-    Parameters
-    ----------
-    carts : InverseDynamics or CartsOnShaft
-        Cart, its law and the resistance.
-    motion : tuple of ndarray
-        Position, velocity, acceleration and jerk [m], [m/s], [m/s^2], [m/s^3].
-    direction : array_like
-        Sign of the velocity inside the motion, 0 in a dwell.
-    tangent : ndarray
-        tan(beta) of the rod [-].
-    side : ndarray, optional
-        Side of the end springs of `SpringZones`; without them by default.
-    """
-    position, velocity, acceleration, _ = motion
-    cart, law = carts.cart, carts.cycle.forward
-    slowest = STANDSTILL_SPEED_RATIO * law.stroke / law.duration
-    moving = np.where(np.abs(velocity) < slowest, direction * slowest, velocity)
-    force, load = _force_and_load(carts, position, moving, acceleration, slowest)
-    end_force = 0.0 if side is None else cart.end_springs.force(position, side)
-    forces = balance(cart, acceleration, force, np.sign(moving), tangent, end_force, load)
-    return DriveState(*motion, force, tangent, load, forces)
-
-
 def _sign_changes(function: Callable[[Array, Any], Array], count: int, grid: Array) -> Array:
     """Places where functions of (abscissa, number), 0 to count - 1, change sign on a grid, by the Illinois method."""
     values = function(grid, np.arange(count)[:, None])
@@ -232,21 +240,6 @@ def _sign_changes(function: Callable[[Array, Any], Array], count: int, grid: Arr
         low, at_low = np.where(upper, low, place), np.where(upper, at_low / 2, here)
         high, at_high = np.where(upper, place, high), np.where(upper, here, at_high / 2)
     return nearest
-
-
-def _force_and_load(carts, position, moving, acceleration, slowest):
-    """Force of the mix [N] and share of its load [-]; in a dwell it still pushes, unless its release is 0."""
-    if carts.shares is None:
-        return evaluate_resistance(carts.resistance, moving, acceleration), np.ones(position.shape)
-    stroke = carts.cycle.forward.stroke
-    forward = np.where(moving != 0, moving > 0, position > stroke / 2)
-    travel = np.maximum(np.where(forward, position, stroke - position), 0.0)
-    ahead, back = carts.shares
-    share = np.where(forward, ahead.force_share(travel), back.force_share(travel))
-    load = np.where(forward, ahead.load_share(travel), back.load_share(travel))
-    if ahead.force.release and back.force.release:
-        moving = np.where(moving != 0, moving, np.where(forward, slowest, -slowest))
-    return share * evaluate_resistance(carts.resistance, moving, acceleration), load
 
 
 def stroke_shares(

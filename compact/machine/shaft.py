@@ -49,7 +49,6 @@ from compact.motion.profile import Cycle
 from compact.numerics import Array
 from compact.numerics.piecewise import clenshaw_curtis, find_maximum, interior_grid
 from compact.numerics.validation import require_positive
-from compact.turning import StrokeShares
 
 ORDER = 16  # [-], of the polynomial on an element
 NODES, WEIGHTS = clenshaw_curtis(ORDER + 1)
@@ -244,14 +243,8 @@ class CartsOnShaft:
     def breaks(self) -> Array:
         """Angles in [0, 2 pi] at joins of the law and spring contacts of any cart, ends included [rad]."""
         rate = 2 * np.pi / self.cycle.period
-        joins = np.concatenate([rate * (leg.start + leg.duration * leg.breakpoints()) for leg in self.cycle.legs()])
-        if self.cart.end_springs is not None:
-            joins = np.append(joins, self._zones.breaks)
-        if self.shares is not None:
-            uniform = rigid_drive.InverseDynamics(self.cart, self.rod, self.cycle, self.resistance)
-            phases = [leg.start + leg.duration * uniform.breaks(leg) for leg in self.cycle.legs()]
-            joins = np.append(joins, rate * np.concatenate(phases))
-        return rigid_drive.revolution_breaks(np.subtract.outer(joins, self.angles))
+        joins = [rate * (leg.start + leg.duration * self.dynamics.breaks(leg)) for leg in self.cycle.legs()]
+        return rigid_drive.revolution_breaks(np.subtract.outer(np.concatenate(joins), self.angles))
 
     def states_at(
         self, angle: Array, energy: Array, acceleration: Array, jerk: Array | float = 0.0
@@ -278,13 +271,12 @@ class CartsOnShaft:
         cart_jerk = third * speed**3 + 3 * curvature * speed * acceleration + slope * jerk
         side = None if self.cart.end_springs is None else self._zones.side_at(angle)
         motion = x, velocity, cart_acceleration, cart_jerk
-        return rigid_drive.solve_state(self, motion, direction, tangent, side)
+        return self.dynamics.solve(motion, direction, tangent, side)
 
     @cached_property
-    def shares(self) -> tuple[StrokeShares, StrokeShares] | None:
-        """Shares of force and load over forward and return stroke."""
-        law = self.cycle.forward
-        return rigid_drive.stroke_shares(self.cart, law.stroke, law.duration, self.resistance)
+    def dynamics(self) -> rigid_drive.InverseDynamics:
+        """Inverse dynamics of one cart on the shaft at uniform speed."""
+        return rigid_drive.InverseDynamics(self.cart, self.rod, self.cycle, self.resistance)
 
     @cached_property
     def _zones(self):

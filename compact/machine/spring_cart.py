@@ -64,7 +64,7 @@ MAX_ATTEMPTS = 300  # [-], of one step
 ROOT_ITERATIONS = 60  # [-], of the bracketing of a root; to rounding
 
 NO_EVENT, PASSED, STOPPED, NEW_ZONE, NEW_FLANK = 0.0, 1.0, 2.0, 10.0, 20.0  # events; the new zone or flank is added
-EVENTS = 12  # [-], rows of the margins to the events of a step
+EVENTS = 10  # [-], rows of the margins to the events of a step
 PIECE, FRACTION, STEP, ATTEMPTS, EVALUATIONS = range(12, 17)  # of the progress of an integration, after a `CartState`
 DONE, PAUSED, SPEED_BEYOND_TABLE, STEP_TOO_SHORT = range(4)  # status of `advance`
 ROW_HEAD, CHANNELS = 6, 8  # start, duration, slip, flank, zone, heading of a step; nodal y, y', y'', e, e', e'', shares
@@ -129,17 +129,17 @@ def _collocate(cart, state, within, h, step):
                 step[k, i] = step[k, 0] + h * _product(FROM_START, i, step[k + 1])
         worst = 0.0
         for i in range(n):
-            y, e, rate, a = step[0, i], step[3, i], step[4, i], step[2, i] - step[5, i]
+            y, e, rate = step[0, i], step[3, i], step[4, i]
             travel = within.slip * (y - e - state[TURN])
-            force, damping, mass, steep = resistance(cart, within, step[1, i] - rate, a, travel)
-            pull, stiffness, _ = pull_on_cart(cart, flank, zone, y, e, rate)
-            gap[i] = cart.mass * a + force - pull
+            force, damping, steep = resistance(cart, within, step[1, i] - rate, travel)
+            pull, stiffness = pull_on_cart(cart, flank, zone, y, e, rate)
+            gap[i] = cart.mass * (step[2, i] - step[5, i]) + force - pull
             if not abs(gap[i]) <= worst:
                 worst = abs(gap[i]) if math.isfinite(gap[i]) else np.inf
             for j in range(n):
                 matrix[i, j] = (cart.damping + damping) * h * FROM_START[i, j]
                 matrix[i, j] += (stiffness + steep) * h**2 * TWICE_FROM_START[i, j]
-            matrix[i, i] += cart.mass + mass
+            matrix[i, i] += cart.mass
         if worst <= limit or worst == np.inf:
             break
         _eliminate(matrix, gap)
@@ -229,13 +229,13 @@ def _find_wheel_margins(cart, state, within, step, margins):
     """Fill in the margins to the change of sign of both wheel reactions."""
     slip, band = within.slip, BAND * cart.force_scale
     for i in range(ORDER + 1):
-        velocity, a, travel = step[1, i] - step[4, i], step[2, i] - step[5, i], step[0, i] - step[3, i] - state[TURN]
-        front, rear = wheel_friction(cart, within, velocity, a, slip * travel)
-        margins[10, i], margins[11, i] = band + within.front_wheel * front, band + within.rear_wheel * rear
+        travel = slip * (step[0, i] - step[3, i] - state[TURN])
+        front, rear = wheel_friction(cart, within, step[1, i] - step[4, i], travel)
+        margins[8, i], margins[9, i] = band + within.signs[0] * front, band + within.signs[1] * rear
     for k in range(2):
-        start = margins[10 + k, 0]
+        start = margins[8 + k, 0]
         for i in range(ORDER + 1 if start < band else 0):  # a sign that rounding mistook costs no event
-            margins[10 + k, i] += band - start
+            margins[8 + k, i] += band - start
 
 
 @internal
@@ -244,14 +244,13 @@ def _find_margins(cart, state, within, limits, step, margins, events):
     slip, flank, zone, scale = within.slip, state[FLANK], state[ZONE], cart.force_scale
     fastest = cart.pieces[cart.firsts[FORCE + 1] - 1, 1]
     low, high = (within.low, within.high) if slip > 0 else (-within.high, -within.low)
-    saturates = slip != 0 and 0 < cart.rate_limit < np.inf
     for k in range(EVENTS):
         events[k] = PASSED
         for i in range(ORDER + 1):
             margins[k, i] = 1.0  # never falls
     for i in range(ORDER + 1):
         y, e, rate = step[0, i], step[3, i], step[4, i]
-        speed, a = slip * (step[1, i] - rate), step[2, i] - step[5, i]
+        speed = slip * (step[1, i] - rate)
         margins[0, i] = pull_on_cart(cart, flank, 0.0, y, e, rate)[0]
         if slip == 0:
             pull = pull_on_cart(cart, flank, zone, y, e, rate)[0]
@@ -264,17 +263,14 @@ def _find_margins(cart, state, within, limits, step, margins, events):
                 margins[3, i] = within.event + BAND * cart.stroke - slip * (y - e - state[TURN])
         for k in range(2):
             side = 1.0 - 2 * k
-            if saturates and within.saturation != -side:
-                margin = cart.rate_limit * speed - side * a
-                margins[4 + k, i] = (margin if within.saturation == 0 else -margin) + BAND * scale / cart.mass
             if slip != 0 and cart.end_length > 0 and zone != -side:
                 into = side * (y - e) - (cart.end_length if side > 0 else cart.end_length - cart.stroke)
-                margins[6 + k, i] = PLATE_BAND * cart.stroke + (-into if zone == side else into)
-                events[6 + k] = NEW_ZONE if zone == side else NEW_ZONE + side
+                margins[4 + k, i] = PLATE_BAND * cart.stroke + (-into if zone == side else into)
+                events[4 + k] = NEW_ZONE if zone == side else NEW_ZONE + side
             if cart.backlash > 0 and flank != -side:
                 beyond = side * e - cart.backlash / 2
-                margins[8 + k, i] = BAND * scale / cart.stiffness + (beyond if flank == side else -beyond)
-                events[8 + k] = NEW_FLANK if flank == side else NEW_FLANK + side
+                margins[6 + k, i] = BAND * scale / cart.stiffness + (beyond if flank == side else -beyond)
+                events[6 + k] = NEW_FLANK if flank == side else NEW_FLANK + side
     if slip != 0 and low == 0:
         events[1] = STOPPED
     if slip != 0 and len(cart.turns) > 0:
@@ -320,7 +316,7 @@ def _cut(polynomial, scale, h, u, step, work):
 def _fill_shares(cart, state, within, position, step):
     """Fill in the shares of force and load at the nodes of a step; at rest those of the last heading."""
     if len(cart.turns) > 0 and within.slip == 0:
-        within, _ = smooth_range(cart, state, state[HEADING], 0.0, position, 0.0)
+        within, _ = smooth_range(cart, state, state[HEADING], 0.0, position)
     for k in range(2):
         for i in range(ORDER + 1):
             step[6 + k, i] = 1.0
@@ -333,8 +329,7 @@ def _largest_speed(step):
     """Largest speed of the cart at the nodes of a step [m/s]."""
     largest = 0.0
     for i in range(ORDER + 1):
-        speed = abs(step[1, i] - step[4, i])
-        largest = speed if speed > largest else largest
+        largest = max(largest, abs(step[1, i] - step[4, i]))
     return largest
 
 
@@ -412,8 +407,7 @@ def advance(cart: SpringCart, law: PiecewisePolynomial, state: Array, rows: Arra
             turn(cart, state, slip, position)
         if abs(zone) == AT_NEAR_PLATE and slip != 0:  # the cart leaves its plate
             state[ZONE] = zone / 2 if slip == -zone / 2 else 0.0
-            pull = pull_on_cart(cart, state[FLANK], state[ZONE], y, state[ELONGATION], rate)[0]
-        within, _ = smooth_range(cart, state, slip, state[VELOCITY], position, pull)
+        within, _ = smooth_range(cart, state, slip, state[VELOCITY], position)
 
         # one attempt, up to its first event
         h = remaining if (slip == 0 and state[ATTEMPTS] == 1) or state[STEP] > remaining else state[STEP]

@@ -1,6 +1,6 @@
 """Forces on a cart behind a spring, for compiled code: resistance along the stroke, guides, drive and end springs.
 
-    R = g_h(s) (F(v) + a' M(v)) + guide friction,   a' = a for |a| <= L |v|,   a' = L |v| sign(a) beyond
+    R = g_h(s) F(v) + guide friction
 
 s is the travel since the last turn, and g_h the share of the force in the heading h. The guide friction follows from
 the reactions of both guide wheels, linear in the load share and in the force of the mix. Without shares g = 1, and
@@ -21,9 +21,8 @@ from compact.numerics.piecewise import PiecewisePolynomial
 
 CONTINUATION = 0.5  # [-], of a table piece; its polynomial is continued so far beyond a knot, then by its tangent
 NO_ENDS = 1e300  # [m], a place that is never met
-WHEEL_ROUNDS = 3  # [-], of the acceleration and the signs of both wheel reactions, which depend on one another
-TABLES = 6  # [-], of a `SpringCart`
-FORCE, ADDED_MASS, FORWARD = 0, 1, 2  # and the shares: forward force and load, backward force and load
+TABLES = 5  # [-], of a `SpringCart`
+FORCE, FORWARD = 0, 1  # and the shares: forward force and load, backward force and load
 DISTANCE, RELEASE, TRACK = 0, 1, 2  # columns of `turns`; TRACK + 1 is the share of the load on the own track
 NEAR_SPRING, FAR_SPRING = 1.0, -1.0  # zones; the cart compresses an end spring, 0 between the springs
 AT_NEAR_PLATE, AT_FAR_PLATE = 2.0, -2.0  # zones; the cart is at rest at the plate of an end spring
@@ -41,14 +40,12 @@ class SpringCart(NamedTuple):
         m [kg], k [N/m] and c [N s/m] of the drive, and play between the flanks [m].
     end_stiffness, end_preload, end_length, stroke : float
         Of the end springs [N/m], [N], [m] (0 without springs), and stroke [m].
-    rate_limit : float
-        Limit L of |a|/|v| [1/s] for the added-mass term; 0 without added mass.
     force_scale, tolerance : float
         Largest force of inertia and resistance, and largest defect of a step [N].
     knots : ndarray, shape (n,)
         Speeds |v| > 0 [m/s] at which F is not smooth.
     pieces : ndarray, shape (n, 2 + terms)
-        Ends and coefficients of the pieces of all tables: F [N] and M [kg] over v [m/s], shares [-] over s [m].
+        Ends and coefficients of the pieces of all tables: F [N] over v [m/s], shares [-] over s [m].
     firsts : ndarray, shape (TABLES + 1,)
         Rows at which the tables begin and end.
     turns : ndarray, shape (2, 4) or (0, 4)
@@ -69,7 +66,6 @@ class SpringCart(NamedTuple):
     end_preload: float = 0.0
     end_length: float = 0.0
     stroke: float = 0.0
-    rate_limit: float = 0.0
     force_scale: float = 1.0
     tolerance: float = 1e-9
     knots: Array = np.empty(0)
@@ -81,7 +77,7 @@ class SpringCart(NamedTuple):
     ratios: Array = np.ones(2)
 
     def with_tables(self, *tables: PiecewisePolynomial) -> "SpringCart":
-        """Cart with other tables: F, M and the shares of force and load, forward and backward."""
+        """Cart with other tables: F and the shares of force and load, forward and backward."""
         terms = max(table.coefficients.shape[1] for table in tables)
         pieces = [
             np.column_stack([
@@ -135,8 +131,7 @@ class Memory(NamedTuple):
     front: float
     origin: float
     turn: float
-    released: float
-    load_released: float
+    released: tuple[float, float]
 
 
 class SmoothRange(NamedTuple):
@@ -144,35 +139,31 @@ class SmoothRange(NamedTuple):
 
     Parameters
     ----------
-    slip, low, high, saturation : float
-        Direction, limits of v [m/s], sign of the saturation of the added mass.
+    slip, low, high : float
+        Direction, limits of v [m/s].
     travelled, farthest : float
         Limits of the abscissa of the shares [m].
     offset, gap : float
         Abscissa of the shares at the turn, and travel to the front ahead [m]; gap 0 on fresh mix.
     event : float
         Travel s at which the range ends [m].
-    at_front, load_at_front, released, load_released : float
-        Shares at the front ahead, and amounts of the release [-].
-    front_wheel, rear_wheel : float
-        Signs of both wheel reactions.
+    at_front, released : tuple of float
+        Shares of force and load at the front ahead, and amounts of the release [-].
+    signs : ndarray
+        Signs of the reactions of front and rear wheel, shape (2,).
     """
 
     slip: float
     low: float
     high: float
-    saturation: float
     travelled: float
     farthest: float
     offset: float
     gap: float
     event: float
-    at_front: float
-    load_at_front: float
-    released: float
-    load_released: float
-    front_wheel: float
-    rear_wheel: float
+    at_front: tuple[float, float]
+    released: tuple[float, float]
+    signs: Array
 
 
 @internal
@@ -211,60 +202,49 @@ def share_of(cart, within, k, travel) -> tuple[float, float]:
     release, track = cart.turns[row, RELEASE], cart.turns[row, TRACK + k]
     if within.gap > 0:
         value, slope = _fading(travel - within.gap, release)
-        rise = (within.at_front if k == 0 else within.load_at_front) - track
+        rise = within.at_front[k] - track
         value, slope = track + rise * value, rise * slope
     else:
         i = FORWARD + 2 * row + k
         first, end = cart.firsts[i], cart.firsts[i + 1]
         value, slope = table_value(cart.pieces, first, end, travel + within.offset, within.travelled, within.farthest)
-    released = within.released if k == 0 else within.load_released
-    if released != 0:
+    if within.released[k] != 0:
         fading, steepness = _fading(-travel, release)
-        value, slope = value - released * fading, slope + released * steepness
+        value, slope = value - within.released[k] * fading, slope + within.released[k] * steepness
     return value, slope
 
 
 @internal
-def force_of_mix(cart, within, velocity, acceleration) -> tuple[float, float, float]:
-    """Return F + a' M [N], its slopes over v [N s/m] and a [kg], continued beyond a smooth range."""
-    slip, limit, rows, firsts = within.slip, cart.rate_limit, cart.pieces, cart.firsts
-    force, damping = table_value(rows, firsts[FORCE], firsts[FORCE + 1], velocity, within.low, within.high)
-    mass, saturation = 0.0, within.saturation
-    if limit > 0:
-        mass, slope = table_value(rows, firsts[ADDED_MASS], firsts[ADDED_MASS + 1], velocity, within.low, within.high)
-        if saturation == 0:
-            force, damping = force + mass * acceleration, damping + slope * acceleration
-        else:
-            force += saturation * limit * mass * slip * velocity
-            damping, mass = damping + saturation * limit * slip * (mass + slope * velocity), 0.0
-    return force, damping, mass
+def force_of_mix(cart, within, velocity) -> tuple[float, float]:
+    """Return F [N] and its slope [N s/m], continued beyond a smooth range."""
+    first, end = cart.firsts[FORCE], cart.firsts[FORCE + 1]
+    return table_value(cart.pieces, first, end, velocity, within.low, within.high)
 
 
 @internal
-def resistance(cart, within, velocity, acceleration, travel) -> tuple[float, float, float, float]:
-    """Return R [N], dR/dv [N s/m], dR/da [kg] and dR/dx [N/m], continued beyond a smooth range."""
-    force, damping, mass = force_of_mix(cart, within, velocity, acceleration)
+def resistance(cart, within, velocity, travel) -> tuple[float, float, float]:
+    """Return R [N], dR/dv [N s/m] and dR/dx [N/m], continued beyond a smooth range."""
+    force, damping = force_of_mix(cart, within, velocity)
     if len(cart.turns) == 0:
-        return force, damping, mass, 0.0
+        return force, damping, 0.0
     share, steepness = share_of(cart, within, 0, travel)
     load, rise = share_of(cart, within, 1, travel)
     row, slip, gain, friction, over_load = 0 if within.slip > 0 else 1, within.slip, 1.0, 0.0, 0.0
     for i in range(2):
-        sign = slip * (within.front_wheel if i == 0 else within.rear_wheel)
+        sign = slip * within.signs[i]
         gain += sign * cart.wheels[row, i, 2]
         over_load += sign * cart.wheels[row, i, 1]
         friction += sign * cart.wheels[row, i, 0]
     total = gain * share * force + over_load * load + friction
-    stiffness = slip * (gain * steepness * force + over_load * rise)
-    return total, gain * share * damping, gain * share * mass, stiffness
+    return total, gain * share * damping, slip * (gain * steepness * force + over_load * rise)
 
 
 @internal
-def wheel_friction(cart, within, velocity, acceleration, travel) -> tuple[float, float]:
+def wheel_friction(cart, within, velocity, travel) -> tuple[float, float]:
     """Return the friction of both guide wheels [N], with the signs of their reactions."""
     row = 0 if within.slip > 0 else 1
     force, load = share_of(cart, within, 0, travel)[0], share_of(cart, within, 1, travel)[0]
-    force *= force_of_mix(cart, within, velocity, acceleration)[0]
+    force *= force_of_mix(cart, within, velocity)[0]
     front, rear = cart.wheels[row, 0], cart.wheels[row, 1]
     return front[0] + front[1] * load + front[2] * force, rear[0] + rear[1] * load + rear[2] * force
 
@@ -290,27 +270,26 @@ def _memory(cart, state, slip, position):
     """Memory for a motion that continues the last heading, or turns at a position [m]."""
     row, heading = 0 if slip > 0 else 1, state[HEADING]
     front, origin = state[FRONT + 2 * row], state[ORIGIN + 2 * row]
-    memory = Memory(front, origin, slip * state[TURN], state[RELEASED], state[RELEASED + 1])
+    released = state[RELEASED], state[RELEASED + 1]
+    memory = Memory(front, origin, slip * state[TURN], released)
     if slip == heading or len(cart.turns) == 0:
         return memory
     place, other, last = slip * position, 1 - row, heading * position
     if front - place > cart.turns[row, DISTANCE]:  # the sleeve has laid fresh mix
         front, origin = place + cart.turns[row, DISTANCE], place
-    release = cart.turns[row, RELEASE]
-    if release == 0:
-        return Memory(front, origin, place, 0.0, 0.0)
-    memory = Memory(front, origin, place, 0.0, 0.0)
-    turned, released, load_released = heading * state[TURN], state[RELEASED], state[RELEASED + 1]
-    before = Memory(state[FRONT + 2 * other], state[ORIGIN + 2 * other], turned, released, load_released)
-    fading = _fading(turned - last, cart.turns[other, RELEASE])[0]
-    force = _first_part(cart, other, 0, before, last) - released * fading
-    load = _first_part(cart, other, 1, before, last) - load_released * fading
+    memory = Memory(front, origin, place, (0.0, 0.0))
+    if cart.turns[row, RELEASE] == 0:
+        return memory
+    before = Memory(state[FRONT + 2 * other], state[ORIGIN + 2 * other], heading * state[TURN], released)
+    fading = _fading(before.turn - last, cart.turns[other, RELEASE])[0]
+    force = _first_part(cart, other, 0, before, last) - released[0] * fading
+    load = _first_part(cart, other, 1, before, last) - released[1] * fading
     if cart.ratios[0] > 0:  # neither force nor load jumps
         force *= cart.ratios[0] if slip > 0 else 1 / cart.ratios[0]
     if cart.ratios[1] > 0:
         load *= cart.ratios[1] if slip > 0 else 1 / cart.ratios[1]
     first, first_load = _first_part(cart, row, 0, memory, place), _first_part(cart, row, 1, memory, place)
-    return Memory(front, origin, place, first + force, first_load - load)
+    return Memory(front, origin, place, (first + force, first_load - load))
 
 
 @internal
@@ -322,7 +301,7 @@ def turn(cart, state, slip, position) -> None:
         if reached > state[FRONT + 2 * old]:
             state[FRONT + 2 * old] = reached
         state[FRONT + 2 * row], state[ORIGIN + 2 * row] = memory.front, memory.origin
-        state[RELEASED], state[RELEASED + 1] = memory.released, memory.load_released
+        state[RELEASED], state[RELEASED + 1] = memory.released
     state[HEADING], state[TURN] = slip, position
 
 
@@ -330,8 +309,8 @@ def turn(cart, state, slip, position) -> None:
 
 
 @internal
-def smooth_range(cart, state, slip, velocity, position, pull) -> tuple[SmoothRange, float]:
-    """Return the smooth range of a cart that slides under a pull [N], and its travel since the turn [m]."""
+def smooth_range(cart, state, slip, velocity, position) -> tuple[SmoothRange, float]:
+    """Return the smooth range of a cart that slides, and its travel since the turn [m]."""
     speed, low, high = slip * velocity, 0.0, np.inf
     for knot in cart.knots:
         if knot <= speed:
@@ -340,72 +319,41 @@ def smooth_range(cart, state, slip, velocity, position, pull) -> tuple[SmoothRan
             high = knot
     if slip < 0:
         low, high = -high, -low
-    within = SmoothRange(slip, low, high, 0.0, 0.0, np.inf, 0.0, 0.0, np.inf, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0)
-    travel = 0.0
-    if len(cart.turns) > 0 and slip != 0:
-        within, travel = _along_stroke(cart, state, within, position)
-    saturates = 0 < cart.rate_limit < np.inf
-    wheels = len(cart.turns) > 0 and slip != 0
-    if not (saturates or wheels):
-        return within, travel
-    a = 0.0
-    for _ in range(WHEEL_ROUNDS if wheels else 1):
-        if wheels:
-            front, rear = wheel_friction(cart, within, velocity, a, travel)
-            within = _with_signs(within, 0.0, 1.0 if front >= 0 else -1.0, 1.0 if rear >= 0 else -1.0)
-        force, _, mass, _ = resistance(cart, within, velocity, 0.0, travel)
-        a = (pull - force) / (cart.mass + mass)
-        if saturates and abs(a) >= cart.rate_limit * speed:
-            sign = slip if a == 0 else 1.0 if a > 0 else -1.0
-            within = _with_signs(within, sign, within.front_wheel, within.rear_wheel)
+    travel, travelled, farthest, offset, gap, event = 0.0, 0.0, np.inf, 0.0, 0.0, np.inf
+    at_front, released, wheels = (1.0, 1.0), (0.0, 0.0), len(cart.turns) > 0 and slip != 0
+    if wheels:
+        row, memory = 0 if slip > 0 else 1, _memory(cart, state, slip, position)
+        travel, offset, gap = slip * position - memory.turn, memory.turn - memory.origin, memory.front - memory.turn
+        released = memory.released
+        if travel < gap:
+            event, front = gap, memory.front
+            at_front = _first_part(cart, row, 0, memory, front), _first_part(cart, row, 1, memory, front)
+        else:
+            gap = 0.0
+            for each in cart.places[row]:
+                if each - offset <= travel:
+                    travelled = each
+                elif each < farthest:
+                    farthest = each
+            event = farthest - offset
+    signs = np.ones(2)
+    within = SmoothRange(slip, low, high, travelled, farthest, offset, gap, event, at_front, released, signs)
+    if wheels:
+        front, rear = wheel_friction(cart, within, velocity, travel)
+        signs[0], signs[1] = 1.0 if front >= 0 else -1.0, 1.0 if rear >= 0 else -1.0
     return within, travel
 
 
 @internal
-def _with_signs(within, saturation, front, rear):
-    """Return the same range with other signs."""
-    return SmoothRange(
-        within.slip, within.low, within.high, saturation, within.travelled, within.farthest, within.offset, within.gap,
-        within.event, within.at_front, within.load_at_front, within.released, within.load_released, front, rear,
-    )  # fmt: skip
-
-
-@internal
-def _along_stroke(cart, state, within, position):
-    """Smooth range with its part of the stroke, and the travel since the turn [m]."""
-    slip = within.slip
-    row, memory, place = 0 if slip > 0 else 1, _memory(cart, state, slip, position), slip * position
-    travel, offset, gap = place - memory.turn, memory.turn - memory.origin, memory.front - memory.turn
-    travelled, farthest, event = 0.0, np.inf, np.inf
-    at_front, load_at_front = 1.0, 1.0
-    if travel < gap:
-        event = gap
-        at_front = _first_part(cart, row, 0, memory, memory.front)
-        load_at_front = _first_part(cart, row, 1, memory, memory.front)
-    else:
-        gap = 0.0
-        for each in cart.places[row]:
-            if each - offset <= travel:
-                travelled = each
-            elif each < farthest:
-                farthest = each
-        event = farthest - offset
-    return SmoothRange(
-        slip, within.low, within.high, 0.0, travelled, farthest, offset, gap, event, at_front, load_at_front,
-        memory.released, memory.load_released, 1.0, 1.0,
-    ), travel  # fmt: skip
-
-
-@internal
-def pull_on_cart(cart, flank, zone, y, e, rate) -> tuple[float, float, float]:
-    """Return the pull of drive spring, damper and end springs [N], and its slopes over e and y."""
+def pull_on_cart(cart, flank, zone, y, e, rate) -> tuple[float, float]:
+    """Return the pull of drive spring, damper and end springs [N], and its slope over e."""
     stiffness, end_stiffness = cart.stiffness if flank != 0 else 0.0, 0.0
     constant = -stiffness * flank * cart.backlash / 2
     if abs(zone) == NEAR_SPRING:
         end_stiffness, force = cart.end_stiffness, cart.end_preload + cart.end_stiffness * cart.end_length
         constant += force if zone == NEAR_SPRING else cart.end_stiffness * cart.stroke - force
         stiffness += end_stiffness
-    return stiffness * e - end_stiffness * y + constant + cart.damping * rate, stiffness, end_stiffness
+    return stiffness * e - end_stiffness * y + constant + cart.damping * rate, stiffness
 
 
 @internal
@@ -413,8 +361,8 @@ def stiction_limits(cart, state, position, zone) -> tuple[float, float]:
     """Return the smallest and largest pull [N] that holds a cart at rest."""
     low = high = 0.0
     for i in range(2):
-        within, travel = smooth_range(cart, state, 2.0 * i - 1, 0.0, position, 0.0)
-        low, high = high, resistance(cart, within, 0.0, 0.0, travel)[0]
+        within, travel = smooth_range(cart, state, 2.0 * i - 1, 0.0, position)
+        low, high = high, resistance(cart, within, 0.0, travel)[0]
     if zone == AT_NEAR_PLATE:
         low -= cart.end_preload
     if zone == AT_FAR_PLATE:

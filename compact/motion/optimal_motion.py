@@ -4,8 +4,7 @@
 
 The law is a spline within linear constraints; `optimisation_problem` provides both, the J_j and their convex
 linearisations. Each step minimises the linearised criterion inside a trust region and is accepted only if J itself
-decreases; otherwise the region shrinks. The curvature of a cam for a roller follower enters as an exact penalty. Peaks
-between the nodes are added as nodes (exchange method).
+decreases; otherwise the region shrinks. Peaks between the nodes are added as nodes (exchange method).
 
 The result states its `gap`: the relative decrease that the linearisations at the result allow *any* law within the
 constraints. Where H is linear in v and a and no power is a criterion, J is convex, its linearisations bound it from
@@ -13,18 +12,19 @@ below, and the gap is a duality gap: no law of the space is better by more. Othe
 
 References
 ----------
-J. Nocedal and S. J. Wright, Numerical Optimization, Springer 2006, ch. 17-18 (exact penalty, trust region).
+J. Nocedal and S. J. Wright, Numerical Optimization, Springer 2006, ch. 18 (trust region).
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import product
 from typing import ClassVar
 
 import numpy as np
 from scipy import sparse
 
-from compact.motion.limits import CURVATURE_MARGIN, Conflict, InfeasibleError, Limits
+from compact.motion.limits import InfeasibleError, Limits
 from compact.motion.optimisation_problem import (
     OBJECTIVES,
     PEAKS,
@@ -33,7 +33,6 @@ from compact.motion.optimisation_problem import (
     QuadratureNodes,
     Resistance,
     evaluate_state,
-    linearise_curvature,
     spline_space_for,
 )
 from compact.motion.profile import LARGEST, SMALLEST, MotionProfile
@@ -45,7 +44,6 @@ PIECES_LIMIT = 1024  # [-], of an optimal law, whose dense programs take 0.1 GB;
 # Pieces of a law, by its smoothness [-]: the last doubling gains about 1e-3, 1e-4, 1e-4 of the criterion
 PIECES_BY_SMOOTHNESS = {1: 128, 2: 64, 3: 48}
 CAM_PIECES = 64  # [-], at most with a cam: its bounds on the travel are dense, each depends on all unknowns before it
-PROFILE_PIECES = 48  # [-], at most with a limit on the profile, whose penalty takes more steps; doubling gains 1e-3
 COARSEST_PIECES = 16  # [-], at least, of the first search; they are halved until the number is reached
 LOBATTO_NODES = np.array([0.0, (1 - (3 / 7) ** 0.5) / 2, 0.5, (1 + (3 / 7) ** 0.5) / 2, 1.0])  # [-], of a piece
 LOBATTO_WEIGHTS = np.array([9.0, 49.0, 64.0, 49.0, 9.0]) / 180  # [-], their sum is 1
@@ -59,8 +57,6 @@ FINE_DECREASE = 1e-14  # [-], the same where the gap, of the order of its square
 VALUE_ROUNDING = 1e-13  # [-], of the criterion: within it the last step is taken, which corrects noise of the law
 RADIUS_TOLERANCE = 1e-9  # [-], of the largest unknown: smallest trust region
 ACTIVE_TOLERANCE = 1e-6  # [-], relative to the worst sample, within which samples contribute their curvature
-RESTORATION_TOLERANCE = 1e-4  # [-], relative increase of the radius below which the feasibility restoration ends
-PENALTY_FACTORS = np.geomspace(10.0, 1e5, 5)  # [-], times J of the first law: price of a curvature ratio of 2
 ACCEPTED, POOR, GOOD = 0.02, 0.25, 0.75  # [-], actual over predicted decrease: accept the step, shrink, enlarge region
 
 
@@ -170,7 +166,7 @@ Models = list[list[Linearisation]]  # weighted, of every criterion for each samp
 
 @dataclass(frozen=True, eq=False)
 class OptimisationProblem:
-    """A criterion over the laws of a spline space within constraints, with its penalty on the curvature of the cam.
+    """A criterion over the laws of a spline space within constraints.
 
     The criterion is a weighted sum of drive criteria, the largest over samples of the resistance.
 
@@ -186,8 +182,6 @@ class OptimisationProblem:
         Divisor of the criterion of each sample, in the unit of the criterion; empty for 1.
     extra_phases : tuple of float
         Phases [-] that are nodes in addition to those of every piece.
-    penalty : float
-        Weight of the violation of the curvature limit, in the unit of the criterion.
     """
 
     constraints: ConstraintSet
@@ -196,7 +190,6 @@ class OptimisationProblem:
     resistances: tuple[Resistance, ...]
     minima: tuple[float, ...] = ()
     extra_phases: tuple[float, ...] = ()
-    penalty: float = 1.0
 
     @cached_property
     def nodes(self) -> QuadratureNodes:
@@ -220,32 +213,22 @@ class OptimisationProblem:
         """
         phases, breaks = [], self.constraints.space.breaks
         fine_nodes = self._nodes_at(np.linspace(0, 1, PEAK_SAMPLES), np.full(PEAK_SAMPLES, 1 / PEAK_SAMPLES))
-        quantities = (self._peak_quantities(nodes, unknowns) for nodes in (fine_nodes, self.nodes))
-        for (fine, threshold), (coarse, _) in zip(*quantities, strict=True):
+        peaks = [PEAKS[name] for name in self.weights if name in PEAKS]
+        for resistance, peak in product(self.resistances, peaks):
+            fine, coarse = (
+                np.abs(peak(evaluate_state(nodes, unknowns, self.mass, resistance))[0])
+                for nodes in (fine_nodes, self.nodes)
+            )
             values = fine.reshape(-1, PEAK_SAMPLES)
             left, top, right = values[:, :-2], values[:, 1:-1], values[:, 2:]
             bend, tilt = 2 * top - left - right, right - left
             bend[(top < left) | (top < right) | (bend <= 0)] = np.inf
             tops = np.where(np.isfinite(bend), top + tilt**2 / (8 * bend), 0.0)
             highest = np.arange(len(tops)), tops.argmax(axis=1)
-            high = tops[highest] > max(coarse.max(), threshold) * (1 + PEAK_TOLERANCE)
+            high = tops[highest] > coarse.max() * (1 + PEAK_TOLERANCE)
             u = (highest[1] + 1 + (tilt / (2 * bend))[highest]) / (PEAK_SAMPLES - 1)
             phases += list((breaks[:-1] + np.diff(breaks) * u)[high])
         return tuple(phases)
-
-    def _peak_quantities(self, nodes: QuadratureNodes, unknowns: Array) -> Iterator[tuple[Array, float]]:
-        """(values of shape (nodes,), threshold below which a peak is irrelevant) of each quantity with a peak."""
-        peaks = [PEAKS[name] for name in self.weights if name in PEAKS]
-        for resistance in self.resistances if peaks else ():
-            state = evaluate_state(nodes, unknowns, self.mass, resistance)
-            yield from ((np.abs(peak(state)[0]), 0.0) for peak in peaks)
-        if pitch := self.constraints.pitch:
-            yield from ((row, 1 - CURVATURE_MARGIN) for row in pitch.curvature_ratios(*nodes.travel(unknowns)))
-
-    def curvature_excess(self, unknowns: Array) -> float:
-        """Return the excess of the largest curvature ratio of the cam over 1 [-], minus infinity without its limit."""
-        pitch = self.constraints.pitch
-        return pitch.curvature_ratios(*self.nodes.travel(unknowns)).max() - 1 if pitch else -np.inf
 
     def linearise(self, unknowns: Array) -> Models:
         """Return the weighted `Linearisation` of every criterion, a list for each sample of the resistance."""
@@ -253,14 +236,7 @@ class OptimisationProblem:
         for resistance, least in zip(self.resistances, self.minima or (1.0,) * len(self.resistances), strict=True):
             state = evaluate_state(self.nodes, unknowns, self.mass, resistance)
             models.append([OBJECTIVES[name](state).times(w / least) for name, w in self.weights.items()])
-        if pitch := self.constraints.pitch:
-            curvature = linearise_curvature(pitch, self.nodes, unknowns, excess=bool(self.weights))
-            models = [[*of_sample, curvature.times(self.penalty)] for of_sample in models]
         return models
-
-    def value(self, unknowns: Array) -> float:
-        """Return the criterion J of a law."""
-        return _largest(self.linearise(unknowns))
 
 
 def _sums(models: Models) -> Array:
@@ -373,7 +349,7 @@ def _find_optimal_law(
     if pieces is None:
         pieces = PIECES_BY_SMOOTHNESS[limits.continuous]
         if limits.cam:
-            pieces = min(pieces, CAM_PIECES if limits.cam.profile_radius is None else PROFILE_PIECES)
+            pieces = min(pieces, CAM_PIECES)
     rounds, curve, steps = max(0, int(np.log2(pieces / COARSEST_PIECES))), None, 0
     for halvings in range(rounds + 1):
         space = spline_space_for(limits, pieces >> rounds, halvings)
@@ -382,19 +358,18 @@ def _find_optimal_law(
         )
         try:
             start = problem.constraints.min_acceleration_law if curve is None else space.interpolate(curve)
-            start = _restore_feasibility(problem, start)
         except InfeasibleError:
             if halvings < rounds:
                 continue  # smaller pieces may admit a law
             raise
-        unknowns, value, taken, problem = _penalty_search(problem, start)
+        unknowns, value, taken = trust_region_search(problem, start)
         curve, steps = space.curve(unknowns), steps + taken
     for _ in range(EXCHANGE_ROUNDS):
         peaks = problem.peaks_between_nodes(unknowns)
         if not peaks:
             break
         problem = replace(problem, extra_phases=problem.extra_phases + peaks)
-        unknowns, value, taken, problem = _penalty_search(problem, unknowns)
+        unknowns, value, taken = trust_region_search(problem, unknowns)
         steps += taken
     unknowns = problem.constraints.project(unknowns)
     gap = optimality_gap(problem, unknowns)
@@ -408,44 +383,3 @@ def _find_optimal_law(
             f"{gap:.1e}, allowed {GAP_TOLERANCE:g}; use fewer `pieces` or wider limits"
         )
     return OptimalMotion(optimal_law_name(weights), stroke, duration, space.curve(unknowns), False, value, gap, steps)
-
-
-def _restore_feasibility(problem: OptimisationProblem, unknowns: Array) -> Array:
-    """Unknowns that satisfy the curvature limit too, by minimising the largest curvature ratio.
-
-    Raises InfeasibleError, with the largest radius reached, if the search finds none.
-    """
-    pitch, limits = problem.constraints.pitch, problem.constraints.limits
-    if pitch is None or limits.cam is None or problem.curvature_excess(unknowns) <= -CURVATURE_MARGIN:
-        return unknowns
-    problem, reached = replace(problem, weights={}), -np.inf
-    for _ in range(EXCHANGE_ROUNDS):
-        unknowns, *_ = trust_region_search(problem, unknowns)
-        previous, reached = reached, pitch.reached_radius(*problem.nodes.travel(unknowns))
-        if reached >= pitch.profile_radius:
-            return unknowns
-        peaks = problem.peaks_between_nodes(unknowns)
-        if reached <= 0 or (not peaks and abs(reached - previous) <= RESTORATION_TOLERANCE * reached):
-            break
-        # the radius reached balances convex and concave parts
-        balanced = replace(limits, cam=replace(limits.cam, profile_radius=reached))
-        constraints = replace(problem.constraints, limits=balanced)
-        problem = replace(problem, extra_phases=problem.extra_phases + peaks, constraints=constraints)
-    name = "smallest radius of curvature of the cam for the roller follower"
-    raise InfeasibleError([Conflict(name, "m", pitch.profile_radius, reached)], alone=True)
-
-
-def _penalty_search(problem, unknowns):
-    """(unknowns, J, steps, problem): search with the smallest penalty that leaves no violation of the curvature."""
-    if problem.constraints.pitch is None:
-        return *trust_region_search(problem, unknowns), problem
-    value = replace(problem, penalty=0.0).value(unknowns)
-    for factor in PENALTY_FACTORS:
-        problem = replace(problem, penalty=factor * abs(value))
-        result = trust_region_search(problem, unknowns)
-        if problem.curvature_excess(result[0]) <= -CURVATURE_MARGIN / 2:
-            return *result, problem
-    raise RuntimeError(
-        f"the cam profile violates its limit of curvature at any penalty up to {problem.penalty:g}; "
-        "increase the breadth of the cam or lower `profile_radius`"
-    )

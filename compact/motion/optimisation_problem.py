@@ -39,12 +39,10 @@ from scipy.interpolate import BPoly, PPoly
 
 from compact.motion.limits import (
     BOUNDED_DERIVATIVES,
-    CURVATURE_MARGIN,
     VIOLATION_TOLERANCE,
     Conflict,
     InfeasibleError,
     Limits,
-    PitchCurve,
 )
 from compact.numerics import Array
 from compact.numerics.convex_programs import LinearConstraints, minimise_linear, minimise_quadratic
@@ -237,20 +235,15 @@ class ConstraintSet:
             place, slope, second = (  # derivatives by the cam angle
                 self.stroke * (1 + cam.dwell / self.duration) ** k / np.pi**k * self.space.elevated(k) for k in range(3)
             )
-            angles = {"the pressure angle": cam.pressure_angle}
-            angles["flanks that do not cross"] = self.pitch.crossing_angle if self.pitch else None
-            needs = [(words, np.tile(slope / np.tan(angle), (2, 1)), 0.0) for words, angle in angles.items() if angle]
+            needs = []
+            if cam.pressure_angle is not None:
+                needs.append(("the pressure angle", np.tile(slope / np.tan(cam.pressure_angle), (2, 1)), 0.0))
             if (radius := cam.radius_of_curvature) is not None:
                 needs.append(("the radius of curvature", np.concatenate([-second, second]), 2 * radius))
             sides, ends = np.concatenate([-place, place]), np.repeat([self.stroke, -self.stroke], len(place))
             for words, rows, least in needs:
                 bounds.append(Bound(f"cam breadth for {words}", "m", cam.breadth, 2 * (rows + sides), least + ends))
         return bounds
-
-    @cached_property
-    def pitch(self) -> PitchCurve | None:
-        """The `PitchCurve` of a roller follower with a limit on its profile, else None."""
-        return self.limits.cam.pitch_curve(self.stroke, self.duration) if self.limits.cam else None
 
     @cached_property
     def program(self) -> LinearConstraints:
@@ -495,14 +488,3 @@ OBJECTIVES: Mapping[str, Callable[[MotionState], Linearisation]] = MappingProxyT
         "drawn_energy": lambda state: Linearisation(state.power, state.power_gradient(), None, 2 * state.nodes.weights),
     }
 )
-
-
-def linearise_curvature(pitch: PitchCurve, nodes: QuadratureNodes, unknowns: Array, excess: bool) -> Linearisation:
-    """Linearise the largest curvature ratio, or its excess over 1 - `CURVATURE_MARGIN` if that is positive."""
-    travel = nodes.travel(unknowns)
-    values, slopes = pitch.curvature_ratios(*travel).ravel(), pitch.ratio_slopes(*travel)
-    parts = [slope[..., None] * along for slope, along in zip(slopes, nodes[:3], strict=True)]
-    rows = np.sum(parts, axis=0).reshape(-1, len(unknowns))
-    if not excess:
-        return Linearisation(values, rows)
-    return Linearisation(np.append(values - (1 - CURVATURE_MARGIN), 0.0), np.pad(rows, ((0, 1), (0, 0))))

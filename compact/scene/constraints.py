@@ -241,7 +241,6 @@ for _key, _word, _formula, _remedy in LIMITS:
 NEEDS = (  # key, and the one without which it means nothing
     ("motion.optimise.pressure_angle", "cam"),
     ("motion.optimise.radius_of_curvature", "cam"),
-    ("motion.optimise.profile_radius", "cam"),
     ("process.fill_height", "process.fill_density_ratio"),
     ("process.fill_density_ratio", "process.fill_height"),
     ("process.plate_length", "process.plate_pressure"),

@@ -337,7 +337,6 @@ class Optimise(Table):
     snap: Maybe = optional("the largest snap [m/s4]", 1e-3, 1e7, MOTIONS)
     pressure_angle: Maybe = optional("the largest pressure angle of the cam [rad]", 0.05, 1.57, CAMS, lt=1.57)
     radius_of_curvature: Maybe = or_zero("the least radius of curvature of a flat-faced cam [m]", 1e-3, 10, CAMS)
-    profile_radius: Maybe = or_zero("the least radius of a cam for rollers [m], 0 for no undercut", 1e-3, 10, CAMS)
     spread: tuple[MixParameter, ...] = key(
         "the parameters of the mix over whose spread the regret is minimised", default=()
     )
@@ -421,7 +420,6 @@ class Drive(Table):
     stiffness: Maybe = optional("the stiffness of an elastic drive [N/m]", 1e3, 1e10, "soft belts to short steel bars")
     damping: Maybe = or_zero("the damping of an elastic drive [N s/m], 0 for none", 1, 1e8, DRIVES)
     backlash: Maybe = or_zero("the backlash of an elastic drive [m]", 1e-6, 0.05, "play of couplings and gears")
-    include_added_mass: bool | None = key("true for F + a M, with the added mass, else false", default=None)
     turn: Turn = key('the resistance after a turn: "build-up", "step", or rows of travel in m and share', default=None)
     carts: int = key("the number of carts on one shaft", ge=1, le=4)
     angles: tuple[float, ...] | None = key("the crank angle of each cart [rad]", 1e-3, 6.3, "one turn", default=None)

@@ -77,31 +77,6 @@ def test_inertia_changes_the_ranking_of_the_crank_scene():
     assert [p.run.name for p in slow] != [p.run.name for p in fast]
 
 
-@pytest.mark.sampled(1)
-@pytest.mark.parametrize("included", [True, False], ids=["first-order", "steady"])
-def test_added_mass_acts_on_the_elastic_drive_if_the_scene_includes_it(included):
-    given = {
-        "drive.kind": "elastic",
-        "drive.stiffness": 1e6,
-        "drive.damping": 3e3,
-        "drive.include_added_mass": included,
-        "motion.laws": ["cubic"],
-        "accuracy.engine": "spectral",
-        "accuracy.tolerance": 0.05,
-        "machine.gap_geometry": "circle",
-        "machine.roller_condition": "frictionless",
-        "mix.overrides.relaxation_time": 0.005,
-    }
-    study = Study(scene(**given))
-    run, resistance = study.stages.drive.runs["cubic"], study.stages.resistance.resistance
-    state, slowest = run.state, run.trajectory.cart.knots[0]
-    moves = np.abs(state.velocity) > slowest  # as resolved by the integration
-    velocity, acceleration = state.velocity[moves], state.acceleration[moves]
-    added = resistance(velocity, acceleration) - resistance(velocity)
-    assert np.abs(added).max() > 1.0
-    assert state.resistance[moves] - resistance(velocity) == pytest.approx(included * added, abs=1e-6)
-
-
 def test_spread_of_the_force_follows_the_square_of_the_pressure():
     force = Study(scene()).stages.contacts.numbers["roller_force"]
     assert (force.low / force.value, force.high / force.value) == pytest.approx((1.5**-2, 1.5**2), rel=1e-12)

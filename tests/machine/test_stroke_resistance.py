@@ -68,7 +68,7 @@ CASES = {
     "soft spring": (along(wave(0.110)), {"stiffness": 1.2e4, "ratio": 0.3}),
     "sticks": (along(table((0.0, 0.6), (0.05, 1.0))), {"stiffness": 1.5e4, "ratio": 0.3}),
     "backlash": (along(wave(0.110)), {"ratio": 0.2, "backlash": 1e-3}),
-    "map": (along(wave(0.110), resistance=MAP), {"include_added_mass": True}),
+    "map": (along(wave(0.110), resistance=MAP), {}),
     "return over compacted mix": (along(wave(0.110), resistance=replace(MAP, return_ratio=0.4)), {}),
 }
 
@@ -239,8 +239,7 @@ def test_periodic_regime_balances_its_work_and_closes(case):
     assert run.energy_residual < 1e-6
     # the mix pushes by its share of the steady force
     moving = np.abs(state.velocity) > 1e-3
-    acceleration = run.drive.include_added_mass * state.acceleration
-    steady = resistance.resistance(state.velocity[moving], acceleration[moving])
+    steady = resistance.resistance(state.velocity[moving], np.zeros(np.count_nonzero(moving)))
     assert state.resistance[moving] == pytest.approx(steady * motion.force_share[moving], rel=1e-9, abs=1e-6)
     friction = state.forces.guide_friction[moving]
     reactions = np.abs(state.forces.front_reaction) + np.abs(state.forces.rear_reaction)

@@ -13,18 +13,16 @@ from sampling import examples
 
 from compact import drive
 from compact.analysis.study import Study
-from compact.cams.profile import Cam, FlatFace, Pointed, RollerFollower
+from compact.cams.profile import Cam, FlatFace, Pointed
 from compact.machine.cart import MotionResistance
-from compact.motion.limits import CamLimits, InfeasibleError, Limits, PitchCurve, violations
+from compact.motion.limits import CamLimits, InfeasibleError, Limits, violations
 from compact.motion.optimal_motion import optimise
 from compact.motion.optimisation_problem import SplineSpace, bernstein_basis, graded_breaks, halve
-from compact.motion.profile import law
 from compact.scene.loader import load_scene
 
 SCENES = Path(__file__).parents[2] / "compact" / "data" / "scenes"
 TWO_THIRDS = Limits(run_up=1 / 6, run_down=1 / 6)
 FAST_SEEDS = (4, 9)  # of 60 random problems; the others are slow
-ROLLER = CamLimits(0.9, profile_radius=0.24, roller_radius=0.03)
 MACHINE = {"stroke": 0.4, "duration": 3.0, "mass": 1000.0}
 
 
@@ -99,36 +97,6 @@ def test_constant_velocity_deviates_by_its_tolerance():
     assert np.ptp(even.velocity(time)) < 1e-12
     mean = np.diff(uneven.position([0.5, 2.5]))[0] / 2.0
     assert np.abs(uneven.velocity(time) / mean - 1).max() == pytest.approx(0.02, rel=1e-6)
-
-
-def pitch_of(stroke=0.4, duration=3.0, breadth=0.9, roller=0.03, profile=0.1, dwells=False):
-    return PitchCurve(breadth, stroke, roller, profile, duration / np.pi, dwells)
-
-
-@pytest.mark.parametrize(("name", "curvature"), [
-    # rho = b/2 - (s/2) cos(phi): a limacon; and rho = base + c phi: the spiral of Archimedes
-    ("harmonic", lambda phi: (0.45**2 + 2 * 0.2**2 - 3 * 0.45 * 0.2 * np.cos(phi))
-        / (0.45**2 + 0.2**2 - 2 * 0.45 * 0.2 * np.cos(phi)) ** 1.5),
-    ("constant-velocity", lambda phi: ((0.25 + 0.4 / np.pi * phi) ** 2 + 2 * (0.4 / np.pi) ** 2)
-        / ((0.25 + 0.4 / np.pi * phi) ** 2 + (0.4 / np.pi) ** 2) ** 1.5),
-])  # fmt: skip
-def test_curvature_of_the_pitch_curve_is_known(name, curvature):
-    phi = np.linspace(0, np.pi, 401)
-    there, _ = pitch_of().curvature(*(law(name, 0.4, 3.0).at_phase(phi / np.pi, k) for k in range(3)))
-    assert there == pytest.approx(curvature(phi), rel=1e-12)
-
-
-def test_circular_pitch_curve_has_constant_curvature():
-    """A centre 0.2 m off the axis on a circle of radius 0.45 m: rho = e cos + (a^2 - e^2 sin^2)^(1/2), derived here."""
-    phi, a, e = np.linspace(0, np.pi, 101), 0.45, -0.2
-    root = np.sqrt(a**2 - e**2 * np.sin(phi) ** 2)
-    rho = e * np.cos(phi) + root
-    slope = -e * np.sin(phi) - e**2 * np.sin(phi) * np.cos(phi) / root
-    bend = -e * np.cos(phi) - e**2 * np.cos(2 * phi) / root - (e**2 * np.sin(phi) * np.cos(phi)) ** 2 / root**3
-    pitch = pitch_of(duration=np.pi)  # the cam turns by one radian in a second
-    travel = rho - 0.25, slope, bend
-    assert pitch.curvature(*travel)[0] == pytest.approx(1 / a, rel=1e-12)
-    assert pitch.curvature_ratios(*travel)[0] == pytest.approx((0.03 + 0.1) / a, rel=1e-12)
 
 
 # ---- splines and programs -------------------------------------------------------------------------------------------
@@ -264,12 +232,11 @@ def test_convex_problem_has_no_duality_gap(seed):
         pytest.param(Limits(run_up=0.1, run_down=0.25, jerk=8.0, steady_tolerance=0.01), id="askew-tolerance"),
         pytest.param(replace(TWO_THIRDS, cam=CamLimits(0.6, pressure_angle=0.85)), id="pressure-angle"),
         pytest.param(replace(TWO_THIRDS, cam=CamLimits(0.9, radius_of_curvature=0.1)), id="flat-face"),
-        pytest.param(replace(TWO_THIRDS, cam=ROLLER), id="roller"),
         pytest.param(
             Limits(
                 jerk=8.0,
                 end_condition="dwell",
-                cam=CamLimits(0.9, 0.6, None, 0.5, profile_radius=0.2, roller_radius=0.03),
+                cam=CamLimits(0.9, 0.6, None, 0.5),
             ),
             id="roller-dwell",
         ),
@@ -294,12 +261,10 @@ def least_power_law(limits):
     [
         (CamLimits(0.6, pressure_angle=0.85), Pointed(), "largest_pressure_angle", 1),
         (CamLimits(0.9, radius_of_curvature=0.1), FlatFace(), "least_radius_of_curvature", -1),
-        (ROLLER, RollerFollower(0.03), "least_radius_of_curvature", -1),
-        (ROLLER, RollerFollower(0.03), "least_hollow_radius", -1),
     ],
 )
 def test_cam_of_the_optimal_law_satisfies_its_limits(limits, follower, quantity, sign):
-    limit = limits.pressure_angle or limits.radius_of_curvature or limits.profile_radius
+    limit = limits.pressure_angle or limits.radius_of_curvature
     limited = least_power_law(replace(TWO_THIRDS, cam=limits))
     assert sign * getattr(Cam(least_power_law(TWO_THIRDS).cycle(), limits.breadth, follower), quantity) > sign * limit
     assert sign * getattr(Cam(limited.cycle(), limits.breadth, follower), quantity) <= sign * limit + 1e-9
@@ -334,14 +299,6 @@ def test_limits_relaxed_together_are_feasible():
     for name in enough:  # each relaxation is necessary
         with pytest.raises(InfeasibleError):
             best("peak_force", limits=replace(limits, **(enough | {name: 0.1})), pieces=16)
-
-
-def test_dwell_limits_the_profile_radius_to_that_of_the_base_circle():
-    """Where the cart stands the profile is a circle about the axis: (breadth - stroke)/2 - r, here 0.22 m."""
-    cam = CamLimits(0.9, dwell=0.5, profile_radius=0.23, roller_radius=0.03)
-    with pytest.raises(InfeasibleError) as raised:
-        best("peak_force", limits=Limits(end_condition="dwell", jerk=20.0, cam=cam), pieces=16)
-    assert raised.value.conflicts[0].required == pytest.approx(0.22, rel=1e-4)
 
 
 # ---- the published machine -------------------------------------------------------------------------------------------
@@ -407,20 +364,16 @@ def falling(velocity, acceleration):
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
-    ("objective", "resistance", "cam", "value"),
+    ("objective", "resistance", "value"),
     [
-        pytest.param("peak_power", dry(3562.0), None, 518.620694, id="peak_power-dry"),
-        pytest.param("rms_force", falling, ROLLER, 2782.683206, id="rms_force-falling-roller"),
-        pytest.param("drawn_energy", falling, None, 2304.332301, id="drawn_energy-falling"),
-        pytest.param("peak_power", falling, ROLLER, 424.871998, id="peak_power-falling-roller"),
-        pytest.param("peak_force", dry(3562.0), ROLLER, 3881.405479, id="peak_force-dry-roller"),
-        pytest.param({"peak_power": 1.0, "rms_force": 0.1}, falling, ROLLER, 714.350432, id="both-falling-roller"),
-        pytest.param("rms_force", tuple(map(dry, (1500.0, 3562.0, 8000.0))), None, 8002.104987, id="rms_force-several"),
+        pytest.param("peak_power", dry(3562.0), 518.620694, id="peak_power-dry"),
+        pytest.param("drawn_energy", falling, 2304.332301, id="drawn_energy-falling"),
+        pytest.param("rms_force", tuple(map(dry, (1500.0, 3562.0, 8000.0))), 8002.104987, id="rms_force-several"),
     ],
 )
-def test_ipopt_finds_the_same_law(objective, resistance, cam, value):
-    """Criterion of the same discrete problem by IPOPT, with the curvature of a cam and peaks between the nodes."""
-    motion = best(objective, resistance, replace(TWO_THIRDS, acceleration=0.6, cam=cam), pieces=16)
+def test_ipopt_finds_the_same_law(objective, resistance, value):
+    """Criterion of the same discrete problem by IPOPT, with peaks between the nodes."""
+    motion = best(objective, resistance, replace(TWO_THIRDS, acceleration=0.6), pieces=16)
     assert motion.value == pytest.approx(value, rel=1e-4)
 
 
@@ -466,8 +419,6 @@ def test_value_scales_with_mass_stroke_and_duration(mass, stroke, duration):
 
 # ---- (g) refusals ----------------------------------------------------------------------------------------------------
 
-CAM = {"profile_radius": 0.1, "roller_radius": 0.03}
-
 
 @pytest.mark.parametrize(
     ("options", "message"),
@@ -476,8 +427,6 @@ CAM = {"profile_radius": 0.1, "roller_radius": 0.03}
         ({"objective": {"peak_force": 0.0}}, "`objective` must have at least one weight > 0"),
         ({"objective": "energy"}, "the criterion is zero for every law"),
         ({"resistance": lambda v, a: -3562.0 + 0 * v}, r"`resistance` must oppose the motion, got -3562 N at velocity"),
-        ({"cam": CAM | {"roller_radius": None}}, "`profile_radius` requires `roller_radius`, got None"),
-        ({"cam": CAM | {"roller_radius": 0.3}}, "`breadth` must exceed 1 m, the stroke and two roller radii"),
     ],
 )
 def test_values_out_of_range_are_refused(options, message):

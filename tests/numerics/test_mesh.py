@@ -1,5 +1,6 @@
 """Row meshes: shape, grading, refinement, files, and errors for rows that are not straight."""
 
+import meshio
 import numpy as np
 import pytest
 from hypothesis import given

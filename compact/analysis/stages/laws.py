@@ -135,11 +135,9 @@ class LawStage:
         known = self.resistance.largest_speed / self.overshoot if self.resistance.contacts.speeds else np.inf
         velocity = min(known, table.velocity or np.inf)
         phases = Limits if table.steady_tolerance is None else motion
-        on_cam = table.model_dump(
-            include={"pressure_angle", "radius_of_curvature", "profile_radius"}, exclude_none=True
-        )
+        on_cam = table.model_dump(include={"pressure_angle", "radius_of_curvature"}, exclude_none=True)
         if cam and on_cam:
-            on_cam |= {"breadth": cam.breadth, "dwell": motion.dwell, "roller_radius": cam.roller_follower_radius}
+            on_cam |= {"breadth": cam.breadth, "dwell": motion.dwell}
         return Limits(
             velocity=velocity if np.isfinite(velocity) else None,
             run_up=phases.run_up,

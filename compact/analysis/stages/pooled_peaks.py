@@ -88,7 +88,7 @@ class PooledLaws:
         """
         pools: dict[Any, dict[str, tuple[float, float]]] = {}
         found = defaultdict[str, set[str]](set)  # two changes may have a label in common
-        if missing_for_pool(scene, cart) or scene.drive.include_added_mass:
+        if missing_for_pool(scene, cart):
             return found
         for each in changes:
             resistance = each.resistance or met
