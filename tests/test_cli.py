@@ -152,7 +152,7 @@ main()
 
 @of_unix
 @pytest.mark.parametrize("cleared", [False, True], ids=["raised", "cleared, as some compiled modules do"])
-@pytest.mark.parametrize("module", ["compact.cli.program", "cyclopts", "compact.files"])
+@pytest.mark.parametrize("module", ["cyclopts"])
 def test_interrupt_of_the_import_is_a_sentence(module, cleared):
     call = [sys.executable, "-c", IMPORT_INTERRUPTED.format(module=module, cleared=cleared)]
     told = subprocess.run(call, capture_output=True, text=True, check=False, preexec_fn=heed_interrupts)

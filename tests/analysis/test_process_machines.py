@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sampling import sampled
 
 from compact.analysis.process import ProcessStudy
 from compact.scene.loader import load_scene
@@ -38,6 +39,7 @@ def balanced(changes):
     return study, numbers
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("changes", HARD.values(), ids=HARD)
 def test_hard_cases_close_their_balances(changes):
     study, numbers = balanced(changes)
@@ -64,7 +66,7 @@ def machine(seed):
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("seed", [*range(3), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 10))])
+@pytest.mark.parametrize("seed", sampled(range(10), range(2)))
 def test_a_random_machine_has_results_or_a_remedy(seed):
     try:
         balanced(machine(seed))

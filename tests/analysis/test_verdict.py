@@ -222,7 +222,7 @@ def test_peaks_change_with_the_inertia():
     assert 1e-9 < max(abs(low), abs(high)) < 0.2
 
 
-def test_what_lowers_the_margins_most_is_measured_first(tmp_path):
+def test_what_lowers_the_margins_most_is_measured_first(monkeypatch, tmp_path):
     known, law = study().uncertainty, study().choice.law
     found = {each["what"]: each for each in text.measurements(study())}
     assert {STIFFNESS, DAMPING, "force on the cart"} <= found.keys()
@@ -232,6 +232,7 @@ def test_what_lowers_the_margins_most_is_measured_first(tmp_path):
     gains = [sum(each["before"].values()) - sum(each["after"].values()) for each in found.values()]
     assert gains == sorted(gains, reverse=True)
     assert "measure first: stiffness of the drive (force over deflection" in text.say("measure", study())
+    monkeypatch.setattr(stage, "SAMPLES", 64)
     given = edited(tmp_path, stiffness="measured ± 1 %", damping="given", sleeve_distance="measured")
     given = given.replaced(**{"output.items": ["report"], "motion.laws": ["cubic"]})
     assert not {STIFFNESS, DAMPING, EDGE} & {each["what"] for each in text.measurements(Study(given))}
@@ -243,6 +244,7 @@ def test_error_of_the_shares_after_a_turn_is_part_of_the_margin(monkeypatch):
     assert ENGINE_CLASSES["formula"].turning_error(False) is ENGINE_CLASSES["formula"].turning_error(True) is None
     most = 0.09
     monkeypatch.setattr(type(ENGINE_CLASSES["formula"]), "turning_error", lambda *_: most)
+    monkeypatch.setattr(stage, "SAMPLES", 64)
     laws = {"output.items": ["report"], "motion.laws": ["cubic"]}
     known = Study(load_scene(ENGINES, **FORMULA | laws)).uncertainty
     law = known.laws[FORCE]

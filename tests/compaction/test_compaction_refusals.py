@@ -1,5 +1,7 @@
 """Arguments out of range of steady rolling and of strokes: changes to a case and the words of the refusal."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from mixes import LIFT, MIX, free_roller
@@ -63,6 +65,6 @@ def test_start_of_another_case_is_refused(coarse, roller, mix):
         roll(Layer(0.1, base="slip"), roller, mix, 0.2, start=coarse)
     with pytest.raises(ValueError, match="`start` must have the same `layer`, `fed_layer` and `indentation`"):
         simulate_reciprocating(coarse.layer, Roller(0.11, indentation=0.003), mix, STROKE["motion"], start=coarse)
-    backwards = roll(coarse.layer, roller, mix, -0.2, increments=4)
+    backwards = replace(coarse, speed=-0.2)
     with pytest.raises(ValueError, match=r"`start` must roll along \+x and the `motion` begin along \+x, got -0.2 m/s"):
         simulate_reciprocating(coarse.layer, roller, mix, STROKE["motion"], start=backwards)

@@ -13,13 +13,11 @@ from compact.machine.cart import EndSprings, balance
 from compact.machine.component_sizing import Bearing, CatalogueMotor
 from compact.machine.crankshaft import simulate_crankshaft
 from compact.machine.elastic_drive import ElasticDrive, simulate_elastic
-from compact.machine.elastic_motion import CartMotion
 from compact.machine.hydraulic_drive import Hydraulic
 from compact.machine.motor_drive import Motor, simulate_acceleration_phase, simulate_motor
 from compact.machine.rigid_drive import InverseDynamics
 from compact.machine.roller_motors import DrivenRoller, pull_range
-from compact.machine.shaft import Belt, Kloss, LinearTorqueCurve, solve_shaft_speed
-from compact.machine.spring_forces import CartState
+from compact.machine.shaft import Belt, Kloss, LinearTorqueCurve
 from compact.resistance import ResistanceMap
 
 BELT = Belt(pulley_radius=0.1, stiffness=50e3, preload=500.0, friction=0.4, wrap=3.0)
@@ -62,13 +60,6 @@ def rigid(resistance=dry, motion=None, **keys):
 
 def on_crank(motion):
     return simulate(CART, CRANK, motion, dry)
-
-
-def with_nan_tables():
-    """Attempts of an interval fail without a shorter step; their number is limited."""
-    problem = CartMotion(CART, DAMPED, published_law("harmonic").cycle(), dry, 1e-8)
-    problem.cart = problem.cart._replace(pieces=np.nan * problem.cart.pieces)
-    return problem.integrate(problem.law, CartState(0.0, 0.1, 1))
 
 
 def jumping(velocity, acceleration):
@@ -121,20 +112,12 @@ VALUES = [
         r"`resistance` must not drive a cart at rest, got -10 N at speed \+0",
     ),
     (lambda: elastic(ElasticDrive(1e15, 0.0), name="gear-sector"), r"`stiffness` 1e\+15 N/m with `damping` 0 N s/m:"),
-    *(  # k <= m (1e9/T)^2, whatever the damping
-        (
-            lambda k=k: elastic(ElasticDrive(k, 0.1 * math.sqrt(k * 1e3)), dry, "septic"),
-            r"`stiffness` \S+ N/m .* with a period of \S+ s, allowed are .* 1.88e-08 s; use a rigid drive",
-        )
-        for k in (1.2e20, 1e100)
-    ),
 ]
 FAILURES = [
     (  # the fifth harmonic of the cycle, which the cubic law excites
         lambda: elastic(ElasticDrive(CART.mass * (5 * np.pi / 3.0) ** 2, 0.0), free),
         r"no periodic regime found in .* possibly by resonance of the spring",
     ),
-    (with_nan_tables, r"the integration of the cart ended at 0 s of 6 s after 0 steps"),
     (
         lambda: on_motor(Kloss(4.0, 0.15, 157.0), 100.0, 0.0, 10.0),
         r"the motor stalls: the mean load torque is .* N m at .* the motor delivers",
@@ -154,20 +137,12 @@ FAILURES = [
         ),
         r"the motor does not start: it delivers .* N m on the shaft at rest",
     ),
-    (
-        lambda: solve_shaft_speed(lambda _, e, a: 1e-12 * a - (1 + e) ** -0.01, [0.0, 1.0], 1.0, 1e-9, periodic=False),
-        r"speed of the shaft did not converge: Newton steps diverge; use a stronger motor",
-    ),
     (  # 80 N m at rest, slip limit 54 N m
         lambda: on_motor(
             LinearTorqueCurve(80.0, 157.0), 150.0, 0.001, 50.0,
             name="quintic", simulate=accelerate, belt=BELT,
         ),
         "the belt slips",
-    ),
-    (
-        lambda: BELT.motor_speed(lambda w: BELT.creep_torque * (1 + 1 / (1 + w**2)), np.array([5.0])),
-        "the speed of the motor behind its belt did not converge",
     ),
     (
         lambda: pull_range(

@@ -37,7 +37,9 @@ def written(tmp_path_factory):
     plain = {"machine.gap_geometry": "circle", "machine.roller_condition": "frictionless", "mix.moisture": 0.11}
     study = Study(scene(**wanted, **plain, **quick))
     directory = tmp_path_factory.mktemp("page")
-    summary = report.write_study(study, directory)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("compact.analysis.stages.uncertainty.SAMPLES", 64)
+        summary = report.write_study(study, directory)
     return study, summary, directory / "report.html"
 
 

@@ -100,9 +100,8 @@ def warm(tmp_path_factory):
 @pytest.mark.parametrize(
     "seed",
     [
-        *(2, 4),
         238,  # a shaft whose speed overflows; it and 204, an infinite margin of the motor, were internal errors
-        *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 3, *range(5, 16), 204)),
+        *(pytest.param(seed, marks=pytest.mark.slow) for seed in (*range(1, 16), 204)),
         *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(16, 301) if seed not in (204, 238)),
     ],
 )
