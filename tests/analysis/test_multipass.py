@@ -75,8 +75,7 @@ def test_top_of_a_thick_layer_yields_in_the_second_pass(thick):
     """Both strokes of 0.3 m by finite elements that move with the mix, without transfer of a state or a search.
 
     `simulate_reciprocating` has 8312 and 912.4, and 3918 and 69.7 N/m after 0.2 m of either stroke, on 12 elements. The
-    second contact is a third as long as the first one; its share of the load scatters with the mesh: 0.41 +- 0.02 on 8
-    elements, 0.456 +- 0.009 on 10, 0.451 +- 0.023 on 12, and 0.495 +- 0.002, too sure, on 14.
+    search has 0.479 to 0.480 of the load on 8, 12 and 14 elements behind a first pass on 12 or 20.
     """
     first, second = thick
     assert -second.resistance / first.resistance == pytest.approx(69.7 / 912.4, abs=0.006)
@@ -87,8 +86,19 @@ def test_top_of_a_thick_layer_yields_in_the_second_pass(thick):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="the load of a second pass over a thick layer scatters with the mesh by 5 %, told 5 %: 0.451")
+def test_loosened_mix_keeps_its_strength_behind_the_roller(thick):
+    """Densest states of the top 5 mm at the exit are those at the end of the contact, u to 0.02 MPa."""
+    solution = thick[0].solution
+    frame, points = solution.frame, solution.state.points
+    densest, ratio = (frame.to_rows(each)[-5:] for each in (points.max_density_ratio, points.density_ratio))
+    behind = np.searchsorted(frame.row_x, thick[0].trailing - 2 * frame.step)
+    assert (ratio[:, frame.exit_column] < densest[:, frame.exit_column] - 0.01).all()
+    assert densest[:, frame.exit_column] == pytest.approx(densest[:, behind], abs=2e-5)
+
+
+@pytest.mark.slow
 def test_load_of_the_second_pass_over_a_thick_layer(thick):
+    """It scattered from 0.41 to 0.50 with the mesh when densest states behind the roller followed the volume."""
     first, second = thick
     assert second.load / first.load == pytest.approx(3918.0 / 8312.0, abs=0.015)
 
@@ -97,7 +107,7 @@ def test_load_of_the_second_pass_over_a_thick_layer(thick):
 def test_resistance_of_later_passes_over_a_thick_layer_remains():
     """Each pass compacts the top again that horizontal tension behind the one before has loosened.
 
-    It no longer shakes down, as its strength is bounded: 922, 78, 25 and 12 N/m in four passes, each known to 1 to 6 %.
+    It no longer shakes down, as its strength is bounded: 925, 71, 22 and 16 N/m in four passes, on 8 and 12 elements.
     """
     done = passes(LAYER, ROLLER, MIX, 0.2, 4, **QUICK)
     resistance = [abs(rolled.resistance) for rolled in done]
@@ -218,15 +228,12 @@ def test_direction_of_either_pass_changes_the_sign_alone():
         assert np.array_equal(getattr(back.exit.points, name), getattr(first.exit.points, name))
 
 
-REFUSED = pytest.mark.xfail(raises=RuntimeError, reason="the second pass scatters: refused at 6011 N/m on 6 elements")
-
-
 @pytest.mark.parametrize(
     "numerics",
     [
         {},
         pytest.param(QUICK | {"increments": 7}, marks=pytest.mark.slow),
-        pytest.param(QUICK, marks=[pytest.mark.slow, REFUSED]),
+        pytest.param(QUICK, marks=pytest.mark.slow),
     ],
     ids=["column", "7 elements", "6 elements"],
 )

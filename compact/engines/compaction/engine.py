@@ -29,7 +29,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from compact.engines.compaction.depth_target import MAX_ELONGATED_SHARE, TARGET_TOLERANCE, DepthTarget
@@ -218,9 +217,7 @@ def work_residual(solution: IncrementalRolling) -> float:
     return float(abs(last.resistance - deformation - last.slip_resistance) / scale)
 
 
-def _share_between_edges(
-    solution: IncrementalRolling, chosen: NDArray[np.bool_], trailing: float, leading: float
-) -> float:
+def _share_between_edges(solution, chosen, trailing, leading):
     """Return the share of chosen Gauss points in the area of deformed mix between the edges of the contact [-]."""
     solid, displacement = solution.frame.solid, solution.state.displacement
     x = solid.point_coordinates[:, 0] + np.asarray(solid.basis.interpolate(displacement[:, 0])).ravel()

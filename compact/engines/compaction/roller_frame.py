@@ -14,7 +14,8 @@ Interpolated density would lose mass. The density ratio at rest therefore follow
 
     k J exp(p/K) = k_in exp(p_in/K),
 
-where J is the volume ratio of the deformation; increments conserve the left side. The densest state is scaled likewise.
+where J is the volume ratio of the deformation; increments conserve the left side. The densest state of mix that has
+loosened since is its strength, not a volume, and is interpolated; else it is the density ratio.
 """
 
 from dataclasses import replace
@@ -223,9 +224,11 @@ class RollerFrame:
 
     def of_volume(self, state: SolidState) -> SolidState:
         """Return a state with the density ratios that conserve the mass of the fed mix in its volume."""
-        ratio, points = 1 / (1 + self.mass_residuals(state)), state.points
-        densities = {name: getattr(points, name) * ratio for name in ("density_ratio", "max_density_ratio")}
-        return replace(state, points=replace(points, **densities))
+        points = state.points
+        ratio = points.density_ratio / (1 + self.mass_residuals(state))
+        loosened = points.max_density_ratio > points.density_ratio
+        densest = np.where(loosened, np.maximum(points.max_density_ratio, ratio), ratio)
+        return replace(state, points=replace(points, density_ratio=ratio, max_density_ratio=densest))
 
     def mass_residuals(self, state: SolidState) -> FloatArray:
         """Return k J exp(p/K) over that of the fed mix, less 1, at the Gauss points [-], shape (n,)."""
