@@ -274,11 +274,11 @@ class ResistanceMap:
         contacts = tuple(each._replace(force=factor * each.force) for each in self.contacts)
         return replace(self, forces=factor * self.forces, added_masses=masses, contacts=contacts)
 
-    def save(self, path: Path, key: str = "") -> None:
-        """Write the map as netCDF with a key of all its inputs and the versions of the program."""
+    def save(self, path: Path) -> None:
+        """Write the map as netCDF with the versions of the program."""
         import xarray
 
-        from compact.files import NETCDF_CLASSIC, results_key, versions, write_netcdf
+        from compact.files import NETCDF_CLASSIC, versions, write_netcdf
 
         columns: dict[str, Any] = {
             name: ("speed", values, {"units": unit}, {"_FillValue": None})
@@ -289,29 +289,22 @@ class ResistanceMap:
             table = np.array(self.contacts, dtype=float)  # an unknown error is nan
             columns["contacts"] = (("contact", "quantity"), table, {}, {"_FillValue": None})
         numbers = {name: float(np.nan if (value := getattr(self, name)) is None else value) for name in NUMBERS}
-        attributes = {"key": results_key(key), "versions": json.dumps(versions())} | numbers
+        attributes = {"versions": json.dumps(versions())} | numbers
         write_netcdf(path, xarray.Dataset(columns, attrs=attributes), NETCDF_CLASSIC)
 
 
-def load_resistance_map(path: str | Path, key: str = "") -> ResistanceMap:
-    """Read a map written by `ResistanceMap.save`; ValueError if its key, or the program that wrote it, is another."""
-    from compact.files import NETCDF_CLASSIC, read_netcdf, results_key
+def load_resistance_map(path: str | Path) -> ResistanceMap:
+    """Read a map written by `ResistanceMap.save`."""
+    from compact.files import NETCDF_CLASSIC, read_netcdf
 
-    try:
-        table = read_netcdf(path, NETCDF_CLASSIC)
-        source = table.attrs["key"]
-        numbers: dict[str, Any] = {name: float(table.attrs[name]) for name in NUMBERS}
-        columns = {name: np.array(variable, dtype=float) for name, variable in table.variables.items()}
-        speeds, forces = columns["speed"], columns["resistance"]
-    except (LookupError, TypeError) as invalid:
-        reason = str(invalid).partition("\n")[0]
-        raise ValueError(f"{path}: no resistance map: {reason}; compute it again") from None
-    if source != results_key(key):
-        raise ValueError(f"{path}: computed by another program or from other inputs; compute it again")
+    table = read_netcdf(path, NETCDF_CLASSIC)
+    columns = {name: np.array(variable, dtype=float) for name, variable in table.variables.items()}
+    numbers: dict[str, Any] = {name: float(table.attrs[name]) for name in NUMBERS}
     numbers["engine_error"] = _known(numbers["engine_error"])
     rows = columns.get("contacts", np.empty((0, 4))).tolist()
     contacts = tuple(ForceSample(at, force, _known(error), noise) for at, force, error, noise in rows)
-    return ResistanceMap(speeds, forces, added_masses=columns.get("added_mass"), contacts=contacts, **numbers)
+    forces, masses = columns["resistance"], columns.get("added_mass")
+    return ResistanceMap(columns["speed"], forces, added_masses=masses, contacts=contacts, **numbers)
 
 
 def _known(error: float) -> float | None:

@@ -154,8 +154,8 @@ def test_force_with_a_change_of_sign_is_interpolated():
 def test_map_is_read_as_written(tmp_path):
     law = mapped(lambda speed: (*relaxing(speed)[:1], 0.013))
     law = replace(law, added_masses=np.cos(law.speeds), relaxation_time=0.3)
-    law.save(tmp_path / "map.nc", "abc")
-    read = load_resistance_map(tmp_path / "map.nc", "abc")
+    law.save(tmp_path / "map.nc")
+    read = load_resistance_map(tmp_path / "map.nc")
     assert np.array_equal([law.speeds, law.forces, law.added_masses], [read.speeds, read.forces, read.added_masses])
     assert (read.error, read.engine_error, read.relaxation_time) == (law.error, law.engine_error, 0.3)
     assert [path.name for path in tmp_path.iterdir()] == ["map.nc"]

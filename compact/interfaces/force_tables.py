@@ -12,13 +12,12 @@ The CSV file has one line for each node, for Chrono, spreadsheets and any script
 unit of `functional_mockup`.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import RegularGridInterpolator
 
 from compact.analysis.study import Study
 from compact.files import write_columns
@@ -108,13 +107,7 @@ class ForceTable:
     acceleration: Array
     forces: dict[str, Array]
     mass: float
-    interpolation_error: float = 0.0
-
-    def __call__(self, velocity: ArrayLike, acceleration: ArrayLike) -> Array:
-        """Interpolate the opposing force [N] linearly at velocities [m/s] and accelerations [m/s2]."""
-        grid = (self.velocity, self.acceleration)
-        points = np.stack(np.broadcast_arrays(velocity, acceleration), axis=-1)
-        return RegularGridInterpolator(grid, self.forces["opposing_force"])(points)
+    interpolation_error: float
 
 
 def force_table(model: CartModel, tolerance: float) -> ForceTable:
@@ -136,12 +129,11 @@ def force_table(model: CartModel, tolerance: float) -> ForceTable:
         positive = np.geomspace(REST_SHARE * model.mean_speed, model.largest_speed, speeds)
         velocity = np.concatenate([-positive[::-1], [0.0], positive])
         acceleration = np.linspace(-1, 1, accelerations) * model.largest_acceleration
-        forces = model.forces(velocity[:, None], acceleration[None, :])
-        table = ForceTable(velocity, acceleration, forces, model.cart.mass)
-        across, along = _interpolation_errors(model, table)
+        forces = model.forces(velocity[:, None], acceleration)
+        across, along = _interpolation_errors(model, velocity, acceleration, forces["opposing_force"])
         error = max(across, along)
         if error <= tolerance:
-            return replace(table, interpolation_error=error)
+            return ForceTable(velocity, acceleration, forces, model.cart.mass, error)
         speeds, accelerations = (2 * speeds - 1, accelerations) if across >= along else (speeds, 2 * accelerations - 1)
         if max(speeds, accelerations) > MAX_NODES:
             raise RuntimeError(
@@ -150,19 +142,17 @@ def force_table(model: CartModel, tolerance: float) -> ForceTable:
             )
 
 
-def _interpolation_errors(model: CartModel, table: ForceTable) -> tuple[float, float]:
+def _interpolation_errors(model: CartModel, velocity: Array, acceleration: Array, force: Array) -> tuple[float, float]:
     """Errors of the opposing force between speeds and between accelerations, over its largest value; not at rest."""
-    moving = table.velocity[np.abs(table.velocity) > 0]
-    middle = (table.velocity[:-1] + table.velocity[1:]) / 2
-    middle = middle[np.abs(middle) > np.min(np.abs(moving))]
-    between = (table.acceleration[:-1] + table.acceleration[1:]) / 2
 
-    def error(velocity: Array, acceleration: Array) -> float:
-        grid = velocity[:, None], acceleration[None, :]
-        wrong = np.max(np.abs(table(*grid) - model.forces(*grid)["opposing_force"]))
-        return float(wrong / np.max(np.abs(table.forces["opposing_force"])))
+    def error(speeds: Array, changes: Array, interpolated: Array) -> float:
+        wrong = np.abs(interpolated - model.forces(speeds[:, None], changes)["opposing_force"])
+        return float(wrong.max() / np.abs(force).max())
 
-    return error(middle, table.acceleration), error(moving, between)
+    moving, apart = velocity != 0, velocity[:-1] * velocity[1:] > 0
+    middle, between = ((nodes[:-1] + nodes[1:]) / 2 for nodes in (velocity, acceleration))
+    across = error(middle[apart], acceleration, (force[:-1] + force[1:])[apart] / 2)
+    return across, error(velocity[moving], between, (force[:, :-1] + force[:, 1:])[moving] / 2)
 
 
 def write_force_csv(table: ForceTable, path: Path | str) -> Path:

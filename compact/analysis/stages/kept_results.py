@@ -119,7 +119,7 @@ def read_results(directory: Path, key: str) -> KeptResults | None:
             more = content[key]["more"]
             found = KeptResults(
                 contacts=[Contact.from_json(each) for each in content[key]["contacts"]],
-                resistance_map=resistance.load_resistance_map(directory / MAP_FILE, key),
+                resistance_map=resistance.load_resistance_map(directory / MAP_FILE),
                 files=files,
                 **{
                     name: more[name] and TypeAdapter(kind()).validate_python(more[name])
@@ -147,7 +147,7 @@ def write_results(directory: Path, results: KeptResults, key: str) -> Iterator[P
     """Write results for the next run, of their files those that depend on the contacts alone; yield the paths."""
     path = directory / CONTACTS_FILE
     path.unlink(missing_ok=True)  # it lists the valid files: removed first, written last
-    results.resistance_map.save(directory / MAP_FILE, key)
+    results.resistance_map.save(directory / MAP_FILE)
     names = [MAP_FILE, *(name for name in results.files if name.startswith(KEPT_FILES))]
     more = {name: to_jsonable_python(getattr(results, name)) for name in RECORDS}
     more["lifts"] = results.lifts and results.lifts.to_json()
