@@ -184,26 +184,6 @@ def graded_mesh(
     return RowMesh(np.tile(centre + np.concatenate([-right[:0:-1], right]), (len(y), 1)), y)
 
 
-def mesh_for_error(height: float, half_width: float, error: float, interfaces: tuple[float, ...] = ()) -> RowMesh:
-    """Build the graded mesh for a relative error of load and resistance.
-
-    Parameters
-    ----------
-    height, half_width : float
-        Layer height and half-width of the contact [m], > 0.
-    error : float
-        Relative error of the resistance [-], > 0; that of the load is smaller.
-    interfaces : tuple of float
-        Heights of the interfaces of plies [m].
-
-    Returns
-    -------
-    RowMesh
-        Mesh. The error of the resistance is 0.2 % with 10 elements per half-width and decreases as n^-1.5.
-    """
-    return graded_mesh(height, half_width, elements_for(error), interfaces=interfaces)
-
-
 def elements_for(error: float) -> int:
     """Return the elements per half-width for a relative error of the resistance [-], > 0."""
     require_positive(error=error)

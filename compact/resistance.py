@@ -240,15 +240,10 @@ class ResistanceMap:
         """Largest |a|/|v| at which the added-mass term is linear [1/s]; infinite without memory."""
         return UNSTEADINESS_LIMIT / self.relaxation_time if self.relaxation_time else np.inf
 
-    def unsteadiness(self, velocity: ArrayLike, acceleration: ArrayLike) -> Array:
-        """Return |a| tau/|v| [-] at velocities [m/s] and accelerations [m/s2]; inf at a reversal, 0 at rest."""
-        numerator = self.relaxation_time * np.abs(np.asarray(acceleration, float))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(numerator > 0, numerator / np.abs(velocity), 0.0)[()]
-
     def is_unsteady(self, velocity: ArrayLike, acceleration: ArrayLike) -> BoolArray:
-        """Return True where the unsteadiness reaches `UNSTEADINESS_LIMIT`, at velocities and accelerations."""
-        return self.unsteadiness(velocity, acceleration) >= UNSTEADINESS_LIMIT
+        """Return True where |a| tau/|v| reaches `UNSTEADINESS_LIMIT`, as at a reversal; False at rest."""
+        changes = self.relaxation_time * np.abs(np.asarray(acceleration, float))
+        return (changes > 0) & (changes >= UNSTEADINESS_LIMIT * np.abs(velocity))
 
     @cached_property
     def splines(self) -> PPoly:

@@ -28,7 +28,7 @@ PLIES = Layer(0.22, plies=(Ply(thickness=0.17, stiffness=1.0), Ply(thickness=0.0
 MIX = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((1.0, 0.05),))  # table e2 of contact.md
 TWO = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((0.5, 0.02), (1.0, 0.1)))
 THREE = Viscoelastic(youngs_modulus=10e6, poisson=0.3, branches=((0.5, 0.02), (1.0, 0.1), (0.3, 1.0)))
-COARSE = mesh.mesh_for_error(0.22, 0.026, 2e-3)
+COARSE = mesh.graded_mesh(0.22, 0.026, mesh.elements_for(2e-3))
 EXPAND = {"spectral": expand_resistance, "fem": lambda *case: expand_by_elements(*case, estimate=False)}
 engines = pytest.mark.parametrize("engine", EXPAND)
 

@@ -52,7 +52,7 @@ from compact.engines.fem.contact import (
 from compact.engines.fem.fields import FemContactResult, dissipated_work
 from compact.engines.spectral import engine as spectral
 from compact.material.laws import Elastic
-from compact.mesh import DEFAULT_ERROR, EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh, mesh_for_error
+from compact.mesh import DEFAULT_ERROR, EDGE_REFINEMENT, RowMesh, elements_for, graded_mesh
 from compact.numerics.validation import require_instance, require_positive
 from compact.rolling_contact import Contact, Layer, Roller
 
@@ -343,7 +343,7 @@ def initial_discretisation(problem: RollingProblem, mesh: RowMesh | None, tolera
         if half_width < MIN_HALF_WIDTH * layer.height:
             raise RuntimeError(f"a contact of {2 * half_width:.1g} m is too narrow for a mesh; use spectral")
         elastic = spectral.contact_of_half_width(layer, problem.material, problem.roller.radius, half_width)
-        chosen = mesh or mesh_for_error(layer.height, half_width, tolerance, layer.interfaces)
+        chosen = mesh or graded_mesh(layer.height, half_width, elements_for(tolerance), interfaces=layer.interfaces)
         return Discretisation(chosen, half_width, elastic.indentation, _pressure_terms(layer, half_width))
 
     half_width = spectral.expected_half_width(problem.layer, problem.roller, problem.material, problem.speed)
